@@ -26,8 +26,11 @@ COUNTS = "counts"
 LSB = " LSB/"
 """In the name of a sensitivity, such as ``16384 LSB/g``."""
 
-_DEGREE = pi / 180.0  # SI Brochure, table 8
 _HOUR = 3600.0  # SI Brochure, table 8
+DEGREE = pi / 180.0  # SI Brochure, table 8
+ARCSECOND = DEGREE_PER_HOUR = DEGREE / _HOUR
+DEGREE_PER_ROOT_HOUR = DEGREE / 60.0
+MILLI_G, MICRO_G, MICROTESLA = 1e-3 * STANDARD_GRAVITY, 1e-6 * STANDARD_GRAVITY, 1e-6
 _TURN = 2.0 * pi
 
 # name -> (factor to SI, aliases)
@@ -70,7 +73,7 @@ _ANGULAR_RATE: _Table = {
     ),
     "mrad/s": (1e-3, ("mrad s^-1", "mrad/sec", "millirad/s", "mrad_s")),
     "deg/s": (
-        _DEGREE,
+        DEGREE,
         (
             "dps",
             "deg/sec",
@@ -84,8 +87,8 @@ _ANGULAR_RATE: _Table = {
             "degrees/s",
         ),
     ),
-    "mdeg/s": (_DEGREE * 1e-3, ("mdps", "milli-deg/s", "mdeg/sec", "mdeg s^-1", "mdeg_s")),
-    "deg/h": (_DEGREE / _HOUR, ("dph", "deg/hr", "deg/hour", "deg_h", "degree/h", "degrees/h")),
+    "mdeg/s": (DEGREE * 1e-3, ("mdps", "milli-deg/s", "mdeg/sec", "mdeg s^-1", "mdeg_s")),
+    "deg/h": (DEGREE / _HOUR, ("dph", "deg/hr", "deg/hour", "deg_h", "degree/h", "degrees/h")),
     "rpm": (_TURN / 60.0, ("rev/min", "r/min", "1/min")),
     COUNTS: _COUNTS,
 }
@@ -123,8 +126,8 @@ _VELOCITY: _Table = {
 _ANGLE: _Table = {
     "rad": (1.0, ("radian", "radians")),
     "mrad": (1e-3, ("millirad", "milliradian")),
-    "deg": (_DEGREE, ("degree", "degrees")),
-    "arcsec": (_DEGREE / 3600.0, ("as", '"', "arcsecond", "arcseconds")),
+    "deg": (DEGREE, ("degree", "degrees")),
+    "arcsec": (DEGREE / 3600.0, ("as", '"', "arcsecond", "arcseconds")),
 }
 
 # Factor to K of a difference; where zero is, `_ZERO_CELSIUS` says.

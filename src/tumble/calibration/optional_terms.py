@@ -14,7 +14,7 @@ from tumble.calibration.equations.adjustment import JointAdjustment
 from tumble.calibration.equations.causes import FORCE_WANDER
 from tumble.calibration.equations.imu_unknowns import force_matrix, name_plate, term_unknowns
 from tumble.calibration.estimate import TermTest
-from tumble.calibration.procedures.hand_held import LAG_LIMIT
+from tumble.calibration.procedures.hand_held import LAG_LIMIT, TERM_FALSE_ALARM
 from tumble.calibration.terms import TERMS
 from tumble.estimation.balance import Balanced
 from tumble.estimation.equations import Drift
@@ -26,8 +26,6 @@ from tumble.estimation.wander import shared_wander
 OF_FORCE = tuple(term.name for term in TERMS.values() if term.shown_by == "force")
 EVERYWHERE = tuple(term.name for term in TERMS.values() if term.shown_by != "table")
 ON_TABLES = tuple(term.name for term in TERMS.values() if term.shown_by == "table")
-# A term that is not there is kept in fewer than this share of recordings, all terms together, the time lag too.
-TERM_FALSE_ALARM = 0.02
 # What the test of the time lag takes of it, each of the others gets an equal share of the rest; by hand these.
 TERM_LIMIT = (TERM_FALSE_ALARM - LAG_LIMIT) / len(EVERYWHERE)
 # Checks an unknown, from which on one step shows a term to be needless: noise that was found without a term that is

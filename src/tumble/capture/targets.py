@@ -10,10 +10,9 @@ import numpy as np
 
 from tumble.arrays import Series
 from tumble.errors import UsageError
-from tumble.units import STANDARD_GRAVITY
+from tumble.units import DEGREE, STANDARD_GRAVITY
 
-_DEGREE = math.pi / 180.0
-_PER_G = _DEGREE / STANDARD_GRAVITY
+_PER_G = DEGREE / STANDARD_GRAVITY
 _FORCE = {
     "mg": STANDARD_GRAVITY * 1e-3,
     "ug": STANDARD_GRAVITY * 1e-6,
@@ -21,15 +20,15 @@ _FORCE = {
     "m/s^2": 1.0,
     "m/s2": 1.0,
 }
-_RATE = {"deg/h": _DEGREE / 3600.0, "deg/s": _DEGREE, "mdeg/s": _DEGREE * 1e-3, "rad/s": 1.0, "dps": _DEGREE}
+_RATE = {"deg/h": DEGREE / 3600.0, "deg/s": DEGREE, "mdeg/s": DEGREE * 1e-3, "rad/s": 1.0, "dps": DEGREE}
 _SHARE = {"ppm": 1e-6, "%": 1e-2, "": 1.0}
 _ANGLE = {
     "mrad": 1e-3,
     "urad": 1e-6,
     "rad": 1.0,
-    "deg": _DEGREE,
-    "arcsec": _DEGREE / 3600.0,
-    "arcmin": _DEGREE / 60.0,
+    "deg": DEGREE,
+    "arcsec": DEGREE / 3600.0,
+    "arcmin": DEGREE / 60.0,
 }
 _PER_FORCE = {"deg/h/g": _PER_G / 3600.0, "deg/s/g": _PER_G, "mdeg/s/g": 1e-3 * _PER_G}
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 from tumble.cli.groups import Range, detail, in_si, numbers, option
 from tumble.cli.options import TurnOnBias
 from tumble.errors import UsageError
-from tumble.units import STANDARD_GRAVITY
+from tumble.units import DEGREE, STANDARD_GRAVITY
 
 if TYPE_CHECKING:
     from tumble.arrays import AnyArray
@@ -18,8 +18,7 @@ if TYPE_CHECKING:
 UNIT, CHAIN, TABLE = "The unit's errors", "The recording chain's errors", "Turntable"
 FIXTURE = "Two-axis fixture (any of these puts the unit on one)"
 
-_DEGREE = math.pi / 180.0
-_ARCSECONDS = Range(0.0, 36_000.0, "arc-seconds", _DEGREE / 3600.0)
+_ARCSECONDS = Range(0.0, 36_000.0, "arc-seconds", DEGREE / 3600.0)
 _MILLISECONDS = Range(0.0, 1000.0, "milliseconds", 1e-3)
 _SECONDS = Range(0.0, 600.0, "seconds")
 
@@ -86,7 +85,7 @@ class MagnetometerOptions:
         made: dict[str, Any] = {"magnetometer": self.magnetometer}
         if self.magnetic_field is not None:
             norm, dip, *more = _parts(self.magnetic_field, "--magnetic-field", (2, 3))
-            made["magnetic_field"] = (1e-6 * norm, _DEGREE * dip, _DEGREE * more[0] if more else 0.0)
+            made["magnetic_field"] = (1e-6 * norm, DEGREE * dip, DEGREE * more[0] if more else 0.0)
         if self.field_change is not None:
             size, since = _parts(self.field_change, "--field-change", (2,))
             made["field_change"] = (1e-6 * size, since)
@@ -110,7 +109,7 @@ class ChainOptions:
     angle_pulse_arcsec: Annotated[
         float,
         detail(CHAIN, "ARCSEC", "The gyros send whole pulses of so many arc-seconds."),
-        Range(0.0, 36_000.0, si=_DEGREE / 3600.0),
+        Range(0.0, 36_000.0, si=DEGREE / 3600.0),
     ] = 0.0
     velocity_pulse_mm_per_s: Annotated[
         float,
@@ -185,7 +184,7 @@ class TableOptions:
         detail(
             TABLE, "DEG", "Standard deviation of the axes' lean from where the protocol has them, in degrees."
         ),
-        Range(0.0, 45.0, "degrees", _DEGREE),
+        Range(0.0, 45.0, "degrees", DEGREE),
     ] = 0.0
     table_wobble_arcsec: Annotated[
         float,
@@ -313,7 +312,7 @@ class FixtureOptions:
             "DEG",
             "Where the outer axis points, in degrees clockwise from north (default: the protocol's, east).",
         ),
-        Range(-360.0, 360.0, "degrees", _DEGREE),
+        Range(-360.0, 360.0, "degrees", DEGREE),
     ] = None
     fixture_installation_mrad: Annotated[
         _Amount,
@@ -353,7 +352,7 @@ class FixtureOptions:
     fixture_rate_deg_per_s: Annotated[
         _Amount,
         detail(FIXTURE, "DEG/S", "Rate of its rotations (default: as long as the protocol says)."),
-        Range(0.1, 5000.0, "degrees per second", _DEGREE),
+        Range(0.1, 5000.0, "degrees per second", DEGREE),
     ] = None
     fixture_ramp_s: Annotated[
         _Amount, detail(FIXTURE, "S", "Seconds to come to the rate, and to stop (default: 0.5)."), _SECONDS

@@ -11,9 +11,9 @@ from tumble.arrays import Vector
 from tumble.border import border
 from tumble.earth.gravity import normal_gravity
 from tumble.errors import SiteError
+from tumble.units import STANDARD_GRAVITY
 
 EARTH_RATE = 7.292115e-5  # rad/s, WGS 84 (NGA.STND.0036, table 3.1)
-STANDARD_GRAVITY = 9.80665  # m/s², exact by convention (3rd CGPM, 1901)
 
 # Normal gravity runs from 9.780 at the equator to 9.832 m/s² at the poles; an unknown site is
 # given the middle and an even spread over that range, as the GUM (4.3.7) does with limits.

@@ -11,10 +11,9 @@ from tumble.arrays import Matrix, Vector, Vectors, inverted
 from tumble.document.result import Calibration
 from tumble.export.losses import Loss
 from tumble.sensor import change_frame, polar_rotation
-from tumble.units import find_unit, magnetic_field_factor
+from tumble.units import MICROTESLA, find_unit, magnetic_field_factor
 
 LOCAL = "local field"
-_MICROTESLA = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +91,7 @@ def field_correction(calibration: Calibration | None, frame: str) -> FieldCorrec
             assert turned is not None
             triad = turned
     known = block.unit == "T"
-    factor = 1.0 / _MICROTESLA if known else 1.0
+    factor = 1.0 / MICROTESLA if known else 1.0
     return FieldCorrection(
         factor * inverted(triad.matrix),
         triad.bias,

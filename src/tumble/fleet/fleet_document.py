@@ -14,12 +14,11 @@ from tumble.document.entries import PLACES, entry_names, model_of_vector, named_
 from tumble.document.result import Calibration, TriadBlock, VerdictBlock
 from tumble.errors import UsageError
 from tumble.fleet.between import FEWEST, Between, between_units
-from tumble.fleet.unit_vector import FRAME
+from tumble.fleet.unit_vector import FRAME, HELD
 from tumble.sensor import FRAMES, ImuModel, Triad
 
 PROCEDURE = "fleet"
 _TERMS = ("accelerometer.matrix", "accelerometer.bias", "gyroscope.matrix", "gyroscope.bias")
-_HELD = 1e-24
 
 
 def fleet_document(calibrations: Sequence[Calibration]) -> tuple[Calibration, Between]:
@@ -40,7 +39,7 @@ def fleet_document(calibrations: Sequence[Calibration]) -> tuple[Calibration, Be
     pairs = [stacked(one) for one in chosen]
     names = entry_names()
     places = [k for term in _TERMS for k in range(PLACES[term][0].start, PLACES[term][0].stop)]
-    at = [k for k in places if all(spread[k, k] > _HELD for _, spread in pairs)]
+    at = [k for k in places if all(spread[k, k] > HELD for _, spread in pairs)]
     between = between_units(
         np.array([values[at] for values, _ in pairs]),
         np.array([spread[np.ix_(at, at)] for _, spread in pairs]),

@@ -18,7 +18,7 @@ from tumble.units import angular_rate_factor, specific_force_factor
 FRAME = "accelerometer-x"
 """In which units are compared: calibrations in other gauges are turned to it."""
 # Of a variance: below it a parameter is held by the frame and not estimated.
-_HELD = 1e-24
+HELD = 1e-24
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +87,7 @@ def unit_vector(calibration: Calibration) -> UnitVector | None:
             "rad/s",
         ),
     }
-    told = np.flatnonzero(np.diag(spread) > _HELD * (1e-12 + values**2))
+    told = np.flatnonzero(np.diag(spread) > HELD * (1e-12 + values**2))
     scale = np.array([(raw.get(unit, (1.0, ""))[0] or 1.0) for _, unit in labels])[told]
     units = [raw[unit][1] if unit in raw and raw[unit][0] is not None else unit for _, unit in labels]
     return UnitVector(

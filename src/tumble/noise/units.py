@@ -8,12 +8,11 @@ densities two-sided: a sheet's noise density is often one-sided, √2 times as l
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import pi, sqrt
+from math import sqrt
 
 from tumble.errors import UsageError
-from tumble.units import STANDARD_GRAVITY
+from tumble.units import DEGREE, STANDARD_GRAVITY
 
-_DEGREE = pi / 180.0
 _MILLI, _MICRO = STANDARD_GRAVITY * 1e-3, STANDARD_GRAVITY * 1e-6
 _ROOT_HOUR = 60.0  # √s in √h
 
@@ -47,9 +46,9 @@ class NoiseUnit:
 
 
 def _units() -> dict[str, NoiseUnit]:
-    rates = {"rad/s": 1.0, "deg/s": _DEGREE, "mdeg/s": 1e-3 * _DEGREE, "deg/h": _DEGREE / 3600.0}
+    rates = {"rad/s": 1.0, "deg/s": DEGREE, "mdeg/s": 1e-3 * DEGREE, "deg/h": DEGREE / 3600.0}
     forces = {"m/s^2": 1.0, "g": STANDARD_GRAVITY, "mg": _MILLI, "ug": _MICRO, "mGal": 1e-5}
-    angles = {"rad": 1.0, "urad": 1e-6, "deg": _DEGREE, "arcsec": _DEGREE / 3600.0}
+    angles = {"rad": 1.0, "urad": 1e-6, "deg": DEGREE, "arcsec": DEGREE / 3600.0}
     speeds = {"m/s": 1.0, "mm/s": 1e-3, "ug*s": _MICRO, "mg*s": _MILLI}
     found: list[NoiseUnit] = []
     for quantity, values, integrals in ((GYRO, rates, angles), (ACCELEROMETER, forces, speeds)):

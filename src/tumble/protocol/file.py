@@ -15,13 +15,14 @@ from tumble.errors import ProtocolError, SiteError, UsageError
 from tumble.files import opened
 from tumble.files.writing import put_text, written_beside
 from tumble.procedure_names import KNOWN_PROCEDURES
-from tumble.protocol.keys import ANGLES, DEGREE, FORMAT, FRAME, KINDS, PROTOCOL, SITE, VERSION
+from tumble.protocol.keys import ANGLES, FORMAT, FRAME, KINDS, PROTOCOL, SITE, VERSION
 from tumble.protocol.library import PROTOCOLS, named_protocol
 from tumble.protocol.step_entries import steps_of
 from tumble.protocol.steps import Protocol, Step
 from tumble.protocol.yaml_nodes import Entry, compose, nearest
 from tumble.protocol.yaml_text import protocol_to_text
 from tumble.sample_rates import sample_rate
+from tumble.units import DEGREE
 
 # Ten thousand steps are a megabyte; a recording that is given for a protocol is more.
 LARGEST = 2 * 1024 * 1024

@@ -10,12 +10,12 @@ from math import pi
 from typing import Any
 
 from tumble.protocol.steps import ASSUMED_RATE
+from tumble.units import DEGREE
 
 FORMAT, VERSION = "tumble protocol", 1
 FRAME = "b: the unit's axes x, y, z, as the recording's columns name them; n: north, east, down"
 ANGLES = "right-handed: positive is counter-clockwise for someone whom the axis points at"
 
-DEGREE = pi / 180.0  # SI Brochure, table 8
 ARC_SECOND = DEGREE / 3600.0
 REVOLUTION = 2.0 * pi
 PPM = 1e-6

@@ -15,20 +15,20 @@ from tumble.arrays import Vector
 from tumble.attitude.directions import twenty_six_directions
 from tumble.protocol.steps import HoldStep, Pose, Protocol, RampStep, SoakStep, SpinStep, Step, TurnStep
 from tumble.protocol.strapdown_rotation import strapdown_rotation_steps
+from tumble.units import DEGREE
 
-_DEGREE = np.pi / 180.0
 # A cube's face on a levelled plate; and a box that a hand props up on an edge.
-LEVELLED, BY_HAND = 0.5 * _DEGREE, 5.0 * _DEGREE
+LEVELLED, BY_HAND = 0.5 * DEGREE, 5.0 * DEGREE
 HOLD, TURN = 30.0, 3.0  # s
 # Ten thousand times the Earth's rate, which is what the thesis (4.4.1) finds to be enough.
 TABLE_RATE = 1e4 * 7.292115e-5  # rad/s
-RATES = tuple(rate * _DEGREE for rate in (10.0, 50.0, 100.0, 200.0))
+RATES = tuple(rate * DEGREE for rate in (10.0, 50.0, 100.0, 200.0))
 # Whole revolutions at every rate: 36 s at 10°/s, and at least 18 s.
 LEAST_SPIN = 18.0
 # An arc-second-grade table, and the time that it rests and turns (Zhang et al. 2010, section 5).
-TABLE_SIGMA = 2.0 * _DEGREE / 3600.0
+TABLE_SIGMA = 2.0 * DEGREE / 3600.0
 TABLE_HOLD, TABLE_REST = 100.0, 20.0  # s
-TABLE_TURN, TABLE_SPEED, TABLE_RAMP = 10.0 * np.pi, 10.0 * _DEGREE, 2.0  # five turns; rad/s; s
+TABLE_TURN, TABLE_SPEED, TABLE_RAMP = 10.0 * np.pi, 10.0 * DEGREE, 2.0  # five turns; rad/s; s
 # The axes of the unit, and one edge in each plane, each with a direction across it to point up.
 TABLE_AXES = (
     ((1, 0, 0), (0, 0, 1)),
@@ -90,7 +90,7 @@ def _spun(directions: np.ndarray, rates: tuple[float, ...], sigma: float, hold: 
             steps.append(TurnStep(TURN))
         for rate in rates:
             steps.append(HoldStep(hold, Pose(up_b, None, sigma), name))
-            steps.append(_spin(rate, f"{name}, {abs(rate) / _DEGREE:.4g}°/s"))
+            steps.append(_spin(rate, f"{name}, {abs(rate) / DEGREE:.4g}°/s"))
         steps.append(HoldStep(hold, Pose(up_b, None, sigma), name))
     return tuple(steps)
 

@@ -8,9 +8,10 @@ from typing import TypedDict
 import numpy as np
 
 from tumble.arrays import Vector
-from tumble.protocol.keys import ARC_SECOND, DEGREE, KINDS, MINUTE, PPM, RAMP, REVOLUTION
+from tumble.protocol.keys import ARC_SECOND, KINDS, MINUTE, PPM, RAMP, REVOLUTION
 from tumble.protocol.steps import HoldStep, Pose, RampStep, SoakStep, SpinStep, Step, TurnStep
 from tumble.protocol.yaml_nodes import Entry, nearest
+from tumble.units import DEGREE
 
 # A vector this near to unit length was written as one, and stays as it is to the last digit.
 _UNIT = 1e-12

@@ -10,10 +10,11 @@ import numpy as np
 from tumble.arrays import Vector
 from tumble.earth.site import Site
 from tumble.errors import ProtocolError
-from tumble.protocol.keys import ANGLES, ARC_SECOND, DEGREE, FORMAT, FRAME, PPM, REVOLUTION, VERSION
+from tumble.protocol.keys import ANGLES, ARC_SECOND, FORMAT, FRAME, PPM, REVOLUTION, VERSION
 from tumble.protocol.numerals import numeral_of, value_of
 from tumble.protocol.steps import HoldStep, Protocol, RampStep, SoakStep, SpinStep, Step, TurnStep
 from tumble.sample_rates import SampleRate
+from tumble.units import DEGREE
 
 _HEAD = """\
 # A protocol: what is done to the unit, step by step, and how well it is known.

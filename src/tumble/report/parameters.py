@@ -17,6 +17,7 @@ import numpy as np
 
 from tumble.report.rounding import interval, with_uncertainty
 from tumble.units import (
+    DEGREE,
     STANDARD_GRAVITY,
     angular_rate_factor,
     magnetic_field_factor,
@@ -31,7 +32,6 @@ TEMPERATURE = "Changes with temperature"
 MAGNETOMETER = "Magnetometer"
 GROUPS = (ACCELEROMETER, GYRO, BETWEEN, OPTIONAL, TEMPERATURE, MAGNETOMETER)
 
-_DEGREE = math.pi / 180.0
 # Ends the unit of a magnetometer's scale factor and soft iron, raw per corrected.
 PER_TESLA = "/(T)"
 _AXES = {"x": 0, "y": 1, "z": 2}
@@ -217,15 +217,15 @@ def _nothing(rows: list[Measure]) -> list[Measure | None]:
 _Choices = tuple[tuple[float, float, str], ...]
 _SCALES: _Choices = ((2e-3, 1e2, "%"), (0.0, 1e6, "ppm"))
 _ANGLES: _Choices = ((1e-4, 1e3, "mrad"), (0.0, 1e6, "µrad"))
-_DEGREES: _Choices = ((1e-4, 1.0 / _DEGREE, "deg"), (0.0, 3600.0 / _DEGREE, "arcsec"))
+_DEGREES: _Choices = ((1e-4, 1.0 / DEGREE, "deg"), (0.0, 3600.0 / DEGREE, "arcsec"))
 _FORCES: _Choices = (
     (1e-3 * STANDARD_GRAVITY, 1e3 / STANDARD_GRAVITY, "mg"),
     (0.0, 1e6 / STANDARD_GRAVITY, "µg"),
 )
-_RATES: _Choices = ((0.1 * _DEGREE, 1.0 / _DEGREE, "deg/s"), (0.0, 3600.0 / _DEGREE, "deg/h"))
+_RATES: _Choices = ((0.1 * DEGREE, 1.0 / DEGREE, "deg/s"), (0.0, 3600.0 / DEGREE, "deg/h"))
 _G_SENSITIVITIES: _Choices = (
-    (1e-3 * _DEGREE, 1.0 / _DEGREE, "(deg/s)/g"),
-    (0.0, 3600.0 / _DEGREE, "(deg/h)/g"),
+    (1e-3 * DEGREE, 1.0 / DEGREE, "(deg/s)/g"),
+    (0.0, 3600.0 / DEGREE, "(deg/h)/g"),
 )
 
 

@@ -20,6 +20,7 @@ from tumble.recording.recording import Recording
 from tumble.segmentation.activity import Activity, find_activity, noise_per_sample
 from tumble.segmentation.blocks import Blocks, cut_blocks, find_runs
 from tumble.segmentation.creep import LARGEST_CREEP, find_turning, keep_still_part
+from tumble.segmentation.spins import LONGEST_HARMLESS_GAP
 from tumble.segmentation.stretches import (
     LARGEST_LOSS_SECONDS,
     SHORTEST_PIECE_SECONDS,
@@ -35,8 +36,6 @@ from tumble.segmentation.turns import find_turns
 MINIMUM_HOLD = 0.7
 # Rests shorter than this are moments of a turn and not worth a word.
 SHORTEST_MENTIONED = 0.3
-# A gap in which a turn can hide: no hold goes across it.
-LONGEST_HARMLESS_GAP = 0.25
 FARTHEST_TILT = np.radians(2.0)
 STATISTIC = "angular rate without bias, smoothed over 0.15 s, in approximate rad/s"
 

@@ -18,13 +18,8 @@ from tumble.errors import UsageError
 from tumble.sensor.imu import ImuModel
 from tumble.sensor.triad import Triad
 from tumble.simulation.noise import TriadNoise
-from tumble.units import STANDARD_GRAVITY
+from tumble.units import DEGREE, DEGREE_PER_HOUR, DEGREE_PER_ROOT_HOUR, MICRO_G, MILLI_G, STANDARD_GRAVITY
 
-_DEGREE = np.pi / 180.0
-_PER_HOUR = _DEGREE / 3600.0  # (rad/s) per (deg/h)
-_PER_ROOT_HOUR = _DEGREE / 60.0  # (rad/√s) per (deg/√h)
-_MILLI = STANDARD_GRAVITY * 1e-3
-_MICRO = STANDARD_GRAVITY * 1e-6
 # The angle between two axes varies √2 times as much as each axis about one direction.
 _PAIR = float(np.sqrt(2.0))
 # One count of such a unit is an increment of 2⁻²⁷ ft/s or 2⁻³³ rad over a sample of 10 ms.
@@ -192,57 +187,57 @@ _CONSUMER = Grade(
     name="consumer-mems",
     accelerometer=TriadGrade(
         TriadNoise(
-            random_walk=400.0 * _MICRO / np.sqrt(2.0),  # 400 µg/√Hz
-            bias_instability=0.05 * _MILLI,  # assumed
+            random_walk=400.0 * MICRO_G / np.sqrt(2.0),  # 400 µg/√Hz
+            bias_instability=0.05 * MILLI_G,  # assumed
             resolution=STANDARD_GRAVITY / 8192.0,  # ±4 g range
             full_scale=4.0 * STANDARD_GRAVITY,
         ),
-        bias=60.0 * _MILLI / 3.0,  # zero-g: ±50 mg x, y, ±80 mg z
+        bias=60.0 * MILLI_G / 3.0,  # zero-g: ±50 mg x, y, ±80 mg z
         scale_factor=0.03 / 3.0,  # ±3 %
         misalignment=0.02 / 3.0,  # cross-axis ±2 %
     ),
     gyroscope=TriadGrade(
         TriadNoise(
-            random_walk=0.005 * _DEGREE / np.sqrt(2.0),  # 0.005 (deg/s)/√Hz
-            bias_instability=20.0 * _PER_HOUR,  # assumed
-            resolution=_DEGREE / 65.5,  # ±500 deg/s range
-            full_scale=500.0 * _DEGREE,
+            random_walk=0.005 * DEGREE / np.sqrt(2.0),  # 0.005 (deg/s)/√Hz
+            bias_instability=20.0 * DEGREE_PER_HOUR,  # assumed
+            resolution=DEGREE / 65.5,  # ±500 deg/s range
+            full_scale=500.0 * DEGREE,
         ),
-        bias=20.0 * _DEGREE / 3.0,  # zero-rate output ±20 deg/s
+        bias=20.0 * DEGREE / 3.0,  # zero-rate output ±20 deg/s
         scale_factor=0.03 / 3.0,  # ±3 %
         misalignment=0.02 / 3.0,  # cross-axis ±2 %
     ),
-    g_sensitivity=0.1 * _DEGREE / STANDARD_GRAVITY,  # 0.1 (deg/s)/g
+    g_sensitivity=0.1 * DEGREE / STANDARD_GRAVITY,  # 0.1 (deg/s)/g
     source="InvenSense MPU-6000/MPU-6050 Product Specification PS-MPU-6000A-00 rev. 3.4 (2013), 6.1 and 6.2",
     assumed=("bias instability of both triads",),
-    counts_per_si=(8192.0 / STANDARD_GRAVITY, 65.5 / _DEGREE),
+    counts_per_si=(8192.0 / STANDARD_GRAVITY, 65.5 / DEGREE),
 )
 
 _INDUSTRIAL = Grade(
     name="industrial-mems",
     accelerometer=TriadGrade(
         TriadNoise(
-            random_walk=120.0 * _MICRO / np.sqrt(2.0),  # 120 µg/√Hz
-            bias_instability=0.03 * _MILLI,
+            random_walk=120.0 * MICRO_G / np.sqrt(2.0),  # 120 µg/√Hz
+            bias_instability=0.03 * MILLI_G,
             resolution=16.0 * STANDARD_GRAVITY / 32768.0,  # assumed: 16 bit
             full_scale=16.0 * STANDARD_GRAVITY,
         ),
-        bias=5.0 * _MILLI,  # assumed
+        bias=5.0 * MILLI_G,  # assumed
         scale_factor=0.003,  # assumed
         misalignment=0.001,  # assumed
     ),
     gyroscope=TriadGrade(
         TriadNoise(
-            random_walk=0.007 * _DEGREE / np.sqrt(2.0),  # 0.007 (deg/s)/√Hz
-            bias_instability=10.0 * _PER_HOUR,
-            resolution=2000.0 * _DEGREE / 32768.0,  # assumed: 16 bit
-            full_scale=2000.0 * _DEGREE,
+            random_walk=0.007 * DEGREE / np.sqrt(2.0),  # 0.007 (deg/s)/√Hz
+            bias_instability=10.0 * DEGREE_PER_HOUR,
+            resolution=2000.0 * DEGREE / 32768.0,  # assumed: 16 bit
+            full_scale=2000.0 * DEGREE,
         ),
-        bias=0.2 * _DEGREE,  # assumed
+        bias=0.2 * DEGREE,  # assumed
         scale_factor=0.003,  # assumed
         misalignment=0.001,  # assumed
     ),
-    g_sensitivity=0.01 * _DEGREE / STANDARD_GRAVITY,  # assumed
+    g_sensitivity=0.01 * DEGREE / STANDARD_GRAVITY,  # assumed
     source="Xsens MTi 1-series data sheet, as tabulated in Transactions on Aerospace Research (2023), "
     "doi 10.2478/tar-2023-0022",
     assumed=(
@@ -250,7 +245,7 @@ _INDUSTRIAL = Grade(
         "turn-on bias, scale factor and misalignment of both triads",
         "g-sensitivity",
     ),
-    counts_per_si=(32768.0 / (16.0 * STANDARD_GRAVITY), 32768.0 / (2000.0 * _DEGREE)),
+    counts_per_si=(32768.0 / (16.0 * STANDARD_GRAVITY), 32768.0 / (2000.0 * DEGREE)),
 )
 
 _TACTICAL = Grade(
@@ -258,20 +253,20 @@ _TACTICAL = Grade(
     accelerometer=TriadGrade(
         TriadNoise(
             random_walk=0.065 * 0.3048 / 60.0,  # 0.065 (ft/s)/√h
-            bias_instability=0.05 * _MILLI,  # assumed
+            bias_instability=0.05 * MILLI_G,  # assumed
             full_scale=50.0 * STANDARD_GRAVITY,  # assumed
         ),
-        bias=1.0 * _MILLI,
+        bias=1.0 * MILLI_G,
         scale_factor=300e-6,  # assumed
         misalignment=500e-6,  # assumed
     ),
     gyroscope=TriadGrade(
         TriadNoise(
-            random_walk=0.125 * _PER_ROOT_HOUR,
-            bias_instability=0.3 * _PER_HOUR,  # assumed
-            full_scale=1000.0 * _DEGREE,  # assumed
+            random_walk=0.125 * DEGREE_PER_ROOT_HOUR,
+            bias_instability=0.3 * DEGREE_PER_HOUR,  # assumed
+            full_scale=1000.0 * DEGREE,  # assumed
         ),
-        bias=1.0 * _PER_HOUR,
+        bias=1.0 * DEGREE_PER_HOUR,
         scale_factor=150e-6,  # assumed
         misalignment=500e-6,  # assumed
     ),
@@ -292,20 +287,20 @@ _RING_LASER = Grade(
     accelerometer=TriadGrade(
         TriadNoise(
             random_walk=0.0143 / 60.0,  # assumed: the sheet states none
-            bias_instability=5.0 * _MICRO,  # assumed
+            bias_instability=5.0 * MICRO_G,  # assumed
             full_scale=38.0 * STANDARD_GRAVITY,  # assumed
         ),
-        bias=25.0 * _MICRO,
+        bias=25.0 * MICRO_G,
         scale_factor=100e-6,
         misalignment=50e-6,  # assumed
     ),
     gyroscope=TriadGrade(
         TriadNoise(
-            random_walk=0.002 * _PER_ROOT_HOUR,
-            bias_instability=0.001 * _PER_HOUR,  # assumed
-            full_scale=1074.0 * _DEGREE,  # assumed
+            random_walk=0.002 * DEGREE_PER_ROOT_HOUR,
+            bias_instability=0.001 * DEGREE_PER_HOUR,  # assumed
+            full_scale=1074.0 * DEGREE,  # assumed
         ),
-        bias=0.003 * _PER_HOUR,
+        bias=0.003 * DEGREE_PER_HOUR,
         scale_factor=5e-6,
         misalignment=50e-6,  # assumed
     ),
@@ -345,11 +340,11 @@ _HG_ACCELEROMETER = TriadGrade(
         random_walk=0.22 / 60.0,  # 0.22 (m/s)/√h, the sheet's maximum: 3.6667e-3 m/s² for samples of 1 s
         full_scale=70.0 * STANDARD_GRAVITY,  # operating range 70 g
     ),
-    bias=1.0 * _MILLI,  # bias repeatability 1 mg (1σ)
+    bias=1.0 * MILLI_G,  # bias repeatability 1 mg (1σ)
     scale_factor=300e-6,  # scale factor error 300 ppm (1σ)
     misalignment=100e-6 / _PAIR,  # axis alignment stability (non-orthogonality) 100 µrad (1σ)
     linearity=500e-6,  # scale factor linearity 500 ppm (1σ)
-    bias_stability=1.0 * _MILLI,  # bias stability 1 mg (1σ)
+    bias_stability=1.0 * MILLI_G,  # bias stability 1 mg (1σ)
 )
 
 _HG1700 = Grade(
@@ -357,15 +352,15 @@ _HG1700 = Grade(
     accelerometer=_HG_ACCELEROMETER,
     gyroscope=TriadGrade(
         TriadNoise(
-            random_walk=0.125 * _PER_ROOT_HOUR,  # 0.125 deg/√h, the maximum: 3.6361e-5 rad/s for 1 s
-            full_scale=1074.0 * _DEGREE,  # operating range ± 1074 deg/s
+            random_walk=0.125 * DEGREE_PER_ROOT_HOUR,  # 0.125 deg/√h, the maximum: 3.6361e-5 rad/s for 1 s
+            full_scale=1074.0 * DEGREE,  # operating range ± 1074 deg/s
         ),
-        bias=1.0 * _PER_HOUR,  # bias repeatability 1 deg/h (1σ)
+        bias=1.0 * DEGREE_PER_HOUR,  # bias repeatability 1 deg/h (1σ)
         scale_factor=150e-6,  # scale factor repeatability 150 ppm (1σ)
         misalignment=100e-6 / _PAIR,  # axis alignment stability (non-orthogonality) 100 µrad (1σ)
         alignment=500e-6,  # axis alignment stability 500 µrad (1σ)
         linearity=150e-6,  # scale factor linearity 150 ppm (1σ)
-        bias_stability=1.0 * _PER_HOUR,  # bias, in-run stability 1 deg/h (1σ)
+        bias_stability=1.0 * DEGREE_PER_HOUR,  # bias, in-run stability 1 deg/h (1σ)
     ),
     g_sensitivity=0.0,  # the sheet's field is empty
     source=_HG_SOURCE,
@@ -380,17 +375,17 @@ _HG1900 = Grade(
     accelerometer=_HG_ACCELEROMETER,
     gyroscope=TriadGrade(
         TriadNoise(
-            random_walk=0.09 * _PER_ROOT_HOUR,  # 0.09 deg/√h, the maximum: 2.6180e-5 rad/s for 1 s
-            full_scale=1000.0 * _DEGREE,  # operating range ± 1000 deg/s
+            random_walk=0.09 * DEGREE_PER_ROOT_HOUR,  # 0.09 deg/√h, the maximum: 2.6180e-5 rad/s for 1 s
+            full_scale=1000.0 * DEGREE,  # operating range ± 1000 deg/s
         ),
-        bias=17.0 * _PER_HOUR,  # bias repeatability < 17 deg/h (1σ)
+        bias=17.0 * DEGREE_PER_HOUR,  # bias repeatability < 17 deg/h (1σ)
         scale_factor=150e-6,  # scale factor repeatability 150 ppm (1σ)
         misalignment=50e-6 / _PAIR,  # axis alignment stability (non-orthogonality) 50 µrad (1σ)
         alignment=80e-6,  # axis alignment stability 80 µrad (1σ)
         linearity=150e-6,  # scale factor linearity 150 ppm (1σ)
-        bias_stability=7.0 * _PER_HOUR,  # bias, in-run stability < 7 deg/h (1σ)
+        bias_stability=7.0 * DEGREE_PER_HOUR,  # bias, in-run stability < 7 deg/h (1σ)
     ),
-    g_sensitivity=3.0 * _PER_HOUR / STANDARD_GRAVITY,  # bias static g sensitivity 3 (deg/h)/g (1σ)
+    g_sensitivity=3.0 * DEGREE_PER_HOUR / STANDARD_GRAVITY,  # bias static g sensitivity 3 (deg/h)/g (1σ)
     source=_HG_SOURCE,
     assumed=_HG_ASSUMED,
     counts_per_si=_HG_COUNTS_PER_SI,

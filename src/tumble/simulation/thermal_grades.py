@@ -11,12 +11,8 @@ from tumble.errors import UsageError
 from tumble.sensor.gauge import change_frame, frame_rotation
 from tumble.sensor.imu import ImuModel
 from tumble.sensor.thermal import TemperatureBasis, ThermalModel
-from tumble.units import STANDARD_GRAVITY
+from tumble.units import DEGREE, DEGREE_PER_HOUR, MICRO_G, MILLI_G
 
-_DEGREE = np.pi / 180.0
-_PER_HOUR = _DEGREE / 3600.0
-_MILLI = STANDARD_GRAVITY * 1e-3
-_MICRO = STANDARD_GRAVITY * 1e-6
 # Of the change over half the span (60 K), one sigma of what bends it: quadratic and cubic in temperature.
 BEND, TWIST, HALF_SPAN = 0.3, 0.1, 60.0
 # A change of 1 K/min shifts a bias as much as this many kelvins, and the loop is this share of 100 K.
@@ -126,12 +122,12 @@ _LAG, _WIDTH = 30.0, 5.0
 
 _CONSUMER = ThermalGrade(
     TriadDrift(
-        bias=60.0 * _MILLI / 3.0 / 45.0,  # zero-g level change: z ±60 mg from 0 to 70 °C, 45 K from 25 °C
+        bias=60.0 * MILLI_G / 3.0 / 45.0,  # zero-g level change: z ±60 mg from 0 to 70 °C, 45 K from 25 °C
         scale_factor=0.02e-2 / 3.0,  # sensitivity change ±0.02 %/°C
         misalignment=20e-6,  # assumed
     ),
     TriadDrift(
-        bias=20.0 * _DEGREE / 3.0 / 65.0,  # ZRO variation ±20 °/s from -40 to 85 °C, 65 K from 25 °C
+        bias=20.0 * DEGREE / 3.0 / 65.0,  # ZRO variation ±20 °/s from -40 to 85 °C, 65 K from 25 °C
         scale_factor=0.02 / 3.0 / 65.0,  # scale factor variation ±2 % over the same
         misalignment=20e-6,  # assumed
     ),
@@ -155,11 +151,11 @@ def _assumed(
 
 THERMAL_GRADES: dict[str, ThermalGrade] = {
     "consumer-mems": _CONSUMER,
-    "industrial-mems": _assumed((0.1 * _MILLI, 3e-5, 3e-6), (5e-3 * _DEGREE, 3e-5, 3e-6), 0.05, 1.0 / 256.0),
-    "hg1900": _assumed((0.01 * _MILLI, 3e-6, 1e-6), (0.3 * _PER_HOUR, 3e-6, 1e-6), 0.02, 0.01),
-    "hg1700": _assumed((0.01 * _MILLI, 3e-6, 1e-6), (0.03 * _PER_HOUR, 2e-6, 1e-6), 0.02, 0.01),
-    "tactical": _assumed((0.01 * _MILLI, 3e-6, 1e-6), (0.03 * _PER_HOUR, 2e-6, 1e-6), 0.02, 0.01),
-    "ring-laser": _assumed((1.0 * _MICRO, 1e-6, 2e-7), (1e-4 * _PER_HOUR, 1e-7, 2e-7), 0.01, 0.01),
+    "industrial-mems": _assumed((0.1 * MILLI_G, 3e-5, 3e-6), (5e-3 * DEGREE, 3e-5, 3e-6), 0.05, 1.0 / 256.0),
+    "hg1900": _assumed((0.01 * MILLI_G, 3e-6, 1e-6), (0.3 * DEGREE_PER_HOUR, 3e-6, 1e-6), 0.02, 0.01),
+    "hg1700": _assumed((0.01 * MILLI_G, 3e-6, 1e-6), (0.03 * DEGREE_PER_HOUR, 2e-6, 1e-6), 0.02, 0.01),
+    "tactical": _assumed((0.01 * MILLI_G, 3e-6, 1e-6), (0.03 * DEGREE_PER_HOUR, 2e-6, 1e-6), 0.02, 0.01),
+    "ring-laser": _assumed((1.0 * MICRO_G, 1e-6, 2e-7), (1e-4 * DEGREE_PER_HOUR, 1e-7, 2e-7), 0.01, 0.01),
 }
 """By the name of the grade."""
 

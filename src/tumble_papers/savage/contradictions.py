@@ -15,13 +15,12 @@ from tumble.protocol.strapdown_rotation import start_down
 from tumble.reproduction.outcome import Outcome, Row, claim_row
 from tumble.sensor.conventions.savage import GROUPS, NAMES, SavageErrors
 from tumble.sensor.imu import ImuModel
+from tumble.units import MICRO_G, STANDARD_GRAVITY
 from tumble_papers.published import savage
 from tumble_papers.savage.formulas import BY_NAME, COMPONENTS, simulated_coefficients
 from tumble_papers.savage.section_9 import bias_errors, unit
 from tumble_papers.savage.strapdown_simulation import (
     AS_PRINTED,
-    MICRO_G,
-    STANDARD,
     UNITS_SI,
     VARIANTS,
     Setting,
@@ -99,9 +98,9 @@ def _start_of_row_6() -> Row:
 
 def _vertical_unit() -> Row:
     """(1) takes g to each component of the force; an exact unit at rest on a level fixture reads zero down."""
-    force = np.array([0.0, 0.0, -STANDARD])
-    printed = float(np.linalg.norm(force + STANDARD)) / STANDARD
-    down = float(np.array([0.0, 0.0, 1.0]) @ force + STANDARD)
+    force = np.array([0.0, 0.0, -STANDARD_GRAVITY])
+    printed = float(np.linalg.norm(force + STANDARD_GRAVITY)) / STANDARD_GRAVITY
+    down = float(np.array([0.0, 0.0, 1.0]) @ force + STANDARD_GRAVITY)
     return claim_row(
         "(1): â + g as down, of an exact unit that lies level",
         "g",
@@ -193,7 +192,7 @@ def _thirteen() -> list[Row]:
 
 def _section_7() -> list[Row]:
     """By how much an error of υ and λ goes over into what section 7 says it does."""
-    gravity = STANDARD
+    gravity = STANDARD_GRAVITY
     nothing = {name: np.zeros(5) for name in BY_NAME}
     off = {name: value.copy() for name, value in nothing.items()}
     # An orthogonality error of 1e-4 alone, as 4 measures it: what (13) takes from λ y for it.
@@ -285,11 +284,11 @@ def _eighteen(rng: np.random.Generator) -> list[Row]:
 def _second_order_of_force(errors: AnyArray, alpha: Series, down: Series) -> Series:
     """What a tilted start adds to the accelerometers' error: exactly."""
     tilted = matrix_from_rotation_vector(-alpha) @ down
-    return np.asarray(-STANDARD * (errors @ tilted - errors @ down), dtype=np.float64)
+    return np.asarray(-STANDARD_GRAVITY * (errors @ tilted - errors @ down), dtype=np.float64)
 
 
 def _by_eighteen(errors: AnyArray, alpha: Series, down: Series) -> Series:
-    return np.asarray(STANDARD * errors @ np.cross(alpha, down), dtype=np.float64)
+    return np.asarray(STANDARD_GRAVITY * errors @ np.cross(alpha, down), dtype=np.float64)
 
 
 def _twenty_two() -> list[Row]:

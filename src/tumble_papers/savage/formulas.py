@@ -19,10 +19,10 @@ from tumble.protocol.strapdown_rotation import (
 from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED, Outcome, Row
 from tumble.sensor.conventions.savage import NAMES, SavageErrors
 from tumble.sensor.imu import ImuModel
+from tumble.units import STANDARD_GRAVITY
 from tumble_papers.published import savage
 from tumble_papers.savage.strapdown_simulation import (
     AS_PRINTED,
-    STANDARD,
     Setting,
     exact_unit,
     measure_run,
@@ -38,7 +38,7 @@ PROBE = 1e-4
 SAME = 1e-4
 
 
-def evaluated(expression: str, gravity: float = STANDARD) -> float:
+def evaluated(expression: str, gravity: float = STANDARD_GRAVITY) -> float:
     """Return the number that a printed coefficient such as "-2 π g" is.
 
     Parameters
@@ -55,7 +55,7 @@ def evaluated(expression: str, gravity: float = STANDARD) -> float:
     return value
 
 
-def _model_coefficients(gravity: float = STANDARD) -> AnyArray:
+def _model_coefficients(gravity: float = STANDARD_GRAVITY) -> AnyArray:
     """Return (17, 5, 24) of (3) to (5): every measurement of every sequence by every error."""
     return np.stack(
         [sequence_model(list(row.rotations), start_down(row), gravity).coefficients for row in SEQUENCES]
@@ -66,7 +66,7 @@ def _model_coefficients(gravity: float = STANDARD) -> AnyArray:
 def _simulated() -> tuple[AnyArray, float]:
     setting = Setting(exact_unit(), fixture=0.0, earth=False, seconds=1.0)
     found = np.empty((len(SEQUENCES), 5, 24))
-    gravity = STANDARD
+    gravity = STANDARD_GRAVITY
     for number in range(24):
         both: list[AnyArray] = []
         for sign in (1.0, -1.0):

@@ -14,15 +14,13 @@ from tumble.protocol.strapdown_rotation import start_down
 from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED, Outcome, Row, claim_row
 from tumble.sensor.conventions.savage import GROUPS, NAMES, SavageErrors
 from tumble.sensor.imu import ImuModel
+from tumble.units import ARCSECOND, DEGREE_PER_HOUR, STANDARD_GRAVITY
 from tumble_papers.published import savage
 from tumble_papers.savage.formulas import BY_NAME, COMPONENTS, evaluated
 from tumble_papers.savage.strapdown_simulation import (
-    ARCSECOND,
     AS_PRINTED,
-    DEGREE_PER_HOUR,
     DEGREE_PER_ROOT_HOUR,
     GRADES,
-    STANDARD,
     START_NORM,
     UNITS_SI,
     Grade,
@@ -116,7 +114,7 @@ def expected_by_kind(setting: Setting, variant: Variant) -> dict[str, float]:
                 )
             )
         )
-        / STANDARD
+        / STANDARD_GRAVITY
         for kind in KINDS
     }
 
@@ -283,8 +281,8 @@ def reproduce_accelerometer_noise(repetitions: int, seed: int) -> Outcome:
     # A fixture that is off lets gravity move the pulses of the level axes along.
     pulses = Setting(unit(velocity_pulse=1e-4), earth=False)
     values = _changes_of_force(noise, pulses, repetitions, seed)
-    formula = np.sqrt(2.0 / noise.seconds) * grade.velocity_random_walk / STANDARD * 1e6
-    by_pulse = np.sqrt(2.0 * 2.0 / 12.0) * 1e-4 / pulses.seconds / STANDARD * 1e6
+    formula = np.sqrt(2.0 / noise.seconds) * grade.velocity_random_walk / STANDARD_GRAVITY * 1e6
+    by_pulse = np.sqrt(2.0 * 2.0 / 12.0) * 1e-4 / pulses.seconds / STANDARD_GRAVITY * 1e6
     weights = window_weights(noise.window, "average-of-averages")
     loss = float(np.sqrt(np.sum(weights**2) * noise.window))
     plain, other = (_root_mean_square(values[f"noise {a}"]) for a in ("plain", "average-of-averages"))
@@ -397,7 +395,7 @@ _PRODUCTS = (
 def _products(runs: int, seed: int) -> list[Row]:
     """What errors of 1 mrad make of the Earth rate: with it less without it, the same units."""
     low, high = savage()["section_9"]["earth"]["products_urad"]
-    grade = unit(scale=1e-3, asymmetry=1e-3, angle=1e-3, bias=1e-3 * STANDARD)
+    grade = unit(scale=1e-3, asymmetry=1e-3, angle=1e-3, bias=1e-3 * STANDARD_GRAVITY)
     with_it, without = (
         run_study(
             Setting(grade, fixture=0.0, earth=earth),

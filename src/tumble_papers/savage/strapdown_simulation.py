@@ -31,12 +31,9 @@ from tumble.protocol.strapdown_rotation import SEQUENCES, RotationSequence, fixt
 from tumble.sensor.conventions.savage import GROUPS, SavageErrors, savage_from_model
 from tumble.sensor.imu import ImuModel
 from tumble.sensor.triad import Triad
+from tumble.units import ARCSECOND, DEGREE_PER_HOUR, MICRO_G, STANDARD_GRAVITY
 
-STANDARD = 9.80665  # m/s² in a g of the paper's units
-MICRO_G = 1e-6 * STANDARD
-ARCSECOND = np.pi / 648000.0
 DEGREE_PER_ROOT_HOUR = np.pi / 180.0 / 60.0
-DEGREE_PER_HOUR = np.pi / 648000.0
 LARGEST_LATITUDE = 75.0 * np.pi / 180.0
 """Beyond it a place has hardly a heading."""
 
@@ -204,7 +201,7 @@ def matched_weights(setting: Setting) -> Series:
     """
     grade = setting.grade
     distance = (np.arange(setting.window)[::-1] + 0.5) / setting.sampling
-    time = grade.velocity_random_walk / max(STANDARD * grade.angle_random_walk, 1e-300)
+    time = grade.velocity_random_walk / max(STANDARD_GRAVITY * grade.angle_random_walk, 1e-300)
     time = min(max(time, 1e-3), 1e3 * setting.seconds)
     left = (setting.seconds - distance) / time
     weights = np.exp(left - left.max()) + np.exp(-left - left.max())
@@ -578,7 +575,9 @@ def model_sequences(setting: Setting, variant: Variant) -> Models:
     for sequence in setting.sequences:
         down = start_down(sequence)
         rotations = list(sequence.rotations)
-        model = sequence_model(rotations, down, STANDARD, rate=setting.rate, seconds=seconds, share=share)
+        model = sequence_model(
+            rotations, down, STANDARD_GRAVITY, rate=setting.rate, seconds=seconds, share=share
+        )
         turning = model.angle / setting.rate
         integral = _integral(sequence, setting, share)
         squared = float(np.sum(before**2)) * step
@@ -593,7 +592,7 @@ def model_sequences(setting: Setting, variant: Variant) -> Models:
         off = (3.0 * setting.fixture**2 + heading**2) / 3.0
         size = (EARTH_RATE if setting.earth else 0.0) ** 2 * off
         tilt = grade.angle_random_walk**2 * tilt + pulses + size * earth @ earth.T
-        across = STANDARD * skew(down)
+        across = STANDARD_GRAVITY * skew(down)
         covariance = np.zeros((5, 5))
         covariance[:3, :3] = across @ tilt @ across.T + 2.0 * force * np.eye(3)
         covariance[3, 3] = covariance[4, 4] = down_force

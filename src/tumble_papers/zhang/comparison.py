@@ -9,6 +9,7 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Series
 from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED, Curve, Outcome, Plot, Row
+from tumble.units import ARCSECOND, DEGREE_PER_HOUR
 from tumble_papers.published import zhang
 from tumble_papers.zhang.laboratory import (
     AXIS_ERROR,
@@ -20,14 +21,7 @@ from tumble_papers.zhang.laboratory import (
 )
 from tumble_papers.zhang.tables import LABELS, UNITS, as_printed
 from tumble_papers.zhang.turntable_evaluation import in_paper_units, unit_parameters
-from tumble_papers.zhang.turntable_simulation import (
-    ARCSECOND,
-    DEGREE_PER_HOUR,
-    GRAVITY,
-    MICRO_G,
-    Unit,
-    unit_from,
-)
+from tumble_papers.zhang.turntable_simulation import GRAVITY, MICRO_G, Unit, unit_from
 from tumble_papers.zhang.verdicts import (
     CHANCE,
     ENOUGH,

@@ -10,13 +10,14 @@ import numpy as np
 from tumble.arrays import AnyArray, Series
 from tumble.attitude.directions import twenty_six_directions
 from tumble.reproduction.outcome import Outcome, Row, claim_row
+from tumble.units import ARCSECOND
 from tumble_papers.published import zhang
 from tumble_papers.zhang.comparison import gyros_apart, norm_shift
 from tumble_papers.zhang.formulas import formula_rows
 from tumble_papers.zhang.laboratory import POSITIONS, compare, paper_setting
 from tumble_papers.zhang.tables import COLUMN_DIGITS, leaked, theory_of_nine
 from tumble_papers.zhang.turntable_evaluation import evaluate, in_paper_units, unit_parameters
-from tumble_papers.zhang.turntable_simulation import ARCSECOND, NINE, simulate, table_setting
+from tumble_papers.zhang.turntable_simulation import NINE, simulate, table_setting
 from tumble_papers.zhang.verdicts import CHANCE
 
 # Runs by sufficient statistics for a covariance: good to a few percent.

@@ -20,12 +20,11 @@ from tumble.sensor.conventions.zhang import (
     inter_triad_rotation,
     zhang_from_matrix,
 )
+from tumble.units import ARCSECOND, DEGREE_PER_HOUR
 from tumble_papers.published import zhang
 from tumble_papers.zhang.tables import refusal
 from tumble_papers.zhang.turntable_simulation import (
-    ARCSECOND,
     AXES,
-    DEGREE_PER_HOUR,
     GRAVITY,
     NINE,
     ORIENTATIONS,

@@ -19,12 +19,11 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Table, Vectors
 from tumble.earth.site import EARTH_RATE
+from tumble.units import ARCSECOND, DEGREE_PER_HOUR
 from tumble_papers.published import zhang
 from tumble_papers.zhang.turntable_evaluation import Estimates, evaluate, paper_parameters
 from tumble_papers.zhang.turntable_simulation import (
-    ARCSECOND,
     AXES,
-    DEGREE_PER_HOUR,
     GRAVITY,
     MICRO_G,
     NINE,

@@ -24,9 +24,9 @@ from tumble.design.sensitivity import (
 )
 from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED, Outcome, Row
 from tumble.sensor.conventions.zhang import matrix_from_zhang
+from tumble.units import ARCSECOND
 from tumble_papers.published import zhang
 
-ARCSECOND = np.pi / 648000.0
 GRAVITY = 9.8  # what the paper's µg and counts are of
 PRINTED_RUNS = 500
 # Of a standard deviation from 500 runs 99.9 % lie within.

@@ -11,6 +11,7 @@ from tumble.arrays import AnyArray, Series
 from tumble.calibration.closed_forms.separate_norms import ellipsoid_from_norms
 from tumble.errors import ObservabilityError
 from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED, Outcome, Row
+from tumble.units import ARCSECOND
 from tumble_papers.published import zhang
 from tumble_papers.zhang.turntable_evaluation import (
     CHOICES,
@@ -23,7 +24,6 @@ from tumble_papers.zhang.turntable_evaluation import (
     unit_parameters,
 )
 from tumble_papers.zhang.turntable_simulation import (
-    ARCSECOND,
     GRAVITY,
     LEFT_OUT,
     MICRO_G,

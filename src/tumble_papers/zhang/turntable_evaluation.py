@@ -15,14 +15,8 @@ from tumble.calibration.closed_forms.separate_norms import (
     matrix_from_rotations,
 )
 from tumble.sensor.conventions.zhang import inter_triad_angles
-from tumble_papers.zhang.turntable_simulation import (
-    ARCSECOND,
-    DEGREE_PER_HOUR,
-    GRAVITY,
-    MICRO_G,
-    Statistics,
-    Unit,
-)
+from tumble.units import ARCSECOND, DEGREE_PER_HOUR
+from tumble_papers.zhang.turntable_simulation import GRAVITY, MICRO_G, Statistics, Unit
 
 GROUPS = (
     ("accelerometer scale", "ppm", ("k xa", "k ya", "k za")),

@@ -23,12 +23,11 @@ import numpy as np
 from tumble.arrays import AnyArray, Matrix, Series, Vector, Vectors
 from tumble.earth.site import EARTH_RATE
 from tumble.sensor.conventions.zhang import inter_triad_rotation, matrix_from_zhang
+from tumble.units import ARCSECOND, DEGREE_PER_HOUR
 from tumble_papers.published import zhang
 
 GRAVITY = 9.8  # m/s²: 612.24 µg are 0.006 m/s²
-ARCSECOND = np.pi / 648000.0
 MICRO_G = 1e-6 * GRAVITY
-DEGREE_PER_HOUR = np.pi / 648000.0
 LATITUDE = np.radians(28.2)
 
 # No. 1 to 18. The paper has the misalignments seen best in no. 2, 4, 6, 8, 10 and 12 to 18, which are then the

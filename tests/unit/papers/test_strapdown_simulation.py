@@ -10,9 +10,9 @@ from scipy.spatial.transform import Rotation
 
 from tumble.sensor.conventions.savage import SavageErrors, savage_from_model
 from tumble.sensor.imu import ImuModel
+from tumble.units import ARCSECOND
 from tumble_papers.savage.section_9 import changes_by_kind, expected_by_kind, unit
 from tumble_papers.savage.strapdown_simulation import (
-    ARCSECOND,
     AS_PRINTED,
     GRADES,
     START_NORM,

@@ -54,14 +54,13 @@ from tumble.recording.recording import Recording
 from tumble.segmentation import HoldMeans
 from tumble.segmentation.matching import Matching
 from tumble.segmentation.rotations import Rotation
-from tumble.units import angular_rate_factor, specific_force_factor
+from tumble.units import ARCSECOND, angular_rate_factor, specific_force_factor
 
 AXES_NEEDED = 3
 # A face is up if it is so within half a degree.
 _FACE_COSINE = float(np.cos(np.radians(0.5)))
 PASSES = 3
 _ALL = np.ones((3, 3), dtype=bool)
-_ARCSEC = np.pi / 648000.0
 _SITS = (
     "How the unit sits on the table is not separated from its misalignments, which are against the "
     "table's axes. An error of the table that is the same in all poses is in the result, and no "
@@ -436,14 +435,14 @@ def _remarks(poses: KnownPoses, site: Site, force: PlacedFit, gyros: _Gyros, lon
     used = float(np.sqrt(np.mean(force.readings.sigma**2)))
     if force.added > 0.0:
         remarks.append(
-            f"The poses contradict one another by more than the {two_digits(stated / _ARCSEC)}″ that "
-            f"the protocol states. The unit was in them to about {two_digits(used / _ARCSEC)}″ about "
+            f"The poses contradict one another by more than the {two_digits(stated / ARCSECOND)}″ that "
+            f"the protocol states. The unit was in them to about {two_digits(used / ARCSECOND)}″ about "
             "each axis, and the accelerometers' uncertainties are made with that."
         )
-    tilt = used if used > 0.0 else _ARCSEC
+    tilt = used if used > 0.0 else ARCSECOND
     remarks.append(
-        f"An attitude that is off by {two_digits(tilt / _ARCSEC)}″ in one pose moves an accelerometer "
-        f"misalignment by up to {two_digits(0.25 * tilt / _ARCSEC)}″ and a bias by up to "
+        f"An attitude that is off by {two_digits(tilt / ARCSECOND)}″ in one pose moves an accelerometer "
+        f"misalignment by up to {two_digits(0.25 * tilt / ARCSECOND)}″ and a bias by up to "
         f"{two_digits(1e6 * tilt * site.gravity / 24.0)} µm/s². A table whose axes are not square by "
         "that angle moves the gyros' misalignments by all of it, and nothing shows it. The turntable "
         "procedure needs no attitudes."

@@ -22,6 +22,7 @@ from tumble.calibration.checks.scores import holds_evidence, left_out_holds
 from tumble.calibration.checks.snooping import wald_test
 from tumble.calibration.closed_forms.accelerometers import fit_accelerometers
 from tumble.calibration.equations.placement import find_added_sigma, is_excessive
+from tumble.calibration.equations.placement_bias import G_SENSITIVITY_FALSE_ALARM
 from tumble.calibration.equations.spin import combined_mean, padded, spin_covariance
 from tumble.calibration.equations.spin_groups import REVERSED, SpinGroup, group_spins
 from tumble.calibration.equations.table import VERTICAL, TableConditions, TableReadings
@@ -53,8 +54,6 @@ from tumble.sensor.gauge import lower_factor
 
 # Of spins in either direction, so many at least: four poses that no plane holds tell a g-sensitivity.
 FEWEST_EACH_WAY = 4
-# Chance of keeping a g-sensitivity that is not there.
-G_SENSITIVITY_FALSE_ALARM = 0.01
 # Of a table's axis against the vertical; before it is known, a common one.
 LARGEST_TILT, ROUGH_TILT = 0.03, 0.01
 _NINE = np.arange(9)

@@ -23,6 +23,7 @@ from tumble.calibration.checks.scores import left_out_holds
 from tumble.calibration.checks.snooping import Kind, Outlier, balance, wald_test
 from tumble.calibration.closed_forms.start_values import rough_triad
 from tumble.calibration.equations.norm import NormConditions
+from tumble.calibration.equations.placement_bias import G_SENSITIVITY_FALSE_ALARM
 from tumble.calibration.equations.triad_unknowns import ANGLE, BIAS, COUNT, SCALE, triad_from_unknowns
 from tumble.calibration.equations.turn import FORCE, G_SENSITIVITY, GYRO_BIAS, GYRO_MATRIX, TOTAL
 from tumble.calibration.estimate import (
@@ -51,8 +52,6 @@ WORST_GYRO_SCALE = 0.01
 # Prior of the rotation between the triads about each axis, where norms alone are there: 10 mrad.
 ROTATION_SIGMA = 0.01
 _NORM = slice(0, 1)
-# Chance of keeping a g-sensitivity that is not there.
-G_SENSITIVITY_FALSE_ALARM = 0.01
 BIAS_ONLY = (
     "The gyro cannot see the Earth's rotation in these holds, so that its scale factors and misalignments are "
     "not given. Turn the unit between the holds about all axes, and the hand-held procedure gives them."

@@ -30,6 +30,7 @@ from tumble.calibration.closed_forms.rotation_sequences import SequenceModel, se
 from tumble.calibration.closed_forms.sequence_inversion import SequenceSolution, solve_measurements
 from tumble.calibration.closed_forms.sequence_measurements import SequenceMeasurement, measure_sequence
 from tumble.calibration.equations.placement import is_excessive
+from tumble.calibration.equations.placement_bias import G_SENSITIVITY_FALSE_ALARM
 from tumble.calibration.estimate import Estimate, TermTest
 from tumble.calibration.procedure import Procedure
 from tumble.calibration.session import Session
@@ -55,8 +56,6 @@ SETTLED = 0.01
 LARGEST_PASSES = 8
 # A sensor that shows so much less of the motion than the others shows none.
 DEAD = 0.01
-# Chance of keeping a g-sensitivity that is not there.
-G_SENSITIVITY_FALSE_ALARM = 0.01
 
 
 @dataclass(slots=True)

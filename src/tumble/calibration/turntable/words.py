@@ -17,6 +17,7 @@ from tumble.calibration.turntable.task import TurntableOutcome, TurntableTask, s
 from tumble.calibration.verdict import two_digits
 from tumble.errors import ObservabilityError
 from tumble.sensor.conventions.shin import shin_from_matrix
+from tumble.units import ARCSECOND
 
 # Residuals so many times their noise are no noise.
 LARGEST_FACTOR = 20.0
@@ -24,7 +25,6 @@ LARGEST_FACTOR = 20.0
 MISREAD = 5.5
 # The same of half of all axes, and as a share of the angle, is none either: wander is in the noise.
 UNSTEADY, LEAST_UNSTEADY = 2.5, 5e-4
-_ARCSEC = np.pi / 648000.0
 NOT_ESTIMATED = (
     "Nonlinear terms of the sensors are not estimated. A g-sensitivity does not reach the gyros' "
     "matrix. Its constant part goes out of the difference of the two ways round. What goes round "
@@ -88,7 +88,7 @@ def misread_words(fits: list[RotationFit]) -> list[str]:
         )
         return [said]
     return [
-        f"About {fit.name} the gyros turned {max(abs(t.residual) for t in fit.angles) / _ARCSEC:.0f}″ "
+        f"About {fit.name} the gyros turned {max(abs(t.residual) for t in fit.angles) / ARCSECOND:.0f}″ "
         f"more one way and less the other than the table's display says, {value:.1f} times their "
         "noise. No other axis shows the like. Either an angle was misread or mistyped (`angle_deg`), "
         "or the unit slipped on the table."
@@ -176,8 +176,8 @@ def _about_table(task: TurntableTask) -> str:
     """Return what the table's errors do to each kind of parameter, in numbers for these rotations."""
     angle = float(np.median([pair.angle for pair in task.pairs]))
     stated = float(np.median([pair.angle_sigma for pair in task.pairs]))
-    share = 1e6 * _ARCSEC / angle
-    said = f"{stated / _ARCSEC:.2g}″ of the difference of two rotations" if stated > 0.0 else "exact angles"
+    share = 1e6 * ARCSECOND / angle
+    said = f"{stated / ARCSECOND:.2g}″ of the difference of two rotations" if stated > 0.0 else "exact angles"
     return (
         f"What errors of the table do (the protocol states {said}): 1″ more in that difference is "
         f"{share:.2g} ppm less gyro scale factor and as many µrad of a misalignment. A wrong angle "

@@ -19,8 +19,7 @@ from tumble.export.target import BIAS, G_SENSITIVITY, MATRIX, SCALE, Imported, T
 from tumble.export.words import head
 from tumble.files import shown
 from tumble.sensor import ImuModel, Triad
-
-_DEGREE = np.pi / 180.0
+from tumble.units import DEGREE
 
 
 def write(subject: Subject) -> dict[str, str]:
@@ -36,7 +35,7 @@ def write(subject: Subject) -> dict[str, str]:
     }
     for letter, matrix, bias in (
         ("a", accelerometer.matrix, accelerometer.bias),
-        ("g", gyroscope.matrix * _DEGREE, gyroscope.bias),
+        ("g", gyroscope.matrix * DEGREE, gyroscope.bias),
     ):
         scale = np.linalg.norm(matrix, axis=1)
         document[f"K_{letter}"] = np.diag(scale).tolist()
@@ -74,7 +73,7 @@ def read(path: Path) -> Imported:
             factor * invertible(parts[f"K_{letter}"] @ parts[f"R_{letter}"], f"K_{letter} R_{letter}", path),
             vector_of(entry(document, f"b_{letter}", path), f"b_{letter}", path),
         )
-        for letter, factor in (("a", 1.0), ("g", 1.0 / _DEGREE))
+        for letter, factor in (("a", 1.0), ("g", 1.0 / DEGREE))
     ]
     raw = tuple(str(document.get(key) or "counts") for key in ("from_acc_unit", "from_gyr_unit"))
     sensitivity = parts["K_ga"] if np.any(parts["K_ga"]) else None

@@ -10,6 +10,7 @@ from tumble.calibration.verdict import two_digits
 from tumble.report.figures.plot import BLUE, GREY, ORANGE, base_layout, error_bars, hover, scatter, text_axis
 from tumble.report.page import Block, Figure, Figures, Plot, Sentences, Table, section
 from tumble.report.rounding import with_uncertainty
+from tumble.units import ARCSECOND
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
     from tumble.calibration.evidence import RotationFit, Rotations
     from tumble.report.subject import Subject
 
-ARCSEC = np.pi / 648000.0
 _HEADS = (
     "axis",
     "against the vertical",
@@ -65,8 +65,8 @@ def _rows(fit: RotationFit) -> list[list[str]]:
     """Return a row for each rotation; what is the axis' own stands in the first."""
     missed = plane = inclination = ""
     if np.isfinite(fit.missed):
-        expected = two_digits(np.sqrt(2.0) * fit.missed_sigma / ARCSEC)
-        missed = f"{two_digits(fit.missed / ARCSEC)} ″ (expected {expected} ″)"
+        expected = two_digits(np.sqrt(2.0) * fit.missed_sigma / ARCSECOND)
+        missed = f"{two_digits(fit.missed / ARCSECOND)} ″ (expected {expected} ″)"
     if np.isfinite(fit.plane_residual):
         plane = f"{two_digits(1e3 * fit.plane_residual)} mm/s²"
     if np.isfinite(fit.inclination):
@@ -74,7 +74,7 @@ def _rows(fit: RotationFit) -> list[list[str]]:
     rows: list[list[str]] = []
     for number, turned in enumerate(fit.angles):
         way = f"{np.degrees(turned.angle):+.9g}° in {turned.seconds:.1f} s"
-        off = f"{with_uncertainty(turned.residual / ARCSEC, turned.sigma / ARCSEC)} ″"
+        off = f"{with_uncertainty(turned.residual / ARCSECOND, turned.sigma / ARCSECOND)} ″"
         note = "" if turned.from_rest else "at the constant rate"
         if number == 0:
             notes = "; ".join(word for word in (note, fit.why) if word)
@@ -88,11 +88,11 @@ def _drawn(fits: Sequence[RotationFit]) -> list[Plot]:
     data: list[Plot] = []
     for sign, name, colour in ((1.0, "counter-clockwise", BLUE), (-1.0, "clockwise", ORANGE)):
         turned = [(fit.name, angle) for fit in fits for angle in fit.angles if sign * angle.angle > 0.0]
-        sigmas = [angle.sigma / ARCSEC for _, angle in turned]
+        sigmas = [angle.sigma / ARCSECOND for _, angle in turned]
         data.append(
             scatter(
                 [hover(f"about {axis}") for axis, _ in turned],
-                np.array([angle.residual / ARCSEC for _, angle in turned]),
+                np.array([angle.residual / ARCSECOND for _, angle in turned]),
                 name=name,
                 error_y=error_bars(sigmas, color=GREY, thickness=1),
                 marker={"size": 9, "color": colour, "symbol": "circle" if sign > 0 else "diamond"},

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from tumble.earth import Site
 from tumble.errors import OutputError, UsageError
+from tumble.units import ARCSECOND, DEGREE_PER_ROOT_HOUR, MICRO_G
 from tumble.workflows.planning.plan import document_text, planned_grade, planned_place
 from tumble.workflows.progress import silent
 
@@ -19,11 +20,7 @@ if TYPE_CHECKING:
     from tumble.design.strapdown_setup import SensorQuality, StrapdownSetup
 
 # Units of data sheets in SI.
-_DEGREE = math.pi / 180.0
-_PER_ROOT_HOUR = _DEGREE / 60.0
-_ARCSECOND = _DEGREE / 3600.0
 # A density in µg/√Hz is one-sided: the random walk is it over √2.
-_MICRO_G = 9.80665e-6
 MOST_RUNS = 100_000
 
 
@@ -217,11 +214,11 @@ def _quality(order: BudgetOrder) -> tuple[SensorQuality, list[str]]:
         if value is not None and not 0.0 <= value < 1e6:
             raise UsageError(f"--{name} {value:g}: give zero or a positive number.")
     grade, assumed = planned_grade(order.imu)
-    quality = SensorQuality.from_grade(grade, gyro_pulse=_ARCSECOND * (pulse or 0.0))
+    quality = SensorQuality.from_grade(grade, gyro_pulse=ARCSECOND * (pulse or 0.0))
     if walk is not None:
-        quality = replace(quality, gyro_walk=_PER_ROOT_HOUR * walk)
+        quality = replace(quality, gyro_walk=DEGREE_PER_ROOT_HOUR * walk)
     if noise is not None:
-        quality = replace(quality, force_walk=_MICRO_G / math.sqrt(2.0) * noise)
+        quality = replace(quality, force_walk=MICRO_G / math.sqrt(2.0) * noise)
     return quality, assumed
 
 

@@ -13,8 +13,8 @@ import numpy as np
 
 from tumble.earth import Site
 from tumble.errors import UsageError
+from tumble.units import MICRO_G
 from tumble.workflows.planning.plan import check_seed, planned_grade
-from tumble.workflows.planning.words import MICRO_G
 
 if TYPE_CHECKING:
     from tumble.design.candidates import AxisRange

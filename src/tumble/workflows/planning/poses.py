@@ -13,6 +13,7 @@ import numpy as np
 
 from tumble.earth import Site
 from tumble.errors import UsageError
+from tumble.units import MICRO_G
 from tumble.workflows.planning.given import read_known
 from tumble.workflows.planning.plan import (
     document_text,
@@ -23,7 +24,6 @@ from tumble.workflows.planning.plan import (
 )
 from tumble.workflows.planning.pose_order import LEVELLED, PoseOrder, choose_reach, pose_grade, pose_task
 from tumble.workflows.planning.words import (
-    MICRO_G,
     SECOND,
     UNITS,
     describe_poses,

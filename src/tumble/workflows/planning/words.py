@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tumble.units import STANDARD_GRAVITY
+from tumble.units import MICRO_G, STANDARD_GRAVITY
 
 if TYPE_CHECKING:
     from tumble.arrays import Series
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from tumble.workflows.planning.protocol import ProtocolPlanned
 
 SECOND = math.pi / 648000.0
-MICRO_G = 9.80665e-6
 # Practical unit and its size in the unit of `tumble.design.candidates.PARAMETERS`, by group.
 UNITS = {"scale": ("ppm", 1e-6), "misalignment": ("mrad", 1e-3), "bias": ("mg", 1e-3)}
 # Practical unit of each group, and its size in SI.
