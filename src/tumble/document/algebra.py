@@ -152,7 +152,7 @@ def inverted(calibration: Calibration) -> Calibration:
         raise UsageError("A calibration that changes with temperature has no inverse of this form.")
     model = calibration.own_model
     for triad in (model.accelerometer, model.gyroscope):
-        if triad is not None and (triad.asymmetry is not None or triad.quadratic is not None):
+        if triad is not None and not triad.is_straight:
             raise UsageError("A calibration with asymmetry or quadratic terms has no inverse of this form.")
     units = calibration.raw_units
     factors = (specific_force_factor(units.specific_force), angular_rate_factor(units.angular_rate))

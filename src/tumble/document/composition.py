@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from datetime import UTC, datetime
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -32,6 +32,7 @@ from tumble.document.result import (
     UnseenBlock,
     VerdictBlock,
 )
+from tumble.document.rows import rows_of
 from tumble.document.soundness import covariance_fault, not_finite
 from tumble.document.thermal_block import ThermalBlock, thermal_block
 from tumble.earth import EARTH_RATE, Site
@@ -79,7 +80,7 @@ def calibration_from_estimate(
     nominal = angular_rate_factor(recording.angular_rate_unit) is not None
     gyroscope = None
     if model.gyroscope is not None:
-        gyroscope = _block(model.gyroscope, model.g_sensitivity, has_matrix=known or nominal)
+        gyroscope = TriadBlock.of(model.gyroscope, model.g_sensitivity, has_matrix=known or nominal)
     return Calibration(
         created=(created or datetime.now(UTC)).isoformat(timespec="seconds"),
         software=f"tumble {tumble.__version__}",
@@ -94,9 +95,7 @@ def calibration_from_estimate(
         raw_units=RawUnits(
             specific_force=recording.specific_force_unit, angular_rate=recording.angular_rate_unit
         ),
-        accelerometer=None
-        if model.accelerometer is None
-        else _block(model.accelerometer, None, has_matrix=True),
+        accelerometer=None if model.accelerometer is None else TriadBlock.of(model.accelerometer),
         gyroscope=gyroscope,
         parameters=[
             ParameterBlock(
@@ -115,7 +114,7 @@ def calibration_from_estimate(
         remarks=[*estimate.remarks, *remarks],
         test_vectors=_test_vectors(model, recording, gyroscope),
         thermal=thermal,
-        lever_arms=None if estimate.lever_arms is None else _rows(estimate.lever_arms),
+        lever_arms=None if estimate.lever_arms is None else rows_of(estimate.lever_arms),
         magnetometer=_magnetometer(estimate, site),
     )
 
@@ -165,24 +164,6 @@ def _factors(estimate: Estimate) -> list[float | None]:
     if told is None or len(told.coverage_factors) != len(estimate.parameters):
         return [None for _ in estimate.parameters]
     return [float(factor) for factor in told.coverage_factors]
-
-
-def _rows(matrix: Any) -> Any:
-    return tuple(tuple(float(v) for v in row) for row in matrix)
-
-
-def _row(vector: Any) -> Any:
-    return tuple(float(v) for v in vector)
-
-
-def _block(triad: Triad, g_sensitivity: Any, *, has_matrix: bool) -> TriadBlock:
-    return TriadBlock(
-        matrix=_rows(triad.matrix) if has_matrix else None,
-        bias=_row(triad.bias),
-        asymmetry=None if triad.asymmetry is None else _row(triad.asymmetry),
-        quadratic=None if triad.quadratic is None else _row(triad.quadratic),
-        g_sensitivity=None if g_sensitivity is None else _rows(g_sensitivity),
-    )
 
 
 def site_block(site: Site) -> SiteBlock:
@@ -271,15 +252,7 @@ def _test_vectors(model: ImuModel, recording: Recording, gyroscope: TriadBlock |
         if model.g_sensitivity is not None and force is not None:
             seen = raw_rate - force @ model.g_sensitivity.T
         rate = model.gyroscope.correct(seen)
-    return [
-        TestVector(
-            raw_specific_force=None if raw_force is None else _row(raw_force[i]),
-            raw_angular_rate=None if raw_rate is None else _row(raw_rate[i]),
-            specific_force=None if force is None else _row(force[i]),
-            angular_rate=None if rate is None else _row(rate[i]),
-        )
-        for i in range(3)
-    ]
+    return TestVector.of(raw_force, raw_rate, force, rate)
 
 
 def _raw_numbers(triad: Triad, true: Vectors, factor: float | None) -> Vectors:

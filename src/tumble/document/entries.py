@@ -11,6 +11,7 @@ import numpy.typing as npt
 from tumble.arrays import Series, Square, Table
 from tumble.document.result import Calibration, ParameterBlock, RawUnits
 from tumble.sensor import ImuModel, Triad, propagate
+from tumble.sensor.triad import CURVES
 from tumble.units import angular_rate_factor, specific_force_factor
 
 Complex = npt.NDArray[Any]
@@ -59,7 +60,7 @@ def vector_of_model(model: ImuModel) -> Series:
     """Return the (45,) numbers of a model."""
     values = np.zeros(SIZE)
     for kind, triad in (("accelerometer", model.accelerometer), ("gyroscope", model.gyroscope)):
-        for term in ("matrix", "bias", "asymmetry", "quadratic"):
+        for term in ("matrix", "bias", *CURVES):
             given = None if triad is None else getattr(triad, term)
             if given is not None:
                 values[PLACES[f"{kind}.{term}"][0]] = np.ravel(given)
@@ -88,8 +89,7 @@ def model_of_vector(values: Series, like: ImuModel) -> ImuModel:
         return Triad(
             part(values, f"{kind}.matrix").copy(),
             part(values, f"{kind}.bias").copy(),
-            None if known.asymmetry is None else part(values, f"{kind}.asymmetry").copy(),
-            None if known.quadratic is None else part(values, f"{kind}.quadratic").copy(),
+            **{name: part(values, f"{kind}.{name}").copy() for name, _, _ in known.curves()},
         )
 
     return ImuModel(

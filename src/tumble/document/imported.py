@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from datetime import UTC, datetime
-from typing import Any
 
 import numpy as np
 
@@ -21,7 +20,7 @@ from tumble.document.result import (
 )
 from tumble.document.thermal_block import thermal_block
 from tumble.earth import EARTH_RATE
-from tumble.sensor import ImuModel, Triad
+from tumble.sensor import ImuModel
 from tumble.sensor.thermal import ThermalModel
 from tumble.units import STANDARD_GRAVITY, angular_rate_factor, specific_force_factor
 
@@ -98,27 +97,11 @@ def calibration_from_model(
 
 def triad_blocks(model: ImuModel) -> tuple[TriadBlock | None, TriadBlock | None]:
     """Return the blocks of both triads; one that the model lacks is None."""
-    return _block(model.accelerometer, None), _block(model.gyroscope, model.g_sensitivity)
-
-
-def _block(triad: Triad | None, sensitivity: Any) -> TriadBlock | None:
-    if triad is None:
-        return None
-    return TriadBlock(
-        matrix=_rows(triad.matrix),
-        bias=_row(triad.bias),
-        asymmetry=None if triad.asymmetry is None else _row(triad.asymmetry),
-        quadratic=None if triad.quadratic is None else _row(triad.quadratic),
-        g_sensitivity=None if sensitivity is None else _rows(sensitivity),
+    force, rate = model.accelerometer, model.gyroscope
+    return (
+        None if force is None else TriadBlock.of(force),
+        None if rate is None else TriadBlock.of(rate, model.g_sensitivity),
     )
-
-
-def _row(values: Any) -> Any:
-    return tuple(float(v) for v in values)
-
-
-def _rows(matrix: Any) -> Any:
-    return tuple(_row(line) for line in matrix)
 
 
 def test_vectors(model: ImuModel, units: tuple[str, str]) -> list[TestVector]:
@@ -135,15 +118,7 @@ def test_vectors(model: ImuModel, units: tuple[str, str]) -> list[TestVector]:
         if model.g_sensitivity is not None and force is not None:
             seen = raw_rate - force @ model.g_sensitivity.T
         rate = model.gyroscope.correct(seen)
-    return [
-        TestVector(
-            raw_specific_force=None if raw_force is None else _row(raw_force[i]),
-            raw_angular_rate=None if raw_rate is None else _row(raw_rate[i]),
-            specific_force=None if force is None else _row(force[i]),
-            angular_rate=None if rate is None else _row(rate[i]),
-        )
-        for i in range(3)
-    ]
+    return TestVector.of(raw_force, raw_rate, force, rate)
 
 
 def _round(values: np.ndarray, whole: bool) -> np.ndarray:

@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from tumble.arrays import Matrix
+from tumble.document.rows import Row, Rows, row_of, rows_of
 from tumble.sensor import Triad
 from tumble.units import magnetic_field_factor
 
@@ -15,7 +16,6 @@ if TYPE_CHECKING:
     from tumble.calibration.magnetometer.estimate import Magnetometer
     from tumble.calibration.magnetometer.verdict import FieldVerdict
 
-Row = tuple[float, float, float]
 FORMULA = (
     "raw = matrix * true + bias; true = inverse(matrix) * (raw - bias), in `unit` and along the axes of `frame`; the "
     "bias is the hard iron, the matrix holds soft iron, scale factors, non-orthogonality and the rotation to frame b"
@@ -106,7 +106,7 @@ class MagnetometerBlock(_Strict):
     frame: Literal["b", "magnetometer"]
     method: str
     formula: str = FORMULA
-    matrix: tuple[Row, Row, Row] | None
+    matrix: Rows | None
     bias: Row | None
     parameters: list[FieldParameter] = Field(default_factory=list[FieldParameter])
     covariance_parameters: list[str] = Field(default_factory=list[str])
@@ -162,13 +162,13 @@ class MagnetometerBlock(_Strict):
         vectors = [
             FieldVector(
                 raw_magnetic_field=one.raw_magnetic_field,
-                magnetic_field=_row(triad.correct(np.array([one.raw_magnetic_field]))[0]),
+                magnetic_field=row_of(triad.correct(np.array([one.raw_magnetic_field]))[0]),
             )
             for one in self.test_vectors
         ]
         return self.model_copy(
             update={
-                "matrix": _rows(matrix),
+                "matrix": rows_of(matrix),
                 "covariance": covariance,
                 "parameters": own,
                 "test_vectors": vectors,
@@ -226,8 +226,8 @@ def magnetometer_block(made: Magnetometer, verdict: FieldVerdict) -> Magnetomete
         unit="T" if made.field_unit == "T" else "local field",
         frame=OWN_FRAME if made.frame == OWN_FRAME else "b",
         method=made.method,
-        matrix=None if triad is None else _rows(triad.matrix),
-        bias=None if triad is None else _row(triad.bias),
+        matrix=None if triad is None else rows_of(triad.matrix),
+        bias=None if triad is None else row_of(triad.bias),
         parameters=[
             FieldParameter(
                 name=p.name, value=p.value, standard_uncertainty=p.standard_uncertainty, unit=p.unit
@@ -278,7 +278,7 @@ def _vectors(triad: Triad, norm: float) -> list[FieldVector]:
     raw = triad.distort(norm * directions)
     raw = np.round(raw, 3 - int(np.floor(np.log10(np.max(np.abs(raw))))))
     return [
-        FieldVector(raw_magnetic_field=_row(one), magnetic_field=_row(true))
+        FieldVector(raw_magnetic_field=row_of(one), magnetic_field=row_of(true))
         for one, true in zip(raw, triad.correct(raw), strict=True)
     ]
 
@@ -289,13 +289,3 @@ def _finite(value: float) -> float | None:
 
 def _degrees(angle: float) -> float | None:
     return float(np.degrees(angle)) if np.isfinite(angle) else None
-
-
-def _row(vector: object) -> Row:
-    x, y, z = (float(v) for v in np.asarray(vector, dtype=float))
-    return x, y, z
-
-
-def _rows(matrix: object) -> tuple[Row, Row, Row]:
-    a, b, c = (_row(row) for row in np.asarray(matrix, dtype=float))
-    return a, b, c

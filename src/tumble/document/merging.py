@@ -27,7 +27,7 @@ def merge_models(first: ImuModel, second: ImuModel) -> ImuModel:
     """
     for model in (first, second):
         for triad in (model.accelerometer, model.gyroscope):
-            if triad is not None and (triad.asymmetry is not None or triad.quadratic is not None):
+            if triad is not None and not triad.is_straight:
                 raise UsageError(
                     "Calibrations with asymmetry or quadratic terms are no single matrix and bias one after another."
                 )

@@ -11,17 +11,19 @@ from typing import Any, Literal, cast
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from tumble.arrays import Series, Square, Vectors
+from tumble.arrays import Matrix, Series, Square, Vectors
 from tumble.border import border
 from tumble.document.contradictions import contradiction_in
 from tumble.document.limits_block import LimitsBlock
 from tumble.document.magnetometer_block import MagnetometerBlock
+from tumble.document.rows import Row, Rows, row_of, rows_of
 from tumble.document.thermal_block import ThermalBlock
 from tumble.document.turn_ons_block import TurnOnsBlock
 from tumble.errors import CalibrationFileError
 from tumble.files import read_json, shown, write_text
 from tumble.sensor import ImuModel, Triad
 from tumble.sensor.thermal import Outside, ThermalModel
+from tumble.sensor.triad import CURVES
 
 FORMAT = "tumble calibration"
 VERSION = 1
@@ -38,7 +40,6 @@ BACKWARD = (
     "Correct the accelerometer first: the gyroscope's g_sensitivity acts on its corrected f. "
     "At rest the specific force points up: f = -gravity"
 )
-Row = tuple[float, float, float]
 # What a thermal block corrects by, without words, covariance and test vectors.
 _THERMAL_NUMBERS = (
     *("basis", "coefficients", "rate_coefficients", "hysteresis", "hysteresis_width", "lag", "smoothing"),
@@ -94,11 +95,36 @@ class RawUnits(_Strict):
 class TriadBlock(_Strict):
     """One triad: `matrix` raw units per SI unit (rows), `bias` raw units. A missing matrix is unknown."""
 
-    matrix: tuple[Row, Row, Row] | None
+    matrix: Rows | None
     bias: Row
     asymmetry: Row | None = None
     quadratic: Row | None = None
-    g_sensitivity: tuple[Row, Row, Row] | None = None
+    g_sensitivity: Rows | None = None
+
+    @staticmethod
+    def of(triad: Triad, g_sensitivity: Matrix | None = None, *, has_matrix: bool = True) -> TriadBlock:
+        """Return the block of a triad.
+
+        Parameters
+        ----------
+        triad, g_sensitivity : what corrects it; the latter of gyros alone.
+        has_matrix : its matrix is known.
+        """
+        return TriadBlock(
+            matrix=rows_of(triad.matrix) if has_matrix else None,
+            bias=row_of(triad.bias),
+            g_sensitivity=None if g_sensitivity is None else rows_of(g_sensitivity),
+            **{name: row_of(size) for name, _, size in triad.curves()},
+        )
+
+    @property
+    def triad(self) -> Triad | None:
+        """The triad; None without a matrix."""
+        if self.matrix is None:
+            return None
+        given = {name: getattr(self, name) for name in CURVES}
+        curves = {name: np.array(size, dtype=float) for name, size in given.items() if size is not None}
+        return Triad(np.array(self.matrix, dtype=float), np.array(self.bias, dtype=float), **curves)
 
 
 class ParameterBlock(_Strict):
@@ -173,6 +199,23 @@ class TestVector(_Strict):
     specific_force: Row | None = None
     angular_rate: Row | None = None
 
+    @staticmethod
+    def of(
+        raw_force: Vectors | None, raw_rate: Vectors | None, force: Vectors | None, rate: Vectors | None
+    ) -> list[TestVector]:
+        """Return one for each of some samples (samples, 3); a triad that is not calibrated is None."""
+        given = {
+            "raw_specific_force": raw_force,
+            "raw_angular_rate": raw_rate,
+            "specific_force": force,
+            "angular_rate": rate,
+        }
+        known = {name: values for name, values in given.items() if values is not None}
+        count = max(map(len, known.values()), default=0)
+        return [
+            TestVector(**{name: row_of(values[i]) for name, values in known.items()}) for i in range(count)
+        ]
+
 
 class Calibration(_Strict):
     """A calibration of one IMU, with everything needed to apply and to judge it.
@@ -221,7 +264,7 @@ class Calibration(_Strict):
     remarks: list[str] = Field(default_factory=list)
     test_vectors: list[TestVector]
     thermal: ThermalBlock | None = None
-    lever_arms: tuple[Row, Row, Row] | None = None
+    lever_arms: Rows | None = None
     magnetometer: MagnetometerBlock | None = None
     turn_ons: TurnOnsBlock | None = None
     input_corrected_by: list[str] = Field(default_factory=list)
@@ -300,8 +343,8 @@ class Calibration(_Strict):
         CalibrationFileError
             If the document has no matrix of either triad.
         """
-        accelerometer = None if self.accelerometer is None else _triad(self.accelerometer)
-        gyroscope = None if self.gyroscope is None else _triad(self.gyroscope)
+        accelerometer = None if self.accelerometer is None else self.accelerometer.triad
+        gyroscope = None if self.gyroscope is None else self.gyroscope.triad
         magnetometer = None if self.magnetometer is None else self.magnetometer.triad
         if accelerometer is None and gyroscope is None and magnetometer is None:
             raise CalibrationFileError("The calibration has no matrix of any triad: it cannot be applied.")
@@ -509,14 +552,3 @@ def calibration_schema() -> dict[str, Any]:
     schema = Calibration.model_json_schema()
     # A document may hold another one (composed_with): its keys are told at the top as well.
     return {**schema["$defs"]["Calibration"], "$defs": schema["$defs"]}
-
-
-def _triad(block: TriadBlock) -> Triad | None:
-    if block.matrix is None:
-        return None
-    return Triad(
-        np.array(block.matrix, dtype=float),
-        np.array(block.bias, dtype=float),
-        None if block.asymmetry is None else np.array(block.asymmetry, dtype=float),
-        None if block.quadratic is None else np.array(block.quadratic, dtype=float),
-    )

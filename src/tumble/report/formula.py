@@ -47,7 +47,7 @@ def thermal_snippet(calibration: Calibration) -> str:
                 lines.append(f"G_T = {_array(model.coefficients['g_sensitivity'])}")
         body += _body("g", "w", "raw_rate", "gyroscope", model, coupled=coupled)
         names.append("rate")
-    if any(_is_bent(t) for t in (model.reference.accelerometer, model.reference.gyroscope)):
+    if any(t and not t.is_straight for t in (model.reference.accelerometer, model.reference.gyroscope)):
         lines.insert(
             1, "# Asymmetry and quadratic terms are left out here; tumble apply takes them into account."
         )
@@ -55,10 +55,6 @@ def thermal_snippet(calibration: Calibration) -> str:
     lines.append("    rate, s = np.broadcast_to(rate, np.shape(T)), np.broadcast_to(s, np.shape(T))")
     results = ", ".join({"force": "f", "rate": "w"}[name] for name in names)
     return "\n".join([*lines, *body, f"    return {results}"]) + "\n"
-
-
-def _is_bent(triad: Triad | None) -> bool:
-    return triad is not None and (triad.asymmetry is not None or triad.quadratic is not None)
 
 
 def _basis_lines(basis: TemperatureBasis) -> list[str]:

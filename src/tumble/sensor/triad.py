@@ -61,6 +61,11 @@ class Triad:
             if size is not None:
                 yield name, curve, size
 
+    @property
+    def is_straight(self) -> bool:
+        """Whether each sensor shows its own input and its bias, and no curve beside."""
+        return not any(self.curves())
+
     def slope(self, own_input: AnyArray) -> AnyArray:
         """Return by how much the raw output moves with each sensor's own input (..., 3)."""
         rises = np.ones(np.shape(own_input))
@@ -92,7 +97,7 @@ class Triad:
     def own_input(self, raw: Vectors) -> Vectors:
         """Return each sensor's own input ``u`` in raw units, before cross-coupling is removed."""
         output = raw - self.bias
-        if self.asymmetry is None and self.quadratic is None:
+        if self.is_straight:
             return output
         slope = 1.0 if self.asymmetry is None else 1.0 + self.asymmetry * np.sign(output)
         if self.quadratic is None:

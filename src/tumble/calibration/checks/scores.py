@@ -88,7 +88,7 @@ def find_norm_course(
     force = triad.correct(means)
     up = force / np.linalg.norm(force, axis=1, keepdims=True)
     variance = hold_norm_variances(triad, means, covariance)
-    further = triad.asymmetry is not None or triad.quadratic is not None
+    further = not triad.is_straight
     every = np.flatnonzero(np.isfinite(norms))
     found: list[BiasCourse] = []
     for used in (every, np.setdiff1d(every, left_out))[: 2 if len(left_out) else 1]:
@@ -204,6 +204,4 @@ def score_turns(model: ImuModel, data: HoldsAndTurns) -> TurnScores:
 
 def _straight(triad: Triad, raw: Vectors) -> Vectors:
     """Raw numbers as a triad of the same matrix and bias without asymmetry and quadratic terms would show them."""
-    if triad.quadratic is None and triad.asymmetry is None:
-        return raw
-    return triad.own_input(raw) + triad.bias
+    return raw if triad.is_straight else triad.own_input(raw) + triad.bias

@@ -22,9 +22,7 @@ from tumble.recording.formats.output import ENDINGS as TABLES
 from tumble.recording.magnetic_field import MagneticField
 from tumble.recording.rewriting.rewritable import ENDINGS as BAGS
 from tumble.recording.rewriting.rewritable import ending_of
-from tumble.units import COUNTS, magnetic_field_factor
-
-_MICROTESLA = 1e-6
+from tumble.units import COUNTS, MICROTESLA, magnetic_field_factor
 
 
 def corrects_field(document: Calibration, recording: Recording) -> bool:
@@ -96,7 +94,7 @@ class CorrectedField:
             )
         raw = 1.0 if ours is None or theirs is None else ours / theirs
         if last is not None and last.unit == "T":
-            return CorrectedField(document, raw, "uT", 1.0 / _MICROTESLA)
+            return CorrectedField(document, raw, "uT", 1.0 / MICROTESLA)
         said = (
             "The corrected magnetic field is in units of the local field: its norm was not given (--field)."
         )

@@ -196,8 +196,7 @@ def _reordered(triad: Triad | None, C_new_raw: Matrix) -> Triad | None:
         triad,
         matrix=C_new_raw @ triad.matrix,
         bias=C_new_raw @ triad.bias,
-        asymmetry=None if triad.asymmetry is None else C_new_raw @ triad.asymmetry,
-        quadratic=None if triad.quadratic is None else C_new_raw @ triad.quadratic,
+        **{name: C_new_raw @ size for name, _, size in triad.curves()},
     )
 
 
