@@ -173,6 +173,7 @@ def _most_telling(session: Session) -> tuple[Estimate, str]:
 
 def add_objections(session: Session, estimate: Estimate, procedure: str | None, reason: str) -> None:
     """Say what a user who meant a whole calibration does not get, and what was wrong with the sensors."""
+    from tumble.calibration.latitude import find_other_latitude
     from tumble.calibration.procedures.hand_held import SMALLEST_TURNS
 
     recording, timeline = session.recording, session.timeline
@@ -185,6 +186,8 @@ def add_objections(session: Session, estimate: Estimate, procedure: str | None, 
         contradiction = find_axis_contradiction(recording)
         estimate.say("objection", *([] if contradiction is None else [contradiction]))
     estimate.say("objection", *_of_other_rests(session), *_of_force_step(session, estimate))
+    elsewhere = find_other_latitude(estimate, session.site)
+    estimate.say("objection", *([] if elsewhere is None else [elsewhere]))
     if procedure is None and session.protocol is not None:
         return
     lost = [turn for turn in timeline.turns if not turn.usable]

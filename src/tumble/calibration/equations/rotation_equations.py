@@ -437,7 +437,11 @@ class TableRate(RotationEquations):
         by_border[0, :, layout.anchor] = -np.eye(3)
         same = SAME**2 * np.eye(3)[None]
         tied = Linear(tie[None], same, by_border, np.array([0]), np.eye(3)[None])
-        axis, sigma = moving.axis_w, max(spin.rate_sigma * self.seconds, LEAST_RATE_ANGLE)
+        # What makes the axis wobble, such as a unit that slips on its plate halfway, turns it about the axis, too: a
+        # step leaves half of itself across on either side of its mean.
+        wobble = LEAST_WOBBLE**2 * (state.noise.factor("axis", self.stretch.k) - 1.0)
+        axis = moving.axis_w
+        sigma = max(float(np.hypot(spin.rate_sigma * self.seconds, 2.0 * wobble**0.5)), LEAST_RATE_ANGLE)
         # Both the stamps and the display may be wrong by a share that all rotations have in common.
         faster, more = 1.0 + float(state.unknowns["clock"][0]), 1.0 + float(state.unknowns["table_rate"][0])
         angle = abs(spin.turn_rate) * self.seconds * faster * more

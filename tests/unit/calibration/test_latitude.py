@@ -1,0 +1,61 @@
+"""A vertical Earth rate that stands in the g-sensitivity is told from a sensor's own by its one number."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+import tumble
+from second_simulator import GRADES, PROCEDURES
+from tumble.calibration.latitude import latitude_shown
+
+GYRO = np.array([[1.1, 0.2, -0.1], [0.05, 0.9, 0.3], [-0.25, 0.15, 1.05]])
+SIGMA = 1e-7
+GRAVITY = 9.81
+
+
+def said_of(sensitivity: np.ndarray, latitude: float = 52.0) -> str | None:
+    """Of entries with independent errors."""
+    return latitude_shown(sensitivity, GYRO, SIGMA**2 * np.eye(9), float(np.radians(latitude)), GRAVITY)
+
+
+def test_a_rate_along_the_vertical_is_another_latitudes() -> None:
+    """At 42° the Earth turns by 7.292e-5 (sin 42° - sin 52°) less upwards than at 52°, -8.67e-6 rad/s."""
+    upward = 7.292115e-5 * (np.sin(np.radians(42.0)) - np.sin(np.radians(52.0)))
+    noise = SIGMA * np.random.default_rng(3).standard_normal((3, 3))
+    said = said_of(upward / GRAVITY * GYRO + noise)
+    assert said is not None
+    found = re.search(r"show -8\.\de-06 .* latitude 52\.0° gives, as at (4\d\.\d)°", said)
+    assert found is not None
+    # 1e-7 rad/s per m/s² over the root of three are 5.7e-7 rad/s, 0.6° of latitude there
+    assert float(found[1]) == pytest.approx(42.0, abs=2.0)
+
+
+def test_a_sensors_own_sensitivity_is_no_latitudes() -> None:
+    own = 1e-6 * np.random.default_rng(4).standard_normal((3, 3))
+    assert said_of(own) is None
+    # one axis alone, the same with another sign, a rate that the Earth has nowhere, and none that is certain
+    assert said_of(np.diag([3e-6, 0.0, 0.0])) is None
+    assert said_of(1e-6 * GYRO @ np.diag([1.0, -1.0, 1.0])) is None
+    assert said_of(3e-5 * GYRO) is None
+    assert said_of(1e-7 * GYRO) is None
+    assert said_of(-1e-6 * GYRO, -30.0) is not None
+
+
+def test_a_latitude_that_is_10_degrees_off_is_said_of_a_quiet_unit(tmp_path: Path) -> None:
+    """Its g-sensitivity was stated 12 sigmas off, and fit; the gravity was surveyed and right."""
+    made = PROCEDURES["laboratory"](GRADES["tactical"], np.random.default_rng(90001), "wrong-latitude")
+    file = tmp_path / "protocol.yaml"
+    file.write_text(made.protocol, encoding="utf-8")
+    verdict = tumble.calibrate(
+        pl.DataFrame(made.columns()), protocol=file, rate="50±0.0025"
+    ).calibration.verdict
+    assert not verdict.fit
+    (said,) = [reason for reason in verdict.reasons if "Earth's rotation" in reason]
+    shown = re.search(r"as at (-?[\d.]+)°", said)
+    assert shown is not None
+    assert float(shown[1]) == pytest.approx(np.degrees(made.place.latitude), abs=2.0)
