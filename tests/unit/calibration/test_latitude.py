@@ -11,7 +11,7 @@ import pytest
 
 import tumble
 from second_simulator import GRADES, PROCEDURES
-from tumble.calibration.latitude import latitude_shown
+from tumble.calibration.checks.latitude import latitude_shown
 
 GYRO = np.array([[1.1, 0.2, -0.1], [0.05, 0.9, 0.3], [-0.25, 0.15, 1.05]])
 SIGMA = 1e-7
