@@ -191,9 +191,10 @@ def raw_force(u: Unknowns, true: Vectors, apart: AnyArray | None = None) -> RawF
 
 @dataclass(frozen=True, slots=True)
 class RawRate:
-    """Raw output of the gyros: (rows, 3), and by blocks (rows, 3, block)."""
+    """Raw output of the gyros: (rows, 3), by the true rate (rows, 3, 3), by blocks (rows, 3, block)."""
 
     value: Vectors
+    by_true: AnyArray
     by_blocks: dict[str, AnyArray]
 
 
@@ -213,7 +214,8 @@ def raw_rate(u: Unknowns, true: Vectors, force: Vectors) -> RawRate:
     }
     if u.is_free("gyro.g_sensitivity"):
         blocks["gyro.g_sensitivity"] = _rows(np.broadcast_to(force[:, None, :], (len(true), 3, 3)))
-    return RawRate(bent + force @ g_sensitivity(u).T + u["gyro.bias"], blocks)
+    value = bent + force @ g_sensitivity(u).T + u["gyro.bias"]
+    return RawRate(value, slope[:, :, None] * gyro_matrix(u), blocks)
 
 
 def _bent(u: Unknowns, kind: str, own: Vectors) -> tuple[Vectors, Vectors, dict[str, AnyArray]]:

@@ -272,8 +272,12 @@ def _modes(base: HoldsAndTurns, windows: int, seconds: float, rate: float) -> in
     return mode_count(windows, seconds * rate / (2.0 * np.pi))
 
 
-def mean_backward_rotation(rotation: TableRotation, rate: Vectors, lag: float = 0.0) -> Matrices:
+def mean_backward_rotation(
+    rotation: TableRotation, rate: Vectors, lag: float = 0.0
+) -> tuple[Matrices, Matrices]:
     """Return (windows, 3, 3) the mean over each window of the rotation from its centre's frame to each sample's.
+
+    The second is its derivative by the speed, s.
 
     Parameters
     ----------
@@ -288,9 +292,14 @@ def mean_backward_rotation(rotation: TableRotation, rate: Vectors, lag: float = 
     """
     speed = np.linalg.norm(rate, axis=1)
     count = rotation.windows[:, 1] - rotation.windows[:, 0]
-    phase = np.repeat(speed, count) * (rotation.offsets - lag)
+    seconds = rotation.offsets - lag
+    phase = np.repeat(speed, count) * seconds
     starts = rotation.windows[:, 0] - rotation.windows[0, 0]
-    sine = np.add.reduceat(np.sin(phase), starts) / count
-    cosine = np.add.reduceat(np.cos(phase), starts) / count
+    sines, cosines = np.sin(phase), np.cos(phase)
+    sine, cosine, slower, faster = (
+        (np.add.reduceat(of, starts) / count)[:, None, None]
+        for of in (sines, cosines, seconds * cosines, seconds * sines)
+    )
     cross = skews(rate / np.maximum(speed, 1e-30)[:, None])
-    return np.eye(3) - sine[:, None, None] * cross + (1.0 - cosine)[:, None, None] * (cross @ cross)
+    twice = cross @ cross
+    return np.eye(3) - sine * cross + (1.0 - cosine) * twice, faster * twice - slower * cross

@@ -231,7 +231,7 @@ class Windows(AlikeEquations):
             np.concatenate([one.moving.C_wb for one in group]),
             np.repeat([one.moving.own for one in group], counts, axis=0),
         )
-        turned = np.concatenate(mean)
+        turned, by_speed = (np.concatenate(of) for of in zip(*mean, strict=True))
         backward = turned @ np.swapaxes(C_wb, 1, 2)
         up = np.array([0.0, 0.0, -state.site.gravity])
         cross, bases = skews(rates), layout.bases(modes)
@@ -247,11 +247,13 @@ class Windows(AlikeEquations):
             blocks["lever_arms"] = lever_arms.by_lever_arms(shown.by_true, centripetal)
         if u.is_free("lag"):
             blocks["lag"] = by_lag(shown.by_true, rates, backward @ up)[:, :, None]
-        by_rate = _force_by_rate(turned, rates, np.swapaxes(C_wb, 1, 2) @ up, own[:, layout.lever])
-        by_output = -shown.by_true @ by_rate @ inverted(gyro_matrix(u))
-        felt = backward @ up
-        blocks |= {name: by_output @ block for name, block in raw_rate(u, rates, felt).by_blocks.items()}
-        blocks["clock"] = shown.by_true @ by_rate @ rates[:, :, None] / (1.0 + u["clock"][0])
+        by_rate = shown.by_true @ _gravity_by_rate(turned, by_speed, rates, np.swapaxes(C_wb, 1, 2) @ up)
+        arms = own[:, None, layout.lever] + u["lever_arms"].reshape(3, 3)
+        by_rate = by_rate + lever_arms.by_rate(shown.by_true, rates, arms)
+        gyros = raw_rate(u, rates, backward @ up)
+        by_output = -by_rate @ np.linalg.inv(gyros.by_true)
+        blocks |= {name: by_output @ block for name, block in gyros.by_blocks.items()}
+        blocks["clock"] = by_rate @ rates[:, :, None] / (1.0 + u["clock"][0])
         by_border = u.columns(blocks, layout.earth.stop)
         by_border[:, :, layout.lever] = shown.by_true @ centripetal
         by_border[:, :, layout.force] = bases
@@ -584,21 +586,20 @@ def _window_rates(u: Unknowns, raw_force: Table, raw_rate: Table) -> Table:
     return np.asarray((1.0 + u["clock"][0]) * (seen @ inverted(gyro_matrix(u)).T), dtype=np.float64)
 
 
-def _force_by_rate(turned: Matrices, rates: Vectors, centre: Vectors, lever: Vectors) -> Matrices:
-    """(windows, 3, 3) of the mean true force by the rate: about what gravity goes round, and the lever arm.
+def _gravity_by_rate(turned: Matrices, by_speed: Matrices, rates: Vectors, centre: Vectors) -> Matrices:
+    """(windows, 3, 3) of gravity's mean force by the rate: about what it goes round, and how fast.
 
-    `centre` is gravity's force in the middle of each window. That it goes round a little faster is no matter.
+    `centre` is its force in the middle of each window.
     """
     speed = np.maximum(np.linalg.norm(rates, axis=1), 1e-30)[:, None, None]
-    axis, w, r = rates[:, :, None] / speed, rates[:, :, None], lever[:, :, None]
+    axis = rates[:, :, None] / speed
     lost = 0.5 * (3.0 - np.trace(turned, axis1=1, axis2=2))[:, None, None]
     odd = 0.5 * (turned - np.swapaxes(turned, 1, 2))
     sine = -np.sum(odd * skews(axis[:, :, 0]), axis=(1, 2))[:, None, None] / 2.0
     along = np.sum(axis[:, :, 0] * centre, axis=1)[:, None, None]
     turning = lost * (axis * centre[:, None, :] + along * np.eye(3)) + sine * skews(centre)
     across = (np.eye(3) - axis * np.swapaxes(axis, 1, 2)) / speed
-    outward = np.sum(w * r, axis=1, keepdims=True) * np.eye(3) + w * np.swapaxes(r, 1, 2)
-    return turning @ across + outward - 2.0 * r * np.swapaxes(w, 1, 2)
+    return turning @ across + (by_speed @ centre[:, :, None]) * np.swapaxes(axis, 1, 2)
 
 
 def _modes_of_links(spin: TableRotation) -> AnyArray:

@@ -125,6 +125,20 @@ def by_lever_arms(by_true: AnyArray, centripetal: AnyArray) -> AnyArray:
     return made.reshape(-1, 3, 9)
 
 
+def by_rate(by_true: AnyArray, rates: Table, arms: AnyArray) -> AnyArray:
+    """Return (windows, 3, 3) derivatives of the raw force by the rate, of what is centripetal at each accelerometer.
+
+    Parameters
+    ----------
+    by_true : (windows, 3, 3) derivatives by the true force.
+    rates : (windows, 3) rad/s.
+    arms : (windows, 3, 3) m, from the axis to each accelerometer (second).
+    """
+    own = np.einsum("nab,nb,nac->nac", by_true, rates, arms)
+    along = np.einsum("nb,nab->na", rates, arms)[:, :, None] * by_true
+    return own + along - 2.0 * np.einsum("nab,nab,nc->nac", by_true, arms, rates)
+
+
 def lever_arms_of(arms: Series, terms: frozenset[str], C_bf: Matrix) -> Matrix | None:
     """Return (3, 3) m where each accelerometer sits in the frame of the result; None where it is not known.
 
