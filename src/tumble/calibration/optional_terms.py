@@ -7,21 +7,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Series, Square
+from tumble.arrays import Series, Square
 from tumble.calibration.checks.observability import TOLD
 from tumble.calibration.checks.snooping import NEEDLESS, wald_test
 from tumble.calibration.equations.adjustment import JointAdjustment
-from tumble.calibration.equations.causes import FORCE_WANDER
-from tumble.calibration.equations.imu_unknowns import force_matrix, name_plate, term_unknowns
+from tumble.calibration.equations.imu_unknowns import name_plate, term_unknowns
 from tumble.calibration.estimate import TermTest
 from tumble.calibration.procedures.hand_held import LAG_LIMIT, TERM_FALSE_ALARM
+from tumble.calibration.recording_influences import recording_influences
 from tumble.calibration.terms import TERMS
 from tumble.estimation.balance import Balanced
-from tumble.estimation.equations import Drift
-from tumble.estimation.settled import Settled
 from tumble.estimation.terms import keep_wanted
 from tumble.estimation.unknowns import Unknowns
-from tumble.estimation.wander import shared_wander
 
 OF_FORCE = tuple(term.name for term in TERMS.values() if term.shown_by == "force")
 EVERYWHERE = tuple(term.name for term in TERMS.values() if term.shown_by != "table")
@@ -76,8 +73,8 @@ def wanted_terms(
 ) -> list[str]:
     """Drop the least significant term until every one left is wanted; of each, its last test goes into `tests`.
 
-    Terms of the accelerometers are wanted only if they are whether or not neighbouring holds share what they scatter
-    by.
+    They are wanted only if they are whether or not neighbouring holds and rotations share what they scatter by: what a
+    term of the second order would explain, a slow wander explains as well.
 
     Parameters
     ----------
@@ -88,14 +85,13 @@ def wanted_terms(
     sought : terms that the recording was made for, which stay whatever their test says.
     """
     solution, u = balanced.solution, task.unknowns
-    by_hand, plate = not task.rotations, name_plate(u)
-    spread = solution.cofactor + shared_scatter(task, solution) if by_hand else solution.cofactor
+    plate = name_plate(u)
+    spread = recording_influences(task, solution).covariance
 
     def test(name: str, values: Series, blocks: list[Square]) -> tuple[float, bool]:
-        taken = blocks if name in OF_FORCE and by_hand else blocks[:1]
         degrees, excess = _checks_of(name, task, balanced)
         own = plate[term_unknowns(name)]
-        each = [term_test(name, values, excess * block, degrees, limits[name]) for block in taken]
+        each = [term_test(name, values, excess * block, degrees, limits[name]) for block in blocks]
         tests[name] = max(each, key=lambda one: one.probability)
         if name in EVERYWHERE and np.any(np.abs(values) > LARGEST_OF_A_UNIT * own):
             # Something else is wrong with the recording, and the term takes it up.
@@ -299,37 +295,3 @@ def seen_table_terms(normal: Square, u: Unknowns) -> list[str]:
     sizes = name_plate(u)[u.free]
     left = _left_open(normal * np.outer(sizes, sizes))
     return [name for name in ON_TABLES if _is_determined(name, left, u.free)]
-
-
-def shared_scatter(task: JointAdjustment, solution: Settled) -> Square:
-    """Return (free, free) by how much the covariance would differ if holds scattered by a wander that they share.
-
-    Means of holds scatter by more than their white noise: partly by what is each hold's own, partly by a bias that
-    wanders, which neighbours have nearly in common. The adjustment takes all of it for each hold's own. For biases and
-    scale factors that is near enough for weighing; what a term of the second order would explain, a slow wander
-    explains as well, and three times as often as independent draws say.
-
-    Parameters
-    ----------
-    task, solution : observations with their noise, and the settled estimate; rotations of a table have wanders of
-        their own, and are left as they are.
-    """
-    base, free = task.data.base, solution.unknowns.free.size
-    matrix = force_matrix(task.unknowns)
-    scatter = np.diag(base.force_floor) + task.noise["force"] * (matrix @ matrix.T)
-    density = task.data.force_density * np.diag(scatter) / np.maximum(base.force_floor, 1e-300)
-    if not np.any(density > 0.0):
-        return np.zeros((free, free))
-    drifts: list[tuple[Drift, AnyArray]] = []
-    for spread in solution.spreads():
-        for term in spread.chain.chain.terms:
-            active = term.linear.active
-            if term.equations.kind != "force" or active is None or not np.any(active):
-                continue
-            inverse = np.asarray(np.linalg.inv(term.root), dtype=np.float64)
-            own = term.equations.drifts(task, term.linear, 0)[FORCE_WANDER]
-            alone = inverse @ np.tile(scatter, (3, 3)) @ np.swapaxes(inverse, 1, 2)
-            by_bias = inverse @ own.by_bias
-            drift = Drift(own.start[active], own.stop[active], by_bias[active], alone[active])
-            drifts.append((drift, spread.gain(term, free)[active]))
-    return shared_wander(drifts, density, (float(base.time[0]), float(base.time[-1])))

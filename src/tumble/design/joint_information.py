@@ -19,7 +19,7 @@ from tumble.calibration.equations.imu_unknowns import LAYOUT, PLAIN, imu_unknown
 from tumble.calibration.equations.observed import Observed
 from tumble.calibration.equations.reference_equations import Heading
 from tumble.calibration.equations.stretches import RecordingStretch, SectionStretch
-from tumble.calibration.outcome.budget import recording_influences
+from tumble.calibration.recording_influences import recording_influences
 from tumble.calibration.start import start_adjustment
 from tumble.earth import Site
 from tumble.estimation import Prior

@@ -102,34 +102,37 @@ _MEDIAN = 0.86
 
 def find_density(
     parts: RestParts,
-    signal: Vectors | None,
-    white: Vector,
+    signal: Table | None,
+    white: Series,
     *,
     holds: np.ndarray | None = None,
     design: Table | None = None,
-    spread: Vectors | None = None,
-) -> Vector:
-    """Return (3,) raw² per unit of ``ln f``: the density by which the biases of a triad wander.
+    spread: Table | None = None,
+    alike: Square | None = None,
+) -> Series:
+    """Return (axes,) raw² per unit of ``ln f``: the density by which the biases of a triad wander.
 
     Parameters
     ----------
     parts : of the rests.
-    signal, white : their means and the density of the white noise: of the one triad or the other.
+    signal, white : (parts, axes), (axes,) their means and the density of the white noise: of the one triad or the
+        other, or of what it shows along some direction of each hold.
     holds : indices of the holds that are compared with one another; None for all.
     design : (holds, columns) what the mean of each depends on linearly, a one for the bias included; None where each
         may show anything, and only its own parts are compared.
-    spread : (holds, 3) raw², variance of each hold's mean by what is neither noise nor wander, such as placement.
+    spread : (holds, axes) raw², variance of each hold's mean by what is neither noise nor wander, such as placement.
+    alike : (holds, holds) correlation of what two holds show of a wander that stays; None for one: they show the same.
 
     Notes
     -----
-    The restricted likelihood of a density in proportion to the white noise, the same for all three axes of one make,
+    The restricted likelihood of a density in proportion to the white noise, the same for all axes of one make,
     times the prior of data sheets; its mean over the logarithm. Of a sensor without noise it is zero.
     """
     every = np.unique(parts.hold) if holds is None else np.asarray(holds)
     position = {int(k): at for at, k in enumerate(every)}
     use = np.array([int(k) in position for k in parts.hold], dtype=bool)
     if signal is None or not np.any(use) or not np.all(white > 0.0):
-        return np.zeros(3)
+        return np.zeros_like(white)
     use &= ~np.isin(parts.hold, disturbed_holds(parts, signal, white))
     at = np.array([position[int(k)] for k in parts.hold[use]], dtype=int)
     columns = np.eye(len(every)) if design is None else np.asarray(design, dtype=np.float64)
@@ -138,6 +141,8 @@ def find_density(
         return USUAL * white
     seconds = parts.stop[use] - parts.start[use]
     together = covariance_about_the_mean(parts.start[use], parts.stop[use], parts.span)
+    if alike is not None:
+        together = together * alike[np.ix_(at, at)]
     same = (at[:, None] == at[None]).astype(np.float64)
     basis = _orthogonal(rows)
     logarithm = -0.5 * (np.log(_GRID / USUAL) / SPREAD) ** 2
@@ -152,7 +157,7 @@ def find_density(
     return float(np.exp(np.sum(weight * np.log(_GRID)) / weight.sum())) * white
 
 
-def disturbed_holds(parts: RestParts, signal: Vectors, white: Vector) -> np.ndarray:
+def disturbed_holds(parts: RestParts, signal: Table, white: Series) -> np.ndarray:
     """Return the indices of holds whose parts differ far more than those of the others, and than white noise explains.
 
     Of white noise one hold in a hundred million does; a wander that is the same in all holds makes none.

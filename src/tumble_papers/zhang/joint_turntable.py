@@ -22,7 +22,7 @@ from tumble.calibration.equations.imu_unknowns import LAYOUT, PLAIN, imu_unknown
 from tumble.calibration.equations.observed import Observed, TableRotation, observe, table_rotation
 from tumble.calibration.equations.rotation_equations import LEAST_WOBBLE
 from tumble.calibration.equations.turn import HoldsAndTurns
-from tumble.calibration.outcome.budget import recording_influences
+from tumble.calibration.recording_influences import recording_influences
 from tumble.calibration.start import start_adjustment
 from tumble.earth import EARTH_RATE, Site
 from tumble.estimation.solve import linearise, solve

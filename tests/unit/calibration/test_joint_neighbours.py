@@ -11,7 +11,7 @@ import pytest
 from tumble.calibration.equations.causes import FORCE_WANDER, RATE_WANDER, SOURCES
 from tumble.calibration.equations.imu_unknowns import imu_unknowns, unknowns_of
 from tumble.calibration.equations.observed import observe
-from tumble.calibration.outcome.budget import recording_influences
+from tumble.calibration.recording_influences import recording_influences
 from tumble.calibration.start import start_adjustment
 from tumble.estimation.equations import Drift
 from tumble.estimation.influence import Influences

@@ -22,7 +22,6 @@ from tumble.calibration.optional_terms import (
     determined_terms,
     implausible_words,
     possible_terms,
-    shared_scatter,
     term_limits,
     unknowns_with,
     untried_words,
@@ -30,6 +29,7 @@ from tumble.calibration.optional_terms import (
     worse_predicted,
 )
 from tumble.calibration.outcome.estimate import require_positive
+from tumble.calibration.recording_influences import recording_influences
 from tumble.calibration.start import start_adjustment
 from tumble.errors import ObservabilityError
 from tumble.estimation.balance import Balanced
@@ -70,19 +70,13 @@ def test_a_shared_scatter_leaves_a_covariance_and_hardly_touches_the_gyros(
 ) -> None:
     task, balanced = settled
     u = balanced.solution.unknowns
-    change = shared_scatter(task, balanced.solution)
+    change = recording_influences(task, balanced.solution).shared
     assert np.allclose(change, change.T, atol=1e-18)
     shared = balanced.solution.cofactor + change
     assert np.all(np.linalg.eigvalsh(shared / np.sqrt(np.outer(np.diag(shared), np.diag(shared)))) > 0.0)
     at = u.places(["gyro.matrix", "gyro.bias"])
     own = np.sqrt(np.diag(balanced.solution.cofactor)[at])
     assert np.all(np.abs(np.sqrt(np.diag(shared)[at]) / own - 1.0) < 0.2)
-
-
-def test_without_scatter_nothing_is_shared(settled: tuple[JointAdjustment, Balanced]) -> None:
-    task, balanced = settled
-    still = replace(task, data=replace(task.data, force_density=np.zeros(3)))
-    assert not np.any(shared_scatter(still, balanced.solution))
 
 
 def test_a_wider_covariance_is_not_narrower_in_any_direction() -> None:

@@ -46,6 +46,21 @@ def test_the_density_of_flicker_is_found_from_what_all_rests_show() -> None:
     assert np.exp(np.mean(np.log(every))) == pytest.approx(INSTABILITY**2 / np.pi, rel=0.35)
 
 
+def test_what_rests_show_along_some_direction_each_tells_it_too() -> None:
+    """Of three axes that wander apart, two rests along gravity show as much in common as their directions have."""
+    up = np.random.default_rng(8).normal(size=(24, 3))
+    up /= np.linalg.norm(up, axis=1, keepdims=True)
+    every: list[float] = []
+    for seed in range(6):
+        own = parts(INSTABILITY, seed)
+        assert own.rate is not None
+        along = np.sum(up[own.hold] * own.rate, axis=1, keepdims=True)
+        white = np.mean(own.rate_white, keepdims=True)
+        made = find_density(own, along, white, holds=np.arange(24), design=up, alike=up @ up.T)
+        every.append(float(made[0]))
+    assert np.exp(np.mean(np.log(every))) == pytest.approx(INSTABILITY**2 / np.pi, rel=0.35)
+
+
 def test_white_noise_has_little_of_it() -> None:
     every = [found(parts(0.0, seed), design=np.ones((24, 1))) for seed in range(4)]
     assert np.mean(every) < 0.4 * USUAL * WHITE**2

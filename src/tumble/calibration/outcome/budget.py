@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrix, Series, Table, Vector, inverted
-from tumble.calibration.checks.hold_wander import placed_density
 from tumble.calibration.checks.uncertainty_statement import (
     Detectable,
     GlobalTest,
@@ -36,17 +35,16 @@ from tumble.calibration.equations.causes import (
     TABLE_RATE,
     TURNS,
 )
-from tumble.calibration.equations.hold_equations import Rate
 from tumble.calibration.equations.imu_unknowns import force_matrix, gyro_matrix, term_unknowns
 from tumble.calibration.evidence import Budget
 from tumble.calibration.outcome.description import named_function
+from tumble.calibration.recording_influences import recording_influences
 from tumble.calibration.terms import TERMS
 from tumble.estimation.equations import Tests
-from tumble.estimation.influence import PRIOR, Influences, influences_of
-from tumble.estimation.solve import settled_at, solve
+from tumble.estimation.influence import PRIOR, Influences
+from tumble.estimation.solve import solve
 from tumble.estimation.undetected import ALPHA, POWER, undetected
 from tumble.recording.temperature import mean_celsius
-from tumble.segmentation.rest_wander import find_density
 from tumble.sensor.propagation import Function, jacobian
 from tumble.units import angular_rate_factor, specific_force_factor
 
@@ -58,8 +56,6 @@ if TYPE_CHECKING:
 SHOWN = 1e-4
 # A hold's samples are cut into eight batches at least, whose scatter is the noise at rest.
 DEGREES_OF_A_HOLD = 7.0
-# Of which density is found: more show nothing more.
-MOST_HOLDS = 60
 # A term is near its limit if its probability is within this factor of it, and below the last.
 NEAR, LARGEST_PROBABILITY = 100.0, 0.5
 
@@ -104,25 +100,6 @@ class NamedParameters:
         return np.real(self.function(unknowns.astype(complex)))
 
 
-def recording_influences(task: JointAdjustment) -> Influences:
-    """Return what each observation of a recording does to its unknowns at the solution.
-
-    Parameters
-    ----------
-    task : settled.
-
-    Raises
-    ------
-    ObservabilityError
-        If shared unknowns are not determined.
-    """
-    data = task.data
-    densities = {FORCE_WANDER: data.force_density, RATE_WANDER: data.rate_density}
-    span = float(data.base.time[0]), float(data.base.time[-1])
-    settled = settled_at(task)
-    return influences_of(settled, task.prior, densities, span, _between(task))
-
-
 def outcome_influences(outcome: JointOutcome) -> Influences:
     """Return those of a settled outcome, a course of the accelerometers' biases among them.
 
@@ -134,33 +111,6 @@ def outcome_influences(outcome: JointOutcome) -> Influences:
     if outcome.course is None:
         return influences
     return influences.with_course(FORCE_WANDER, FORCE_COURSE, outcome.course.departure)
-
-
-def _between(task: JointAdjustment) -> dict[str, Vector]:
-    """Source -> (3,) raw² per unit of ``ln f``: the densities by which biases wander, as all rests show them.
-
-    Rests of one face lie near each other in time and share most of it: they scatter less among themselves than the
-    faces do. Of the accelerometers only poses that are believed show it.
-    """
-    data, u = task.data, task.unknowns
-    parts, poses = data.base.parts, data.poses
-    if parts is None or parts.rate is None:
-        return {}
-    holds = np.intersect1d(np.flatnonzero(task.taking_part["rate"]), parts.hold)
-    holds = holds[:: max(1, -(-holds.size // MOST_HOLDS))]
-    shown, up_b = np.zeros((data.holds, 3)), np.zeros((data.holds, 3))
-    for section in task.sections:
-        (linear,) = Rate(section).linearise(task)
-        shown[section.holds] = linear.residual + data.base.rate_mean[section.holds]
-        up_b[section.holds] = section.C_wb[:, 1, 2]
-    columns = [np.ones(data.holds), *(up_b.T if u.is_free("gyro.g_sensitivity") else ())]
-    design, signal = np.column_stack(columns)[holds], parts.rate - shown[parts.hold]
-    made = {RATE_WANDER: find_density(parts, signal, parts.rate_white, holds=holds, design=design)}
-    if poses is not None and poses.hold.size <= MOST_HOLDS:
-        at = np.isin(poses.hold, np.flatnonzero(task.taking_part["force"]))
-        force = data.base.force_mean[poses.hold[at]]
-        made[FORCE_WANDER] = placed_density(parts, force, poses.hold[at], poses.up_f[at], poses.sigma[at])
-    return made
 
 
 def wander_factors(task: JointAdjustment) -> Series:

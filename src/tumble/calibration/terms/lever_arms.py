@@ -18,7 +18,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Matrix, Series, Vector, Vectors, inverted
+from tumble.arrays import AnyArray, Matrix, Series, Table, Vector, Vectors, inverted
 from tumble.attitude.rotations import skews
 from tumble.calibration.terms.term import PAIRS_OF_AXES, Complex, Label, Parameters, Term
 from tumble.errors import UsageError

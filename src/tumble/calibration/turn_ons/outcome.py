@@ -19,15 +19,14 @@ from tumble.calibration.equations.imu_unknowns import (
 )
 from tumble.calibration.estimate import TermTest
 from tumble.calibration.optional_terms import (
-    OF_FORCE,
     ON_TABLES,
     TERM_LIMIT,
     offered_terms,
-    shared_scatter,
     term_test,
     unknowns_with,
 )
 from tumble.calibration.outcome.estimate import JointOutcome
+from tumble.calibration.recording_influences import recording_influences
 from tumble.calibration.terms import TERMS
 from tumble.calibration.turn_ons.adjustment import (
     SeveralSolution,
@@ -155,12 +154,10 @@ def _wanted(parts: list[TurnOn], found: set[str]) -> tuple[list[str], list[TermT
 
 
 def _test(name: str, solution: SeveralSolution, shared: Square) -> TermTest:
-    """Of the accelerometers' terms the less significant: with and without what neighbouring holds share."""
+    """The less significant one: with and without what neighbouring holds share."""
     at = np.searchsorted(solution.stable, term_unknowns(name))
     own, here = np.ix_(at, at), solution.values[at]
-    taken = [solution.covariance[own]]
-    if name in OF_FORCE:
-        taken.append(taken[0] + shared[own])
+    taken = [solution.covariance[own], solution.covariance[own] + shared[own]]
     tests = [term_test(name, here, matrix, solution.redundancy, TERM_LIMIT) for matrix in taken]
     return max(tests, key=lambda test: test.probability)
 
@@ -168,14 +165,12 @@ def _test(name: str, solution: SeveralSolution, shared: Square) -> TermTest:
 def _shared_scatter(solution: SeveralSolution) -> Square:
     """Return (stable, stable) by how much the covariance of what recordings have in common would differ.
 
-    Recordings with a table's rotations are left as they are. Each tells ``P_i x_i``, and together ``C Σ P_i x_i``: a
+    Each tells ``P_i x_i``, and together ``C Σ P_i x_i``: a
     change D_i of the covariance of x_i is ``C P_i D_i P_i C`` of the whole.
     """
     size = solution.stable.size
     total = np.zeros((size, size))
     for part, told in zip(solution.parts, solution.told, strict=True):
-        if part.task.rotations:
-            continue
         change = _scatter_of_one(part)
         place, at = np.searchsorted(solution.stable, part.stable), part.task.unknowns.places(part.stable)
         weights = told.precision[:, place]
@@ -191,7 +186,7 @@ def _scatter_of_one(part: TurnOn) -> Square:
         solution = settled_at(task)
     except ObservabilityError:
         return np.zeros((part.free.size, part.free.size))
-    return part.scale * shared_scatter(task, solution)
+    return part.scale * recording_influences(task, solution).shared
 
 
 def _refuse_another_unit(parts: Sequence[TurnOn]) -> None:
