@@ -165,8 +165,8 @@ def _test(name: str, solution: SeveralSolution, shared: Square) -> TermTest:
 def _shared_scatter(solution: SeveralSolution) -> Square:
     """Return (stable, stable) by how much the covariance of what recordings have in common would differ.
 
-    Each tells ``P_i x_i``, and together ``C Σ P_i x_i``: a change D_i of the covariance of x_i is ``C P_i D_i P_i C`` of
-    the whole.
+    Each tells ``P_i x_i``, and together ``C Σ P_i x_i``: a change D_i of the covariance of x_i is ``C P_i D_i P_i C``
+    of the whole.
     """
     size = solution.stable.size
     total = np.zeros((size, size))
