@@ -113,6 +113,26 @@ def clock_of_stamps(time: Series, stated: float | None = None) -> Clock:
     return own if own.sigma < sigma else replace(own, kind="stated", sigma=sigma)
 
 
+def stamp_jitter(time: Series) -> float:
+    """Return by how much single stamps are off the samples' own instants, s, one standard deviation.
+
+    A stamp that is late makes the step before it long and the one after it short: neighbouring steps are alike by minus
+    the variance of a stamp. Steps that are as irregular as the samples themselves are not alike at all.
+
+    Parameters
+    ----------
+    time : (samples,) s, increasing.
+    """
+    steps = np.diff(time)
+    usual = steps < _MISSING * np.median(steps) if steps.size else np.zeros(0, dtype=bool)
+    both = usual[1:] & usual[:-1]
+    if np.count_nonzero(both) < 2:
+        return 0.0
+    first, second = steps[:-1][both], steps[1:][both]
+    alike: Series = (first - np.mean(first)) * (second - np.mean(second))
+    return max(-float(np.mean(alike)), 0.0) ** 0.5
+
+
 def _by_itself(time: Series, some: Series) -> Clock:
     steps = np.diff(some)
     if steps.size < 2:

@@ -8,7 +8,7 @@ import pytest
 
 import tumble
 from tumble.errors import RecordingError, UsageError
-from tumble.recording.clock import CRYSTAL, NOMINAL, clock_of_stamps, clock_without_stamps
+from tumble.recording.clock import CRYSTAL, NOMINAL, clock_of_stamps, clock_without_stamps, stamp_jitter
 from tumble.recording.recording import Recording
 from tumble.sample_rates import SampleRate, sample_rate
 
@@ -103,3 +103,13 @@ def test_pieces_of_a_recording_keep_its_clock() -> None:
     recording: Recording = tumble.read_recording(pl.DataFrame(_frame(99.5)), rate="99.5±0.2")
     assert recording.between(5, 400).clock == recording.clock
     assert recording.without_rows(np.arange(3000) % 7 > 0).clock == recording.clock
+
+
+def test_the_jitter_of_stamps_is_told_from_samples_that_are_irregular() -> None:
+    late = np.sort(K / 100.0 + np.abs(0.003 * RNG.standard_normal(K.size)))
+    assert stamp_jitter(late) == pytest.approx(0.003 * np.sqrt(1.0 - 2.0 / np.pi), rel=0.1)
+    irregular = np.cumsum(0.01 + 0.002 * RNG.standard_normal(K.size))
+    assert stamp_jitter(irregular) < 0.0006
+    assert stamp_jitter(K / 100.0) < 1e-12
+    with_gap = np.delete(late, np.arange(500, 700))
+    assert stamp_jitter(with_gap) == pytest.approx(stamp_jitter(late), rel=0.1)

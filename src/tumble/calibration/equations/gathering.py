@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from tumble.arrays import Matrices, Vector, Vectors
+from tumble.arrays import Matrices, Series, Vector, Vectors
 from tumble.calibration.equations.turn import HoldsAndTurns
 from tumble.errors import ObservabilityError
+from tumble.recording.clock import stamp_jitter
 from tumble.recording.recording import Recording
 from tumble.segmentation import Hold, HoldMeans, NoiseFloor, Timeline
 from tumble.segmentation.rounding import step_at_rests
@@ -66,6 +67,7 @@ def gather(recording: Recording, timeline: Timeline, means: HoldMeans) -> HoldsA
         rate_floor=_floor(
             means.angular_rate_covariance, floor.angular_rate, means, means.angular_rate_rounding
         ),
+        turn_timing=_timing(recording.time, recording.angular_rate, turn_start, turn_stop),
         rate_rounding=means.angular_rate_rounding,
         parts=means.parts,
     )
@@ -75,6 +77,18 @@ def _least(sigma: Vector, signal: Vectors, rests: list[list[tuple[int, int]]]) -
     """Return a sample's sigma, or what rounding and its digits leave uncertain where there is no noise at all."""
     digits = SAMPLE_DIGITS * max(float(signal.max()), -float(signal.min()))
     return np.maximum(sigma, np.maximum(step_at_rests(signal, rests) / np.sqrt(12.0), digits))
+
+
+def _timing(time: Series, rate: Vectors, start: np.ndarray, stop: np.ndarray) -> Vectors | None:
+    """Return (holds, 3) variance of turns' integrals: a stamp late by j makes one wrong by j times the change there."""
+    jitter = stamp_jitter(time)
+    if jitter == 0.0:
+        return None
+    made = np.zeros((start.size, 3))
+    for k in np.flatnonzero(start >= 0).tolist():
+        own = np.asarray(rate[start[k] : stop[k]], dtype=float)
+        made[k] = np.sum((0.5 * (own[2:] - own[:-2])) ** 2, axis=0)
+    return jitter**2 * made
 
 
 def _floor(covariance: Matrices, sigma: Vector, means: HoldMeans, rounding: Vectors | None) -> Vector:

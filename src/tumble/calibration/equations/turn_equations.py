@@ -154,7 +154,14 @@ def link_residuals(
 
 
 def link_covariance(
-    data: Observed, C_start: Matrices, link: Link, u: Unknowns, more: Series, *, own_bias: bool
+    data: Observed,
+    C_start: Matrices,
+    link: Link,
+    u: Unknowns,
+    more: Series,
+    *,
+    own_bias: bool,
+    timing: Vectors | None = None,
 ) -> Matrices:
     """Return (links, 3, 3) rad² in w: angle random walk, and the bias's own wandering over the link.
 
@@ -164,15 +171,18 @@ def link_covariance(
     C_start, link, u : as for `link_residuals`.
     more : (links,) s for which the random walk acts beyond the link itself.
     own_bias : let the bias wander by the floor seen between holds, each link for itself.
+    timing : (links, 3) raw² s², what stamps that jitter do to the integral; None for nothing.
     """
     inverse = inverted(gyro_matrix(u))
-    white = (inverse * data.base.rate_random_walk) @ inverse.T
+    variance = (link.duration + more)[:, None] * data.base.rate_random_walk
+    if timing is not None:
+        variance = variance + timing
+    white = (inverse * variance[:, None, :]) @ inverse.T
     C_middle = 0.5 * (C_start + C_start @ link.C_se)
     # the mean of both ends' axes, and what of the variance their difference leaves over
     own = C_middle @ white @ np.swapaxes(C_middle, 1, 2)
-    lost = np.trace(white) - np.trace(own, axis1=1, axis2=2)
-    own = own + (lost / 3.0)[:, None, None] * np.eye(3)
-    covariance = (link.duration + more)[:, None, None] * own
+    lost = np.trace(white, axis1=1, axis2=2) - np.trace(own, axis1=1, axis2=2)
+    covariance = own + (lost / 3.0)[:, None, None] * np.eye(3)
     if own_bias:
         floor = _mean_floor(data, u)
         covariance = covariance + (link.duration**2)[:, None, None] * (floor * np.eye(3))
@@ -222,7 +232,8 @@ class Turn(Equations):
         by_border = u.columns(shown.by_blocks, 3)
         by_border[:, :, EARTH] = shown.by_earth
         edge = np.add(*edge_seconds(data, k))
-        covariance = link_covariance(data, tail, link, u, edge, own_bias=True)
+        timing = None if data.base.turn_timing is None else data.base.turn_timing[k]
+        covariance = link_covariance(data, tail, link, u, edge, own_bias=True, timing=timing)
         wander = state.noise["turn"] + state.noise["rate"] * link.duration**2
         covariance = covariance + wander[:, None, None] * np.eye(3)
         active = state.taking_part["turn"][k]
