@@ -31,7 +31,7 @@ from tumble.attitude.directions import twenty_six_directions
 from tumble.capture.events import Event
 from tumble.capture.guide import SESSION, TURN, Guide
 from tumble.capture.machine import Capture
-from tumble.capture.samples import Channels, Samples, joined
+from tumble.capture.samples import Channels
 from tumble.capture.simulated_person import QUARTER_TURN, Flaws, SimulatedPerson, twenty_six_in_order
 from tumble.design.joint_information import GROUPS, NAMES
 from tumble.design.joint_plan import PlanTask
@@ -40,6 +40,7 @@ from tumble.earth import Site
 from tumble.protocol.steps import HoldStep, Protocol, TurnStep
 from tumble.recording.clock import Clock
 from tumble.recording.recording import Recording
+from tumble.recording.samples import Samples, joined
 from tumble.sample_rates import sample_rate
 from tumble.simulation.grades import Grade, find_grade
 from tumble.workflows.calibrate import calibrate

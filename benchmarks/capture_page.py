@@ -26,9 +26,10 @@ from typing import Any
 import numpy as np
 
 from tumble.capture.folder import header_of, lines_of
-from tumble.capture.samples import Channels, Samples
+from tumble.capture.samples import Channels
 from tumble.capture.serve import GuideFolder
 from tumble.capture.simulated_person import Flaws, SimulatedPerson
+from tumble.recording.samples import Samples
 from tumble.simulation.grades import find_grade
 from tumble.web.hub import Hub
 from tumble.web.server import PageServer

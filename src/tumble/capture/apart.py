@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from tumble.arrays import Series, Vectors
-from tumble.capture.samples import Channels, Samples
+from tumble.capture.samples import Channels
 from tumble.capture.source import Piece, SourceOptions
 from tumble.recording.declared import read_units_option
-from tumble.recording.formats.streams import Merging, join_samples
-from tumble.recording.formats.streams import Samples as Stream
+from tumble.recording.formats.streams import Merging
+from tumble.recording.samples import Samples, joined
 
 # s of stamps after which it is known which sensors come, and a step back that is a new clock.
 LONG_ENOUGH, NEW_CLOCK = 1.0, 1.0
@@ -26,7 +26,7 @@ LONGEST_LINE = 1 << 24
 _LARGEST_IN_G = 4.0
 
 
-_NO_FIELD = Stream(np.zeros(0), magnetic_field=np.zeros((0, 3)))
+_NO_FIELD = Samples(np.zeros(0), magnetic_field=np.zeros((0, 3)))
 
 
 @dataclass(slots=True)
@@ -66,8 +66,8 @@ class ApartSensors:
         self._sensors: dict[tuple[str, int], _Kept] = {}
         self._chosen: dict[str, tuple[str, int]] | None = None
         self._merging = Merging(name, "the accelerometer", "the gyro")
-        self._whole: list[Stream] = []
-        self._field: Stream = _NO_FIELD
+        self._whole: list[Samples] = []
+        self._field: Samples = _NO_FIELD
 
     def add(self, kind: str, rank: int, time: float, values: tuple[float, float, float]) -> None:
         """Take a sample of a sensor.
@@ -152,18 +152,18 @@ class ApartSensors:
         force, rate = taken.get("force"), taken.get("rate")
         if force is None or rate is None:
             time = taken["rate" if force is None else "force"][0]
-            whole = Stream(time, None if force is None else force[1], None if rate is None else rate[1])
+            whole = Samples(time, None if force is None else force[1], None if rate is None else rate[1])
         else:
-            self._merging.add(Stream(force[0], force[1]), Stream(rate[0], None, rate[1]))
+            self._merging.add(Samples(force[0], force[1]), Samples(rate[0], None, rate[1]))
             whole = self._merging.take(last=last)
         if "field" in taken:
             stamps, values = taken["field"]
-            self._field = join_samples([self._field, Stream(stamps, magnetic_field=values)])
+            self._field = joined([self._field, Samples(stamps, magnetic_field=values)])
         if whole is not None and len(whole):
             self._whole.append(whole)
-        return self._with_field(join_samples(self._whole), last=last) if self._whole else None
+        return self._with_field(joined(self._whole), last=last) if self._whole else None
 
-    def _with_field(self, whole: Stream, *, last: bool) -> Samples | None:
+    def _with_field(self, whole: Samples, *, last: bool) -> Samples | None:
         """The samples whose magnetometer's are known by now, each at the next stamp."""
         assert self._chosen is not None
         if "field" not in self._chosen:

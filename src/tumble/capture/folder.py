@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from tumble.capture.events import Event
-from tumble.capture.samples import Channels, Samples
+from tumble.capture.samples import Channels
 from tumble.errors import UsageError
 from tumble.files import GrowingFile, make_folder
 from tumble.recording.formats.output import column_names
 from tumble.recording.recording import Recording
+from tumble.recording.samples import Samples
 from tumble.units import COUNTS
 
 RECORDING, JOURNAL = "recording.csv", "session.jsonl"

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tumble.capture.samples import Channels, Samples
+from tumble.capture.samples import Channels
 from tumble.capture.source import Notice, Piece, SourceOptions
 from tumble.capture.stamps import ArrivalClock
+from tumble.recording.samples import Samples
 
 # Frames, and s of stamps, after which the channels are known; bytes that wait for a frame's end.
 FEWEST, LONG_ENOUGH, LONGEST = 20, 0.5, 1 << 16

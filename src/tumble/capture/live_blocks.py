@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from tumble.arrays import Vectors
-from tumble.capture.samples import Channels, Samples, joined
+from tumble.capture.samples import Channels
 from tumble.recording.recording import Recording
+from tumble.recording.samples import Samples, joined
 from tumble.segmentation.blocks import BlockCut, Blocks, TriadBlocks
 from tumble.segmentation.search import LONGEST_HARMLESS_GAP
 from tumble.units import COUNTS, angular_rate_factor, specific_force_factor
@@ -70,12 +71,12 @@ class LiveBlocks:
         self._walls += [(self.samples + int(i)) // size for i in long]
         self._rest.append(samples)
         self.samples += len(samples)
-        self._last = samples.rows(np.array([-1]))
+        self._last = samples.cut(np.array([-1]))
         blocks = self.samples // size - self.count
         if blocks:
             waiting = joined(self._rest)
             self._put(waiting, blocks)
-            self._rest = [waiting.rows(np.arange(blocks * size, len(waiting)))]
+            self._rest = [waiting.cut(np.arange(blocks * size, len(waiting)))]
         return blocks
 
     def _put(self, samples: Samples, blocks: int) -> None:

@@ -14,7 +14,8 @@ from tumble.capture.doubts import early_doubts
 from tumble.capture.events import Event
 from tumble.capture.live_blocks import MOST_BLOCKS, LiveBlocks
 from tumble.capture.live_holds import Change, LiveHold, LiveHolds
-from tumble.capture.samples import Channels, Samples
+from tumble.capture.samples import Channels
+from tumble.recording.samples import Samples
 from tumble.units import COUNTS, specific_force_factor
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from tumble.arrays import Series, Vectors
-from tumble.capture.samples import Channels, Samples
+from tumble.capture.samples import Channels
 from tumble.capture.source import Piece, SourceOptions
 from tumble.capture.stamps import ArrivalClock
 from tumble.errors import RecordingError
@@ -18,6 +18,7 @@ from tumble.recording.declared import DeclaredUnits, read_units_option
 from tumble.recording.formats.table import RawTable
 from tumble.recording.interpretation import Interpretation, choose_columns, interpret
 from tumble.recording.recording import Remark, Source
+from tumble.recording.samples import Samples
 from tumble.units import COUNTS, time_factor
 
 # s, and rows, after which it is decided what the columns are; of a file that is there at once the rows alone.

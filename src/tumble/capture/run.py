@@ -14,7 +14,7 @@ from tumble.capture.events import Event
 from tumble.capture.folder import HOLDS, RECORDING, CaptureFolder, check_folder
 from tumble.capture.guide import Guide
 from tumble.capture.machine import Capture
-from tumble.capture.samples import Channels, Samples, joined
+from tumble.capture.samples import Channels
 from tumble.capture.source import Notice, Piece, Source, SourceOptions
 from tumble.capture.sources.replay import replay
 from tumble.capture.stamps import ForwardClock
@@ -22,6 +22,7 @@ from tumble.earth import Site
 from tumble.errors import ConvergenceError, ObservabilityError, RecordingError, SegmentationError, UsageError
 from tumble.files import GrowingFile
 from tumble.protocol.library import REST
+from tumble.recording.samples import Samples, joined
 from tumble.sample_rates import SampleRate
 
 if TYPE_CHECKING:
@@ -247,7 +248,7 @@ class _UnderWay:
             events.append(self._event("back", f"Samples come again, after {waited:.1f} s."))
         samples = samples.finite()
         if self._from is not None:
-            samples = samples.rows(samples.time > self._from)
+            samples = samples.cut(samples.time > self._from)
         samples, jumps = self._clock.carry_on(samples, waited)
         for before, after in jumps:
             words = (

@@ -17,10 +17,11 @@ import numpy as np
 
 from tumble.capture.events import Event
 from tumble.capture.folder import JOURNAL, header_of, lines_of
-from tumble.capture.samples import Channels, Samples
+from tumble.capture.samples import Channels
 from tumble.capture.simulated_person import SimulatedPerson
 from tumble.capture.sources.sockets import split_address
 from tumble.errors import UsageError, install
+from tumble.recording.samples import Samples
 
 # s after which the names of the columns are sent again, for those who come later; pieces that a slow reader may lag.
 AGAIN, LAGGED = 1.0, 600

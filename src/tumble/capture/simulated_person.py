@@ -17,8 +17,9 @@ from tumble.attitude.directions import twenty_six_directions
 from tumble.attitude.rotations import rotation_between
 from tumble.capture.events import Event
 from tumble.capture.machine import Capture
-from tumble.capture.samples import Channels, Samples
+from tumble.capture.samples import Channels
 from tumble.capture.source import Piece
+from tumble.recording.samples import Samples
 from tumble.simulation.grades import Grade
 from tumble.simulation.noise import convert_to_digital, simulate_wander
 from tumble.units import STANDARD_GRAVITY

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TypeAlias
 
-from tumble.capture.samples import Channels, Samples
+from tumble.capture.samples import Channels
 from tumble.errors import UsageError
+from tumble.recording.samples import Samples
 
 
 @dataclass(frozen=True, slots=True)

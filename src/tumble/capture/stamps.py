@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tumble.capture.samples import Samples
+from tumble.recording.samples import Samples
 
 # s that a clock may step ahead or back before it is said: longer silences of a live unit are told by the silence.
 LARGEST_STEP = 1.0
@@ -55,7 +55,7 @@ class ForwardClock:
         )
         self.repeated += int(np.count_nonzero(~ahead))
         if not ahead.all():
-            samples, time = samples.rows(ahead), time[ahead]
+            samples, time = samples.cut(ahead), time[ahead]
         if len(time):
             self._last = float(time[-1])
         return samples.at(time), jumps

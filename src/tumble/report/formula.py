@@ -121,10 +121,6 @@ def _body(index: str, true: str, raw: str, name: str, model: ThermalModel, *, co
     return [*lines, f"    {true} = np.linalg.solve({matrix}, u[:, :, None])[:, :, 0]"]
 
 
-def _curve_array(values: Any) -> str:
-    return f"np.array({np.asarray(values, dtype=float).tolist()!r})"
-
-
 def formula_text(calibration: Calibration) -> str:
     """Return both formulas, forward and backward, with matrices and biases, as plain text."""
     units = calibration.raw_units

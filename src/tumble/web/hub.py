@@ -13,8 +13,8 @@ import numpy as np
 
 from tumble.capture.events import Event
 from tumble.capture.machine import Capture
-from tumble.capture.samples import Samples
 from tumble.capture.targets import SHOWN
+from tumble.recording.samples import Samples
 
 # s of samples in one column of the traces; columns and events that are kept for who comes late.
 COLUMN, KEPT, MOST_EVENTS = 1.0 / 30.0, 600, 2000

@@ -6,8 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from tumble.capture.samples import Channels, Samples
+from tumble.capture.samples import Channels
 from tumble.recording import Recording
+from tumble.recording.samples import Samples
 
 GRAVITY = 9.80665
 

@@ -20,9 +20,10 @@ from tests.unit.capture.test_links import collected
 
 from tumble.capture.apart import ApartSensors
 from tumble.capture.link import formats
-from tumble.capture.samples import Channels, Samples, joined
+from tumble.capture.samples import Channels
 from tumble.capture.source import Notice, Piece, SourceOptions, find_source
 from tumble.errors import UsageError
+from tumble.recording.samples import Samples, joined
 
 RATE = 100.0
 

@@ -13,7 +13,7 @@ from tumble.capture.events import Event
 from tumble.capture.machine import Capture
 from tumble.capture.rest_coach import RestCoach
 from tumble.capture.run import CaptureOrder, run_capture
-from tumble.capture.samples import Channels, Samples
+from tumble.capture.samples import Channels
 from tumble.capture.simulated_person import SimulatedPerson
 from tumble.capture.source import SourceOptions, sources
 from tumble.capture.steps_coach import StepsCoach, step_phrase
@@ -22,6 +22,7 @@ from tumble.protocol.library import PROTOCOLS, named_protocol
 from tumble.protocol.steps import HoldStep, Pose, Protocol, SpinStep, TurnStep
 from tumble.recording import Recording
 from tumble.recording.formats.output import write_recording
+from tumble.recording.samples import Samples
 from tumble.simulation.grades import find_grade
 
 UPS = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])

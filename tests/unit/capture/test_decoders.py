@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from tumble.capture.link import formats
-from tumble.capture.samples import Channels, Samples, joined
+from tumble.capture.samples import Channels
 from tumble.capture.source import Notice, Piece, SourceOptions
+from tumble.recording.samples import Samples, joined
 
 COUNT, RATE = 200, 100.0
 rng = np.random.default_rng(7)

@@ -21,9 +21,10 @@ from tests.unit.capture.recordings import by_hand
 
 from tumble.capture.decoders.text import TextLines
 from tumble.capture.link import formats
-from tumble.capture.samples import Channels, Samples, joined
+from tumble.capture.samples import Channels
 from tumble.capture.source import Notice, Piece, SourceOptions, find_source, sources
 from tumble.errors import RecordingError, UsageError
+from tumble.recording.samples import Samples, joined
 
 RECORDING = by_hand(1, seed=21)
 

@@ -11,9 +11,10 @@ from tests.unit.capture.recordings import by_hand, channels_of, pieces_of
 from tumble.capture.live_blocks import LiveBlocks
 from tumble.capture.live_holds import LiveHolds
 from tumble.capture.machine import Capture
-from tumble.capture.samples import Channels, Samples
+from tumble.capture.samples import Channels
 from tumble.capture.simulated_person import Flaws, SimulatedPerson, twenty_six_in_order
 from tumble.recording import Recording, read_recording
+from tumble.recording.samples import Samples
 from tumble.segmentation import find_timeline
 from tumble.segmentation.blocks import cut_blocks
 from tumble.simulation.grades import find_grade

@@ -12,9 +12,10 @@ import pytest
 
 from tumble.capture.folder import RECORDING, CaptureFolder
 from tumble.capture.link import formats
-from tumble.capture.samples import Channels, Samples, joined
+from tumble.capture.samples import Channels
 from tumble.capture.source import Piece, SourceOptions, find_source
 from tumble.recording import read_recording
+from tumble.recording.samples import Samples, joined
 
 COUNT, RATE = 200, 100.0
 RNG = np.random.default_rng(7)

@@ -10,12 +10,12 @@ import pytest
 
 from tumble.attitude.directions import twenty_six_directions
 from tumble.capture.run import CaptureOrder, run_capture
-from tumble.capture.samples import Samples
 from tumble.capture.simulated_person import Flaws, SimulatedPerson
 from tumble.capture.source import Source, SourceOptions, find_source
 from tumble.design.joint_information import NAMES
 from tumble.earth import Site
 from tumble.errors import UsageError
+from tumble.recording.samples import Samples
 from tumble.simulation.grades import find_grade
 
 

@@ -346,7 +346,8 @@ def test_a_target_that_is_none_is_refused(text: str) -> None:
 
 
 def test_a_unit_whose_numbers_never_change_does_not_end_the_capture(tmp_path: Path) -> None:
-    from tumble.capture.samples import Channels, Samples
+    from tumble.capture.samples import Channels
+    from tumble.recording.samples import Samples
 
     time_of = np.arange(1000) / 100.0
     force, rate = np.tile([0.1, -0.2, 9.8], (1000, 1)), np.tile([0.001, 0.002, 0.003], (1000, 1))

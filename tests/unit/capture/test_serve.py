@@ -14,11 +14,12 @@ import pytest
 from tests.unit.capture.test_links import collected
 
 from tumble.capture.events import Event
-from tumble.capture.samples import Channels, Samples, joined
+from tumble.capture.samples import Channels
 from tumble.capture.serve import person_for, serve
 from tumble.capture.simulated_person import SimulatedPerson
 from tumble.capture.source import Piece, SourceOptions, find_source
 from tumble.errors import UsageError
+from tumble.recording.samples import Samples, joined
 from tumble.simulation.grades import find_grade
 
 

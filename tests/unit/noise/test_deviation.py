@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from tumble.errors import UsageError
-from tumble.noise.denoising.wavelets import haar_wavelet_variance
 from tumble.noise.deviation import allan_deviation, choose_averaging, find_pieces
 
 
@@ -124,17 +123,16 @@ def test_given_averaging_times_are_taken_to_whole_samples_once() -> None:
     assert found.averaging.tolist() == [1, 3, 40]
 
 
-def test_the_wavelet_variance_is_that_of_the_coefficients_written_out() -> None:
-    """Coefficients of the maximal-overlap Haar transform: half the difference of neighbouring means."""
+def test_half_the_allan_variance_is_that_of_haar_coefficients_written_out() -> None:
+    """Coefficients of the maximal-overlap Haar transform: half the difference of neighbouring means (Percival 1995)."""
     signal = signal_of(600)
-    found = haar_wavelet_variance(signal, 4.0)
-    for k, level in enumerate(found.level):
-        half = 2 ** (int(level) - 1)
+    found = allan_deviation(signal, 4.0, taus="octave")
+    for k, half in enumerate(found.averaging):
         filter_ = np.concatenate([np.full(half, 0.5 / half), np.full(half, -0.5 / half)])
         coefficients = np.convolve(signal[:, 2] - signal[:, 2].mean(), filter_, mode="valid")
         assert found.count[k] == coefficients.size
-        assert found.variance[k, 2] == pytest.approx(np.mean(coefficients**2), rel=1e-9)
-        assert found.scale[k] == half / 4.0
+        assert 0.5 * found.deviation[k, 2] ** 2 == pytest.approx(np.mean(coefficients**2), rel=1e-9)
+        assert found.tau[k] == half / 4.0
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from tumble.errors import RecordingError
-from tumble.recording.formats.streams import Merging, Samples, join_samples, merge_streams
+from tumble.recording.formats.streams import Merging, merge_streams
+from tumble.recording.samples import Samples, joined
 
 SLOPES = np.array([[0.3, -2.0, 9.0], [0.7, 0.1, -0.4]])  # at t = 0, and per second
 
@@ -47,9 +48,9 @@ def test_piece_by_piece_is_as_whole() -> None:
         merging.add(force.cut(slice(start // 2, (start + 37) // 2)), rates.cut(slice(start, start + 37)))
         pieces.append(merging.take())
     pieces.append(merging.take(last=True))
-    joined = join_samples([p for p in pieces if p is not None])
-    assert np.array_equal(joined.time, whole.time)
-    assert np.array_equal(joined.specific_force, whole.specific_force)
+    whole_again = joined([p for p in pieces if p is not None])
+    assert np.array_equal(whole_again.time, whole.time)
+    assert np.array_equal(whole_again.specific_force, whole.specific_force)
     assert merging.left_out == 400 - len(whole)
 
 

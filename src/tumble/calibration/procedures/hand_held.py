@@ -21,12 +21,12 @@ from tumble.calibration.checks.snooping import NEEDLESS, Kind, Outlier, balance,
 from tumble.calibration.checks.triad_agreement import estimate_time_lag, refuse_contradicting_axes
 from tumble.calibration.closed_forms.start_values import rough_gyro_matrix, rough_triad
 from tumble.calibration.equations.gathering import gather
+from tumble.calibration.equations.imu_unknowns import term_unknowns
 from tumble.calibration.equations.norm import NormConditions
-from tumble.calibration.equations.triad_unknowns import BIAS, QUADRATIC, triad_from_unknowns
+from tumble.calibration.equations.triad_unknowns import BIAS, triad_from_unknowns
 from tumble.calibration.equations.turn import (
     EARTH,
     FORCE,
-    G_SENSITIVITY,
     GYRO_BIAS,
     GYRO_MATRIX,
     NORM,
@@ -61,10 +61,7 @@ from tumble.segmentation import HoldMeans, Timeline
 from tumble.units import specific_force_factor
 
 # Optional terms, tried together and dropped one by one: name -> unknowns.
-OPTIONAL_TERMS: dict[str, np.ndarray] = {
-    "g_sensitivity": np.arange(G_SENSITIVITY.start, G_SENSITIVITY.stop),
-    "quadratic": np.arange(QUADRATIC.start, QUADRATIC.stop),
-}
+OPTIONAL_TERMS = {name: term_unknowns(name) for name in ("g_sensitivity", "quadratic")}
 # A term that is not there is kept in fewer than this share of recordings, all terms together.
 TERM_FALSE_ALARM = 0.02
 # With the time lag, which is tested apart because nothing else depends on it.

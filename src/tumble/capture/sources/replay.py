@@ -9,11 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from tumble.capture.samples import Channels, Samples
+from tumble.capture.samples import Channels
 from tumble.capture.source import Piece, Source, SourceOptions
 from tumble.errors import RecordingError
 from tumble.recording.reading import Paths, read_blocks, recording_inputs
 from tumble.recording.recording import Recording
+from tumble.recording.samples import Samples
 
 # s of samples that are handed over together, and how long is slept at most.
 CHUNK, NAP = 0.1, 0.2

@@ -9,7 +9,6 @@ stationary (maximal-overlap) transform and its scaling.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
@@ -17,9 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Series, Table
+from tumble.arrays import Series
 from tumble.errors import UsageError
-from tumble.noise.deviation import ONE_SIGMA, Integers, allan_deviation
 
 USUAL = "sym4"
 
@@ -166,64 +164,3 @@ def deepest_level(samples: int, wavelet: str = USUAL) -> int:
     """
     reach = filter_length(wavelet) - 1
     return int(np.log2(samples / reach)) if samples >= 2 * reach else 0
-
-
-@dataclass(frozen=True, slots=True)
-class WaveletVariance:
-    """Variance of the Haar wavelet coefficients (maximal overlap) of each level.
-
-    Attributes
-    ----------
-    level : (levels,) j = 1, 2, ...; the wavelet compares two means of 2^(j-1) samples each.
-    scale : (levels,) s, the length of one of the two means.
-    variance : (levels, channels) in the square of the signal's unit; half the Allan variance at `scale`.
-    count : (levels,) coefficients that no edge touches.
-    edf, low, high : (levels, channels) as of a deviation, the limits of the variance.
-    confidence : probability of each interval.
-    """
-
-    level: Integers
-    scale: Series
-    variance: Table
-    count: Integers
-    edf: Table
-    low: Table
-    high: Table
-    confidence: float
-
-
-def haar_wavelet_variance(
-    signal: AnyArray,
-    rate: float,
-    *,
-    gaps: Sequence[int] = (),
-    noise: int | None = None,
-    confidence: float = ONE_SIGMA,
-) -> WaveletVariance:
-    """Return the unbiased Haar wavelet variance of all channels at all levels.
-
-    Parameters
-    ----------
-    signal, rate, gaps, noise, confidence : as for `allan_deviation`.
-
-    Raises
-    ------
-    UsageError
-        If the signal is shorter than one difference, or an argument is out of range.
-
-    Notes
-    -----
-    The coefficient of level j is half the difference of two neighbouring means of m = 2^(j-1) samples, so
-    that its variance is AVAR(m) / 2 exactly (Percival 1995, section 6).
-    """
-    allan = allan_deviation(signal, rate, taus="octave", gaps=gaps, noise=noise, confidence=confidence)
-    return WaveletVariance(
-        level=np.arange(1, len(allan) + 1, dtype=np.int64),
-        scale=allan.tau,
-        variance=0.5 * allan.deviation**2,
-        count=allan.count,
-        edf=allan.edf,
-        low=0.5 * allan.low**2,
-        high=0.5 * allan.high**2,
-        confidence=confidence,
-    )

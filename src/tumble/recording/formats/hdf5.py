@@ -17,10 +17,11 @@ from tumble.files import opened
 from tumble.recording.columns import ColumnPlan, plan_from_names
 from tumble.recording.formats.compression import refuse_unmeasured
 from tumble.recording.formats.damage import foreign
-from tumble.recording.formats.streams import Samples, Units, merge_streams, table_of_samples
+from tumble.recording.formats.streams import Units, merge_streams, table_of_samples
 from tumble.recording.formats.table import FieldStream, RawTable, hash_file
 from tumble.recording.formats.variables import is_rate_name, numbers_of, table_from_variables
 from tumble.recording.recording import Remark
+from tumble.recording.samples import Samples
 from tumble.recording.stamps import guess_time_unit
 from tumble.units import time_factor
 

@@ -13,72 +13,16 @@ from pathlib import Path
 
 import numpy as np
 
-from tumble.arrays import Series, Vectors
+from tumble.arrays import Series
 from tumble.errors import RecordingError
 from tumble.recording.formats.table import RawTable
 from tumble.recording.recording import Remark, Source
+from tumble.recording.samples import Samples, joined
 
 BLOCK_ROWS = 500_000
 """Rows of a block of a recording that is read in bounded memory."""
 
 _GAP = 2.5  # median steps between two samples, above which nothing is interpolated between them
-
-
-@dataclass(frozen=True, slots=True)
-class Samples:
-    """A piece of one stream: seconds, and what was sampled then, in time order.
-
-    Attributes
-    ----------
-    time : (n,) seconds.
-    specific_force, angular_rate : (n, 3), or None where the stream has none.
-    temperature : (n,) or None.
-    magnetic_field : (n, 3), rows without a number allowed, or None where the stream has none.
-    """
-
-    time: Series
-    specific_force: Vectors | None = None
-    angular_rate: Vectors | None = None
-    temperature: Series | None = None
-    magnetic_field: Vectors | None = None
-
-    def __len__(self) -> int:
-        return int(self.time.shape[0])
-
-    def cut(self, keep: slice | np.ndarray) -> Samples:
-        """Return the samples that an index picks."""
-        return Samples(
-            self.time[keep],
-            None if self.specific_force is None else self.specific_force[keep],
-            None if self.angular_rate is None else self.angular_rate[keep],
-            None if self.temperature is None else self.temperature[keep],
-            None if self.magnetic_field is None else self.magnetic_field[keep],
-        )
-
-
-def join_samples(pieces: list[Samples]) -> Samples:
-    """Return consecutive pieces of one stream as one.
-
-    Parameters
-    ----------
-    pieces : at least one, all with the same quantities.
-    """
-    if len(pieces) == 1:
-        return pieces[0]
-
-    def joined(name: str) -> np.ndarray | None:
-        parts: list[np.ndarray] = [getattr(p, name) for p in pieces]
-        return None if getattr(pieces[0], name) is None else np.concatenate(parts)
-
-    time = joined("time")
-    assert time is not None
-    return Samples(
-        time,
-        joined("specific_force"),
-        joined("angular_rate"),
-        joined("temperature"),
-        joined("magnetic_field"),
-    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,7 +108,7 @@ class Merging:
         if not self._force or not self._rates:
             self.left_out += self.waiting() if last else 0
             return None
-        force, rates = _without_repeats(join_samples(self._force)), join_samples(self._rates)
+        force, rates = _without_repeats(joined(self._force)), joined(self._rates)
         self._refuse_backwards(force)
         stop = len(rates) if last else int(np.searchsorted(rates.time, float(force.time[-1]), side="right"))
         ready, rest = rates.cut(slice(0, stop)), rates.cut(slice(stop, None))

@@ -12,9 +12,10 @@ import numpy.typing as npt
 from tumble.arrays import Series, Vectors
 from tumble.errors import RecordingError
 from tumble.files import shown
-from tumble.recording.formats.streams import Samples, merge_streams
+from tumble.recording.formats.streams import merge_streams
 from tumble.recording.formats.table import FieldStream, RawTable, as_columns, hash_file
 from tumble.recording.recording import Remark
+from tumble.recording.samples import Samples
 from tumble.units import find_unit, time_factor
 
 _LISTED = 12

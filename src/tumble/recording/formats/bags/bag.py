@@ -12,16 +12,10 @@ from typing import Protocol, runtime_checkable
 from tumble.errors import RecordingError, UsageError
 from tumble.recording.formats.bags.bag_field import is_field_topic, read_field, split_wanted
 from tumble.recording.formats.bags.ros_messages import READABLE, decode, holds, samples_of
-from tumble.recording.formats.streams import (
-    BLOCK_ROWS,
-    Merging,
-    Samples,
-    Units,
-    join_samples,
-    table_of_samples,
-)
+from tumble.recording.formats.streams import BLOCK_ROWS, Merging, Units, table_of_samples
 from tumble.recording.formats.table import FieldStream, RawTable, hash_file
 from tumble.recording.recording import Remark, Source
+from tumble.recording.samples import Samples, joined
 
 _PEEKED = 16  # messages of each topic that show which triads it has
 _MOST_PEEKED = 200_000
@@ -325,10 +319,10 @@ def _single(pieces: Iterator[dict[str, Samples]]) -> Iterator[Samples]:
     for piece in pieces:
         held += piece.values()
         if sum(map(len, held)) >= BLOCK_ROWS:
-            yield join_samples(held)
+            yield joined(held)
             held = []
     if held:
-        yield join_samples(held)
+        yield joined(held)
 
 
 def _merged(pieces: Iterator[dict[str, Samples]], merging: Merging) -> Iterator[Samples]:

@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from tumble.arrays import Series
 from tumble.errors import RecordingError
-from tumble.recording.formats.streams import Samples
+from tumble.recording.samples import Samples
 
 _IMU = "sensor_msgs/Imu"
 _VECTOR = "geometry_msgs/Vector3Stamped"

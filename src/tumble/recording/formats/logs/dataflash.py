@@ -22,9 +22,10 @@ from tumble.arrays import Series, Vectors
 from tumble.errors import RecordingError
 from tumble.recording.formats.logs.logged_streams import Stream, is_field, table_of_streams
 from tumble.recording.formats.logs.own_parameters import about_parameters
-from tumble.recording.formats.streams import Samples, Units
+from tumble.recording.formats.streams import Units
 from tumble.recording.formats.table import RawTable, hash_file, mapped
 from tumble.recording.recording import Remark
+from tumble.recording.samples import Samples
 
 NAME = "DataFlash"
 ENDINGS = (".bin",)

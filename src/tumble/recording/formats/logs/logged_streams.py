@@ -11,9 +11,10 @@ from pathlib import Path
 import numpy as np
 
 from tumble.errors import RecordingError, UsageError
-from tumble.recording.formats.streams import Samples, Units, merge_streams, table_of_samples
+from tumble.recording.formats.streams import Units, merge_streams, table_of_samples
 from tumble.recording.formats.table import FieldStream, RawTable
 from tumble.recording.recording import Remark, Source
+from tumble.recording.samples import Samples
 
 _LISTED = 16
 

@@ -20,9 +20,10 @@ import numpy.typing as npt
 
 from tumble.errors import RecordingError
 from tumble.recording.formats.logs.logged_streams import Stream, table_of_streams
-from tumble.recording.formats.streams import Samples, Units
+from tumble.recording.formats.streams import Units
 from tumble.recording.formats.table import RawTable, hash_file, mapped
 from tumble.recording.recording import Remark
+from tumble.recording.samples import Samples
 
 NAME = "MAVLink log"
 ENDINGS = (".tlog",)

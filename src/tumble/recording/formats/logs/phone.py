@@ -16,8 +16,9 @@ from tumble.arrays import Vectors
 from tumble.errors import RecordingError
 from tumble.recording.formats import text
 from tumble.recording.formats.logs.logged_streams import Stream
-from tumble.recording.formats.streams import Samples, Units
+from tumble.recording.formats.streams import Units
 from tumble.recording.formats.table import RawTable
+from tumble.recording.samples import Samples
 from tumble.recording.stamps import guess_time_unit
 from tumble.units import find_unit, specific_force_factor, time_factor
 

@@ -24,9 +24,10 @@ from tumble.files import opened
 from tumble.recording.formats.damage import foreign
 from tumble.recording.formats.logs.logged_streams import Stream, is_field, table_of_streams
 from tumble.recording.formats.logs.own_parameters import about_parameters
-from tumble.recording.formats.streams import Samples, Units, merge_streams
+from tumble.recording.formats.streams import Units, merge_streams
 from tumble.recording.formats.table import RawTable, hash_file, mapped
 from tumble.recording.recording import Remark
+from tumble.recording.samples import Samples
 
 NAME = "ULog"
 ENDINGS = (".ulg",)
