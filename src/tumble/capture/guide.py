@@ -88,7 +88,7 @@ class Guide:
 
     def load(self) -> None:
         """Import what `judge` needs, which takes seconds on a busy machine: samples are not to wait for it."""
-        for name in ("calibration.equations.gathering", "calibration.requirements", "design.next_step"):
+        for name in ("calibration.equations.gathering", "calibration.poses", "design.next_step"):
             import_module(f"tumble.{name}")
 
     def look_at_clock(self, time: Series) -> None:
