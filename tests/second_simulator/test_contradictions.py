@@ -305,3 +305,27 @@ def test_units_that_slip_on_a_table_have_no_asymmetry_of_it(tmp_path: Path) -> N
     found = tumble.calibrate(pl.DataFrame(made.columns()), protocol=file, rate="50±0.0025").calibration
     assert not [one.name for one in found.quality.optional_terms if one.kept]
     assert any("the axis wobbles" in word for word in [*found.remarks, *found.verdict.reasons])
+
+
+def test_a_refusal_for_too_few_poses_says_which_rests_were_put_aside() -> None:
+    with pytest.raises(tumble.TumbleError) as raised:
+        by_hand(22, rate=[10.0, -7.0, 4.0], share=0.3)
+    said = str(raised.value)
+    assert re.search(
+        r"^In 1\d stretches in several poses between 6\d s and 1\d\d s gravity stands still", said
+    )
+    assert "rests that were not used" in said
+    assert "7 different poses were found and 9 are needed" in said
+
+
+def test_biases_that_jump_far_are_a_possible_cause_of_a_triad_that_is_none() -> None:
+    with pytest.raises(tumble.TumbleError, match="biases jumped or two units are in one recording"):
+        by_hand(30, force=[-100.0, 80.0, 120.0], share=0.3)
+
+
+def test_an_order_of_faces_that_hides_a_jump_is_said(tmp_path: Path) -> None:
+    made = PROCEDURES["six-faces"](GRADES["industrial"], np.random.default_rng(1))
+    file = tmp_path / "protocol.yaml"
+    file.write_text(made.protocol, encoding="utf-8")
+    found = tumble.calibrate(pl.DataFrame(made.columns()), protocol=file, rate="100±0.005").calibration
+    assert any("biases jumped between hold 3 and hold 4" in said for said in found.remarks)

@@ -138,8 +138,9 @@ def change_frame(model: ImuModel, frame: str) -> ImuModel:
         raise UsageError(f"The frame {frame!r} is fixed by the accelerometers, and there are none.")
     if np.linalg.det(model.accelerometer.matrix) <= 0:
         raise UsageError(
-            "The accelerometer matrix is left-handed or singular (determinant not positive): "
-            "an axis is reversed; put its sign right first."
+            "The accelerometer matrix is left-handed or singular (determinant not positive). Either an axis is "
+            "reversed or two are swapped: put that right first (--columns). Or the rests do not belong together, "
+            "because biases jumped or two units are in one recording: calibrate each part by itself."
         )
     C_new_b: Matrix = np.real(frame_rotation(model.accelerometer.matrix, frame))
     return model.turned(C_new_b)

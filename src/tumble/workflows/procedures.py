@@ -60,7 +60,11 @@ def run_procedure(session: Session, procedure: str | None) -> tuple[Estimate, st
     ObservabilityError, ConvergenceError, SegmentationError
         If the recording cannot serve.
     """
-    estimate, reason = _evaluated(session, procedure)
+    try:
+        estimate, reason = _evaluated(session, procedure)
+    except ObservabilityError as error:
+        # Rests that were put aside are why poses are too few.
+        raise ObservabilityError(" ".join([*_of_other_rests(session), str(error)])) from error
     state_unseen(session, estimate)
     state_rounding(session, estimate)
     return estimate, reason
@@ -186,6 +190,7 @@ def add_objections(session: Session, estimate: Estimate, procedure: str | None, 
         contradiction = find_axis_contradiction(recording)
         estimate.say("objection", *([] if contradiction is None else [contradiction]))
     estimate.say("objection", *_of_other_rests(session), *_of_force_step(session, estimate))
+    estimate.say("remark", *_of_hidden_jumps(session, estimate))
     elsewhere = find_other_latitude(estimate, session.site)
     estimate.say("objection", *([] if elsewhere is None else [elsewhere]))
     if procedure is None and session.protocol is not None:
@@ -249,6 +254,26 @@ def _of_force_step(session: Session, estimate: Estimate) -> list[str]:
         return []
     where = f"between hold {course.after + 1} and hold {course.after + 2}, at about {course.since:.0f} s"
     return [switched_on_anew("accelerometers", where)]
+
+
+def _of_hidden_jumps(session: Session, estimate: Estimate) -> list[str]:
+    """What is said of an order of poses in which a jump of the accelerometers' biases would not be seen."""
+    from tumble.calibration.checks.bias_steps import hidden_jumps
+
+    triad, means = estimate.model.accelerometer, session.means
+    if triad is None or means.specific_force is None or estimate.thermal is not None:
+        return []
+    force = triad.correct(means.specific_force)
+    hidden = hidden_jumps(force / np.linalg.norm(force, axis=1, keepdims=True))
+    if not hidden:
+        return []
+    when = f"between hold {hidden[0] + 1} and hold {hidden[0] + 2}"
+    said = (
+        f"Had the accelerometers' biases jumped {when}, scale factors and angles would explain it, and nothing would "
+        "show it: the opposite of each face before is held after it. Take each axis up and down in turn, or the first "
+        "face once more at the end."
+    )
+    return [said]
 
 
 def check_prior(sessions: Sequence[Session], knowledge: StableKnowledge, estimate: Estimate) -> None:

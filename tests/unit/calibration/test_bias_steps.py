@@ -12,6 +12,7 @@ from tumble.calibration.checks.bias_steps import (
     find_bias_steps,
     find_force_course,
     find_rate_course,
+    hidden_jumps,
 )
 
 
@@ -149,3 +150,24 @@ def test_what_only_wanders_is_said_to_jump_no_more_often_than_stated(kind: str) 
         shown = wander[:, 0] + 4e-4 * rng.standard_normal(30)
         alarms["rate"] += find_rate_course(shown, rests_of(np.ones(30)), chance=0.025) is not None
     assert max(alarms.values()) <= 26
+
+
+def test_jumps_are_hidden_where_all_faces_up_come_before_all_faces_down() -> None:
+    """With the faces up first, M' = M - j (1, 1, 1)/2g and b' = b + j/2 give all six readings, and are no unit's."""
+    rng = np.random.default_rng(2)
+    ordered = np.vstack([np.eye(3), -np.eye(3)])
+    matrix, bias, jump = (
+        np.eye(3) + 0.02 * rng.standard_normal((3, 3)),
+        rng.standard_normal(3),
+        np.array([0.3, -0.1, 0.2]),
+    )
+    shown = 9.8 * ordered @ matrix.T + bias + np.where(np.arange(6)[:, None] > 2, jump, 0.0)
+    other = matrix - np.outer(jump, np.ones(3)) / (2 * 9.8)
+    assert 9.8 * ordered @ other.T + bias + jump / 2 == pytest.approx(shown, abs=1e-12)
+    assert hidden_jumps(ordered) == [2]
+    # placed to a degree, and each face held three times
+    leaning = np.repeat(ordered, 3, axis=0) + 0.01 * rng.standard_normal((18, 3))
+    assert hidden_jumps(leaning / np.linalg.norm(leaning, axis=1, keepdims=True)) == [8]
+    assert hidden_jumps(ordered[[0, 3, 1, 4, 2, 5]]) == []
+    assert hidden_jumps(np.vstack([ordered, ordered[:1]])) == []
+    assert hidden_jumps(ordered[:4]) == []

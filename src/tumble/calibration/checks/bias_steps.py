@@ -22,6 +22,8 @@ LEAST_FREEDOM = 8
 RANK = 0.05
 # Of the squares of a course: what is left of it counts as this much less.
 WEAK = 1e-3
+# Of a jump, as a share of its squares: what less is left of is hidden.
+HIDDEN = 0.02
 # Variance of what wanders over that of the holds' own noise.
 _SHARES = np.append(0.0, np.geomspace(0.03, 300.0, 9))
 # Kinds of it: 1/f noise, a random walk, and each hold's own.
@@ -116,6 +118,25 @@ class Rests:
     start: Series
     stop: Series
     variance: Series
+
+
+def hidden_jumps(up: Vectors) -> list[int]:
+    """Return the holds after which biases could jump and nothing in the holds would show it.
+
+    A jump is hidden where it is the same as other scale factors, angles and biases: where "after it" is, over all
+    holds, a number and a linear function of the direction up. So it is where all faces up come before all faces down.
+
+    Parameters
+    ----------
+    up : (holds, 3) unit vectors of the corrected specific force, in the order of time.
+    """
+    holds = len(up)
+    design, _ = np.linalg.qr(np.hstack([np.ones((holds, 1)), up]))
+    later = np.tril(np.ones((holds, holds)), -1)[:, : holds - 1]
+    left = later - design @ (design.T @ later)
+    size = later - later.mean(axis=0)
+    shown = np.sum(left**2, axis=0) / np.maximum(np.sum(size**2, axis=0), 1e-300)
+    return np.flatnonzero(shown < HIDDEN).tolist() if holds > design.shape[1] + 1 else []
 
 
 @dataclass(frozen=True, slots=True)
