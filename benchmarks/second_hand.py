@@ -97,7 +97,8 @@ WORDS = {
 """What a remark has to say for a fault to count as named."""
 
 USUAL = (
-    r"cannot be seen|nothing would show it|What misplacement does|What the table does|A table whose rates|agrees with how|wrong by 100 ppm"
+    r"cannot be seen|nothing would show it|"
+    r"What misplacement does|What the table does|A table whose rates|agrees with how|wrong by 100 ppm"
     r"|^Procedure |DataFrame|^The residuals are|readings at rest disagree"
 )
 """Remarks that every recording gets, which name nothing."""
