@@ -20,10 +20,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tumble.noise.advice import seconds_for
 from tumble.noise.deviation import allan_deviation
 from tumble.noise.fitting.fit import NoiseFit, fit_curve, fit_moments_of
 from tumble.noise.lines import find_lines
-from tumble.noise.recording_length import seconds_for
 from tumble.noise.terms import GaussMarkov, Line, NoiseModel
 
 METHODS = ("curve", "moments")

@@ -14,7 +14,6 @@ from tumble.document.magnetometer_block import MagnetometerBlock
 from tumble.document.result import Calibration
 from tumble.errors import UsageError
 from tumble.recording import read_recording
-from tumble.recording.corrections import corrections_of
 from tumble.recording.formats.logs.own_parameters import (
     active,
     active_on_field,
@@ -25,6 +24,7 @@ from tumble.sensor import ImuModel, Triad
 from tumble.workflows.apply import apply
 from tumble.workflows.calibrate import corrected_by_before
 from tumble.workflows.convert import convert_to
+from tumble.workflows.corrected.corrections import corrections_of
 from tumble.workflows.magnetometer import with_own_parameters
 
 RNG = np.random.default_rng(2)

@@ -1,4 +1,4 @@
-"""Poses in words: how many differ, what the 26 attitudes are called, which one would tell more.
+"""Poses in words: how many differ, their names, whether they suffice, what they cannot tell, which one is missing.
 
 What a set of poses cannot tell, in words, and which poses would mend it.
 
@@ -8,8 +8,6 @@ biases in l. A combination of the nine unknowns is untold exactly if its polynom
 if they lie where the unit sphere meets one quadric. Two planes are the quadric to beware of: six
 directions in one plane and three in any other leave a combination untold, for three directions always
 lie in a plane.
-
-Whether there are enough poses, and different enough; if not, which one is missing.
 
 The six positions recognised in a recording without a protocol: which face is up in each hold.
 """

@@ -1,4 +1,4 @@
-"""What an earlier calibration of the same unit still knows.
+"""What is known before a recording: by an earlier calibration of the same unit, or by its data sheet.
 
 Biases and scale factors change with every power cycle and with temperature; the angles between the
 sensing axes are set by the assembly and stay (Hayal, chapter 6). An earlier calibration therefore

@@ -1,7 +1,4 @@
-"""`tumble calibrate`: from recordings to calibrations, reports and a verdict.
-
-`tumble calibrate --array`: several units that were tumbled together.
-"""
+"""`tumble calibrate`, of several units too, and `tumble demo`: from recordings to calibrations and reports."""
 
 from __future__ import annotations
 
@@ -16,6 +13,7 @@ import typer
 from tumble.cli.groups import ADVANCED, FIRST, detail, option, refuse_given
 from tumble.cli.options import (
     DataSheet,
+    FiguresOption,
     FileOptions,
     Intervals,
     Limits,
@@ -28,26 +26,37 @@ from tumble.cli.options import (
     RegistryName,
     SiteOptions,
     UnitOptions,
+    check_figures,
     complete_procedure,
+    draw_figures,
     output_option,
 )
-from tumble.cli.terminal import (
-    FiguresOption,
-    check_figures,
-    console,
-    draw_figures,
-    progress,
-    results_stand,
-    say_json,
-    say_json_text,
-    say_written,
-)
+from tumble.cli.terminal import console, progress, results_stand, say_json, say_json_text, say_written
 from tumble.errors import UsageError
 from tumble.procedure_names import KNOWN_PROCEDURES
 
 if TYPE_CHECKING:
     from tumble.workflows.calibrate import CalibrationRun
     from tumble.workflows.several.array import ArrayRun
+
+
+def demo_command(
+    printed: LongPrintOptions,
+    output: Annotated[
+        Path, output_option("Folder for calibration.json and report.html (default: tumble-demo).")
+    ] = Path("tumble-demo"),
+) -> None:
+    """Calibrate a real recording that ships with the package: an MPU-9150 tumbled by hand, 160 s.
+
+    Opens nothing; prints where the report is.
+    """
+    from tumble.workflows.demo import demo
+
+    with progress(printed.silent) as tell:
+        run = demo(output, progress=tell)
+    results_stand()
+    print_run(run, printed)
+    raise typer.Exit(0 if run.calibration.verdict.fit else 1)
 
 
 def print_array(run: ArrayRun, printed: PrintOptions) -> None:

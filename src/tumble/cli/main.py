@@ -100,7 +100,7 @@ COMMANDS = {
         "A certificate of a calibration in the form of ISO/IEC 17025: PDF/A with the calibration.json inside.",
     ),
     "demo": (
-        "demo",
+        "calibrate",
         "Calibrate a real recording that ships with the package: an MPU-9150 tumbled by hand, 160 s.",
     ),
     "registry": (

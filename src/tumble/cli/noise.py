@@ -7,17 +7,16 @@ from pathlib import Path
 from typing import Annotated
 
 from tumble.cli.groups import ADVANCED, FIRST, detail, option
-from tumble.cli.options import FileOptions, PrintOptions, Recordings, output_option
-from tumble.cli.terminal import (
+from tumble.cli.options import (
     FiguresOption,
+    FileOptions,
+    PrintOptions,
+    Recordings,
     check_figures,
     draw_figures,
-    progress,
-    results_stand,
-    say,
-    say_json,
-    say_written,
+    output_option,
 )
+from tumble.cli.terminal import progress, results_stand, say, say_json, say_written
 
 _LETTERS = (
     "Letters as in IEEE Std 952. B: flicker of two-sided density B²/(2πf); the curve's floor is 0.664 B. "

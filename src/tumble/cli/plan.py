@@ -13,7 +13,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from tumble.cli.groups import refuse_given
-from tumble.cli.options import LongPrintOptions, SiteOptions, complete_protocol, output_option
+from tumble.cli.options import (
+    FiguresOption,
+    LongPrintOptions,
+    SiteOptions,
+    check_figures,
+    complete_protocol,
+    draw_figures,
+    output_option,
+)
 from tumble.cli.plan_options import (
     BudgetOptions,
     PlanOptions,
@@ -22,18 +30,7 @@ from tumble.cli.plan_options import (
     RestOptions,
     WishOptions,
 )
-from tumble.cli.terminal import (
-    FiguresOption,
-    check_figures,
-    console,
-    draw_figures,
-    progress,
-    results_stand,
-    say,
-    say_json,
-    say_written,
-    table,
-)
+from tumble.cli.terminal import console, progress, results_stand, say, say_json, say_written, table
 from tumble.errors import UsageError
 from tumble.workflows.planning.budget import BudgetPlanned, document_of_budget
 from tumble.workflows.planning.poses import PosesPlanned, document_of_poses

@@ -18,6 +18,7 @@ from tumble.cli.groups import detail, numbers, option, refuse_given
 from tumble.cli.options import (
     CalibrationArgument,
     DataSheet,
+    FiguresOption,
     FileOptions,
     Intervals,
     Limits,
@@ -27,19 +28,11 @@ from tumble.cli.options import (
     SiteOptions,
     TemperatureOptions,
     TurnOnBias,
+    check_figures,
+    draw_figures,
     output_option,
 )
-from tumble.cli.terminal import (
-    FiguresOption,
-    check_figures,
-    console,
-    draw_figures,
-    progress,
-    results_stand,
-    say_json,
-    say_written,
-    table,
-)
+from tumble.cli.terminal import console, progress, results_stand, say_json, say_written, table
 from tumble.errors import UsageError
 
 if TYPE_CHECKING:

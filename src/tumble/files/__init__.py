@@ -9,12 +9,12 @@ Every file that tumble writes goes out through it: whole, beside its place and t
 a device or a pipe.
 """
 
-from tumble.files.appending import GrowingFile
 from tumble.files.documents import read_json, read_yaml
 from tumble.files.numbers import number_of
 from tumble.files.opening import opened, read_text, size_of
 from tumble.files.text import HIDDEN, lines_of, shown, without_password
 from tumble.files.writing import (
+    GrowingFile,
     check_target,
     filled_folder,
     inputs_kept,

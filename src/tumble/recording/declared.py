@@ -1,4 +1,4 @@
-"""What the user declares of units: the option ``--units``.
+"""What the user declares of units with `--units`, by name or by chip.
 
 Sensitivities of common chips by their measuring range: what one count is, from each maker's data sheet.
 

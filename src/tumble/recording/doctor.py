@@ -1,4 +1,4 @@
-"""The doctor: what a recording holds, what is wrong with it, and what it is good for.
+"""The doctor: what a recording holds, what is wrong with it or with single channels, and what it is good for.
 
 Rest and poses come from the reader's own rough rule (`tumble.recording.rest`), not from the
 segmentation that a calibration uses.

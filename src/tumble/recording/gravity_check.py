@@ -1,4 +1,4 @@
-"""What gravity tells of the gyro: its scale, its signs and which axis is which.
+"""What gravity tells of a recording: the gyro's scale, signs and axes, and a range that is off by two.
 
 While the unit turns, the specific force of gravity turns in body axes by df/dt = -omega x f. Over
 windows of a third of a second in which the norm of f stays near gravity, the change of f is regressed on

@@ -1,7 +1,4 @@
-"""The report of a calibration: verdict, parameters, figures of the evidence, formulas, what to do next.
-
-The report of a magnetometer that was calibrated by itself.
-"""
+"""The report of a calibration, of a magnetometer by itself too: verdict, parameters, evidence, formulas, what next."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""The calibration as formulas with its numbers, and as a few lines of Python that apply it.
-
-A few lines of Python that apply a calibration whose parameters change with temperature.
-"""
+"""The calibration as formulas with its numbers, and as lines of Python that apply it, at any temperature."""
 
 from __future__ import annotations
 
@@ -222,7 +219,7 @@ def _own_input(block: TriadBlock, output: str) -> str:
 
 
 def _array(values: Any) -> str:
-    return f"np.array({_literal(values)})"
+    return f"np.array({_literal(np.asarray(values, dtype=float).tolist())})"
 
 
 def _inverse(matrix: Any) -> str:

@@ -1,7 +1,4 @@
-"""What a plan predicted beside what was achieved.
-
-What the protocol asked for and what was found: its steps, each with where it is in the recording.
-"""
+"""What a protocol asked for and a plan predicted, beside what was found: steps, and accuracy achieved."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""What a calibration is worth to a user: predicted errors as a table.
-
-filter.json: the sensor states that a navigation filter could have, with their sigmas at its start.
-"""
+"""What a calibration is worth to a user, as a table, and what a filter could carry of it, as `filter.json`."""
 
 from __future__ import annotations
 

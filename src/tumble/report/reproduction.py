@@ -1,7 +1,4 @@
-"""A reproduced table or figure for people and programs: lines of text, CSV, JSON, pictures.
-
-A reproduced table or figure as a page.
-"""
+"""A reproduced table or figure for people and programs: lines of text, CSV, JSON, pictures, a page."""
 
 from __future__ import annotations
 

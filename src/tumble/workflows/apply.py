@@ -17,7 +17,6 @@ from tumble.document.corrector import Corrector
 from tumble.document.result import TriadBlock
 from tumble.errors import UsageError
 from tumble.recording import Recording, read_blocks
-from tumble.recording.corrections import PREFIX, corrections_of
 from tumble.recording.formats.euroc_writing import PLACE, write_euroc
 from tumble.recording.formats.folder import euroc_file
 from tumble.recording.formats.hdf5_writing import write_hdf5
@@ -27,6 +26,7 @@ from tumble.recording.temperature import TemperatureColumn
 from tumble.sensor.thermal import Outside
 from tumble.units import angular_rate_factor, specific_force_factor
 from tumble.workflows.corrected.bag import BagCorrection
+from tumble.workflows.corrected.corrections import PREFIX, corrections_of
 from tumble.workflows.corrected.form import CorrectedField, Destination, corrects_field, destination
 from tumble.workflows.corrected.lag_shift import ForceShift, lag_of, shifted
 from tumble.workflows.corrected.temperature import (

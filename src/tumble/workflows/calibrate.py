@@ -456,7 +456,7 @@ def corrected_by_before(
     UsageError
         If they were not all corrected by the same.
     """
-    from tumble.recording.corrections import corrections_of
+    from tumble.workflows.corrected.corrections import corrections_of
 
     marks = {corrections_of([one], topics) for one in _files_of(paths, given)}
     if len(marks) > 1:

@@ -20,9 +20,9 @@ from tumble.earth import Site
 from tumble.errors import CalibrationFileError, RecordingError, SegmentationError, UsageError
 from tumble.files import write_text
 from tumble.recording import read_recordings
-from tumble.recording.corrections import corrections_of
 from tumble.segmentation import find_timeline, observe_holds
 from tumble.workflows.apply import in_calibration_units, raw_factors
+from tumble.workflows.corrected.corrections import corrections_of
 from tumble.workflows.corrected.temperature import FAR_FROM_CALIBRATION, recorded_span, refuse_twice
 from tumble.workflows.given.site import given_site
 from tumble.workflows.progress import silent

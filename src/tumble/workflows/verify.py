@@ -20,12 +20,12 @@ from tumble.earth import Site
 from tumble.errors import CalibrationFileError, RecordingError
 from tumble.limits import decide, read_limits
 from tumble.recording import Recording, read_recordings
-from tumble.recording.corrections import corrections_of
 from tumble.recording.gravity_check import find_steps_of_two
 from tumble.recording.reading import Paths, recording_inputs
 from tumble.segmentation import Timeline, find_timeline, observe_holds, read_intervals
 from tumble.sensor import ImuModel
 from tumble.workflows.apply import in_calibration_units, raw_factors
+from tumble.workflows.corrected.corrections import corrections_of
 from tumble.workflows.corrected.temperature import (
     about_temperature,
     check_outside,

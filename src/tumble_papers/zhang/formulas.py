@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from tumble.arrays import AnyArray, Series, Table, Vectors
 from tumble.calibration.closed_forms.inter_triad import rotation_from_two_axes
-from tumble.calibration.closed_forms.rotation_axes import axis_from_scatter
+from tumble.calibration.closed_forms.rotation_planes import axis_from_scatter
 from tumble.calibration.closed_forms.separate_norms import bias_from_static_pairs, ellipsoid_from_norms
 from tumble.errors import ObservabilityError
 from tumble.reproduction.outcome import Row, claim_row

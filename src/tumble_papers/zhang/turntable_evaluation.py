@@ -8,7 +8,11 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Series, Table
 from tumble.calibration.closed_forms.inter_triad import rotation_from_two_axes, triad_rotation, wahba_rotation
-from tumble.calibration.closed_forms.rotation_axes import axis_from_rotation, axis_from_scatter, scatter_in_p
+from tumble.calibration.closed_forms.rotation_planes import (
+    axis_from_rotation,
+    axis_from_scatter,
+    scatter_in_p,
+)
 from tumble.calibration.closed_forms.separate_norms import (
     bias_from_static_pairs,
     ellipsoid_from_norms,

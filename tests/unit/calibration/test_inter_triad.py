@@ -9,7 +9,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tumble.calibration.closed_forms.inter_triad import rotation_from_two_axes, triad_rotation, wahba_rotation
-from tumble.calibration.closed_forms.rotation_axes import axis_from_rotation, axis_from_scatter, scatter_in_p
+from tumble.calibration.closed_forms.rotation_planes import (
+    axis_from_rotation,
+    axis_from_scatter,
+    scatter_in_p,
+)
 from tumble.errors import ObservabilityError
 
 # Degrees about three axes, all different: the transpose differs by 0.1 and more in every element off the diagonal.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tumble.calibration.strapdown.errors import apply_errors
+from tumble.calibration.strapdown.estimate import apply_errors
 from tumble.sensor import ImuModel, Triad
 from tumble.sensor.conventions.savage import GROUPS, SavageErrors
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tumble.calibration.thermal.scale import check_unit
+from tumble.calibration.thermal.coverage import check_unit
 from tumble.errors import ObservabilityError
 from tumble.protocol import named_protocol
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tumble.calibration.evidence import RotationFit, TurnedAngle
-from tumble.calibration.turntable.words import misread_words
+from tumble.calibration.turntable.estimate import misread_words
 
 ARCSEC = np.pi / 648000.0
 

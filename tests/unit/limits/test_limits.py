@@ -11,8 +11,8 @@ import pytest
 from tumble.document.result import Calibration, ParameterBlock
 from tumble.errors import UsageError
 from tumble.limits import decide, read_limits, with_limits
+from tumble.limits.conformity import conformance_probability, decision, overall
 from tumble.limits.reading import Amount, Limit
-from tumble.limits.rule import conformance_probability, decision, overall
 
 
 def file_of(folder: Path, text: str) -> Path:

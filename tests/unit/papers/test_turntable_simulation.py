@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tumble.calibration.closed_forms.rotation_axes import axis_from_scatter, scatter_in_p
+from tumble.calibration.closed_forms.rotation_planes import axis_from_scatter, scatter_in_p
 from tumble.earth.site import EARTH_RATE
 from tumble.sensor.conventions.zhang import READINGS, matrix_from_zhang, zhang_from_matrix
 from tumble_papers.zhang.turntable_evaluation import CHOICES, evaluate, in_paper_units, unit_parameters

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tumble_papers.hayal.verdicts import (
+from tumble_papers.hayal.scenarios import (
     FAR,
     ONE_RUN,
     criterion,

@@ -8,8 +8,8 @@ from typing import Any, cast
 import numpy as np
 
 from tumble.document.thermal_block import ThermalBlock, thermal_block
-from tumble.report.evidence.thermal_changes import thermal_changes, thermal_lines
 from tumble.report.parameters import TEMPERATURE, parameter_rows
+from tumble.report.summary import thermal_changes, thermal_lines
 from tumble.sensor import ImuModel, Triad
 from tumble.sensor.thermal import TemperatureBasis, ThermalModel
 

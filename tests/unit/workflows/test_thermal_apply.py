@@ -22,13 +22,13 @@ from tumble.earth import Site
 from tumble.errors import CalibrationFileError, RecordingError, ThermalSpanError, TumbleError, UsageError
 from tumble.protocol import named_protocol
 from tumble.recording import Recording, read_recording
-from tumble.recording.corrections import corrections_of
 from tumble.recording.formats import npy
 from tumble.recording.formats.output import write_recording
 from tumble.sensor import ImuModel, Triad
 from tumble.sensor.thermal import TemperatureBasis, ThermalModel
 from tumble.simulation.protocols import simulate_protocol
 from tumble.workflows.apply import apply
+from tumble.workflows.corrected.corrections import corrections_of
 from tumble.workflows.verification.expected_norms import HoldConditions, norm_covariance
 from tumble.workflows.verify import verify
 

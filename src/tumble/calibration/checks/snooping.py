@@ -1,11 +1,9 @@
-"""Variance components and gross errors: what the noise really does, and what is not noise.
+"""Variance components, gross errors, and Wald's test of a term: what the noise really does, and what is not noise.
 
 The noise seen inside holds is not all: biases wander from hold to hold, knocks and bandwidth leave
 their mark on turns. For each kind of condition a variance is added until its residuals are as large
 as they should be. Before gross errors are gone the robust median of the residuals sets it, so that
 an outlier cannot hide by inflating the noise; afterwards their mean square does.
-
-Is an optional term wanted by the data? Wald's test of its estimates against zero.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Do the triads' samples belong to the same instant? The turns tell the lag between them.
+"""Do the triads agree? The turns show the lag between their samples, and whether they mean the same axes and units.
 
 While the unit turns, gravity moves through the accelerometers as the gyro says: the change of the
 specific force over a short window is the integral of ``cross(f, rate)``. If the accelerometer's

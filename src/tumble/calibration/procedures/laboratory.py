@@ -45,7 +45,7 @@ from tumble.calibration.evidence import Budget, RotationFit, Rotations
 from tumble.calibration.procedure import Procedure
 from tumble.calibration.procedures.six_position import KnownPoses, force_of_poses, known_poses
 from tumble.calibration.session import Session
-from tumble.calibration.turntable.rotations import spins_evidence, turned_angles
+from tumble.calibration.turntable.task import spins_evidence, turned_angles
 from tumble.calibration.verdict import two_digits
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ObservabilityError

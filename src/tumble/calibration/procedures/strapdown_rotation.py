@@ -34,10 +34,10 @@ from tumble.calibration.equations.placement_bias import G_SENSITIVITY_FALSE_ALAR
 from tumble.calibration.estimate import Estimate, TermTest
 from tumble.calibration.procedure import Procedure
 from tumble.calibration.session import Session
-from tumble.calibration.strapdown.errors import apply_errors
 from tumble.calibration.strapdown.estimate import (
     BELIEVED_ASYMMETRY,
     StrapdownOutcome,
+    apply_errors,
     strapdown_estimate,
 )
 from tumble.calibration.strapdown.recorded_sequences import RecordedSequence, check_rotations, cut_sequences

@@ -1,4 +1,7 @@
-"""The strapdown rotation test's solution as an estimate: parameters, covariance, residuals, what was not told."""
+"""The strapdown rotation test's solution as an estimate: parameters, covariance, residuals, what was not told.
+
+A sensor model mended by Savage's errors: what a pass of the strapdown rotation test changes.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from tumble.arrays import Series, Square, Table
+from tumble.arrays import Series, Square, Table, Vector
 from tumble.calibration.checks.scores import holds_evidence
 from tumble.calibration.closed_forms.rotation_sequences import SequenceModel
 from tumble.calibration.closed_forms.sequence_inversion import SequenceSolution
@@ -24,16 +27,54 @@ from tumble.calibration.estimate import (
     said_of,
 )
 from tumble.calibration.evidence import SequenceFit, Sequences
-from tumble.calibration.strapdown.errors import apply_errors
 from tumble.calibration.strapdown.recorded_sequences import RecordedSequence
 from tumble.calibration.strapdown.start_earth import SeenEarth, earth_as_sensitivity
 from tumble.calibration.verdict import two_digits
 from tumble.earth import Site
 from tumble.recording.recording import Recording
 from tumble.segmentation import HoldMeans
-from tumble.sensor import ImuModel, change_frame
-from tumble.sensor.conventions.savage import GROUPS, NAMES, OFF_DIAGONAL, PAIRS
+from tumble.sensor import ImuModel, Triad, change_frame
+from tumble.sensor.conventions.savage import GROUPS, NAMES, OFF_DIAGONAL, PAIRS, SavageErrors
 from tumble.units import angular_rate_factor, specific_force_factor
+
+
+def apply_errors(model: ImuModel, errors: Series) -> ImuModel:
+    """Return the model with the errors that the corrected output still has.
+
+    What the model corrects is, by the errors, ``E true``: so the raw output is the model's of ``E true``. Matrices
+    multiply; asymmetries, which act on each sensor's own input, add up to the first order, as the test finds
+    them.
+
+    Parameters
+    ----------
+    model : both triads.
+    errors : (24,) as `savage.NAMES`, of the model's corrected output.
+    """
+    assert model.accelerometer is not None
+    assert model.gyroscope is not None
+    found = SavageErrors.from_vector(errors)
+    extra = found.model()
+    assert extra.accelerometer is not None
+    assert extra.gyroscope is not None
+    force, rate = model.accelerometer, model.gyroscope
+    return ImuModel(
+        Triad(
+            np.asarray(force.matrix @ extra.accelerometer.matrix, dtype=np.float64),
+            np.asarray(force.bias + force.matrix @ found.bias, dtype=np.float64),
+            _sum(force.asymmetry, found.scale_asymmetry),
+        ),
+        Triad(
+            np.asarray(rate.matrix @ extra.gyroscope.matrix, dtype=np.float64),
+            rate.bias,
+            _sum(rate.asymmetry, found.kappa_asymmetry),
+        ),
+        model.g_sensitivity,
+    )
+
+
+def _sum(one: Vector | None, other: Vector) -> Vector:
+    return other if one is None else one + other
+
 
 # What an error that no sequence determines is believed to be off from its rough value by.
 UNTOLD = {"lambda_bias": 0.1}

@@ -18,7 +18,7 @@ from tumble.arrays import AnyArray, Matrix, Series, Square, Table, Vector, Vecto
 from tumble.attitude import matrix_from_rotation_vector, skew
 from tumble.calibration.closed_forms.inter_triad import wahba_rotation
 from tumble.calibration.closed_forms.rest_rates import RestSolution, solve_rests
-from tumble.calibration.closed_forms.rotation_axes import axis_from_rotation
+from tumble.calibration.closed_forms.rotation_planes import axis_from_rotation
 from tumble.calibration.closed_forms.separate_norms import bias_from_static_pairs, matrix_from_rotations
 from tumble.sensor.conventions.shin import matrix_from_shin
 

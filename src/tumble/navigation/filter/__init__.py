@@ -1,6 +1,6 @@
 """The loosely coupled error-state filter, its smoother, and tests of its consistency."""
 
-from tumble.navigation.filter.run import FilterRun
+from tumble.navigation.filter.run import FilterRun, SmoothedRun, smooth
 from tumble.navigation.filter.sensor_states import (
     SensorState,
     TriadSpread,
@@ -8,7 +8,6 @@ from tumble.navigation.filter.sensor_states import (
     sensor_states,
 )
 from tumble.navigation.filter.setup import FilterSetup, plan_filter
-from tumble.navigation.filter.smoother import SmoothedRun, smooth
 from tumble.navigation.filter.stretches import run_filter
 
 __all__ = [

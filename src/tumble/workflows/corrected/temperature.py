@@ -11,10 +11,10 @@ from tumble.document import Calibration
 from tumble.document.corrector import NO_TEMPERATURE, Corrector
 from tumble.errors import RecordingError, UsageError
 from tumble.recording import Recording
-from tumble.recording.corrections import temperature_in_counts
 from tumble.recording.frames import Frame
 from tumble.recording.temperature import LONG_GAP, TemperatureColumn
 from tumble.sensor.thermal import SPAN_MARGIN, Outside
+from tumble.workflows.corrected.corrections import temperature_in_counts
 
 # Consumer units drift by up to 1 mg and 0.03 °/s in this much (data sheets of 2015 to 2020).
 FAR_FROM_CALIBRATION = 5.0  # K

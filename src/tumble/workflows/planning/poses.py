@@ -348,7 +348,7 @@ def _write(done: PosesPlanned, folder: Path) -> list[Path]:
 
 
 def _page(done: PosesPlanned) -> str:
-    from tumble.report.plan import render_plan
+    from tumble.report.operator_sheet import render_plan
 
     plan = done.plan
     drawn = [one for one in done.schemes.values() if not isinstance(one, str)]

@@ -38,9 +38,9 @@ from tumble.navigation.plausibility import (
     why_no_agreement,
 )
 from tumble.recording import Recording, read_recordings
-from tumble.recording.corrections import corrections_of
 from tumble.simulation.grades import Grade, find_grade
 from tumble.workflows.apply import in_calibration_units, raw_factors
+from tumble.workflows.corrected.corrections import corrections_of
 from tumble.workflows.corrected.temperature import check_outside, refuse_twice
 from tumble.workflows.progress import silent
 from tumble.workflows.verification.calibration_parts import (
