@@ -495,8 +495,11 @@ def _unneeded(
     """
     for name in worse:
         free = np.union1d(np.setdiff1d(balanced.solution.unknowns.free, term_unknowns(name)), plain)
-        known = np.array_equal(free, without.solution.unknowns.free)
-        other = without if known else _balanced_from(task, fresh, free)
+        if np.array_equal(free, without.solution.unknowns.free):
+            other = without
+        else:
+            # Without any term nothing settled: `without` would be that.
+            other = _balanced_from(task, fresh, free) if free.size > plain.size else None
         if other is not None and surprise_added(other, balanced, ("force", "rate", "turn")) > 0.0:
             return name
     return None

@@ -238,11 +238,15 @@ class Chain:
 
     def add(self, *terms: Whitened) -> None:
         """Add whitened residuals that depend on a node and the next one at most, and on the border."""
-        from tumble.estimation.kernels import add_to_nodes
+        from tumble.estimation.kernels import add_to_border, add_to_nodes
 
         sums = self.gradient, self.border, self.diagonal, self.lower
         for term in terms:
             node, residual, by_border = term.linear.node, term.residual, term.by_border
+            if not node.size:
+                # What is observed of the border alone is of a few of its unknowns each.
+                add_to_border(residual, by_border, self.corner, self.corner_gradient)
+                continue
             nothing = np.empty((len(residual), residual.shape[1], 0))
             if term.by_node is not None:
                 add_to_nodes(node, residual, by_border, term.by_node, nothing, *sums)

@@ -112,6 +112,26 @@ def add_to_nodes(
                         lower[k - 1, i, j] += factor * by_before[t, r, j]
 
 
+def add_to_border(
+    residual: cython.const[cython.double][:, :],
+    by_border: cython.const[cython.double][:, :, ::1],
+    corner: cython.double[:, ::1],
+    gradient: cython.double[::1],
+) -> None:
+    """Add what whitened residuals say of the border, `corner` (b, b) and `gradient` (b,); zeros cost nothing."""
+    terms, m, b = by_border.shape[0], by_border.shape[1], by_border.shape[2]
+    with cython.nogil:
+        for t in range(terms):
+            for r in range(m):
+                for i in range(b):
+                    factor = by_border[t, r, i]
+                    if factor == 0.0:
+                        continue
+                    gradient[i] += factor * residual[t, r]
+                    for j in range(b):
+                        corner[i, j] += factor * by_border[t, r, j]
+
+
 def eliminate(
     diagonal: cython.double[:, :, ::1],
     lower: cython.double[:, :, ::1],

@@ -196,9 +196,9 @@ def _sigma(keys: dict[str, Entry]) -> float:
 
 
 def _pose(keys: dict[str, Entry]) -> Pose | None:
-    from scipy.spatial.transform import Rotation
-
     if "attitude_deg" in keys:
+        from scipy.spatial.transform import Rotation
+
         if "up" in keys or "heading_deg" in keys:
             raise keys["attitude_deg"].error(
                 "`attitude_deg` says the whole attitude: remove it, or `up` and `heading_deg`."

@@ -467,9 +467,9 @@ class Own(RotationEquations):
     def linearise(self, state: JointAdjustment) -> list[Linear]:
         """Return a residual of each that something is known of."""
         variances, at = self._known(state)
-        by_border = self.empty(state, 1, at.size)
-        by_border[0, np.arange(at.size), at] = 1.0
-        return [Linear(self.moving.own[at][None], np.diag(variances)[None], by_border)]
+        by_border = self.empty(state, at.size, 1)
+        by_border[np.arange(at.size), 0, at] = 1.0
+        return [Linear(self.moving.own[at][:, None], variances[:, None, None], by_border)]
 
     def causes(self, state: JointAdjustment, linear: Linear) -> dict[str, AnyArray]:
         """Return the lever arm's length, and the wanders."""
@@ -481,7 +481,7 @@ class Own(RotationEquations):
             (RATE_WANDER, self.layout.rate),
         ):
             there = (at >= place.start) & (at < place.stop)
-            made[cause] = np.where(there, 1.0, 0.0)[None, :, None] * linear.covariance
+            made[cause] = there[:, None, None] * linear.covariance
         return made
 
     def drifts(self, state: JointAdjustment, linear: Linear, first: int) -> dict[str, Drift]:
@@ -501,8 +501,8 @@ class Own(RotationEquations):
             alone[0] -= more
             whole = np.zeros(self.layout.own)
             whole[place] = alone.ravel()
-            nothing = np.zeros((1, at.size, 3))
-            made[source] = Drift(np.zeros(1), np.zeros(1), nothing, np.diag(whole[at])[None])
+            nothing, never = np.zeros((at.size, 1, 3)), np.zeros(at.size)
+            made[source] = Drift(never, never, nothing, whole[at][:, None, None])
         return made
 
     def _known(self, state: JointAdjustment) -> tuple[Series, np.ndarray]:

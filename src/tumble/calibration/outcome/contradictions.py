@@ -205,7 +205,7 @@ def _unbelieved(outcome: JointOutcome) -> tuple[float, float, float]:
 
     found = [
         (unlikely(square_sum, variance), off, sigma)
-        for variance in (turn * 0.25 ** np.arange(FINEST)).tolist()
+        for variance in np.unique(turn * 0.25 ** np.arange(FINEST)).tolist()
         for off, sigma, square_sum in [_released(outcome, variance)]
     ]
     best = min(found)
