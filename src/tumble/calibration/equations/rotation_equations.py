@@ -137,11 +137,6 @@ class Layout:
         """Of the section's Earth rate; the shared unknowns follow."""
         return slice(self.own + 6, self.own + 9)
 
-    def bases(self, values: AnyArray) -> AnyArray:
-        """Return (rows, 3, wander) what the constant and the modes (rows, modes) add to each axis."""
-        shapes = np.concatenate([np.ones((len(values), 1)), values], axis=1)
-        return np.einsum("tm,ab->tamb", shapes, np.eye(3)).reshape(len(values), 3, self.wander)
-
 
 class RotationEquations(Equations):
     """Of one rotation."""
@@ -234,14 +229,14 @@ class Windows(AlikeEquations):
         turned, by_speed = (np.concatenate(of) for of in zip(*mean, strict=True))
         backward = turned @ np.swapaxes(C_wb, 1, 2)
         up = np.array([0.0, 0.0, -state.site.gravity])
-        cross, bases = skews(rates), layout.bases(modes)
+        cross, shapes = skews(rates), _with_constant(modes)
         centripetal = cross @ cross
         shown = raw_force(
             u,
             backward @ up + np.einsum("nij,nj->ni", centripetal, own[:, layout.lever]),
             lever_arms.apart(u, centripetal),
         )
-        residual = shown.value + np.einsum("nij,nj->ni", bases, own[:, layout.force]) - force
+        residual = shown.value + _wandered(shapes, own[:, layout.force]) - force
         blocks = dict(shown.by_blocks)
         if u.is_free("lever_arms"):
             blocks["lever_arms"] = lever_arms.by_lever_arms(shown.by_true, centripetal)
@@ -256,7 +251,8 @@ class Windows(AlikeEquations):
         blocks["clock"] = by_rate @ rates[:, :, None] / (1.0 + u["clock"][0])
         by_border = u.columns(blocks, layout.earth.stop)
         by_border[:, :, layout.lever] = shown.by_true @ centripetal
-        by_border[:, :, layout.force] = bases
+        for axis in range(3):
+            by_border[:, axis, layout.force.start + axis : layout.force.stop : 3] = shapes
         by_node = shown.by_true @ backward @ skew(up)
         return [
             [
@@ -280,7 +276,8 @@ class Windows(AlikeEquations):
         state : the noise.
         """
         shaking = state.noise.factor("windows", self.stretch.k)
-        return shaking * self.spin.force_covariance + _faster(self.spin, state.data.force_density)
+        faster = np.diag(state.data.force_density) * faster_variance(*self.spin.modes.shape)
+        return shaking * self.spin.force_covariance + faster
 
     def drifts(self, state: JointAdjustment, linear: Linear, first: int) -> dict[str, Drift]:
         """Return what wanders faster than the modes."""
@@ -310,35 +307,33 @@ class Links(AlikeEquations):
         shown = link_residuals(C_start, C_end, group[0].stretch.section.earth_w, link, u)
         # A gyro whose bias has wandered turns on by it: as the bias itself would.
         wander = shown.by_blocks["gyro.bias"]
-        bases = wander @ layout.bases(np.concatenate([_modes_of_links(one.spin) for one in group]))
+        shapes = _with_constant(np.concatenate([_modes_of_links(one.spin) for one in group]))
         own = np.repeat([one.moving.own[layout.rate] for one in group], counts, axis=0)
-        residual = shown.value + np.einsum("nij,nj->ni", bases, own)
+        residual = shown.value + np.einsum("nij,nj->ni", wander, _wandered(shapes, own))
         by_border = u.columns(shown.by_blocks, layout.earth.stop)
-        by_border[:, :, layout.rate] = bases
+        by_border[:, :, layout.rate] = np.einsum("nij,nm->nimj", wander, shapes).reshape(len(own), 3, -1)
         by_border[:, :, layout.earth] = shown.by_earth
         by_border[firsts, :, layout.start] = shown.by_start[firsts]
         by_border[lasts, :, layout.end] = shown.by_end[lasts]
         edges = np.zeros(len(residual))
         edges[firsts], edges[lasts] = edge_seconds(data, np.array([one.stretch.k for one in group]))
         covariance = link_covariance(data, C_start, link, u, edges, own_bias=False)
-        faster = np.repeat([_faster(one.spin, data.rate_density) for one in group], counts, axis=0)
-        covariance = covariance + wander @ faster @ np.swapaxes(wander, 1, 2)
-
-        def some(at: slice, node: np.ndarray, by_node: AnyArray, by_next: AnyArray | None) -> Linear:
-            return Linear(
-                residual[at], covariance[at], by_border[at], node, by_node[at], by_next, by_bias=wander[at]
-            )
-
+        faster = np.repeat([faster_variance(*one.spin.modes.shape) for one in group], counts)[:, None, None]
+        covariance = covariance + faster * (wander * data.rate_density) @ np.swapaxes(wander, 1, 2)
+        # The first link ends at the first window and the last begins at the last one: holds stand in the border.
+        by_node, by_next = shown.by_start.copy(), shown.by_end.copy()
+        by_node[firsts], by_next[firsts] = shown.by_end[firsts], 0.0
+        by_node[lasts], by_next[lasts] = 0.0, shown.by_start[lasts]
         made: list[list[Linear]] = []
         for one, first, last, links in zip(group, firsts.tolist(), lasts.tolist(), counts, strict=True):
-            one.duration = float(np.sum(link.duration[first : last + 1]))
-            middle, windows = slice(first + 1, last), links - 1
+            at, node, nexts = slice(first, last + 1), np.arange(links) - 1, by_next[first : last + 1]
+            one.duration = float(np.sum(link.duration[at]))
+            by = by_node[at]
+            if links == 2:
+                by, nexts = by + nexts, None
+            node = np.clip(node, 0, max(links - 3, 0))
             made.append(
-                [
-                    some(slice(first, first + 1), np.array([0]), shown.by_end, None),
-                    some(middle, np.arange(windows - 1), shown.by_start, shown.by_end[middle]),
-                    some(slice(last, last + 1), np.array([windows - 1]), shown.by_start, None),
-                ]
+                [Linear(residual[at], covariance[at], by_border[at], node, by, nexts, by_bias=wander[at])]
             )
         return made
 
@@ -563,9 +558,14 @@ def _wander_variance(data: Observed, spin: TableRotation, density: Vector, added
     return np.concatenate([constant[None], spin.mode_share[:, None] * density])
 
 
-def _faster(spin: TableRotation, density: Vector) -> Matrix:
-    """Raw²: what wanders faster than the modes, down to a window."""
-    return np.diag(density) * faster_variance(*spin.modes.shape)
+def _with_constant(modes: AnyArray) -> AnyArray:
+    """(rows, 1 + modes) the shapes that a bias wanders in."""
+    return np.concatenate([np.ones((len(modes), 1)), modes], axis=1)
+
+
+def _wandered(shapes: AnyArray, own: AnyArray) -> Vectors:
+    """(rows, 3) what biases have wandered by, of the unknowns (rows, 3 of each shape)."""
+    return np.einsum("nm,nmj->nj", shapes, own.reshape(*shapes.shape, 3))
 
 
 def _fast_drift(

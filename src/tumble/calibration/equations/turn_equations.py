@@ -137,7 +137,7 @@ def link_residuals(
     earth = matrices_from_rotation_vectors(-link.duration[:, None] * earth_w)
     residual = rotation_vectors_from_matrices(earth @ C_start @ link.C_se @ np.swapaxes(C_end, 1, 2))
     inverse, outer = inverted(gyro_matrix(u)), earth @ C_start
-    moves = np.einsum("tab,tbcj,ci->taij", outer, link.sums, inverse)
+    moves = (outer @ (inverse.T @ link.sums).reshape(count, 3, -1)).reshape(count, 3, 3, -1)
     blocks: dict[str, AnyArray] = {
         "gyro.matrix": -moves[..., 0:3].reshape(count, 3, 9),
         "gyro.bias": -faster * moves[..., 3],
