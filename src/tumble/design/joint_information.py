@@ -7,6 +7,7 @@ Earth rate and whatever belongs to one rotation is eliminated, as in a calibrati
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from tumble.calibration.equations.imu_unknowns import LAYOUT, PLAIN, imu_unknown
 from tumble.calibration.equations.observed import Observed
 from tumble.calibration.equations.reference_equations import Heading
 from tumble.calibration.equations.stretches import RecordingStretch, SectionStretch
+from tumble.calibration.equations.turn_equations import Link, Turn
 from tumble.calibration.recording_influences import recording_influences
 from tumble.calibration.start import start_adjustment
 from tumble.earth import Site
@@ -161,10 +163,12 @@ class PlannedProblem:
     ----------
     task : the adjustment, at the truth.
     rotations : what each rotation says, by the hold before it, once it has been asked for.
+    links : what the gyros carry over all turns of a section, by its first hold, once it has been asked for.
     """
 
     task: JointAdjustment
     rotations: dict[int, Eliminated] = field(default_factory=dict[int, Eliminated])
+    links: dict[int, Link] = field(default_factory=dict[int, Link])
 
     def information(
         self,
@@ -226,6 +230,11 @@ class PlannedProblem:
         """Take rotations, which are most of the work, as they were eliminated before, and one of them out."""
         # What keeps a step finite is no knowledge.
         stretch.equations = [e for e in stretch.equations if e.kind != "loose"]
+        for turns in stretch.equations:
+            if isinstance(turns, Turn):
+                if section.first not in self.links:
+                    self.links[section.first] = turns.integrated(task)
+                turns.given = self.links[section.first]
         outside = 9 + FREE.size
         for place, inner in stretch.within:
             k = place.node + section.first
@@ -251,8 +260,16 @@ def information_in_names(normal: Square, unknowns: Series) -> Square:
 
 def _back(unknowns: Series) -> Square:
     """(free, 30) derivatives of the free unknowns by the named parameters."""
-    slope = np.asarray(jacobian(_EVALUATE, unknowns), dtype=np.float64)[:, FREE]
-    return inverted(np.ascontiguousarray(slope))
+    return _back_of(unknowns.tobytes())
+
+
+@lru_cache(maxsize=1)
+def _back_of(unknowns: bytes) -> Square:
+    """The same; most plans are made at one place, exact sensors."""
+    slope = np.asarray(jacobian(_EVALUATE, np.frombuffer(unknowns)), dtype=np.float64)[:, FREE]
+    made = inverted(np.ascontiguousarray(slope))
+    made.flags.writeable = False
+    return made
 
 
 def planned_problem(

@@ -10,6 +10,7 @@ rate and acceleration are closed formulas of time; nothing is differentiated or 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -21,7 +22,7 @@ from tumble.simulation.disturbances import Disturbance
 from tumble.simulation.spin_shapes import SpinShapes, directions_of, wobble_rotation, wobbling_axis
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Motion:
     """Holds and turns, one after another, beginning with a hold.
 
@@ -105,7 +106,7 @@ class Motion:
     @property
     def hold_edges(self) -> AnyArray:
         """Beginning and end of each hold, (holds, 2) s."""
-        return self._steps().edges.reshape(-1)[self._hold_index()]
+        return self._steps.edges.reshape(-1)[self._hold_index()]
 
     def _hold_index(self) -> np.ndarray:
         return 2 * np.arange(len(self.hold_duration))[:, None] + np.arange(2)
@@ -113,8 +114,9 @@ class Motion:
     @property
     def hold_rotations_nb(self) -> Rotation:
         """Attitude at the beginning of each hold, without disturbances."""
-        return self._steps().rotations_nb[::2]
+        return self._steps.rotations_nb[::2]
 
+    @cached_property
     def _steps(self) -> _Steps:
         holds = len(self.hold_duration)
         length, vector = np.empty(2 * holds - 1), np.empty((2 * holds - 1, 3))
@@ -247,7 +249,7 @@ class Motion:
 
     def _progress(self, time: Series) -> tuple[_Steps, np.ndarray, Series, Series, Series]:
         """The steps, step number, share of it done, and the share's first and second time derivative."""
-        path = self._steps()
+        path = self._steps
         step = np.clip(np.searchsorted(path.edges, time, side="right") - 1, 0, len(path.length) - 1)
         length = path.length[step]
         x = np.clip((time - path.edges[step]) / length, 0.0, 1.0)

@@ -210,9 +210,15 @@ def edge_seconds(data: Observed, k: np.ndarray) -> tuple[Series, Series]:
 
 
 class Turn(Equations):
-    """Of all turns of a section that no table made."""
+    """Of all turns of a section that no table made.
+
+    Attributes
+    ----------
+    given : what the gyros carry, where it is known already; None to integrate it.
+    """
 
     kind = "turn"
+    given: Link | None = None
 
     def __init__(self, section: Section, place: np.ndarray) -> None:
         self.section = section
@@ -220,11 +226,16 @@ class Turn(Equations):
         self.node = place - section.first
         self.duration = np.zeros(place.size)
 
+    def integrated(self, state: JointAdjustment) -> Link:
+        """Return what the gyros carry over each turn."""
+        base, k = state.data.base, self.place
+        return integrate_links(state.data, state.unknowns, base.turn_start[k], base.turn_stop[k])
+
     def linearise(self, state: JointAdjustment) -> list[Linear]:
         """Return three residuals a turn, rad in w."""
         k, u, data = self.place, state.unknowns, state.data
         tail, head = self.section.C_wb[self.node, 2], self.section.C_wb[self.node + 1, 0]
-        link = integrate_links(data, u, data.base.turn_start[k], data.base.turn_stop[k])
+        link = self.given or self.integrated(state)
         self.duration = link.duration
         shown = link_residuals(tail, head, self.section.earth_w, link, u)
         by_node, by_next = np.zeros((k.size, 3, NODE)), np.zeros((k.size, 3, NODE))
