@@ -226,8 +226,10 @@ def balance(task: Balanceable) -> Balanced:
         outliers += found
         solution = solve(task, tolerance=ROUGHLY)
     solution = _settle(task, solution, robust=False)
+    there = solution.tests().keys()
     for component in task.components:
-        solution = _without_chance(task, component, solution)
+        if (component.witnesses or (component.kind,))[0] in there:
+            solution = _without_chance(task, component, solution)
     return Balanced(solution, outliers, solution.tests())
 
 
@@ -235,7 +237,7 @@ def _without_chance(task: Balanceable, component: Component, solution: Settled) 
     """Take a component away that chance explains."""
     witnesses = component.witnesses or (component.kind,)
     nothing = component.nothing(task)
-    if task.noise[component.name] <= nothing or witnesses[0] not in solution.tests():
+    if task.noise[component.name] <= nothing:
         return solution
     back = task.aside()
     task.noise.set(component.name, nothing)
@@ -259,7 +261,7 @@ def _settle(task: Balanceable, solution: Settled, *, robust: bool) -> Settled:
     for number in range(ROUNDS):
         moved = _raise_chains(task, solution)
         noise = task.noise.copy()
-        tests = solution.tests()
+        tests = solution.tests({component.kind for component in task.components})
         for component in task.components:
             if component.kind in tests:
                 moved = _raise_component(noise, component, tests[component.kind], robust=robust) or moved
