@@ -235,12 +235,12 @@ def find_untold(directions: Vectors, unknowns: int = 9) -> list[UntoldCombinatio
     directions : (poses, 3) unit vectors up.
     unknowns : the first so many of `norm_rows`.
     """
-    from scipy.linalg import qr
-
     rows = norm_rows(directions)[:, :unknowns]
     weak = find_weak_directions(rows.T @ rows, np.ones(unknowns), LARGEST_AMPLIFICATION)
     if not weak:
         return []
+    from scipy.linalg import qr
+
     basis = np.array([one.direction for one in weak])
     # One unknown for each combination that the others of them do without.
     pivots = np.sort(qr(basis, mode="r", pivoting=True)[1][: len(weak)])

@@ -6,6 +6,7 @@ file has been touched, and a stop is one line and an exit status as at any other
 
 import gc
 import os
+import sys
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -39,7 +40,9 @@ def program() -> None:
     # What is imported is no garbage: looking through it again and again takes a tenth of a short command's time.
     gc.disable()
     from tumble.cli.main import program as run
+    from tumble.cli.scipy_functions import FunctionsAlone
 
+    sys.meta_path.insert(0, FunctionsAlone())
     gc.enable()
     gc.set_threshold(50_000)
     run()

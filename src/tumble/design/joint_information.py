@@ -62,6 +62,8 @@ IGNORANCE = 1e2
 # No data sheet states that a gyro feels no gravity at all, 0.01 (°/s)/g.
 # rad: nothing is known of a heading that nobody carries on, and the equations stay regular.
 UNKNOWN_HEADING = 1e3
+# What is known of gyro scale factors without the planned clock has less than this share of the clock's variance.
+_BEYOND_CLOCK = 0.9
 _LEAST_G_SENSITIVITY = 0.01 * np.pi / 180.0 / 9.80665
 
 
@@ -113,6 +115,29 @@ class JointInformation:
     def plus(self, other: JointInformation) -> JointInformation:
         """Return what both tell together."""
         return JointInformation(self.matrix + other.matrix)
+
+    def beside_clock(self, sigma: float) -> JointInformation:
+        """Return what is left where the sample rate is known by `sigma` (a share) alone: gyro scale factors share it.
+
+        Parameters
+        ----------
+        sigma : one standard uncertainty; 0 for a perfect clock.
+        """
+        if not sigma:
+            return self
+        shown = self.matrix[:, GROUPS["gyro scale"]].sum(axis=1)
+        by_clock = shown[GROUPS["gyro scale"]].sum() + sigma**-2
+        return JointInformation(self.matrix - np.outer(shown, shown) / by_clock)
+
+    def is_beyond_clock(self, sigma: float) -> bool:
+        """Whether gyro scale factors are known better than a clock: by another one, or a table's rates.
+
+        Parameters
+        ----------
+        sigma : of the clock, a share.
+        """
+        part = GROUPS["gyro scale"]
+        return bool(_BEYOND_CLOCK * sigma**2 * self.matrix[part, part].sum() > 1.0)
 
     def covariance(self, sizes: Series, *, g_sensitivity: bool, sheet: bool = False) -> Square:
         """Return (30, 30), finite throughout: what is not told is open by a hundred times its spread.

@@ -85,6 +85,11 @@ class PlanTask:
         """Whether a table's angles are read."""
         return any(isinstance(s, SpinStep) and s.angle is not None for s in self.protocol.steps)
 
+    @property
+    def is_beyond_clock(self) -> bool:
+        """Whether what is there already knows gyro scale factors better than the clock."""
+        return self.known is not None and self.known.is_beyond_clock(self.clock)
+
     def covariance(self, information: JointInformation) -> Square:
         """Return (30, 30) of what is there already and this information together."""
         total = information if self.known is None else information.plus(self.known)
@@ -194,8 +199,7 @@ def _plan(
     total = noise.copy()
     scale = GROUPS["accelerometer scale"]
     total[scale] = np.hypot(noise[scale], task.site.gravity_sigma / task.site.gravity)
-    turned = GROUPS["gyro scale"]
-    total[turned] = np.hypot(noise[turned], task.clock)
+    total = np.sqrt(total**2 + clock_variances(task, information))
     bare, full = (
         np.sqrt(np.diag(replace(task, g_sensitivity=with_g).covariance(information)))
         for with_g in (False, True)
@@ -248,6 +252,26 @@ def true_covariance(task: PlanTask, played: PlayedPlan, problem: PlannedProblem)
     alone = np.diag(problem.in_names(influences.independent))
     np.fill_diagonal(made, np.maximum(np.diag(made), LEAST_SHARE * alone))
     return made
+
+
+def clock_variances(task: PlanTask, information: JointInformation) -> Series:
+    """Return (30,) by how much the clock adds to the variances of the parameters.
+
+    Where what is there already has the gyro scale factors from another clock, or from a table, it tells this clock.
+
+    Parameters
+    ----------
+    task : the clock, and what is there already.
+    information : of the planned test, its clock taken as perfect.
+    """
+    added = np.zeros(PARAMETERS)
+    if not task.is_beyond_clock:
+        added[GROUPS["gyro scale"]] = task.clock**2
+        return added
+    perfect, open_ = (
+        np.diag(task.covariance(one)) for one in (information, information.beside_clock(task.clock))
+    )
+    return np.maximum(open_ - perfect, 0.0)
 
 
 def find_weaknesses(task: PlanTask, information: JointInformation) -> list[Weakness]:

@@ -18,7 +18,7 @@ from tumble.design.joint_information import (
     parameters_of,
     planned_problem,
 )
-from tumble.design.joint_plan import JointPlan, PlanTask, plan_protocol, true_covariance
+from tumble.design.joint_plan import JointPlan, PlanTask, clock_variances, plan_protocol, true_covariance
 from tumble.design.next_step import (
     Aim,
     StepCandidate,
@@ -298,3 +298,28 @@ def test_targets_are_held_against_what_is_foretold(hand_held: JointPlan) -> None
         stop, words = judge_stop(task, hand_held.information, [], limits, foretold)
         assert stop == reached
         assert ("All targets are reached" in words[0]) == reached
+
+
+def test_a_table_that_was_there_before_determines_the_clock(hand_held: JointPlan) -> None:
+    """Against one normal equation of thirty parameters and the clock, whose share every gyro scale factor has."""
+    task = replace(hand_held.task, g_sensitivity=True)
+    rng = np.random.default_rng(5)
+    one, other = (rng.normal(size=(30, 30)) / task.sizes for _ in range(2))
+    sizes = task.sizes[GROUPS["gyro scale"]]
+    planned, known = (JointInformation(1e4 * root.T @ root) for root in (one, other))
+    by_clock = np.zeros((30, 31))
+    by_clock[:, :30] = np.eye(30)
+    by_clock[GROUPS["gyro scale"], 30] = 1.0
+    clock = 30.0 * float(sizes[0])
+    whole = by_clock.T @ planned.matrix @ by_clock
+    whole[:30, :30] += known.matrix + np.diag((100.0 * task.sizes) ** -2.0)
+    whole[30, 30] += clock**-2
+    expected = np.diag(np.linalg.inv(whole))[:30]
+    beside = replace(task, known=known, clock=clock)
+    found = np.diag(beside.covariance(planned)) + clock_variances(beside, planned)
+    np.testing.assert_allclose(found, expected, rtol=1e-6)
+    assert np.all(found[GROUPS["gyro scale"]] < clock**2 / 4.0)
+    # Nothing there, or nothing that knows more of them: all have the clock.
+    for none in (None, JointInformation(1e-12 * known.matrix)):
+        alone = clock_variances(replace(task, known=none, clock=clock), planned)
+        np.testing.assert_allclose(alone, np.where(by_clock[:, 30] > 0.0, clock**2, 0.0))

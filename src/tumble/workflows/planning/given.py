@@ -236,4 +236,4 @@ def _of_few_holds(path: Path, task: PlanTask) -> tuple[JointInformation, list[st
     problem = planned_problem(data, task.site, task.sizes)
     turns = int(data.turns.size)
     words = f"{path} has {data.holds} holds and {turns} turns that can be followed: too few for a calibration yet."
-    return problem.information(), [words]
+    return problem.information().beside_clock(task.clock), [words]

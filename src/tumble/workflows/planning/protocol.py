@@ -290,6 +290,12 @@ def _advise(
     candidates = step_candidates(task, table=task.has_table, span=plan.duration)
     start = plan.information if known is None else known
     base = replace(task, known=None)
+    if known is not None:
+        # A calibration states its own clock, and the next steps have the planned one.
+        base = replace(base, clock=0.0)
+        candidates = [
+            replace(one, information=one.information.beside_clock(task.clock)) for one in candidates
+        ]
     done.following = find_next_steps(base, start, candidates)
     foretold = plan.noise_sigmas if known is None else None
     done.stop, words = judge_stop(base, start, done.following, limits, foretold)
@@ -320,6 +326,8 @@ def of_clock(plan: JointPlan) -> str:
     if np.all(plan.told[part]):
         ppm = 1e6 * float(np.sqrt(np.mean(plan.noise_sigmas[part] ** 2)))
         alone = f" Without that they would be known to {two_digits(ppm)} ppm."
+    if plan.task.is_beyond_clock:
+        return f"The sample rate is uncertain by {size}, and what is there already knows the gyro scale factors better."
     if plan.task.clock != NOMINAL:
         return f"The sample rate is known to {size}, as stated, and all gyro scale factors share that.{alone}"
     return (
