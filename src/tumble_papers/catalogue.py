@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
+from importlib.resources import files
 
-from tumble.reproduction.items import Item
+from tumble.reproduction.items import Item, measured_costs
 from tumble_papers.hayal.contradictions import reproduce_contradictions
 from tumble_papers.hayal.estimators import reproduce_convergence, reproduce_norm_bias
 from tumble_papers.hayal.figures import reproduce_figure
@@ -44,22 +46,19 @@ def _hayal_items() -> list[Item]:
             "figure 4.2: gyros against the reference rate",
             partial(reproduce_figure, "4.2"),
             20,
-            0.6,
         ),
         Item(
             "hayal-figure-4.3",
             "figure 4.3: gyros against the noise",
             partial(reproduce_figure, "4.3"),
             20,
-            0.6,
         ),
-        Item("hayal-convergence", "how often the gyro solutions converge", reproduce_convergence, 500, 1.0),
+        Item("hayal-convergence", "how often the gyro solutions converge", reproduce_convergence, 500),
         Item(
             "hayal-norm-bias",
             "how far noise biases the estimators of the norm",
             reproduce_norm_bias,
             500,
-            2.0,
         ),
     ]
     items += [
@@ -67,7 +66,6 @@ def _hayal_items() -> list[Item]:
             f"hayal-{t}",
             f"table {t}: {tables[t]['title']}",
             partial(reproduce_scenario_table, t),
-            seconds=1.5,
         )
         for t in TABLES
     ]
@@ -91,7 +89,6 @@ def _position_items() -> list[Item]:
             f"table {t}: {tables[t]['title']}",
             partial(reproduce_scenario_positions, t),
             8,
-            1200.0,
             dear=True,
         )
         for t in ("5.5", "5.6")
@@ -99,8 +96,8 @@ def _position_items() -> list[Item]:
     title = f"table 5.7: {tables['5.7']['title']}"
     wandering = partial(reproduce_sub_scenarios, wandering=True)
     items += [
-        Item("hayal-5.7", title, reproduce_sub_scenarios, 6, 3100.0, dear=True),
-        Item("hayal-5.7-wandering", "the same with biases that wander", wandering, 4, 3100.0, dear=True),
+        Item("hayal-5.7", title, reproduce_sub_scenarios, 6, dear=True),
+        Item("hayal-5.7-wandering", "the same with biases that wander", wandering, 4, dear=True),
     ]
     items += [
         Item(
@@ -108,7 +105,6 @@ def _position_items() -> list[Item]:
             f"figure {f}: table {f} as a picture",
             partial(reproduce_scenario_figure, f),
             8,
-            1200.0,
             dear=True,
         )
         for f in ("5.5", "5.6")
@@ -119,7 +115,6 @@ def _position_items() -> list[Item]:
             f"figure {f}: table 5.7 as a picture, {imu}",
             partial(reproduce_outage_figure, f),
             6,
-            1600.0,
             dear=True,
         )
         for f, imu in (("5.7", "HG1700"), ("5.8", "HG1900"))
@@ -130,23 +125,19 @@ def _zhang_items() -> list[Item]:
     printed = zhang()
     tables, figures = printed["tables"], printed["figures"]
     runs = {
-        "2": (reproduce_table_2, 2.0),
-        "3": (partial(reproduce_scatter_table, "3"), 2.0),
-        "4": (partial(reproduce_scatter_table, "4"), 2.0),
-        "5": (reproduce_table_5, 2.0),
-        "6": (reproduce_table_6, 0.1),
+        "2": reproduce_table_2,
+        "3": partial(reproduce_scatter_table, "3"),
+        "4": partial(reproduce_scatter_table, "4"),
+        "5": reproduce_table_5,
+        "6": reproduce_table_6,
     }
-    items = [
-        Item(f"zhang-{t}", f"table {t}: {tables[t]['title']}", run, 500, seconds)
-        for t, (run, seconds) in runs.items()
-    ]
+    items = [Item(f"zhang-{t}", f"table {t}: {tables[t]['title']}", run, 500) for t, run in runs.items()]
     items += [
         Item(
             f"zhang-figure-{f}",
             f"figure {f}: {figures[f]['title']}",
             partial(reproduce_norm_errors, f),
             500,
-            0.1,
         )
         for f in figures
     ]
@@ -158,7 +149,6 @@ def _zhang_items() -> list[Item]:
             "what sets of poses determine, the paper's and better ones",
             reproduce_designs,
             500,
-            2.0,
         ),
         Item(
             "zhang-contradictions",
@@ -177,11 +167,11 @@ def _zhang_navigation_items() -> list[Item]:
             words = "specific forces" if sensor == "accelerometer" else "angular rates"
             title = f"figure {figure}: {words} in navigation test {name}"
             run = partial(reproduce_measurements, figure)
-            items.append(Item(f"zhang-figure-{figure}", title, run, 1, 1.0))
+            items.append(Item(f"zhang-figure-{figure}", title, run, 1))
         figure = entry["positions"]
         title = f"figure {figure}: errors of position in navigation test {name}, three methods"
         run = partial(reproduce_positions, figure)
-        items.append(Item(f"zhang-figure-{figure}", title, run, 20, 600.0, dear=True))
+        items.append(Item(f"zhang-figure-{figure}", title, run, 20, dear=True))
     return items
 
 
@@ -191,16 +181,15 @@ def _savage_items() -> list[Item]:
         Item("savage-1", f"table 1: {tables['1']['title']}", reproduce_savage_table_1, None),
         Item("savage-2", f"table 2: {tables['2']['title']}", reproduce_savage_table_2, None),
         Item("savage-12", "(12): what each error does to each measurement", reproduce_equation_12, None),
-        Item("savage-9.1", "section 9.1: gyro random noise", reproduce_random_noise, 200, 5.0),
-        Item("savage-9.2", "section 9.2: accelerometer noise", reproduce_accelerometer_noise, 200, 10.0),
-        Item("savage-9.3", "section 9.3: Earth rate", reproduce_earth_rate, 200, 4.0),
-        Item("savage-9.4", "section 9.4: gyro bias", reproduce_gyro_bias, 200, 5.0),
+        Item("savage-9.1", "section 9.1: gyro random noise", reproduce_random_noise, 200),
+        Item("savage-9.2", "section 9.2: accelerometer noise", reproduce_accelerometer_noise, 200),
+        Item("savage-9.3", "section 9.3: Earth rate", reproduce_earth_rate, 200),
+        Item("savage-9.4", "section 9.4: gyro bias", reproduce_gyro_bias, 200),
         Item(
             "savage-accuracy",
             "accuracy of the test: three grades, ways to evaluate it, play-backs",
             reproduce_accuracy,
             200,
-            80.0,
         ),
         Item(
             "savage-contradictions",
@@ -211,5 +200,10 @@ def _savage_items() -> list[Item]:
     ]
 
 
-ITEMS: dict[str, Item] = {item.name: item for item in (*_hayal_items(), *_zhang_items(), *_savage_items())}
+_COSTS = measured_costs(files("tumble_papers") / "costs.json")
+
+ITEMS: dict[str, Item] = {
+    item.name: replace(item, cost=_COSTS.get(item.name, (0.0, 0.0)))
+    for item in (*_hayal_items(), *_zhang_items(), *_savage_items())
+}
 """Every item by name, a paper after the other, each in its own order: the entry point `tumble.reproduction`."""

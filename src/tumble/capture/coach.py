@@ -89,20 +89,3 @@ def angle_between(one: Vector, other: Vector) -> float:
     one, other : (3,).
     """
     return float(np.arctan2(np.linalg.norm(np.cross(one, other)), one @ other))
-
-
-def time_words(seconds: float) -> str:
-    """Return a time to wait in words.
-
-    Parameters
-    ----------
-    seconds : s.
-
-    Examples
-    --------
-    >>> time_words(45.0), time_words(2400.0), time_words(9000.0)
-    ('45 s', '40 min', '2.5 h')
-    """
-    if seconds < 120.0:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60.0:.0f} min" if seconds < 7200.0 else f"{seconds / 3600.0:.1f} h"

@@ -11,9 +11,10 @@ from concurrent.futures import Future, ThreadPoolExecutor
 import numpy as np
 
 from tumble.arrays import Series
-from tumble.capture.coach import Advice, Progress, time_words
+from tumble.capture.coach import Advice, Progress
 from tumble.capture.live_blocks import MOST_BLOCKS, LiveBlocks
 from tumble.capture.live_holds import LiveHold
+from tumble.counting import time_words
 from tumble.errors import RecordingError, UsageError
 from tumble.noise.advice import seconds_needed
 from tumble.noise.channel import Channel

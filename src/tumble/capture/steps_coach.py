@@ -12,10 +12,11 @@ import numpy as np
 
 from tumble.arrays import Series, Vector
 from tumble.calibration.poses import describe_direction
-from tumble.capture.coach import Advice, Progress, angle_between, time_words
+from tumble.capture.coach import Advice, Progress, angle_between
 from tumble.capture.guide import in_si
 from tumble.capture.live_blocks import MOST_BLOCKS, LiveBlocks
 from tumble.capture.live_holds import LiveHold
+from tumble.counting import time_words
 from tumble.protocol.steps import HoldStep, Protocol, RampStep, SoakStep, SpinStep, Step, TurnStep
 from tumble.segmentation.activity import Activity
 

@@ -10,7 +10,7 @@ import typer
 
 from tumble.cli.groups import FIRST, option
 from tumble.cli.options import PrintOptions, RegistryName, output_option
-from tumble.cli.terminal import results_stand, say, say_json, say_written
+from tumble.cli.terminal import progress, results_stand, say, say_json, say_written
 from tumble.errors import UsageError
 
 if TYPE_CHECKING:
@@ -69,17 +69,19 @@ def certificate_command(
         )
     from tumble.workflows.certificate import make_certificate
 
-    made = make_certificate(
-        calibration,
-        output or Path("certificate.pdf"),
-        profile=profile,
-        number=number,
-        date=date,
-        language=language,
-        short=short,
-        dcc=dcc,
-        registry=registry,
-    )
+    with progress(printed.silent) as tell:
+        tell("the certificate")
+        made = make_certificate(
+            calibration,
+            output or Path("certificate.pdf"),
+            profile=profile,
+            number=number,
+            date=date,
+            language=language,
+            short=short,
+            dcc=dcc,
+            registry=registry,
+        )
     results_stand()
     _print(made, printed)
 

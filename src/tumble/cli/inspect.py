@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from tumble.cli.groups import FIRST, PRINTED, option
 from tumble.cli.options import FileOptions, PrintOptions, Recordings
-from tumble.cli.terminal import console, plain, say, say_json, table
+from tumble.cli.terminal import console, plain, progress, say, say_json, table
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -39,7 +39,9 @@ def inspect_command(
     """Say what a recording holds: streams, units, rate, gaps, rest and motion, and what it is good for."""
     from tumble.workflows.inspect import inspect
 
-    inspection = inspect(recording, save=save, **file.given())
+    with progress(printed.silent) as tell:
+        tell("reading")
+        inspection = inspect(recording, save=save, **file.given())
     if printed.as_json:
         say_json(inspection.to_dict(), indent=2)
         return

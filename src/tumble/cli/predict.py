@@ -17,7 +17,7 @@ import typer
 
 from tumble.cli.groups import FIRST, option, refuse_given
 from tumble.cli.options import CalibrationArgument, DataSheet, Json, NoiseFile, TurnOnBias, output_option
-from tumble.cli.terminal import console, results_stand, say_json, say_written, table
+from tumble.cli.terminal import console, progress, results_stand, say_json, say_written, table
 from tumble.cli.verify import turn_on_of
 
 if TYPE_CHECKING:
@@ -64,14 +64,16 @@ def show_navigation(
     """
     from tumble.workflows.predict import predict_navigation, states_document, write_states
 
-    found = predict_navigation(
-        calibration,
-        seconds=seconds,
-        trajectory=trajectory,
-        noise=noise,
-        data_sheet=data_sheet or "consumer-mems",
-        turn_on=(0.0, 0.0) if turn_on_bias is None else turn_on_of(turn_on_bias),
-    )
+    with progress(as_json) as tell:
+        tell("navigating")
+        found = predict_navigation(
+            calibration,
+            seconds=seconds,
+            trajectory=trajectory,
+            noise=noise,
+            data_sheet=data_sheet or "consumer-mems",
+            turn_on=(0.0, 0.0) if turn_on_bias is None else turn_on_of(turn_on_bias),
+        )
     file = None
     if output is not None:
         file = write_states(found, trajectory, output)

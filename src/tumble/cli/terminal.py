@@ -19,6 +19,8 @@ from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO, cast
 
+from tumble.counting import Stage, listening
+
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
@@ -282,14 +284,16 @@ def table(
 
 @contextmanager
 def progress(quiet: bool) -> Generator[Callable[[str], None], None, None]:
-    """Give a function that shows a stage in words; silent where nobody looks."""
+    """Give a function that shows a stage in words, with the time left where it is known; silent where nobody looks."""
     if quiet or not sys.stderr.isatty():
         yield lambda _: None
         return
     from rich.console import Console
 
     with Console(stderr=True).status("starting") as status:
-        yield lambda stage: status.update(plain(stage))
+        stage = Stage[str](lambda words: status.update(plain(words)))
+        with listening(stage.at):
+            yield stage.begin
 
 
 def results_stand() -> None:

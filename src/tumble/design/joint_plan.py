@@ -13,6 +13,7 @@ import numpy as np
 
 from tumble.arrays import Series, Square, Table
 from tumble.calibration.equations.causes import FORCE_WANDER
+from tumble.counting import counted
 from tumble.design.hold_noise import hold_covariance
 from tumble.design.joint_information import (
     GROUPS,
@@ -177,9 +178,9 @@ def plan_protocol(task: PlanTask, say: Callable[[str], None] | None = None) -> J
     require_plannable(task.protocol)
     draws = task.draws or (DRAWS_ON_TABLE if task.has_table else DRAWS_BY_HAND)
     made: list[tuple[PlayedPlan, PlannedProblem, JointInformation]] = []
-    for draw in range(draws):
-        if say is not None:
-            say(f"playing it, {draw + 1} of {draws}")
+    if say is not None:
+        say("playing it")
+    for draw in counted(range(draws), draws):
         played = play_plan(task.protocol, task.site, np.random.default_rng([task.seed, draw]))
         problem = planned_problem(planned_data(played, task.noise), task.site, task.sizes)
         made.append((played, problem, problem.information()))

@@ -11,6 +11,7 @@ import numpy as np
 from tumble.arrays import Series, Square, Vectors, inverted
 from tumble.attitude.directions import twenty_six_directions
 from tumble.calibration.poses import describe_mending, describe_untold
+from tumble.counting import counted
 from tumble.design.candidates import PARAMETERS, pose_candidates, pose_rows, prediction_weights
 from tumble.design.criteria import Criterion
 from tumble.design.hold_noise import (
@@ -305,9 +306,9 @@ def plan_time(
             f"{task.turn:g} s between them: give {needed:.0f} s ({needed / 60.0:.2g} min) or more."
         )
     plans: list[PosePlan] = []
-    for count in fitting:
-        if say is not None:
-            say(f"trying {count} poses")
+    if say is not None:
+        say("trying how many poses are best")
+    for count in counted(fitting, sum(fitting), float):
         try:
             plans.append(plan_poses(task, reach, count, (seconds + task.turn) / count - task.turn, rng))
         except ObservabilityError:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tumble.arrays import Series, Square
+from tumble.counting import counted
 from tumble.design.joint_information import NAMES, JointInformation, planned_problem
 from tumble.design.joint_plan import JointPlan, PlanTask, mean_log_sigma
 from tumble.design.planned_motion import planned_data, play_plan
@@ -68,11 +69,11 @@ def find_step_worths(plan: JointPlan, say: Callable[[str], None] | None = None) 
     base = plan.information
     covariance = task.covariance(base)
     found: list[tuple[int, str, JointInformation, float]] = []
-    for hold, step in enumerate(plan.played.hold_steps):
+    if say is not None:
+        say("leaving out one step after the other")
+    for hold, step in counted(enumerate(plan.played.hold_steps), data.holds):
         if step is None:
             continue
-        if say is not None:
-            say(f"leaving out hold {hold + 1} of {data.holds}")
         left = plan.problem.task.copy().taking_part
         left["force"][hold] = left["rate"][hold] = False
         stretch = np.ones(data.holds)
@@ -81,9 +82,7 @@ def find_step_worths(plan: JointPlan, say: Callable[[str], None] | None = None) 
         gain = _gain(task, base, longer)
         found.append((step, "hold", plan.problem.information(left), gain))
     longer_gain: dict[tuple[float, float], float] = {}
-    for before, spin in data.rotations.items():
-        if say is not None:
-            say(f"leaving out {spin.name}")
+    for before, spin in counted(data.rotations.items(), len(data.rotations)):
         step = plan.played.truth.spins[spin.row].step
         spun = task.protocol.steps[step]
         assert isinstance(spun, SpinStep)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tumble.arrays import AnyArray, Series, Table
+from tumble.counting import counted
 from tumble.errors import RecordingError
 from tumble.noise.bridging import BridgedBlocks
 from tumble.noise.deviation import Deviation, Kind, Taus, allan_deviation
@@ -205,11 +206,11 @@ def survey_blocks(blocks: BridgedBlocks, say: Callable[[str], None]) -> tuple[Su
         If there is no sample.
     """
     survey, words, first = Survey(), dict[str, None](), None
+    say("reading, 1 of 2")
     for block, after_gap in blocks:
         first = block.between(0, 1) if first is None else first
         words |= dict.fromkeys(told(block))
         survey.add(block, after_gap=after_gap)
-        say(f"reading, 1 of 2: {survey.samples / 1e6:.1f} million samples")
     if first is None:
         raise RecordingError("--skip leaves nothing of the recording.")
     survey.close()
@@ -265,7 +266,8 @@ def average_blocks(
     spectra = {letter: StreamedSpectrum(survey.rate, len(of_triad[letter]), segment) for letter in letters}
     at, (first, last) = 0, _for_lines(suitability)
     kept: list[Table] = []
-    for block, _ in blocks:
+    say("reading, 2 of 2")
+    for block, _ in counted(blocks, survey.samples, lambda one: len(one[0])):
         signals = np.column_stack(list(channels_of(block).values()))
         if slopes is not None and block.temperature is not None:
             signals -= np.outer(block.temperature - slopes[1], slopes[0])
@@ -281,7 +283,6 @@ def average_blocks(
                 spectrum.add(part[:, of_triad[letter]], after_gap=begins)
         kept.append(signals[max(first - at, 0) : max(last - at, 0)].copy())
         at += len(block)
-        say(f"reading, 2 of 2: {100.0 * at / survey.samples:.0f} %")
     return Averages(
         wanted.deviation(),
         octaves.deviation(),

@@ -1,4 +1,4 @@
-"""What can be made anew: each item by name, with how long one run and a full study take.
+"""What can be made anew: each item by name, with how long it takes.
 
 Items come from installed packages, by the entry point group ``tumble.reproduction``: each entry names a dictionary of
 `Item` by name. `tumble_papers`, which is installed with tumble, has those of the three papers.
@@ -6,12 +6,15 @@ Items come from installed packages, by the entry point group ``tumble.reproducti
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import entry_points
+from importlib.resources.abc import Traversable
 
+from tumble.counting import time_words
 from tumble.errors import UsageError
 from tumble.reproduction.outcome import Outcome
 
@@ -27,7 +30,7 @@ class Item:
     name, title : as it is asked for, and what it is.
     run : makes it from repetitions and a seed.
     repetitions : by default; None for an item that has none.
-    seconds : that 500 repetitions take, about, on one core; what they took is in the outcome.
+    cost : seconds of the processor that it takes whatever the runs, and a run; as measured, see `measured_costs`.
     dear : of which hundreds of runs take hours: as one of a paper's items it makes no more than its own number.
     """
 
@@ -35,16 +38,26 @@ class Item:
     title: str
     run: Callable[[int, int], Outcome]
     repetitions: int | None = 1
-    seconds: float = 0.2
+    cost: tuple[float, float] = (0.0, 0.0)
     dear: bool = False
 
     @property
     def effort(self) -> str:
-        """How many runs it makes by itself, and how long 500 take, in words."""
+        """How many runs it makes by itself, how long these take, and how long 500, in words."""
+        own = _about(self.seconds())
         if self.repetitions is None:
-            return "no runs; at once"
+            return f"no runs: {own}"
         runs = "1 run" if self.repetitions == 1 else f"{self.repetitions} runs"
-        return f"{runs}; 500 take about {self.seconds:g} s"
+        return f"{runs}: {own}" + ("" if self.repetitions == 500 else f"; 500: {_about(self.seconds(500))}")
+
+    def seconds(self, runs: int | None = None) -> float:
+        """Return how long it takes, s of the processor.
+
+        Parameters
+        ----------
+        runs : None for its own number.
+        """
+        return self.cost[0] + self.cost[1] * (runs or self.repetitions or 0)
 
     def runs_among_others(self, asked: int | None) -> int | None:
         """Return how many runs it makes where all of a paper was asked for with so many.
@@ -56,6 +69,23 @@ class Item:
         if asked is None or not self.dear or self.repetitions is None:
             return asked
         return min(asked, self.repetitions)
+
+
+def _about(seconds: float) -> str:
+    """Return a time in words; what is at once, so."""
+    return "at once" if seconds < 0.5 else time_words(seconds)
+
+
+def measured_costs(file: Traversable) -> dict[str, tuple[float, float]]:
+    """Return of each item what it takes whatever the runs, and a run, s of the processor.
+
+    Parameters
+    ----------
+    file : that `benchmarks/reproduction_costs.py` has written.
+    """
+    return {
+        name: (fixed, each) for name, (fixed, each) in json.loads(file.read_text(encoding="utf-8")).items()
+    }
 
 
 @cache

@@ -9,6 +9,7 @@ from functools import wraps
 from typing import Any, ParamSpec, TypeVar
 
 from tumble.border import border
+from tumble.counting import Stage, listening
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -33,9 +34,11 @@ def public(function: Callable[P, R]) -> Callable[P, R]:
         if display is None:
             return checked(*args, **kwargs)
         bar = _Bar(display)
-        kwargs["progress"] = bar.show
+        stage = Stage[int](bar.show)
+        kwargs["progress"] = stage.begin
         try:
-            made = checked(*args, **kwargs)
+            with listening(stage.at):
+                made = checked(*args, **kwargs)
         except BaseException:
             bar.end("stopped after")
             raise

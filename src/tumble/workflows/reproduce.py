@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from tumble.counting import counted
 from tumble.errors import OutputError, UsageError
 from tumble.workflows.batches.executors import Hands, hands
 from tumble.workflows.progress import silent
@@ -64,11 +65,16 @@ def reproduce(
         raise UsageError(f"-o {folder} is a file: give a folder.")
     items = find_items(name)
     runs = [repetitions if len(items) == 1 else item.runs_among_others(repetitions) for item in items]
-    tasks = [_Task(item.name, item.title, number, seed) for item, number in zip(items, runs, strict=True)]
+    tasks = [
+        _Task(item.name, item.title, number, seed, item.seconds(number))
+        for item, number in zip(items, runs, strict=True)
+    ]
     say = progress or silent
     if workers == 1 and scheduler is None and executor is None:
         outcomes: list[Outcome] = []
-        for task in tasks:
+        for task in (
+            counted(tasks, sum(t.seconds for t in tasks), lambda t: t.seconds) if len(tasks) > 1 else tasks
+        ):
             say(task.title)
             outcomes.append(_make(task))
     else:
@@ -84,6 +90,7 @@ class _Task:
     title: str
     repetitions: int | None
     seed: int
+    seconds: float
 
 
 def _make(task: _Task) -> Outcome:
@@ -99,9 +106,8 @@ def _side_by_side(
     made: dict[str, Outcome] = {}
     with crew as hands_at_work:
         say(f"{len(tasks)} items side by side")
-        for outcome in hands_at_work.run(_make, tasks, _lost):
+        for outcome in counted(hands_at_work.run(_make, tasks, _lost), len(tasks)):
             made[outcome.item] = outcome
-            say(f"{len(made)} of {len(tasks)} items")
     return [made[task.name] for task in tasks]
 
 

@@ -9,6 +9,7 @@ from functools import lru_cache
 import numpy as np
 
 from tumble.arrays import AnyArray, Series
+from tumble.counting import counted
 from tumble_papers.hayal.field_calibration import (
     FieldUnit,
     TriadResult,
@@ -115,7 +116,7 @@ def run_campaigns(
         for protocol in protocols:
             positions.sigmas[protocol] = np.full(shape, np.nan)
             positions.means[protocol] = np.full(shape, np.nan)
-    for campaign in range(campaigns):
+    for campaign in counted(range(campaigns), campaigns):
         rng = np.random.default_rng([seed, IMUS.index(imu), campaign])
         unit = draw_unit(imu, rng, wandering=wandering)
         results, wander = _calibrations(unit, cases, rng)

@@ -21,6 +21,7 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Series, Table, Vectors
 from tumble.calibration.closed_forms.norm_batch import NormBatch, adjust_norms
+from tumble.counting import counted
 from tumble.estimation.weak_directions import find_weak_directions
 from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED, Outcome, Row
 from tumble.simulation import TriadNoise, find_grade
@@ -211,7 +212,7 @@ def simulate_field_means(imu: str, triad: str, runs: int, rng: np.random.Generat
     share = np.exp(rng.uniform(np.log(WANDER[0]), np.log(WANDER[1]), runs))
     means = np.empty((len(MINUTES), runs, ATTITUDES, 3))
     length = HOLD + PAUSE
-    for run in range(runs):
+    for run in counted(range(runs), runs):
         matrix = np.real(matrix_from_shin(1.0 + errors[run, 3:6], errors[run, 6:9]))
         steady = true[run] @ matrix.T + errors[run, :3]
         wander = TriadNoise(random_walk=noise, bias_instability=float(share[run]) * spread.bias_stability)

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from tumble.arrays import AnyArray, Series
+from tumble.counting import counted
 from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED, Outcome, Row
 from tumble_papers.published import savage
 from tumble_papers.savage.strapdown_simulation import (
@@ -83,7 +84,7 @@ def reproduce_accuracy(repetitions: int, seed: int) -> Outcome:
     sampling = np.random.Generator(np.random.SFC64([seed, 99]))
     rows: list[Row] = []
     notes: list[str] = []
-    for number, grade in enumerate(GRADES):
+    for number, grade in counted(enumerate(GRADES), len(GRADES)):
         ways = _ways(grade)
         rng = np.random.Generator(np.random.SFC64([seed, 98, number]))
         errors = run_study(Setting(GRADES[grade]), ways, repetitions, rng, iterations=ITERATIONS)

@@ -10,6 +10,7 @@ import numpy as np
 from tumble.arrays import AnyArray, Series
 from tumble.calibration.closed_forms.rotation_sequences import sequence_model
 from tumble.calibration.closed_forms.sequence_measurements import window_weights
+from tumble.counting import counted
 from tumble.protocol.strapdown_rotation import start_down
 from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED, Outcome, Row, claim_row
 from tumble.sensor.conventions.savage import GROUPS, NAMES, SavageErrors
@@ -79,7 +80,7 @@ def changes_by_kind(
     rng : source of all numbers.
     """
     found: dict[str, list[list[float]]] = {kind: [] for kind in KINDS}
-    for stream in rng.spawn(runs):
+    for stream in counted(rng.spawn(runs), runs):
         recordings = simulate_run(setting, stream)
         measured = measure_run(recordings, ImuModel.ideal(), variant)
         for kind in KINDS:

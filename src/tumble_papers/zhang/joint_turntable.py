@@ -24,6 +24,7 @@ from tumble.calibration.equations.rotation_equations import LEAST_WOBBLE
 from tumble.calibration.equations.turn import HoldsAndTurns
 from tumble.calibration.recording_influences import recording_influences
 from tumble.calibration.start import start_adjustment
+from tumble.counting import counted
 from tumble.earth import EARTH_RATE, Site
 from tumble.estimation.solve import linearise, solve
 from tumble.sensor import ImuModel, Triad, propagate
@@ -324,7 +325,7 @@ def study_runs(plan: TruePlan, runs: int, seed: int) -> tuple[Table, Table]:
     """
     truth = paper_truth(plan)
     errors, sigmas = np.zeros((runs, truth.size)), np.zeros((runs, truth.size))
-    for run in range(runs):
+    for run in counted(range(runs), runs):
         values, sigma = estimate_run(plan, np.random.default_rng([seed, run]))
         errors[run], sigmas[run] = values - truth, sigma
     return errors, sigmas

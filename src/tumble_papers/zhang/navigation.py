@@ -12,6 +12,7 @@ from functools import lru_cache
 import numpy as np
 
 from tumble.arrays import AnyArray, Series, Table
+from tumble.counting import counted
 from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED, Curve, Outcome, Plot, Row
 from tumble.units import STANDARD_GRAVITY
 from tumble_papers.published import zhang
@@ -70,7 +71,9 @@ def calibrate_units(units: int, seed: int) -> dict[str, AnyArray]:
     setting = paper_setting()
     ours, theirs = np.random.Generator(np.random.SFC64([seed, 7])).spawn(2)
     plan = true_plan(setting)
-    joint = [estimate_run(plan, np.random.default_rng([seed, unit]))[0] for unit in range(units)]
+    joint = [
+        estimate_run(plan, np.random.default_rng([seed, unit]))[0] for unit in counted(range(units), units)
+    ]
     return {
         TRADITIONAL: calibrate_in_laboratory(setting, units, theirs).parameters(),
         PROPOSED: evaluate(simulate(setting, units, ours, sampled=False)).parameters(),

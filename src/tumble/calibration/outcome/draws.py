@@ -30,6 +30,7 @@ from tumble.calibration.outcome.budget import (
     outcome_influences,
     source_degrees,
 )
+from tumble.counting import counted
 from tumble.errors import ConvergenceError, UsageError
 from tumble.estimation.solve import solve
 
@@ -81,7 +82,8 @@ def draw_distributions(
             "joint."
         )
     named = NamedParameters.of(outcome, [p.name for p in estimate.parameters])
-    drawn = _parameters(named, _draw_unknowns(outcome, runs, rng, _scale(estimate)), progress)
+    progress("distributions")
+    drawn = _parameters(named, _draw_unknowns(outcome, runs, rng, _scale(estimate)))
     low, high = shortest_intervals(drawn, COVERAGE)
     values = np.array([p.value for p in estimate.parameters])
     sigma = np.array([p.standard_uncertainty for p in estimate.parameters])
@@ -142,14 +144,10 @@ def _root(share: Square) -> Square:
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)), dtype=np.float64)
 
 
-def _parameters(named: NamedParameters, unknowns: Table, progress: Callable[[str], None]) -> Table:
+def _parameters(named: NamedParameters, unknowns: Table) -> Table:
     made = np.zeros((len(unknowns), len(named.slope)))
-    last = time.perf_counter()
-    for run, drawn in enumerate(unknowns):
+    for run, drawn in enumerate(counted(unknowns, len(unknowns))):
         made[run] = named.at(drawn)
-        if time.perf_counter() - last > 1.0:
-            last = time.perf_counter()
-            progress(f"distributions: {run + 1} of {len(unknowns)} draws")
     return made
 
 

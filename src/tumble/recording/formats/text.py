@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Protocol, runtime_checkable
 
 from tumble.arrays import Series
+from tumble.counting import counted
 from tumble.errors import RecordingError
 from tumble.files import opened, size_of
 from tumble.recording.formats.compression import Measured
@@ -279,7 +280,8 @@ def _parsed(path: Path, layout: TextLayout) -> Generator[Piece | None]:
     """Yield a file piece by piece, None for one with a cell that is no number."""
     with opened(path) as file:
         head = file.read(_PIECE)
-        for body, _ in _pieces(file, head[_body_start(head, layout.first_line) :], path.name, _PIECE):
+        pieces = _pieces(file, head[_body_start(head, layout.first_line) :], path.name, _PIECE)
+        for body, _ in counted(pieces, size_of(path), lambda piece: len(piece[0])):
             yield parse_piece(body, layout)
 
 
@@ -322,7 +324,10 @@ def read_table_blocks(path: Path) -> Iterator[RawTable]:
             place = _line_finder(path, layout)
             rest = head[_body_start(head, layout.first_line) :]
             row = 0
-            for body, last in _pieces(file, rest, path.name, _CHUNK):
+            pieces = _pieces(file, rest, path.name, _CHUNK)
+            if opener is _open_plain:
+                pieces = counted(pieces, size_of(path), lambda piece: len(piece[0]))
+            for body, last in pieces:
                 table = _block(path, layout, body, last)
                 table.remarks += [] if row else _layout_remarks(path, layout)
                 table.place = lambda r, start=row: place(r + start)

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tumble.counting import counted
 from tumble.files import make_folder, read_json, read_text, write_text, write_texts
 from tumble.fleet import UnitVector, find_outlying, find_shared, find_twins, stack
 from tumble.fleet.outcome import ACCELEROMETER, GYRO, Batch, UnitOutcome
@@ -174,9 +175,9 @@ def run_batch(
     kept = 0
     with _registry(registry) as store, hands(workers, scheduler, executor) as crew:
         jobs = _jobs(tasks, known, folder, options)
-        for outcome in crew.run(
-            calibrate_unit, jobs, lambda job, why: failed(job.task, f"It is lost: {why}.")
-        ):
+        say(f"calibrating {len(tasks)} units")
+        made = crew.run(calibrate_unit, jobs, lambda job, why: failed(job.task, f"It is lost: {why}."))
+        for outcome in counted(made, len(tasks)):
             if outcome.unchanged:
                 kept += 1
                 store(replace(outcome, calibration=_document_of(folder, outcome.unit)))
