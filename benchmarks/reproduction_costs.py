@@ -34,7 +34,7 @@ def cost(item: Item) -> tuple[float, float]:
     item.run(1, 0)  # what is imported and made once is nobody's
     one = taken(item, 1)
     if item.repetitions is None:
-        return round(one, 3), 0.0
+        return float(f"{one:.3g}"), 0.0
     runs, more = 1, one
     while more < ENOUGH and runs < 500:
         runs = min(500, 4 * runs)
