@@ -3,8 +3,8 @@
     python benchmarks/reading.py --megabytes 660 --folder FOLDER
 
 Writes a CSV and a file with runs of spaces, reads each with `read_recording`, block by block, and with
-polars and numpy alone, and prints seconds of the processor, MB/s and the ratio to polars alone. Small files of 3 MB show
-the cost of a start. Timings move with the machine: compare ratios.
+polars and numpy alone, and prints seconds of the processor, MB/s and the ratio to polars alone. Small files
+of 3 MB show the cost of a start. Timings move with the machine: compare ratios.
 """
 
 from __future__ import annotations
