@@ -20,8 +20,9 @@ MISSING = (
     "Samples are missing that left no trace in the stamps, the gyros saturate, or the mount gives. Record the stamps "
     "of a clock, or count the samples against one."
 )
-# Poses that scatter by less beyond their sigma are nobody's fault.
+# Poses that scatter by less beyond their sigma are nobody's fault, nor by what chance makes of right ones more often.
 LEAST_OBJECTED = 1e-4  # rad
+SCATTER_FALSE_ALARM = 2e-3
 # An Earth rate that the gyros contradict by more standard uncertainties than this, and by more than this.
 CONTRADICTION, SMALLEST_VERTICAL = 5.0, 5e-7  # rad/s
 # A fixture's turns that miss its poses by less than this are nobody's fault.
@@ -57,14 +58,28 @@ def contradictions(outcome: JointOutcome) -> list[str]:
 
 def _of_poses(outcome: JointOutcome) -> list[str]:
     poses, added = outcome.data.poses, float(np.sqrt(outcome.task.noise["placement"]))
-    if poses is None or added <= max(float(np.median(poses.sigma)), LEAST_OBJECTED):
+    if poses is None:
         return []
     stated = float(np.median(poses.sigma))
+    if added <= max(stated, LEAST_OBJECTED) or _chance_of_scatter(outcome, added / stated) > SCATTER_FALSE_ALARM:
+        return []
     said = (
         f"The poses scatter by {np.degrees(added):.2g}° beyond the {np.degrees(stated):.2g}° that the protocol "
         "promises: give the sigma that the fixture keeps, or place the unit better."
     )
     return [said]
+
+
+def _chance_of_scatter(outcome: JointOutcome, times: float) -> float:
+    """How often poses that are as stated seem to scatter by so many times the stated sigma beyond it.
+
+    Six faces check one another in nine directions: chance doubles their variance in one recording of thirty.
+    """
+    from scipy.special import chdtrc
+
+    tests = outcome.balanced.tests
+    checks = sum(float(tests[kind].redundancy.sum()) for kind in ("tilt", "pose") if kind in tests)
+    return float(chdtrc(checks, checks * (1.0 + times**2)))
 
 
 def _of_pose_left_out(outcome: JointOutcome) -> list[str]:
