@@ -23,6 +23,7 @@ from tumble.errors import ConvergenceError
 QUICK = {
     "strapdown-rotation": {"rate": 50.0},
     "rate-table": {},
+    "six-faces": {},
     "turntable": {"seconds": 10.0, "rate": 25.0},
 }
 
@@ -329,3 +330,11 @@ def test_an_order_of_faces_that_hides_a_jump_is_said(tmp_path: Path) -> None:
     file.write_text(made.protocol, encoding="utf-8")
     found = tumble.calibrate(pl.DataFrame(made.columns()), protocol=file, rate="100±0.005").calibration
     assert any("biases jumped between hold 3 and hold 4" in said for said in found.remarks)
+
+
+def test_right_faces_that_chance_scatters_are_fit_and_a_plate_that_leans_is_not() -> None:
+    """This unit's faces scatter by 1.5 times the sigma that is stated and true, as one in 160 does."""
+    right = calibrated("six-faces", None, "tactical", 700016)
+    assert right.verdict.fit, right.verdict.reasons
+    leaning = calibrated("six-faces", "plate-leans", "tactical", 700016)
+    assert any("beyond the 0.05° that the protocol promises" in reason for reason in leaning.verdict.reasons)

@@ -61,7 +61,10 @@ def _of_poses(outcome: JointOutcome) -> list[str]:
     if poses is None:
         return []
     stated = float(np.median(poses.sigma))
-    if added <= max(stated, LEAST_OBJECTED) or _chance_of_scatter(outcome, added / stated) > SCATTER_FALSE_ALARM:
+    if (
+        added <= max(stated, LEAST_OBJECTED)
+        or _chance_of_scatter(outcome, added / stated) > SCATTER_FALSE_ALARM
+    ):
         return []
     said = (
         f"The poses scatter by {np.degrees(added):.2g}° beyond the {np.degrees(stated):.2g}° that the protocol "
