@@ -18,6 +18,8 @@ from tumble.segmentation.timeline import Timeline
 SHORTEST = 1.0
 """s; what is shorter is a moment of a turn."""
 
+# Four conditions have to come together, for which there is no common statistic. Of 400 right recordings by hand (other
+# hand's simulator, six grades, twelve poses) none had such a rest: fewer than 0.75 % have one, at 95 % confidence.
 # As steady as all but one in a hundred blocks of the holds, twice over: a hand is not always as steady.
 USUAL, LEEWAY = 0.99, 2.0
 # A level differs from that of every hold by so many of their robust standard deviations, or by this share of the limit

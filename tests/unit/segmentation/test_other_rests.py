@@ -5,8 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import polars as pl
 import pytest
 
+import tumble
+from second_simulator import GRADES, PROCEDURES
 from tumble.earth import Site
 from tumble.protocol import named_protocol
 from tumble.recording import Recording
@@ -44,6 +47,16 @@ def jumped(recording: Recording, jump: list[float], share: float) -> Recording:
 def test_a_tumbled_unit_has_no_other_rests() -> None:
     recording = tumbled()
     assert find_other_rests(recording, find_timeline(recording)) is None
+
+
+@pytest.mark.slow
+def test_right_recordings_have_no_other_rests() -> None:
+    """By another hand's simulator: 60 of the 400 recordings whose rate the module states."""
+    for k in range(60):
+        grade = list(GRADES.values())[k % len(GRADES)]
+        made = PROCEDURES["by-hand"](grade, np.random.default_rng(900000 + k), None, poses=12, rate=50.0)
+        recording = tumble.read_recording(pl.DataFrame(made.columns()))
+        assert find_other_rests(recording, find_timeline(recording)) is None
 
 
 @pytest.mark.parametrize(("jump", "share"), [([0.0, 0.0, 3.0], 0.55), ([2.0, -1.5, 4.0], 0.75)])
