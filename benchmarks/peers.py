@@ -3,6 +3,7 @@
     python benchmarks/peers.py [--rounds 5] [--only WORD] [--imu-tk PROGRAM] [--kf-gins COMMAND --drive FOLDER]
     python benchmarks/peers.py --growth [--hundred]
     python benchmarks/peers.py --commands
+    python benchmarks/peers.py --tables
 
 Both of a pair run in turns, so that what else the machine does falls on both; the ratio is the median of the pairs'
 own ratios of processor time. Bytecode is there from the first round on, which is not counted. Whoever is not there is
@@ -17,7 +18,8 @@ left out and said so; none of them is needed by tumble.
 - python-ins (`pip install pyins`) has no program: `navigation.py --speed --processor` compares the functions.
 
 `--growth` prints how cost grows with the recording, with its segments and with the units, as the slope of the logarithm
-of the processor time, start-up taken off: 1 is in proportion. `--commands` prints what each command's help costs.
+of the processor time, start-up taken off: 1 is in proportion. `--commands` prints what each command's help costs, and
+`--tables` what a whole calibration of a simulated table recording at 50 Hz does, and a plan of one after it.
 """
 
 from __future__ import annotations
@@ -217,6 +219,21 @@ def print_commands(rounds: int) -> None:
         print(f"tumble {name + ' --help':24s}{1e3 * more:+6.0f} ms over `import numpy`")
 
 
+def print_tables(rounds: int, folder: Path) -> None:
+    """Print what whole commands on tables cost, from start to report."""
+    for name in ("turntable-9", "rate-table", "strapdown-rotation"):
+        for grade in ("tactical", "consumer-mems"):
+            place, made = folder / f"{name}-{grade}", folder / "made"
+            unit = ("--imu", grade, "--seed", "1", "--site", "48.1", "--sample-rate", "50")
+            run([*TUMBLE, "simulate", name, *unit, "-o", str(place)])
+            command = [*TUMBLE, "calibrate", "--protocol", str(place / "protocol.yaml"), "-o", str(made)]
+            spent = statistics.median(run(command).processor for _ in range(rounds + 1))
+            print(f"{f'calibrate {name}, {grade}':44s}{spent:6.2f} s of processor time", flush=True)
+    plan = [*TUMBLE, "plan", "rate-table", "--given", str(folder / "made")]
+    spent = statistics.median(run(plan).processor for _ in range(rounds))
+    print(f"{'plan rate-table --given CALIBRATION':44s}{spent:6.2f} s of processor time")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
     parser.add_argument("--rounds", type=int, default=5)
@@ -227,12 +244,15 @@ def main() -> None:
     parser.add_argument("--growth", action="store_true")
     parser.add_argument("--hundred", action="store_true", help="grow to a hundred")
     parser.add_argument("--commands", action="store_true")
+    parser.add_argument("--tables", action="store_true")
     asked = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         if asked.growth:
             growth(asked, Path(name))
         elif asked.commands:
             print_commands(asked.rounds)
+        elif asked.tables:
+            print_tables(asked.rounds, Path(name))
         else:
             for pair in pairs(asked, Path(name)):
                 if asked.only in pair.name:
