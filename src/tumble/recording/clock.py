@@ -41,6 +41,7 @@ _ROUND = 3
 _MISSING = 2.5
 # So many stamps show how they are written.
 _ENOUGH = 20_000
+_PIECE = 65_536
 # A stated rate is compared with what stamps say to so many of its sigmas, and to this share.
 AGREES, AGREES_AT_LEAST = 4.0, 1e-4
 
@@ -123,14 +124,20 @@ def stamp_jitter(time: Series) -> float:
     ----------
     time : (samples,) s, increasing.
     """
-    steps = np.diff(time)
-    usual = steps < _MISSING * np.median(steps) if steps.size else np.zeros(0, dtype=bool)
-    both = usual[1:] & usual[:-1]
-    if np.count_nonzero(both) < 2:
+    if time.size < 2:
         return 0.0
-    first, second = steps[:-1][both], steps[1:][both]
-    alike: Series = (first - np.mean(first)) * (second - np.mean(second))
-    return max(-float(np.mean(alike)), 0.0) ** 0.5
+    usual = float(np.median(np.diff(time)[:: max(1, time.size // _ENOUGH)]))
+    count, sums = 0, np.zeros(3)
+    # A piece at a time: the stamps of hours are as many as any signal's samples.
+    for start in range(0, time.size - 2, _PIECE):
+        off = np.diff(time[start : start + _PIECE + 2]) - usual
+        both = (off[1:] < (_MISSING - 1.0) * usual) & (off[:-1] < (_MISSING - 1.0) * usual)
+        first, second = off[:-1][both], off[1:][both]
+        count, sums = count + first.size, sums + (first.sum(), second.sum(), first @ second)
+    if count < 2:
+        return 0.0
+    alike = sums[2] / count - sums[0] * sums[1] / count**2
+    return max(-float(alike), 0.0) ** 0.5
 
 
 def _by_itself(time: Series, some: Series) -> Clock:
