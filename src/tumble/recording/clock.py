@@ -133,7 +133,8 @@ def stamp_jitter(time: Series) -> float:
         off = np.diff(time[start : start + _PIECE + 2]) - usual
         both = (off[1:] < (_MISSING - 1.0) * usual) & (off[:-1] < (_MISSING - 1.0) * usual)
         first, second = off[:-1][both], off[1:][both]
-        count, sums = count + first.size, sums + (first.sum(), second.sum(), first @ second)
+        count += first.size
+        sums += first.sum(), second.sum(), first @ second
     if count < 2:
         return 0.0
     alike = sums[2] / count - sums[0] * sums[1] / count**2
