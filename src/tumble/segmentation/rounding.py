@@ -18,7 +18,9 @@ from tumble.arrays import AnyArray, Series, Vector, Vectors
 
 Item = Sequence[tuple[int, int]]
 # So many rests, samples of each and samples before it, where the unit may move, show the step.
-_RESTS, _SEEN, _BEFORE = 40, 500, 100
+_RESTS, _SEEN, _BEFORE = 40, 500, 200
+# Fewer differences say nothing: two levels without noise differ by a multiple of themselves.
+_FEWEST = 6
 # In steps: decimals that were cut off; so many of the differences are multiples to that.
 _WHOLE, _MOST = 0.2, 0.9
 # So many samples of a rest show how they lie: more, and that neighbours are alike would matter.
@@ -45,7 +47,7 @@ def converter_step(values: Vectors) -> Vector:
         size = float(np.max(np.abs(values[:, axis]), initial=0.0))
         steps = steps[steps > 1e-7 * size]
         # A quantised signal has few values: each is seen several times. So is a signal without any noise at rest.
-        if steps.size and steps.size < len(values) / 3:
+        if _FEWEST <= steps.size < len(values) / 3:
             least = float(np.mean(steps[steps < 1.5 * steps.min()]))
             whole = np.abs(steps / least - np.rint(steps / least)) < _WHOLE
             made[axis] = least if np.mean(whole) > _MOST else 0.0

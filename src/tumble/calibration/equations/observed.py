@@ -19,6 +19,7 @@ from tumble.calibration.equations.swing import Swings, hold_swings
 from tumble.calibration.equations.turn import HoldsAndTurns, window_directions
 from tumble.estimation.unknowns import Unknowns
 from tumble.estimation.wander import covariance_about_the_mean, mode_count, wander_basis
+from tumble.segmentation.rounding import rounding_of_each
 
 # The share of a window that the other parts must leave for a middle of its own.
 SMALLEST_MIDDLE = 0.05
@@ -40,6 +41,7 @@ class TableRotation:
     modes : (windows, modes) cosines over the rotation, in which biases wander besides their constant.
     mode_share : (modes,) variance of each mode's amplitude, per unit of ``ln f`` of the wander's density.
     seconds : s from the first window's start to the last one's end.
+    rounding : (2, 3) raw², by which the accelerometers and the gyros are off all along, as their steps leave it.
     angle, angle_sigma : rad that the table says it turned from rest to rest, with the gyros' own sign about
         their own axis; None if nobody read it.
     turn_rate, rate_sigma : rad/s against the Earth at which it is believed to turn over all windows; None if nobody
@@ -59,6 +61,7 @@ class TableRotation:
     modes: AnyArray
     mode_share: Series
     seconds: float
+    rounding: AnyArray
     angle: float | None = None
     angle_sigma: float = 0.0
     turn_rate: float | None = None
@@ -262,6 +265,12 @@ def table_rotation(
         rate_sigma=rate_sigma,
         row=row,
         name=name,
+        rounding=np.concatenate(
+            [
+                rounding_of_each(raw, [[(start, stop)]], raw[start:stop].mean(axis=0)[None])
+                for raw in (base.raw_force, base.raw_rate)
+            ]
+        ),
     )
 
 

@@ -544,8 +544,10 @@ def _wander_variances(state: JointAdjustment, spin: TableRotation) -> tuple[AnyA
         noise["rate"] * np.sum(gyro_matrix(u) ** 2, axis=1),
     )
     force, rate = (
-        _wander_variance(data, spin, density, more)
-        for density, more in zip((data.force_density, data.rate_density), added, strict=True)
+        _wander_variance(data, spin, density, more + rounding)
+        for density, more, rounding in zip(
+            (data.force_density, data.rate_density), added, spin.rounding, strict=True
+        )
     )
     step = spin.seconds / max(spin.offsets.size, 1)
     # Never quite nothing, so that the wander is always determined.
