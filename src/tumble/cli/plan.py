@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
@@ -30,204 +30,8 @@ from tumble.cli.plan_options import (
     RestOptions,
     WishOptions,
 )
-from tumble.cli.terminal import console, progress, results_stand, say, say_json, say_written, table
+from tumble.cli.terminal import progress, results_stand
 from tumble.errors import UsageError
-from tumble.workflows.planning.budget import BudgetPlanned, document_of_budget
-from tumble.workflows.planning.poses import PosesPlanned, document_of_poses
-from tumble.workflows.planning.protocol import ProtocolPlanned, document_of_protocol
-from tumble.workflows.planning.words import (
-    STEP_HEADS,
-    UNITS,
-    efficiency_words,
-    next_words,
-    parameter_rows,
-    pose_names,
-    prediction_rows,
-    scheme_rows,
-    step_rows,
-    steps_in_words,
-)
-
-if TYPE_CHECKING:
-    from rich.console import Console
-    from rich.table import Table
-
-
-def print_protocol(done: ProtocolPlanned, printed: LongPrintOptions) -> None:
-    """Print what a protocol is worth; with ``-q`` the prediction and what is not told, no more.
-
-    Parameters
-    ----------
-    done : what was planned.
-    printed : how to print; with ``-v`` each step by itself, too.
-    """
-    if printed.as_json:
-        say_json(document_of_protocol(done))
-        return
-    screen, quiet = console(), printed.quiet
-    duration = done.plan.duration / 60.0
-    screen.print(f"{done.plan.task.protocol.name}: {steps_in_words(done)}; {duration:.1f} min.", style="bold")
-    _print_prediction(screen, done)
-    if done.worths and not quiet:
-        rows = step_rows(done, each=printed.verbose)
-        screen.print(table(STEP_HEADS, rows, right=(1, 2, 4), tight=True, fold=True))
-    for sentence in done.given:
-        screen.print(sentence, style="bold green" if done.stop else "bold yellow")
-    for sentence in done.words:
-        style = "bold yellow" if sentence.startswith("Not determined") else ""
-        if style or not quiet:
-            screen.print(f"{'' if style else '• '}{sentence}", style=style)
-    if not done.stop and (done.given or not quiet):
-        for sentence in next_words(done):
-            screen.print(sentence, style="bold" if done.given else "")
-    for sentence in () if quiet else done.remarks:
-        screen.print(f"• {sentence}")
-    say_written(done.files)
-
-
-def _print_prediction(screen: Console, done: ProtocolPlanned) -> None:
-    heads = ("predicted standard uncertainty", "x", "y", "z", "unit")
-    screen.print(table(heads, prediction_rows(done), right=(1, 2, 3), tight=True))
-
-
-def print_poses(done: PosesPlanned, printed: LongPrintOptions) -> None:
-    """Print a plan of poses; with ``-q`` one line.
-
-    Parameters
-    ----------
-    done : what was planned.
-    printed : how to print; with ``-v`` the poses in their order, too.
-    """
-    if printed.as_json:
-        say_json(document_of_poses(done))
-        return
-    screen, plan, more = console(), done.plan, "more " if done.following else ""
-    screen.print(
-        f"{len(plan.dwells)} {more}poses ({plan.name}), {plan.duration / 60.0:.1f} min with {plan.turn:g} s for each "
-        "turn.",
-        style="bold",
-    )
-    if not printed.quiet:
-        _print_pose_tables(screen, done, printed.verbose)
-    for sentence in (*done.given, *_next_words(done)):
-        screen.print(sentence, style="bold yellow" if not done.stop else "bold green")
-    for sentence in () if printed.quiet else (*efficiency_words(plan), *done.remarks):
-        screen.print(f"• {sentence}")
-    say_written(done.files)
-    if done.files and not printed.quiet:
-        say(
-            f"Next: tumble simulate {done.files[0]} -o SIMULATION, or record it and "
-            f"tumble calibrate RECORDING --protocol {done.files[0]}"
-        )
-
-
-def _print_pose_tables(screen: Console, done: PosesPlanned, verbose: bool) -> None:
-    plan = done.plan
-    heads = ("predicted", "standard uncertainty", "unit", "of noise alone")
-    screen.print(table(heads, parameter_rows(done), right=(1, 3), tight=True))
-    heads, rows = scheme_rows(done)
-    screen.print(table(heads, rows, right=range(1, len(heads)), tight=True, fold=True))
-    for name, refused in done.schemes.items():
-        if isinstance(refused, str):
-            screen.print(f"• {name}: {refused}.")
-    if verbose:
-        named = enumerate(zip(pose_names(plan), plan.dwells.tolist(), strict=True), 1)
-        poses = [[str(number), name, f"{dwell:.1f} s"] for number, (name, dwell) in named]
-        screen.print(table(("", "pose", "rest"), poses, right=(2,), tight=True))
-    if done.joint is not None:
-        _print_prediction(screen, done.joint)
-
-
-def _next_words(done: PosesPlanned) -> list[str]:
-    from tumble.calibration.poses import describe_direction
-    from tumble.design.candidates import PARAMETERS
-
-    if not done.following or done.stop:
-        return []
-    words: list[str] = []
-    for number, one in enumerate(done.following):
-        name = one.name or describe_direction(one.up_b)
-        told = [index for index in done.task.criterion.wanted.tolist() if one.sigmas[index] < 0.03]
-        if len(told) < done.task.criterion.wanted.size:
-            after = f"{done.task.criterion.wanted.size - len(told)} parameters are then still open"
-        else:
-            worst = max(told, key=lambda index: float(one.sigmas[index]))
-            group = "scale" if worst < 3 else "misalignment" if worst < 6 else "bias"
-            unit, size = UNITS[group]
-            after = f"least known is then {PARAMETERS[worst]}, ± {float(one.sigmas[worst]) / size:.3g} {unit}"
-        words.append(f"{'Next' if number == 0 else 'Then'}: {name}; {after}.")
-    return words
-
-
-def print_budget(done: BudgetPlanned, printed: LongPrintOptions) -> None:
-    """Print an error budget; with ``-q`` the verdict.
-
-    Parameters
-    ----------
-    done : what was planned.
-    printed : how to print; with ``-v`` all parameters with their largest sources, too.
-    """
-    if printed.as_json:
-        say_json(document_of_budget(done))
-        return
-    screen = console()
-    if not printed.quiet:
-        screen.print(_sources(done))
-        if printed.verbose:
-            screen.print(_parameters(done))
-    for sentence in done.verdict:
-        screen.print(sentence, style="bold green" if done.suffices else "bold yellow")
-    for sentence in () if printed.quiet else (*done.advice, *done.remarks):
-        screen.print(f"• {sentence}")
-    say_written([] if done.file is None else [done.file])
-
-
-def _sources(done: BudgetPlanned) -> Table:
-    """What each source contributes to each group of parameters."""
-    budget = done.budget
-    factors = [group.factor for group in budget.groups]
-
-    def row(name: str, values: Any) -> list[str]:
-        return [name, *(_shown(v * f) for v, f in zip(values, factors, strict=True))]
-
-    heads = [
-        "one sigma by source",
-        *("\n".join([*group.short.split(" "), group.practical]) for group in budget.groups),
-    ]
-    parts = budget.group_contributions()
-    rows = [row(source.name, parts[:, number]) for number, source in enumerate(budget.sources)]
-    shown = table(heads, rows, right=range(1, len(heads)), tight=True)
-    shown.add_section()
-    shown.add_row(*row("total", budget.group_rms()), style="bold")
-    drawn = budget.group_drawn()
-    if drawn is not None and budget.drawn is not None:
-        shown.add_row(*row(f"{budget.drawn.runs} tests drawn", drawn))
-    return shown
-
-
-def _parameters(done: BudgetPlanned) -> Table:
-    """Every parameter with its total and the three sources that make most of it."""
-    budget = done.budget
-    totals: list[float] = budget.totals.tolist()
-    parts: list[list[float]] = budget.contributions.tolist()
-    rows: list[list[str]] = []
-    for group in budget.groups:
-        for number in range(group.first, group.stop):
-            sizes = sorted(zip(parts[number], budget.sources, strict=True), key=lambda part: -part[0])
-            largest = ", ".join(
-                f"{source.name} {_shown(group.factor * value)}" for value, source in sizes[:3] if value > 0.0
-            )
-            total = _shown(group.factor * totals[number])
-            rows.append([budget.parameters[number], total, group.practical, largest])
-    return table(("parameter", "total", "", "largest sources"), rows, right=(1,))
-
-
-def _shown(value: float) -> str:
-    """Two digits; a dash for nothing."""
-    if abs(value) < 5e-4:
-        return "–"
-    digits = max(0, 1 - math.floor(math.log10(abs(value))))
-    return f"{value:.{min(digits, 3)}f}"
 
 
 def plan_command(
@@ -316,6 +120,7 @@ def _refuse(context: typer.Context, groups: list[type], what: str) -> None:
 
 def _judge(asked: dict[str, Any], output: Path | None, printed: LongPrintOptions) -> None:
     """Judge a protocol as it is."""
+    from tumble.cli.plan_tables import print_protocol
     from tumble.workflows.planning.protocol import plan_any_protocol
 
     asked["steps"] = asked["steps"] and not printed.quiet
@@ -333,6 +138,7 @@ def _search(
     printed: LongPrintOptions,
 ) -> None:
     """Search the poses of a test."""
+    from tumble.cli.plan_tables import print_poses
     from tumble.workflows.planning.pose_order import PoseOrder
     from tumble.workflows.planning.poses import plan_poses
 
@@ -357,6 +163,7 @@ def _budget(
     printed: LongPrintOptions,
 ) -> None:
     """Reckon the error budget of a test."""
+    from tumble.cli.plan_tables import print_budget
     from tumble.workflows.planning.budget import BudgetOrder, plan_budget
 
     of_fixture: dict[str, Any] = {"heading": options.heading_mrad, "execution": options.execution_mrad}

@@ -12,7 +12,6 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
 import typer
 
 from tumble.cli.groups import FIRST, option, refuse_given
@@ -21,6 +20,8 @@ from tumble.cli.terminal import console, progress, results_stand, say_json, say_
 from tumble.cli.verify import turn_on_of
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from tumble.document.predictions import Answer
     from tumble.navigation.prediction import StateAdvice
     from tumble.workflows.predict import NavigationPrediction
@@ -88,6 +89,8 @@ def show_navigation(
 
 def _errors(found: NavigationPrediction) -> list[dict[str, Any]]:
     """Standard uncertainties by length, in SI."""
+    import numpy as np
+
     errors = found.errors
     each = errors.of_each()
     result: list[dict[str, Any]] = []
