@@ -264,7 +264,9 @@ def _spin(
 ) -> None:
     """Turn on a table: ramp, steady, ramp; `ripple` rad comes and goes once a revolution, `extra` rad is its error."""
     total = rate * (steady + ramp)
-    seconds = steady + 2 * ramp
+    # A whole number of samples, at that rate and by that angle: the ramps take up what is left.
+    seconds = round((steady + 2 * ramp) * path.rate) / path.rate
+    ramp, steady = seconds - steady - ramp, 2 * (steady + ramp) - seconds
 
     def profile(share: np.ndarray) -> np.ndarray:
         angle = trapezoid_angle(share * seconds, rate, steady, ramp)

@@ -40,7 +40,7 @@ from tumble.calibration.equations.imu_unknowns import (
     terms_prior,
     unknowns_of,
 )
-from tumble.calibration.equations.observed import TableRotation, observe, table_rotation
+from tumble.calibration.equations.observed import TableRotation, observe, table_rotation, with_rounding
 from tumble.calibration.equations.pose_equations import mounting_prior
 from tumble.calibration.equations.turn import HoldsAndTurns
 from tumble.calibration.estimate import Estimate, TermTest
@@ -130,7 +130,8 @@ def calibrate_joint(
     base, has_gyro = gather_what_there_is(recording, timeline, means)
     _refuse_undetermined(frame, poses)
     broken: list[str] = []
-    data = observe(base, u, _rotations(base, u, rotations, broken))
+    turned = _rotations(base, u, rotations, broken)
+    data = observe(with_rounding(base, turned), u, turned)
     data.poses = poses
     plain = PLAIN if has_gyro else FORCE_ALONE
     if poses is not None:

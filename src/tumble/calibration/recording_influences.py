@@ -45,7 +45,8 @@ def _between(task: JointAdjustment) -> dict[str, Vector]:
     faces do.
     """
     parts = task.data.base.parts
-    if parts is None:
+    # Holds that are too short to be cut into parts show no wander.
+    if parts is None or parts.force is None:
         return {}
     made = {FORCE_WANDER: _force_density(task, parts)}
     if parts.rate is not None:

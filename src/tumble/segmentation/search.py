@@ -37,6 +37,8 @@ MINIMUM_HOLD = 0.7
 # Rests shorter than this are moments of a turn and not worth a word.
 SHORTEST_MENTIONED = 0.3
 FARTHEST_TILT = np.radians(2.0)
+# Samples of a hold that knocks leave: of fewer no mean has an uncertainty.
+FEWEST_SAMPLES = 8
 STATISTIC = "angular rate without bias, smoothed over 0.15 s, in approximate rad/s"
 
 
@@ -149,7 +151,12 @@ def search_blocks(
             reason = f"turns by {np.degrees(turned):.1f}° in {stretch.length * blocks.seconds:.1f} s"
             rejections.append(_rejection(blocks, stretch, samples, reason))
         else:
-            holds.append(_hold(blocks, stretch, samples))
+            hold = _hold(blocks, stretch, samples)
+            if sum(last - first for first, last in hold.stretches()) < FEWEST_SAMPLES:
+                reason = "shakes all along: next to nothing of it is at rest"
+                rejections.append(Rejection(hold.start, max(hold.stop, hold.start), reason))
+            else:
+                holds.append(hold)
     return holds, rejections
 
 

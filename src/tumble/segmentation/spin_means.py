@@ -234,7 +234,7 @@ def _speed_change(
         slope *= since[:, None]
         slope -= columns @ (inverse @ (columns.T @ slope))
         # round-off stands in for noise where there is none
-        least = (1e-12 * np.abs(signal).max(axis=0) + 1e-300) ** 2
+        least = (1e-12 * np.abs(signal).max(axis=0) + 1e-150) ** 2
         variance = np.maximum(np.mean(residual**2, axis=0), least)
         top += float(np.sum(np.sum(slope * residual, axis=0) / variance))
         bottom += float(np.sum(np.sum(slope**2, axis=0) / variance))

@@ -18,6 +18,8 @@ CONTRADICTION = 0.002
 SMALLEST_SIDE = 4
 # Jumps of accelerometers are looked for from so many holds beyond the unknowns.
 LEAST_FREEDOM = 8
+# Of hundreds of holds so many places are looked at: a jump between two of them shows at either.
+MOST_PLACES = 100
 # Directions of less than this share of the largest are none.
 RANK = 0.05
 # Of the squares of a course: what is left of it counts as this much less.
@@ -234,7 +236,7 @@ def _likeliest_course(
     base = _orthonormal(known / sigma[:, None])
     rest = np.linalg.qr(base, mode="complete")[0][:, base.shape[1] :]
     holds, freedom = len(seen), rest.shape[1]
-    splits = range(SMALLEST_SIDE, holds - SMALLEST_SIDE + 1)
+    splits = range(SMALLEST_SIDE, holds - SMALLEST_SIDE + 1, max(1, holds // MOST_PLACES))
     if freedom < LEAST_FREEDOM + 3 or not splits:
         return None
     middle = 0.5 * (rests.start + rests.stop)
@@ -274,7 +276,7 @@ def _likelihood_ratios(
     seen: Series, columns: AnyArray, rest: AnyArray, shown: AnyArray, rests: Rests, sigma: Series
 ) -> AnyArray:
     """(courses, sets) twice the logarithm by which each course of a bias is likelier than wander alone."""
-    own, columns = np.einsum("cha,chb->cab", columns, columns), np.einsum("hm,cha->cma", rest, columns)
+    own, columns = np.einsum("cha,chb->cab", columns, columns), rest.T @ columns
     span = float(rests.start.min()), float(rests.stop.max())
     middle = 0.5 * (rests.start + rests.stop) - span[0]
     together = (shown @ shown.T) / np.outer(sigma, sigma)
@@ -283,7 +285,7 @@ def _likelihood_ratios(
     for wander in (flicker, np.minimum(middle[:, None], middle), np.eye(len(sigma))):
         spread = rest.T @ (wander * together) @ rest
         values, vectors = np.linalg.eigh(spread / max(float(np.trace(spread)) / len(spread), 1e-300))
-        turned, across = vectors.T @ seen, np.einsum("mn,cma->cna", vectors, columns)
+        turned, across = vectors.T @ seen, vectors.T @ columns
         for share in _SHARES:
             weight = 1.0 / (1.0 + share * np.maximum(values, 0.0))
             squares = max(float(np.sum(weight * turned**2)), 1e-300)
@@ -301,11 +303,13 @@ def _explained(
     """(courses, sets) weighted squares that go; what the known took of a course nearly whole is held back."""
     pull = np.einsum("cma,m->ca", columns, weight * seen)
     normal = np.einsum("cma,m,cmb->cab", columns, weight, columns) + WEAK * own * float(weight.min())
+    # What the known took of a course whole leaves zeros.
+    least = 1e-12 * np.trace(normal, axis1=1, axis2=2)[:, None, None] + 1e-150
     gone: list[AnyArray] = []
     for axes in sets:
         part = np.array(axes)
         solved = np.asarray(
-            np.linalg.solve(normal[:, part[:, None], part] + 1e-300 * np.eye(len(part)), pull[:, part, None]),
+            np.linalg.solve(normal[:, part[:, None], part] + least * np.eye(len(part)), pull[:, part, None]),
             dtype=np.float64,
         )
         gone.append(np.einsum("ca,ca->c", pull[:, part], solved[:, :, 0]))

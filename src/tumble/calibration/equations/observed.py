@@ -7,7 +7,8 @@ A table's rotation offers more: means of the specific force over windows while i
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from tumble.calibration.equations.swing import Swings, hold_swings
 from tumble.calibration.equations.turn import HoldsAndTurns, window_directions
 from tumble.estimation.unknowns import Unknowns
 from tumble.estimation.wander import covariance_about_the_mean, mode_count, wander_basis
-from tumble.segmentation.rounding import rounding_of_each
+from tumble.segmentation.rounding import rounding_of_each, rounding_variance
 
 # The share of a window that the other parts must leave for a middle of its own.
 SMALLEST_MIDDLE = 0.05
@@ -41,7 +42,7 @@ class TableRotation:
     modes : (windows, modes) cosines over the rotation, in which biases wander besides their constant.
     mode_share : (modes,) variance of each mode's amplitude, per unit of ``ln f`` of the wander's density.
     seconds : s from the first window's start to the last one's end.
-    rounding : (2, 3) raw², by which the accelerometers and the gyros are off all along, as their steps leave it.
+    rate_rounding : (3,) raw², by which the gyros are off all along, as their steps leave it.
     angle, angle_sigma : rad that the table says it turned from rest to rest, with the gyros' own sign about
         their own axis; None if nobody read it.
     turn_rate, rate_sigma : rad/s against the Earth at which it is believed to turn over all windows; None if nobody
@@ -61,13 +62,13 @@ class TableRotation:
     modes: AnyArray
     mode_share: Series
     seconds: float
-    rounding: AnyArray
     angle: float | None = None
     angle_sigma: float = 0.0
     turn_rate: float | None = None
     rate_sigma: float = 0.0
     row: int = -1
     name: str = ""
+    rate_rounding: Vector = field(default_factory=lambda: np.zeros(3))
 
 
 @dataclass(slots=True)
@@ -265,12 +266,6 @@ def table_rotation(
         rate_sigma=rate_sigma,
         row=row,
         name=name,
-        rounding=np.concatenate(
-            [
-                rounding_of_each(raw, [[(start, stop)]], raw[start:stop].mean(axis=0)[None])
-                for raw in (base.raw_force, base.raw_rate)
-            ]
-        ),
     )
 
 
@@ -279,6 +274,33 @@ def _modes(base: HoldsAndTurns, windows: int, seconds: float, rate: float) -> in
     if not (np.any(base.force_floor > 0.0) or np.any(base.rate_floor > 0.0)):
         return 0
     return mode_count(windows, seconds * rate / (2.0 * np.pi))
+
+
+def with_rounding(base: HoldsAndTurns, rotations: list[TableRotation]) -> HoldsAndTurns:
+    """Return the rests with what rounding leaves where rotations show the same; put it into the rotations, too.
+
+    Parameters
+    ----------
+    base, rotations : rests, and rotations between them.
+    """
+    if not rotations:
+        return base
+    rests = [[(int(a), int(b))] for a, b in zip(base.head[:, 0], base.tail[:, 1], strict=True)]
+    # A table's rate is one number all along, as a rest is.
+    whole = [[(int(one.windows[0, 0]), int(one.windows[-1, 1]))] for one in rotations]
+    means = np.array([one.rate.mean(axis=0) for one in rotations])
+    turning = rounding_of_each(base.raw_rate, [*rests, *whole], np.concatenate([base.rate_mean, means]))
+    for rotation, left in zip(rotations, turning[base.holds :], strict=True):
+        rotation.rate_rounding = left
+    windows = [[(int(a), int(b))] for one in rotations for a, b in one.windows]
+    force = np.concatenate([base.force_mean, *(one.force for one in rotations)])
+    shown = rounding_variance(base.raw_force, [*rests, *windows], force)
+    alone = rounding_variance(base.raw_force, rests, base.force_mean)
+    ends = np.cumsum([base.holds, *(len(one.windows) for one in rotations)])
+    for rotation, (first, last) in zip(rotations, pairwise(ends), strict=True):
+        rotation.force_covariance = rotation.force_covariance + shown[first:last, :, None] * np.eye(3)
+    more = (shown[: base.holds] - alone)[:, :, None] * np.eye(3)
+    return replace(base, force_covariance=base.force_covariance + more)
 
 
 def mean_backward_rotation(

@@ -541,13 +541,11 @@ def _wander_variances(state: JointAdjustment, spin: TableRotation) -> tuple[AnyA
     data, u, noise = state.data, state.unknowns, state.noise
     added = (
         noise["force"] * np.sum(force_matrix(u) ** 2, axis=1),
-        noise["rate"] * np.sum(gyro_matrix(u) ** 2, axis=1),
+        noise["rate"] * np.sum(gyro_matrix(u) ** 2, axis=1) + spin.rate_rounding,
     )
     force, rate = (
-        _wander_variance(data, spin, density, more + rounding)
-        for density, more, rounding in zip(
-            (data.force_density, data.rate_density), added, spin.rounding, strict=True
-        )
+        _wander_variance(data, spin, density, more)
+        for density, more in zip((data.force_density, data.rate_density), added, strict=True)
     )
     step = spin.seconds / max(spin.offsets.size, 1)
     # Never quite nothing, so that the wander is always determined.
