@@ -62,8 +62,8 @@ class HoldsAndTurns:
     rate_random_walk : (3,) N² of each gyro, raw² s, from the holds.
     force_floor, rate_floor : (3,) raw², what no averaging takes away: a bias that wanders.
     parts : means of the parts of the holds, which show how biases wander; None where nobody asks.
-    turn_timing : (holds, 3) raw² s², variance of each gyro's integral over the turn after hold k by stamps that
-        jitter while the rate changes; None where the stamps are exact.
+    turn_sampling : (holds, 3) raw² s², variance of each gyro's integral over the turn after hold k by stamps that
+        jitter and by values that are rounded; None where both are exact.
     rate_rounding : (holds, 3) raw², what of the gyro's covariance rounding leaves; None where nothing is known.
     """
 
@@ -84,7 +84,7 @@ class HoldsAndTurns:
     force_floor: Vector
     rate_floor: Vector
     parts: RestParts | None = None
-    turn_timing: Vectors | None = None
+    turn_sampling: Vectors | None = None
     rate_rounding: Vectors | None = None
 
     @property
@@ -267,8 +267,8 @@ class TurnConditions:
         walking = state.duration + _edge_time(self.data, self.data.tail)[k]
         walking = walking + _edge_time(self.data, self.data.head)[k + 1]
         walk = np.einsum("tga,a,tha->tgh", by_rotation, white, by_rotation) * walking[:, None, None]
-        if self.data.turn_timing is not None:
-            timing = self.data.turn_timing[k] @ (inverse**2).T
+        if self.data.turn_sampling is not None:
+            timing = self.data.turn_sampling[k] @ (inverse**2).T
             walk = walk + np.einsum("tga,ta,tha->tgh", by_rotation, timing, by_rotation)
         floor = np.diag(inverse @ np.diag(self.data.rate_floor) @ inverse.T)
         drift = np.einsum("tga,a,tha->tgh", by_rotation, floor, by_rotation)

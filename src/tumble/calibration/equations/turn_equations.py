@@ -171,7 +171,7 @@ def link_covariance(
     C_start, link, u : as for `link_residuals`.
     more : (links,) s for which the random walk acts beyond the link itself.
     own_bias : let the bias wander by the floor seen between holds, each link for itself.
-    timing : (links, 3) raw² s², what stamps that jitter do to the integral; None for nothing.
+    timing : (links, 3) raw² s², what the sampling does to the integral; None for nothing.
     """
     inverse = inverted(gyro_matrix(u))
     variance = (link.duration + more)[:, None] * data.base.rate_random_walk
@@ -243,7 +243,7 @@ class Turn(Equations):
         by_border = u.columns(shown.by_blocks, 3)
         by_border[:, :, EARTH] = shown.by_earth
         edge = np.add(*edge_seconds(data, k))
-        timing = None if data.base.turn_timing is None else data.base.turn_timing[k]
+        timing = None if data.base.turn_sampling is None else data.base.turn_sampling[k]
         covariance = link_covariance(data, tail, link, u, edge, own_bias=True, timing=timing)
         wander = state.noise["turn"] + state.noise["rate"] * link.duration**2
         covariance = covariance + wander[:, None, None] * np.eye(3)

@@ -350,7 +350,7 @@ def _turn_sigmas(outcome: JointOutcome) -> Series:
         return sigmas
     link = integrate_links(data, u, data.base.turn_start[k], data.base.turn_stop[k])
     C = np.broadcast_to(np.eye(3), (k.size, 3, 3))
-    timing = None if data.base.turn_timing is None else data.base.turn_timing[k]
+    timing = None if data.base.turn_sampling is None else data.base.turn_sampling[k]
     spread = link_covariance(data, C, link, u, np.zeros(k.size), own_bias=True, timing=timing)
     across = 2.0 / 3.0 * np.trace(spread, axis1=1, axis2=2)
     gravity = outcome.site.gravity
