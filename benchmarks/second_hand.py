@@ -52,7 +52,16 @@ import polars as pl
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
 import tumble
-from second_simulator import GRADES, OWN_FAULTS, PROCEDURES, RECORD_FAULTS, STATED_FAULTS, Simulation, named
+from second_simulator import (
+    GRADES,
+    OWN_FAULTS,
+    PROCEDURES,
+    RECORD_FAULTS,
+    STATED_FAULTS,
+    Grade,
+    Simulation,
+    named,
+)
 
 WITHOUT_PROTOCOL = {"by-hand": "hand-held", "multi-position": "multi-position"}
 """Tests that nobody writes a protocol for, and what the user calls them."""
@@ -95,6 +104,9 @@ WORDS = {
     "plate-leans": r"lean|contradict|placed to|plumb|differ by",
 }  # fmt: skip
 """What a remark has to say for a fault to count as named."""
+
+RANDOM = "random"
+"""A grade that is drawn anew for each recording."""
 
 USUAL = (
     r"cannot be seen|nothing would show it|"
@@ -418,6 +430,27 @@ def _thermal_changes(document: dict[str, Any], made: Simulation, outcome: Outcom
         outcome.groups[f"{triad} bias, change with temperature"] = np.stack((error, sigma, factor * sigma))
 
 
+def random_grade(seed: int) -> Grade:
+    """Return a grade whose every figure is up to four times another one's, and its steps up to thirty times.
+
+    Parameters
+    ----------
+    seed : of what is drawn.
+    """
+    rng = np.random.default_rng([seed, 5])
+    kind = GRADES[str(rng.choice(sorted(GRADES)))]
+    drawn = ("noise", "flicker", "walk", "bias", "scale", "axes", "asymmetry", "warm_up")
+    sheets = [
+        replace(
+            sheet,
+            step=sheet.step * np.exp(rng.uniform(-1.5, 3.5)),
+            **{name: getattr(sheet, name) * np.exp(rng.uniform(-1.4, 1.4)) for name in drawn},
+        )
+        for sheet in (kind.accelerometer, kind.gyroscope)
+    ]
+    return replace(kind, accelerometer=sheets[0], gyroscope=sheets[1])
+
+
 def one(procedure: str, grade: str, estimator: str, fault: str | None, seed: int, arguments: Any) -> Outcome:
     """Simulate and calibrate one recording, and compare.
 
@@ -427,7 +460,7 @@ def one(procedure: str, grade: str, estimator: str, fault: str | None, seed: int
     arguments : of the command line.
     """
     options = json.loads(arguments.options) if arguments.options else {}
-    kind = GRADES[grade]
+    kind = random_grade(seed) if grade == RANDOM else GRADES[grade]
     if arguments.white:
         still = [replace(sheet, flicker=0.0, walk=0.0) for sheet in (kind.accelerometer, kind.gyroscope)]
         kind = replace(kind, accelerometer=still[0], gyroscope=still[1])
@@ -682,7 +715,7 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--procedure", nargs="+", default=["by-hand"], choices=[*PROCEDURES, "all"])
-    parser.add_argument("--grade", nargs="+", default=["industrial"], choices=[*GRADES, "all"])
+    parser.add_argument("--grade", nargs="+", default=["industrial"], choices=[*GRADES, RANDOM, "all"])
     parser.add_argument("--runs", type=int, default=4)
     parser.add_argument("--seed", type=int, default=1000)
     parser.add_argument(
