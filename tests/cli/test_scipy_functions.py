@@ -49,3 +49,13 @@ def test_threads_that_ask_at_once_get_the_whole_package() -> None:
         "print(set(map(float, found)))"
     )
     assert said == "{10.0}"
+
+
+def test_a_scipy_that_has_its_functions_elsewhere_is_loaded_whole() -> None:
+    said = run(
+        "import tumble.cli.scipy_functions as ours\n"
+        "ours.FUNCTIONS = 'scipy.special._elsewhere'\n"
+        "from scipy.special import chdtrc\n"
+        "print(round(float(chdtrc(3.0, 7.814728)), 8))"
+    )
+    assert said == "0.05"

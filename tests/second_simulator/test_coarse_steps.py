@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -36,14 +37,14 @@ def found_and_true(
     if procedure == "rate-table":
         grade = replace(grade, gyroscope=GRADES["consumer"].gyroscope)
     made = PROCEDURES[procedure](grade, np.random.default_rng(seed), None, rate=rate)
-    options: dict[str, object] = {"rate": f"{rate}±{2e-5 * rate}"}
+    options: dict[str, Any] = {"rate": f"{rate}±{2e-5 * rate}"}
     if procedure in WITHOUT_PROTOCOL:
         options["site"] = tumble.Site.from_latitude(made.place.stated_latitude, made.place.height)
     else:
         file = folder / "protocol.yaml"
         file.write_text(made.protocol, encoding="utf-8")
         options["protocol"] = file
-    found = tumble.calibrate(pl.DataFrame(made.columns()), **options).calibration  # type: ignore[arg-type]
+    found = tumble.calibrate(pl.DataFrame(made.columns()), **options).calibration
     # On a table, steps of 4 mg bend the gravity that the windows show: that may be an objection.
     assert found.verdict.fit or procedure == "rate-table", found.verdict.reasons
     return found, made.truth.terms(found.frame.name)

@@ -37,7 +37,10 @@ class _Functions(ModuleType):
         if not name.startswith("_"):
             from numpy import ufunc
 
-            found = getattr(import_module(FUNCTIONS), name, None)
+            try:
+                found = getattr(import_module(FUNCTIONS), name, None)
+            except ImportError:  # another scipy, which has them elsewhere
+                found = None
             if isinstance(found, ufunc):
                 return found
         with self.lock:

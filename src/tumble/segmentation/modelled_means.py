@@ -61,15 +61,18 @@ def model_means(
     starts = means.time - 0.5 * means.duration - first
     said: list[str] = []
     changed = means
-    for models, covariance, name in (
-        (force, means.specific_force_covariance, "accelerometer"),
-        (rate, means.angular_rate_covariance, "gyro"),
+    for models, covariance, rounding, name in (
+        (force, means.specific_force_covariance, means.specific_force_rounding, "accelerometer"),
+        (rate, means.angular_rate_covariance, means.angular_rate_rounding, "gyro"),
     ):
         if models is None or covariance is None:
             continue
         between = np.stack([model.mean_covariance(means.duration, span, starts) for model in models])
-        own = np.diagonal(covariance, axis1=1, axis2=2).T
+        # What rounding leaves in a mean is no noise that a model has.
+        left = np.zeros((len(means), 3)) if rounding is None else rounding
+        own = (np.diagonal(covariance, axis1=1, axis2=2) - left).T
         between, disturbed, ratio = _with_own(between, own)
+        between = between + left.T[:, :, None] * np.eye(len(means))
         full = _blocks(np.diagonal(between, axis1=1, axis2=2).T)
         said += _in_words(name, disturbed, ratio)
         if name == "accelerometer":

@@ -76,6 +76,8 @@ def rounding_variance(signal: Vectors, items: Sequence[Item], means: Vectors) ->
     means : (items, 3) of the rests.
     """
     left = rounding_of_each(signal, items, means)
+    if not np.any(left):
+        return left
     half = 0.5 * step_at_rests(signal, items) * (1.0 - 1e-6)
     for axis in np.flatnonzero(np.any(left > 0.0, axis=0)).tolist():
         order = np.argsort(means[:, axis])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -98,3 +99,24 @@ def test_holds_have_the_models_covariance_and_a_shaken_one_its_own(shaken: bool)
         # N² / t, to which the walk adds little
         assert covariance[0, 0, 0] == pytest.approx(1e-6 / 20.0, rel=0.05)
         assert not modelled.remarks
+
+
+def test_what_rounding_leaves_is_no_noise_of_a_model_and_stays() -> None:
+    """Twice the noise's own variance: too little for a shaken hold, too much for the model alone."""
+    given = recording()
+    holds = tuple(Hold(1000 * k, 1000 * (k + 1)) for k in range(3))
+    timeline = Timeline(holds, (), (), NoiseFloor(np.full(3, 7e-3), np.zeros(3), 0.0, "none"))
+    means, model = observe_holds(given, timeline), NoiseModel(random_walk=1e-3)
+    assert means.specific_force_covariance is not None
+    rounding = np.array([1e-7, 0.0, 3e-8]) * np.array([[1.0], [2.0], [0.5]])
+    coarse = replace(
+        means,
+        specific_force_rounding=rounding,
+        specific_force_covariance=means.specific_force_covariance + rounding[:, :, None] * np.eye(3),
+    )
+    fine, modelled = (model_means(given, timeline, one, [model] * 3, None) for one in (means, coarse))
+    assert fine.means.specific_force_covariance is not None
+    assert modelled.means.specific_force_covariance is not None
+    more = modelled.means.specific_force_covariance - fine.means.specific_force_covariance
+    np.testing.assert_allclose(np.diagonal(more, axis1=1, axis2=2), rounding, atol=1e-12)
+    assert not modelled.remarks
