@@ -90,6 +90,7 @@ WORDS = {
     "other-units": r"unit|scale factor",
     "two-units": r"unit",
     "warm-up": r"drift|warm|wander|jump|times what",
+    "gyro-ramp": r"drift|warm|wander|jump|times what",
     "wrong-latitude": r"latitude|Earth rate",
     "wrong-gravity": r"gravity .*(wrong|normal|than)",
     "reversed-gyro": r"revers|sign", "reversed-accelerometer": r"revers|sign",
@@ -699,7 +700,7 @@ def report_fault(title: str, fault: str, outcomes: list[Outcome]) -> None:
 
 
 def _wrong(outcome: Outcome, fault: str) -> bool:
-    if fault != "warm-up" or outcome.excused is None:
+    if fault not in ("warm-up", "gyro-ramp") or outcome.excused is None:
         return outcome.largest[0] > 5
     others = [
         float(np.abs(rows[0] / rows[1]).max())
@@ -753,9 +754,11 @@ def main() -> None:
     for procedure in procedures:
         faults: list[str | None] = list(arguments.fault) or [None]
         if "all" in arguments.fault:
-            common = [f for f in (*RECORD_FAULTS, *STATED_FAULTS) if f not in ("two-units", "warm-up")]
+            common = [
+                f for f in (*RECORD_FAULTS, *STATED_FAULTS) if f not in ("two-units", "warm-up", "gyro-ramp")
+            ]
             if procedure in ("by-hand", "multi-position"):
-                common.append("warm-up")
+                common += ["warm-up", "gyro-ramp"]
             faults = [*OWN_FAULTS[procedure], *common]
         for grade in grades:
             for estimator in arguments.estimator:

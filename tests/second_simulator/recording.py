@@ -14,7 +14,7 @@ from .truth import Thermal, Truth
 RECORD_FAULTS = (
     "clipped", "reversed-gyro", "reversed-accelerometer", "swapped-gyro", "swapped-both", "dead-gyro",
     "dead-accelerometer", "dropped", "gaps", "doubled", "lag", "clock-0.5", "clock-1", "other-units", "two-units",
-    "warm-up",
+    "warm-up", "gyro-ramp",
 )  # fmt: skip
 """Faults of a file or a unit, whatever was done to it."""
 
@@ -137,6 +137,10 @@ def record(
         fading = np.exp(-seen.time / rng.uniform(40, 90))
         size = rng.choice([-1.0, 1.0], 6) * np.repeat([a.warm_up, g.warm_up], 3)
         moved = moved + fading[:, None] * size
+    if fault == "gyro-ramp":
+        # What a gyro does in the first seconds after switching on.
+        fading = np.exp(-seen.time / np.exp(rng.uniform(np.log(4.0), np.log(60.0))))
+        moved[:, 3:] += fading[:, None] * rng.choice([-1.0, 1.0], 3) * 0.3 * DEGREE
     if thermal is not None:
         # In SI here; the truth's numbers are turned into raw units with all others below.
         offset = celsius - thermal.reference

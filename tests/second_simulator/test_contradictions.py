@@ -338,3 +338,13 @@ def test_right_faces_that_chance_scatters_are_fit_and_a_plate_that_leans_is_not(
     assert right.verdict.fit, right.verdict.reasons
     leaning = calibrated("six-faces", "plate-leans", "tactical", 700016)
     assert any("beyond the 0.05° that the protocol promises" in reason for reason in leaning.verdict.reasons)
+
+
+def test_a_term_that_a_later_trial_gives_up_is_not_kept() -> None:
+    """Gyros fade by 0.3 °/s: the first trial wants a g-sensitivity, nothing settles with it alone (a traceback)."""
+    made = PROCEDURES["by-hand"](GRADES["robot"], np.random.default_rng(911010), "gyro-ramp")
+    site = tumble.Site.from_latitude(made.place.stated_latitude, made.place.height)
+    found = tumble.calibrate(pl.DataFrame(made.columns()), site=site, rate="100±0.002").calibration
+    assert found.gyroscope is not None
+    kept = {one.name for one in found.quality.optional_terms if one.kept}
+    assert ("g_sensitivity" in kept) == (found.gyroscope.g_sensitivity is not None)

@@ -439,6 +439,8 @@ def _with_terms(
             # Where the equations are bent, what is determined to first order may not be.
             untried.append(max(names, key=gives_way))
             names = [name for name in names if name != untried[-1]]
+            # An earlier trial, with more terms, may have wanted it.
+            tests.pop(untried[-1], None)
             continue
         wanted = wanted_terms(trial, balanced, names, tests, limits, sought)
         if wanted == names:
