@@ -264,7 +264,9 @@ def of_sequences(names: list[str]) -> Protocol:
     return replace(PROTOCOL, steps=tuple(steps))
 
 
-@pytest.mark.parametrize(("grade", "bound"), [("ring-laser", 1.0), ("tactical", 25.0), ("industrial-mems", 60.0)])
+@pytest.mark.parametrize(
+    ("grade", "bound"), [("ring-laser", 1.0), ("tactical", 25.0), ("industrial-mems", 60.0)]
+)
 def test_a_heading_off_by_a_quarter_turn_is_told_where_the_gyros_see_the_earth(
     grade: str, bound: float
 ) -> None:
