@@ -48,7 +48,7 @@ from tumble.calibration.prior import StableKnowledge
 from tumble.calibration.recording_influences import recording_influences
 from tumble.calibration.terms import TERMS
 from tumble.calibration.terms.lever_arms import lever_arms_of
-from tumble.earth import Site
+from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ObservabilityError
 from tumble.estimation.balance import Balanced
 from tumble.estimation.equations import Equations
@@ -362,7 +362,10 @@ def _turn_sigmas(outcome: JointOutcome) -> Series:
         seen = np.trace(data.parts_covariance[hold][:, part, part], axis1=1, axis2=2) / 3.0
         ends = ends + 2.0 * (seen / scale + noise["force"]) / gravity**2
     more = 2.0 * (noise["turn"] + noise["rate"] * link.duration**2 + noise["sway"])
-    sigmas[k] = np.sqrt(across + ends + more)
+    # The directions are carried without the Earth's rotation: its part across gravity is in the difference.
+    latitude = outcome.site.latitude
+    level = EARTH_RATE * (np.sqrt(2.0 / 3.0) if latitude is None else np.cos(latitude))
+    sigmas[k] = np.sqrt(across + ends + more + (level * link.duration) ** 2)
     return sigmas
 
 
