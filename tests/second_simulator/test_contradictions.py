@@ -371,3 +371,10 @@ def test_a_term_that_a_later_trial_gives_up_is_not_kept() -> None:
     assert found.gyroscope is not None
     kept = {one.name for one in found.quality.optional_terms if one.kept}
     assert ("g_sensitivity" in kept) == (found.gyroscope.g_sensitivity is not None)
+
+
+def test_swapped_axes_that_few_turns_show_are_not_fit() -> None:
+    """Thirty windows of turning between six faces: each bias stood in the other gyro's place, 680 sigmas off and fit."""
+    found = calibrated("six-faces", "swapped-gyro", "consumer", 850005)
+    assert not found.verdict.fit
+    assert any("seems to stand in gz" in reason for reason in found.verdict.reasons)
