@@ -374,7 +374,7 @@ def test_a_term_that_a_later_trial_gives_up_is_not_kept() -> None:
 
 
 def test_swapped_axes_that_few_turns_show_are_not_fit() -> None:
-    """Thirty windows of turning between six faces: each bias stood in the other gyro's place, 680 sigmas off and fit."""
+    """Thirty windows of turning: each bias stood in the place of the other gyro, 680 sigmas off and fit."""
     found = calibrated("six-faces", "swapped-gyro", "consumer", 850005)
     assert not found.verdict.fit
     assert any("seems to stand in gz" in reason for reason in found.verdict.reasons)
