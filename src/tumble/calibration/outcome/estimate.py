@@ -170,7 +170,7 @@ def joint_estimate(outcome: JointOutcome) -> Estimate:
         ],
         evidence=[
             Holds(norms, sigmas, tuple(restless)),
-            Turns(angles, np.where(np.isfinite(angles), _turn_sigmas(outcome), np.nan), sizes),
+            Turns(angles, np.where(np.isfinite(angles), _turn_sigmas(outcome, sizes), np.nan), sizes),
             _spins(outcome),
         ],
         frame=outcome.frame,
@@ -343,7 +343,7 @@ def _of_course(course: BiasCourse | None) -> list[str]:
     return [said]
 
 
-def _turn_sigmas(outcome: JointOutcome) -> Series:
+def _turn_sigmas(outcome: JointOutcome, sizes: Series) -> Series:
     """Return (holds,) rad, what carried and seen directions are expected to differ by; NaN without a turn."""
     data, noise, u = outcome.data, outcome.task.noise, outcome.task.unknowns
     sigmas = np.full(data.holds, np.nan)
@@ -362,10 +362,11 @@ def _turn_sigmas(outcome: JointOutcome) -> Series:
         seen = np.trace(data.parts_covariance[hold][:, part, part], axis1=1, axis2=2) / 3.0
         ends = ends + 2.0 * (seen / scale + noise["force"]) / gravity**2
     more = 2.0 * (noise["turn"] + noise["rate"] * link.duration**2 + noise["sway"])
-    # The directions are carried without the Earth's rotation: its part across gravity is in the difference.
+    # The directions are carried by the stamps and without the Earth's rotation: what that is off by across gravity.
     latitude = outcome.site.latitude
-    level = EARTH_RATE * (np.sqrt(2.0 / 3.0) if latitude is None else np.cos(latitude))
-    sigmas[k] = np.sqrt(across + ends + more + (level * link.duration) ** 2)
+    level = EARTH_RATE * (np.sqrt(2.0 / 3.0) if latitude is None else np.cos(latitude)) * link.duration
+    by_stamps = np.sqrt(2.0 / 3.0) * float(u["clock"][0]) * sizes[k]
+    sigmas[k] = np.sqrt(across + ends + more + level**2 + by_stamps**2)
     return sigmas
 
 
