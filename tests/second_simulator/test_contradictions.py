@@ -213,39 +213,16 @@ def test_a_gravity_that_is_nowhere_at_that_latitude_is_refused() -> None:
         )
 
 
-@pytest.mark.parametrize("ppm", ["0", "30"])
-def test_a_unit_that_slips_about_the_tables_own_axis_in_one_spin_is_named(ppm: str, tmp_path: Path) -> None:
-    """By 0.3° of a revolution, which no accelerometer sees: the gyros' asymmetry and bend took it, 10 sigmas off."""
-    made = PROCEDURES["rate-table"](
-        GRADES["tactical"], np.random.default_rng(3), None, rates=(20.0, 80.0), rate=25.0
-    )
-    file = tmp_path / "protocol.yaml"
-    stated = made.protocol.replace("uncertainty_ppm: 30", f"uncertainty_ppm: {ppm}")
-    slipped = f"rate_deg_per_s: {20.0 * (1.0 + 0.3 / 360.0)}"
-    at = [found.start() for found in re.finditer(r"rate_deg_per_s: 20.0", stated)][2]
-    file.write_text(stated[:at] + stated[at:].replace("rate_deg_per_s: 20.0", slipped, 1), encoding="utf-8")
-    found = tumble.calibrate(pl.DataFrame(made.columns()), protocol=file, rate="25±0.000025").calibration
-    assert found.verdict.fit
-    (left_out,) = [one for one in found.quality.left_out if "the unit did not turn" in one.reason]
-    assert left_out.kind == "spin"
-    assert not [test.name for test in found.quality.optional_terms if test.kept]
-
-
 @pytest.mark.slow
-def test_single_spins_at_another_rate_than_stated_are_named_where_all_are_at_one_speed(
-    tmp_path: Path,
-) -> None:
+def test_single_spins_at_another_rate_than_stated_are_said_where_all_are_at_one_speed(tmp_path: Path) -> None:
     """Three of 24 are 1 % off: an asymmetry and a bend of the gyros explained them, 9 sigmas off."""
     made = PROCEDURES["modified-multi-position"](
         GRADES["hobby"], np.random.default_rng(80001), "one-rate", rate=37.0
     )
     file = tmp_path / "protocol.yaml"
     file.write_text(made.protocol, encoding="utf-8")
-    found = tumble.calibrate(pl.DataFrame(made.columns()), protocol=file, rate="37±0.002").calibration
-    assert found.verdict.fit
-    assert sum("the unit did not turn" in one.reason for one in found.quality.left_out) == 3
-    kept = {test.name for test in found.quality.optional_terms if test.kept}
-    assert kept.isdisjoint({"gyro_asymmetry", "gyro_quadratic"})
+    said = against(tumble.calibrate(pl.DataFrame(made.columns()), protocol=file, rate="37±0.002").calibration)
+    assert re.search(r"In rotation \d+ the gyros show .* times what noise explains", said)
 
 
 def by_hand(
@@ -371,10 +348,3 @@ def test_a_term_that_a_later_trial_gives_up_is_not_kept() -> None:
     assert found.gyroscope is not None
     kept = {one.name for one in found.quality.optional_terms if one.kept}
     assert ("g_sensitivity" in kept) == (found.gyroscope.g_sensitivity is not None)
-
-
-def test_swapped_axes_that_few_turns_show_are_not_fit() -> None:
-    """Thirty windows of turning: each bias stood in the place of the other gyro, 680 sigmas off and fit."""
-    found = calibrated("six-faces", "swapped-gyro", "consumer", 850005)
-    assert not found.verdict.fit
-    assert any("seems to stand in gz" in reason for reason in found.verdict.reasons)

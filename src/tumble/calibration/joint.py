@@ -56,14 +56,14 @@ from tumble.calibration.optional_terms import (
     wanted_terms,
     worse_predicted,
 )
-from tumble.calibration.outcome.estimate import JointOutcome, joint_estimate, rest_residuals
+from tumble.calibration.outcome.estimate import JointOutcome, joint_estimate
 from tumble.calibration.prior import StableKnowledge
-from tumble.calibration.procedures.hand_held import add_bias_step, add_time_lag
+from tumble.calibration.procedures.hand_held import add_time_lag
 from tumble.calibration.start import gather_what_there_is, rough_start, rough_variances, start_adjustment
 from tumble.calibration.terms import TERMS
 from tumble.earth import Site
 from tumble.errors import ConvergenceError, ObservabilityError
-from tumble.estimation.balance import Balanced, Noise
+from tumble.estimation.balance import Balanced
 from tumble.estimation.solve import linearise, solve
 from tumble.estimation.unknowns import Unknowns
 from tumble.recording.recording import Recording
@@ -183,15 +183,13 @@ def _completed(
     *,
     lag: bool,
 ) -> Estimate:
-    """The estimate with what is found beside the adjustment: the clock's scale, a lag, a step of the biases."""
+    """The estimate with what is found beside the adjustment: the clock's scale, a lag."""
     estimate = joint_estimate(outcome)
     if clock is not None:
         add_common_scale(estimate, clock, rest_rate(estimate, means))
     if lag:
         add_time_lag(estimate, base)
     estimate.say("remark", *broken)
-    if outcome.has_gyro:
-        add_bias_step(estimate, base, outcome.recording, *rest_residuals(outcome))
     return estimate
 
 
@@ -425,7 +423,7 @@ def _with_terms(
     without a term may be the term. Returned last are the terms that were not tried.
     """
     offered = offered_terms(has_gyro=task.unknowns.is_free("gyro.bias")) + of_table
-    names: list[str] = _determined(task, fresh, plain, offered)
+    names: list[str] = _determined(task, plain, offered)
     untried = [name for name in offered if name not in names]
     limits, tests = term_limits(offered), dict[str, TermTest]()
     without = _without_terms(task, base, fresh, plain)
@@ -539,18 +537,10 @@ def _from_before(task: JointAdjustment, fresh: JointAdjustment, free: np.ndarray
     return replace(task.copy(free), noise=fresh.noise.copy(), taking_part=fresh.copy().taking_part)
 
 
-def _determined(
-    task: JointAdjustment, fresh: JointAdjustment, plain: np.ndarray, names: list[str]
-) -> list[str]:
-    """The terms that the recording determines, by the information where the adjustment without them has settled.
-
-    All that was recorded counts: a turn may have been left out for the very term that nothing else shows.
-    """
-    trial = replace(
-        task.copy(unknowns_with(plain, names)),
-        noise=Noise(dict(task.noise.added), fresh.noise.copy().factors),
-        taking_part=fresh.copy().taking_part,
-    )
+def _determined(task: JointAdjustment, plain: np.ndarray, names: list[str]) -> list[str]:
+    """The terms that the recording determines, by the information where the adjustment without them has settled."""
+    trial = task.copy()
+    trial.unknowns = trial.unknowns.with_free(unknowns_with(plain, names))
     return determined_terms(linearise(trial)[1], trial.unknowns, plain, names)
 
 

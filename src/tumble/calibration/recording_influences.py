@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 
-from tumble.arrays import Vector, inverted
+from tumble.arrays import AnyArray, Series, Vector, inverted
+from tumble.calibration.checks.bias_course import BiasCourse
 from tumble.calibration.checks.hold_wander import placed_density
 from tumble.calibration.equations.adjustment import JointAdjustment
-from tumble.calibration.equations.causes import FORCE_WANDER, RATE_WANDER
+from tumble.calibration.equations.causes import COURSES, FORCE_WANDER, RATE_WANDER
 from tumble.calibration.equations.hold_equations import Rate
 from tumble.calibration.equations.imu_unknowns import force_matrix, raw_force
 from tumble.estimation.influence import Influences, influences_of
@@ -36,6 +39,22 @@ def recording_influences(task: JointAdjustment, settled: Settled | None = None) 
     densities = {FORCE_WANDER: data.force_density, RATE_WANDER: data.rate_density}
     span = float(data.base.time[0]), float(data.base.time[-1])
     return influences_of(settled or settled_at(task), task.prior, densities, span, _between(task))
+
+
+def with_courses(influences: Influences, courses: Mapping[str, Sequence[BiasCourse]]) -> Influences:
+    """Return influences that count what courses of biases do to each unknown.
+
+    Parameters
+    ----------
+    influences, courses : of one solution; see `outcome.estimate.JointOutcome`.
+    """
+    for source, own in courses.items():
+
+        def departure(time: Series, own: Sequence[BiasCourse] = own) -> AnyArray:
+            return sum((course.departure(time) for course in own), np.zeros((len(time), 3)))
+
+        influences = influences.with_course(source, COURSES[source], departure)
+    return influences
 
 
 def _between(task: JointAdjustment) -> dict[str, Vector]:

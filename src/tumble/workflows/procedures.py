@@ -234,7 +234,7 @@ def _of_other_rests(session: Session) -> list[str]:
 
 def _of_force_step(session: Session, estimate: Estimate) -> list[str]:
     """What is said of accelerometers whose biases jump between two holds."""
-    from tumble.calibration.checks.bias_steps import switched_on_anew
+    from tumble.calibration.checks.bias_course import switched_on_anew
     from tumble.calibration.checks.scores import find_norm_course
 
     means, triad = session.means, estimate.model.accelerometer
@@ -258,7 +258,7 @@ def _of_force_step(session: Session, estimate: Estimate) -> list[str]:
 
 def _of_hidden_jumps(session: Session, estimate: Estimate) -> list[str]:
     """What is said of an order of poses in which a jump of the accelerometers' biases would not be seen."""
-    from tumble.calibration.checks.bias_steps import hidden_jumps
+    from tumble.calibration.checks.bias_course import hidden_jumps
 
     triad, means = estimate.model.accelerometer, session.means
     if triad is None or means.specific_force is None or estimate.thermal is not None:

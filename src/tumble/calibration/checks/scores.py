@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from tumble.arrays import Matrices, Matrix, Series, Vectors, inverted
 from tumble.attitude import angle_between, integrate_turns
 from tumble.attitude.integration import average_at_edge
-from tumble.calibration.checks.bias_steps import BiasCourse, Rests, find_force_course
+from tumble.calibration.checks.bias_course import (
+    FALSE_ALARM,
+    BiasCourse,
+    Rests,
+    find_force_course,
+    likelier_course,
+)
 from tumble.calibration.checks.snooping import Outlier
 from tumble.calibration.equations.turn import HoldsAndTurns
 from tumble.calibration.estimate import LeftOut
@@ -76,28 +82,23 @@ def find_norm_course(
 ) -> BiasCourse | None:
     """Return how the accelerometers' biases jump or drift, m/s², by the norms of the holds; None if they only wander.
 
-    Holds that were left out may be all of those before a jump, or odd ones that hide it: both are tried.
-
     Parameters
     ----------
     triad, means, covariance : as for `holds_evidence`.
     limits : (holds,) and (holds,) s, when the holds begin and end.
     norms : (holds,) m/s², corrected norm minus gravity; NaN of those without.
-    left_out : their indices.
+    left_out : see `likelier_course`.
     """
     force = triad.correct(means)
     up = force / np.linalg.norm(force, axis=1, keepdims=True)
     variance = hold_norm_variances(triad, means, covariance)
     further = not triad.is_straight
-    every = np.flatnonzero(np.isfinite(norms))
-    found: list[BiasCourse] = []
-    for used in (every, np.setdiff1d(every, left_out))[: 2 if len(left_out) else 1]:
+
+    def of_holds(used: np.ndarray) -> BiasCourse | None:
         rests = Rests(limits[0][used], limits[1][used], variance[used])
-        course = find_force_course(norms[used], up[used], rests, further=further)
-        if course is not None:
-            after = None if course.after is None else int(used[course.after])
-            found.append(replace(course, after=after))
-    return min(found, key=lambda course: course.chance, default=None)
+        return find_force_course(norms[used], up[used], rests, further=further)
+
+    return likelier_course(of_holds, np.flatnonzero(np.isfinite(norms)), left_out, FALSE_ALARM)
 
 
 def hold_norm_variances(triad: Triad, means: Vectors, covariance: Matrices) -> Series:
@@ -195,13 +196,7 @@ def score_turns(model: ImuModel, data: HoldsAndTurns) -> TurnScores:
         )
     for turn, k in enumerate(turns):
         C_se = integrated.C_start_end[turn]
-        turning = slice(*(int(of[k] - moved[turn, 0]) for of in (data.turn_start, data.turn_stop)))
-        mean_rate = gyro_inverse @ (np.mean(raw_rate[turning], axis=0) - model.gyroscope.bias)
-        # A full circle ends where it began.
-        size[k] = max(
-            float(np.arccos(np.clip(0.5 * (np.trace(C_se) - 1.0), -1.0, 1.0))),
-            float(np.linalg.norm(mean_rate)) * integrated.duration[turn],
-        )
+        size[k] = float(np.arccos(np.clip(0.5 * (np.trace(C_se) - 1.0), -1.0, 1.0)))
         duration[k] = integrated.duration[turn]
         if size[k] >= SMALLEST_TURN:
             angle[k] = angle_between(ends[0][turn], C_se @ ends[1][turn])

@@ -6,6 +6,7 @@ FORCE_REST = "accelerometers at rest"
 FORCE_TURNING = "accelerometers while turning"
 FORCE_WANDER = "accelerometer biases wander"
 FORCE_COURSE = "accelerometer biases that jump or drift"
+RATE_COURSE = "gyro biases that jump or drift"
 RATE_REST = "gyros at rest"
 RATE_TURNING = "gyros while turning"
 RATE_WANDER = "gyro biases wander"
@@ -20,6 +21,7 @@ GRAVITY = "reference gravity"
 SAMPLE_RATE = "sample rate"
 TABLE_RATE = "rate of the table"
 OTHER = "everything else"
+COURSES = {FORCE_WANDER: FORCE_COURSE, RATE_WANDER: RATE_COURSE}
 SOURCES = (
     *(
         FORCE_REST,
@@ -29,6 +31,7 @@ SOURCES = (
         RATE_REST,
         RATE_TURNING,
         RATE_WANDER,
+        RATE_COURSE,
         SWAY,
         TURNS,
         ANGLES,

@@ -434,13 +434,11 @@ class TableRate(RotationEquations):
         by_border[0, :, layout.anchor] = -np.eye(3)
         same = SAME**2 * np.eye(3)[None]
         tied = Linear(tie[None], same, by_border, np.array([0]), np.eye(3)[None])
-        if not state.taking_part["table rate"][self.stretch.k]:
-            return [tied]
         # What makes the axis wobble, such as a unit that slips on its plate halfway, turns it about the axis, too: a
         # step leaves half of itself across on either side of its mean.
         wobble = LEAST_WOBBLE**2 * (state.noise.factor("axis", self.stretch.k) - 1.0)
         axis = moving.axis_w
-        variance = (spin.rate_sigma * self.seconds) ** 2 + 4.0 * wobble + state.noise["table rate"]
+        sigma = max(float(np.hypot(spin.rate_sigma * self.seconds, 2.0 * wobble**0.5)), LEAST_RATE_ANGLE)
         # Both the stamps and the display may be wrong by a share that all rotations have in common.
         faster, more = 1.0 + float(state.unknowns["clock"][0]), 1.0 + float(state.unknowns["table_rate"][0])
         angle = abs(spin.turn_rate) * self.seconds * faster * more
@@ -452,18 +450,8 @@ class TableRate(RotationEquations):
         by_border = state.unknowns.columns(shared, layout.earth.stop)
         by_border[0, 0, layout.anchor] = -axis
         last = np.array([len(spin.windows) - 1])
-        covariance = np.full((1, 1, 1), max(variance, LEAST_RATE_ANGLE**2))
+        covariance = np.full((1, 1, 1), sigma**2)
         return [tied, Linear(np.array([[missed]]), covariance, by_border, last, axis[None, None])]
-
-    def views(self, state: JointAdjustment, linear: Linear) -> list[View]:
-        """Return the rate's; the tie is none of the table's."""
-        return [View("table rate", least=CHECKED_ANGLE)] if linear.residual.shape[1] == 1 else []
-
-    @staticmethod
-    def say(index: int, times: str) -> tuple[str, str]:
-        """Return that the unit did not turn as the table should."""
-        what = f"after hold {index + 1} the unit did not turn by what the table's rate makes"
-        return "spin", f"{what}, {times}: did the unit slip, or was it another rate?"
 
 
 class Own(RotationEquations):

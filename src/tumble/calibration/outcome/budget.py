@@ -20,7 +20,6 @@ from tumble.calibration.checks.uncertainty_statement import (
 from tumble.calibration.equations.adjustment import JointAdjustment
 from tumble.calibration.equations.causes import (
     AXIS,
-    FORCE_COURSE,
     FORCE_REST,
     FORCE_TURNING,
     FORCE_WANDER,
@@ -38,7 +37,7 @@ from tumble.calibration.equations.causes import (
 from tumble.calibration.equations.imu_unknowns import force_matrix, gyro_matrix, term_unknowns
 from tumble.calibration.evidence import Budget
 from tumble.calibration.outcome.description import named_function
-from tumble.calibration.recording_influences import recording_influences
+from tumble.calibration.recording_influences import recording_influences, with_courses
 from tumble.calibration.terms import TERMS
 from tumble.estimation.equations import Tests
 from tumble.estimation.influence import PRIOR, Influences
@@ -101,16 +100,13 @@ class NamedParameters:
 
 
 def outcome_influences(outcome: JointOutcome) -> Influences:
-    """Return those of a settled outcome, a course of the accelerometers' biases among them.
+    """Return those of a settled outcome, courses of its biases among them.
 
     Parameters
     ----------
-    outcome : whose course is known.
+    outcome : whose courses are known.
     """
-    influences = recording_influences(outcome.task)
-    if outcome.course is None:
-        return influences
-    return influences.with_course(FORCE_WANDER, FORCE_COURSE, outcome.course.departure)
+    return with_courses(recording_influences(outcome.task), outcome.courses)
 
 
 def wander_factors(task: JointAdjustment) -> Series:

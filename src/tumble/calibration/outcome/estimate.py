@@ -6,13 +6,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from tumble.arrays import Matrix, Series, Square, Vectors, inverted
+from tumble.arrays import Matrix, Series, Square
 from tumble.calibration.canonical import describe_unknowns
-from tumble.calibration.checks.bias_steps import BiasCourse
+from tumble.calibration.checks.bias_course import BiasCourse, Rests, find_rate_courses, rate_course_words
 from tumble.calibration.checks.observability import Untold
 from tumble.calibration.checks.scores import find_norm_course, hold_norm_errors, score_turns
 from tumble.calibration.equations.adjustment import JointAdjustment, rest_noise
-from tumble.calibration.equations.causes import FORCE_COURSE, FORCE_WANDER
+from tumble.calibration.equations.causes import FORCE_WANDER, RATE_WANDER
 from tumble.calibration.equations.hold_equations import Rate
 from tumble.calibration.equations.imu_unknowns import LAYOUT, gyro_matrix
 from tumble.calibration.equations.observed import Observed
@@ -45,10 +45,10 @@ from tumble.calibration.outcome.contradictions import contradictions
 from tumble.calibration.outcome.description import describe, rotation_of_frame
 from tumble.calibration.outcome.restless import find_restless, restless_remarks
 from tumble.calibration.prior import StableKnowledge
-from tumble.calibration.recording_influences import recording_influences
+from tumble.calibration.recording_influences import recording_influences, with_courses
 from tumble.calibration.terms import TERMS
 from tumble.calibration.terms.lever_arms import lever_arms_of
-from tumble.earth import EARTH_RATE, Site
+from tumble.earth import Site
 from tumble.errors import ObservabilityError
 from tumble.estimation.balance import Balanced
 from tumble.estimation.equations import Equations
@@ -87,7 +87,7 @@ class JointOutcome:
     untried : optional terms that what was recorded does not determine.
     table_sigma : share by which a table's rates are believed to be off, one sigma, zero for exact ones; None if nobody
         says.
-    course : raw, of the accelerometers' biases; None if they only wander.
+    courses : source -> raw, what biases do besides that wander.
     """
 
     recording: Recording
@@ -101,7 +101,7 @@ class JointOutcome:
     knowledge: StableKnowledge | None = None
     untried: list[str] = field(default_factory=list[str])
     table_sigma: float | None = None
-    course: BiasCourse | None = None
+    courses: dict[str, list[BiasCourse]] = field(default_factory=dict[str, list[BiasCourse]])
 
     @property
     def data(self) -> Observed:
@@ -138,9 +138,16 @@ def joint_estimate(outcome: JointOutcome) -> Estimate:
     course = _force_course(outcome, described.model, norms)
     if course is not None:
         assert described.model.accelerometer is not None
-        outcome.course = replace(course, size=described.model.accelerometer.matrix @ course.size)
-        influences = influences.with_course(FORCE_WANDER, FORCE_COURSE, outcome.course.departure)
+        outcome.courses[FORCE_WANDER] = [
+            replace(course, size=described.model.accelerometer.matrix @ course.size)
+        ]
+    rests, of_gyros = _rate_courses(outcome)
+    if of_gyros:
+        outcome.courses[RATE_WANDER] = of_gyros
+    if outcome.courses:
+        influences = with_courses(influences, outcome.courses)
         described = _describe_joint(outcome, influences)
+    words = rate_course_words(of_gyros, rests, np.linalg.norm(gyro_matrix(outcome.task.unknowns), axis=1))
     angles, sizes = _turn_scores(outcome, described.model)
     restless = find_restless(outcome.data, outcome.task.noise, float(outcome.recording.time[0]))
     start = outcome.start
@@ -162,15 +169,15 @@ def joint_estimate(outcome: JointOutcome) -> Estimate:
         said=[
             *([] if start is None else start.said_of_recording()),
             *said_of(
-                remarks=_remarks(outcome, described.parameters),
-                cautions=[*_of_clock(outcome), *_of_course(course)],
-                objections=contradictions(outcome),
+                remarks=[*_remarks(outcome, described.parameters), *words["remark"]],
+                cautions=[*_of_clock(outcome), *_of_course(course), *words["caution"]],
+                objections=[*contradictions(outcome), *words["objection"]],
                 not_determined=_not_determined(outcome),
             ),
         ],
         evidence=[
             Holds(norms, sigmas, tuple(restless)),
-            Turns(angles, np.where(np.isfinite(angles), _turn_sigmas(outcome, sizes), np.nan), sizes),
+            Turns(angles, np.where(np.isfinite(angles), _turn_sigmas(outcome), np.nan), sizes),
             _spins(outcome),
         ],
         frame=outcome.frame,
@@ -242,22 +249,20 @@ def require_positive(covariance: Square, u: Unknowns) -> None:
     )
 
 
-def rest_residuals(outcome: JointOutcome) -> tuple[Vectors, Vectors]:
-    """Return what the gyros show at rest beyond what they should, (holds, 3) rad/s, and its variance, (rad/s)².
-
-    Parameters
-    ----------
-    outcome : the settled solution; observations that were left out have theirs, too.
-    """
-    task = outcome.task
-    inverse = inverted(gyro_matrix(task.unknowns))
-    residual, variance = np.zeros((outcome.data.holds, 3)), np.ones((outcome.data.holds, 3))
+def _rate_courses(outcome: JointOutcome) -> tuple[Rests, list[BiasCourse]]:
+    """How the gyros' biases jump or drift, raw, by what they show at rest beyond what they should."""
+    task, base = outcome.task, outcome.data.base
+    variance = np.diagonal(base.rate_covariance, axis1=1, axis2=2)
+    rests = Rests(base.time[base.head[:, 0]], base.time[base.tail[:, 1] - 1], variance)
+    if not outcome.has_gyro:
+        return rests, []
+    residual = np.zeros((outcome.data.holds, 3))
     for section in task.sections:
         (linear,) = Rate(section).linearise(task)
-        residual[section.holds] = -linear.residual @ inverse.T
-        spread = inverse @ linear.covariance @ inverse.T
-        variance[section.holds] = np.diagonal(spread, axis1=1, axis2=2)
-    return residual, variance
+        residual[section.holds] = -linear.residual
+    gone = [outlier.group for outlier in outcome.balanced.outliers if outlier.kind == "rate"]
+    known = base.force_mean if "g_sensitivity" in outcome.kept else None
+    return rests, find_rate_courses(residual, rests, known, gone)
 
 
 def _lever_arms(outcome: JointOutcome) -> Matrix | None:
@@ -275,8 +280,6 @@ def _components(outcome: JointOutcome) -> dict[str, float]:
     }
     if outcome.data.poses is not None:
         found["placement beyond what the protocol says, rad"] = float(np.sqrt(noise["placement"]))
-    if noise["table rate"] > 0.0:
-        found["turn of the table beyond what its rate says, rad"] = float(np.sqrt(noise["table rate"]))
     return found
 
 
@@ -343,7 +346,7 @@ def _of_course(course: BiasCourse | None) -> list[str]:
     return [said]
 
 
-def _turn_sigmas(outcome: JointOutcome, sizes: Series) -> Series:
+def _turn_sigmas(outcome: JointOutcome) -> Series:
     """Return (holds,) rad, what carried and seen directions are expected to differ by; NaN without a turn."""
     data, noise, u = outcome.data, outcome.task.noise, outcome.task.unknowns
     sigmas = np.full(data.holds, np.nan)
@@ -362,11 +365,7 @@ def _turn_sigmas(outcome: JointOutcome, sizes: Series) -> Series:
         seen = np.trace(data.parts_covariance[hold][:, part, part], axis1=1, axis2=2) / 3.0
         ends = ends + 2.0 * (seen / scale + noise["force"]) / gravity**2
     more = 2.0 * (noise["turn"] + noise["rate"] * link.duration**2 + noise["sway"])
-    # The directions are carried by the stamps and without the Earth's rotation: what that is off by across gravity.
-    latitude = outcome.site.latitude
-    level = EARTH_RATE * (np.sqrt(2.0 / 3.0) if latitude is None else np.cos(latitude)) * link.duration
-    by_stamps = np.sqrt(2.0 / 3.0) * float(u["clock"][0]) * sizes[k]
-    sigmas[k] = np.sqrt(across + ends + more + level**2 + by_stamps**2)
+    sigmas[k] = np.sqrt(across + ends + more)
     return sigmas
 
 

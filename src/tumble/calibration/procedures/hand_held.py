@@ -12,14 +12,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tumble.arrays import Matrix, Series, Square, Vector, Vectors, inverted
+from tumble.arrays import Series, Square, Vectors, inverted
 from tumble.calibration.canonical import describe_unknowns
-from tumble.calibration.checks.bias_drift import add_bias_drift, count_departure
-from tumble.calibration.checks.bias_steps import Rests, find_bias_steps, find_rate_course, switched_on_anew
+from tumble.calibration.checks.bias_course import Rests, find_rate_courses, rate_course_words
 from tumble.calibration.checks.scores import score_turns
 from tumble.calibration.checks.snooping import NEEDLESS, Kind, Outlier, balance, wald_test
 from tumble.calibration.checks.triad_agreement import estimate_time_lag, refuse_contradicting_axes
 from tumble.calibration.closed_forms.start_values import rough_gyro_matrix, rough_triad
+from tumble.calibration.equations.causes import RATE_COURSE
 from tumble.calibration.equations.gathering import gather
 from tumble.calibration.equations.imu_unknowns import term_unknowns
 from tumble.calibration.equations.norm import NormConditions
@@ -58,8 +58,7 @@ from tumble.estimation.gauss_helmert import Linearisation
 from tumble.estimation.terms import keep_wanted
 from tumble.recording.recording import Recording
 from tumble.segmentation import HoldMeans, Timeline
-from tumble.sensor import ImuModel, Triad
-from tumble.units import angular_rate_factor, specific_force_factor
+from tumble.units import specific_force_factor
 
 # Optional terms, tried together and dropped one by one: name -> unknowns.
 OPTIONAL_TERMS = {name: term_unknowns(name) for name in ("g_sensitivity", "quadratic")}
@@ -69,8 +68,6 @@ TERM_FALSE_ALARM = 0.02
 TERMS_TRIED = len(OPTIONAL_TERMS) + 1
 LAG_LIMIT = TERM_FALSE_ALARM / TERMS_TRIED
 SMALLEST_TURNS = 5
-# Of what windows of the turns show, how much smaller the counts of a rad/s may be: steps that an adjustment bridges.
-SIZES = 0.85 ** np.arange(8)
 
 _FORCE_NINE = np.arange(0, 9)
 _GYRO_TWELVE = np.arange(GYRO_MATRIX.start, GYRO_BIAS.stop)
@@ -150,8 +147,8 @@ def calibrate_hand_held(
     if optional_terms:
         add_time_lag(estimate, data)
     _, linear = _all_conditions(data, site, solution)
-    variances = np.diagonal(linear.covariance, axis1=1, axis2=2)[:, RATE]
-    add_bias_step(estimate, data, recording, -linear.misclosure[:, RATE], variances)
+    matrix = solution.values[GYRO_MATRIX].reshape(3, 3)
+    _state_courses(estimate, data, recording, -linear.misclosure[:, RATE] @ matrix.T)
     return estimate
 
 
@@ -207,48 +204,45 @@ def _add_lag(budget: Budget, sigma: float, degrees: int) -> None:
         ]
 
 
-def add_bias_step(
-    estimate: Estimate, data: HoldsAndTurns, recording: Recording, residual: Vectors, variance: Vectors
-) -> None:
-    """Note drifts of the gyro's biases and a jump of another one, which widen their uncertainties.
-
-    Parameters
-    ----------
-    estimate : gets a remark or a caution.
-    data, recording : holds and turns, and the clock.
-    residual, variance : (holds, 3) rad/s and (rad/s)², what the holds' mean rates show beyond bias, g-sensitivity
-        and Earth rate: the Earth's alone is 0.004 °/s, and changes its sign with the pose.
-    """
-    middle = 0.5 * (recording.time[data.head[:, 0]] + recording.time[data.tail[:, 1] - 1])
+def _state_courses(estimate: Estimate, data: HoldsAndTurns, recording: Recording, residual: Vectors) -> None:
+    """Note how the gyros' biases jump or drift by raw residuals at rest, and widen their uncertainties."""
+    assert estimate.model.gyroscope is not None
+    variance = np.diagonal(data.rate_covariance, axis1=1, axis2=2)
+    rests = Rests(recording.time[data.head[:, 0]], recording.time[data.tail[:, 1] - 1], variance)
     known = data.force_mean if estimate.model.g_sensitivity is not None else None
-    drifting = add_bias_drift(estimate, middle, residual, variance, known)
-    # What drifts looks like a jump, too; a jump of another axis may make this one seem to drift by g-sensitivity.
-    steps = [step for step in find_bias_steps(residual, variance, known) if step.axis not in drifting]
-    for step in steps:
-        weight = 1.0 / variance[:, step.axis]
-        count_departure(
-            estimate, step.axis, step.size * float(weight[: step.before + 1].sum() / weight.sum())
-        )
-        estimate.say(
-            "remark",
-            f"The bias of gyro {'xyz'[step.axis]} jumps by {np.degrees(step.size):+.3f} °/s (± "
-            f"{np.degrees(step.sigma):.3f}) {_between(data, recording, step.before)}. The stated bias is a mean of "
-            "both. Its uncertainty counts how far the last one is off it. A knock or the supply can do it; record "
-            "again.",
-        )
-    start, stop = recording.time[data.head[:, 0]], recording.time[data.tail[:, 1] - 1]
-    courses = [
-        find_rate_course(residual[:, step.axis], Rests(start, stop, variance[:, step.axis]), known)
-        for step in steps
-    ]
-    if any(course is not None and course.is_contradiction for course in courses):
-        estimate.say("objection", switched_on_anew("gyros", _between(data, recording, steps[0].before)))
+    courses = find_rate_courses(residual, rests, known)
+    middle = 0.5 * (rests.start + rests.stop)
+    for course in courses:
+        away = np.average(course.departure(middle), axis=0, weights=1.0 / variance.sum(axis=1))
+        for axis in np.flatnonzero(away).tolist():
+            _count_departure(estimate, axis, abs(float(away[axis])))
+    scale = np.linalg.norm(estimate.model.gyroscope.matrix, axis=1)
+    for kind, words in rate_course_words(courses, rests, scale).items():
+        estimate.say(kind, *words)
 
 
-def _between(data: HoldsAndTurns, recording: Recording, before: int) -> str:
-    """Where a jump is, in words."""
-    when = 0.5 * (recording.time[data.tail[before, 1] - 1] + recording.time[data.head[before + 1, 0]])
-    return f"between hold {before + 1} and hold {before + 2}, at about {when:.0f} s"
+def _count_departure(estimate: Estimate, axis: int, more: float) -> None:
+    """Count in a gyro bias' uncertainty by how much, raw, it is off at the end."""
+    name, label = f"gyroscope.bias[{axis}]", f"gyro bias {'xyz'[axis]}"
+    places = [i for i, known in enumerate(estimate.names) if known == name]
+    rows = [i for i, parameter in enumerate(estimate.parameters) if parameter.name == label]
+    if not places or not rows:
+        return
+    place, row = places[0], rows[0]
+    before = float(np.sqrt(estimate.covariance[place, place]))
+    estimate.covariance[place, place] += more**2
+    known = estimate.parameters[row]
+    # In the parameter's own unit.
+    added = more * known.standard_uncertainty / before
+    sigma = float(np.hypot(known.standard_uncertainty, added))
+    estimate.parameters[row] = replace(known, standard_uncertainty=sigma)
+    estimate.correlations[row, :] *= known.standard_uncertainty / sigma
+    estimate.correlations[:, row] *= known.standard_uncertainty / sigma
+    estimate.correlations[row, row] = 1.0
+    budget = estimate.shown(Budget)
+    if budget is not None:
+        share = budget.shares.setdefault(RATE_COURSE, np.zeros(len(estimate.parameters)))
+        share[row] = np.hypot(share[row], added)
 
 
 def _start(
@@ -274,7 +268,7 @@ def _start(
     try:
         triad = triad_from_unknowns(force)
         inverse, _ = rough_gyro_matrix(data.time, data.raw_rate, data.raw_force, triad, bias, stretches)
-        values[GYRO_MATRIX] = _carries_best(recording, data, triad, inverse, bias).ravel()
+        values[GYRO_MATRIX] = inverted(inverse).ravel()
     except (ValueError, np.linalg.LinAlgError) as error:
         raise ObservabilityError(
             f"The turns do not determine the gyro's axes ({error}): turn the unit about all three "
@@ -282,20 +276,6 @@ def _start(
         ) from error
     values[GYRO_BIAS] = bias
     return values
-
-
-def _carries_best(
-    recording: Recording, data: HoldsAndTurns, triad: Triad, inverse: Matrix, bias: Vector
-) -> Matrix:
-    """Return the rough gyro matrix, or the one that the columns' names and unit promise if that carries gravity better.
-
-    A unit that swings round a wrist shows the rough one its accelerations as motion of gravity: counts seem too few.
-    """
-    factor = angular_rate_factor(recording.angular_rate_unit)
-    sizes = np.sqrt(3.0) / np.linalg.norm(inverse) * SIZES if factor is None else np.array([1.0 / factor])
-    matrices = [inverted(inverse), *(size * np.eye(3) for size in sizes)]
-    models = [ImuModel(triad, Triad(matrix, bias)) for matrix in matrices]
-    return matrices[int(np.argmin([np.nanmedian(score_turns(model, data).angle) for model in models]))]
 
 
 def _prior(

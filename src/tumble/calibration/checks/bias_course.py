@@ -1,0 +1,376 @@
+"""Do biases jump or drift during the recording, by a knock, the supply or warming up? Then numbers are less certain."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from tumble.arrays import AnyArray, Series, Vectors
+from tumble.estimation.wander import covariance_about_the_mean
+
+# Chance of calling a course of a triad's biases, on any axis, where they only wander: it is said, and counted.
+FALSE_ALARM = 0.01
+# Chance that what the biases wander by looks like a jump anywhere, which makes the result unfit.
+CONTRADICTION = 0.002
+# Holds needed on either side of a step to tell it from one odd hold.
+SMALLEST_SIDE = 4
+# Courses are looked for from so many holds beyond the unknowns.
+LEAST_FREEDOM = 8
+# Time constants of drifts that are tried, in lengths of the recording: the longest is all but a straight line.
+TIME_CONSTANTS = (0.05, 0.1, 0.2, 0.4, 1.0, 5.0)
+# Of hundreds of holds so many places are looked at: a jump between two of them shows at either.
+MOST_PLACES = 100
+# Directions of less than this share of the largest are none.
+RANK = 0.05
+# Of the squares of a course: what is left of it counts as this much less.
+WEAK = 1e-3
+# Of a jump, as a share of its squares: what less is left of is hidden.
+HIDDEN = 0.02
+# Of a course's largest size: axes that do less are counted, and not said.
+SAID = 0.1
+# Variance of what wanders over that of the holds' own noise.
+_SHARES = np.append(0.0, np.geomspace(0.03, 300.0, 9))
+# Kinds of it: 1/f noise, a random walk, and each hold's own.
+WANDERS = 3
+# A course may be of any of the axes.
+_SETS = ((0,), (1,), (2,), (0, 1), (0, 2), (1, 2), (0, 1, 2))
+
+
+def switched_on_anew(triad: str, where: str) -> str:
+    """Return the objection to biases of a triad that jump together.
+
+    Parameters
+    ----------
+    triad : its plural.
+    where : between which holds, in words.
+    """
+    return (
+        f"The biases of the {triad} jump {where}: the unit was switched on anew or knocked there, or it is another "
+        "unit's recording from there on. Calibrate each part by itself, or with --turn-ons if both are this unit's."
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Rests:
+    """When holds are, and what their means are uncertain by, at least: (holds,) s, s, and variances by axis or all."""
+
+    start: Series
+    stop: Series
+    variance: AnyArray
+
+    def between(self, before: int) -> str:
+        """Return where a jump is, in words.
+
+        Parameters
+        ----------
+        before : the hold that it comes after.
+        """
+        when = 0.5 * float(self.stop[before] + self.start[before + 1])
+        return f"between hold {before + 1} and hold {before + 2}, at about {when:.0f} s"
+
+
+def hidden_jumps(up: Vectors) -> list[int]:
+    """Return the holds after which biases could jump and nothing in the holds would show it.
+
+    A jump is hidden where it is the same as other scale factors, angles and biases: where "after it" is, over all
+    holds, a number and a linear function of the direction up. So it is where all faces up come before all faces down.
+
+    Parameters
+    ----------
+    up : (holds, 3) unit vectors of the corrected specific force, in the order of time.
+    """
+    holds = len(up)
+    design, _ = np.linalg.qr(np.hstack([np.ones((holds, 1)), up]))
+    later = np.tril(np.ones((holds, holds)), -1)[:, : holds - 1]
+    left = later - design @ (design.T @ later)
+    size = later - later.mean(axis=0)
+    shown = np.sum(left**2, axis=0) / np.maximum(np.sum(size**2, axis=0), 1e-300)
+    return np.flatnonzero(shown < HIDDEN).tolist() if holds > design.shape[1] + 1 else []
+
+
+@dataclass(frozen=True, slots=True)
+class BiasCourse:
+    """A jump or a drift of biases.
+
+    Attributes
+    ----------
+    after : hold after which they jump; None of a drift.
+    constant : s, time constant of an exponential; infinite of a jump.
+    since : s, when they jump, or when the drift begins.
+    until : s, the middle of the last hold.
+    size : (axes,) of the jump, or by how much they are off at the beginning of the drift.
+    chance : that biases which only wander show it anywhere.
+    """
+
+    after: int | None
+    constant: float
+    since: float
+    until: float
+    size: Series
+    chance: float
+
+    def departure(self, time: Series) -> AnyArray:
+        """Return (times, axes) by what the biases differ from those of the last hold.
+
+        Parameters
+        ----------
+        time : s.
+        """
+        if self.after is not None:
+            return -self.size * (time < self.since)[:, None]
+        decayed = np.exp(-(np.append(time, self.until) - self.since) / self.constant)
+        return self.size * (decayed[:-1] - decayed[-1])[:, None]
+
+    @property
+    def is_contradiction(self) -> bool:
+        """Whether it is a jump that no wander explains."""
+        return self.after is not None and self.chance < CONTRADICTION
+
+
+def find_force_course(
+    norms: Series, up: Vectors, rests: Rests, *, further: bool = False, chance: float = FALSE_ALARM
+) -> BiasCourse | None:
+    """Return how the accelerometers' biases jump or drift, m/s², by the norms of all holds; None if they only wander.
+
+    Parameters
+    ----------
+    norms : (holds,) corrected norm minus gravity, m/s², in the order of time.
+    up : (holds, 3) unit vectors of the corrected specific force.
+    rests : the holds.
+    further : asymmetries or quadratic terms were adjusted, too.
+    chance : of finding one where biases only wander.
+
+    Notes
+    -----
+    To first order nine unknowns of accelerometers change a norm by quadratic polynomials of its direction, and a bias
+    by its part along it. What the nine took is taken off before the test (Frisch and Waugh 1933).
+    """
+    pairs = [(i, j) for i in range(3) for j in range(i, 3)]
+    products = np.column_stack([up[:, i] * up[:, j] for i, j in pairs])
+    known = np.hstack([up, products, *([np.abs(up) * up, up**3] if further else [])])
+    return _likeliest_course([_Series(norms, up, rests.variance, known)], rests.start, rests.stop, chance)
+
+
+def find_rate_courses(
+    residual: Vectors,
+    rests: Rests,
+    known: AnyArray | None = None,
+    left_out: Sequence[int] = (),
+    *,
+    chance: float = FALSE_ALARM,
+) -> list[BiasCourse]:
+    """Return how the gyros' biases jump or drift, raw; each course is of other axes, which do it together.
+
+    Parameters
+    ----------
+    residual : (holds, 3) raw, observed minus predicted mean rate at rest, in the order of time.
+    rests : the holds, with variances (holds, 3).
+    known : (holds, regressors) what was adjusted to the same means beside the bias, such as the specific force of a
+        g-sensitivity: it has taken a part of a course. None for nothing.
+    left_out : holds that were; see `likelier_course`.
+    chance : of finding one on any axis where biases only wander.
+    """
+    found: list[BiasCourse] = []
+    axes = np.arange(3)
+    while axes.size:
+
+        def of_axes(used: np.ndarray, axes: np.ndarray = axes) -> BiasCourse | None:
+            constant = np.ones((used.size, 1))
+            taken = constant if known is None else np.hstack([constant, known[used]])
+            start, stop = rests.start[used], rests.stop[used]
+            each = [
+                _Series(residual[used, a], constant * np.eye(3)[a], rests.variance[used, a], taken)
+                for a in axes
+            ]
+            return _likeliest_course(each, start, stop, chance)
+
+        course = likelier_course(of_axes, np.arange(len(residual)), left_out, chance)
+        if course is None:
+            break
+        found.append(course)
+        axes = np.setdiff1d(axes, np.flatnonzero(course.size))
+    return found
+
+
+@dataclass(frozen=True, slots=True)
+class _Series:
+    """What holds show: (holds,) values, (holds, axes) by what biases show in each, variances, and what was adjusted."""
+
+    seen: Series
+    shown: AnyArray
+    variance: Series
+    known: AnyArray
+
+    def whitened(self) -> tuple[Series, AnyArray, AnyArray, AnyArray]:
+        """Values and (holds, axes) over their sigmas, and orthonormal bases of what was adjusted and of the rest."""
+        sigma = np.sqrt(np.maximum(self.variance, 1e-3 * float(np.median(self.variance)))) + 1e-300
+        base = _orthonormal(self.known / sigma[:, None])
+        rest = np.linalg.qr(base, mode="complete")[0][:, base.shape[1] :]
+        return self.seen / sigma, self.shown / sigma[:, None], base, rest
+
+
+def likelier_course(
+    find: Callable[[np.ndarray], BiasCourse | None],
+    holds: np.ndarray,
+    left_out: Sequence[int],
+    chance: float,
+) -> BiasCourse | None:
+    """Return the likelier course of all holds and of those that were not left out; None if chance explains it.
+
+    Holds that were left out may be all of those before a jump, or odd ones that hide it.
+
+    Parameters
+    ----------
+    find : indices of holds to their course.
+    holds, left_out : indices of all that are looked at, and of those that an adjustment left out.
+    chance : from which on it is none.
+    """
+    tried = (holds, np.setdiff1d(holds, left_out))[: 2 if len(left_out) else 1]
+    found: list[BiasCourse] = []
+    for used in tried:
+        course = find(used)
+        if course is not None:
+            after = None if course.after is None else int(used[course.after])
+            found.append(replace(course, after=after, chance=len(tried) * course.chance))
+    best = min(found, key=lambda course: course.chance, default=None)
+    return best if best is not None and best.chance < chance else None
+
+
+def _likeliest_course(each: list[_Series], start: Series, stop: Series, chance: float) -> BiasCourse | None:
+    """The likeliest course of biases, by a ratio of likelihoods against wander, in all series together.
+
+    Without a course the noise is that of the holds or more, and a wander of any size, as 1/f noise, a random walk, or
+    each hold's own. With one the size is fitted anew. Of m observations beyond the known, a share of exp(-ratio/m) of
+    the squares is left: a beta variable for each course, set of axes and kind of wander, of which the smallest is
+    judged (Bonferroni). Noise is never less than stated: coarse steps make all holds show one number, and those beyond
+    an edge the next.
+    """
+    from scipy.special import betainc
+
+    whitened = [one.whitened() for one in each]
+    holds, freedom = len(start), min(rest.shape[1] for _, _, _, rest in whitened)
+    splits = range(SMALLEST_SIDE, holds - SMALLEST_SIDE + 1, max(1, holds // MOST_PLACES))
+    if freedom < LEAST_FREEDOM + 3 or not splits:
+        return None
+    middle = 0.5 * (start + stop)
+    length = max(float(middle[-1] - middle[0]), 1e-9)
+    courses = [np.where(np.arange(holds) >= split, 1.0, 0.0) for split in splits]
+    courses += [np.exp(-(middle - middle[0]) / (constant * length)) for constant in TIME_CONSTANTS]
+    ratio: AnyArray = np.zeros((len(courses), len(_SETS)))
+    for seen, shown, _, rest in whitened:
+        # Each has a wander of its own: one axis may wander more than the others.
+        ratio += _ratios(rest.T @ seen, np.stack(courses), rest, shown, (start, stop))
+    numbers = np.array([len(axes) for axes in _SETS])
+    left = np.asarray(
+        betainc(0.5 * (freedom - numbers), 0.5 * numbers, np.exp(-ratio / freedom)), dtype=np.float64
+    )
+    at, axes = np.unravel_index(int(np.argmin(left)), left.shape)
+    jump = bool(at < len(splits))
+    trials = (len(splits) if jump else len(TIME_CONSTANTS)) * len(_SETS) * WANDERS
+    found = min(1.0, trials * float(left[at, axes]))
+    if found >= chance:
+        return None
+    # What warms up one axis warms up the others, though they may not show it beyond chance.
+    of_axes, size = np.array(_SETS[axes if jump else -1]), np.zeros(3)
+    for seen, shown, base, _ in whitened:
+        design = np.hstack([base, courses[at][:, None] * shown[:, of_axes]])
+        size[of_axes] += np.linalg.lstsq(design, seen, rcond=1e-9)[0][base.shape[1] :]
+    if jump:
+        after = splits[at] - 1
+        since = 0.5 * float(stop[after] + start[after + 1])
+        return BiasCourse(after, np.inf, since, float(middle[-1]), size, found)
+    constant = TIME_CONSTANTS[at - len(splits)] * length
+    return BiasCourse(None, constant, float(middle[0]), float(middle[-1]), size, found)
+
+
+def _ratios(
+    seen: Series, courses: AnyArray, rest: AnyArray, shown: AnyArray, limits: tuple[Series, Series]
+) -> AnyArray:
+    """(courses, sets) twice the logarithm by which each course of a set of axes is likelier than wander alone."""
+    columns = courses[:, :, None] * shown
+    own, columns = np.einsum("cha,chb->cab", columns, columns), rest.T @ columns
+    span = float(limits[0].min()), float(limits[1].max())
+    middle = 0.5 * (limits[0] + limits[1]) - span[0]
+    flicker = covariance_about_the_mean(*limits, span)
+    without, best = -np.inf, np.full((len(courses), len(_SETS)), -np.inf)
+    for wander in (flicker, np.minimum(middle[:, None], middle), np.eye(len(middle))):
+        spread = rest.T @ (wander * (shown @ shown.T)) @ rest
+        values, vectors = np.linalg.eigh(spread / max(float(np.trace(spread)) / len(spread), 1e-300))
+        turned, across = vectors.T @ seen, vectors.T @ columns
+        for share in _SHARES:
+            weight = 1.0 / (1.0 + share * np.maximum(values, 0.0))
+            squares = max(float(np.sum(weight * turned**2)), 1e-300)
+            penalty = -0.5 * float(np.sum(np.log(weight)))
+            without = max(without, float(_logarithm(np.array(squares), len(seen))) - penalty)
+            left = squares - _explained(weight, turned, across, own)
+            best = np.maximum(best, _logarithm(np.maximum(left, 1e-12 * squares), len(seen)) - penalty)
+    return np.maximum(2.0 * (best - without), 0.0)
+
+
+def _logarithm(squares: AnyArray, count: int) -> AnyArray:
+    """The likelihood's, of the likeliest level of noise that is not below what is stated."""
+    level = np.maximum(squares / count, 1.0)
+    return np.asarray(-0.5 * (count * np.log(level) + squares / level), dtype=np.float64)
+
+
+def _explained(weight: Series, seen: Series, columns: AnyArray, own: AnyArray) -> AnyArray:
+    """(courses, sets) weighted squares that go; what the known took of a course nearly whole is held back."""
+    pull = np.einsum("cma,m->ca", columns, weight * seen)
+    normal = np.einsum("cma,m,cmb->cab", columns, weight, columns) + WEAK * own * float(weight.min())
+    # What the known took of a course whole leaves zeros.
+    least = 1e-12 * np.trace(normal, axis1=1, axis2=2)[:, None, None] + 1e-150
+    gone: list[AnyArray] = []
+    for axes in _SETS:
+        part = np.array(axes)
+        solved = np.asarray(
+            np.linalg.solve(normal[:, part[:, None], part] + least * np.eye(len(part)), pull[:, part, None]),
+            dtype=np.float64,
+        )
+        gone.append(np.einsum("ca,ca->c", pull[:, part], solved[:, :, 0]))
+    return np.stack(gone, axis=1)
+
+
+def _orthonormal(columns: AnyArray) -> AnyArray:
+    """Columns of unit length that span the same as far as it is clear."""
+    left, singular, _ = np.linalg.svd(columns, full_matrices=False)
+    return np.asarray(left[:, singular > RANK * singular[0]], dtype=np.float64)
+
+
+def rate_course_words(
+    courses: Sequence[BiasCourse], rests: Rests, scale: Series
+) -> dict[Literal["remark", "caution", "objection"], list[str]]:
+    """Return what is said of gyros that jump or drift, by kind.
+
+    Parameters
+    ----------
+    courses, rests : as found, and of what holds.
+    scale : (3,) raw per rad/s, of the gyros.
+    """
+    said: dict[Literal["remark", "caution", "objection"], list[str]] = {
+        "remark": [],
+        "caution": [],
+        "objection": [],
+    }
+    counted = "Its uncertainty counts how far the last one is off it."
+    for course in courses:
+        where = None if course.after is None else rests.between(course.after)
+        change = course.size if where else -course.departure(np.array([course.since]))[0]
+        for axis in np.flatnonzero(np.abs(change / scale) > SAID * np.max(np.abs(change / scale))).tolist():
+            size = float(np.degrees(change[axis] / scale[axis]))
+            if where:
+                said["remark"].append(
+                    f"The bias of gyro {'xyz'[axis]} jumps by {size:+.3f} °/s {where}. The stated bias is a mean of "
+                    f"both. {counted} A knock or the supply can do it; record again."
+                )
+                continue
+            said["caution"].append(
+                f"The bias of gyro {'xyz'[axis]} drifts by {size:+.2g} °/s from the first hold to the last (time "
+                f"constant about {course.constant:.2g} s), as of a unit that warms up. The stated bias is a mean. "
+                f"{counted} Let the unit warm up before recording."
+            )
+        if where and course.is_contradiction:
+            said["objection"] = said["objection"] or [switched_on_anew("gyros", where)]
+    return said
