@@ -68,7 +68,8 @@ from tumble.estimation.solve import linearise, solve
 from tumble.estimation.unknowns import Unknowns
 from tumble.recording.recording import Recording
 from tumble.segmentation import HoldMeans, Timeline
-from tumble.segmentation.rotations import LONGEST_GAP, Rotation
+from tumble.segmentation.rotations import Rotation
+from tumble.segmentation.turns import LONGEST_GAP
 
 # An axis that leans by less than this is upright; a window may then turn so far.
 UPRIGHT, UPRIGHT_ANGLE = 0.1, 3.0  # rad

@@ -20,11 +20,10 @@ from tumble.segmentation.matching import Matching
 from tumble.segmentation.observations import HoldMeans
 from tumble.segmentation.spin_means import SpinMeans
 from tumble.segmentation.timeline import Hold, Timeline
+from tumble.segmentation.turns import LONGEST_GAP
 
 # Into the rests beside a rotation: a hold's edge is found to 0.2 s.
 INTO_REST = 0.4  # s
-# No rotation is integrated across a longer gap: the rate within it is not seen.
-LONGEST_GAP = 0.1  # s
 
 
 @dataclass(frozen=True, slots=True)

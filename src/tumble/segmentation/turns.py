@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from tumble.arrays import Vectors, extremes
+from tumble.arrays import Vector, Vectors, extremes
 from tumble.recording.recording import Recording
-from tumble.segmentation.activity import Activity
+from tumble.segmentation.activity import Activity, noise_per_sample
 from tumble.segmentation.timeline import Hold, Turn
 
 AXES = "xyz"
 SATURATED_RUN = 3
+# Nothing is integrated across a longer gap: the rate within it is not seen.
+LONGEST_GAP = 0.1  # s
 
 
 def find_turns(recording: Recording, holds: list[Hold], activity: Activity) -> list[Turn]:
@@ -22,10 +24,13 @@ def find_turns(recording: Recording, holds: list[Hold], activity: Activity) -> l
     activity : of the same recording; the gyro's bias and scale tell full scale from rest.
     """
     limits = _full_scale(recording.angular_rate, activity)
+    noise = None
+    if recording.gaps and recording.angular_rate is not None:
+        noise = noise_per_sample(recording.angular_rate, holds)
     turns: list[Turn] = []
     for number in range(len(holds) - 1):
         start, stop = holds[number].stop, holds[number + 1].start
-        reason = _reason_against(recording, start, stop, limits)
+        reason = _reason_against(recording, start, stop, limits, noise)
         turns.append(Turn(number, number + 1, start, stop, not reason, reason))
     return turns
 
@@ -42,12 +47,16 @@ def _full_scale(rate: Vectors | None, activity: Activity) -> tuple[np.ndarray, n
 
 
 def _reason_against(
-    recording: Recording, start: int, stop: int, limits: tuple[np.ndarray, np.ndarray] | None
+    recording: Recording,
+    start: int,
+    stop: int,
+    limits: tuple[np.ndarray, np.ndarray] | None,
+    noise: Vector | None,
 ) -> str:
-    for gap in recording.gaps:
-        if start <= gap <= stop and gap > 0:
-            missing = recording.time[gap] - recording.time[gap - 1] - 1.0 / recording.rate
-            return f"{missing:.2f} s of samples are missing in it"
+    gaps = np.array([gap for gap in recording.gaps if start <= gap <= stop and gap > 0], dtype=int)
+    if gaps.size and not _is_bridged(recording, gaps, stop - start, noise):
+        steps = recording.time[gaps] - recording.time[gaps - 1] - 1.0 / recording.rate
+        return f"{steps.sum():.2g} s of samples are missing in it"
     if recording.angular_rate is None or limits is None:
         return "there is no gyro" if recording.angular_rate is None else ""
     piece = recording.angular_rate[start:stop]
@@ -57,6 +66,19 @@ def _reason_against(
         if run >= SATURATED_RUN:
             return f"the gyro's {AXES[axis]} axis is at its extreme value for {run} samples: saturated"
     return ""
+
+
+def _is_bridged(recording: Recording, gaps: np.ndarray, samples: int, noise: Vector | None) -> bool:
+    """Whether straight lines across the gaps are off by less than the turn's noise: h²/12 times the slope's change."""
+    rate, time = recording.angular_rate, recording.time
+    if rate is None or noise is None or gaps.min() < 2 or gaps.max() > len(time) - 2:
+        return False
+    before = (rate[gaps - 1] - rate[gaps - 2]) / (time[gaps - 1] - time[gaps - 2])[:, None]
+    after = (rate[gaps + 1] - rate[gaps]) / (time[gaps + 1] - time[gaps])[:, None]
+    step = time[gaps] - time[gaps - 1]
+    missed = float(np.sum(step**2 / 12.0 * np.linalg.norm(after - before, axis=1)))
+    own = float(np.linalg.norm(noise)) * samples**0.5 / recording.rate
+    return float(step.max()) <= LONGEST_GAP and missed < own
 
 
 def longest_run(flags: np.ndarray) -> int:

@@ -9,6 +9,7 @@ import pytest
 
 from tumble.errors import SegmentationError
 from tumble.recording.recording import Recording
+from tumble.recording.stamps import find_gaps
 from tumble.segmentation import find_timeline
 
 RATE = 100.0
@@ -150,7 +151,24 @@ def test_a_turn_with_missing_samples_or_a_saturated_gyro_is_not_usable() -> None
     assert not turns[0].usable
     assert "saturated" in turns[0].reason
     assert not turns[1].usable
-    assert turns[1].reason == "0.10 s of samples are missing in it"
+    assert turns[1].reason == "0.1 s of samples are missing in it"
+
+
+def test_single_samples_that_are_missing_in_a_turn_do_not_cost_it() -> None:
+    """Straight lines across them are better than noise; across a tenth of a second they are not."""
+    recording, _ = tumbled(poses=4)
+    keep = np.ones(len(recording), dtype=bool)
+    keep[::41] = False
+    assert all(turn.usable for turn in find_timeline(with_gaps(recording, keep)).turns)
+    keep[round(7.5 * RATE) : round(7.6 * RATE)] = False
+    turns = find_timeline(with_gaps(recording, keep)).turns
+    assert [turn.usable for turn in turns] == [True, False, True]
+
+
+def with_gaps(recording: Recording, keep: np.ndarray) -> Recording:
+    """Only the rows of `keep`, with the gaps that a file of them has."""
+    lossy = recording.without_rows(keep)
+    return replace(lossy, gaps=find_gaps(lossy.time, RATE))
 
 
 def test_a_gap_in_which_a_turn_can_hide_ends_the_hold() -> None:
