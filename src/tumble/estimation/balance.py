@@ -315,9 +315,12 @@ def _raise_single(noise: Noise, name: str, tests: Tests) -> bool:
 def _raise_chains(task: Balanceable, solution: Settled) -> bool:
     """Raise the noise of chains that scatter more than at rest."""
     moved = False
+    factors = task.chain_factors
+    kinds = {factor.kind for factor in factors}
     for chain in solution.chains():
-        for factor in task.chain_factors:
-            terms = [t for t in chain.chain.terms if t.equations.kind == factor.kind]
+        of_kinds = chain.chain.terms_of(lambda equations: equations.kind in kinds)
+        for factor in factors:
+            terms = [t for t in of_kinds if t.equations.kind == factor.kind]
             if not terms:
                 continue
             # By the residuals of this kind alone: what others leave over is no noise of it, and raising it for that

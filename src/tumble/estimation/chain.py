@@ -8,7 +8,7 @@ a unit) is eliminated first and joined to that one, and steps and covariances co
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol, runtime_checkable
 
@@ -16,7 +16,8 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Series, Square, Table, inverted
 from tumble.errors import ObservabilityError
-from tumble.estimation.equations import Equations, Linear
+from tumble.estimation.equations import Equations
+from tumble.estimation.sums import Rows, Sums, Whitened
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,84 +86,6 @@ class Stretch(Protocol):
 
 
 @dataclass(slots=True)
-class Whitened:
-    """Residuals and derivatives in units of their standard deviations, with where they come from.
-
-    Attributes
-    ----------
-    equations, linear : what was observed, and its linearisation.
-    root : (terms, m, m) Cholesky factor of the covariance: raw errors are ``root @ whitened``.
-    residual : (terms, m).
-    by_node, by_next, by_border : (terms, m, ...) derivatives.
-    """
-
-    equations: Equations
-    linear: Linear
-    root: AnyArray
-    residual: AnyArray
-    by_node: AnyArray | None
-    by_next: AnyArray | None
-    by_border: AnyArray
-
-    @staticmethod
-    def of(equations: Equations, linear: Linear) -> Whitened:
-        """Whiten a linearisation.
-
-        Raises
-        ------
-        numpy.linalg.LinAlgError
-            If a covariance is not positive.
-        """
-        from tumble.estimation.kernels import whiten
-
-        given = [linear.residual[:, :, None], linear.by_border]
-        given += [by for by in (linear.by_node, linear.by_next) if by is not None]
-        made, root = [np.empty(one.shape) for one in given], np.empty(linear.covariance.shape)
-        if whiten(linear.weighed, given, root, made) >= 0:
-            raise np.linalg.LinAlgError("a covariance is not positive")
-        by_node, by_next = (None if by is None else made.pop(2) for by in (linear.by_node, linear.by_next))
-        return Whitened(equations, linear, root, made[0][:, :, 0], by_node, by_next, made[1])
-
-    @property
-    def square_sum(self) -> float:
-        """Of the residuals that take part."""
-        active = self.linear.active
-        return float(np.sum((self.residual if active is None else self.residual[active]) ** 2))
-
-    def move(self, nodes: Table, border: Series) -> None:
-        """Move the residuals by a step of what they depend on."""
-        self.residual = self.residual + self.by_border @ border
-        for by, at in ((self.by_node, self.linear.node), (self.by_next, self.linear.node + 1)):
-            if by is not None:
-                self.residual = self.residual + np.einsum("tmd,td->tm", by, nodes[at])
-
-    @property
-    def raw(self) -> AnyArray:
-        """(terms, m) residuals in their own units."""
-        return np.einsum("tij,tj->ti", self.root, self.residual)
-
-
-def _terms_of(stretches: Sequence[Stretch], state: Any) -> list[list[Whitened]]:
-    """Whitened residuals of stretches, all equations of one kind at once."""
-    of_kind: dict[type[Equations], list[tuple[int, int]]] = {}
-    for number, stretch in enumerate(stretches):
-        for slot, equations in enumerate(stretch.equations):
-            of_kind.setdefault(type(equations), []).append((number, slot))
-    found: dict[tuple[int, int], Sequence[Linear]] = {}
-    for kind, places in of_kind.items():
-        members = [stretches[number].equations[slot] for number, slot in places]
-        found.update(zip(places, kind.linearise_all(members, state), strict=True))
-    return [
-        [
-            Whitened.of(equations, linear)
-            for slot, equations in enumerate(stretch.equations)
-            for linear in found[number, slot]
-        ]
-        for number, stretch in enumerate(stretches)
-    ]
-
-
-@dataclass(slots=True)
 class Chain:
     """Normal equations ``H x = -g`` of a stretch, gathered term by term.
 
@@ -174,7 +97,7 @@ class Chain:
     border : (nodes, d, b).
     gradient : (nodes, d).
     corner, corner_gradient : (b, b) and (b,), of the border itself.
-    terms : what was added.
+    sums, number : of all chains side by side, and which of them it is; the arrays are parts of theirs.
     within : chains within it, eliminated, and where.
     stretch : what it is made of; None if it was put together by hand.
     """
@@ -186,23 +109,24 @@ class Chain:
     gradient: Table
     corner: Square
     corner_gradient: Series
-    terms: list[Whitened] = field(default_factory=list[Whitened])
+    sums: Sums
+    number: int = 0
     within: list[tuple[Place, Eliminated]] = field(default_factory=list[Any])
     stretch: Stretch | None = None
 
     @staticmethod
+    def part(sums: Sums, number: int, own: int, stretch: Stretch | None = None) -> Chain:
+        """Return one of the chains side by side."""
+        at = sums.at(number)
+        between = slice(at.start, max(at.stop - 1, at.start))
+        nodes = sums.diagonal[at], sums.lower[between], sums.border[at], sums.gradient[at]
+        borders = sums.corner[number], sums.corner_gradient[number]
+        return Chain(own, *nodes, *borders, sums, number, stretch=stretch)
+
+    @staticmethod
     def zero(nodes: int, size: int, own: int, outside: int) -> Chain:
         """Return the empty equations of `nodes` nodes of `size` unknowns, and of a border."""
-        border = own + outside
-        return Chain(
-            own,
-            np.zeros((nodes, size, size)),
-            np.zeros((max(nodes - 1, 0), size, size)),
-            np.zeros((nodes, size, border)),
-            np.zeros((nodes, size)),
-            np.zeros((border, border)),
-            np.zeros(border),
-        )
+        return Chain.part(Sums.zero([nodes], size, own + outside), 0, own)
 
     @staticmethod
     def of(stretch: Stretch, state: Any, outside: int) -> Chain:
@@ -218,48 +142,48 @@ class Chain:
 
     @staticmethod
     def _of_all(given: Sequence[tuple[Stretch, int]], state: Any) -> list[Chain]:
-        """The equations of stretches side by side, each with how many unknowns lie outside of it."""
-        made: list[Chain] = []
-        terms = _terms_of([stretch for stretch, _ in given], state)
-        for (stretch, outside), whitened in zip(given, terms, strict=True):
-            chain = Chain.zero(stretch.nodes, stretch.size, stretch.own, outside)
-            chain.stretch = stretch
-            chain.add(*whitened)
-            fresh = [
-                (inner, place.width + stretch.own + outside)
-                for place, inner in stretch.within
-                if not isinstance(inner, Eliminated)
-            ]
-            inners = iter(Chain._of_all(fresh, state) if fresh else [])
-            for place, inner in stretch.within:
-                chain.join(place, inner if isinstance(inner, Eliminated) else next(inners).eliminated())
-            made.append(chain)
+        """The equations of stretches, each with how many unknowns lie outside of it; those of one shape at once."""
+        shapes: dict[tuple[Any, ...], list[int]] = {}
+        for number, (stretch, outside) in enumerate(given):
+            shapes.setdefault((type(stretch), stretch.size, stretch.own, outside), []).append(number)
+        made: dict[int, Chain] = {}
+        for (_, size, own, outside), numbers in shapes.items():
+            stretches = [given[number][0] for number in numbers]
+            sums = Sums.zero([stretch.nodes for stretch in stretches], size, own + outside)
+            sums.add_all([stretch.equations for stretch in stretches], state)
+            for at, (number, stretch) in enumerate(zip(numbers, stretches, strict=True)):
+                made[number] = chain = Chain.part(sums, at, own, stretch)
+                chain._join_all(stretch.within, state)
+        return [made[number] for number in range(len(given))]
+
+    def _join_all(self, within: Sequence[tuple[Place, Stretch | Eliminated]], state: Any) -> None:
+        """Join what lies within."""
+        border = len(self.corner)
+        fresh = [
+            (inner, place.width + border) for place, inner in within if not isinstance(inner, Eliminated)
+        ]
+        inners = iter(_eliminated(Chain._of_all(fresh, state)))
+        for place, inner in within:
+            self.join(place, inner if isinstance(inner, Eliminated) else next(inners))
+
+    @property
+    def terms(self) -> list[Whitened]:
+        """What was added."""
+        return self.terms_of(lambda _: True)
+
+    def terms_of(self, wanted: Callable[[Equations], bool]) -> list[Whitened]:
+        """Return what was added of some equations."""
+        first, made = self.sums.at(self.number).start, list[Whitened]()
+        for rows in self.sums.rows:
+            at, equations = rows.at(self.number), rows.equations[self.number]
+            if at.stop > at.start and wanted(equations):
+                made.append(rows.whitened.part(equations, at, first))
         return made
 
     def add(self, *terms: Whitened) -> None:
-        """Add whitened residuals that depend on a node and the next one at most, and on the border."""
-        from tumble.estimation.kernels import add_to_border, add_to_nodes
-
-        sums = self.gradient, self.border, self.diagonal, self.lower
+        """Add whitened residuals to a chain that stands alone; see `Sums.add`."""
         for term in terms:
-            node, residual, by_border = term.linear.node, term.residual, term.by_border
-            if not node.size:
-                # What is observed of the border alone is of a few of its unknowns each.
-                add_to_border(residual, by_border, self.corner, self.corner_gradient)
-                continue
-            nothing = np.empty((len(residual), residual.shape[1], 0))
-            if term.by_node is not None:
-                add_to_nodes(node, residual, by_border, term.by_node, nothing, *sums)
-            if term.by_next is not None:
-                before = nothing if term.by_node is None else term.by_node
-                add_to_nodes(node + 1, residual, by_border, term.by_next, before, *sums)
-            # Of a rotation's border, each kind depends on a few unknowns.
-            flat = by_border.reshape(-1, len(self.corner))
-            used = np.flatnonzero(flat.any(axis=0))
-            flat = flat[:, used]
-            self.corner[np.ix_(used, used)] += flat.T @ flat
-            self.corner_gradient[used] += flat.T @ residual.ravel()
-        self.terms += terms
+            self.sums.add(Rows(term, [term.equations], [len(term.residual)]))
 
     def join(self, place: Place, inner: Eliminated) -> None:
         """Add what an eliminated chain says of its outside."""
@@ -280,14 +204,23 @@ class Chain:
     @property
     def square_sum(self) -> float:
         """Of all residuals, those within included."""
-        return sum(t.square_sum for t in self.terms) + sum(i.chain.square_sum for _, i in self.within)
+        return sum(sums.square_sum for sums in self._sums())
 
     @property
     def checks(self) -> int:
         """How many observations there are beyond the nodes and own unknowns, those within included."""
-        unknowns = self.gradient.size + self.own
-        observations = sum(t.linear.observations for t in self.terms)
-        return observations - unknowns + sum(i.chain.checks for _, i in self.within)
+        unknowns = sum(chain.gradient.size + chain.own for chain in self._chains())
+        return sum(sums.observations for sums in self._sums()) - unknowns
+
+    def _chains(self) -> Iterator[Chain]:
+        """Yield this chain and all within it."""
+        yield self
+        for _, inner in self.within:
+            yield from inner.chain._chains()
+
+    def _sums(self) -> list[Sums]:
+        """Those of this chain and of all within it, which lie in one side by side."""
+        return [*{id(chain.sums): chain.sums for chain in self._chains()}.values()]
 
     def eliminated(self) -> Eliminated:
         """Return the chain with nodes and own unknowns eliminated; the equations themselves are left as they are.
@@ -297,17 +230,59 @@ class Chain:
         ObservabilityError
             If a node is not determined, whatever the border is.
         """
-        from tumble.estimation.kernels import eliminate
+        return _eliminated([self])[0]
 
-        diagonal, lower, border = self.diagonal.copy(), self.lower.copy(), self.border.copy()
-        gradient = self.gradient.copy()
-        bad = eliminate(diagonal, lower, border, gradient)
-        if bad >= 0:
-            nameless = f"Node {bad + 1} of {len(self.diagonal)} is not determined by what was observed."
-            raise ObservabilityError(nameless if self.stretch is None else self.stretch.undetermined(bad))
-        flat = border.reshape(-1, len(self.corner))
-        corner, right = self.corner - flat.T @ flat, self.corner_gradient - flat.T @ gradient.ravel()
-        return Eliminated(self, diagonal, lower, border, gradient, corner, right)
+
+def _eliminated(chains: Sequence[Chain]) -> list[Eliminated]:
+    """Chains with nodes and own unknowns eliminated, all of those side by side at once."""
+    beside: dict[int, list[int]] = {}
+    for number, chain in enumerate(chains):
+        beside.setdefault(id(chain.sums), []).append(number)
+    made: dict[int, Eliminated] = {}
+    for numbers in beside.values():
+        made.update(zip(numbers, _eliminate([chains[number] for number in numbers]), strict=True))
+    return [made[number] for number in range(len(chains))]
+
+
+def _eliminate(chains: Sequence[Chain]) -> list[Eliminated]:
+    """The same of all chains that are side by side."""
+    from tumble.estimation.kernels import eliminate
+
+    sums, n = chains[0].sums, chains[0].own
+    diagonal, lower, border = sums.diagonal.copy(), sums.lower.copy(), sums.border.copy()
+    gradient = sums.gradient.copy()
+    bad = eliminate(diagonal, lower, border, gradient)
+    if bad >= 0:
+        raise ObservabilityError(_undetermined(chains, bad))
+    corner, right = sums.corner.copy(), sums.corner_gradient.copy()
+    for chain in chains:
+        at = sums.at(chain.number)
+        flat = border[at].reshape(-1, border.shape[2])
+        corner[chain.number] -= flat.T @ flat
+        right[chain.number] -= flat.T @ gradient[at].ravel()
+    across = np.swapaxes(corner[:, :n, n:], 1, 2)
+    beside = np.concatenate([corner[:, :n, n:], right[:, :n, None]], axis=2)
+    solved = np.asarray(np.linalg.solve(corner[:, :n, :n], beside), dtype=np.float64)
+    left, left_right = (
+        corner[:, n:, n:] - across @ solved[:, :, :-1],
+        right[:, n:, None] - across @ solved[:, :, -1:],
+    )
+    made: list[Eliminated] = []
+    for chain in chains:
+        at, k = sums.at(chain.number), chain.number
+        between = slice(at.start, max(at.stop - 1, at.start))
+        nodes = diagonal[at], lower[between], border[at], gradient[at]
+        own = solved[k, :, :-1], solved[k, :, -1]
+        made.append(Eliminated(chain, *nodes, corner[k], right[k], *own, left[k], left_right[k, :, 0]))
+    return made
+
+
+def _undetermined(chains: Sequence[Chain], node: int) -> str:
+    """What to say of a node that is not determined, of chains side by side."""
+    (chain,) = (one for one in chains if (at := one.sums.at(one.number)).start <= node < at.stop)
+    node -= chain.sums.at(chain.number).start
+    nameless = f"Node {node + 1} of {len(chain.diagonal)} is not determined by what was observed."
+    return nameless if chain.stretch is None else chain.stretch.undetermined(node)
 
 
 @dataclass(slots=True)
@@ -330,20 +305,10 @@ class Eliminated:
     gradient: Table
     corner: Square
     corner_gradient: Series
-    gain: AnyArray = field(init=False)
-    own_gradient: Series = field(init=False)
-    matrix: Table = field(init=False)
-    right: Series = field(init=False)
-
-    def __post_init__(self) -> None:
-        """Eliminate the own unknowns."""
-        n = self.chain.own
-        across, rest = self.corner[:n, n:], self.corner_gradient[:n, None]
-        beside = np.concatenate([across, rest], axis=1)
-        solved = np.asarray(np.linalg.solve(self.corner[:n, :n], beside), dtype=np.float64)
-        self.gain, self.own_gradient = solved[:, :-1], solved[:, -1]
-        self.matrix = self.corner[n:, n:] - across.T @ self.gain
-        self.right = self.corner_gradient[n:] - across.T @ self.own_gradient
+    gain: AnyArray
+    own_gradient: Series
+    matrix: Table
+    right: Series
 
     def own_step(self, outside: Series) -> Series:
         """Return the step of the own unknowns that goes with the outside's."""
@@ -367,22 +332,44 @@ class Eliminated:
         share : of it.
         residuals : move the residuals, too: of equations that are made anew nobody looks at them.
         """
-        border = np.concatenate([self.own_step(outside), outside])
-        nodes = self.nodes_step(border)
-        for place, inner in self.within:
-            k = place.node
-            ends = [nodes[k, place.at_node], nodes[k + 1, place.at_next]] if k >= 0 else []
-            inner.move(np.concatenate([*ends, border]), share, residuals=residuals)
-        if residuals:
-            for term in self.chain.terms:
-                term.move(share * nodes, share * border)
-        if self.chain.stretch is not None:
-            self.chain.stretch.move(share * nodes, share * border[: self.chain.own])
+        move_all([(self, outside)], share, residuals=residuals)
 
     @property
     def within(self) -> list[tuple[Place, Eliminated]]:
         """The chains within it."""
         return self.chain.within
+
+
+def move_all(
+    given: Sequence[tuple[Eliminated, Series]], share: float = 1.0, *, residuals: bool = True
+) -> None:
+    """Move chains, all of those that are side by side; see `Eliminated.move`.
+
+    Parameters
+    ----------
+    given : chains, each with the step of its outside.
+    share, residuals : as for one.
+    """
+    beside: dict[int, list[tuple[Eliminated, Series]]] = {}
+    for one, outside in given:
+        beside.setdefault(id(one.chain.sums), []).append((one, outside))
+    for members in beside.values():
+        borders = np.array([np.concatenate([one.own_step(outside), outside]) for one, outside in members])
+        nodes = [one.nodes_step(border) for (one, _), border in zip(members, borders, strict=True)]
+        inners: list[tuple[Eliminated, Series]] = []
+        for (one, _), steps, border in zip(members, nodes, borders, strict=True):
+            for place, inner in one.within:
+                k = place.node
+                ends = [steps[k, place.at_node], steps[k + 1, place.at_next]] if k >= 0 else []
+                inners.append((inner, np.concatenate([*ends, border])))
+        move_all(inners, share, residuals=residuals)
+        chains = [one.chain for one, _ in members]
+        if residuals:
+            for rows in chains[0].sums.rows:
+                rows.move(share * np.concatenate(nodes), share * borders)
+        for chain, steps, border in zip(chains, nodes, borders, strict=True):
+            if chain.stretch is not None:
+                chain.stretch.move(share * steps, share * border[: chain.own])
 
 
 @dataclass(slots=True)
@@ -392,24 +379,31 @@ class Spread:
     Attributes
     ----------
     chain : with its terms.
-    border : (b, b) covariance of the border.
+    outside : (outside, outside) covariance of what is outside of it.
     """
 
     chain: Eliminated
-    border: Square
+    outside: Square
+    _border: Square | None = None
     _nodes: tuple[AnyArray, AnyArray, AnyArray] | None = None
 
     @staticmethod
     def of(chain: Eliminated, outside: Square) -> Spread:
         """Return the covariances that go with the outside's."""
-        n = chain.chain.own
-        gain = -chain.gain
-        border = np.zeros((n + len(outside), n + len(outside)))
-        border[n:, n:] = outside
-        border[:n, n:] = gain @ outside
-        border[n:, :n] = border[:n, n:].T
-        border[:n, :n] = inverted(chain.corner[:n, :n]) + border[:n, n:] @ gain.T
-        return Spread(chain, border)
+        return Spread(chain, outside)
+
+    @property
+    def border(self) -> Square:
+        """(b, b) covariance of the border."""
+        if self._border is None:
+            chain, n = self.chain, self.chain.chain.own
+            gain = -chain.gain
+            self._border = border = np.zeros((n + len(self.outside),) * 2)
+            border[n:, n:] = self.outside
+            border[:n, n:] = gain @ self.outside
+            border[n:, :n] = border[:n, n:].T
+            border[:n, :n] = inverted(chain.corner[:n, :n]) + border[:n, n:] @ gain.T
+        return self._border
 
     @property
     def nodes(self) -> tuple[AnyArray, AnyArray, AnyArray]:

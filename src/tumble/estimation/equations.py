@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
+from itertools import zip_longest
 from typing import Any
 
 import numpy as np
@@ -61,6 +62,34 @@ class Linear:
             return self.counted
         terms = len(self.residual) if self.active is None else int(np.count_nonzero(self.active))
         return terms * self.residual.shape[1]
+
+    def part(self, at: slice, first: int) -> Linear:
+        """Return some of the terms, of a chain whose nodes begin at `first`; `counted` stays behind."""
+        by_node, by_next, active, by_bias = (
+            None if values is None else values[at]
+            for values in (self.by_node, self.by_next, self.active, self.by_bias)
+        )
+        node = self.node[at] - first if self.node.size else self.node
+        given = self.residual[at], self.covariance[at], self.by_border[at]
+        return Linear(*given, node, by_node, by_next, active, by_bias=by_bias)
+
+    @staticmethod
+    def together(parts: Sequence[Linear]) -> Linear:
+        """Return terms of several chains as one, those of each after one another."""
+        if len(parts) == 1:
+            return parts[0]
+
+        def joined(name: str) -> Any:
+            values = [getattr(part, name) for part in parts]
+            return None if any(value is None for value in values) else np.concatenate(values)
+
+        every = [np.ones(len(p.residual), dtype=bool) if p.active is None else p.active for p in parts]
+        return Linear(
+            *(joined(name) for name in ("residual", "covariance", "by_border", "node", "by_node", "by_next")),
+            active=None if all(p.active is None for p in parts) else np.concatenate(every),
+            counted=None if all(p.counted is None for p in parts) else sum(p.observations for p in parts),
+            by_bias=joined("by_bias"),
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,15 +151,19 @@ class Equations:
     place: np.ndarray
 
     @classmethod
-    def linearise_all(cls, group: Sequence[Any], state: Any) -> list[Sequence[Linear]]:
-        """Return what `linearise` returns, of each; a kind with much in common between them does it at once.
+    def linearise_all(cls, group: Sequence[Any], state: Any) -> list[tuple[Linear, list[int]]]:
+        """Return what `linearise` returns, of all together, with how many terms each has.
 
         Parameters
         ----------
-        group : of this kind, of chains that lie in the same one.
+        group : of this kind, of chains of one shape that lie in the same one.
         state : where everything is.
         """
-        return [one.linearise(state) for one in group]
+        made: list[tuple[Linear, list[int]]] = []
+        for parts in zip_longest(*(one.linearise(state) for one in group)):
+            counts = [0 if part is None else len(part.residual) for part in parts]
+            made.append((Linear.together([part for part in parts if part is not None]), counts))
+        return made
 
     def linearise(self, state: Any) -> Sequence[Linear]:
         """Return residuals with derivatives at a state; several where not all depend on the same nodes.

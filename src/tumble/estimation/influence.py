@@ -14,11 +14,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from tumble.arrays import AnyArray, Series, Square, Vector
-from tumble.estimation.chain import Spread, Whitened
+from tumble.estimation.chain import Spread
 from tumble.estimation.equations import Drift, Equations
 from tumble.estimation.gauss_helmert import Prior
 from tumble.estimation.settled import Settled
-from tumble.estimation.wander import shared_wander, wider
+from tumble.estimation.sums import Whitened
+from tumble.estimation.wander import carried, shared_wander, wider
 
 PRIOR, OUTLYING, BENT = "prior", "observations left out", "attitudes to second order"
 
@@ -55,7 +56,7 @@ class Influence:
         part = self.parts.get(source)
         if part is None:
             return np.zeros((self.gain.shape[1], self.gain.shape[1]))
-        return np.einsum("tam,tmn,tbn->ab", self.gain, part, self.gain, optimize=True)
+        return carried(self.gain, part)
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,25 +155,33 @@ def influences_of(
         rows = vectors[settled.unknowns.free]
         made.append(_of_prior((settled.cofactor @ rows) * np.sqrt(np.maximum(values, 0.0))))
     neighbours: dict[str, Square] = {}
+    # Of the same stretches.
+    once: dict[bytes, AnyArray] = {}
     for source, density in densities.items():
         drifts = [(i.drifts[source], i.gain) for i in made if source in i.drifts]
         if drifts and np.any(density > 0.0):
-            neighbours[source] = shared_wander(drifts, density, span)
+            neighbours[source] = shared_wander(drifts, density, span, once)
     neighbours[BENT] = _second_order(settled)
     covariance = settled.cofactor + sum(neighbours.values(), np.zeros(settled.cofactor.shape))
     for source, density in (between or {}).items():
-        other = _all_shared(made, source, density, span) - neighbours.get(source, 0.0)
+        other = _all_shared(made, source, density, span, once) - neighbours.get(source, 0.0)
         more = wider(covariance, other) - covariance
         neighbours[source] = neighbours.get(source, 0.0) + more
         covariance = covariance + more
     return Influences(made, covariance, neighbours)
 
 
-def _all_shared(made: list[Influence], source: str, density: Vector, span: tuple[float, float]) -> Square:
+def _all_shared(
+    made: list[Influence],
+    source: str,
+    density: Vector,
+    span: tuple[float, float],
+    once: dict[bytes, AnyArray],
+) -> Square:
     """As `shared_wander`, where what was added to the noise for want of another cause wanders, too."""
     there = [(i, i.drifts[source]) for i in made if source in i.drifts]
     whole = [(replace(d, independent=i.parts.get(source, d.independent)), i.gain) for i, d in there]
-    return shared_wander(whole, density, span)
+    return shared_wander(whole, density, span, once)
 
 
 def _second_order(settled: Settled) -> Square:
@@ -184,7 +193,7 @@ def _second_order(settled: Settled) -> Square:
     free = settled.unknowns.free.size
     shift, spread_of = np.zeros(free), np.zeros((free, free))
     for spread in settled.spreads():
-        for term in spread.chain.chain.terms:
+        for term in spread.chain.chain.terms_of(_is_bent):
             if not len(term.linear.node):
                 continue
             made = term.equations.bent(settled.state, spread.nodes[0][term.linear.node])
@@ -193,8 +202,12 @@ def _second_order(settled: Settled) -> Square:
             inverse = np.asarray(np.linalg.inv(term.root), dtype=np.float64)
             gain = spread.gain(term, free) @ inverse
             shift += np.einsum("tam,tm->a", gain, made[0])
-            spread_of += np.einsum("tam,tmn,tbn->ab", gain, made[1], gain, optimize=True)
+            spread_of += carried(gain, made[1])
     return np.outer(shift, shift) + spread_of
+
+
+def _is_bent(equations: Equations) -> bool:
+    return type(equations).bent is not Equations.bent
 
 
 def _of_term(settled: Settled, spread: Spread, term: Whitened, first: int) -> Influence:

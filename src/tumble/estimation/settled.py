@@ -10,7 +10,7 @@ import numpy as np
 
 from tumble.arrays import Square
 from tumble.estimation.chain import Eliminated, Spread
-from tumble.estimation.equations import Look, Tests, tested
+from tumble.estimation.equations import Equations, Look, Tests, tested
 from tumble.estimation.unknowns import Unknowns
 
 
@@ -78,7 +78,7 @@ class Settled:
         names: list[str] = []
         looks: list[Look] = []
         for spread in self.spreads():
-            for term in spread.chain.chain.terms:
+            for term in spread.chain.chain.terms_of(_is_tested):
                 active = term.linear.active
                 if active is not None and not np.any(active):
                     continue
@@ -96,3 +96,7 @@ class Settled:
         for name, made in zip(names, tested(looks), strict=True):
             found.setdefault(name, []).append(made)
         return {name: Tests.together(parts) if len(parts) > 1 else parts[0] for name, parts in found.items()}
+
+
+def _is_tested(equations: Equations) -> bool:
+    return type(equations).views is not Equations.views

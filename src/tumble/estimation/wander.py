@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 
 import numpy as np
 
@@ -39,11 +40,14 @@ def wander_basis(places: Series, count: int) -> tuple[AnyArray, Series]:
     return np.cos(turns * places[:, None]), _variances(count)
 
 
+@cache
 def _variances(count: int) -> Series:
     from scipy.special import sici
 
     turns = np.pi * np.arange(1, count + 1)
-    return np.asarray(4.0 * (sici(turns)[0] / turns - (1.0 - np.cos(turns)) / turns**2), dtype=np.float64)
+    made = np.asarray(4.0 * (sici(turns)[0] / turns - (1.0 - np.cos(turns)) / turns**2), dtype=np.float64)
+    made.flags.writeable = False
+    return made
 
 
 def faster_variance(windows: int, count: int) -> float:
@@ -71,21 +75,22 @@ def covariance_about_the_mean(starts: Series, stops: Series, span: tuple[float, 
     covariance of 1/f noise is minus the logarithm of the time between; its means over two stretches are closed.
     """
     starts, stops = np.append(starts, span[0]), np.append(stops, span[1])
-    whole = _mean_of_minus_logarithm(starts[:, None], stops[:, None], starts[None], stops[None])
+    whole = _mean_of_minus_logarithm(starts, stops)
     own, of_mean = whole[:-1, :-1], whole[:-1, -1]
     return np.asarray(own - of_mean[:, None] - of_mean[None] + whole[-1, -1], dtype=np.float64)
 
 
-def _mean_of_minus_logarithm(a: AnyArray, b: AnyArray, c: AnyArray, d: AnyArray) -> AnyArray:
-    """Return the mean of ``-ln |t - s|`` over t from a to b and s from c to d."""
+def _mean_of_minus_logarithm(starts: Series, stops: Series) -> Square:
+    """Return the mean of ``-ln |t - s|`` over t of one stretch and s of another, of any two."""
 
     def twice(x: AnyArray) -> AnyArray:
         """Integral, twice, of the logarithm."""
         size = np.abs(x)
         return 0.5 * size**2 * np.log(np.maximum(size, 1e-300)) - 0.75 * size**2
 
-    total = twice(b - c) + twice(a - d) - twice(b - d) - twice(a - c)
-    return -total / ((b - a) * (d - c))
+    across = twice(stops[:, None] - starts)
+    total = across + across.T - twice(stops[:, None] - stops) - twice(starts[:, None] - starts)
+    return -total / ((stops - starts)[:, None] * (stops - starts))
 
 
 # More stretches than these are taken together, two neighbours at a time.
@@ -93,7 +98,10 @@ MOST_STRETCHES = 2000
 
 
 def shared_wander(
-    drifts: Sequence[tuple[Drift, AnyArray]], density: Vector, span: tuple[float, float]
+    drifts: Sequence[tuple[Drift, AnyArray]],
+    density: Vector,
+    span: tuple[float, float],
+    once: dict[bytes, AnyArray] | None = None,
 ) -> Square:
     """Return (unknowns, unknowns) by how much the covariance differs from that of independent draws.
 
@@ -106,18 +114,33 @@ def shared_wander(
     drifts : whitened, of all terms that show it, with the gains (terms, unknowns, m) by whitened errors.
     density : (3,) raw², of the wander per unit of ``ln f``.
     span : s, of the recording.
+    once : is given the covariance of the stretches, and asked for it first.
     """
     response = np.concatenate([gain @ drift.by_bias for drift, gain in drifts])
     start = np.concatenate([drift.start for drift, _ in drifts])
     stop = np.concatenate([drift.stop for drift, _ in drifts])
     start, stop, response = _fewer(start, stop, response)
-    together = covariance_about_the_mean(start, stop, span)
+    once, key = {} if once is None else once, start.tobytes() + stop.tobytes()
+    if key not in once:
+        once[key] = covariance_about_the_mean(start, stop, span)
+    together = once[key]
     made = np.zeros((response.shape[1], response.shape[1]))
     for axis in range(3):
         made += density[axis] * response[:, :, axis].T @ together @ response[:, :, axis]
     for drift, gain in drifts:
-        made -= np.einsum("tam,tmn,tbn->ab", gain, drift.independent, gain, optimize=True)
+        made -= carried(gain, drift.independent)
     return made
+
+
+def carried(gain: AnyArray, covariance: AnyArray) -> Square:
+    """Return (unknowns, unknowns) the covariance of what errors of terms do together.
+
+    Parameters
+    ----------
+    gain : (terms, unknowns, m).
+    covariance : (terms, m, m) of the errors.
+    """
+    return np.tensordot(gain @ covariance, gain, axes=((0, 2), (0, 2)))
 
 
 def _fewer(start: Series, stop: Series, response: AnyArray) -> tuple[Series, Series, AnyArray]:

@@ -24,8 +24,8 @@ from tumble.calibration.equations.observed import observe, table_rotation
 from tumble.calibration.equations.stretches import RecordingStretch
 from tumble.calibration.start import start_adjustment
 from tumble.earth import Site
-from tumble.estimation.chain import Whitened
 from tumble.estimation.solve import linearise, settled_at, solve
+from tumble.estimation.sums import Whitened
 from tumble.estimation.unknowns import Unknowns
 from tumble.protocol import HoldStep, Pose, Protocol, SpinStep
 from tumble.segmentation import Hold, NoiseFloor, Timeline, Turn, observe_holds

@@ -13,8 +13,9 @@ from hypothesis import strategies as st
 
 from tumble.calibration.equations.stretches import RotationStretch, SectionStretch
 from tumble.errors import ObservabilityError
-from tumble.estimation.chain import Chain, Spread, Whitened
+from tumble.estimation.chain import Chain, Place, Spread
 from tumble.estimation.equations import Equations, Linear
+from tumble.estimation.sums import Whitened
 
 Array = npt.NDArray[np.float64]
 
@@ -209,3 +210,78 @@ def test_people_are_told_the_hold_and_its_seconds() -> None:
     chain.diagonal[0, 1, :] = chain.diagonal[0, :, 1] = 0.0
     with pytest.raises(ObservabilityError, match=r"attitude in hold 2 \(10\.0 to 21\.5 s\)"):
         chain.eliminated()
+
+
+class Drawn(Equations):
+    """Random terms of a stretch: of each node, of all pairs of neighbours, and of the border; not all of them active."""
+
+    def __init__(self, seed: int, nodes: int, border: int) -> None:
+        rng = np.random.default_rng(seed)
+        at = np.tile(np.arange(nodes), 2)
+        self.made = [
+            self._linear(rng, at, 4, border, 3, 0),
+            self._linear(rng, np.zeros(0, int), 2, border, 0, 0),
+        ]
+        self.made[0].active = rng.random(at.size) < 0.7 if seed % 2 else None
+        if nodes > 1:
+            self.made.append(self._linear(rng, np.arange(nodes - 1), 3, border, 3, 3))
+
+    @staticmethod
+    def _linear(rng: Any, node: Array, m: int, border: int, size: int, following: int) -> Linear:
+        terms = node.size or border + 5
+        root = rng.normal(size=(terms, m, m)) + 3.0 * np.eye(m)
+        by_node, by_next = (rng.normal(size=(terms, m, n)) if n else None for n in (size, following))
+        covariance, by_border = root @ np.swapaxes(root, 1, 2), rng.normal(size=(terms, m, border))
+        return Linear(rng.normal(size=(terms, m)), covariance, by_border, node, by_node, by_next)
+
+    def linearise(self, state: Any) -> list[Linear]:
+        return self.made
+
+
+class Held:
+    """A stretch of drawn terms, and what it was moved by."""
+
+    size = 3
+
+    def __init__(self, seed: int, nodes: int, own: int, outside: int, within: Any = ()) -> None:
+        self.nodes, self.own, self.within = nodes, own, within
+        self.equations = [Drawn(seed, nodes, own + outside), Drawn(seed + 1, nodes, own + outside)]
+        self.moved: list[Array] = []
+
+    def undetermined(self, node: int) -> str:
+        return f"node {node} of {self.nodes}"
+
+    def move(self, nodes: Array, own: Array) -> None:
+        self.moved = [nodes, own]
+
+
+def test_chains_side_by_side_are_the_chains_alone() -> None:
+    """Three of one shape and one of another lie in a chain; each as if it had been made by itself."""
+    places = [Place(k, slice(0, 2), slice(1, 3)) for k in range(4)]
+    shapes = [(20, 4, 2), (30, 1, 2), (41, 3, 2), (50, 2, 1)]
+    inners = [Held(seed, nodes, own, 4 + 6) for seed, nodes, own in shapes]
+    whole = Chain.of(Held(10, 5, 1, 5, [*zip(places, inners, strict=True)]), None, 5)
+    parts = [Chain.of(inner, None, 4 + 6) for inner in inners]
+    joined = Chain.of(Held(10, 5, 1, 5), None, 5)
+    for place, part in zip(places, parts, strict=True):
+        joined.join(place, part.eliminated())
+    assert len({id(inner.chain.sums) for _, inner in whole.within}) == 2
+    assert whole.checks == joined.checks
+    made, expected = whole.eliminated(), joined.eliminated()
+    np.testing.assert_allclose(made.matrix, expected.matrix, rtol=1e-12)
+    np.testing.assert_allclose(made.right, expected.right, rtol=1e-12, atol=1e-12)
+    assert whole.square_sum == pytest.approx(joined.square_sum, rel=1e-13)
+    step = np.array([0.3, -0.1, 0.7, 0.2, -0.5])
+    expected.move(step, 0.5)
+    moved = [inner.moved for inner in inners]
+    made.move(step, 0.5)
+    assert whole.square_sum == pytest.approx(joined.square_sum, rel=1e-12)
+    for inner, before in zip(inners, moved, strict=True):
+        for now, then in zip(inner.moved, before, strict=True):
+            np.testing.assert_allclose(now, then, rtol=1e-11, atol=1e-13)
+    for (_, one), part in zip(whole.within, parts, strict=True):
+        for term, alone in zip(one.chain.terms, part.terms, strict=True):
+            np.testing.assert_array_equal(term.linear.node, alone.linear.node)
+            np.testing.assert_allclose(term.residual, alone.residual, rtol=1e-11, atol=1e-12)
+    with pytest.raises(ValueError, match="move together"):
+        whole.within[0][1].move(np.zeros(10))

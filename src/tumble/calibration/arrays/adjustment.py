@@ -21,7 +21,7 @@ from tumble.attitude.rotations import find_nearest_rotation, matrix_from_rotatio
 from tumble.calibration.equations.adjustment import EARTH, JointAdjustment, Section
 from tumble.calibration.equations.stretches import SectionStretch
 from tumble.errors import ConvergenceError, UsageError
-from tumble.estimation.chain import Chain, Eliminated
+from tumble.estimation.chain import Chain, Eliminated, move_all
 from tumble.estimation.gauss_helmert import invert_normal_matrix
 from tumble.estimation.solve import ROUND_OFF, TOLERANCE, longest
 
@@ -293,9 +293,11 @@ def _move(units: Sequence[ArrayUnit], sections: Sequence[_Common], step: Series)
         for u, part in enumerate(made.parts):
             own = nodes if u == 0 else nodes + turns @ mountings[u - 1]
             outside = np.concatenate([earth, step[starts[u] : starts[u + 1]]])
+            inners: list[tuple[Eliminated, Series]] = []
             for place, inner in part.within:
                 ends = [own[place.node, place.at_node], own[place.node + 1, place.at_next]]
-                inner.move(np.concatenate([*ends, outside]))
+                inners.append((inner, np.concatenate([*ends, outside])))
+            move_all(inners)
         assert made.parts[0].stretch is not None
         made.parts[0].stretch.move(nodes, earth)
     for u, unit in enumerate(units):

@@ -7,6 +7,7 @@ A table's rotation offers more: means of the specific force over windows while i
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
@@ -304,7 +305,7 @@ def with_rounding(base: HoldsAndTurns, rotations: list[TableRotation]) -> HoldsA
 
 
 def mean_backward_rotation(
-    rotation: TableRotation, rate: Vectors, lag: float = 0.0
+    rotations: Sequence[TableRotation], rate: Vectors, lag: float = 0.0
 ) -> tuple[Matrices, Matrices]:
     """Return (windows, 3, 3) the mean over each window of the rotation from its centre's frame to each sample's.
 
@@ -312,7 +313,7 @@ def mean_backward_rotation(
 
     Parameters
     ----------
-    rotation : windows.
+    rotations : whose windows, one rotation after another.
     rate : (windows, 3) rad/s, corrected means of the gyros.
     lag : s by which samples are of an earlier instant than their stamps say.
 
@@ -322,10 +323,10 @@ def mean_backward_rotation(
     centre, the mean of ``exp(-[w] t)`` is a sum of cosines along w and a small odd rest.
     """
     speed = np.linalg.norm(rate, axis=1)
-    count = rotation.windows[:, 1] - rotation.windows[:, 0]
-    seconds = rotation.offsets - lag
+    count = np.concatenate([one.windows[:, 1] - one.windows[:, 0] for one in rotations])
+    seconds = np.concatenate([one.offsets for one in rotations]) - lag
     phase = np.repeat(speed, count) * seconds
-    starts = rotation.windows[:, 0] - rotation.windows[0, 0]
+    starts = np.cumsum(count) - count
     sines, cosines = np.sin(phase), np.cos(phase)
     sine, cosine, slower, faster = (
         (np.add.reduceat(of, starts) / count)[:, None, None]

@@ -11,12 +11,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Matrices, Matrix, Series, Table, Vector, Vectors, inverted
+from tumble.arrays import AnyArray, Matrices, Matrix, Table, Vector, Vectors, inverted
 from tumble.attitude.rotations import (
+    matrices_from_rotation_vectors,
     matrix_from_rotation_vector,
     rotation_vector_from_matrix,
     rotation_vectors_from_matrices,
@@ -171,38 +172,31 @@ class RotationEquations(Equations):
         spin, data = self.spin, state.data
         weights = self.moving.axis_b @ inverted(gyro_matrix(state.unknowns))
         shares = np.concatenate([[1.0], spin.modes.mean(axis=0)]) ** 2
-        wander = shares @ _wander_variances(state, spin)[1]
+        wander = shares @ _wander_variances(state, [spin])[1][0]
         return float(np.sqrt(weights**2 @ (data.base.rate_random_walk / spin.seconds + wander)))
 
 
 class AlikeEquations(RotationEquations):
     """Of one rotation, with the work done for all rotations of one layout at once."""
 
-    @classmethod
-    def linearise_all(cls, group: Sequence[Any], state: JointAdjustment) -> list[Sequence[Linear]]:
-        """Return residuals of each rotation; all are of one section."""
-        made: dict[int, Sequence[Linear]] = {}
-        by_layout: dict[Layout, list[int]] = {}
-        for at, one in enumerate(group):
-            by_layout.setdefault(one.layout, []).append(at)
-        for members in by_layout.values():
-            made.update(zip(members, cls.alike([group[at] for at in members], state), strict=True))
-        return [made[at] for at in range(len(group))]
-
     def linearise(self, state: JointAdjustment) -> Sequence[Linear]:
         """Return residuals of this rotation."""
-        return type(self).alike([self], state)[0]
+        return [linear for linear, _ in type(self).linearise_all([self], state)]
 
     @classmethod
-    def alike(cls, group: Sequence[Any], state: JointAdjustment) -> list[list[Linear]]:
-        """Return residuals of each rotation; all have one layout, and are of one section.
+    def moving_of(cls, group: Sequence[RotationEquations]) -> AnyArray:
+        """Return (rotations, own) where their own unknowns are."""
+        return np.array([one.moving.own for one in group])
 
-        Raises
-        ------
-        NotImplementedError
-            If the kind has none of its own.
-        """
-        raise NotImplementedError
+    @classmethod
+    def attitudes_of(cls, group: Sequence[RotationEquations]) -> tuple[Matrices, np.ndarray]:
+        """Return (sum of windows + 2, 3, 3) attitudes of each from hold to hold, and (rotations,) where each begins."""
+        made: list[AnyArray] = []
+        for one in group:
+            start, end = one.edges()
+            made += [start[None], one.moving.C_wb, end[None]]
+        counts = np.array([len(one.spin.windows) + 2 for one in group])
+        return np.concatenate(made), np.cumsum(counts) - counts
 
 
 class Windows(AlikeEquations):
@@ -211,22 +205,19 @@ class Windows(AlikeEquations):
     kind, cause = "windows", FORCE_TURNING
 
     @classmethod
-    def alike(cls, group: Sequence[Windows], state: JointAdjustment) -> list[list[Linear]]:
-        """Return three residuals a window, raw."""
+    def linearise_all(
+        cls, group: Sequence[Windows], state: JointAdjustment
+    ) -> list[tuple[Linear, list[int]]]:
+        """Return three residuals a window, raw; all rotations have one layout, and are of one section."""
         u, layout, spins = state.unknowns, group[0].layout, [one.spin for one in group]
         counts = [len(spin.windows) for spin in spins]
-        stops = np.cumsum(counts).tolist()
-        pieces = [slice(stop - count, stop) for stop, count in zip(stops, counts, strict=True)]
         force, rate, modes = (
             np.concatenate([getattr(s, name) for s in spins]) for name in ("force", "rate", "modes")
         )
         rates, lag = _window_rates(u, force, rate), float(u["lag"][0])
-        mean = [mean_backward_rotation(s, rates[at], lag) for s, at in zip(spins, pieces, strict=True)]
-        C_wb, own = (
-            np.concatenate([one.moving.C_wb for one in group]),
-            np.repeat([one.moving.own for one in group], counts, axis=0),
-        )
-        turned, by_speed = (np.concatenate(of) for of in zip(*mean, strict=True))
+        C_wb = np.concatenate([one.moving.C_wb for one in group])
+        own = np.repeat(cls.moving_of(group), counts, axis=0)
+        turned, by_speed = mean_backward_rotation(spins, rates, lag)
         backward = turned @ np.swapaxes(C_wb, 1, 2)
         up = np.array([0.0, 0.0, -state.site.gravity])
         cross, shapes = skews(rates), _with_constant(modes)
@@ -254,30 +245,19 @@ class Windows(AlikeEquations):
         for axis in range(3):
             by_border[:, axis, layout.force.start + axis : layout.force.stop : 3] = shapes
         by_node = shown.by_true @ backward @ skew(up)
-        return [
-            [
-                Linear(
-                    residual[at],
-                    one.covariance(state),
-                    by_border[at],
-                    np.arange(count),
-                    by_node[at],
-                    by_bias=np.broadcast_to(np.eye(3), (count, 3, 3)),
-                )
-            ]
-            for one, at, count in zip(group, pieces, counts, strict=True)
-        ]
+        node = _counted(counts)
+        by_bias = np.broadcast_to(np.eye(3), (len(node), 3, 3))
+        covariance = cls._covariances(group, counts, state)
+        return [(Linear(residual, covariance, by_border, node, by_node, by_bias=by_bias), counts)]
 
-    def covariance(self, state: JointAdjustment) -> Matrices:
-        """Return (windows, 3, 3) raw², of the means, the table's shaking, and what wanders faster than the modes.
-
-        Parameters
-        ----------
-        state : the noise.
-        """
-        shaking = state.noise.factor("windows", self.stretch.k)
-        faster = np.diag(state.data.force_density) * faster_variance(*self.spin.modes.shape)
-        return shaking * self.spin.force_covariance + faster
+    @staticmethod
+    def _covariances(group: Sequence[Windows], counts: list[int], state: JointAdjustment) -> Matrices:
+        """(windows, 3, 3) raw², of the means, the table's shaking, and what wanders faster than the modes."""
+        shaking = [state.noise.factor("windows", one.stretch.k) for one in group]
+        faster = np.repeat([faster_variance(*one.spin.modes.shape) for one in group], counts)
+        means = np.concatenate([one.spin.force_covariance for one in group])
+        density = np.diag(state.data.force_density)
+        return np.repeat(shaking, counts)[:, None, None] * means + faster[:, None, None] * density
 
     def drifts(self, state: JointAdjustment, linear: Linear, first: int) -> dict[str, Drift]:
         """Return what wanders faster than the modes."""
@@ -295,20 +275,34 @@ class Links(AlikeEquations):
         self.duration = 0.0
 
     @classmethod
-    def alike(cls, group: Sequence[Links], state: JointAdjustment) -> list[list[Linear]]:
-        """Return three residuals a link, rad in w."""
+    def linearise_all(cls, group: Sequence[Links], state: JointAdjustment) -> list[tuple[Linear, list[int]]]:
+        """Return three residuals a link, rad in w; all rotations have one layout, and are of one section."""
+        # Both links of a single window depend on that node alone.
+        single = [len(one.spin.windows) == 1 for one in group]
+        made: list[tuple[Linear, list[int]]] = []
+        for alone in {*single}:
+            taken = [one for one, is_single in zip(group, single, strict=True) if is_single == alone]
+            linear, counts = cls._alike(taken, state)
+            left = iter(counts)
+            made.append((linear, [next(left) if is_single == alone else 0 for is_single in single]))
+        return made
+
+    @classmethod
+    def _alike(cls, group: Sequence[Links], state: JointAdjustment) -> tuple[Linear, list[int]]:
+        """Those of rotations that all have one window, or all have more."""
         u, data, layout = state.unknowns, state.data, group[0].layout
         counts = [len(one.spin.windows) + 1 for one in group]
         lasts = np.cumsum(counts) - 1
         firsts = lasts - np.array(counts) + 1
         ranges = np.concatenate([_link_ranges(data, one.spin) for one in group])
         link = integrate_links(data, u, ranges[:, 0], ranges[:, 1])
-        C_start, C_end = (np.concatenate(ends) for ends in zip(*(one.ends() for one in group), strict=True))
+        C, begins = cls.attitudes_of(group)
+        C_start, C_end = np.delete(C, begins - 1, axis=0), np.delete(C, begins, axis=0)
         shown = link_residuals(C_start, C_end, group[0].stretch.section.earth_w, link, u)
         # A gyro whose bias has wandered turns on by it: as the bias itself would.
         wander = shown.by_blocks["gyro.bias"]
         shapes = _with_constant(np.concatenate([_modes_of_links(one.spin) for one in group]))
-        own = np.repeat([one.moving.own[layout.rate] for one in group], counts, axis=0)
+        own = np.repeat(cls.moving_of(group)[:, layout.rate], counts, axis=0)
         residual = shown.value + np.einsum("nij,nj->ni", wander, _wandered(shapes, own))
         by_border = u.columns(shown.by_blocks, layout.earth.stop)
         by_border[:, :, layout.rate] = np.einsum("nij,nm->nimj", wander, shapes).reshape(len(own), 3, -1)
@@ -324,24 +318,13 @@ class Links(AlikeEquations):
         by_node, by_next = shown.by_start.copy(), shown.by_end.copy()
         by_node[firsts], by_next[firsts] = shown.by_end[firsts], 0.0
         by_node[lasts], by_next[lasts] = 0.0, shown.by_start[lasts]
-        made: list[list[Linear]] = []
-        for one, first, last, links in zip(group, firsts.tolist(), lasts.tolist(), counts, strict=True):
-            at, node, nexts = slice(first, last + 1), np.arange(links) - 1, by_next[first : last + 1]
-            one.duration = float(np.sum(link.duration[at]))
-            by = by_node[at]
-            if links == 2:
-                by, nexts = by + nexts, None
-            node = np.clip(node, 0, max(links - 3, 0))
-            made.append(
-                [Linear(residual[at], covariance[at], by_border[at], node, by, nexts, by_bias=wander[at])]
-            )
-        return made
-
-    def ends(self) -> tuple[Matrices, Matrices]:
-        """Return (links, 3, 3) attitudes where each link begins, and where it ends."""
-        start, end = self.edges()
-        C = np.concatenate([start[None], self.moving.C_wb, end[None]])
-        return C[:-1], C[1:]
+        for one, duration in zip(group, np.add.reduceat(link.duration, firsts).tolist(), strict=True):
+            one.duration = duration
+        if counts[0] == 2:
+            by_node, by_next = by_node + by_next, None
+        most = np.repeat(np.maximum(np.array(counts) - 3, 0), counts)
+        node = np.clip(_counted(counts) - 1, 0, most)
+        return Linear(residual, covariance, by_border, node, by_node, by_next, by_bias=wander), counts
 
     def drifts(self, state: JointAdjustment, linear: Linear, first: int) -> dict[str, Drift]:
         """Return what wanders faster than the modes."""
@@ -349,32 +332,43 @@ class Links(AlikeEquations):
         return {RATE_WANDER: _fast_drift(state.data, self.spin, linear, ranges, state.data.rate_density)}
 
 
-class Axis(RotationEquations):
+class Axis(AlikeEquations):
     """That the axis is the same in the unit and in the room: ``C axis_b - axis_w``, across."""
 
     kind, cause = "axis", AXIS
 
-    def linearise(self, state: JointAdjustment) -> list[Linear]:
+    @classmethod
+    def linearise_all(cls, group: Sequence[Axis], state: JointAdjustment) -> list[tuple[Linear, list[int]]]:
         """Return two residuals a window, and two at each end, rad; of the axis nothing is known beforehand."""
-        layout, moving = self.layout, self.moving
-        start, end = self.edges()
-        C = np.concatenate([start[None], moving.C_wb, end[None]])
-        basis_b, basis_w = tangent_basis(moving.axis_b), tangent_basis(moving.axis_w)
-        seen = C @ moving.axis_b
-        residual = (seen - moving.axis_w) @ basis_w
-        by_attitude = -(basis_w.T @ skews(seen))
-        by_border = self.empty(state, len(C), 2)
-        by_border[:, :, layout.axis] = np.concatenate(
-            [basis_w.T @ C @ basis_b, np.broadcast_to(-np.eye(2), (len(C), 2, 2))], axis=2
+        layout = group[0].layout
+        C, begins = cls.attitudes_of(group)
+        counts = np.diff(begins, append=len(C))
+        axes = np.array([(one.moving.axis_b, one.moving.axis_w) for one in group])
+        bases = np.array([(tangent_basis(axis_b), tangent_basis(axis_w)) for axis_b, axis_w in axes])
+        (axis_b, axis_w), (basis_b, basis_w) = (
+            np.swapaxes(np.repeat(of, counts, axis=0), 0, 1) for of in (axes, bases)
         )
-        by_border[0, :, layout.start], by_border[-1, :, layout.end] = by_attitude[0], by_attitude[-1]
-        variance = LEAST_WOBBLE**2 * state.noise.factor("axis", self.stretch.k)
-        covariance = variance * np.broadcast_to(np.eye(2), (len(C), 2, 2))
-        inner, ends = slice(1, len(C) - 1), [0, -1]
-        node = np.arange(len(C) - 2)
+        seen = np.einsum("nij,nj->ni", C, axis_b)
+        residual = np.einsum("ni,nij->nj", seen - axis_w, basis_w)
+        across = np.swapaxes(basis_w, 1, 2)
+        by_attitude = -(across @ skews(seen))
+        by_border = group[0].empty(state, len(C), 2)
+        leaning = across @ C @ basis_b, np.broadcast_to(-np.eye(2), (len(C), 2, 2))
+        by_border[:, :, layout.axis] = np.concatenate(leaning, axis=2)
+        ends = np.zeros(len(C), dtype=bool)
+        lasts = begins + counts - 1
+        ends[begins] = ends[lasts] = True
+        by_border[begins, :, layout.start], by_border[lasts, :, layout.end] = (
+            by_attitude[begins],
+            by_attitude[lasts],
+        )
+        factor = np.repeat([state.noise.factor("axis", one.stretch.k) for one in group], counts)
+        covariance = (LEAST_WOBBLE**2 * factor)[:, None, None] * np.eye(2)
+        node = _counted([count - 2 for count in counts.tolist()])
+        inner = Linear(residual[~ends], covariance[~ends], by_border[~ends], node, by_attitude[~ends])
         return [
-            Linear(residual[inner], covariance[inner], by_border[inner], node, by_attitude[inner]),
-            Linear(residual[ends], covariance[ends], by_border[ends]),
+            (inner, (counts - 2).tolist()),
+            (Linear(residual[ends], covariance[ends], by_border[ends]), [2] * len(group)),
         ]
 
 
@@ -410,7 +404,7 @@ class Angle(RotationEquations):
         return "spin", f"{what}, {times}: misread?"
 
 
-class TableRate(RotationEquations):
+class TableRate(AlikeEquations):
     """That the table turns at its rate from the first window to the last.
 
     The two are no neighbours in the chain: the first one's attitude stands in the border once more.
@@ -424,52 +418,79 @@ class TableRate(RotationEquations):
         time, centres = self.stretch.task.data.base.time, self.spin.centres
         return float(time[centres[-1]] - time[centres[0]])
 
-    def linearise(self, state: JointAdjustment) -> list[Linear]:
-        """Return three residuals that tie both attitudes, and one, rad, of the rate."""
-        spin, moving, layout = self.spin, self.moving, self.layout
-        if spin.turn_rate is None or moving.anchor is None or len(spin.windows) < 2:
+    @classmethod
+    def linearise_all(
+        cls, group: Sequence[TableRate], state: JointAdjustment
+    ) -> list[tuple[Linear, list[int]]]:
+        """Return three residuals that tie both attitudes, and one, rad, of the rate; nothing where none is believed."""
+        layout, u, there = group[0].layout, state.unknowns, [int(len(one.spin.windows) > 1) for one in group]
+        if not layout.rated or not any(there):
             return []
-        tie = rotation_vector_from_matrix(moving.C_wb[0] @ moving.anchor.T)
-        by_border = self.empty(state, 1, 3)
-        by_border[0, :, layout.anchor] = -np.eye(3)
-        same = SAME**2 * np.eye(3)[None]
-        tied = Linear(tie[None], same, by_border, np.array([0]), np.eye(3)[None])
-        # What makes the axis wobble, such as a unit that slips on its plate halfway, turns it about the axis, too: a
-        # step leaves half of itself across on either side of its mean.
-        wobble = LEAST_WOBBLE**2 * (state.noise.factor("axis", self.stretch.k) - 1.0)
-        axis = moving.axis_w
-        sigma = max(float(np.hypot(spin.rate_sigma * self.seconds, 2.0 * wobble**0.5)), LEAST_RATE_ANGLE)
+        spun = [one for one in group if len(one.spin.windows) > 1]
+        first, last, axis = (
+            np.array([getattr(one.moving, name)[at] for one in spun])
+            for name, at in (("C_wb", 0), ("C_wb", -1), ("axis_w", slice(None)))
+        )
+        anchor = np.array([one.moving.anchor for one in spun])
+        by_border = group[0].empty(state, len(spun), 3)
+        by_border[:, :, layout.anchor] = -np.eye(3)
+        unit = np.broadcast_to(np.eye(3), (len(spun), 3, 3))
+        tie = rotation_vectors_from_matrices(first @ np.swapaxes(anchor, 1, 2))
+        tied = Linear(tie, SAME**2 * unit, by_border, np.zeros(len(spun), dtype=int), unit)
         # Both the stamps and the display may be wrong by a share that all rotations have in common.
-        faster, more = 1.0 + float(state.unknowns["clock"][0]), 1.0 + float(state.unknowns["table_rate"][0])
-        angle = abs(spin.turn_rate) * self.seconds * faster * more
-        turned = matrix_from_rotation_vector(axis * angle) @ moving.anchor
-        missed = float(axis @ rotation_vector_from_matrix(moving.C_wb[-1] @ turned.T))
+        faster, more = 1.0 + float(u["clock"][0]), 1.0 + float(u["table_rate"][0])
+        seconds = np.array([one.seconds for one in spun])
+        angle = np.array([abs(one.spin.turn_rate or 0.0) for one in spun]) * seconds * faster * more
+        turned = matrices_from_rotation_vectors(axis * angle[:, None]) @ anchor
+        missed = rotation_vectors_from_matrices(last @ np.swapaxes(turned, 1, 2))
         shared = {
-            name: np.full((1, 1, 1), -angle / by) for name, by in (("clock", faster), ("table_rate", more))
+            name: (-angle / by)[:, None, None] for name, by in (("clock", faster), ("table_rate", more))
         }
-        by_border = state.unknowns.columns(shared, layout.earth.stop)
-        by_border[0, 0, layout.anchor] = -axis
-        last = np.array([len(spin.windows) - 1])
-        covariance = np.full((1, 1, 1), sigma**2)
-        return [tied, Linear(np.array([[missed]]), covariance, by_border, last, axis[None, None])]
+        by_border = u.columns(shared, layout.earth.stop)
+        by_border[:, 0, layout.anchor] = -axis
+        node = np.array([len(one.spin.windows) - 1 for one in spun])
+        variance = np.array([one._variance(state) for one in spun])[:, None, None]
+        residual = np.sum(axis * missed, axis=1)[:, None]
+        return [(tied, there), (Linear(residual, variance, by_border, node, axis[:, None]), there)]
+
+    def _variance(self, state: JointAdjustment) -> float:
+        """Of the angle from the first window to the last, rad².
+
+        What makes the axis wobble, such as a unit that slips on its plate halfway, turns it about the axis, too: a step
+        leaves half of itself across on either side of its mean.
+        """
+        wobble = LEAST_WOBBLE**2 * (state.noise.factor("axis", self.stretch.k) - 1.0)
+        believed = (self.spin.rate_sigma * self.seconds) ** 2
+        return max(believed + 4.0 * wobble, LEAST_RATE_ANGLE**2)
 
 
-class Own(RotationEquations):
+class Own(AlikeEquations):
     """What is believed of the rotation's own unknowns: how long a lever arm is, and how biases wander."""
 
     kind = "own"
 
-    def linearise(self, state: JointAdjustment) -> list[Linear]:
-        """Return a residual of each that something is known of."""
-        variances, at = self._known(state)
-        by_border = self.empty(state, at.size, 1)
-        by_border[np.arange(at.size), 0, at] = 1.0
-        return [Linear(self.moving.own[at][:, None], variances[:, None, None], by_border)]
+    @classmethod
+    def linearise_all(cls, group: Sequence[Own], state: JointAdjustment) -> list[tuple[Linear, list[int]]]:
+        """Return a residual of each that something is known of: of all but the axis."""
+        at = group[0].known
+        force, rate = _wander_variances(state, [one.spin for one in group])
+        lever = np.full((len(group), 3), LEVER_SIGMA**2)
+        variances = np.concatenate(
+            [lever, force.reshape(len(group), -1), rate.reshape(len(group), -1)], axis=1
+        )
+        by_border = group[0].empty(state, len(group) * at.size, 1)
+        by_border[np.arange(len(by_border)), 0, np.tile(at, len(group))] = 1.0
+        residual = cls.moving_of(group)[:, at].reshape(-1, 1)
+        return [(Linear(residual, variances.reshape(-1, 1, 1), by_border), [at.size] * len(group))]
+
+    @property
+    def known(self) -> np.ndarray:
+        """Which of the own unknowns something is known of."""
+        return np.r_[self.layout.lever, self.layout.force, self.layout.rate]
 
     def causes(self, state: JointAdjustment, linear: Linear) -> dict[str, AnyArray]:
         """Return the lever arm's length, and the wanders."""
-        _, at = self._known(state)
-        made: dict[str, AnyArray] = {}
+        at, made = self.known, dict[str, AnyArray]()
         for cause, place in (
             (LEVER, self.layout.lever),
             (FORCE_WANDER, self.layout.force),
@@ -481,9 +502,8 @@ class Own(RotationEquations):
 
     def drifts(self, state: JointAdjustment, linear: Linear, first: int) -> dict[str, Drift]:
         """Return the wanders over a rotation as they are believed, which windows and links count anew."""
-        u, noise = state.unknowns, state.noise
-        _, at = self._known(state)
-        variances = _wander_variances(state, self.spin)
+        u, noise, at = state.unknowns, state.noise, self.known
+        variances = [of[0] for of in _wander_variances(state, [self.spin])]
         added = (
             noise["force"] * np.sum(force_matrix(u) ** 2, axis=1),
             noise["rate"] * np.sum(gyro_matrix(u) ** 2, axis=1),
@@ -500,11 +520,10 @@ class Own(RotationEquations):
             made[source] = Drift(never, never, nothing, whole[at][:, None, None])
         return made
 
-    def _known(self, state: JointAdjustment) -> tuple[Series, np.ndarray]:
-        """Return variances of the own unknowns that something is known of, and which these are: all but the axis."""
-        force, rate = _wander_variances(state, self.spin)
-        at = np.r_[self.layout.lever, self.layout.force, self.layout.rate]
-        return np.concatenate([np.full(3, LEVER_SIGMA**2), force.ravel(), rate.ravel()]), at
+
+def _counted(counts: Sequence[int]) -> np.ndarray:
+    """(sum,) each rotation's terms, counted from 0."""
+    return np.arange(sum(counts)) - np.repeat(np.cumsum(counts) - counts, counts)
 
 
 def _link_ranges(data: Observed, spin: TableRotation) -> np.ndarray:
@@ -536,26 +555,25 @@ def start_rotation(
     return RotationState(C_wb, np.asarray(C_tail.T @ axis), axis, np.zeros(Layout.of(spin).own), anchor)
 
 
-def _wander_variances(state: JointAdjustment, spin: TableRotation) -> tuple[AnyArray, AnyArray]:
-    """Return (1 + modes, 3) raw², of the constant and of each mode, of the accelerometers and of the gyros."""
+def _wander_variances(state: JointAdjustment, spins: Sequence[TableRotation]) -> tuple[AnyArray, AnyArray]:
+    """Return (rotations, 1 + modes, 3) raw², of the constant and of each mode: accelerometers and gyros."""
     data, u, noise = state.data, state.unknowns, state.noise
+    seconds = np.array([spin.seconds for spin in spins])
+    share = np.array([spin.mode_share for spin in spins])[:, :, None]
+    rounding = np.array([spin.rate_rounding for spin in spins])
+    constant = np.maximum(np.log(data.span / seconds), 0.0)[:, None]
     added = (
         noise["force"] * np.sum(force_matrix(u) ** 2, axis=1),
-        noise["rate"] * np.sum(gyro_matrix(u) ** 2, axis=1) + spin.rate_rounding,
+        noise["rate"] * np.sum(gyro_matrix(u) ** 2, axis=1) + rounding,
     )
     force, rate = (
-        _wander_variance(data, spin, density, more)
+        np.concatenate([(constant * density + more)[:, None], share * density], axis=1)
         for density, more in zip((data.force_density, data.rate_density), added, strict=True)
     )
-    step = spin.seconds / max(spin.offsets.size, 1)
+    step = seconds / np.array([max(spin.offsets.size, 1) for spin in spins])
     # Never quite nothing, so that the wander is always determined.
-    return force + 1e-6 * data.base.force_sample_variance, rate + 1e-10 * data.base.rate_random_walk / step
-
-
-def _wander_variance(data: Observed, spin: TableRotation, density: Vector, added: Vector) -> AnyArray:
-    """Return (1 + modes, 3) raw², of the constant and of each mode."""
-    constant = density * max(float(np.log(data.span / spin.seconds)), 0.0) + added
-    return np.concatenate([constant[None], spin.mode_share[:, None] * density])
+    white = 1e-10 * data.base.rate_random_walk / step[:, None, None]
+    return force + 1e-6 * data.base.force_sample_variance, rate + white
 
 
 def _with_constant(modes: AnyArray) -> AnyArray:
