@@ -18,7 +18,7 @@ from tumble.arrays import Series
 from tumble.errors import ConvergenceError
 from tumble.estimation.equations import Tests
 from tumble.estimation.settled import Settled
-from tumble.estimation.solve import Adjustable, solve
+from tumble.estimation.solve import DIVERGED, Adjustable, solve
 
 # Median of chi-square over its degrees of freedom, for 1 to 6 degrees.
 MEDIAN_CHI_SQUARE = (0.4549, 1.3863, 2.3660, 3.3567, 4.3515, 5.3481)
@@ -40,6 +40,9 @@ ROUGHLY = 0.5
 RESTLESS_FALSE_ALARM, RESTLESS_SETTLED = 1e-3, 0.1
 # How near to settled what all scatter by must be for one to be told apart.
 NEAR = 0.3
+# Where one step has made the residuals' square sum so many times as large, it has led into nowhere, from where no
+# variance leads back.
+ASTRAY = 1e5
 # Less than this of a kind's redundancy is nothing to judge by.
 LEAST_REDUNDANCY = 0.1
 
@@ -270,7 +273,9 @@ def _settle(task: Balanceable, solution: Settled, *, robust: bool) -> Settled:
                 return solution
             break
         task.noise = noise
-        solution = solve(task, once=True)
+        before, solution = solution, solve(task, once=True)
+        if solution.start_sum > ASTRAY * max(before.square_sum, before.redundancy):
+            raise ConvergenceError(DIVERGED)
     return solve(task)
 
 

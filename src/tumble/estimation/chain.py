@@ -386,6 +386,8 @@ class Spread:
     outside: Square
     _border: Square | None = None
     _nodes: tuple[AnyArray, AnyArray, AnyArray] | None = None
+    _first: int = 0
+    _shared: AnyArray | None = None
 
     @staticmethod
     def of(chain: Eliminated, outside: Square) -> Spread:
@@ -408,14 +410,31 @@ class Spread:
     @property
     def nodes(self) -> tuple[AnyArray, AnyArray, AnyArray]:
         """Covariances of nodes: (nodes, d, d), with the next one (nodes - 1, d, d), with the border (nodes, d, b)."""
-        if self._nodes is None:
+        return self._nodes_from(0)
+
+    def _nodes_from(self, first: int) -> tuple[AnyArray, AnyArray, AnyArray]:
+        """The same of the nodes from one on; those before are not filled."""
+        if self._nodes is None or first < self._first:
             from tumble.estimation.kernels import invert_selected
 
             c = self.chain
-            made = np.zeros(c.diagonal.shape), np.zeros(c.lower.shape), np.zeros(c.border.shape)
-            invert_selected(c.diagonal, c.lower, c.border, self.border, *made)
-            self._nodes = made
+            own, following, with_border = (np.zeros(of.shape) for of in (c.diagonal, c.lower, c.border))
+            diagonal, lower, border = c.diagonal[first:], c.lower[first:], c.border[first:]
+            made = own[first:], following[first:], with_border[first:]
+            invert_selected(diagonal, lower, border, self.border, *made)
+            self._nodes, self._first = (own, following, with_border), first
         return self._nodes
+
+    def _with_shared(self, last: int) -> AnyArray:
+        """(nodes, d, last) covariances of the nodes with the last unknowns of the border, without all the others."""
+        if self._shared is None or self._shared.shape[2] != last:
+            from tumble.estimation.kernels import solve_chain
+
+            c, before = self.chain, self.chain.chain.border
+            right = -before.reshape(-1, before.shape[2]) @ self.border[:, len(self.border) - last :]
+            self._shared = np.ascontiguousarray(right).reshape(*before.shape[:2], last)
+            solve_chain(c.diagonal, c.lower, self._shared)
+        return self._shared
 
     def within(self) -> list[Spread]:
         """Return the covariances of the chains within it."""
@@ -451,25 +470,24 @@ class Spread:
         term : of the chain.
         last : how many of the border's unknowns.
         """
-        rows = slice(len(self.border) - last, None)
-        made = self.border[rows] @ np.swapaxes(term.by_border, 1, 2)
+        made = self.border[len(self.border) - last :] @ np.swapaxes(term.by_border, 1, 2)
         for by, at in ((term.by_node, term.linear.node), (term.by_next, term.linear.node + 1)):
             if by is not None:
-                across = np.swapaxes(self.nodes[2][at][:, :, rows], 1, 2)
-                made = made + across @ np.swapaxes(by, 1, 2)
+                made = made + np.swapaxes(by @ self._with_shared(last)[at], 1, 2)
         return made
 
     def taken(self, term: Whitened) -> AnyArray:
         """Return (terms, m, m) the whitened covariance of the adjusted observations."""
         by_border, node = term.by_border, term.linear.node
         whole = by_border @ self.border @ np.swapaxes(by_border, 1, 2)
+        if not node.size:
+            return whole
+        own, following, with_border = self._nodes_from(int(np.min(node)))
         for by, at in ((term.by_node, node), (term.by_next, node + 1)):
             if by is not None:
-                cross = by @ self.nodes[2][at] @ np.swapaxes(by_border, 1, 2)
-                whole = (
-                    whole + by @ self.nodes[0][at] @ np.swapaxes(by, 1, 2) + cross + np.swapaxes(cross, 1, 2)
-                )
+                cross = by @ with_border[at] @ np.swapaxes(by_border, 1, 2)
+                whole = whole + by @ own[at] @ np.swapaxes(by, 1, 2) + cross + np.swapaxes(cross, 1, 2)
         if term.by_node is not None and term.by_next is not None:
-            cross = term.by_node @ self.nodes[1][node] @ np.swapaxes(term.by_next, 1, 2)
+            cross = term.by_node @ following[node] @ np.swapaxes(term.by_next, 1, 2)
             whole = whole + cross + np.swapaxes(cross, 1, 2)
         return whole

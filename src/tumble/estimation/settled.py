@@ -26,6 +26,7 @@ class Settled:
     cofactor : (free, free), their covariance if the noise given is the true one.
     square_sum, redundancy : of all residuals, and of what is left to check them.
     iterations : how many it took.
+    start_sum : of all residuals before the last step, where the equations were linearised.
     """
 
     state: Any
@@ -35,6 +36,7 @@ class Settled:
     square_sum: float
     redundancy: int
     iterations: int
+    start_sum: float = 0.0
     _tests: dict[str, Tests] | None = None
 
     @property

@@ -125,7 +125,7 @@ def solve(task: Adjustable, *, once: bool = False, tolerance: float = TOLERANCE)
         task.unknowns = _moved(task.unknowns, taken * step)
         changed = task.stepped(made.chain, made.cofactor)
         if done:
-            return _settled(task, made.chain, made.cofactor, iteration)
+            return _settled(task, made, iteration)
         # What is believed may have changed with the step: then the square sum says nothing of it.
         last = _Step(np.inf if changed else made.cost, back)
         before, share = size, min(1.0, 2.0 * share)
@@ -210,8 +210,11 @@ def _moved(unknowns: Unknowns, step: Series) -> Unknowns:
     return unknowns.at(values)
 
 
-def _settled(task: Adjustable, chain: Eliminated, cofactor: Square, iterations: int) -> Settled:
-    known = 0 if task.prior is None else task.prior.rank
+def _settled(task: Adjustable, made: _Made, iterations: int) -> Settled:
+    chain, known = made.chain, 0 if task.prior is None else task.prior.rank
     redundancy = chain.chain.checks - task.unknowns.free.size + known
     # Residuals have moved with the step, to where they are smallest.
-    return Settled(task.state, task.unknowns, chain, cofactor, chain.chain.square_sum, redundancy, iterations)
+    square_sum = chain.chain.square_sum
+    return Settled(
+        task.state, task.unknowns, chain, made.cofactor, square_sum, redundancy, iterations, made.cost
+    )

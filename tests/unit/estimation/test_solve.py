@@ -88,8 +88,10 @@ def test_it_settles_where_a_whole_step_goes_astray(start: float) -> None:
 
 def test_one_step_is_a_whole_one() -> None:
     task = Task(2.5)
-    solve(task, once=True)
+    settled = solve(task, once=True)
     assert task.unknowns.values[0] == pytest.approx(2.5 - np.arctan(0.5) * 1.25)
+    assert settled.start_sum == pytest.approx((np.arctan(0.5) / SIGMA) ** 2)
+    assert settled.square_sum == pytest.approx(0.0, abs=1e-9)
 
 
 def test_what_goes_away_for_ever_is_said() -> None:
