@@ -213,7 +213,7 @@ def test_people_are_told_the_hold_and_its_seconds() -> None:
 
 
 class Drawn(Equations):
-    """Random terms of a stretch: of each node, of all pairs of neighbours, and of the border; not all of them active."""
+    """Random terms: of each node, of all pairs of neighbours, and of the border; not all of them take part."""
 
     def __init__(self, seed: int, nodes: int, border: int) -> None:
         rng = np.random.default_rng(seed)
