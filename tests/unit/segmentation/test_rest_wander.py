@@ -7,7 +7,7 @@ import pytest
 
 from second_simulator.sensors import flicker
 from tumble.recording import Recording
-from tumble.segmentation.rest_wander import USUAL, RestParts, find_density, observe_parts
+from tumble.segmentation.rest_wander import SPREAD, USUAL, RestParts, find_density, observe_parts
 from tumble.segmentation.timeline import Hold, NoiseFloor, Timeline
 
 RATE, WHITE, INSTABILITY = 50.0, 4e-3, 4e-3
@@ -78,3 +78,14 @@ def test_a_rest_that_was_knocked_does_not_make_it_wander() -> None:
     knocked[4 * 7] += 100 * WHITE
     moved = float(np.mean(find_density(own, knocked, own.rate_white)))
     assert moved < 1.5 * found(own)
+
+
+def test_where_few_rests_leave_it_open_the_density_is_right_on_average_as_a_variance_has_to_be() -> None:
+    """Units as data sheets give them, six rests: true over stated has the mean 1, and had 1.4."""
+    ratio: list[float] = []
+    for seed in range(160):
+        true = USUAL * np.exp(SPREAD * np.random.default_rng(seed).standard_normal())
+        own = parts(WHITE * float(np.sqrt(np.pi * true)), 1000 + seed, holds=6)
+        ratio.append(true * WHITE**2 / found(own))
+    # The ratio's standard deviation is about 1.
+    assert np.mean(ratio) == pytest.approx(1.0, abs=0.2)
