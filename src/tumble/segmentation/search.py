@@ -25,8 +25,8 @@ from tumble.segmentation.stretches import (
     LARGEST_LOSS_SECONDS,
     SHORTEST_PIECE_SECONDS,
     Stretch,
-    find_knocks,
     join_stretches,
+    leave_out_knocks,
     shape_stretch,
     usual_scatter,
 )
@@ -184,8 +184,7 @@ def _rests(blocks: Blocks, activity: Activity, walls: np.ndarray) -> list[Stretc
         )
         stretches.append(stretch)
     _part(stretches, activity)
-    for stretch in stretches:
-        stretch.excluded = find_knocks(blocks, stretch, activity)
+    leave_out_knocks(blocks, stretches, activity)
     return stretches
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from tumble.arrays import Series, Vector, Vectors
 from tumble.segmentation.activity import Activity
-from tumble.segmentation.blocks import Blocks, find_runs
+from tumble.segmentation.blocks import SMOOTHING_SECONDS, Blocks, TriadBlocks, find_runs
 
 # Standard deviations within which a rest has settled: 5.09 is the chi-square quantile of three axes at
 # 1e-5, and a scatter from some twenty blocks is known to 15 %.
@@ -66,9 +66,10 @@ def median(values: Vectors) -> Vector:
 
 
 def usual_scatter(blocks: Blocks, runs: list[tuple[int, int]]) -> Vector:
-    """Return the median of the rests' scatter per axis: what no rest is thought quieter than.
+    """Return the median of the rests' scatter per axis, or that by rounding: what no rest is thought quieter than.
 
-    The scatter of a short rest is known to a quarter only; too small a one would move its ends.
+    The scatter of a short rest is known to a quarter only; too small a one would move its ends. Of coarse steps most
+    blocks show one number, and the scatter is none.
 
     Parameters
     ----------
@@ -82,7 +83,8 @@ def usual_scatter(blocks: Blocks, runs: list[tuple[int, int]]) -> Vector:
     lengths = np.array([last - first for first, last in runs])
     # moments of a turn that look like rest are short and many: the longer half decides
     kept = np.array(scatters)[lengths >= np.median(lengths)]
-    return median(kept)
+    smoothed = max(SMOOTHING_SECONDS / blocks.seconds, 1.0) * blocks.size
+    return np.maximum(median(kept), _least_steps(blocks, triad) / np.sqrt(12.0 * smoothed))
 
 
 def shape_stretch(
@@ -185,27 +187,39 @@ def _crossing(distance: Series, k: int, limit: float) -> float:
     return k + 0.5 - float(np.clip(share, 0.0, 1.0))
 
 
-def find_knocks(blocks: Blocks, stretch: Stretch, activity: Activity) -> list[tuple[int, int]]:
-    """Return the block ranges inside a stretch that are far rougher than the rest of it.
+def leave_out_knocks(blocks: Blocks, stretches: list[Stretch], activity: Activity) -> None:
+    """Exclude the blocks inside stretches that are far rougher than the rest of each, and than coarse steps make them.
 
     Parameters
     ----------
     blocks, activity : of the whole recording.
-    stretch : a rest with its ends.
+    stretches : rests with their ends.
     """
     limit = NO_MOTION * activity.threshold
     scales = (activity.gravity or 1.0, 1.0 / (activity.rate_scale or 1.0))
-    first, last = int(np.ceil(stretch.start)), int(stretch.stop)
-    rough = np.zeros(max(last - first, 0), dtype=bool)
-    for triad, scale in zip((blocks.specific_force, blocks.angular_rate), scales, strict=True):
-        if triad is None or rough.size == 0:
-            continue
-        total = triad.roughness[first:last].sum(axis=1, dtype=float)
-        rough |= total > KNOCK * max(float(np.sort(total)[total.size // 2]), (limit * scale) ** 2)
-    spread = rough.copy()
-    spread[1:] |= rough[:-1]
-    spread[:-1] |= rough[1:]
-    return [(first + a, first + b) for a, b in find_runs(spread)]
+    triads = [
+        (triad, (limit * scale) ** 2, 0.5 * float(np.sum(_least_steps(blocks, triad) ** 2)))
+        for triad, scale in zip((blocks.specific_force, blocks.angular_rate), scales, strict=True)
+        if triad is not None
+    ]
+    for stretch in stretches:
+        first, last = int(np.ceil(stretch.start)), int(stretch.stop)
+        rough = np.zeros(max(last - first, 0), dtype=bool)
+        for triad, nothing, steps in triads if rough.size else []:
+            total = triad.roughness[first:last].sum(axis=1, dtype=float)
+            usual = max(float(np.sort(total)[total.size // 2]), nothing)
+            # Each sample another number than the last by one step is noise that other blocks do not show.
+            rough |= total > max(KNOCK * usual, steps)
+        spread = rough.copy()
+        spread[1:] |= rough[:-1]
+        spread[:-1] |= rough[1:]
+        stretch.excluded = [(first + a, first + b) for a, b in find_runs(spread)]
+
+
+def _least_steps(blocks: Blocks, triad: TriadBlocks) -> Vector:
+    """(3,) the least change from sample to sample of each axis, raw: of an output in steps, one step."""
+    changed = np.where(triad.roughness > 0.0, triad.roughness, np.inf).min(axis=0).astype(np.float64)
+    return np.sqrt(2.0 * blocks.size * np.where(np.isfinite(changed), changed, 0.0))
 
 
 def _pose_change(before: Stretch, after: Stretch, activity: Activity) -> tuple[float, float]:

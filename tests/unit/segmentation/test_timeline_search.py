@@ -115,6 +115,28 @@ def test_a_knock_is_left_out_of_the_hold_that_goes_on_after_it() -> None:
     assert sum(b - a for a, b in hold.excluded) < 0.6 * RATE
 
 
+def test_a_change_by_a_coarse_step_is_no_knock() -> None:
+    """Steps of five times the noise: of a hold's blocks most show one number all along, some the next for a sample."""
+    recording, edges = tumbled()
+    assert recording.specific_force is not None
+    assert recording.angular_rate is not None
+    still = recording.angular_rate - [0.01, -0.02, 0.005]
+
+    def stepped(rate: np.ndarray) -> Recording:
+        return replace(
+            recording,
+            specific_force=np.round(np.asarray(recording.specific_force) / 0.1) * 0.1,
+            angular_rate=np.round(rate / 0.01) * 0.01,
+        )
+
+    assert_finds(stepped(still), edges)
+    assert not any(hold.excluded for hold in find_timeline(stepped(still)).holds)
+    first = round(5.5 * RATE)
+    still[first : first + 10] += 0.8 * np.sin(2 * np.pi * np.arange(10) / 10)[:, None]
+    (knocked,) = [hold for hold in find_timeline(stepped(still)).holds if hold.excluded]
+    assert any(a <= first and first + 8 <= b for a, b in knocked.excluded)
+
+
 def test_a_rest_too_short_for_a_hold_is_named_with_its_length() -> None:
     recording, _ = tumbled()
     # the pose in the middle lasts 0.6 s only
