@@ -14,6 +14,7 @@ W = TypeVar("W")
 _LISTENER: ContextVar[Callable[[float], None] | None] = ContextVar("listener", default=None)
 _OFTEN = 0.2  # s between two words
 _TOO_EARLY = 1.0  # s from when on a time left is no guess
+_WIDTH = 20  # signs of a bar
 
 
 def counted(items: Iterable[T], total: float, size: Callable[[T], float] | None = None) -> Iterator[T]:
@@ -59,7 +60,7 @@ def listening(show: Callable[[float], None]) -> Generator[None]:
 
 
 class Stage(Generic[W]):
-    """What is being done, with how much of it is done and how long the rest takes.
+    """What is being done, with a bar of how much of it is done and how long the rest takes.
 
     Parameters
     ----------
@@ -81,8 +82,9 @@ class Stage(Generic[W]):
             return
         taken = time.monotonic() - self._began
         if taken > _TOO_EARLY:
-            left = time_words(taken * (1.0 - share) / share)
-            self._show(f"{self._words}: {100.0 * share:.0f} %, {left} left")
+            left, full = time_words(taken * (1.0 - share) / share), round(_WIDTH * share)
+            bar = "━" * full + "╌" * (_WIDTH - full)
+            self._show(f"{self._words} {bar} {100.0 * share:.0f} %, {left} left")
 
 
 def time_words(seconds: float) -> str:

@@ -19,6 +19,7 @@ import tumble
 from second_simulator import GRADES, PROCEDURES
 from tumble.document import Calibration
 from tumble.errors import ConvergenceError
+from tumble.estimation.solve import solve
 
 QUICK = {
     "strapdown-rotation": {"rate": 50.0},
@@ -202,6 +203,37 @@ def test_a_pose_that_two_holds_could_be_blamed_for_is_not_fit(tmp_path: Path) ->
         tumble.calibrate(pl.DataFrame(made.columns()), protocol=file, rate="100±0.005").calibration
     )
     assert "it would explain what was recorded about as well" in said
+
+
+def test_an_angle_that_another_one_could_be_blamed_for_is_not_fit(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of both ways about an axis the right one is left out: the other explains what was recorded better."""
+    from tumble.calibration.outcome import contradictions, estimate
+
+    kept: list[estimate.JointOutcome] = []
+    monkeypatch.setattr(estimate, "contradictions", lambda outcome: kept.append(outcome) or [])
+    made = PROCEDURES["turntable"](
+        GRADES["industrial"], np.random.default_rng(3), "misread", **QUICK["turntable"]
+    )
+    file = tmp_path / "protocol.yaml"
+    file.write_text(made.protocol, encoding="utf-8")
+    tumble.calibrate(pl.DataFrame(made.columns()), protocol=file, rate="25±0.00003")
+    outcome = kept[-1]
+    rows = list(outcome.data.rotations)
+    (wrong,) = (k for k in rows if not outcome.task.taking_part["angle"][k])
+    assert not contradictions.contradictions(outcome)
+    # Rotations go both ways about an axis one after the other.
+    right = rows[rows.index(wrong) ^ 1]
+    task = outcome.task.copy()
+    task.taking_part["angle"][[wrong, right]] = True, False
+    masked = replace(outcome, task=task, balanced=replace(outcome.balanced, solution=solve(task)))
+    said = " ".join(contradictions.contradictions(masked))
+    names = [outcome.data.rotations[k].name for k in (right, wrong)]
+    assert (
+        f"The angle of {names[0]} contradicts the rest and was left out. Were that of {names[1]} wrong"
+        in said
+    )
 
 
 def test_a_gravity_that_is_nowhere_at_that_latitude_is_refused() -> None:

@@ -84,3 +84,24 @@ def test_a_table_without_turns_between_its_faces_shows_no_axes_but_where_it_stan
     monkeypatch.setattr(JointAdjustment, "__post_init__", without_turns)
     found, _ = on_a_table("consumer", seed, (20.0, 80.0), tmp_path)
     assert found.verdict.fit
+
+
+def test_accelerometers_that_wander_on_a_table_are_found_by_every_rest_and_not_by_six_poses(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of 30 rests six are placed, to 0.2°: these alone left what data sheets give, a quarter of it."""
+    from tumble.calibration import recording_influences as influences
+
+    densities: list[np.ndarray] = []
+    between = influences._between  # pyright: ignore[reportPrivateUsage]
+
+    def noted(task: object) -> dict[str, np.ndarray]:
+        made = between(task)  # pyright: ignore[reportArgumentType]
+        densities.append(made[influences.FORCE_WANDER])
+        return made
+
+    monkeypatch.setattr(influences, "_between", noted)
+    on_a_table("hobby", 1003, (20.0, 80.0), tmp_path)
+    # B² / pi per unit of ln f; the unit of the file is g.
+    true = (GRADES["hobby"].accelerometer.flicker / 9.80665) ** 2 / np.pi
+    assert 0.5 < float(np.mean(densities[-1])) / true < 2.0

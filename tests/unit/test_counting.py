@@ -51,5 +51,5 @@ def test_the_rest_takes_as_long_as_what_is_done(monkeypatch: pytest.MonkeyPatch)
     stage.at(0.01)
     now[0] = 160.0
     stage.at(0.25)
-    assert shown == ["reading", "reading: 25 %, 30 s left"]
+    assert shown == ["reading", "reading ━━━━━╌╌╌╌╌╌╌╌╌╌╌╌╌╌╌ 25 %, 30 s left"]
     assert time_words(180.0) == "3 min"

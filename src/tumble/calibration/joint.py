@@ -157,8 +157,7 @@ def calibrate_joint(
     tests: list[TermTest] = []
     untried: list[str] = []
     if optional_terms:
-        say("optional terms")
-        task, balanced, tests, untried = _with_terms(task, balanced, fresh, plain, of_table, sought)
+        task, balanced, tests, untried = _with_terms(task, balanced, fresh, plain, of_table, sought, say)
     outcome = JointOutcome(recording, task, balanced, tests, start, untold, frame, has_gyro, prior, untried)
     outcome.table_sigma = None if alike is None else alike.get("table_rate")
     if keep is not None:
@@ -417,12 +416,14 @@ def _with_terms(
     plain: np.ndarray,
     of_table: list[str],
     sought: frozenset[str],
+    say: Callable[[str], None],
 ) -> tuple[JointAdjustment, Balanced, list[TermTest], list[str]]:
     """Try all optional terms at once, drop the least significant until every one left is wanted.
 
     `fresh` has its variances and what takes part as they were before anything was balanced: what looks like a bad turn
     without a term may be the term. Returned last are the terms that were not tried.
     """
+    say("optional terms")
     offered = offered_terms(has_gyro=task.unknowns.is_free("gyro.bias")) + of_table
     names: list[str] = _determined(task, plain, offered)
     untried = [name for name in offered if name not in names]
@@ -430,6 +431,7 @@ def _with_terms(
     without = _without_terms(task, base, fresh, plain)
     names = _not_needless(*without, plain, names, tests, limits, sought)
     while names:
+        say(f"optional terms: {len(names)} of {len(offered)} in question")
         trial = _from_before(task, fresh, unknowns_with(plain, names))
         trial.prior = together(trial.prior, terms_prior(trial.unknowns))
         try:

@@ -63,6 +63,13 @@ class Linear:
         terms = len(self.residual) if self.active is None else int(np.count_nonzero(self.active))
         return terms * self.residual.shape[1]
 
+    @property
+    def shape(self) -> tuple[object, ...]:
+        """What terms have in common that can stand in the same arrays."""
+        derivatives = self.by_node, self.by_next, self.by_bias
+        widths = (None if of is None else of.shape[1:] for of in derivatives)
+        return self.residual.shape[1], self.node.size > 0, *widths
+
     def part(self, at: slice, first: int) -> Linear:
         """Return some of the terms, of a chain whose nodes begin at `first`; `counted` stays behind."""
         by_node, by_next, active, by_bias = (
@@ -161,8 +168,11 @@ class Equations:
         """
         made: list[tuple[Linear, list[int]]] = []
         for parts in zip_longest(*(one.linearise(state) for one in group)):
-            counts = [0 if part is None else len(part.residual) for part in parts]
-            made.append((Linear.together([part for part in parts if part is not None]), counts))
+            # What one section sees of the Earth's rotation, say, are four numbers, and another one sees three.
+            for shape in dict.fromkeys(part.shape for part in parts if part is not None):
+                taken = [part if part is not None and part.shape == shape else None for part in parts]
+                counts = [0 if part is None else len(part.residual) for part in taken]
+                made.append((Linear.together([part for part in taken if part is not None]), counts))
         return made
 
     def linearise(self, state: Any) -> Sequence[Linear]:

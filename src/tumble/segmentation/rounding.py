@@ -105,6 +105,29 @@ def rounding_of_each(signal: Vectors, items: Sequence[Item], means: Vectors) -> 
     return left
 
 
+def integral_variance(signal: Vectors, ranges: np.ndarray, left: Vector, jitter: float) -> Vectors:
+    """Return (ranges, 3) variance of integrals by stamps that jitter, and by values that are rounded; raw² s².
+
+    A stamp that is late by j makes an integral wrong by j times the change of the signal there. Neighbouring samples
+    that show the same number are off by the same, as far as noise does not dither them.
+
+    Parameters
+    ----------
+    signal : (samples, 3) raw, as the converter wrote it.
+    ranges : (ranges, 2) half-open, of samples; one that begins below zero is none.
+    left : (3,) raw² s², variance of what rounding leaves in a sample, times the square of the step of time.
+    jitter : s, of a stamp.
+    """
+    made = np.zeros((len(ranges), 3))
+    for k in np.flatnonzero(ranges[:, 0] >= 0).tolist():
+        own = np.asarray(signal[ranges[k, 0] : ranges[k, 1]], dtype=float)
+        made[k] = jitter**2 * np.sum((0.5 * (own[2:] - own[:-2])) ** 2, axis=0)
+        for axis in np.flatnonzero(left > 0.0).tolist():
+            ends = np.flatnonzero(np.diff(own[:, axis], prepend=np.nan, append=np.nan) != 0.0)
+            made[k, axis] += left[axis] * float(np.sum(np.diff(ends) ** 2))
+    return made
+
+
 def _some(items: Sequence[Item]) -> list[tuple[int, int]]:
     """The first stretches of some of the rests."""
     chosen = np.unique(np.linspace(0, len(items) - 1, min(len(items), _RESTS)).astype(int))

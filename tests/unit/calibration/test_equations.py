@@ -399,3 +399,20 @@ def test_what_tilts_take_off_gravity_is_that_of_drawn_attitudes(scenes: dict[str
         off = np.swapaxes(turned @ C, 1, 2) @ up @ (C.T @ up) / (up @ up) - 1.0
         assert np.mean(off) == pytest.approx(mean[hold, 3:6] @ along, rel=0.03)
         assert np.var(off) == pytest.approx(along @ covariance[hold, 3:6, 3:6] @ along, rel=0.06)
+
+
+def test_what_the_gyros_steps_hide_on_a_tables_ramps_is_in_the_first_and_the_last_link_alone() -> None:
+    task = _on_table(rated=False)
+
+    def spread() -> Any:
+        (rotation,) = [inner for _, inner in RecordingStretch(task).within[0][1].within]
+        (links,) = [one for one in rotation.equations if one.kind == "links"]
+        return links.linearise(task)[0].covariance
+
+    before = spread()
+    ramps = np.array([[1e-4, 3e-4, 2e-4], [5e-4, 1e-4, 4e-4]])
+    task.data.rotations[0].ramp_sampling = ramps
+    more = np.trace(spread() - before, axis1=1, axis2=2)
+    inverse = np.linalg.inv(MODEL.gyroscope.matrix)
+    np.testing.assert_allclose(more[[0, -1]], ramps @ np.sum(inverse**2, axis=0), rtol=1e-6)
+    np.testing.assert_allclose(more[1:-1], 0.0, atol=1e-15)

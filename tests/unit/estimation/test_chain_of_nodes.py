@@ -223,6 +223,8 @@ class Drawn(Equations):
             self._linear(rng, np.zeros(0, int), 2, border, 0, 0),
         ]
         self.made[0].active = rng.random(at.size) < 0.7 if seed % 2 else None
+        # As many residuals a term as the number of nodes says, so that not all chains have as many.
+        self.made.append(self._linear(rng, np.zeros(0, int), nodes, border, 0, 0))
         if nodes > 1:
             self.made.append(self._linear(rng, np.arange(nodes - 1), 3, border, 3, 3))
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tumble.segmentation.averages import mean_covariance
-from tumble.segmentation.rounding import converter_step, rounding_variance
+from tumble.segmentation.rounding import converter_step, integral_variance, rounding_variance
 
 STEP = np.array([0.4, 3.0, 0.07])
 
@@ -73,3 +73,20 @@ def test_decimals_that_were_cut_off_leave_a_step_and_rests_without_noise_have_no
     )
     still = np.repeat(rng.standard_normal((40, 3)), 50, axis=0)
     np.testing.assert_array_equal(converter_step(still), np.zeros(3))
+
+
+def test_an_integral_over_a_tables_ramp_is_off_by_what_one_number_hides_and_by_late_stamps() -> None:
+    """From rest to a rate: along the axis steps pass, across it one number stays; stamps matter where it changes."""
+    rng, samples, runs = np.random.default_rng(5), 120, 400
+    ramp = np.clip(np.arange(samples) / 60.0, 0.0, 1.0)[:, None] * np.array([0.05, 40.0, -0.1])
+    off, stated = np.zeros(3), np.zeros(3)
+    for _ in range(runs):
+        true = ramp + rng.uniform(-0.5, 0.5, 3) + 0.03 * rng.standard_normal((samples, 3))
+        signal = np.rint(true) * STEP
+        off += np.sum(signal - true * STEP, axis=0) ** 2 / runs
+        stated += integral_variance(signal, np.array([[0, samples]]), STEP**2 / 12.0, 0.0)[0] / runs
+    # Of one number the whole run is off alike; steps that pass average out.
+    np.testing.assert_allclose(np.sqrt(stated / off), 1.0, atol=0.15)
+    late = integral_variance(ramp, np.array([[0, samples], [-1, 5]]), np.zeros(3), 0.01)
+    np.testing.assert_allclose(late[0], 1e-4 * 59.25 * (ramp[-1] / 60.0) ** 2, rtol=1e-9)
+    np.testing.assert_array_equal(late[1], np.zeros(3))

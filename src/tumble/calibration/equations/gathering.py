@@ -10,7 +10,7 @@ from tumble.errors import ObservabilityError
 from tumble.recording.clock import stamp_jitter
 from tumble.recording.recording import Recording
 from tumble.segmentation import Hold, HoldMeans, NoiseFloor, Timeline
-from tumble.segmentation.rounding import rounding_of_each, step_at_rests
+from tumble.segmentation.rounding import integral_variance, rounding_of_each, step_at_rests
 
 # A turn joins a hold over its last or first two seconds: long enough to average the accelerometer's
 # noise below the gyro's, short enough that a creeping pose does not matter.
@@ -82,23 +82,12 @@ def _least(sigma: Vector, signal: Vectors, rests: list[list[tuple[int, int]]]) -
 def _sampling(
     recording: Recording, means: HoldMeans, rests: list[list[tuple[int, int]]], turns: np.ndarray
 ) -> Vectors:
-    """Return (holds, 3) variance of turns' integrals by stamps that jitter, and by values that are rounded.
-
-    A stamp that is late by j makes an integral wrong by j times the change of the rate there. Neighbouring samples that
-    show the same number are off by the same, as far as noise does not dither them.
-    """
-    rate, jitter = recording.angular_rate, stamp_jitter(recording.time)
+    """Return (holds, 3) raw² s², variance of turns' integrals by stamps that jitter, and by values that are rounded."""
+    rate = recording.angular_rate
     assert rate is not None
     assert means.angular_rate is not None
     left = rounding_of_each(rate, rests, means.angular_rate).mean(axis=0) / recording.rate**2
-    made = np.zeros((len(turns), 3))
-    for k in np.flatnonzero(turns[:, 0] >= 0).tolist():
-        own = np.asarray(rate[turns[k, 0] : turns[k, 1]], dtype=float)
-        made[k] = jitter**2 * np.sum((0.5 * (own[2:] - own[:-2])) ** 2, axis=0)
-        for axis in np.flatnonzero(left > 0.0).tolist():
-            ends = np.flatnonzero(np.diff(own[:, axis], prepend=np.nan, append=np.nan) != 0.0)
-            made[k, axis] += left[axis] * float(np.sum(np.diff(ends) ** 2))
-    return made
+    return integral_variance(rate, turns, left, stamp_jitter(recording.time))
 
 
 def _floor(covariance: Matrices, sigma: Vector, means: HoldMeans, rounding: Vectors | None) -> Vector:

@@ -21,7 +21,8 @@ from tumble.calibration.equations.swing import Swings, hold_swings
 from tumble.calibration.equations.turn import HoldsAndTurns, window_directions
 from tumble.estimation.unknowns import Unknowns
 from tumble.estimation.wander import covariance_about_the_mean, mode_count, wander_basis
-from tumble.segmentation.rounding import rounding_of_each, rounding_variance
+from tumble.recording.clock import stamp_jitter
+from tumble.segmentation.rounding import integral_variance, rounding_of_each, rounding_variance
 
 # The share of a window that the other parts must leave for a middle of its own.
 SMALLEST_MIDDLE = 0.05
@@ -44,6 +45,8 @@ class TableRotation:
     mode_share : (modes,) variance of each mode's amplitude, per unit of ``ln f`` of the wander's density.
     seconds : s from the first window's start to the last one's end.
     rate_rounding : (3,) raw², by which the gyros are off all along, as their steps leave it.
+    ramp_sampling : (2, 3) raw² s², variance of the gyros' integrals before the first window and after the last, by
+        their steps and by stamps that jitter.
     angle, angle_sigma : rad that the table says it turned from rest to rest, with the gyros' own sign about
         their own axis; None if nobody read it.
     turn_rate, rate_sigma : rad/s against the Earth at which it is believed to turn over all windows; None if nobody
@@ -70,6 +73,7 @@ class TableRotation:
     row: int = -1
     name: str = ""
     rate_rounding: Vector = field(default_factory=lambda: np.zeros(3))
+    ramp_sampling: Vectors = field(default_factory=lambda: np.zeros((2, 3)))
 
 
 @dataclass(slots=True)
@@ -287,12 +291,21 @@ def with_rounding(base: HoldsAndTurns, rotations: list[TableRotation]) -> HoldsA
     if not rotations:
         return base
     rests = [[(int(a), int(b))] for a, b in zip(base.head[:, 0], base.tail[:, 1], strict=True)]
-    # A table's rate is one number all along, as a rest is.
+    # A table's rate is one number all along, as a rest is. What the gyros across show may be one number in all spins.
     whole = [[(int(one.windows[0, 0]), int(one.windows[-1, 1]))] for one in rotations]
     means = np.array([one.rate.mean(axis=0) for one in rotations])
-    turning = rounding_of_each(base.raw_rate, [*rests, *whole], np.concatenate([base.rate_mean, means]))
-    for rotation, left in zip(rotations, turning[base.holds :], strict=True):
+    for rotation, left in zip(rotations, rounding_variance(base.raw_rate, whole, means), strict=True):
         rotation.rate_rounding = left
+    still = rounding_of_each(base.raw_rate, rests, base.rate_mean).mean(axis=0)
+    jitter = stamp_jitter(base.time)
+    for one in rotations:
+        inner = one.windows[0, 0], one.windows[-1, 1]
+        ramps = np.array(
+            [(base.tail[one.before, 1] - 1, inner[0]), (inner[1], base.head[one.before + 1, 0] + 1)]
+        )
+        # What is off alike at the rate is so on the way to it.
+        left = np.maximum(still, one.rate_rounding) * base.step**2
+        one.ramp_sampling = integral_variance(base.raw_rate, ramps, left, jitter)
     windows = [[(int(a), int(b))] for one in rotations for a, b in one.windows]
     force = np.concatenate([base.force_mean, *(one.force for one in rotations)])
     shown = rounding_variance(base.raw_force, [*rests, *windows], force)

@@ -311,7 +311,9 @@ class Links(AlikeEquations):
         by_border[lasts, :, layout.end] = shown.by_end[lasts]
         edges = np.zeros(len(residual))
         edges[firsts], edges[lasts] = edge_seconds(data, np.array([one.stretch.k for one in group]))
-        covariance = link_covariance(data, C_start, link, u, edges, own_bias=False)
+        timing = np.zeros((len(residual), 3))
+        timing[firsts], timing[lasts] = zip(*(one.spin.ramp_sampling for one in group), strict=True)
+        covariance = link_covariance(data, C_start, link, u, edges, own_bias=False, timing=timing)
         faster = np.repeat([faster_variance(*one.spin.modes.shape) for one in group], counts)[:, None, None]
         covariance = covariance + faster * (wander * data.rate_density) @ np.swapaxes(wander, 1, 2)
         # The first link ends at the first window and the last begins at the last one: holds stand in the border.

@@ -22,6 +22,7 @@ import numpy as np
 from tumble.arrays import AnyArray, Matrices, Matrix, Series, Table, Vectors, inverted
 from tumble.estimation import Linearisation
 from tumble.segmentation import SpinMeans
+from tumble.sensor import Triad
 
 # Share of its rate within which the mean rate of the best tables repeats.
 STEADIEST = 1e-7
@@ -156,7 +157,10 @@ class SpinConditions:
         groups, rows = readings.spin.shape
         matrix = full[MATRIX].reshape(3, 3)
         before = self.values[MATRIX].reshape(3, 3)
-        u = readings.rate @ before.T
+        # What each sensor was shown, the tilt of its placement with it: no nominal axis has that.
+        shown = (readings.observed - self.values[BIASES:].reshape(groups, 1, 3)).reshape(-1, 3)
+        sensors = Triad(before, np.zeros(3), self.values[ASYMMETRY], self.values[QUADRATIC])
+        u = sensors.own_input(shown).reshape(groups, rows, 3)
         biases = full[BIASES:].reshape(groups, 1, 3)
         terms = full[ASYMMETRY] * np.abs(u) + full[QUADRATIC] * u**2
         misclosure = readings.rate @ matrix.T + terms + biases - readings.observed

@@ -48,6 +48,7 @@ def contradictions(outcome: JointOutcome) -> list[str]:
     return [
         *_of_poses(outcome),
         *_of_pose_left_out(outcome),
+        *_of_angle_left_out(outcome),
         *_of_fixture_turns(outcome),
         *_of_earth(outcome),
         *_of_rates(outcome),
@@ -87,28 +88,54 @@ def _chance_of_scatter(outcome: JointOutcome, times: float) -> float:
 
 def _of_pose_left_out(outcome: JointOutcome) -> list[str]:
     """A pose that was left out where another one's error explains what was recorded about as well."""
-    poses, taking_part = outcome.data.poses, outcome.task.taking_part["pose"]
-    if poses is None or np.all(taking_part[poses.hold]):
+    poses = outcome.data.poses
+    if poses is None:
         return []
-    found: list[tuple[float, int, int]] = []
-    for left_out in poses.hold[~taking_part[poses.hold]].tolist():
-        for other in poses.hold[taking_part[poses.hold]].tolist():
-            task = outcome.task.copy()
-            task.taking_part["pose"][[left_out, other]] = True, False
-            try:
-                unlikely = solve(task).square_sum
-            except (ConvergenceError, ObservabilityError):
-                continue
-            found.append((unlikely, left_out, other))
-    if not found or min(found)[0] > outcome.balanced.solution.square_sum + EVIDENT:
+    exchanged = _exchanged(outcome, "pose", poses.hold)
+    if exchanged is None:
         return []
-    _, left_out, other = min(found)
+    left_out, other = exchanged
     said = (
         f"The pose of hold {left_out + 1} contradicts the rest and was left out. Were that of hold {other + 1} wrong "
         "instead, it would explain what was recorded about as well, and the result would be another. Place the unit in "
         "both again, or in more poses."
     )
     return [said]
+
+
+def _of_angle_left_out(outcome: JointOutcome) -> list[str]:
+    """An angle that was left out where another one's error explains what was recorded about as well."""
+    rotations = outcome.data.rotations
+    exchanged = _exchanged(
+        outcome, "angle", np.array([k for k, s in rotations.items() if s.angle is not None], int)
+    )
+    if exchanged is None:
+        return []
+    left_out, other = (rotations[k].name for k in exchanged)
+    said = (
+        f"The angle of {left_out} contradicts the rest and was left out. Were that of {other} wrong instead, it would "
+        "explain what was recorded about as well, and the result would be another. Look at both in the protocol "
+        "(`angle_deg`), or turn again."
+    )
+    return [said]
+
+
+def _exchanged(outcome: JointOutcome, kind: str, rows: np.ndarray) -> tuple[int, int] | None:
+    """The one that was left out and the other one that could be left out as well in its place, by the square sum."""
+    taking_part = outcome.task.taking_part[kind]
+    found: list[tuple[float, int, int]] = []
+    for left_out in rows[~taking_part[rows]].tolist():
+        for other in rows[taking_part[rows]].tolist():
+            task = outcome.task.copy()
+            task.taking_part[kind][[left_out, other]] = True, False
+            try:
+                unlikely = solve(task).square_sum
+            except (ConvergenceError, ObservabilityError):
+                continue
+            found.append((unlikely, left_out, other))
+    if not found or min(found)[0] > outcome.balanced.solution.square_sum + EVIDENT:
+        return None
+    return min(found)[1:]
 
 
 def _of_fixture_turns(outcome: JointOutcome) -> list[str]:

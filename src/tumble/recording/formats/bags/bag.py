@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
+from tumble.counting import counted
 from tumble.errors import RecordingError, UsageError
 from tumble.recording.formats.bags.bag_field import is_field_topic, read_field, split_wanted
 from tumble.recording.formats.bags.ros_messages import READABLE, decode, holds, samples_of
@@ -274,7 +275,9 @@ class _Batches:
 
     def pieces(self, bag: Bag) -> Iterator[dict[str, Samples]]:
         """Yield all messages of the chosen topics, some thousands at a time."""
-        for name, time, data in bag.messages(self.choice.names()):
+        names = self.choice.names()
+        messages, total = bag.messages(names), sum(self.topics[name].count or 0 for name in names)
+        for name, time, data in counted(messages, total) if total else messages:
             if self.add(name, time, data):
                 yield self.drain()
         if rest := self.drain():
