@@ -1,8 +1,9 @@
 """Build of the compiled loops: everything else about the package stands in pyproject.toml.
 
-Every `kernels.py` is Python that Cython translates to C. On x86-64 with Linux each loop is made twice, for any such
-processor and for those of the level v3 (AVX2, FMA), and the loader takes the one that the machine has. What was built
-is kept by the hash of all that went into it, so that another checkout of the same sources builds in a second.
+Every `kernels.py` is Python that Cython translates to C. On x86-64 with Linux each loop is made thrice, for any such
+processor and for those of the levels v3 (AVX2, FMA) and v4 (AVX-512), and the loader takes the one that the machine
+has. What was built is kept by the hash of all that went into it, so that another checkout of the same sources builds
+in a second.
 """
 
 from __future__ import annotations
@@ -52,11 +53,11 @@ DIRECTIVES = {
 # Sums may be added in any order where only their total is wanted; what is not a number stays so.
 ANY_ORDER = ["-fassociative-math", "-fno-signed-zeros", "-fno-trapping-math", "-fno-math-errno"]
 FLAGS = {"src/tumble/noise/kernels.py": ANY_ORDER, "src/tumble/navigation/filter/kernels.py": ANY_ORDER}
-TWICE = """
+LEVELS = """
 #if defined(__x86_64__) && defined(__linux__) && defined(__GLIBC__)
-#define TUMBLE_TWICE __attribute__((target_clones("arch=x86-64-v3", "default")))
+#define TUMBLE_LEVELS __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default")))
 #else
-#define TUMBLE_TWICE
+#define TUMBLE_LEVELS
 #endif
 #if defined(__GNUC__)
 #define TUMBLE_INLINE inline __attribute__((always_inline))
@@ -122,7 +123,7 @@ def _shared() -> str:
 
 
 def _translated(extension: Extension) -> str:
-    """Return the C file of a source, its loops marked to be made twice."""
+    """Return the C file of a source, its loops marked to be made for several processors."""
     (made,) = cythonize(
         [extension],
         build_dir="build/c",
@@ -135,7 +136,7 @@ def _translated(extension: Extension) -> str:
     path = Path(made.sources[0])
     marked = re.sub(
         r"^static (PyObject \*__pyx_pf_|(?!CYTHON_INLINE)\w+ __pyx_f_)",
-        r"TUMBLE_TWICE static \1",
+        r"TUMBLE_LEVELS static \1",
         path.read_text(encoding="utf-8"),
         flags=re.MULTILINE,
     )
@@ -145,7 +146,7 @@ def _translated(extension: Extension) -> str:
     )
     # after Python.h, which says what the C library is
     path.write_text(
-        marked.replace('#include "Python.h"\n', f'#include "Python.h"\n{TWICE}', 1), encoding="utf-8"
+        marked.replace('#include "Python.h"\n', f'#include "Python.h"\n{LEVELS}', 1), encoding="utf-8"
     )
     return str(path)
 

@@ -155,7 +155,7 @@ def pairs(asked: argparse.Namespace, folder: Path) -> list[Pair]:
     if find_spec("allantools"):
         ours, theirs = ([sys.executable, "-c", code] for code in (OURS, ALLANTOOLS))
         found.append(
-            Pair("noise, 10⁶ samples, 94 times", ours, theirs, "allantools", most=1 / 30, inner=True)
+            Pair("noise, 10⁶ samples, 85 times", ours, theirs, "allantools", most=1 / 30, inner=True)
         )
     if asked.imu_tk:
         theirs = [*shlex.split(asked.imu_tk), *files]

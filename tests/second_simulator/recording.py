@@ -217,8 +217,8 @@ def spoiled(made: Simulation, fault: str | None, rng: np.random.Generator) -> Si
     elif fault == "dead-accelerometer":
         force[:, axis] = force[0, axis]
     elif fault == "lag":
-        late = round(0.05 * made.path.rate)
-        force = np.concatenate((np.repeat(force[:1], late, axis=0), force[:-late]))
+        late = np.arange(count) * step - 0.05
+        force = np.stack([np.interp(late, np.arange(count) * step, one) for one in force.T], axis=1)
     elif fault == "other-units":
         one = 1 / STANDARD_GRAVITY if made.units.startswith("m/s^2") else STANDARD_GRAVITY
         force[:, axis] *= one

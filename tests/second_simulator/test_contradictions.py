@@ -380,3 +380,10 @@ def test_a_term_that_a_later_trial_gives_up_is_not_kept() -> None:
     assert found.gyroscope is not None
     kept = {one.name for one in found.quality.optional_terms if one.kept}
     assert ("g_sensitivity" in kept) == (found.gyroscope.g_sensitivity is not None)
+
+
+def test_swapped_axes_that_few_turns_show_are_not_fit() -> None:
+    """Thirty windows of turning: each bias stood in the place of the other gyro, 680 sigmas off and fit."""
+    found = calibrated("six-faces", "swapped-gyro", "consumer", 850005)
+    assert not found.verdict.fit
+    assert any("seems to stand in gz" in reason for reason in found.verdict.reasons)

@@ -63,7 +63,7 @@ from tumble.calibration.start import gather_what_there_is, rough_start, rough_va
 from tumble.calibration.terms import TERMS
 from tumble.earth import Site
 from tumble.errors import ConvergenceError, ObservabilityError
-from tumble.estimation.balance import Balanced
+from tumble.estimation.balance import Balanced, Noise
 from tumble.estimation.solve import linearise, solve
 from tumble.estimation.unknowns import Unknowns
 from tumble.recording.recording import Recording
@@ -425,7 +425,7 @@ def _with_terms(
     """
     say("optional terms")
     offered = offered_terms(has_gyro=task.unknowns.is_free("gyro.bias")) + of_table
-    names: list[str] = _determined(task, plain, offered)
+    names: list[str] = _determined(task, fresh, plain, offered)
     untried = [name for name in offered if name not in names]
     limits, tests = term_limits(offered), dict[str, TermTest]()
     without = _without_terms(task, base, fresh, plain)
@@ -540,10 +540,18 @@ def _from_before(task: JointAdjustment, fresh: JointAdjustment, free: np.ndarray
     return replace(task.copy(free), noise=fresh.noise.copy(), taking_part=fresh.copy().taking_part)
 
 
-def _determined(task: JointAdjustment, plain: np.ndarray, names: list[str]) -> list[str]:
-    """The terms that the recording determines, by the information where the adjustment without them has settled."""
-    trial = task.copy()
-    trial.unknowns = trial.unknowns.with_free(unknowns_with(plain, names))
+def _determined(
+    task: JointAdjustment, fresh: JointAdjustment, plain: np.ndarray, names: list[str]
+) -> list[str]:
+    """The terms that the recording determines, by the information where the adjustment without them has settled.
+
+    All that was recorded counts: a turn may have been left out for the very term that nothing else shows.
+    """
+    trial = replace(
+        task.copy(unknowns_with(plain, names)),
+        noise=Noise(dict(task.noise.added), fresh.noise.copy().factors),
+        taking_part=fresh.copy().taking_part,
+    )
     return determined_terms(linearise(trial)[1], trial.unknowns, plain, names)
 
 

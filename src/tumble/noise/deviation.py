@@ -356,28 +356,28 @@ def _assumed(
     allowed = np.array(_exponents(kind))
     # SP 1065 table 4; the modified variance of quantisation falls with the cube.
     slopes = np.where(allowed == 2, -3.0 if kind == "modified" else -2.0, -allowed - 1.0)
-    result = np.zeros(variance.shape, dtype=np.int64)
     clusters = sum(lengths) / averaging
     last = max(int(np.count_nonzero(clusters >= _LEAST_CLUSTERS)) - 1, 0)
-    for k in range(len(averaging)):
-        centre = min(k, last)
-        near = np.abs(np.log(averaging / averaging[centre])) <= np.log(_SLOPE_REACH)
-        near &= np.arange(len(averaging)) <= max(last, centre)
-        slope = _slope(np.log(averaging[near]), variance[near], clusters[near])
-        result[k] = allowed[np.argmin(np.abs(slopes[:, None] - slope), axis=0)]
-    return result
+    centre: Integers = np.minimum(np.arange(len(averaging)), last)
+    x: Series = np.log(averaging)
+    reach = float(np.log(_SLOPE_REACH))
+    first: Integers = np.searchsorted(x, np.asarray(x[centre] - reach))
+    stop: Integers = np.minimum(np.searchsorted(x, np.asarray(x[centre] + reach), "right"), last + 1)
 
+    def near(values: Table) -> Table:
+        """Sums over the near averaging times, by their clusters."""
+        running: Table = np.cumsum(np.vstack([np.zeros_like(values[:1]), clusters[:, None] * values]), axis=0)
+        return running[stop] - running[first]
 
-def _slope(x: Series, variance: Table, weight: Series) -> Series:
-    """Slopes of log variance over x, by channel; that of white noise where there is no slope."""
     y: Table = np.log(np.maximum(variance, np.finfo(float).tiny))
-    middle = float(weight @ x / weight.sum())
-    spread = float(weight @ (x - middle) ** 2)
-    if spread <= 0.0:
-        return -np.ones(variance.shape[1], dtype=np.float64)
-    lever: Series = weight * (x - middle) / spread
-    # The lever's own sum is zero: no mean of y need be taken off.
-    return np.einsum("t,tc->c", lever, y)
+    total, middle = near(np.ones((len(x), 1))), near(x[:, None])
+    spread = near(x[:, None] ** 2) - middle**2 / total
+    # that of white noise where one stands alone
+    alone: npt.NDArray[np.bool_] = (stop - first < 2)[:, None]
+    slope = np.where(
+        alone, -1.0, (near(x[:, None] * y) - middle * near(y) / total) / np.where(alone, 1.0, spread)
+    )
+    return allowed[np.argmin(np.abs(slopes - slope[:, :, None]), axis=2)]
 
 
 def _freedom(

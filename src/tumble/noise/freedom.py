@@ -62,12 +62,17 @@ def _inverse_freedom(
     terms: int, count: float, stride: float, filter_factor: float, exponent: int, order: int
 ) -> float:
     """Return the basic sum over J terms, divided by s_z(0)² M: one over the degrees of freedom."""
-    places = np.arange(terms + 1)
-    values = _differenced(places / stride, filter_factor, exponent, order) ** 2
-    weights = 2.0 * (1.0 - places / count)
+    values = _squares(terms, stride, filter_factor, exponent, order)
+    weights = 2.0 * (1.0 - np.arange(terms + 1) / count)
     weights[0] = 1.0
     weights[-1] *= 0.5
     return float(weights @ values / (values[0] * count))
+
+
+@lru_cache(maxsize=128)
+def _squares(terms: int, stride: float, filter_factor: float, exponent: int, order: int) -> Series:
+    """Return the squared autocovariances of the sum: long averaging times have the same."""
+    return _differenced(np.arange(terms + 1) / stride, filter_factor, exponent, order) ** 2
 
 
 @lru_cache(maxsize=65_536)

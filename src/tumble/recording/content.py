@@ -30,14 +30,19 @@ _EXCHANGED = {a + axis: b + axis for a, b in ("ag", "ga") for axis in "xyz"}
 
 @dataclass(frozen=True, slots=True)
 class Level:
-    """Norm of the accelerometer at rest: its median and relative spread, whether rest was seen, motion in it, noise."""
+    """Norm of the accelerometer at rest: its median and relative spread, motion in it, noise, where rest was seen."""
 
     norm: float
     spread: float
-    at_rest: bool
-    moves: bool = False
-    two: tuple[float, float] | None = None
-    noise: float = 0.0
+    quiet: QuietStretches
+    moves: bool
+    two: tuple[float, float] | None
+    noise: float
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether rest was seen."""
+        return len(self.quiet) > 0
 
 
 def rest_level(recording: Recording) -> Level:
@@ -58,7 +63,7 @@ def rest_level(recording: Recording) -> Level:
     return Level(
         middle,
         spread,
-        bool(len(quiet)),
+        quiet,
         moves,
         two_force_levels(force, recording.rate),
         float(np.max(quiet.floor[:3])),
@@ -255,12 +260,13 @@ def check_angular_rate_unit(recording: Recording, unit: str, name: str) -> list[
     )
 
 
-def check_triads(recording: Recording, name: str, unit: str | None = None) -> None:
+def check_triads(recording: Recording, level: Level | None, name: str, unit: str | None = None) -> None:
     """Refuse declared triads whose numbers show that they are exchanged, or that hold nothing.
 
     Parameters
     ----------
     recording, name : with raw numbers, and what its file is called.
+    level : of the accelerometer, where there is one.
     unit : of the accelerometer, as header or user say; None if nobody does.
 
     Raises
@@ -272,14 +278,15 @@ def check_triads(recording: Recording, name: str, unit: str | None = None) -> No
     for triad, what in ((force, "accelerometer"), (rates, "gyro")):
         if triad is not None and not np.any(triad):
             raise RecordingError(f"{name}: the {what}'s columns are all zeros; was the sensor switched on?")
-    if force is None or rates is None:
+    if force is None or rates is None or level is None:
         return
-    order = find_accelerometer(force, rates, recording.rate)
+    order = find_accelerometer(force, rates, recording.rate, level.quiet)
+    if not (order.swapped and order.sure):
+        return
     # A gyro's bias, large and steady over hours, says nothing against an accelerometer that shows gravity.
     gravity_is_seen = _shows_gravity(force, unit) and not _shows_gravity(rates, unit)
     # Nor is anything proved where nothing rests: shaking adds to gravity.
-    gravity_is_seen = gravity_is_seen or _is_shaken(recording, unit)
-    if order.swapped and order.sure and not gravity_is_seen:
+    if not (gravity_is_seen or _is_shaken(level, unit)):
         raise RecordingError(
             f"{name}: the triads seem exchanged: the columns given as the gyro hold the accelerometer "
             f"({order.reason}). Name them the other way round with --columns{renamed(recording.columns, _EXCHANGED)}."
@@ -296,9 +303,8 @@ def _shows_gravity(force: Vectors, unit: str | None) -> bool:
     )
 
 
-def _is_shaken(recording: Recording, unit: str | None) -> bool:
+def _is_shaken(level: Level, unit: str | None) -> bool:
     """Whether an accelerometer moves all the time about gravity, in the unit declared or else in m/s² or g."""
-    level = rest_level(recording)
     factors = [specific_force_factor(name) for name in (("m/s^2", "g") if unit is None else (unit,))]
     sizes = [factor * level.norm / STANDARD_GRAVITY for factor in factors if factor is not None]
     return level.moves and any(1.0 - _GUESS_TOLERANCE < size < _MOST_SHAKEN for size in sizes)

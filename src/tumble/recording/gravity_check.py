@@ -133,11 +133,19 @@ class AxisAgreement:
 
     @property
     def determined(self) -> bool:
-        """Whether all three axes turned enough for the matrix to be trusted."""
+        """Whether all three axes turned enough for the scale to be trusted."""
+        return self._is_known_to(0.1)
+
+    @property
+    def shows_axes(self) -> bool:
+        """Whether order and signs of the axes can be trusted: a wrong one is off by its whole scale, four sigmas."""
+        return self._is_known_to(0.25)
+
+    def _is_known_to(self, share: float) -> bool:
         return bool(
             self.windows >= _LEAST_WINDOWS
             and self.explained > _LEAST_EXPLAINED
-            and np.max(self.standard_uncertainty) < 0.1 * abs(self.scale)
+            and np.max(self.standard_uncertainty) < share * abs(self.scale)
         )
 
 
@@ -328,7 +336,7 @@ def find_axis_contradiction(recording: Recording) -> str | None:
     agreement = axis_agreement(recording)
     if agreement is None:
         return None
-    if agreement.determined:
+    if agreement.shows_axes:
         return describe_axis_contradiction(agreement.matrix, recording.columns)
     single = _single_factor(recording)
     reversed_ = single.determined and single.scale < 0.0

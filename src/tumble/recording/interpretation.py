@@ -247,10 +247,11 @@ def interpret(
     increments = units.velocity_increment or (
         declared_force and find_unit("velocity increment", declared_force)
     )
-    content.check_triads(recording, table.path.name, None if increments else declared_force)
+    level = None if recording.specific_force is None else content.rest_level(recording)
+    content.check_triads(recording, level, table.path.name, None if increments else declared_force)
     decided = Interpretation(plan, None if plan.time is None else ordered.unit, COUNTS, COUNTS, ordered.rate)
     decided = _deciding_field(decided, recording, hold)
-    decided, more = decide_force(recording, decided, units, table)
+    decided, more = decide_force(recording, level, decided, units, table)
     recording = _rescaled(recording, decided)
     decided, rate_remarks = decide_rate(recording, decided, units, table)
     recording = _rescaled_rate(recording, decided)

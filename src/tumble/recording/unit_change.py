@@ -38,9 +38,10 @@ def two_force_levels(force: Vectors, rate: float) -> tuple[float, float] | None:
     """
     size = max(round(rate), 1)
     whole = force[: len(force) // size * size]
-    quarters = np.quantile(np.linalg.norm(whole, axis=1).reshape(-1, size), [0.25, 0.5, 0.75], axis=1)
+    seconds = np.sort(np.linalg.norm(whole, axis=1).reshape(-1, size), axis=1)
+    low, middle, high = (seconds[:, int(share * size)] for share in (0.25, 0.5, 0.75))
     # a second in which it is shaken has no level
-    norms = quarters[1][quarters[2] - quarters[0] < _TOLERANCE * quarters[1]]
+    norms = middle[high - low < _TOLERANCE * middle]
     if norms.size < _LEAST_SECONDS:
         return None
     ordered = np.sort(np.log(np.maximum(norms, 1e-300)))

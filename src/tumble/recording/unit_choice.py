@@ -75,13 +75,18 @@ def about_units(table: RawTable, plan: ColumnPlan, units: DeclaredUnits) -> list
 
 
 def decide_force(
-    recording: Recording, decided: Interpretation, units: DeclaredUnits, table: RawTable
+    recording: Recording,
+    level: content.Level | None,
+    decided: Interpretation,
+    units: DeclaredUnits,
+    table: RawTable,
 ) -> tuple[Interpretation, list[Remark]]:
     """Decide the accelerometer's unit: declared and checked, or guessed from its norm at rest.
 
     Parameters
     ----------
     recording, decided : raw, and what is decided so far.
+    level : of the accelerometer at rest, where there is one.
     units, table : as declared; as read.
 
     Raises
@@ -89,10 +94,9 @@ def decide_force(
     RecordingError
         If gravity contradicts the declared unit, the unit changes on the way, or the numbers look like increments.
     """
-    if recording.specific_force is None:
+    if recording.specific_force is None or level is None:
         return decided, []
     name, rate = table.path.name, recording.rate
-    level = content.rest_level(recording)
     refuse_changed_force_unit(level.two, name)
     header = decided.plan.specific_force_unit
     increment = units.velocity_increment

@@ -13,7 +13,7 @@ from tumble.arrays import Series, Vectors
 from tumble.errors import RecordingError
 from tumble.recording.columns import ColumnPlan, kind_of_file
 from tumble.recording.recording import Remark
-from tumble.recording.rest import find_quiet_stretches, sample_pieces
+from tumble.recording.rest import QuietStretches, find_quiet_stretches, sample_pieces
 from tumble.recording.stamps import guess_time_unit
 from tumble.recording.vector_signs import VectorSigns, vector_signs
 from tumble.units import time_factor
@@ -43,17 +43,26 @@ class TriadOrder:
     reason: str
 
 
-def find_accelerometer(first: Vectors, second: Vectors, rate: float = _GUESS_RATE) -> TriadOrder:
+def find_accelerometer(
+    first: Vectors, second: Vectors, rate: float = _GUESS_RATE, quiet: QuietStretches | None = None
+) -> TriadOrder:
     """Find out which of two triads is the accelerometer, whatever units and offsets they have.
 
     Over several poses the rest levels of an accelerometer spread over much of its range, those of a gyro
     are all its bias. With one pose only, the level at rest of an accelerometer is large against its
     scatter, that of a gyro small; offset counts then leave it undecided and the first is taken.
+
+    Parameters
+    ----------
+    first, second : (samples, 3) raw.
+    rate : samples a second.
+    quiet : the stretches at rest of both, where they are known already.
     """
     cuts = sample_pieces(first.shape[0])
     signals = np.concatenate([np.hstack([first[c], second[c]]) for c in cuts])
-    quiet = find_quiet_stretches(signals, rate)
-    low, high = np.quantile(signals[:: max(1, len(signals) // 20_000)], [0.005, 0.995], axis=0)
+    quiet = find_quiet_stretches(signals, rate) if quiet is None else quiet
+    ordered = np.sort(signals[:: max(1, len(signals) // 20_000)], axis=0)
+    low, high = (ordered[int(share * len(ordered))] for share in (0.005, 0.995))
     ranges = [float(np.linalg.norm(half)) / 2.0 + 1e-300 for half in np.split(high - low, 2)]
     if len(quiet) >= 3:
         spread = [float(np.linalg.norm(np.ptp(m, axis=0))) / 2.0 for m in np.split(quiet.means, 2, axis=1)]

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tumble.calibration import calibrate_hand_held
 from tumble.calibration.checks.scores import hold_norm_errors, score_turns
 from tumble.calibration.checks.triad_agreement import estimate_time_lag, refuse_contradicting_axes
 from tumble.calibration.closed_forms.start_values import rough_gyro_matrix, rough_triad
@@ -15,6 +16,8 @@ from tumble.calibration.poses import twenty_six_directions
 from tumble.calibration.prior import stable_knowledge
 from tumble.errors import CalibrationFileError, RecordingError
 
+# Hold means of the gyros and their covariance: the power of a unit that they are in.
+MEANS = (("", 1), ("_covariance", 2))
 SCALE, BIAS = np.array([1.3, 0.7, 1.1]), np.array([0.5, -1.2, 2.0])
 
 
@@ -135,3 +138,34 @@ def test_a_prior_is_the_angles_of_the_matrix_with_their_covariance() -> None:
     np.testing.assert_allclose(counts.angle_covariance, known.angle_covariance, rtol=1e-9)
     with pytest.raises(CalibrationFileError, match="no uncertainty"):
         stable_knowledge(matrix, np.zeros((9, 9)))
+
+
+@pytest.mark.parametrize(("unit", "counts"), [("rad/s", 1.0), ("counts", 4780.0)])
+def test_a_unit_that_swings_round_an_elbow_is_no_gyro_of_another_unit(
+    play: Any, model: Any, site: Any, unit: str, counts: float
+) -> None:
+    """Turned by 126° in 2 s at an arm of 1.3 m, as by 250° in 1 s at 8 cm: accelerations as large as gravity.
+
+    A rigid body: ω × (ω × r) + dω/dt × r, with r and ω in b.
+    """
+    tumbled = play(holds=20)
+    recording = tumbled.recording
+    arm, rate = np.array([0.9, -0.6, 0.75]), model.gyroscope.correct(recording.angular_rate)
+    smooth = np.column_stack([np.convolve(rate[:, axis], np.ones(9) / 9.0, "same") for axis in range(3)])
+    swing = np.cross(smooth, np.cross(smooth, arm)) + np.cross(
+        np.gradient(smooth, recording.time, axis=0), arm
+    )
+    for hold in tumbled.timeline.holds:
+        swing[hold.start : hold.stop] = 0.0
+    raw = {
+        "specific_force": recording.specific_force + swing @ model.accelerometer.matrix.T,
+        "angular_rate": counts * recording.angular_rate,
+        "angular_rate_unit": unit,
+    }
+    swung = replace(recording, **raw)
+    held = {
+        f"angular_rate{end}": counts**n * getattr(tumbled.means, f"angular_rate{end}") for end, n in MEANS
+    }
+    found = calibrate_hand_held(swung, tumbled.timeline, replace(tumbled.means, **held), site).model.gyroscope
+    assert found is not None
+    np.testing.assert_allclose(found.matrix / counts, model.gyroscope.matrix, atol=0.005)

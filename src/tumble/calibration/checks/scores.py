@@ -196,7 +196,13 @@ def score_turns(model: ImuModel, data: HoldsAndTurns) -> TurnScores:
         )
     for turn, k in enumerate(turns):
         C_se = integrated.C_start_end[turn]
-        size[k] = float(np.arccos(np.clip(0.5 * (np.trace(C_se) - 1.0), -1.0, 1.0)))
+        turning = slice(*(int(of[k] - moved[turn, 0]) for of in (data.turn_start, data.turn_stop)))
+        mean_rate = gyro_inverse @ (np.mean(raw_rate[turning], axis=0) - model.gyroscope.bias)
+        # A full circle ends where it began.
+        size[k] = max(
+            float(np.arccos(np.clip(0.5 * (np.trace(C_se) - 1.0), -1.0, 1.0))),
+            float(np.linalg.norm(mean_rate)) * integrated.duration[turn],
+        )
         duration[k] = integrated.duration[turn]
         if size[k] >= SMALLEST_TURN:
             angle[k] = angle_between(ends[0][turn], C_se @ ends[1][turn])

@@ -48,7 +48,7 @@ from tumble.calibration.prior import StableKnowledge
 from tumble.calibration.recording_influences import recording_influences, with_courses
 from tumble.calibration.terms import TERMS
 from tumble.calibration.terms.lever_arms import lever_arms_of
-from tumble.earth import Site
+from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ObservabilityError
 from tumble.estimation.balance import Balanced
 from tumble.estimation.equations import Equations
@@ -177,7 +177,7 @@ def joint_estimate(outcome: JointOutcome) -> Estimate:
         ],
         evidence=[
             Holds(norms, sigmas, tuple(restless)),
-            Turns(angles, np.where(np.isfinite(angles), _turn_sigmas(outcome), np.nan), sizes),
+            Turns(angles, np.where(np.isfinite(angles), _turn_sigmas(outcome, sizes), np.nan), sizes),
             _spins(outcome),
         ],
         frame=outcome.frame,
@@ -346,7 +346,7 @@ def _of_course(course: BiasCourse | None) -> list[str]:
     return [said]
 
 
-def _turn_sigmas(outcome: JointOutcome) -> Series:
+def _turn_sigmas(outcome: JointOutcome, sizes: Series) -> Series:
     """Return (holds,) rad, what carried and seen directions are expected to differ by; NaN without a turn."""
     data, noise, u = outcome.data, outcome.task.noise, outcome.task.unknowns
     sigmas = np.full(data.holds, np.nan)
@@ -365,7 +365,11 @@ def _turn_sigmas(outcome: JointOutcome) -> Series:
         seen = np.trace(data.parts_covariance[hold][:, part, part], axis1=1, axis2=2) / 3.0
         ends = ends + 2.0 * (seen / scale + noise["force"]) / gravity**2
     more = 2.0 * (noise["turn"] + noise["rate"] * link.duration**2 + noise["sway"])
-    sigmas[k] = np.sqrt(across + ends + more)
+    # The directions are carried by the stamps and without the Earth's rotation: what that is off by across gravity.
+    latitude = outcome.site.latitude
+    level = EARTH_RATE * (np.sqrt(2.0 / 3.0) if latitude is None else np.cos(latitude)) * link.duration
+    by_stamps = np.sqrt(2.0 / 3.0) * float(u["clock"][0]) * sizes[k]
+    sigmas[k] = np.sqrt(across + ends + more + level**2 + by_stamps**2)
     return sigmas
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tumble.arrays import Series, Square, Vectors, inverted
+from tumble.arrays import Matrix, Series, Square, Vector, Vectors, inverted
 from tumble.calibration.canonical import describe_unknowns
 from tumble.calibration.checks.bias_course import Rests, find_rate_courses, rate_course_words
 from tumble.calibration.checks.scores import score_turns
@@ -58,7 +58,8 @@ from tumble.estimation.gauss_helmert import Linearisation
 from tumble.estimation.terms import keep_wanted
 from tumble.recording.recording import Recording
 from tumble.segmentation import HoldMeans, Timeline
-from tumble.units import specific_force_factor
+from tumble.sensor import ImuModel, Triad
+from tumble.units import angular_rate_factor, specific_force_factor
 
 # Optional terms, tried together and dropped one by one: name -> unknowns.
 OPTIONAL_TERMS = {name: term_unknowns(name) for name in ("g_sensitivity", "quadratic")}
@@ -68,6 +69,8 @@ TERM_FALSE_ALARM = 0.02
 TERMS_TRIED = len(OPTIONAL_TERMS) + 1
 LAG_LIMIT = TERM_FALSE_ALARM / TERMS_TRIED
 SMALLEST_TURNS = 5
+# Of what windows of the turns show, how much smaller the counts of a rad/s may be: steps that an adjustment bridges.
+SIZES = 0.85 ** np.arange(8)
 
 _FORCE_NINE = np.arange(0, 9)
 _GYRO_TWELVE = np.arange(GYRO_MATRIX.start, GYRO_BIAS.stop)
@@ -268,7 +271,7 @@ def _start(
     try:
         triad = triad_from_unknowns(force)
         inverse, _ = rough_gyro_matrix(data.time, data.raw_rate, data.raw_force, triad, bias, stretches)
-        values[GYRO_MATRIX] = inverted(inverse).ravel()
+        values[GYRO_MATRIX] = _carries_best(recording, data, triad, inverse, bias).ravel()
     except (ValueError, np.linalg.LinAlgError) as error:
         raise ObservabilityError(
             f"The turns do not determine the gyro's axes ({error}): turn the unit about all three "
@@ -276,6 +279,20 @@ def _start(
         ) from error
     values[GYRO_BIAS] = bias
     return values
+
+
+def _carries_best(
+    recording: Recording, data: HoldsAndTurns, triad: Triad, inverse: Matrix, bias: Vector
+) -> Matrix:
+    """Return the rough gyro matrix, or the one that the columns' names and unit promise if that carries gravity better.
+
+    A unit that swings round a wrist shows the rough one its accelerations as motion of gravity: counts seem too few.
+    """
+    factor = angular_rate_factor(recording.angular_rate_unit)
+    sizes = np.sqrt(3.0) / np.linalg.norm(inverse) * SIZES if factor is None else np.array([1.0 / factor])
+    matrices = [inverted(inverse), *(size * np.eye(3) for size in sizes)]
+    models = [ImuModel(triad, Triad(matrix, bias)) for matrix in matrices]
+    return matrices[int(np.argmin([np.nanmedian(score_turns(model, data).angle) for model in models]))]
 
 
 def _prior(

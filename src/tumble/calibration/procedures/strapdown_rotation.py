@@ -205,7 +205,7 @@ def _play_back(
 ) -> StrapdownOutcome:
     """Play the recording back through the model and mend the model, until nothing changes."""
     models = [_nominal(s, site.gravity) for s in sequences]
-    earth = find_earth(sequences, model, _noise(model, means).angle)
+    earth = find_earth(sequences, models, model, _noise(model, means).angle)
     passes: list[Series] = []
     term: TermTest | None = None
     solution: SequenceSolution | None = None

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tumble.arrays import Series, Square, Table, Vector
+from tumble.calibration.checks.latitude import latitude_shown
 from tumble.calibration.checks.scores import holds_evidence
 from tumble.calibration.closed_forms.rotation_sequences import SequenceModel
 from tumble.calibration.closed_forms.sequence_inversion import SequenceSolution
@@ -81,9 +82,8 @@ UNTOLD = {"lambda_bias": 0.1}
 UNTOLD_ELSE = 0.01
 # How far gyros are believed to be from no asymmetry where the sequences do not tell it from the scale factor.
 BELIEVED_ASYMMETRY = 1e-3
-# A heading or a latitude that the gyros contradict by more standard uncertainties than this, and by more than this:
-# rad, and rad/s.
-CONTRADICTION, SMALLEST_HEADING, SMALLEST_VERTICAL = 5.0, 0.01, 5e-7
+# A heading that the gyros contradict by more standard uncertainties than this, and by more than this, rad.
+CONTRADICTION, SMALLEST_HEADING = 5.0, 0.01
 # Gyros that know north worse than this, rad, are too noisy to see it.
 SEEN_NORTH = 0.5
 STEP = 0.1
@@ -160,7 +160,7 @@ def strapdown_estimate(
         terms=[] if outcome.term is None else [outcome.term],
         said=said_of(
             remarks=_remarks(outcome, site),
-            objections=_objections(outcome),
+            objections=_objections(outcome, site),
             not_determined=_not_determined(outcome),
         ),
         evidence=[
@@ -358,7 +358,7 @@ def _not_determined(outcome: StrapdownOutcome) -> list[str]:
     return sentences
 
 
-def _objections(outcome: StrapdownOutcome) -> list[str]:
+def _objections(outcome: StrapdownOutcome, site: Site) -> list[str]:
     earth = outcome.earth
     if earth is None:
         return []
@@ -370,12 +370,9 @@ def _objections(outcome: StrapdownOutcome) -> list[str]:
             "Put right the heading of the fixture (`heading_deg` of the starts). Until then the "
             "Earth rate is taken out in the wrong direction."
         )
-    if abs(earth.vertical) > max(CONTRADICTION * earth.vertical_sigma, SMALLEST_VERTICAL):
-        against.append(
-            f"The gyros show at rest {earth.vertical:+.2g} ± {earth.vertical_sigma:.1g} rad/s more of "
-            "the Earth rate upwards than the latitude gives. Either the site is another one "
-            "(--site), and with it gravity, or the starts' poses are not what the protocol says."
-        )
+    if site.latitude is not None:
+        elsewhere = latitude_shown(earth.sensitivity, np.eye(3), earth.covariance, site.latitude, 1.0)
+        against += [] if elsewhere is None else [elsewhere]
     return against
 
 
@@ -390,7 +387,11 @@ def _remarks(outcome: StrapdownOutcome, site: Site) -> list[str]:
             f"computed frame by up to {two_digits(1e3 * unknown * seconds)} mrad, which stands in the "
             f"uncertainties. Give {'--site LATITUDE' if site.latitude is None else '`heading_deg` in the protocol'}."
         )
-    elif outcome.earth is not None and outcome.earth.heading_sigma < SEEN_NORTH and not _objections(outcome):
+    elif (
+        outcome.earth is not None
+        and outcome.earth.heading_sigma < SEEN_NORTH
+        and not _objections(outcome, site)
+    ):
         remarks.append(
             f"The Earth rate that the gyros show at rest puts north {np.degrees(outcome.earth.heading):+.2g}° ± "
             f"{np.degrees(outcome.earth.heading_sigma):.2g}° from where the protocol has it."

@@ -1,23 +1,23 @@
 """Where north and what latitude the gyros see at rest, against what they were told.
 
-Before each sequence the gyros show their bias and the Earth rate. The bias is the same for all, the Earth rate
-goes with the attitude: attitudes that differ tell the two apart, and gyros that see the Earth rate well
-enough contradict a wrong heading or a wrong site.
+Before and after each sequence the gyros show their bias, their g-sensitivity and the Earth rate. The first is the same
+for all, the others go with the attitude: attitudes that differ separate them. Gyros that see the Earth rate well
+enough then contradict a wrong heading or a wrong latitude.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from tumble.arrays import Series, Square, Table, Vectors, inverted
+from tumble.arrays import Matrix, Series, Square, Table, Vector, inverted
+from tumble.calibration.closed_forms.rotation_sequences import SequenceModel
 from tumble.calibration.strapdown.recorded_sequences import RecordedSequence
 from tumble.sensor import ImuModel
 
-FEWEST = 4
-_STEP = float(np.radians(2.0))
+# Bias, horizontal Earth rate and g-sensitivity.
+_UNKNOWNS = 3 + 2 + 9
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,59 +27,64 @@ class SeenEarth:
     Attributes
     ----------
     heading, heading_sigma : rad, by which north is off, clockwise seen from above.
-    vertical, vertical_sigma : rad/s, the upward Earth rate beyond that of the latitude.
+    sensitivity : (3, 3) (rad/s)/g, what goes with the specific force: an upward Earth rate that was not told, too.
+    covariance : (9, 9) of it, row by row.
     """
 
     heading: float
     heading_sigma: float
-    vertical: float
-    vertical_sigma: float
+    sensitivity: Matrix
+    covariance: Square
 
 
-def find_earth(sequences: list[RecordedSequence], model: ImuModel, noise: float) -> SeenEarth | None:
-    """Return what the starts of the sequences show of the Earth rate; None if nothing was told or too little is seen.
+def find_earth(
+    sequences: list[RecordedSequence], models: list[SequenceModel], model: ImuModel, noise: float
+) -> SeenEarth | None:
+    """Return what the rests show of the Earth rate; None if nothing was told or too little is seen.
 
     Parameters
     ----------
-    sequences : with the Earth rate as it was told.
+    sequences, models : with the Earth rate as it was told, and the nominal attitudes.
     model : of the gyros, as good as known.
     noise : rad²/s, of the gyros' angle.
     """
-    if any(s.unknown_rate > 0.0 for s in sequences) or len(sequences) < FEWEST:
+    if any(s.unknown_rate > 0.0 for s in sequences):
         return None
     assert model.gyroscope is not None
     inverse = inverted(model.gyroscope.matrix)
-    told = np.array([s.earth_rate_start for s in sequences])
-    down = np.array([s.down_start for s in sequences])
-    seen = np.array([inverse @ np.mean(s.rate[s.start[0] : s.start[1]], axis=0) for s in sequences])
-    seconds = np.array([s.time_step * (s.start[1] - s.start[0]) for s in sequences])
-    weight = np.repeat(np.sqrt(seconds / noise), 3)
-    across = told - np.einsum("ki,ki->k", told, down)[:, None] * down
-    if np.max(np.linalg.norm(across, axis=1)) == 0.0:
+    told: list[Vector] = []
+    seen: list[Vector] = []
+    seconds: list[float] = []
+    for s, nominal in zip(sequences, models, strict=True):
+        told += [s.earth_rate_start, nominal.C_start_end.T @ s.earth_rate_start]
+        seen += [inverse @ np.mean(s.rate[a:b], axis=0) for a, b in (s.start, s.end)]
+        seconds += [s.time_step * (b - a) for a, b in (s.start, s.end)]
+    down = np.array([d for nominal in models for d in (nominal.down_start, nominal.down_end)])
+    weight = np.repeat(np.sqrt(np.array(seconds) / noise), 3)
+    earth = np.array(told)
+    upward = np.sum(earth * down, axis=1, keepdims=True) * down
+    north = earth - upward
+    # Three of the bias, the horizontal Earth rate as told and a quarter turn from it, nine of the g-sensitivity.
+    design = np.zeros((len(down), 3, _UNKNOWNS))
+    design[:, :, :3] = np.eye(3)
+    design[:, :, 3], design[:, :, 4] = north, np.cross(down, north)
+    for i in range(3):
+        design[:, i, 5 + 3 * i : 8 + 3 * i] = -down
+    scaled: Table = weight[:, None] * design.reshape(-1, _UNKNOWNS)
+    right: Series = weight * (np.array(seen) - upward).ravel()
+    found, _, rank, _ = np.linalg.lstsq(scaled, right)
+    values: Series = np.asarray(found, dtype=np.float64)
+    if rank < _UNKNOWNS or right.size == _UNKNOWNS:
         return None
-
-    def fit(angle: float) -> tuple[float, Series, Table]:
-        """Square sum, (bias, upward rate) and their cofactor with north off by an angle."""
-        turned = _turned(across, down, angle) - across
-        right = weight * (seen - told - turned).ravel()
-        design = np.zeros((len(down), 3, 4))
-        design[:, :, :3] = np.eye(3)
-        design[:, :, 3] = -down
-        scaled = weight[:, None] * design.reshape(-1, 4)
-        cofactor = np.asarray(np.linalg.pinv(scaled.T @ scaled), dtype=np.float64)
-        values = cofactor @ (scaled.T @ right)
-        return float(np.sum((right - scaled @ values) ** 2)), values, cofactor
-
-    angles: list[float] = np.arange(-np.pi, np.pi, _STEP).tolist()
-    best = _refined(lambda a: fit(a)[0], min(angles, key=lambda a: fit(a)[0]))
-    square, values, cofactor = fit(best)
-    slope = (_turned(across, down, best + 0.5 * np.pi)).ravel() * weight
-    factor = max(1.0, square / max(3 * len(down) - 5, 1))
+    factor = max(1.0, float(np.sum((right - scaled @ values) ** 2)) / (right.size - _UNKNOWNS))
+    covariance = factor * inverted(scaled.T @ scaled)
+    ahead, aside = values[3:5]
+    across = np.array([-aside, ahead]) / np.hypot(ahead, aside)
     return SeenEarth(
-        best,
-        float(np.sqrt(factor / np.sum(slope**2))),
-        float(values[3]),
-        float(np.sqrt(factor * cofactor[3, 3])),
+        float(np.arctan2(aside, ahead)),
+        float(np.sqrt(across @ covariance[3:5, 3:5] @ across)),
+        values[5:].reshape(3, 3),
+        covariance[5:, 5:],
     )
 
 
@@ -96,17 +101,3 @@ def earth_as_sensitivity(unknown_rate: float, gravity: float) -> Square:
     """
     alike = np.eye(3).ravel()
     return (unknown_rate / gravity) ** 2 * (np.outer(alike, alike) + 0.5 * np.eye(9))
-
-
-def _turned(across: Vectors, down: Vectors, angle: float) -> Vectors:
-    """Horizontal vectors in b with north turned clockwise, which is about down."""
-    return np.cos(angle) * across + np.sin(angle) * np.cross(down, across)
-
-
-def _refined(cost: Callable[[float], float], start: float) -> float:
-    from scipy.optimize import minimize_scalar
-
-    found = minimize_scalar(
-        cost, bounds=(start - _STEP, start + _STEP), method="bounded", options={"xatol": 1e-8}
-    )
-    return float(found.x)

@@ -244,11 +244,11 @@ def _read_body(path: Path) -> RawTable:
     body = _plain(raw)
     _refuse_long_lines(body, path.name)
     layout = _layout_of(body, path.name)
-    rows = body[_body_start(body, layout.first_line) :]
-    if cut := _truncation(_decoded(rows[-_HEAD:]), layout):
-        rows = rows[: rows.rfind(b"\n") + 1]
+    start = _body_start(body, layout.first_line)
+    if cut := _truncation(_decoded(body[max(start, len(body) - _HEAD) :]), layout):
+        body = body[: max(start, body.rfind(b"\n") + 1)]
         remarks.append(Remark("mended", f"{path.name}: {cut}."))
-    columns = parse(rows, layout)
+    columns = parse(body, layout, start)
     if columns is None:
         raise RecordingError(name_bad_cell(io.BytesIO(body), layout, path.name))
     return _table(path, layout, columns, remarks, hash_file(path))

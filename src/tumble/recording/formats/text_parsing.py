@@ -24,30 +24,32 @@ Piece: TypeAlias = dict[int, Series]
 _CHECKSUMS = re.compile(rb"\*[0-9A-Fa-f]{2,4}(?=\s*?$)", re.MULTILINE)
 
 
-def parse(body: bytes, layout: TextLayout) -> list[Series] | None:
-    """Parse a piece of a file.
+def parse(body: bytes, layout: TextLayout, start: int = 0) -> list[Series] | None:
+    """Parse a piece of a file from a line's beginning on.
 
     Returns
     -------
     The columns of numbers, missing cells as NaN; None if a cell is not a number (see `name_bad_cell`).
     """
-    return gather([parse_piece(body, layout)], layout)
+    return gather([parse_piece(body, layout, start)], layout)
 
 
-def parse_piece(body: bytes, layout: TextLayout) -> Piece | None:
+def parse_piece(body: bytes, layout: TextLayout, start: int = 0) -> Piece | None:
     """Parse whole lines: compiled where all cells are numbers or empty, else by polars; None where neither can."""
     from tumble.recording.formats.kernels import parse_rows
 
-    body = prepare(body, layout)
+    if layout.checksums or layout.decimal_comma or layout.quoted:
+        body, start = prepare(body[start:], layout), 0
     words = layout.text_columns
     if not layout.iso_columns and not (words and (layout.quoted or layout.delimiter is None)):
         lines = body if body.endswith(b"\n") else body + b"\n"
-        table = np.empty((lines.count(b"\n"), layout.columns))
+        table = np.empty((lines.count(b"\n", start), layout.columns))
         skipped = np.array([i in words for i in range(layout.columns)], dtype=np.uint8)
-        rows = parse_rows(np.frombuffer(lines, np.uint8), ord(layout.delimiter or "\0"), skipped, table)
+        numbers = np.frombuffer(lines, np.uint8)[start:]
+        rows = parse_rows(numbers, ord(layout.delimiter or "\0"), skipped, table)
         if rows >= 0:
             return {i: table[:rows, i] for i in layout.number_columns}
-    frame = _parse_frame(squeeze(body, layout), layout)
+    frame = _parse_frame(squeeze(body[start:], layout), layout)
     if frame is None:
         return None
     return {
@@ -122,9 +124,10 @@ def gather(pieces: Iterable[Piece | None], layout: TextLayout) -> list[Series] |
             return None
         if not rows:
             groups = _groups(piece, list(layout.number_columns))
-            blocks = [np.empty((0, len(group))) for group in groups]
+            blocks = [np.empty((len(piece[group[0]]), len(group))) for group in groups]
         start, rows = rows, rows + len(next(iter(piece.values())))
         for block, group in zip(blocks, groups, strict=True):
+            # as large already for the first piece, which resizing would fill with zeros
             block.resize((rows, len(group)), refcheck=False)
             for j, i in enumerate(group):
                 block[start:, j] = piece[i]
