@@ -16,8 +16,10 @@ from tumble.document import Calibration
 STILL = "gyro bias, flicker floor of the Allan deviation, rad/s"
 
 
-def calibrated(folder: Path, grade: str, seed: int, minutes: float) -> Calibration:
-    made = partial(PROCEDURES["thermal-soak"], minutes=minutes)(GRADES[grade], np.random.default_rng(seed))
+def calibrated(folder: Path, grade: str, seed: int, minutes: float, fault: str | None = None) -> Calibration:
+    made = partial(PROCEDURES["thermal-soak"], minutes=minutes)(
+        GRADES[grade], np.random.default_rng(seed), fault
+    )
     file = folder / "protocol.yaml"
     file.write_text(made.protocol, encoding="utf-8")
     return tumble.calibrate(pl.DataFrame(made.columns()), protocol=file, rate="10±0.0005").calibration
@@ -39,3 +41,10 @@ def test_biases_that_look_still_by_chance_are_not_stated_as_still(tmp_path: Path
     assert calibration.verdict.fit
     truth = GRADES["automotive"].gyroscope.flicker * np.sqrt(2 * np.log(2) / np.pi)
     assert 0.2 * truth < calibration.quality.variance_components[STILL] < 2.0 * truth
+
+
+def test_a_rest_that_is_knocked_askew_is_two_poses(tmp_path: Path) -> None:
+    """Both parts had one direction and were left out: nothing determined it, and the recording was refused."""
+    calibration = calibrated(tmp_path, "robot", 850008, minutes=15.0, fault="bumped")
+    assert calibration.verdict.fit
+    assert not calibration.quality.left_out

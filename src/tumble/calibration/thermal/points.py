@@ -22,6 +22,8 @@ LEAST_SECONDS = 2.0
 GRID = 1.0  # s
 # A rest whose means scatter by so many times the usual variance was disturbed.
 UNQUIET = 10.0
+# Two rests beside a knock are two placements where their means differ by so many of their standard deviations.
+TURNED = 5.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +68,7 @@ class ThermalPoints:
     ----------
     start, stop : (points,) s.
     hold : (points,) index of the timeline's hold.
-    placement : (points,) which rest without a turn in between it belongs to.
+    placement : (points,) which rest it belongs to, with neither a turn nor a knock that moved it in between.
     force, force_covariance : (points, 3), (points, 3, 3) raw; None without an accelerometer.
     rate, rate_covariance : of the gyros; None without.
     path : of the temperature.
@@ -154,7 +156,7 @@ def find_points(recording: Recording, timeline: Timeline) -> ThermalPoints:
         start,
         stop,
         np.array(holds),
-        _placements(timeline, recording)[holds],
+        _placements(recording, stretches, holds),
         None if force is None else force[0],
         None if force is None else force[1],
         None if rate is None else rate[0],
@@ -214,14 +216,26 @@ def _cut(
     return stretches, holds
 
 
-def _placements(timeline: Timeline, recording: Recording) -> np.ndarray:
-    """Return (holds,) which holds are one placement: those with nothing at all between them."""
-    placement = np.zeros(max(len(timeline.holds), 1), dtype=int)
-    for k in range(1, len(timeline.holds)):
-        before, after = timeline.holds[k - 1], timeline.holds[k]
-        together = after.start - before.stop <= 0.5 * recording.rate
+def _placements(recording: Recording, stretches: list[tuple[int, int]], holds: list[int]) -> np.ndarray:
+    """Return (points,) which of them are one placement: those with nothing between them that turned gravity."""
+    placement = np.zeros(len(stretches), dtype=int)
+    for k in range(1, len(stretches)):
+        near = stretches[k][0] - stretches[k - 1][1] <= 0.5 * recording.rate
+        together = (near or holds[k] == holds[k - 1]) and not _turned(
+            recording, stretches[k - 1], stretches[k]
+        )
         placement[k] = placement[k - 1] + (0 if together else 1)
     return placement
+
+
+def _turned(recording: Recording, before: tuple[int, int], after: tuple[int, int]) -> bool:
+    """Return whether gravity lies otherwise beyond noise after a knock: in so short a time temperature does nothing."""
+    if recording.specific_force is None or before[1] == after[0]:
+        return False
+    size = min(round(LEAST_SECONDS * recording.rate), before[1] - before[0], after[1] - after[0])
+    ends = recording.specific_force[before[1] - size : before[1]], recording.specific_force[after[0] :][:size]
+    noise = np.sqrt(sum(np.var(part, axis=0, ddof=1) for part in ends) / size)
+    return bool(np.any(np.abs(ends[1].mean(axis=0) - ends[0].mean(axis=0)) > TURNED * noise))
 
 
 def _means(signal: Vectors | None, stretches: list[tuple[int, int]]) -> tuple[Vectors, Matrices] | None:
