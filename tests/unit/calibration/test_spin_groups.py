@@ -45,6 +45,18 @@ def test_a_hold_that_follows_a_hold_or_has_another_pose_begins_one_too() -> None
     ]
 
 
+def test_a_pose_that_differs_by_less_than_it_is_known_is_the_same() -> None:
+    """A table about x that stopped within a revolution, its poses written to two digits and known to 5°."""
+    spin, back = SpinStep(50.0, 0.4, axis_b=X_UP), SpinStep(50.0, -0.4, axis_b=X_UP)
+    level, turned = ([0.0, 0.0, 1.0], [0.02, 0.17, 0.98])
+    for sigma, placements in ((np.radians(5.0), 1), (np.radians(0.05), 3)):
+        first, second = (
+            HoldStep(9.0, Pose(np.array(up) / np.linalg.norm(up), None, sigma)) for up in (level, turned)
+        )
+        protocol = Protocol("p", "turntable", (first, spin, second, back, first))
+        assert len(group_spins(matched(protocol), protocol)) == placements
+
+
 def test_a_spin_that_was_not_found_leaves_the_rows_of_the_others_in_place() -> None:
     hold, spin, back = HoldStep(5.0), SpinStep(9.0, 0.5), SpinStep(9.0, -0.5)
     protocol = Protocol("p", "rate-table", (hold, spin, back, TurnStep(2.0), hold, spin, back))

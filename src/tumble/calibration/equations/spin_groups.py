@@ -94,6 +94,7 @@ def _another_pose(one: Pose | None, other: Pose | None, axis_b: Vector | None) -
     if one is None or other is None:
         return False
     apart = one.up_b - other.up_b
-    # A milliradian: the same pose written twice is the same to the digit. A table that stops within a
-    # revolution leaves up where it was along its axis.
-    return bool(np.max(np.abs(apart if axis_b is None else apart @ axis_b / np.linalg.norm(axis_b))) > 1e-3)
+    # Written twice, or to two digits after the table stopped within a revolution: what is less than the poses are
+    # uncertain by is no other pose. A milliradian: the same to the digit. Up stays where it was along the table's axis.
+    same = max(1e-3, float(np.hypot(one.sigma, other.sigma)))
+    return bool(np.max(np.abs(apart if axis_b is None else apart @ axis_b / np.linalg.norm(axis_b))) > same)
