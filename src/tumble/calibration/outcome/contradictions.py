@@ -217,9 +217,12 @@ def _of_belief(outcome: JointOutcome) -> list[str]:
     if not np.any(outcome.task.taking_part["turn"]):
         return []
     try:
-        off, sigma, _ = _released(outcome, float(outcome.task.noise["turn"]))
-        if abs(off) < SUSPECTED * np.hypot(sigma, believed):
-            return []
+        turn = float(outcome.task.noise["turn"])
+        # Noise that was raised beyond the gyros' own may be what a wrong belief needs, and hides it.
+        if turn <= float(np.median(_turn_variances(outcome))):
+            off, sigma, _ = _released(outcome, turn)
+            if abs(off) < SUSPECTED * np.hypot(sigma, believed):
+                return []
         off, sigma, evidence = _unbelieved(outcome)
     except (ConvergenceError, ObservabilityError) as error:
         return [
