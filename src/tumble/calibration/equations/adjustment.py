@@ -56,8 +56,8 @@ START_TOLERANCE = 0.5
 SHAKING_FALSE_ALARM = 1e-3
 # Mean square of an axis's residuals beyond which it wobbles more than was believed; it takes four of them.
 WOBBLES, AXIS_UNKNOWNS = 2.0, 4
-SCREENED = ("force", "rate", "turn", "tilt", "pose")
-TAKING_PART = ("force", "rate", "turn", "pose", "angle")
+SCREENED = ("force", "rate", "turn", "tilt", "pose", "table rate")
+TAKING_PART = ("force", "rate", "turn", "pose", "angle", "table rate")
 """Kinds of which single observations may be left out; a swing is left out with its rate, a tilt is a pose."""
 
 
@@ -174,6 +174,7 @@ class JointAdjustment:
             Component("turn", "turn"),
             Component("placement", "tilt"),
             Component("placement", "pose"),
+            Component("table rate", "table rate"),
         ]
 
     @property

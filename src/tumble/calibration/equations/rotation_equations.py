@@ -453,7 +453,10 @@ class TableRate(AlikeEquations):
         node = np.array([len(one.spin.windows) - 1 for one in spun])
         variance = np.array([one._variance(state) for one in spun])[:, None, None]
         residual = np.sum(axis * missed, axis=1)[:, None]
-        return [(tied, there), (Linear(residual, variance, by_border, node, axis[:, None]), there)]
+        kept = np.array([bool(state.taking_part["table rate"][one.stretch.k]) for one in spun])
+        rate = Linear(residual[kept], variance[kept], by_border[kept], node[kept], axis[kept, None])
+        left = iter(kept.tolist())
+        return [(tied, there), (rate, [int(bool(one) and next(left)) for one in there])]
 
     def _variance(self, state: JointAdjustment) -> float:
         """Of the angle from the first window to the last, rad².
@@ -463,7 +466,17 @@ class TableRate(AlikeEquations):
         """
         wobble = LEAST_WOBBLE**2 * (state.noise.factor("axis", self.stretch.k) - 1.0)
         believed = (self.spin.rate_sigma * self.seconds) ** 2
-        return max(believed + 4.0 * wobble, LEAST_RATE_ANGLE**2)
+        return max(believed + 4.0 * wobble + state.noise["table rate"], LEAST_RATE_ANGLE**2)
+
+    def views(self, state: JointAdjustment, linear: Linear) -> list[View]:
+        """Return the rate's; the tie is none of the table's."""
+        return [View("table rate", least=CHECKED_ANGLE)] if linear.residual.shape[1] == 1 else []
+
+    @staticmethod
+    def say(index: int, times: str) -> tuple[str, str]:
+        """Return that the unit did not turn as the table should."""
+        what = f"after hold {index + 1} the unit did not turn by what the table's rate makes"
+        return "spin", f"{what}, {times}: did the unit slip, or was it another rate?"
 
 
 class Own(AlikeEquations):

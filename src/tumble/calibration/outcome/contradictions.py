@@ -180,6 +180,7 @@ def _of_rates(outcome: JointOutcome) -> list[str]:
     errors: list[float] = []
     sigmas: list[float] = []
     names: list[str] = []
+    taking_part: list[bool] = []
     for found in outcome.balanced.solution.chains():
         kinds = {term.equations.kind: term.equations for term in found.chain.terms}
         links = kinds.get("links")
@@ -190,10 +191,11 @@ def _of_rates(outcome: JointOutcome) -> list[str]:
         errors.append(shown - abs(links.spin.turn_rate))
         sigmas.append(float(np.hypot(links.mean_rate_sigma(outcome.task), links.spin.rate_sigma)))
         names.append(links.spin.name)
+        taking_part.append(bool(outcome.task.taking_part["table rate"][links.stretch.k]))
     if not rates:
         return []
     said = contradicting_rates(np.array(rates), np.array(errors))
-    times = np.abs(errors) / np.array(sigmas)
+    times = np.where(taking_part, np.abs(errors) / np.array(sigmas), 0.0)
     worst = int(np.argmax(times))
     if not said and times[worst] > CONTRADICTION and abs(errors[worst]) > LEAST_CONTRADICTION * rates[worst]:
         off, way = 100.0 * abs(errors[worst]) / rates[worst], "more" if errors[worst] > 0.0 else "less"

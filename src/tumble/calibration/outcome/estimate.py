@@ -280,6 +280,8 @@ def _components(outcome: JointOutcome) -> dict[str, float]:
     }
     if outcome.data.poses is not None:
         found["placement beyond what the protocol says, rad"] = float(np.sqrt(noise["placement"]))
+    if noise["table rate"] > 0.0:
+        found["turn of the table beyond what its rate says, rad"] = float(np.sqrt(noise["table rate"]))
     return found
 
 
