@@ -41,11 +41,16 @@ def find_saturated_channels(recording: Recording) -> list[str]:
     """Return a sentence for each limit at which a channel sticks."""
     sentences: list[str] = []
     for name, channel in channels_of(recording).items():
+        matters = (
+            "turns with a saturated gyro are left out."
+            if name.startswith("g")
+            else "a hold in which an accelerometer is at its limit shows too little gravity. Choose a larger range."
+        )
         for found in find_saturation(channel, name):
             when = float(recording.time[found.index])
             sentences.append(
                 f"{name} is saturated at {found.value:g} in {found.samples} samples (first for long at {when:.1f} s): "
-                "turns with a saturated gyro are left out."
+                f"{matters}"
             )
     return sentences
 

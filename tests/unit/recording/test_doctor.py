@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tumble.recording import Recording, inspect_recording
+from tumble.recording import Recording, find_saturated_channels, inspect_recording
 from tumble.recording.rest import count_poses, find_quiet_stretches, fit_sphere
 
 
@@ -47,6 +47,14 @@ def test_a_saturated_gyro_is_found(tumbled, limit) -> None:
     assert {s.value for s in found.saturations} <= {limit, -limit}
     assert {s.channel for s in found.saturations} == {"gx", "gy", "gz"}
     assert any("saturated" in w for w in found.warnings)
+
+
+def test_a_saturated_accelerometer_is_said_to_show_too_little_gravity(tumbled) -> None:
+    said = find_saturated_channels(
+        recording_of(tumbled, specific_force=tumbled.specific_force.clip(-7.0, 7.0))
+    )
+    assert said
+    assert all(one.startswith("a") and "shows too little gravity" in one for one in said)
 
 
 def test_a_quantised_recording_at_rest_is_not_taken_as_saturated() -> None:
