@@ -45,6 +45,8 @@ XSENS = HERE.parent / "tests" / "reference" / "xsens_mti_hand"
 PROGRAM = "import sys; from tumble.cli import program; sys.argv[0] = 'tumble'; program()"
 EVERY_NAME = "import tumble; [getattr(tumble, name) for name in tumble.__all__]"
 TUMBLE = (sys.executable, "-c", PROGRAM)
+# Bytecode is kept, as it is wherever a program is installed.
+ENVIRONMENT = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
 NUMPY = (sys.executable, "-c", "import numpy")
 NOISE = """
 import sys, time
@@ -91,7 +93,9 @@ def run(command: Sequence[str], *, inner: bool = False) -> Cost:
     """Run a command to its end; one that fails ends the benchmark, but for a verdict that is not fit."""
     started = time.perf_counter()
     with tempfile.TemporaryFile("w+") as printed:
-        process = subprocess.Popen(command, stdout=printed, stderr=subprocess.STDOUT, text=True)
+        process = subprocess.Popen(
+            command, stdout=printed, stderr=subprocess.STDOUT, text=True, env=ENVIRONMENT
+        )
         _, status, usage = os.wait4(process.pid, 0)
         wall = time.perf_counter() - started
         process.returncode = os.waitstatus_to_exitcode(status)

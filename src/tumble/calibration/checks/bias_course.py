@@ -318,8 +318,9 @@ def _logarithm(squares: AnyArray, count: int) -> AnyArray:
 
 def _explained(weight: Series, seen: Series, columns: AnyArray, own: AnyArray) -> AnyArray:
     """(courses, sets) weighted squares that go; what the known took of a course nearly whole is held back."""
-    pull = np.einsum("cma,m->ca", columns, weight * seen)
-    normal = np.einsum("cma,m,cmb->cab", columns, weight, columns) + WEAK * own * float(weight.min())
+    across = np.swapaxes(columns, 1, 2)
+    pull = across @ (weight * seen)
+    normal = across @ (weight[:, None] * columns) + WEAK * own * float(weight.min())
     # What the known took of a course whole leaves zeros.
     least = 1e-12 * np.trace(normal, axis1=1, axis2=2)[:, None, None] + 1e-150
     gone: list[AnyArray] = []
