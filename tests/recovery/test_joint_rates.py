@@ -116,7 +116,7 @@ def test_what_the_accelerometers_show_on_a_table_depends_on_the_axis_that_the_gy
         values = task.unknowns.values.copy()
         values[index] += step
         moved = replace(task.copy(), unknowns=task.unknowns.at(values))
-        return Windows.alike([windows], moved)[0][0]
+        return windows.linearise(moved)[0]
 
     difference = (shown(1e-6).residual - shown(-1e-6).residual) / 2e-6
     place = windows.layout.earth.stop + task.unknowns.free.tolist().index(index)
