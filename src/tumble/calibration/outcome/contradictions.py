@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tumble.arrays import Series
+from tumble.calibration.equations.imu_unknowns import LAYOUT
 from tumble.calibration.equations.rotation_equations import Links
 from tumble.calibration.equations.spin_readings import LEAST_CONTRADICTION, contradicting_rates
 from tumble.errors import ConvergenceError, ObservabilityError
@@ -23,6 +24,9 @@ MISSING = (
 # Poses that scatter by less beyond their sigma are nobody's fault, nor by what chance makes of right ones more often.
 LEAST_OBJECTED = 1e-4  # rad
 SCATTER_FALSE_ALARM = 2e-3
+# Poses are hardly believed with so many times what they scatter by; numbers that then lose a sixth of their information
+# stand on them.
+HARDLY_BELIEVED, MUCH_LESS_CERTAIN = 10.0, 1.1
 # An Earth rate that the gyros contradict by more standard uncertainties than this, and by more than this.
 CONTRADICTION, SMALLEST_VERTICAL = 5.0, 5e-7  # rad/s
 # A fixture's turns that miss its poses by less than this are nobody's fault.
@@ -65,6 +69,7 @@ def _of_poses(outcome: JointOutcome) -> list[str]:
     if (
         added <= max(stated, LEAST_OBJECTED)
         or _chance_of_scatter(outcome, added / stated) > SCATTER_FALSE_ALARM
+        or not _stands_on_poses(outcome)
     ):
         return []
     said = (
@@ -86,13 +91,33 @@ def _chance_of_scatter(outcome: JointOutcome, times: float) -> float:
     return float(chdtrc(checks, checks * (1.0 + times**2)))
 
 
+def _stands_on_poses(outcome: JointOutcome) -> bool:
+    """Whether poses that are hardly believed would leave any number of the result much less certain.
+
+    A strapdown rotation's numbers come from gravity before and after each sequence, wherever it points.
+    """
+    assert outcome.data.poses is not None
+    solution, loose = outcome.balanced.solution, outcome.task.copy()
+    kept = max(float(np.median(outcome.data.poses.sigma)) ** 2, loose.noise["placement"])
+    loose.noise.set("placement", HARDLY_BELIEVED**2 * kept)
+    try:
+        variance = np.diag(solve(loose, once=True).cofactor)
+    except (ConvergenceError, ObservabilityError):
+        return True
+    free = solution.unknowns.free
+    asked = (
+        np.ones(free.size, bool) if outcome.frame == "fixture" else ~np.isin(free, LAYOUT.indices("fixture"))
+    )
+    return bool(np.any(variance[asked] > MUCH_LESS_CERTAIN**2 * np.diag(solution.cofactor)[asked]))
+
+
 def _of_pose_left_out(outcome: JointOutcome) -> list[str]:
     """A pose that was left out where another one's error explains what was recorded about as well."""
     poses = outcome.data.poses
     if poses is None:
         return []
     exchanged = _exchanged(outcome, "pose", poses.hold)
-    if exchanged is None:
+    if exchanged is None or not _stands_on_poses(outcome):
         return []
     left_out, other = exchanged
     said = (
