@@ -8,7 +8,7 @@ import numpy as np
 
 from tumble.arrays import Series
 from tumble.calibration.equations.imu_unknowns import LAYOUT
-from tumble.calibration.equations.rotation_equations import Links
+from tumble.calibration.equations.rotation_equations import Links, Windows
 from tumble.calibration.equations.spin_readings import LEAST_CONTRADICTION, contradicting_rates
 from tumble.errors import ConvergenceError, ObservabilityError
 from tumble.estimation.gauss_helmert import Prior
@@ -331,8 +331,11 @@ def _of_gravity_on_tables(outcome: JointOutcome) -> list[str]:
     missed: list[float] = []
     for found in outcome.balanced.solution.chains():
         for term in found.chain.terms:
-            if term.equations.kind == "windows":
-                missed.append(float(np.linalg.norm(term.raw)) / (np.sqrt(len(term.raw)) * scale))
+            if isinstance(term.equations, Windows):
+                noise: Series = np.trace(term.equations.spin.force_covariance, axis1=1, axis2=2)
+                square: Series = np.sum(np.square(term.raw), axis=1)
+                beyond = float(np.mean(square - noise))
+                missed.append(max(beyond, 0.0) ** 0.5 / scale)
     usual = float(np.quantile(missed, 0.75)) if missed else 0.0
     if usual <= LARGEST_TABLE_MISFIT:
         return []
