@@ -422,3 +422,18 @@ def test_swapped_axes_that_few_turns_show_are_not_fit() -> None:
     found = calibrated("six-faces", "swapped-gyro", "consumer", 850005)
     assert not found.verdict.fit
     assert any("seems to stand in gz" in reason for reason in found.verdict.reasons)
+
+
+def test_an_accelerometer_at_its_limit_in_holds_is_not_fit() -> None:
+    """A range of 0.99 g: two holds of forty that show too little were explained by a quadratic term, 5 sigmas off."""
+    made = PROCEDURES["by-hand"](GRADES["tactical"], np.random.default_rng(5))
+    columns = made.columns()
+    down = next(name for name in columns if name.startswith("az"))
+    limit = 0.995 * float(np.quantile(columns[down], 0.99))
+    rate = f"{made.path.rate}±{1e-6 * made.path.rate}"
+    right = tumble.calibrate(pl.DataFrame(columns), rate=rate).calibration
+    assert not any("at its limit" in reason for reason in right.verdict.reasons)
+    columns[down] = np.clip(columns[down], -limit, limit)
+    clipped = tumble.calibrate(pl.DataFrame(columns), rate=rate).calibration
+    assert not clipped.verdict.fit
+    assert any("Accelerometer z is at its limit" in reason for reason in clipped.verdict.reasons)

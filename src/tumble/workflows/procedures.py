@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from tumble.calibration.estimate import Kind
     from tumble.calibration.prior import StableKnowledge
 
+# Noise alone brings single samples of a right hold to the largest number of a recording.
+STUCK = 0.05
+
 
 def check_procedure(procedure: str | None, options: Options, *, has_protocol: bool) -> None:
     """Refuse a procedure that there is not, or that lacks what it needs.
@@ -185,6 +188,7 @@ def add_objections(session: Session, estimate: Estimate, procedure: str | None, 
     doubts = [remark.text for remark in recording.remarks if remark.kind == "doubtful"]
     estimate.say("objection", *doubts)
     estimate.say("remark", *find_saturated_channels(recording))
+    estimate.say("objection", *_of_limits(session))
     if recording.specific_force is not None and recording.angular_rate is not None:
         # Holds do not tell which way the gyro counts; where there are turns between them, these do.
         contradiction = find_axis_contradiction(recording)
@@ -230,6 +234,27 @@ def _of_other_rests(session: Session) -> list[str]:
         "are in one recording. Calibrate each part by itself, or with --turn-ons if all of them are this unit's."
     )
     return [said]
+
+
+def _of_limits(session: Session) -> list[str]:
+    """What is said of holds in which an accelerometer is at its limit: they show less than gravity."""
+    from tumble.recording.saturation import limits_reached
+
+    force, said = session.recording.specific_force, list[str]()
+    if force is None or np.any(np.median(np.abs(np.diff(force, axis=0)), axis=0) == 0.0):
+        # Steps coarser than the noise repeat their numbers at rest, too.
+        return said
+    for limit in limits_reached(force):
+        stuck = force[:, "xyz".index(limit.channel)] == limit.value
+        holds = session.timeline.holds
+        at = [str(k + 1) for k, hold in enumerate(holds) if np.mean(stuck[hold.start : hold.stop]) > STUCK]
+        if at:
+            more = f" and {len(at) - 4} more" if len(at) > 4 else ""
+            said.append(
+                f"Accelerometer {limit.channel} is at its limit ({limit.value:g} in the recording) in hold "
+                f"{', '.join(at[:4])}{more}: there it shows less than gravity. Choose a larger range."
+            )
+    return said
 
 
 def _of_force_step(session: Session, estimate: Estimate) -> list[str]:
