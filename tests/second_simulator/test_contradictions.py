@@ -437,3 +437,9 @@ def test_an_accelerometer_at_its_limit_in_holds_is_not_fit() -> None:
     clipped = tumble.calibrate(pl.DataFrame(columns), rate=rate).calibration
     assert not clipped.verdict.fit
     assert any("Accelerometer z is at its limit" in reason for reason in clipped.verdict.reasons)
+
+
+def test_turns_that_nothing_checks_are_named() -> None:
+    """Five turns for nine numbers and five headings: one of which samples were lost was 10 sigmas off, unsaid."""
+    found = calibrated("six-faces", "dropped", "consumer", 910004)
+    assert any("rest on 5 turns, and nothing checks them" in reason for reason in found.verdict.reasons)

@@ -11,14 +11,17 @@ from tumble.arrays import Series, Square
 from tumble.calibration.checks.observability import TOLD
 from tumble.calibration.checks.snooping import NEEDLESS, wald_test
 from tumble.calibration.equations.adjustment import JointAdjustment
-from tumble.calibration.equations.imu_unknowns import name_plate, term_unknowns
+from tumble.calibration.equations.imu_unknowns import LAYOUT, name_plate, term_unknowns
 from tumble.calibration.estimate import TermTest
 from tumble.calibration.procedures.hand_held import LAG_LIMIT, TERM_FALSE_ALARM
 from tumble.calibration.recording_influences import recording_influences
 from tumble.calibration.terms import TERMS
+from tumble.calibration.verdict import two_digits
 from tumble.estimation.balance import Balanced
+from tumble.estimation.solve import linearise
 from tumble.estimation.terms import keep_wanted
 from tumble.estimation.unknowns import Unknowns
+from tumble.sensor.triad import CURVES
 
 OF_FORCE = tuple(term.name for term in TERMS.values() if term.shown_by == "force")
 EVERYWHERE = tuple(term.name for term in TERMS.values() if term.shown_by != "table")
@@ -30,6 +33,8 @@ TERM_LIMIT = (TERM_FALSE_ALARM - LAG_LIMIT) / len(EVERYWHERE)
 CHECKS_EACH = 3
 # No unit has so many times what a name plate allows of a term: 5 % of asymmetry, 3 °/s a g.
 LARGEST_OF_A_UNIT = 5.0
+# What a term that was not tried does to biases is said for so large a share of 1 g.
+ILLUSTRATED = 1e-3
 # Of the largest eigenvalue of an information matrix: below this it is the round-off of the others.
 ROUND_OFF = 1e-13
 # Share of the name plate's variance that is left of a direction that the motion determines.
@@ -267,14 +272,16 @@ def _is_determined(name: str, share: Square, free: np.ndarray) -> bool:
     return bool(shares[0 if TERMS[name].in_part else -1] < LEFT)
 
 
-def untried_words(names: list[str]) -> list[str]:
+def untried_words(names: list[str], task: JointAdjustment) -> list[str]:
     """Return a sentence about terms that were not tried because nothing determines them; none without.
 
     Parameters
     ----------
     names : of the terms; those that only tables show are not missed.
+    task : the settled adjustment without them.
     """
-    words = [TERMS[name].words for name in EVERYWHERE if name in names]
+    names = [name for name in EVERYWHERE if name in names]
+    words = [TERMS[name].words for name in names]
     if not words:
         return []
     last = f"{', '.join(words[:-1])} and {words[-1]}" if len(words) > 1 else words[0]
@@ -282,7 +289,25 @@ def untried_words(names: list[str]) -> list[str]:
         f"{last[0].upper()}{last[1:]}: what was recorded does not determine them, or not apart from other terms: they "
         "were not tried. More poses would, among them some with no axis upright or level."
     )
+    moved = max((_moved_bias(task, name) for name in names if name in OF_FORCE), default=0.0)
+    if moved > 0.0:
+        said += (
+            f" No uncertainty has them: {1e2 * ILLUSTRATED:g} % at 1 g would put an accelerometer's bias off by up to "
+            f"{two_digits(1e3 * moved)} mm/s²."
+        )
     return [said]
+
+
+def _moved_bias(task: JointAdjustment, name: str) -> float:
+    """By how much a term of the accelerometers that is `ILLUSTRATED` at 1 g moves a bias at most, m/s²."""
+    trial, plain = task.copy(), task.unknowns.free
+    trial.unknowns = task.unknowns.with_free(unknowns_with(plain, [name]))
+    normal, u = linearise(trial)[1], trial.unknowns
+    scale = np.abs(u["force.scale"])
+    size = ILLUSTRATED / (scale * task.site.gravity) ** CURVES[TERMS[name].curve].power
+    own, others = u.places(term_unknowns(name)), u.places(plain)
+    shift = np.linalg.lstsq(normal[np.ix_(others, others)], normal[np.ix_(others, own)] * size)[0]
+    return float(np.max(np.abs(shift[np.searchsorted(plain, LAYOUT.indices("force.bias"))]) / scale[:, None]))
 
 
 def seen_table_terms(normal: Square, u: Unknowns) -> list[str]:

@@ -66,6 +66,8 @@ SITS = (
 )
 # Of a correlation matrix: below this, a combination is known exactly, or less than that.
 LEAST_EIGENVALUE = 1e-10
+# Turns of which a smaller share than this is left to check one another check nothing.
+LEAST_CHECKED = 0.1
 # A clock is off if it is so by more than so many of its standard uncertainties.
 CLOCK_FALSE_ALARM = 4.0
 
@@ -170,7 +172,12 @@ def joint_estimate(outcome: JointOutcome) -> Estimate:
             *([] if start is None else start.said_of_recording()),
             *said_of(
                 remarks=[*_remarks(outcome, described.parameters), *words["remark"]],
-                cautions=[*_of_clock(outcome), *_of_course(course), *words["caution"]],
+                cautions=[
+                    *_of_unchecked_turns(outcome),
+                    *_of_clock(outcome),
+                    *_of_course(course),
+                    *words["caution"],
+                ],
                 objections=[*contradictions(outcome), *words["objection"]],
                 not_determined=_not_determined(outcome),
             ),
@@ -291,7 +298,7 @@ def _not_determined(outcome: JointOutcome) -> list[str]:
         said.append("The gyros: the recording has none.")
     if outcome.untold is not None:
         said += outcome.untold.sentences
-    said += untried_words(outcome.untried)
+    said += untried_words(outcome.untried, outcome.task)
     return list(dict.fromkeys(said))
 
 
@@ -478,6 +485,21 @@ def _remarks(outcome: JointOutcome, parameters: list[NamedValue]) -> list[str]:
             "each has a heading of its own."
         )
     return told
+
+
+def _of_unchecked_turns(outcome: JointOutcome) -> list[str]:
+    """What is said where turns alone give the gyros' matrix and hardly any of them checks another."""
+    turns = outcome.balanced.tests.get("turn")
+    if turns is None or outcome.data.rotations or not outcome.has_gyro or outcome.untold is not None:
+        return []
+    count = len(turns.place)
+    if float(turns.redundancy.sum()) > LEAST_CHECKED * 3.0 * count:
+        return []
+    said = (
+        f"The gyros' scale factors and axes rest on {count} turns, and nothing checks them: with samples missing in one "
+        "of them they would be wrong and fit. Turn the unit to more poses, or use the gyros' biases alone."
+    )
+    return [said]
 
 
 def _of_clock(outcome: JointOutcome) -> list[str]:
