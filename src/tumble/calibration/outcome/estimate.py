@@ -496,8 +496,8 @@ def _of_unchecked_turns(outcome: JointOutcome) -> list[str]:
     if float(turns.redundancy.sum()) > LEAST_CHECKED * 3.0 * count:
         return []
     said = (
-        f"The gyros' scale factors and axes rest on {count} turns, and nothing checks them: with samples missing in one "
-        "of them they would be wrong and fit. Turn the unit to more poses, or use the gyros' biases alone."
+        f"The gyros' scale factors and axes rest on {count} turns, and nothing checks them: with samples missing in "
+        "one of them they would be wrong and fit. Turn the unit to more poses, or use the gyros' biases alone."
     )
     return [said]
 
