@@ -17,6 +17,8 @@ from tumble.segmentation.rounding import integral_variance, rounding_of_each, st
 EDGE_WINDOW = 2.0
 # Share of the largest sample below which a sample is not believed, noise or none.
 SAMPLE_DIGITS = 1e-7
+# Chance that means at rest differ by less than right variances allow, on one axis.
+SCATTER_CHANCE = 1e-3
 
 
 def gather(recording: Recording, timeline: Timeline, means: HoldMeans) -> HoldsAndTurns:
@@ -46,6 +48,7 @@ def gather(recording: Recording, timeline: Timeline, means: HoldMeans) -> HoldsA
         timeline.noise_floor.threshold,
         timeline.noise_floor.statistic,
     )
+    rate_covariance = _within_scatter(means, floor.angular_rate)
     return HoldsAndTurns(
         time=recording.time,
         raw_force=recording.specific_force,
@@ -53,7 +56,7 @@ def gather(recording: Recording, timeline: Timeline, means: HoldMeans) -> HoldsA
         force_mean=means.specific_force,
         force_covariance=means.specific_force_covariance,
         rate_mean=means.angular_rate,
-        rate_covariance=means.angular_rate_covariance,
+        rate_covariance=rate_covariance,
         hold_samples=means.count,
         head=head,
         tail=tail,
@@ -64,13 +67,34 @@ def gather(recording: Recording, timeline: Timeline, means: HoldMeans) -> HoldsA
         force_floor=_floor(
             means.specific_force_covariance, floor.specific_force, means, means.specific_force_rounding
         ),
-        rate_floor=_floor(
-            means.angular_rate_covariance, floor.angular_rate, means, means.angular_rate_rounding
-        ),
+        rate_floor=_floor(rate_covariance, floor.angular_rate, means, means.angular_rate_rounding),
         turn_sampling=_sampling(recording, means, rests, np.column_stack([turn_start, turn_stop])),
         rate_rounding=means.angular_rate_rounding,
         parts=means.parts,
     )
+
+
+def _within_scatter(means: HoldMeans, sigma: Vector) -> Matrices:
+    """Covariances (holds, 3, 3) of gyros' means at rest, no larger than these differ by; see `SCATTER_CHANCE`.
+
+    A hand that trembles turns to and fro: over a hold next to nothing of it is left, far less than its parts suggest.
+    """
+    from scipy.special import chdtri
+
+    mean, covariance = means.angular_rate, means.angular_rate_covariance
+    assert mean is not None
+    assert covariance is not None
+    freedom = len(mean) - 1
+    if freedom < 1:
+        return covariance
+    scatter = np.sum((mean - mean.mean(axis=0)) ** 2, axis=0) / float(chdtri(freedom, 1.0 - SCATTER_CHANCE))
+    rounding = (
+        np.zeros(3) if means.angular_rate_rounding is None else means.angular_rate_rounding.mean(axis=0)
+    )
+    largest = np.maximum(scatter, sigma**2 / float(np.median(means.count))) + rounding
+    usual = np.median(np.diagonal(covariance, axis1=1, axis2=2), axis=0)
+    share = np.sqrt(np.minimum(largest / np.maximum(usual, 1e-300), 1.0))
+    return share[:, None] * covariance * share
 
 
 def _least(sigma: Vector, signal: Vectors, rests: list[list[tuple[int, int]]]) -> Vector:
