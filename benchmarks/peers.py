@@ -18,9 +18,10 @@ left out and said so; none of them is needed by tumble.
   wants increments in forward, right, down. It took 0.75 s and 20 MB for the drive where tumble took 0.84 s and 107 MB.
 - python-ins (`pip install pyins`) has no program: `navigation.py --speed --processor` compares the functions.
 
-`--growth` prints how cost grows with the recording, with its segments and with the units, as the slope of the logarithm
-of the processor time, start-up taken off: 1 is in proportion. `--commands` prints what each command's help costs, and
-`--tables` what a whole calibration of a simulated table recording at 50 Hz does, and a plan of one after it.
+`--growth` prints how cost grows with the samples of one recording, with its segments (the Xsens recording end to end,
+to 100 times) and with the units, as the slope of the logarithm of the processor time, start-up taken off: 1 is in
+proportion. `--hundred` takes samples and units to 100 times, too. `--commands` prints what each command's help costs,
+and `--tables` what a whole calibration of a simulated table recording at 50 Hz does, and a plan of one after it.
 """
 
 from __future__ import annotations
@@ -184,22 +185,28 @@ def pairs(asked: argparse.Namespace, folder: Path) -> list[Pair]:
     return found
 
 
-def print_slope(name: str, times: dict[int, float], start: float) -> None:
-    """Print processor times by size, and the slope from each to the next."""
-    sizes = sorted(times)
+def print_slope(name: str, costs: dict[int, Cost], start: float) -> None:
+    """Print processor times and memory by size, and the slope of the times from each to the next."""
+    sizes, times = sorted(costs), {size: cost.processor for size, cost in costs.items()}
     slopes = [math.log((times[b] - start) / (times[a] - start)) / math.log(b / a) for a, b in pairwise(sizes)]
-    told = ", ".join(f"×{size}: {times[size]:.2f} s" for size in sizes)
-    print(f"{name:20s}{told}; slope {', '.join(f'{slope:.2f}' for slope in slopes)}")
+    stated = ", ".join(f"×{size}: {times[size]:.2f} s, {costs[size].memory:.0f} MB" for size in sizes)
+    print(f"{name:20s}{stated}; slope {', '.join(f'{slope:.2f}' for slope in slopes)}", flush=True)
 
 
 def growth(asked: argparse.Namespace, folder: Path) -> None:
-    """Print how cost grows; the copies of a recording have so many times its samples and its holds."""
+    """Print how cost grows: with the rate of one recording, with the holds of its copies, and with units."""
     sizes = [1, 10, 100] if asked.hundred else [1, 10]
     start = min(run([sys.executable, "-c", EVERY_NAME]).processor for _ in range(3))
     print(f"start-up {start:.2f} s of processor time")
-    times = {copies: run(calibrated(xsens(folder, copies), folder)).processor for copies in sizes}
-    print_slope("recording, holds", times, start)
-    times = dict[int, float]()
+    costs = dict[int, Cost]()
+    for times in sizes:
+        made, rate = folder / f"rate-{times}", str(100 * times)
+        run([*TUMBLE, "simulate", "hand-held", "--seed", "1", "--sample-rate", rate, "-o", str(made)])
+        costs[times] = run(calibrated([str(made / "recording.csv")], folder))
+    print_slope("samples a second", costs, start)
+    costs = {copies: run(calibrated(xsens(folder, copies), folder)) for copies in (1, 10, 30, 100)}
+    print_slope("segments", costs, start)
+    costs = dict[int, Cost]()
     for units in sizes:
         lot = folder / f"lot-{units}"
         for number in range(units):
@@ -210,8 +217,8 @@ def growth(asked: argparse.Namespace, folder: Path) -> None:
         rows = [f"unit-{n},unit-{n}/acc.txt;unit-{n}/gyro.txt" for n in range(units)]
         manifest.write_text("\n".join(["unit,files", *rows]) + "\n")
         batch = [*TUMBLE, "batch", str(manifest), "-o", str(folder / f"out-{units}"), "--gravity", "9.81744"]
-        times[units] = run([*batch, "--workers", "1"]).processor
-    print_slope("units", times, start)
+        costs[units] = run([*batch, "--workers", "1"])
+    print_slope("units", costs, start)
 
 
 def print_commands(rounds: int) -> None:
@@ -247,7 +254,7 @@ def main() -> None:
     parser.add_argument("--kf-gins", help="command with its configuration")
     parser.add_argument("--drive", help="folder of the car drive")
     parser.add_argument("--growth", action="store_true")
-    parser.add_argument("--hundred", action="store_true", help="grow to a hundred")
+    parser.add_argument("--hundred", action="store_true", help="grow samples and units to a hundred")
     parser.add_argument("--commands", action="store_true")
     parser.add_argument("--tables", action="store_true")
     asked = parser.parse_args()

@@ -93,7 +93,7 @@ def _mean_of_minus_logarithm(starts: Series, stops: Series) -> Square:
     return -total / ((stops - starts)[:, None] * (stops - starts))
 
 
-# More stretches than these are taken together, two neighbours at a time.
+# Of more stretches than these neighbours are taken together.
 MOST_STRETCHES = 2000
 
 
@@ -148,11 +148,18 @@ def _fewer(start: Series, stop: Series, response: AnyArray) -> tuple[Series, Ser
     start, stop, response = start[shown], stop[shown], response[shown]
     order = np.argsort(start)
     start, stop, response = start[order], stop[order], response[order]
-    while start.size > MOST_STRETCHES:
-        at = np.arange(0, start.size, 2)
-        start, response = start[at], np.add.reduceat(response, at, axis=0)
-        stop = np.maximum.reduceat(stop, at)
-    return start, stop, response
+    at = first_of_neighbours(start.size, MOST_STRETCHES)
+    return start[at], np.maximum.reduceat(stop, at), np.add.reduceat(response, at, axis=0)
+
+
+def first_of_neighbours(count: int, most: int) -> np.ndarray:
+    """Return (groups,) the first of each group of neighbours, of groups of one size but the last.
+
+    Parameters
+    ----------
+    count, most : of neighbours, and of groups: each has as few as that takes.
+    """
+    return np.arange(0, count, max(1, -(-count // most)))
 
 
 def wider(covariance: Square, change: Square) -> Square:

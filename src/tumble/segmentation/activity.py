@@ -25,6 +25,9 @@ CHI_1E5 = 5.09
 SAME_LEVEL = 0.02
 # ... and a level is visited if it stays for this long.
 SHORTEST_VISIT_SECONDS = 0.5
+# Of the levels that are visited so many are held against all others, by multiples of the golden ratio.
+MOST_TRIED = 400
+GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 # A knock spoils a piece of a hold of so many samples.
 PIECE_SAMPLES = 100
 # A typical turn by hand, used only where nothing in the recording determines the gyro's scale.
@@ -199,11 +202,13 @@ def _most_visited(levels: Vectors, apart: float) -> tuple[int, np.ndarray]:
     # a visit may be torn by noise: a run at the level of the one before it is no new visit
     new = np.ones(len(levels), dtype=bool)
     new[1:] = np.linalg.norm(np.diff(levels, axis=0), axis=1) > apart
-    near = np.linalg.norm(levels[:, None] - levels[None], axis=2) <= apart
+    # some of thousands stand for all: not each second one, for spins and rests take turns
+    tried = np.flatnonzero(np.arange(len(levels)) * GOLDEN % 1.0 <= MOST_TRIED / len(levels))
+    near = np.linalg.norm(levels[tried, None] - levels, axis=2) <= apart
     # of levels visited alike the middle one: spins go both ways from rest
-    outside = np.linalg.norm(levels - np.median(levels[new], axis=0), axis=1)
-    chosen = int(np.lexsort((outside, -(near @ new.astype(float))))[0])
-    return chosen, near[chosen]
+    outside = np.linalg.norm(levels[tried] - np.median(levels[new], axis=0), axis=1)
+    best = int(np.lexsort((outside, -(near @ new.astype(float))))[0])
+    return int(tried[best]), near[best]
 
 
 def _sphere(force: Vectors, noise: float) -> tuple[Vector, float, bool]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tumble.arrays import Vectors, inverted
+from tumble.arrays import Vectors
 from tumble.segmentation.activity import Activity
 from tumble.segmentation.blocks import Blocks
 from tumble.segmentation.stretches import Stretch, median
@@ -133,14 +133,14 @@ def _expected(table: Vectors, stretches: list[Stretch], rate_scale: float) -> Ve
     design = np.column_stack([np.ones(len(force)), force])
     # A ridge that keeps a pose of its own kind from being explained by itself alone.
     ridge = np.diag([0.0, *[RIDGE] * 3])
-    line = np.empty_like(table)
-    for k in range(len(table)):
-        others = np.arange(len(table)) != k
-        # those that stand out themselves would bend the line
-        near = np.linalg.norm(table - middle, axis=1) * rate_scale < LARGEST_SENSITIVITY
-        take = others & near if np.count_nonzero(others & near) >= 6 else others
-        normal = design[take].T @ design[take] + ridge
-        line[k] = design[k] @ inverted(normal) @ (design[take].T @ table[take])
+    # those that stand out themselves would bend the line
+    near = np.linalg.norm(table - middle, axis=1) * rate_scale < LARGEST_SENSITIVITY
+    own = design[:, :, None] * np.hstack([design, table])[:, None]
+    straight = near[:, None, None] * own
+    enough = np.count_nonzero(near) - near >= 6
+    left, all_left = np.sum(straight, axis=0) - straight, np.sum(own, axis=0) - own
+    others = np.asarray(np.where(enough[:, None, None], left, all_left), dtype=np.float64)
+    line: Vectors = (design[:, None] @ np.linalg.solve(others[:, :, :4] + ridge, others[:, :, 4:]))[:, 0]
     plausible = np.linalg.norm(line - middle, axis=1) * rate_scale < LARGEST_SENSITIVITY
     nearer = np.linalg.norm(table - line, axis=1) < np.linalg.norm(table - middle, axis=1)
     return np.where(np.repeat(plausible & nearer, 3).reshape(-1, 3), line, middle)

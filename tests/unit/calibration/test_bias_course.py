@@ -10,6 +10,7 @@ import pytest
 from tumble.calibration.checks.bias_course import (
     CONTRADICTION,
     FALSE_ALARM,
+    BiasCourse,
     Rests,
     find_force_course,
     find_rate_courses,
@@ -156,7 +157,7 @@ def test_accelerometers_that_jump_are_found_between_their_holds(before: int, jum
     assert course.departure(np.array([0.0, 209.0])) == pytest.approx(np.stack([-course.size, np.zeros(3)]))
 
 
-def wandering(kind: str, rng: np.random.Generator, holds: int = 30) -> np.ndarray:
+def wandering(kind: str, rng: np.random.Generator, holds: int) -> np.ndarray:
     """(holds, 3) means by 1/f noise or a random walk, of 1 mm/s² about their mean, from eight parts a hold."""
     frequency = np.fft.rfftfreq(16 * holds)[1:, None]
     lines = rng.standard_normal((len(frequency), 3)) + 1j * rng.standard_normal((len(frequency), 3))
@@ -178,18 +179,59 @@ def test_accelerometers_that_warm_up_do_not_jump() -> None:
     assert found == 0
 
 
+def test_of_many_holds_neighbours_are_taken_together_and_show_a_course_as_well(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """240 holds: of a gyro as 60 groups of 4, of accelerometers as 20 groups of 12 of three numbers each."""
+    later = np.arange(240)[:, None] > 131
+    decayed = np.exp(-np.arange(240)[:, None] / 60.0)
+    jump, drift = np.array([0.0, 4e-4, -2e-4]), np.array([3e-3, 0.0, -2e-3])
+    residual, rests = residuals(4, 240)
+    accelerometers = {True: norms_of(later * 5.0 * jump, 7), False: norms_of(decayed * drift, 8)}
+    gyros = {True: residual + later * jump, False: residual + decayed * drift}
+
+    def found(jumps: bool) -> tuple[BiasCourse, BiasCourse]:
+        (rate,), force = find_rate_courses(gyros[jumps], rests), find_force_course(*accelerometers[jumps])
+        assert force is not None
+        return rate, force
+
+    whole = {jumps: found(jumps) for jumps in (True, False)}
+    monkeypatch.setattr("tumble.calibration.checks.bias_course.MOST_NUMBERS", 60)
+    for jumps, courses in whole.items():
+        for one, other, noise in zip(found(jumps), courses, (1.5e-4, 7e-4), strict=True):
+            if jumps:
+                assert one.after is not None
+                assert abs(one.after - 131) <= 12
+                assert one.is_contradiction
+            else:
+                assert one.after is None
+                assert one.until == other.until
+            # what one hold is measured to, of 108 after the jump
+            times = np.array([0.0, 400.0])
+            assert one.departure(times) == pytest.approx(
+                other.departure(times), abs=2.0 * noise / np.sqrt(108)
+            )
+
+
 @pytest.mark.slow
+@pytest.mark.parametrize("holds", [30, 120])
 @pytest.mark.parametrize("kind", ["white", "1/f", "walk"])
-def test_what_only_wanders_is_said_to_jump_no_more_often_than_stated(kind: str) -> None:
-    """At 2.5 % each for jumps and drifts, of 300 units: 15 expected, and more than 26 has a chance of 1e-3."""
+def test_what_only_wanders_is_said_to_jump_no_more_often_than_stated(
+    kind: str, holds: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """At 2.5 % each for jumps and drifts, of 300 units: 15 expected, and more than 26 has a chance of 1e-3.
+
+    Of 120 holds neighbours are taken together: two of gyros, six of accelerometers.
+    """
+    monkeypatch.setattr("tumble.calibration.checks.bias_course.MOST_NUMBERS", 60)
     assert CONTRADICTION == 0.002
     alarms = {"force": 0, "rate": 0}
     for seed in range(300):
         rng = np.random.default_rng(1000 + seed)
-        wander = np.zeros((30, 3)) if kind == "white" else wandering(kind, rng)
+        wander = np.zeros((holds, 3)) if kind == "white" else wandering(kind, rng, holds)
         alarms["force"] += find_force_course(*norms_of(wander, seed), chance=0.025) is not None
-        shown = wander + 4e-4 * rng.standard_normal((30, 3))
-        alarms["rate"] += bool(find_rate_courses(shown, rests_of(np.full((30, 3), 4e-4**2)), chance=0.025))
+        shown = wander + 4e-4 * rng.standard_normal((holds, 3))
+        alarms["rate"] += bool(find_rate_courses(shown, rests_of(np.full((holds, 3), 4e-4**2)), chance=0.025))
     assert max(alarms.values()) <= 26
 
 

@@ -134,6 +134,19 @@ def test_spins_of_every_kind_are_found(parts: list[Part]) -> None:
     assert_found(recorded(parts), parts, lost=0.5)
 
 
+def test_some_of_thousands_of_levels_stand_for_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Rests between spins of ever other rates: each second level is rest, and any two spins differ."""
+    parts = [part for k in range(12) for part in (Part(4.0), Part(4.0, RATE * (0.4 + 0.1 * k) * (-1) ** k))]
+    recording = recorded([*parts, Part(4.0)])
+    whole = find_timeline(recording)
+    monkeypatch.setattr("tumble.segmentation.activity.MOST_TRIED", 5)
+    some = find_timeline(recording)
+    assert len(whole.holds) == 13
+    assert [(hold.start, hold.stop) for hold in some.holds] == [
+        (hold.start, hold.stop) for hold in whole.holds
+    ]
+
+
 def test_ripple_and_counts_do_not_matter() -> None:
     parts = spun(RATE, -RATE)
     recording = recorded(parts, ripple=1e-3)

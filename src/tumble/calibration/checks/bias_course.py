@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from tumble.arrays import AnyArray, Series, Vectors
-from tumble.estimation.wander import covariance_about_the_mean
+from tumble.estimation.wander import covariance_about_the_mean, first_of_neighbours
 
 # Chance of calling a course of a triad's biases, on any axis, where they only wander: it is said, and counted.
 FALSE_ALARM = 0.01
@@ -23,6 +23,8 @@ LEAST_FREEDOM = 8
 TIME_CONSTANTS = (0.05, 0.1, 0.2, 0.4, 1.0, 5.0)
 # Of hundreds of holds so many places are looked at: a jump between two of them shows at either.
 MOST_PLACES = 100
+# Beyond so many numbers neighbouring holds are taken together: the cost grows with the cube of the numbers.
+MOST_NUMBERS = 400
 # Directions of less than this share of the largest are none.
 RANK = 0.05
 # Of the squares of a course: what is left of it counts as this much less.
@@ -84,10 +86,10 @@ def hidden_jumps(up: Vectors) -> list[int]:
     """
     holds = len(up)
     design, _ = np.linalg.qr(np.hstack([np.ones((holds, 1)), up]))
-    later = np.tril(np.ones((holds, holds)), -1)[:, : holds - 1]
-    left = later - design @ (design.T @ later)
-    size = later - later.mean(axis=0)
-    shown = np.sum(left**2, axis=0) / np.maximum(np.sum(size**2, axis=0), 1e-300)
+    # Squares of ones up to each hold, zeros after it: less the design's part, and less the mean.
+    earlier = np.arange(1.0, holds)
+    left = earlier - np.sum(np.cumsum(design, axis=0)[:-1] ** 2, axis=1)
+    shown = left / (earlier * (1.0 - earlier / holds))
     return np.flatnonzero(shown < HIDDEN).tolist() if holds > design.shape[1] + 1 else []
 
 
@@ -204,12 +206,39 @@ class _Series:
     variance: Series
     known: AnyArray
 
-    def whitened(self) -> tuple[Series, AnyArray, AnyArray, AnyArray]:
-        """Values and (holds, axes) over their sigmas, and orthonormal bases of what was adjusted and of the rest."""
+    def whitened(self) -> _Whitened:
+        """Over their sigmas, and of many neighbours what shows their common bias: as many numbers as it has parts."""
         sigma = np.sqrt(np.maximum(self.variance, 1e-3 * float(np.median(self.variance)))) + 1e-300
-        base = _orthonormal(self.known / sigma[:, None])
+        table = np.column_stack([self.seen, self.shown, self.known]) / sigma[:, None]
+        biases = slice(1, 1 + self.shown.shape[1])
+        first = group = np.arange(len(table))
+        if len(table) > MOST_NUMBERS:
+            parts = int(np.linalg.matrix_rank(table[:, biases]))
+            first = first_of_neighbours(len(table), MOST_NUMBERS // parts)
+            together = np.split(table, first[1:])
+            turned = [
+                np.linalg.svd(some[:, biases], full_matrices=False)[0][:, :parts].T @ some
+                for some in together
+            ]
+            table, group = np.vstack(turned), np.repeat(np.arange(len(first)), [len(some) for some in turned])
+        base = _orthonormal(table[:, biases.stop :])
         rest = np.linalg.qr(base, mode="complete")[0][:, base.shape[1] :]
-        return self.seen / sigma, self.shown / sigma[:, None], base, rest
+        return _Whitened(table[:, 0], table[:, biases], base, rest, first, group)
+
+
+@dataclass(frozen=True, slots=True)
+class _Whitened:
+    """Values and (numbers, axes) over their sigmas, orthonormal bases of what was adjusted and of the rest.
+
+    `first` has the first hold of each group of neighbours, `group` the group of each number.
+    """
+
+    seen: Series
+    shown: AnyArray
+    base: AnyArray
+    rest: AnyArray
+    first: np.ndarray
+    group: np.ndarray
 
 
 def likelier_course(
@@ -251,18 +280,20 @@ def _likeliest_course(each: list[_Series], start: Series, stop: Series, chance: 
     from scipy.special import betainc
 
     whitened = [one.whitened() for one in each]
-    holds, freedom = len(start), min(rest.shape[1] for _, _, _, rest in whitened)
-    splits = range(SMALLEST_SIDE, holds - SMALLEST_SIDE + 1, max(1, holds // MOST_PLACES))
+    first, group, freedom = whitened[0].first, whitened[0].group, min(one.rest.shape[1] for one in whitened)
+    limits = start[first], stop[np.append(first[1:], len(start)) - 1]
+    splits = range(SMALLEST_SIDE, len(first) - SMALLEST_SIDE + 1, max(1, len(first) // MOST_PLACES))
     if freedom < LEAST_FREEDOM + 3 or not splits:
         return None
-    middle = 0.5 * (start + stop)
+    middle = 0.5 * (limits[0] + limits[1])[group]
     length = max(float(middle[-1] - middle[0]), 1e-9)
-    courses = [np.where(np.arange(holds) >= split, 1.0, 0.0) for split in splits]
+    until = 0.5 * float(start[-1] + stop[-1])
+    courses = [np.where(group >= split, 1.0, 0.0) for split in splits]
     courses += [np.exp(-(middle - middle[0]) / (constant * length)) for constant in TIME_CONSTANTS]
     ratio: AnyArray = np.zeros((len(courses), len(_SETS)))
-    for seen, shown, _, rest in whitened:
+    for one in whitened:
         # Each has a wander of its own: one axis may wander more than the others.
-        ratio += _ratios(rest.T @ seen, np.stack(courses), rest, shown, (start, stop))
+        ratio += _ratios(one, np.stack(courses), limits)
     numbers = np.array([len(axes) for axes in _SETS])
     left = np.asarray(
         betainc(0.5 * (freedom - numbers), 0.5 * numbers, np.exp(-ratio / freedom)), dtype=np.float64
@@ -275,29 +306,28 @@ def _likeliest_course(each: list[_Series], start: Series, stop: Series, chance: 
         return None
     # What warms up one axis warms up the others, though they may not show it beyond chance.
     of_axes, size = np.array(_SETS[axes if jump else -1]), np.zeros(3)
-    for seen, shown, base, _ in whitened:
-        design = np.hstack([base, courses[at][:, None] * shown[:, of_axes]])
-        size[of_axes] += np.linalg.lstsq(design, seen, rcond=1e-9)[0][base.shape[1] :]
+    for one in whitened:
+        design = np.hstack([one.base, courses[at][:, None] * one.shown[:, of_axes]])
+        size[of_axes] += np.linalg.lstsq(design, one.seen, rcond=1e-9)[0][one.base.shape[1] :]
     if jump:
-        after = splits[at] - 1
+        after = int(first[splits[at]]) - 1
         since = 0.5 * float(stop[after] + start[after + 1])
-        return BiasCourse(after, np.inf, since, float(middle[-1]), size, found)
+        return BiasCourse(after, np.inf, since, until, size, found)
     constant = TIME_CONSTANTS[at - len(splits)] * length
-    return BiasCourse(None, constant, float(middle[0]), float(middle[-1]), size, found)
+    return BiasCourse(None, constant, float(middle[0]), until, size, found)
 
 
-def _ratios(
-    seen: Series, courses: AnyArray, rest: AnyArray, shown: AnyArray, limits: tuple[Series, Series]
-) -> AnyArray:
+def _ratios(one: _Whitened, courses: AnyArray, limits: tuple[Series, Series]) -> AnyArray:
     """(courses, sets) twice the logarithm by which each course of a set of axes is likelier than wander alone."""
-    columns = courses[:, :, None] * shown
-    own, columns = np.einsum("cha,chb->cab", columns, columns), rest.T @ columns
+    columns, seen = courses[:, :, None] * one.shown, one.rest.T @ one.seen
+    own, columns = np.swapaxes(columns, 1, 2) @ columns, one.rest.T @ columns
     span = float(limits[0].min()), float(limits[1].max())
     middle = 0.5 * (limits[0] + limits[1]) - span[0]
     flicker = covariance_about_the_mean(*limits, span)
     without, best = -np.inf, np.full((len(courses), len(_SETS)), -np.inf)
     for wander in (flicker, np.minimum(middle[:, None], middle), np.eye(len(middle))):
-        spread = rest.T @ (wander * (shown @ shown.T)) @ rest
+        wander = wander[one.group[:, None], one.group]
+        spread = one.rest.T @ (wander * (one.shown @ one.shown.T)) @ one.rest
         values, vectors = np.linalg.eigh(spread / max(float(np.trace(spread)) / len(spread), 1e-300))
         turned, across = vectors.T @ seen, vectors.T @ columns
         for share in _SHARES:
