@@ -52,7 +52,13 @@ DIRECTIVES = {
 }
 # Sums may be added in any order where only their total is wanted; what is not a number stays so.
 ANY_ORDER = ["-fassociative-math", "-fno-signed-zeros", "-fno-trapping-math", "-fno-math-errno"]
-FLAGS = {"src/tumble/noise/kernels.py": ANY_ORDER, "src/tumble/navigation/filter/kernels.py": ANY_ORDER}
+# A seed gives the same digits on every machine, and an attitude less itself is nothing.
+EXACT = ["-ffp-contract=off"]
+FLAGS = {
+    "src/tumble/noise/kernels.py": ANY_ORDER,
+    "src/tumble/navigation/filter/kernels.py": ANY_ORDER,
+    "src/tumble/simulation/kernels.py": EXACT,
+}
 LEVELS = """
 #if defined(__x86_64__) && defined(__linux__) && defined(__GLIBC__)
 #define TUMBLE_LEVELS __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default")))

@@ -48,6 +48,17 @@ def rotation_vector_from_matrix(C: Matrix) -> Vector:
     return np.asarray(rotation_vectors_from_matrices(np.asarray(C)[None])[0], dtype=np.float64)
 
 
+def matrix_from_turn(axis: Vector, angle: float) -> Matrix:
+    """Return (3, 3) the rotation by an angle, rad, about an axis of any length above zero."""
+    return matrix_from_rotation_vector(axis * (angle / np.sqrt(axis @ axis)))
+
+
+def rotation_angle(C: Matrix) -> float:
+    """Return the angle of a rotation matrix, in [0, pi] rad."""
+    vector = rotation_vector_from_matrix(C)
+    return float(np.sqrt(vector @ vector))
+
+
 def analytic_rotation_vector(C: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """Return the rotation vector of a rotation below 90 degrees, analytic in its entries.
 

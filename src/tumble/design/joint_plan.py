@@ -247,7 +247,8 @@ def true_covariance(task: PlanTask, played: PlayedPlan, problem: PlannedProblem)
         for one in influences.each:
             if one.kind == "force":
                 gain[one.place] = one.gain @ np.linalg.solve(one.root, np.tile(np.eye(3), (3, 1)))
-        covariance += np.einsum("tpi,tu,uqi->pq", gain, wander - floor * np.eye(len(times)), gain)
+        across = np.tensordot(wander - floor * np.eye(len(times)), gain, 1)
+        covariance += np.tensordot(gain, across, ((0, 2), (0, 2)))
     made = problem.in_names(covariance)
     # What is left out of the model of the noise may take too much: rotations' accelerometers wander by themselves.
     alone = np.diag(problem.in_names(influences.independent))

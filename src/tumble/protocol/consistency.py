@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from tumble.arrays import Matrix
+from tumble.attitude.rotations import matrix_from_turn, rotation_angle
 from tumble.errors import ProtocolError
 from tumble.protocol.steps import HoldStep, Pose, Protocol, RampStep, SoakStep, SpinStep, Step
-
-if TYPE_CHECKING:
-    from scipy.spatial.transform import Rotation
 
 # What poses and turns contradict one another by, beyond their uncertainties: digits of a file, rad.
 SAME_POSE = 1e-3
@@ -34,9 +31,7 @@ def refuse_contradicting_turns(protocol: Protocol) -> None:
     ProtocolError
         Naming the step of the hold, and those of the turns.
     """
-    from scipy.spatial.transform import Rotation
-
-    nominal: Rotation | None = None
+    nominal: Matrix | None = None
     headed, doubt = False, 0.0
     turns: list[int] = []
     before: Step | None = None
@@ -47,17 +42,17 @@ def refuse_contradicting_turns(protocol: Protocol) -> None:
             if step.pose is not None:
                 if nominal is not None:
                     sought = step.pose if headed else Pose(step.pose.up_b)
-                    wanted = sought.rotation_nb(nearest_heading(sought, nominal))
+                    wanted = sought.C_nb(nearest_heading(sought, nominal))
                     refuse_contradiction(protocol, number, turns, nominal, wanted, doubt, step.pose.sigma)
                 headed = step.pose.heading is not None or (headed and nominal is not None)
                 heading = 0.0 if nominal is None else nearest_heading(step.pose, nominal)
-                nominal, doubt, turns = step.pose.rotation_nb(heading), 0.0, []
+                nominal, doubt, turns = step.pose.C_nb(heading), 0.0, []
         elif isinstance(step, SoakStep) or (isinstance(step, RampStep) and not step.tumbled):
             continue
         elif isinstance(step, SpinStep | RampStep) or step.axis_b is None or step.angle is None:
             nominal = None
         elif nominal is not None:
-            nominal = nominal * Rotation.from_rotvec(step.angle * step.axis_b / np.linalg.norm(step.axis_b))
+            nominal = nominal @ matrix_from_turn(step.axis_b, step.angle)
             doubt = float(np.hypot(doubt, step.sigma))
             turns.append(number)
         before = step
@@ -67,8 +62,8 @@ def refuse_contradiction(
     protocol: Protocol,
     number: int,
     turns: list[int],
-    nominal: Rotation,
-    wanted: Rotation,
+    nominal: Matrix,
+    wanted: Matrix,
     doubt: float,
     sigma: float,
 ) -> None:
@@ -77,7 +72,7 @@ def refuse_contradiction(
     Parameters
     ----------
     protocol, number, turns : the hold's step and those of the turns, from 0.
-    nominal, wanted : attitudes to which the turns lead, and which the hold names.
+    nominal, wanted : (3, 3) attitudes to which the turns lead, and which the hold names.
     doubt, sigma : rad, standard uncertainties of the turns together and of the hold's pose.
 
     Raises
@@ -85,7 +80,7 @@ def refuse_contradiction(
     ProtocolError
         If they are further apart than five standard uncertainties.
     """
-    away = float((nominal.inv() * wanted).magnitude())
+    away = rotation_angle(nominal.T @ wanted)
     if away <= CONTRADICTION * np.hypot(doubt, sigma) + SAME_POSE:
         return
     before = ", ".join(str(turn + 1) for turn in turns)
@@ -99,17 +94,17 @@ def refuse_contradiction(
     )
 
 
-def nearest_heading(pose: Pose, rotation_nb: Rotation) -> float:
+def nearest_heading(pose: Pose, C_nb: Matrix) -> float:
     """Return the heading with which a pose comes nearest to an attitude; its own, where it has one.
 
     Parameters
     ----------
     pose : with or without a heading.
-    rotation_nb : one attitude.
+    C_nb : (3, 3) one attitude.
     """
     if pose.heading is not None:
         return pose.heading
-    turn = (rotation_nb * pose.rotation_nb().inv()).as_matrix()
+    turn = C_nb @ pose.C_nb().T
     return float(np.arctan2(turn[1, 0] - turn[0, 1], turn[0, 0] + turn[1, 1]))
 
 

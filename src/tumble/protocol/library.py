@@ -183,14 +183,12 @@ def _turntable(chosen: tuple[int, ...]) -> tuple[Step, ...]:
 
 def _laboratory_pose(axis: int, sign: float, quarter: int) -> Pose:
     """Return the pose with an axis up or down and the next one north, west, south or east."""
-    from scipy.spatial.transform import Rotation
-
     forward = (axis + 1) % 3
     C_nb = np.zeros((3, 3))
     C_nb[:, axis] = [0.0, 0.0, -sign]
     C_nb[:, forward] = [[1, 0, 0], [0, -1, 0], [-1, 0, 0], [0, 1, 0]][quarter]
     C_nb[:, (axis + 2) % 3] = np.cross(C_nb[:, axis], C_nb[:, forward])
-    pose = Pose.from_rotation(Rotation.from_matrix(C_nb), TABLE_SIGMA)
+    pose = Pose.from_matrix(C_nb, TABLE_SIGMA)
     # Whole quarters of a turn, to the last digit.
     heading = round((pose.heading or 0.0) / (np.pi / 2)) * (np.pi / 2)
     return Pose(np.round(pose.up_b) + 0.0, heading, TABLE_SIGMA)

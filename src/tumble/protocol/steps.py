@@ -13,8 +13,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tumble.arrays import Vector
-from tumble.attitude.rotations import rotation_between
+from tumble.arrays import Matrix, Vector
+from tumble.attitude.rotations import (
+    matrix_from_rotation_vector,
+    rotation_between,
+    rotation_vector_from_matrix,
+)
 from tumble.earth.site import Site
 
 if TYPE_CHECKING:
@@ -43,25 +47,30 @@ class Pose:
     @staticmethod
     def from_rotation(rotation_nb: Rotation, sigma: float = 0.0) -> Pose:
         """Return the pose of an attitude that is known in full."""
-        up_b = rotation_nb.inv().apply(UP_N)
-        about_vertical = (rotation_nb * _turn_up(up_b).inv()).as_rotvec()
+        return Pose.from_matrix(rotation_nb.as_matrix(), sigma)
+
+    @staticmethod
+    def from_matrix(C_nb: Matrix, sigma: float = 0.0) -> Pose:
+        """Return the pose of an attitude (3, 3) that is known in full."""
+        up_b = UP_N @ C_nb
+        about_vertical = rotation_vector_from_matrix(C_nb @ _turn_up(up_b).T)
         return Pose(up_b, float(about_vertical[2]), sigma)
 
+    def C_nb(self, heading: float = 0.0) -> Matrix:
+        """Return (3, 3) the nominal attitude; an unknown heading is `heading`, rad."""
+        about_vertical = self.heading if self.heading is not None else heading
+        return matrix_from_rotation_vector(np.array([0.0, 0.0, about_vertical])) @ _turn_up(self.up_b)
+
     def rotation_nb(self, heading: float = 0.0) -> Rotation:
-        """Return the nominal attitude; an unknown heading is `heading`, rad."""
+        """Return `C_nb` as a rotation of scipy."""
         from scipy.spatial.transform import Rotation
 
-        about_vertical = self.heading if self.heading is not None else heading
-        return Rotation.from_rotvec([0.0, 0.0, about_vertical]) * _turn_up(self.up_b)
+        return Rotation.from_matrix(self.C_nb(heading))
 
 
-def _turn_up(up_b: Vector) -> Rotation:
+def _turn_up(up_b: Vector) -> Matrix:
     """Return the shortest rotation that brings `up_b` up; about north where it is half a turn."""
-    from scipy.spatial.transform import Rotation
-
-    if up_b[2] > 1.0 - 1e-12:
-        return Rotation.from_rotvec([np.pi, 0.0, 0.0])
-    return Rotation.from_matrix(rotation_between(up_b, UP_N))
+    return np.diag([1.0, -1.0, -1.0]) if up_b[2] > 1.0 - 1e-12 else rotation_between(up_b, UP_N)
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,15 +6,16 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from tumble.arrays import Vector
+from tumble.attitude.rotations import matrix_from_turn
 from tumble.errors import UsageError
 from tumble.protocol.consistency import SAME_POSE
 from tumble.protocol.steps import HoldStep, Pose, Protocol, RampStep, SoakStep, SpinStep, Step, TurnStep
 from tumble.protocol.strapdown_rotation import sequence_steps
 
 _QUARTER = 0.5 * np.pi
+_Z = np.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +80,7 @@ def _azimuth(protocol: Protocol) -> float | None:
         if not isinstance(step, HoldStep) or step.pose is None or step.pose.heading is None:
             continue
         axis_b, told = _outer_axis_b(protocol, number, step.pose)
-        north, east, _ = step.pose.rotation_nb().apply(axis_b)
+        north, east, _ = step.pose.C_nb() @ axis_b
         if told:
             return float(np.arctan2(east, north))
         fallback = float(np.arctan2(east, north)) if fallback is None else fallback
@@ -88,15 +89,15 @@ def _azimuth(protocol: Protocol) -> float | None:
 
 def _outer_axis_b(protocol: Protocol, number: int, pose: Pose) -> tuple[Vector, bool]:
     """The outer axis in b at a hold, and whether anything told it: else it is along y."""
-    turned = Rotation.identity()
+    turned = np.eye(3)
     for step in _named_turns(protocol, number):
         assert step.axis_b is not None
         assert step.angle is not None
         axis_b = unit(step.axis_b)
         if abs(axis_b[2]) < 1.0 - SAME_POSE:
-            return np.asarray(turned.apply(axis_b)), True
-        turned = turned * Rotation.from_rotvec(step.angle * axis_b)
-    across = np.cross([0.0, 0.0, 1.0], -unit(pose.up_b))
+            return turned @ axis_b, True
+        turned = turned @ matrix_from_turn(axis_b, step.angle)
+    across = np.cross(_Z, -unit(pose.up_b))
     if np.linalg.norm(across) > SAME_POSE:
         return unit(across), True
     return np.array([0.0, 1.0, 0.0]), False
@@ -117,11 +118,10 @@ def _placed(protocol: Protocol, number: int, step: HoldStep, azimuth: float | No
         # Whatever the heading is, the outer axis is level and across z.
         outer_b = _outer_axis_b(protocol, number, step.pose)[0]
         inner = float(np.arctan2(outer_b[0], outer_b[1]))
-        down_t = Rotation.from_rotvec([0.0, 0.0, inner]).apply(-unit(step.pose.up_b))
+        down_t = matrix_from_turn(_Z, inner) @ -unit(step.pose.up_b)
         outer, off = float(np.arctan2(-down_t[0], down_t[2])), abs(float(down_t[1]))
     else:
-        room = Rotation.from_rotvec([0.0, 0.0, azimuth - _QUARTER])
-        C_tb = (room.inv() * step.pose.rotation_nb()).as_matrix()
+        C_tb = matrix_from_turn(_Z, azimuth - _QUARTER).T @ step.pose.C_nb()
         outer = float(np.arctan2(C_tb[0, 2], C_tb[2, 2]))
         inner, off = float(np.arctan2(C_tb[1, 0], C_tb[1, 1])), abs(float(C_tb[1, 2]))
     if off > SAME_POSE:
@@ -141,7 +141,7 @@ def _turned(number: int, step: TurnStep, here: tuple[float, float]) -> tuple[flo
     axis_b, (inner, outer) = unit(step.axis_b), here
     if abs(axis_b[2]) > 1.0 - SAME_POSE:
         return inner + float(np.sign(axis_b[2])) * step.angle, outer
-    along = float(Rotation.from_rotvec([0.0, 0.0, inner]).apply(axis_b)[1])
+    along = float((matrix_from_turn(_Z, inner) @ axis_b)[1])
     if abs(along) < 1.0 - SAME_POSE:
         raise UsageError(
             f"{_where(number, step)} turns about an axis of the unit that then lies along neither axis of the "

@@ -130,7 +130,9 @@ class Detours:
     def rotation(self, time: Series) -> Vectors:
         """Return the extra rotation vector in b, rad."""
         turn, angle = self._angle(time)
-        return np.sin(angle)[:, None] ** 2 * self.swing[turn]
+        vectors, away = np.zeros((len(time), 3)), np.flatnonzero(angle)
+        vectors[away] = np.sin(angle[away])[:, None] ** 2 * self.swing[turn[away]]
+        return vectors
 
     def rotation_rate(self, time: Series) -> Vectors:
         """Return its time derivative, rad/s."""

@@ -11,9 +11,15 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
-from tumble.arrays import AnyArray, Series, Vector
+from tumble.arrays import AnyArray, Matrix, Series, Vector
+from tumble.attitude.quaternions import matrices_from_quaternions, quaternion_from_matrix
+from tumble.attitude.rotations import (
+    matrix_from_rotation_vector,
+    matrix_from_turn,
+    rotation_angle,
+    rotation_vector_from_matrix,
+)
 from tumble.errors import ProtocolError, UsageError
 from tumble.protocol.consistency import (
     SAME_POSE,
@@ -226,11 +232,11 @@ class _Fixture:
         self.table, self.halted, self.read = Table(table, rng, placement), False, list(protocol.steps)
         self.heading = 0.0 if heading is None and not placement else heading
         tilt = rng.normal(0.0, table_tilt, 2) if placement and table_tilt > 0.0 else np.zeros(2)
-        self.lean = Rotation.from_rotvec([*tilt, 0.0])
+        self.lean = matrix_from_rotation_vector(np.array([*tilt, 0.0]))
         # Where the unit is (up to the lean), and where it is meant to be.
-        self.actual: Rotation | None = None
-        self.nominal = Rotation.identity()
-        self.first = Rotation.identity()
+        self.actual: Matrix | None = None
+        self.nominal = np.eye(3)
+        self.first = np.eye(3)
         # The table's axes, as they are meant and as they are in b, since the unit was last placed.
         self.axes: list[tuple[Vector, Vector]] = []
         # One sigma of the named turns since the unit was last put into a pose that is known.
@@ -296,12 +302,12 @@ class _Fixture:
         self.table.zero()
         self.axes.clear()
         if not self.holds:
-            self.first = self.lean * self.actual
+            self.first = self.lean @ self.actual
 
-    def _misplaced(self, pose: Pose | None) -> Rotation:
+    def _misplaced(self, pose: Pose | None) -> Matrix:
         if pose is None or not self.placement or pose.sigma == 0.0:
             return self.nominal
-        return self.nominal * Rotation.from_rotvec(self.rng.normal(0.0, pose.sigma, 3))
+        return self.nominal @ matrix_from_rotation_vector(self.rng.normal(0.0, pose.sigma, 3))
 
     def _carry(self, number: int | None, pose: Pose | None) -> None:
         """Turn by hand, the shortest way, to where the unit is placed next."""
@@ -311,7 +317,7 @@ class _Fixture:
         assert self.actual is not None
         move = _Move(
             HAND_TURN if step is None else step.duration,
-            (before.inv() * self.actual).as_rotvec(),
+            rotation_vector_from_matrix(before.T @ self.actual),
             step=self.waiting,
         )
         if self.placement:
@@ -324,55 +330,54 @@ class _Fixture:
     def _move(self, move: _Move, nominal_vector: Vector) -> None:
         assert self.actual is not None
         self.moves.append(move)
-        self.actual = self.actual * self._moved(move)
-        self.nominal = self.nominal * Rotation.from_rotvec(nominal_vector)
+        self.actual = self.actual @ self._moved(move)
+        self.nominal = self.nominal @ matrix_from_rotation_vector(nominal_vector)
 
-    def _moved(self, move: _Move) -> Rotation:
-        moved = Rotation.from_rotvec(move.vector_b)
+    def _moved(self, move: _Move) -> Matrix:
+        moved = matrix_from_rotation_vector(move.vector_b)
         if move.drive is None or not self.table.errors.wobble:
             return moved
         axis, angle = directions_of(move.vector_b[None])
-        return moved * wobble_rotation(axis, angle, self.table.wobble_b(move.drive, move.axis_b)[None])[0]
+        wobble_b = self.table.wobble_b(move.drive, move.axis_b)
+        return moved @ wobble_rotation(axis, angle, wobble_b[None])[0].as_matrix()
 
     def _in_b(self, axis: Vector) -> Vector:
         """The nominal axis as it lies in the misplaced unit."""
         assert self.actual is not None
-        return (self.actual.inv() * self.nominal).apply(axis)
+        return self.actual.T @ (self.nominal @ axis)
 
     def _spin_axes(self, step: SpinStep) -> tuple[Vector, Vector]:
         """A spin's axis where it is meant to be in b, and where it is."""
-        axis = self.nominal.inv().apply(UP_N) if step.axis_b is None else _unit(step.axis_b)
+        axis = UP_N @ self.nominal if step.axis_b is None else _unit(step.axis_b)
         assert self.actual is not None
         for known, axis_b in self.axes:
             # While it wobbles the unit's attitude does not tell the axis, but it stays where it was.
             if self.table.errors.wobble > 0.0 and np.linalg.norm(known - axis) < SAME_POSE:
                 return axis, axis_b
-        axis_b = (self.actual.inv() * self.table.lean * self.nominal).apply(axis)
+        axis_b = self.actual.T @ (self.table.lean @ (self.nominal @ axis))
         self.axes.append((axis, axis_b))
         return axis, axis_b
 
     def _stay(self, number: int, step: HoldStep, pose: Pose) -> None:
         """Leave the unit where a table has stopped early, and read its pose off the display."""
-        there = Pose.from_rotation(self.nominal, pose.sigma)
-        if (
-            self.nominal.inv() * pose.rotation_nb(nearest_heading(pose, self.nominal))
-        ).magnitude() > SAME_POSE:
+        there = Pose.from_matrix(self.nominal, pose.sigma)
+        if rotation_angle(self.nominal.T @ pose.C_nb(nearest_heading(pose, self.nominal))) > SAME_POSE:
             heading = None if pose.heading is None else there.heading
             self.read[number] = replace(step, pose=replace(there, heading=heading))
 
     def _agree(self, number: int, pose: Pose) -> None:
         """Let a named turn end in the pose of the hold that follows, if that is known better."""
         assert self.actual is not None
-        wanted = pose.rotation_nb(nearest_heading(pose, self.nominal))
+        wanted = pose.C_nb(nearest_heading(pose, self.nominal))
         refuse_contradiction(self.protocol, number, [], self.nominal, wanted, self.doubt, pose.sigma)
         if self.placement and self.doubt < pose.sigma:
             return
-        self.nominal = pose.rotation_nb(nearest_heading(pose, self.actual))
+        self.nominal = pose.C_nb(nearest_heading(pose, self.actual))
         target = self._misplaced(pose)
         move = self.moves[-1]
-        before = self.actual * Rotation.from_rotvec(-move.vector_b)
-        move.vector_b = _nearest_turn((before.inv() * target).as_rotvec(), move.vector_b)
-        self.actual = before * Rotation.from_rotvec(move.vector_b)
+        before = self.actual @ matrix_from_rotation_vector(-move.vector_b)
+        move.vector_b = _nearest_turn(rotation_vector_from_matrix(before.T @ target), move.vector_b)
+        self.actual = before @ matrix_from_rotation_vector(move.vector_b)
         self.doubt = 0.0
 
     def _return(self, number: int, pose: Pose) -> None:
@@ -390,29 +395,32 @@ class _Fixture:
             self.holds.append((TABLE_REST, None))
             self._move(_Move(HAND_TURN, angle * axis_b), angle * axis)
 
-    def _nominal(self, number: int | None, pose: Pose | None) -> Rotation:
+    def _nominal(self, number: int | None, pose: Pose | None) -> Matrix:
         """The attitude that is meant, in full: what is not known is known by a later hold, or drawn."""
         if pose is not None and pose.heading is not None:
-            return pose.rotation_nb()
+            return pose.C_nb()
         told = None if number is None else self._told_later(number, headed=True)
         if pose is not None:
-            return pose.rotation_nb(self._heading(number) if told is None else nearest_heading(pose, told))
+            return pose.C_nb(self._heading(number) if told is None else nearest_heading(pose, told))
         if told is None and number is not None:
             told = self._told_later(number, headed=False)
         if told is not None:
             return told
-        return simulate_hand_poses(self.rng, 1, after=self.actual)[0]
+        from scipy.spatial.transform import Rotation
 
-    def _told_later(self, number: int, headed: bool) -> Rotation | None:
+        after = None if self.actual is None else Rotation.from_matrix(self.actual)
+        return simulate_hand_poses(self.rng, 1, after=after)[0].as_matrix()
+
+    def _told_later(self, number: int, headed: bool) -> Matrix | None:
         """The attitude in which named turns from this hold lead to a later one whose pose is known."""
-        turned, before = Rotation.identity(), self.steps[number]
+        turned, before = np.eye(3), self.steps[number]
         for later, step in enumerate(self.steps[number + 1 :], number + 1):
             if isinstance(step, TurnStep) and step.axis_b is not None and step.angle is not None:
-                turned = turned * Rotation.from_rotvec(step.angle * _unit(step.axis_b))
+                turned = turned @ matrix_from_turn(step.axis_b, step.angle)
             elif not isinstance(step, HoldStep) or isinstance(before, HoldStep):
                 return None
             elif step.pose is not None and (step.pose.heading is not None or not headed):
-                return step.pose.rotation_nb(0.0 if headed else self._heading(later)) * turned.inv()
+                return step.pose.C_nb(0.0 if headed else self._heading(later)) @ turned.T
             before = step
         return None
 
@@ -429,7 +437,7 @@ class _Fixture:
     def finish(self, lever_arm_b: AnyArray) -> PlayedProtocol:
         self._settle(None)
         motion = Motion(
-            first_rotation_nb=self.first,
+            first_quaternion_nb=quaternion_from_matrix(self.first),
             hold_duration=np.array([duration for duration, _ in self.holds]),
             turn_duration=np.array([move.duration for move in self.moves]),
             turn_vector_b=np.array([move.vector_b for move in self.moves]).reshape(-1, 3),
@@ -465,7 +473,7 @@ class _Fixture:
 
     def _true_spins(self, motion: Motion, edges: AnyArray) -> list[TrueSpin]:
         spins: list[TrueSpin] = []
-        rotations = motion.hold_rotations_nb
+        C_nb = matrices_from_quaternions(motion.hold_quaternions_nb)
         for k, move in enumerate(self.moves):
             drive = move.drive
             if drive is None or move.step is None:
@@ -478,7 +486,7 @@ class _Fixture:
                     stop,
                     drive.angle / (move.duration - 0.5 * (drive.ramp_up + drive.ramp_down)),
                     move.axis_b,
-                    rotations[k].apply(move.axis_b),
+                    C_nb[k] @ move.axis_b,
                     drive.angle,
                     drive.shown,
                     (drive.ramp_up, drive.ramp_down),
@@ -529,9 +537,9 @@ def _nearest_turn(vector: Vector, named: Vector) -> Vector:
     return named / wanted * 2.0 * np.pi * np.round(wanted / (2.0 * np.pi))
 
 
-def _angle_to(nominal: Rotation, pose: Pose, axis: Vector) -> float | None:
+def _angle_to(nominal: Matrix, pose: Pose, axis: Vector) -> float | None:
     """The angle about an axis in b that leads to a pose; None if none does."""
-    up_b, wanted = nominal.inv().apply(UP_N), _unit(pose.up_b)
+    up_b, wanted = UP_N @ nominal, _unit(pose.up_b)
     if abs(float(axis @ (up_b - wanted))) > SAME_POSE:
         return None
     across = up_b - (axis @ up_b) * axis
@@ -540,8 +548,8 @@ def _angle_to(nominal: Rotation, pose: Pose, axis: Vector) -> float | None:
         # b turns by the angle, so that what stands still in n turns the other way in b.
         angle = -float(np.arctan2(axis @ np.cross(up_b, wanted), across @ wanted))
     elif pose.heading is not None:
-        apart = (nominal.inv() * pose.rotation_nb()).as_rotvec()
+        apart = rotation_vector_from_matrix(nominal.T @ pose.C_nb())
         angle = float(axis @ apart)
-    there = nominal * Rotation.from_rotvec(angle * axis)
-    left = (there.inv() * pose.rotation_nb(nearest_heading(pose, there))).magnitude()
+    there = nominal @ matrix_from_rotation_vector(angle * axis)
+    left = rotation_angle(there.T @ pose.C_nb(nearest_heading(pose, there)))
     return angle if left < 3.0 * SAME_POSE else None

@@ -11,15 +11,25 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from tumble.arrays import AnyArray, Series, Vector, Vectors
 from tumble.earth.site import Site
 from tumble.errors import UsageError
 from tumble.simulation.disturbances import Disturbance
+from tumble.simulation.kernels import (
+    chain_turns,
+    fill_attitudes,
+    fill_mean_rates,
+    fill_progress,
+    fill_seen,
+)
 from tumble.simulation.spin_shapes import SpinShapes, directions_of, wobble_rotation, wobbling_axis
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 
 @dataclass(frozen=True)
@@ -28,7 +38,7 @@ class Motion:
 
     Attributes
     ----------
-    first_rotation_nb : attitude at the beginning of the first hold.
+    first_quaternion_nb : (4,) attitude at the beginning of the first hold, scalar last.
     hold_duration : (holds,) s.
     turn_duration : (holds - 1,) s.
     turn_vector_b : (holds - 1, 3) rad, rotation vector of each turn in b; may exceed half a turn.
@@ -41,7 +51,7 @@ class Motion:
     spin_shapes : how spins run that are not even, instead of `turn_ramp`.
     """
 
-    first_rotation_nb: Rotation
+    first_quaternion_nb: Series
     hold_duration: Series
     turn_duration: AnyArray
     turn_vector_b: AnyArray
@@ -76,6 +86,8 @@ class Motion:
         ValueError
             If the numbers of poses and durations do not fit together.
         """
+        from scipy.spatial.transform import Rotation
+
         holds = len(rotations_nb)
         creep = np.zeros((holds, 3)) if creep_vector_b is None else creep_vector_b
         if len(hold_duration) != holds or len(turn_duration) != holds - 1 or len(creep) != holds:
@@ -85,7 +97,7 @@ class Motion:
             )
         left = rotations_nb[:-1] * Rotation.from_rotvec(creep[:-1])
         return Motion(
-            first_rotation_nb=rotations_nb[0],
+            first_quaternion_nb=rotations_nb[0].as_quat(),
             hold_duration=hold_duration,
             turn_duration=turn_duration,
             turn_vector_b=(left.inv() * rotations_nb[1:]).as_rotvec(),
@@ -114,7 +126,14 @@ class Motion:
     @property
     def hold_rotations_nb(self) -> Rotation:
         """Attitude at the beginning of each hold, without disturbances."""
-        return self._steps.rotations_nb[::2]
+        from scipy.spatial.transform import Rotation
+
+        return Rotation.from_quat(self.hold_quaternions_nb)
+
+    @property
+    def hold_quaternions_nb(self) -> AnyArray:
+        """The same, (holds, 4), scalar last."""
+        return self._steps.quaternions_nb[::2]
 
     @cached_property
     def _steps(self) -> _Steps:
@@ -125,15 +144,14 @@ class Motion:
         ramp = np.full(holds - 1, np.nan) if self.turn_ramp is None else self.turn_ramp
         shapes = SpinShapes.even(ramp) if self.spin_shapes is None else self.spin_shapes
         shapes = shapes.between_holds()
-        moved = Rotation.from_rotvec(vector)
+        wobble = np.empty((0, 3))
         if shapes.wobbles:
             axis, angle = directions_of(vector)
-            moved = moved * wobble_rotation(axis, angle, shapes.wobble_b)
-        rotations = [self.first_rotation_nb]
-        for step in moved[:-1] if holds > 1 else ():
-            rotations.append(rotations[-1] * step)
-        edges = np.concatenate([[0.0], np.cumsum(length)])
-        return _Steps(edges, length, vector, shapes, Rotation.concatenate(rotations))
+            wobble = wobble_rotation(axis, angle, shapes.wobble_b).as_rotvec()
+        first = np.empty((len(vector), 4))
+        first[0] = self.first_quaternion_nb
+        chain_turns(vector, wobble, first)
+        return _Steps(np.concatenate([[0.0], np.cumsum(length)]), vector, shapes, first)
 
     def rotation_nb(self, time: Series) -> Rotation:
         """Return the attitude at each time, disturbances included.
@@ -142,15 +160,17 @@ class Motion:
         ----------
         time : (samples,) s from the beginning; before it and after the end the unit stays.
         """
-        path, step, share, *_ = self._progress(time)
-        return self._attitude(path, step, share, self._shake(time) if self.disturbances else None)
+        from scipy.spatial.transform import Rotation
 
-    def _attitude(self, path: _Steps, step: np.ndarray, share: Series, shake: Vectors | None) -> Rotation:
-        turned = Rotation.from_rotvec(path.vector[step] * share[:, None])
-        rotation = _product(path.rotations_nb[step], turned)
-        if path.shapes.wobbles:
-            rotation = _product(rotation, path.wobble(step, share))
-        return rotation if shake is None else _product(rotation, Rotation.from_rotvec(shake))
+        path, step, (share, *_) = self._progress(time)
+        return Rotation.from_quat(self._attitude(path, step, share, self._added(path, step, share, time)))
+
+    def _attitude(
+        self, path: _Steps, step: np.ndarray, share: Series, added: tuple[Vectors, Vectors]
+    ) -> AnyArray:
+        quaternions = np.empty((len(step), 4))
+        fill_attitudes(path.quaternions_nb, path.vector, step, share, *added, quaternions)
+        return quaternions
 
     def angular_rate_ib_b(self, time: Series, site: Site) -> Vectors:
         """Return the angular rate at each instant, rad/s, in b; Earth rate where the latitude is known.
@@ -160,15 +180,17 @@ class Motion:
         time : (samples,) s.
         site : its latitude gives the Earth rate; without one the Earth stands still.
         """
-        path, step, share, speed, _ = self._progress(time)
+        path, step, (share, speed, _) = self._progress(time)
         vector, _ = path.rate_vectors(step, share)
         rate = vector * speed[:, None]
-        shake = None
+        added = self._added(path, step, share, time)
         if self.disturbances:
-            shake = self._shake(time)
+            from scipy.spatial.transform import Rotation
+
+            shake = added[1]
             shake_rate = np.sum([d.rotation_rate(time) for d in self.disturbances], axis=0)
             rate = Rotation.from_rotvec(shake).inv().apply(rate) + _right_jacobian(shake, shake_rate)
-        return rate + self._attitude(path, step, share, shake).inv().apply(_earth_rate(site))
+        return rate + _seen(self._attitude(path, step, share, added), _earth_rate(site))
 
     def mean_angular_rate_ib_b(self, edges: Series, site: Site) -> AnyArray:
         """Return the rotation vector from each edge to the next over the time between, rad/s, in b.
@@ -188,31 +210,20 @@ class Motion:
         UsageError
             If the unit turns by half a turn or more between two edges: no gyro sample determines that.
         """
-        path, step, share, *_ = self._progress(edges)
+        path, step, (share, *_) = self._progress(edges)
         _refuse_half_turns(path, edges, step, share)
-        before = _product(path.rotations_nb[step], Rotation.from_rotvec(path.vector[step] * share[:, None]))
-        across = step[1:] != step[:-1]
-        turned = path.vector[step[:-1]] * np.diff(share)[:, None]
-        if across.any():
-            ends = before.as_quat()
-            first, last = Rotation.from_quat(ends[:-1][across]), Rotation.from_quat(ends[1:][across])
-            turned[across] = (first.inv() * last).as_rotvec()
-        moved = Rotation.from_rotvec(turned)
-        added = self._added(path, step, share, edges)
-        if added is not None:
-            before = _product(before, added)
-            moved = _product(_product(added[:-1].inv(), moved), added[1:])
-        interval = np.diff(edges)[:, None]
-        earth_b = before[:-1].inv().apply(_earth_rate(site))
-        return _product(Rotation.from_rotvec(interval * earth_b), moved).as_rotvec() / interval
+        rates, added = np.empty((len(edges) - 1, 3)), self._added(path, step, share, edges)
+        edges = np.ascontiguousarray(edges, dtype=np.float64)
+        fill_mean_rates(
+            path.quaternions_nb, path.vector, step, share, *added, edges, _earth_rate(site), rates
+        )
+        return rates
 
-    def _added(self, path: _Steps, step: np.ndarray, share: Series, time: Series) -> Rotation | None:
-        """What a wobbling axis and disturbances add to the path's attitude; None for nothing."""
-        wobble = path.wobble(step, share) if path.shapes.wobbles else None
-        shake = Rotation.from_rotvec(self._shake(time)) if self.disturbances else None
-        if wobble is None or shake is None:
-            return shake if wobble is None else wobble
-        return _product(wobble, shake)
+    def _added(self, path: _Steps, step: np.ndarray, share: Series, time: Series) -> tuple[Vectors, Vectors]:
+        """Rotation vectors that a wobbling axis and then disturbances add to the path's attitude; no rows for none."""
+        none = np.empty((0, 3))
+        wobble = path.wobble(step, share).as_rotvec() if path.shapes.wobbles else none
+        return wobble, self._shake(time) if self.disturbances else none
 
     def specific_force_b(self, time: Series, site: Site) -> Vectors:
         """Return the specific force at each instant, m/s², in b; at rest it is minus gravity.
@@ -222,7 +233,13 @@ class Motion:
         time : (samples,) s.
         site : gives gravity.
         """
-        path, step, share, speed, gain = self._progress(time)
+        path, step, (share, speed, gain) = self._progress(time)
+        added = self._added(path, step, share, time)
+        force = _seen(self._attitude(path, step, share, added), np.array([0.0, 0.0, -site.gravity]))
+        for disturbance in self.disturbances:
+            force += disturbance.acceleration(time)
+        if not np.any(self.lever_arm_b):
+            return force
         vector, bend = path.rate_vectors(step, share)
 
         def acceleration_at(lever_arm_b: Vector) -> Vectors:
@@ -236,46 +253,38 @@ class Motion:
         else:
             each = [acceleration_at(row)[:, axis] for axis, row in enumerate(self.lever_arm_b)]
             acceleration = np.stack(each, axis=1)
-        shake = None
         if self.disturbances:
-            shake = self._shake(time)
-            acceleration = Rotation.from_rotvec(shake).inv().apply(acceleration)
-            acceleration += np.sum([d.acceleration(time) for d in self.disturbances], axis=0)
-        gravity_n = [0.0, 0.0, site.gravity]
-        return acceleration - self._attitude(path, step, share, shake).inv().apply(gravity_n)
+            from scipy.spatial.transform import Rotation
+
+            acceleration = Rotation.from_rotvec(added[1]).inv().apply(acceleration)
+        return force + acceleration
 
     def _shake(self, time: Series) -> Vectors:
         return np.sum([d.rotation(time) for d in self.disturbances], axis=0)
 
-    def _progress(self, time: Series) -> tuple[_Steps, np.ndarray, Series, Series, Series]:
-        """The steps, step number, share of it done, and the share's first and second time derivative."""
+    def _progress(self, time: Series) -> tuple[_Steps, np.ndarray, AnyArray]:
+        """The steps, step number, and (3, samples) the share of it done with its first and second time derivative."""
         path = self._steps
-        step = np.clip(np.searchsorted(path.edges, time, side="right") - 1, 0, len(path.length) - 1)
-        length = path.length[step]
-        x = np.clip((time - path.edges[step]) / length, 0.0, 1.0)
-        turning = step % 2 == 1
-        inside = (x > 0.0) & (x < 1.0)
-        share = np.where(turning, x**3 * (10.0 - 15.0 * x + 6.0 * x**2), x)
-        speed = np.where(turning, 30.0 * x**2 * (1.0 - x) ** 2, inside) / length
-        gain = np.where(turning, 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x), 0.0) / length**2
-        spinning = ~np.isnan(path.shapes.ramp_up[step])
-        if np.any(spinning):
-            rows = step[spinning]
-            share[spinning], speed[spinning], gain[spinning] = path.shapes.progress(
-                rows, time[spinning] - path.edges[rows], path.length[rows], path.angle[rows]
-            )
-        return path, step, share, speed, gain
+        shapes = path.shapes
+        step, progress = np.empty(len(time), dtype=np.int64), np.empty((3, len(time)))
+        time = np.ascontiguousarray(time, dtype=np.float64)
+        fill_progress(time, path.edges, shapes.ramp_up, shapes.ramp_down, step, progress)
+        if np.any(shapes.amplitude):
+            spinning = ~np.isnan(shapes.ramp_up[step])
+            rows, waved = step[spinning], progress[:, spinning]
+            shapes.add_waves(rows, path.angle[rows], waved)
+            progress[:, spinning] = waved
+        return path, step, progress
 
 
 @dataclass(frozen=True, slots=True)
 class _Steps:
-    """Holds and turns in one row: edges and length in s, rotation vector, how spins run, first attitude."""
+    """Holds and turns in one row: edges in s, rotation vector, how spins run, first attitude."""
 
     edges: AnyArray
-    length: AnyArray
     vector: AnyArray
     shapes: SpinShapes
-    rotations_nb: Rotation
+    quaternions_nb: AnyArray
 
     @property
     def angle(self) -> Series:
@@ -307,16 +316,11 @@ def _refuse_half_turns(path: _Steps, edges: Series, step: np.ndarray, share: Ser
         )
 
 
-def _product(first: Rotation, second: Rotation) -> Rotation:
-    """The products of two equally long rows of rotations; scipy's own takes sixteen times as long."""
-    one, other = first.as_quat(), second.as_quat()
-    (x, y, z, w), (i, j, k, s) = one.T, other.T
-    product = np.empty_like(one)
-    product[:, 0] = w * i + x * s + y * k - z * j
-    product[:, 1] = w * j - x * k + y * s + z * i
-    product[:, 2] = w * k + x * j - y * i + z * s
-    product[:, 3] = w * s - x * i - y * j - z * k
-    return Rotation.from_quat(product)
+def _seen(quaternions: AnyArray, vector_n: Vector) -> Vectors:
+    """A vector's components in the frame of each attitude."""
+    seen = np.empty((len(quaternions), 3))
+    fill_seen(quaternions, np.asarray(vector_n, dtype=np.float64), seen)
+    return seen
 
 
 def _earth_rate(site: Site) -> Vector:

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from tumble.attitude.directions import twenty_six_directions
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 
 def poses_26(heading: float = 0.0) -> Rotation:
@@ -16,6 +20,8 @@ def poses_26(heading: float = 0.0) -> Rotation:
     heading : rad, turns all of them about the vertical; it decides what the gyros see of the Earth
         rate's horizontal part.
     """
+    from scipy.spatial.transform import Rotation
+
     up_n = np.array([0.0, 0.0, -1.0])
     turned = Rotation.from_rotvec([0.0, 0.0, heading])
     return Rotation.concatenate(
@@ -25,6 +31,8 @@ def poses_26(heading: float = 0.0) -> Rotation:
 
 def _turning_to(vector: np.ndarray, target: np.ndarray) -> Rotation:
     """The shortest rotation that brings one unit vector onto another."""
+    from scipy.spatial.transform import Rotation
+
     axis = np.cross(vector, target)
     sine, cosine = float(np.linalg.norm(axis)), float(vector @ target)
     if sine < 1e-12:
@@ -50,6 +58,8 @@ def simulate_hand_poses(
     ValueError
         If `smallest` is half a turn or more, which no next pose could reach.
     """
+    from scipy.spatial.transform import Rotation
+
     if smallest >= np.pi:
         raise ValueError("no pose turns gravity by half a turn or more from every other")
     up_n = np.array([0.0, 0.0, -1.0])
@@ -65,4 +75,6 @@ def simulate_hand_poses(
 
 def _anyhow(rng: np.random.Generator) -> Rotation:
     """An attitude drawn evenly from all there are: four normal numbers make an even quaternion."""
+    from scipy.spatial.transform import Rotation
+
     return Rotation.from_quat(rng.standard_normal(4))

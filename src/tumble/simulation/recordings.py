@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from tumble.arrays import AnyArray, Series, Vectors
 from tumble.earth.site import Site
@@ -28,6 +28,9 @@ from tumble.simulation.sampling import (
 )
 from tumble.simulation.two_axis import FixtureErrors
 
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
+
 Distort = Callable[[Vectors, Vectors], tuple[Vectors, Vectors]]
 """True (specific force, angular rate) in b, m/s² and rad/s, to raw: `ImuModel.distort` is one."""
 
@@ -42,7 +45,7 @@ class Truth:
     Attributes
     ----------
     hold_edges : (holds, 2) s on the recording's clock, from where each hold begins to where it ends.
-    rotations_nb : attitude at each hold's beginning.
+    quaternions_nb : (holds, 4) attitude at each hold's beginning, scalar last.
     specific_force_b, angular_rate_ib_b : (holds, 3) true means over the samples that lie wholly in each
         hold, m/s², rad/s; NaN for a hold of which no sample was recorded.
     creep_angle : (holds,) rad by which each hold's attitude creeps.
@@ -60,7 +63,7 @@ class Truth:
     """
 
     hold_edges: AnyArray
-    rotations_nb: Rotation
+    quaternions_nb: AnyArray
     specific_force_b: AnyArray
     angular_rate_ib_b: AnyArray
     creep_angle: AnyArray
@@ -75,6 +78,13 @@ class Truth:
     counts_per_si: tuple[float, float] | None = None
     rotations: tuple[TrueRotation, ...] = ()
     fixture: FixtureErrors | None = None
+
+    @property
+    def rotations_nb(self) -> Rotation:
+        """Attitude at each hold's beginning."""
+        from scipy.spatial.transform import Rotation
+
+        return Rotation.from_quat(self.quaternions_nb)
 
 
 def simulate_recording(
@@ -202,7 +212,7 @@ def _truth(
     force, angular_rate, force_wander, rate_wander = (means(signal) for signal in signals)
     return Truth(
         hold_edges=edges - start,
-        rotations_nb=motion.hold_rotations_nb,
+        quaternions_nb=motion.hold_quaternions_nb,
         specific_force_b=force,
         angular_rate_ib_b=angular_rate,
         creep_angle=np.linalg.norm(motion.creep_vector_b, axis=1),

@@ -8,11 +8,14 @@ and stops from it, and every wave rests with it. All are closed formulas of time
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from tumble.arrays import AnyArray, Series, Vector, Vectors
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,20 +72,16 @@ class SpinShapes:
             spread(self.wobble_b, 0.0),
         )
 
-    def progress(
-        self, rows: np.ndarray, elapsed: Series, length: Series, angle: Series
-    ) -> tuple[Series, Series, Series]:
-        """Return the share of each spin's angle, and its first and second time derivative.
+    def add_waves(self, rows: np.ndarray, angle: Series, progress: AnyArray) -> None:
+        """Add the waves to the share of each spin's angle, and to its first and second time derivative.
 
         Parameters
         ----------
         rows : (samples,) row of each sample's spin.
-        elapsed, length : (samples,) s since its beginning, and of it with both ramps.
         angle : (samples,) rad, its whole angle.
+        progress : (3, samples) without waves.
         """
-        share, speed, gain = _even_progress(elapsed, length, self.ramp_up[rows], self.ramp_down[rows])
-        if not np.any(self.amplitude):
-            return share, speed, gain
+        share, speed, gain = progress
         amplitude, phase = self.amplitude[rows] / angle[:, None], self.phase[rows]
         turned = angle[:, None] * self.cycles
         at = turned * share[:, None] + phase
@@ -90,32 +89,10 @@ class SpinShapes:
         waves = np.sum(amplitude * (np.sin(at) - np.sin(phase)), axis=1) - left * share
         slope = 1.0 + np.sum(amplitude * turned * np.cos(at), axis=1) - left
         bend = -np.sum(amplitude * turned**2 * np.sin(at), axis=1)
+        progress[2] = slope * gain + bend * speed**2
+        progress[1] *= slope
         # At its end the waves have gone to the last digit.
-        shape = np.where(share < 1.0, share + waves, 1.0)
-        return shape, slope * speed, slope * gain + bend * speed**2
-
-
-def _even_progress(
-    elapsed: Series, length: Series, ramp_up: Series, ramp_down: Series
-) -> tuple[Series, Series, Series]:
-    """Share of a spin's angle without waves, and its first and second time derivative.
-
-    The speed rises as ``10 x³ − 15 x⁴ + 6 x⁵`` over the ramp, whose integral is ``5/2 x⁴ − 3 x⁵ + x⁶``
-    and a half at its end, stays, and falls the same way: the whole angle is the rate times length less
-    half of each ramp. Without a ramp the speed jumps.
-    """
-    elapsed = np.clip(elapsed, 0.0, length)
-    late = elapsed > 0.5 * (length + (ramp_up - ramp_down))
-    near = np.where(late, length - elapsed, elapsed)
-    ramp = np.where(late, ramp_down, ramp_up)
-    ramping = near < ramp
-    x = np.where(ramping, near / np.where(ramping, ramp, 1.0), 1.0)
-    way = np.where(ramping, ramp * x**4 * (2.5 - 3.0 * x + x**2), near - 0.5 * ramp)
-    whole = length - 0.5 * (ramp_up + ramp_down)
-    speed = x**3 * (10.0 - 15.0 * x + 6.0 * x**2) / whole
-    fastest = 30.0 * x**2 * (1.0 - x) ** 2 / np.where(ramping, ramp * whole, 1.0)
-    gain = np.where(late, -fastest, fastest)
-    return np.where(late, 1.0 - way / whole, way / whole), speed, gain
+        progress[0] = np.where(share < 1.0, share + waves, 1.0)
 
 
 def wobble_rotation(axis_b: Vectors, angle: Series, wobble_b: Vectors) -> Rotation:
@@ -127,6 +104,8 @@ def wobble_rotation(axis_b: Vectors, angle: Series, wobble_b: Vectors) -> Rotati
     angle : (rows,) rad turned so far.
     wobble_b : (rows, 3) rad, lean at the start, across the axis.
     """
+    from scipy.spatial.transform import Rotation
+
     # The lean goes in the room by minus the angle, and so in b by minus twice it. The lean at the start, which
     # stays in the room, is taken away: the mean axis is in b where it is meant to be.
     at_start = Rotation.from_rotvec(-_turned(wobble_b, axis_b, -angle))
@@ -143,6 +122,8 @@ def wobbling_axis(axis_b: Vectors, angle: Series, wobble_b: Vectors) -> tuple[Ve
     ----------
     axis_b, angle, wobble_b : as for `wobble_rotation`.
     """
+    from scipy.spatial.transform import Rotation
+
     leaning = Rotation.from_rotvec(-wobble_b).apply(axis_b)
     back = _turned(leaning, axis_b, -2.0 * angle)
     return 2.0 * axis_b - back, 2.0 * np.cross(axis_b, back)

@@ -10,9 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from tumble.arrays import Series, Vector, Vectors
+from tumble.attitude.rotations import matrix_from_rotation_vector
 from tumble.errors import ProtocolError, UsageError
 from tumble.protocol.steps import SpinStep
 from tumble.simulation.spin_shapes import SpinShapes
@@ -122,7 +122,7 @@ class Table:
         e = self.errors
         self.cycles = np.array([float(e.ripple_cycles), 1.0, 2.0])
         self.amplitude = np.array([e.ripple / e.ripple_cycles, e.once, e.twice])
-        self.lean = Rotation.from_rotvec(self._normal(e.axis_tilt, 3))
+        self.lean = matrix_from_rotation_vector(self._normal(e.axis_tilt, 3))
         waves = np.any(self.amplitude > 0.0)
         self.phase = rng.uniform(0.0, 2.0 * np.pi, 3) if waves else np.zeros(3)
         self.wobble_phase = float(rng.uniform(0.0, 2.0 * np.pi)) if e.wobble > 0.0 else 0.0

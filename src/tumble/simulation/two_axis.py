@@ -14,9 +14,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
-from tumble.arrays import AnyArray, Series, Vector
+from tumble.arrays import AnyArray, Matrix, Series, Vector
+from tumble.attitude.quaternions import quaternion_from_matrix
+from tumble.attitude.rotations import matrix_from_rotation_vector
 from tumble.errors import UsageError
 from tumble.protocol.consistency import SAME_POSE, refuse_contradicting_turns
 from tumble.protocol.steps import HoldStep, Protocol, TurnStep
@@ -118,23 +119,21 @@ class FixtureErrors:
             mounting=(draw(self.mounting[0]), draw(self.mounting[1]), draw(self.mounting[2])),
         )
 
-    def rotation_nb(self, inner: float, outer: float, azimuth: float = _QUARTER) -> Rotation:
-        """Return the unit's attitude at angles of the fixture as displayed, without errors of execution.
+    def C_nb(self, inner: float, outer: float, azimuth: float = _QUARTER) -> Matrix:
+        """Return (3, 3) the unit's attitude at angles of the fixture as displayed, without errors of execution.
 
         Parameters
         ----------
         inner, outer : rad.
         azimuth : rad, where the outer axis is meant to point, clockwise from north.
         """
-        room = Rotation.from_rotvec([*self.tilt, 0.0])
-        room = room * Rotation.from_rotvec([0.0, 0.0, azimuth + self.heading - _QUARTER])
-        return room * Rotation.from_rotvec([0.0, outer + self.outer_zero, 0.0]) * self._from_outer(inner)
+        room = _turn(*self.tilt, 0.0) @ _turn(0.0, 0.0, azimuth + self.heading - _QUARTER)
+        return room @ _turn(0.0, outer + self.outer_zero, 0.0) @ self._from_outer(inner)
 
-    def _from_outer(self, inner: float) -> Rotation:
+    def _from_outer(self, inner: float) -> Matrix:
         """From the outer axis' frame, y along it, to b."""
-        orthogonality = Rotation.from_rotvec([self.orthogonality, 0.0, 0.0])
-        turned = Rotation.from_rotvec([0.0, 0.0, inner + self.inner_zero])
-        return orthogonality * turned * Rotation.from_rotvec(self.mounting)
+        turned = _turn(self.orthogonality, 0.0, 0.0) @ _turn(0.0, 0.0, inner + self.inner_zero)
+        return turned @ _turn(*self.mounting)
 
     def axis_b(self, axis: str, inner: float) -> Vector:
         """Return the unit vector in b about which the unit turns with an axis of the fixture.
@@ -145,8 +144,13 @@ class FixtureErrors:
         inner : rad, where the inner axis stands, as displayed; of no matter to itself.
         """
         if axis == "inner":
-            return np.asarray(Rotation.from_rotvec(self.mounting).inv().apply([0.0, 0.0, 1.0]))
-        return np.asarray(self._from_outer(inner).inv().apply([0.0, 1.0, 0.0]))
+            return _turn(*self.mounting)[2]
+        return self._from_outer(inner)[1]
+
+
+def _turn(x: float, y: float, z: float) -> Matrix:
+    """The rotation by the vector (x, y, z) rad."""
+    return matrix_from_rotation_vector(np.array([x, y, z]))
 
 
 def play_sequences(
@@ -225,7 +229,7 @@ class _Player:
         self.sent = np.array(start)
         self.off = np.array([self._stop_error(), self._stop_error()])
         inner, outer = self.sent + self.off
-        self.first = errors.rotation_nb(float(inner), float(outer), azimuth)
+        self.first = errors.C_nb(float(inner), float(outer), azimuth)
         self.holds: list[tuple[float, int | None]] = []
         self.moves: list[_Move] = []
 
@@ -272,7 +276,7 @@ class _Player:
         if len(self.moves) == len(self.holds):
             self.holds.append((self.errors.pause, None))
         motion = Motion(
-            first_rotation_nb=self.first,
+            first_quaternion_nb=quaternion_from_matrix(self.first),
             hold_duration=np.array([duration for duration, _ in self.holds]),
             turn_duration=np.array([move.duration for move in self.moves]),
             turn_vector_b=np.array([move.angle * move.axis_b for move in self.moves]).reshape(-1, 3),

@@ -17,7 +17,7 @@ from tumble.attitude import (
     skew,
     tangent_basis,
 )
-from tumble.attitude.rotations import rotation_vectors_from_matrices
+from tumble.attitude.rotations import matrix_from_turn, rotation_angle, rotation_vectors_from_matrices
 
 # A few units in the last place of numbers near one.
 ROUND_OFF = 4e-15
@@ -118,3 +118,12 @@ def test_many_rotation_vectors_at_once_are_those_of_scipy(angle: float) -> None:
     made = rotation_vectors_from_matrices(Rotation.from_rotvec(vectors).as_matrix())
     np.testing.assert_allclose(made, vectors, rtol=1e-12, atol=4e-15)
     assert rotation_vectors_from_matrices(np.zeros((0, 3, 3))).shape == (0, 3)
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-9, -0.7, 3.0, 7.5])
+def test_a_turn_about_an_axis_of_any_length_is_scipy_s(angle: float) -> None:
+    axis = np.array([0.3, -2.0, 1.1])
+    expected = Rotation.from_rotvec(angle * axis / np.linalg.norm(axis))
+    C = matrix_from_turn(axis, angle)
+    np.testing.assert_allclose(C, expected.as_matrix(), rtol=0.0, atol=ROUND_OFF)
+    assert rotation_angle(C) == pytest.approx(expected.magnitude(), rel=1e-12, abs=ROUND_OFF)

@@ -211,7 +211,7 @@ def test_refining_moves_poses_to_where_no_small_move_helps() -> None:
 def test_a_two_axis_fixture_brings_up_what_the_simulator_s_does() -> None:
     fixture = FixtureErrors()
     for outer, inner in ((0.3, 1.1), (-1.2, 4.0), (2.0, -0.7)):
-        up = fixture.rotation_nb(inner, outer).inv().apply([0.0, 0.0, -1.0])
+        up = fixture.C_nb(inner, outer).T @ [0.0, 0.0, -1.0]
         np.testing.assert_allclose(up_of_angles(outer, inner), up, atol=1e-12)
     degree = np.pi / 180.0
     directions, angles = two_axis_poses(

@@ -51,7 +51,7 @@ def test_the_fixture_turns_as_that_of_the_simulation() -> None:
     )
     angles = row.fixture_angles()
     # azimuth 90°: the fixture's x is north
-    attitudes = [fixture.rotation_nb(*angles[k]).as_matrix() for k in (0, -1)]
+    attitudes = [fixture.C_nb(*angles[k]) for k in (0, -1)]
     forces = [GRAVITY * C_nb.T @ np.array([0.0, 0.0, -1.0]) + bias for C_nb in attitudes]
     down = GRAVITY - np.linalg.norm(forces, axis=1)
     change = attitudes[0].T @ attitudes[1] @ forces[1] - forces[0]

@@ -84,7 +84,7 @@ def test_at_rest_the_specific_force_is_minus_gravity_and_the_rate_is_earth_rate(
 def test_a_lever_arm_feels_the_centripetal_acceleration() -> None:
     """At the middle of a half turn of 1 s about z the rate is 1.875 π rad/s and changes not."""
     motion = Motion(
-        Rotation.identity(),
+        Rotation.identity().as_quat(),
         np.array([1.0, 1.0]),
         np.array([1.0]),
         np.array([[0.0, 0.0, np.pi]]),
@@ -97,7 +97,7 @@ def test_a_lever_arm_feels_the_centripetal_acceleration() -> None:
 
 def test_acceleration_is_the_second_derivative_of_the_lever_arm_s_end(motion: Motion) -> None:
     calm = Motion(
-        motion.first_rotation_nb,
+        motion.first_quaternion_nb,
         motion.hold_duration,
         motion.turn_duration,
         motion.turn_vector_b,
@@ -143,7 +143,7 @@ def test_hand_poses_can_differ_from_one_before_them() -> None:
 
 def test_half_a_turn_between_two_samples_is_refused() -> None:
     motion = Motion(
-        Rotation.identity(),
+        Rotation.identity().as_quat(),
         np.array([1.0, 1.0]),
         np.array([4.0]),
         np.array([[0.0, 0.0, 20.0]]),
@@ -158,7 +158,7 @@ def test_half_a_turn_between_two_samples_is_refused() -> None:
 
 def test_a_spin_s_rate_and_its_change_are_derivatives_of_its_angle() -> None:
     motion = Motion(
-        Rotation.from_rotvec([0.3, -0.2, 0.5]),
+        Rotation.from_rotvec([0.3, -0.2, 0.5]).as_quat(),
         np.array([1.0, 1.0]),
         np.array([6.0]),
         np.array([[0.0, 0.0, -7.0]]),

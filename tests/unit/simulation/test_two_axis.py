@@ -140,7 +140,7 @@ def test_each_error_moves_the_unit_s_axes_its_own_way(
     wrong = FixtureErrors(
         **{name: tuple(sign * np.array(v)) if np.ndim(v) else sign * v for name, v in errors.items()}
     )
-    C_nb = wrong.rotation_nb(0.0, 0.0).as_matrix()
+    C_nb = wrong.C_nb(0.0, 0.0)
     np.testing.assert_allclose(C_nb @ axis_b, axis_b + sign * 1e-3 * leans_n, atol=1e-6)
 
 
@@ -162,7 +162,7 @@ def test_the_axes_of_the_rotations_are_not_orthogonal_by_what_is_said(sign: floa
 def test_a_tilted_inner_axis_tilts_the_unit_the_other_way_after_half_a_turn_of_it() -> None:
     """Sequence 13 turns half a turn about z first: z stays where it leans, x and y change their lean."""
     errors = FixtureErrors(orthogonality=0.01)
-    first, half = (errors.rotation_nb(inner, 0.0).as_matrix() for inner in (0.0, np.pi))
+    first, half = (errors.C_nb(inner, 0.0) for inner in (0.0, np.pi))
     np.testing.assert_allclose(first[:, 2], half[:, 2], atol=1e-15)
     assert first[2, 1] == pytest.approx(np.sin(0.01))
     assert half[2, 1] == pytest.approx(-np.sin(0.01))

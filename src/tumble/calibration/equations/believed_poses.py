@@ -65,7 +65,7 @@ def believed_poses(protocol: Protocol, matching: Matching) -> BelievedPoses | No
             continue
         pose = step.pose
         up = np.asarray(pose.up_b, dtype=np.float64) / float(np.linalg.norm(pose.up_b))
-        C_nf = np.asarray(pose.rotation_nb().as_matrix(), dtype=np.float64)
+        C_nf = pose.C_nb()
         made.append((match.hold, up, C_nf, pose.heading is not None, max(pose.sigma, LEAST_SIGMA)))
     if not made:
         return None

@@ -112,10 +112,7 @@ def known_poses(matching: Matching, protocol: Protocol) -> KnownPoses:
             "holds with a known axis up. Write the poses into the protocol, or use the multi-position procedure."
         )
     up_b = np.array([pose.up_b / np.linalg.norm(pose.up_b) for _, pose in poses])
-    rotations = [
-        pose.rotation_nb().inv().as_matrix() if pose.heading is not None else np.full((3, 3), np.nan)
-        for _, pose in poses
-    ]
+    rotations = [pose.C_nb().T if pose.heading is not None else np.full((3, 3), np.nan) for _, pose in poses]
     axis = np.argmax(np.abs(up_b), axis=1)
     along = np.take_along_axis(up_b, axis[:, None], axis=1)[:, 0]
     face = np.where(np.abs(along) > _FACE_COSINE, 2 * axis + (along < 0), -1)
