@@ -443,3 +443,12 @@ def test_turns_that_nothing_checks_are_named() -> None:
     """Five turns for nine numbers and five headings: one of which samples were lost was 10 sigmas off, unsaid."""
     found = calibrated("six-faces", "dropped", "consumer", 910004)
     assert any("rest on 5 turns, and nothing checks them" in reason for reason in found.verdict.reasons)
+
+
+def test_an_angle_left_out_for_little_is_no_objection(tmp_path: Path) -> None:
+    """Some arc-seconds, as biases that wander put gravity off: the result is the same without any of the angles."""
+    made = PROCEDURES["turntable"](GRADES["automotive"], np.random.default_rng(904000), None)
+    file = tmp_path / "protocol.yaml"
+    file.write_text(made.protocol, encoding="utf-8")
+    rate = f"{made.path.rate}±{2e-5 * made.path.rate}"
+    assert tumble.calibrate(pl.DataFrame(made.columns()), protocol=file, rate=rate).calibration.verdict.fit

@@ -38,6 +38,8 @@ LARGEST_TABLE_MISFIT = 1e-3  # rad
 SUSPECTED, UNBELIEVED = 1.5, 1.0
 # Twice the log-likelihood that it has to gain: of five turns chance does it in one of thirty thousand recordings.
 EVIDENT = 20.0
+# Numbers that move by fewer standard uncertainties are the same result.
+ANOTHER_RESULT = 2.0
 # Turns are no better than this; and so often their noise is halved.
 LEAST_TURN_NOISE, FINEST = 1e-5, 10  # rad
 
@@ -146,8 +148,9 @@ def _of_angle_left_out(outcome: JointOutcome) -> list[str]:
 
 
 def _exchanged(outcome: JointOutcome, kind: str, rows: np.ndarray) -> tuple[int, int] | None:
-    """The one that was left out and the other one that could be left out as well in its place, by the square sum."""
-    taking_part = outcome.task.taking_part[kind]
+    """The one that was left out and the other one that could be as well, by the square sum, with another result."""
+    taking_part, solution = outcome.task.taking_part[kind], outcome.balanced.solution
+    free, sigma = solution.unknowns.free, np.sqrt(np.diag(solution.cofactor))
     found: list[tuple[float, int, int]] = []
     for left_out in rows[~taking_part[rows]].tolist():
         for other in rows[taking_part[rows]].tolist():
@@ -157,8 +160,10 @@ def _exchanged(outcome: JointOutcome, kind: str, rows: np.ndarray) -> tuple[int,
                 unlikely = solve(task).square_sum
             except (ConvergenceError, ObservabilityError):
                 continue
-            found.append((unlikely, left_out, other))
-    if not found or min(found)[0] > outcome.balanced.solution.square_sum + EVIDENT:
+            moved = np.abs(task.unknowns.values - solution.unknowns.values)[free] / sigma
+            if np.max(moved) > ANOTHER_RESULT:
+                found.append((unlikely, left_out, other))
+    if not found or min(found)[0] > solution.square_sum + EVIDENT:
         return None
     return min(found)[1:]
 
