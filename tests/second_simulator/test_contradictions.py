@@ -424,6 +424,7 @@ def test_swapped_axes_that_few_turns_show_are_not_fit() -> None:
     assert any("seems to stand in gz" in reason for reason in found.verdict.reasons)
 
 
+@pytest.mark.slow
 def test_an_accelerometer_at_its_limit_in_holds_is_not_fit() -> None:
     """A range of 0.99 g: two holds of forty that show too little were explained by a quadratic term, 5 sigmas off."""
     made = PROCEDURES["by-hand"](GRADES["tactical"], np.random.default_rng(5))
@@ -445,6 +446,7 @@ def test_turns_that_nothing_checks_are_named() -> None:
     assert any("rest on 5 turns, and nothing checks them" in reason for reason in found.verdict.reasons)
 
 
+@pytest.mark.slow
 def test_an_angle_left_out_for_little_is_no_objection(tmp_path: Path) -> None:
     """Some arc-seconds, as biases that wander put gravity off: the result is the same without any of the angles."""
     made = PROCEDURES["turntable"](GRADES["automotive"], np.random.default_rng(904000), None)
