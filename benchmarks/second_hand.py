@@ -112,7 +112,7 @@ RANDOM = "random"
 USUAL = (
     r"cannot be seen|nothing would show it|"
     r"What misplacement does|What the table does|A table whose rates|agrees with how|wrong by 100 ppm"
-    r"|^Procedure |DataFrame|^The residuals are|readings at rest disagree"
+    r"|nothing checks them|^Procedure |DataFrame|^The residuals are|readings at rest disagree"
 )
 """Remarks that every recording gets, which name nothing."""
 
@@ -628,10 +628,12 @@ def table(procedures: list[str], grades: list[str], store: Path) -> None:
         done = [o for o in every if not o.error]
         if not done:
             continue
-        rows = [np.concatenate(list(o.groups.values()), axis=1) for o in done]
+        # Recordings of one seed are alike in all grades: they are drawn together.
+        alike = [[o for o in done if o.seed == seed] for seed in sorted({o.seed for o in done})]
+        rows = [np.concatenate([row for o in some for row in o.groups.values()], axis=1) for some in alike]
         inside = [np.abs(row[0]) <= row[2] for row in rows]
         z = [row[0] / row[1] for row in rows]
-        nees = [np.array([o.nees / o.freedom]) for o in done if o.freedom]
+        nees = [np.array([o.nees / o.freedom for o in some if o.freedom]) for some in alike]
         cells = [
             _bracketed(inside, lambda v: 100 * float(np.mean(v)), rng, 1),
             _bracketed(z, lambda v: float(np.sqrt(np.mean(v**2))), rng, 2),
