@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,15 +14,18 @@ from tumble.calibration import Estimate
 from tumble.calibration.procedures.modified_multi_position import calibrate_modified_multi_position
 from tumble.calibration.procedures.rate_table import calibrate_rate_table
 from tumble.calibration.procedures.six_position import calibrate_six_position
+from tumble.calibration.session import Session
 from tumble.calibration.verdict import judge
 from tumble.document import Calibration, calibration_from_estimate
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ObservabilityError
-from tumble.protocol import HoldStep, Pose, Protocol, SpinStep, Step, TurnStep
+from tumble.protocol import HoldStep, Pose, Protocol, SpinStep, Step, TurnStep, named_protocol
 from tumble.recording import Recording
 from tumble.segmentation import HoldMeans, SpinMeans
 from tumble.segmentation.matching import MatchedHold, MatchedSpin, Matching
 from tumble.sensor import ImuModel, Triad
+from tumble.simulation import find_grade, simulate_protocol
+from tumble.workflows.procedures import run_procedure
 
 SITE = Site(9.81, 0.0, math.radians(40.0), 0.0, "as simulated")
 NO_LATITUDE = Site(9.81, 0.0, None, 0.0, "as simulated")
@@ -583,3 +587,15 @@ def test_a_hold_and_a_spin_that_are_no_noise_are_left_out_by_name() -> None:
     document = calibration_from_estimate(estimate, table.recording, SITE)
     assert [(left.kind, left.number) for left in document.quality.left_out] == [("hold", 4), ("spin", 18)]
     assert np.all(np.isnan(estimate.spins.residuals[[6, 7, 17]]))
+
+
+def test_right_tables_are_not_misplaced() -> None:
+    """Each sensor by itself saw what all three share: 55 of 100 right tests were refused, with placements 11° off."""
+    site = Site.from_latitude(math.radians(48.0), 500.0)
+    protocol = replace(named_protocol("rate-table"), site=site)
+    for seed in range(70_001, 70_004):
+        rng = np.random.default_rng(seed)
+        recording, _ = simulate_protocol(protocol, 50.0, rng, site=site, grade=find_grade("tactical"))
+        estimate, _ = run_procedure(Session(recording, protocol, site), "rate-table")
+        found = estimate.variance_components["placement of the unit beyond what the protocol states, rad"]
+        assert found == 0.0

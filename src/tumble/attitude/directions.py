@@ -10,11 +10,13 @@ import numpy as np
 from tumble.arrays import Vectors
 
 
-@cache
 def twenty_six_directions() -> Vectors:
-    """Return (26, 3) unit vectors: six faces, then twelve edges, then eight corners (Shin and El-Sheimy); read-only."""
+    """Return (26, 3) unit vectors: six faces, then twelve edges, then eight corners (Shin and El-Sheimy)."""
+    return _made_once().copy()
+
+
+@cache
+def _made_once() -> Vectors:
     signs = [np.array(s, dtype=float) for s in itertools.product((1, 0, -1), repeat=3) if any(s)]
     signs.sort(key=lambda s: (np.count_nonzero(s), tuple(-s)))
-    made = np.array([s / np.linalg.norm(s) for s in signs])
-    made.flags.writeable = False
-    return made
+    return np.array([s / np.linalg.norm(s) for s in signs])

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Matrices, Matrix, Series, Table, Vectors, inverted
+from tumble.arrays import AnyArray, Matrices, Matrix, Series, Square, Table, Vectors, inverted
 from tumble.estimation import Linearisation
 from tumble.segmentation import SpinMeans
 from tumble.sensor import Triad
@@ -80,20 +80,22 @@ class SpinReadings:
             axis = self.rate[c, np.argmax(np.linalg.norm(self.rate[c], axis=1))]
             along = self.rate[c, use] @ axis / (axis @ axis)
             columns = [np.ones_like(along), along, np.abs(along), along**2]
-            design = np.column_stack(columns[: 2 + terms])
-            raw = self.row_covariance(c, matrix, wander)[use][:, use]
-            for i in range(3):
-                factor: AnyArray = np.asarray(np.linalg.cholesky(raw[:, :, i, i]), dtype=np.float64)
-                whiten = inverted(factor)
-                # Projected on what the columns leave: the rows' own basis, without solving for a line.
-                basis, size, _ = np.linalg.svd(whiten @ design, full_matrices=False)
-                basis = basis[:, size > 1e-9 * size[0]]
-                # Less their mean first, which a basis of raw counts would only tell to round-off.
-                seen: AnyArray = self.observed[c, use, i]
-                shown: AnyArray = whiten @ (seen - float(seen.mean()))
-                off: AnyArray = shown - basis @ (basis.T @ shown)
-                total += float(off @ off)
-                checks += int(along.shape[0]) - int(basis.shape[1])
+            design = np.kron(np.column_stack(columns[: 2 + terms]), np.eye(3))
+            # The table's rate is wrong for all three sensors alike: they are looked at together.
+            raw = np.swapaxes(self.row_covariance(c, matrix, wander)[use][:, use], 1, 2)
+            factor: Square = np.asarray(
+                np.linalg.cholesky(raw.reshape(2 * (design.shape[0],))), dtype=np.float64
+            )
+            whiten = inverted(factor)
+            # Projected on what the columns leave: the rows' own basis, without solving for a line.
+            basis, size, _ = np.linalg.svd(whiten @ design, full_matrices=False)
+            basis = basis[:, size > 1e-9 * size[0]]
+            # Less their mean first, which a basis of raw counts would only tell to round-off.
+            seen: AnyArray = self.observed[c, use]
+            shown: AnyArray = whiten @ (seen - seen.mean(axis=0)).ravel()
+            off: AnyArray = shown - basis @ (basis.T @ shown)
+            total += float(off @ off)
+            checks += design.shape[0] - int(basis.shape[1])
         return total, checks
 
     def row_covariance(self, c: int, matrix: Matrix, wander: float) -> AnyArray:

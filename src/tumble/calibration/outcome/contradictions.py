@@ -38,8 +38,8 @@ LARGEST_TABLE_MISFIT = 1e-3  # rad
 SUSPECTED, UNBELIEVED = 1.5, 1.0
 # Twice the log-likelihood that it has to gain: of five turns chance does it in one of thirty thousand recordings.
 EVIDENT = 20.0
-# Numbers that move by fewer standard uncertainties are the same result.
-ANOTHER_RESULT = 2.0
+# Numbers that move by less than so many standard uncertainties are the same result.
+ANOTHER_RESULT = 1.0
 # Turns are no better than this; and so often their noise is halved.
 LEAST_TURN_NOISE, FINEST = 1e-5, 10  # rad
 
