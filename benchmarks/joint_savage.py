@@ -110,10 +110,11 @@ def model(document: dict) -> ImuModel:
 def study(grade: str, runs: int, seed: int) -> None:
     """Print one grade's rows."""
     setting = Setting(GRADES[grade])
-    fresh = lambda: np.random.Generator(np.random.SFC64([seed, 97]))  # noqa: E731
-    own = run_study(setting, [START_NORM], runs, fresh(), iterations=2, threads=1)[0, :, -1]
+    # Both draw the same runs.
+    first, again = (np.random.Generator(np.random.SFC64([seed, 97])) for _ in range(2))
+    own = run_study(setting, [START_NORM], runs, first, iterations=2, threads=1)[0, :, -1]
     errors, failed = [], []
-    for k, stream in enumerate(fresh().spawn(runs)):
+    for k, stream in enumerate(again.spawn(runs)):
         place = copy.deepcopy(stream)
         truth: SavageErrors = draw_truth(setting, place)
         latitude, azimuth = place.uniform(-LARGEST_LATITUDE, LARGEST_LATITUDE), place.uniform(-np.pi, np.pi)

@@ -240,19 +240,23 @@ def _of_limits(session: Session) -> list[str]:
     """What is said of holds in which an accelerometer is at its limit: they show less than gravity."""
     from tumble.recording.saturation import limits_reached
 
-    force, said = session.recording.specific_force, list[str]()
-    if force is None or np.any(np.median(np.abs(np.diff(force, axis=0)), axis=0) == 0.0):
-        # Steps coarser than the noise repeat their numbers at rest, too.
+    recording, said = session.recording, list[str]()
+    force = recording.specific_force
+    if force is None:
         return said
     for limit in limits_reached(force):
-        stuck = force[:, "xyz".index(limit.channel)] == limit.value
+        channel = force[:, "xyz".index(limit.channel)]
+        if float(np.median(np.abs(np.diff(channel)))) == 0.0:
+            # Steps coarser than the noise repeat their numbers at rest, too.
+            continue
+        stuck = channel == limit.value
         holds = session.timeline.holds
         at = [str(k + 1) for k, hold in enumerate(holds) if np.mean(stuck[hold.start : hold.stop]) > STUCK]
         if at:
             more = f" and {len(at) - 4} more" if len(at) > 4 else ""
             said.append(
-                f"Accelerometer {limit.channel} is at its limit ({limit.value:g} in the recording) in hold "
-                f"{', '.join(at[:4])}{more}: there it shows less than gravity. Choose a larger range."
+                f"Accelerometer {limit.channel} is at its limit ({limit.value:g} {recording.specific_force_unit}) in "
+                f"hold {', '.join(at[:4])}{more}: there it shows less than gravity. Choose a larger range."
             )
     return said
 

@@ -52,6 +52,19 @@ def test_a_jump_of_a_gyro_is_found_on_its_axis_between_its_holds_with_its_size(
     assert found.size[axis] == pytest.approx(size, abs=4.0 * sides)
 
 
+def test_a_jump_scatters_by_its_uncertainty() -> None:
+    """Of 150 draws the mean square is known to an eighth: 0.7 to 1.3 are 2.6 of its standard deviations."""
+    found: list[float] = []
+    for seed in range(150):
+        residual, rests = residuals(seed)
+        residual[15:, 1] += 2e-3
+        (course,) = find_rate_courses(residual, rests)
+        if course.after == 14 and np.flatnonzero(course.size).tolist() == [1]:
+            found.append((course.size[1] - 2e-3) / course.sigma[1])
+    assert len(found) > 130
+    assert 0.7 < np.mean(np.square(found)) < 1.3
+
+
 def test_no_course_is_found_where_there_is_none_but_for_false_alarms() -> None:
     """300 recordings; 1 % may alarm, by Bonferroni fewer: more than 9 has a chance of 2e-3."""
     alarms = sum(bool(find_rate_courses(*residuals(seed))) for seed in range(300))

@@ -104,6 +104,7 @@ class BiasCourse:
     since : s, when they jump, or when the drift begins.
     until : s, the middle of the last hold.
     size : (axes,) of the jump, or by how much they are off at the beginning of the drift.
+    sigma : (axes,) of `size`, by what holds scatter by about the course.
     chance : that biases which only wander show it anywhere.
     """
 
@@ -112,6 +113,7 @@ class BiasCourse:
     since: float
     until: float
     size: Series
+    sigma: Series
     chance: float
 
     def departure(self, time: Series) -> AnyArray:
@@ -305,16 +307,22 @@ def _likeliest_course(each: list[_Series], start: Series, stop: Series, chance: 
     if found >= chance:
         return None
     # What warms up one axis warms up the others, though they may not show it beyond chance.
-    of_axes, size = np.array(_SETS[axes if jump else -1]), np.zeros(3)
+    of_axes, size, variance = np.array(_SETS[axes if jump else -1]), np.zeros(3), np.zeros(3)
     for one in whitened:
         design = np.hstack([one.base, courses[at][:, None] * one.shown[:, of_axes]])
-        size[of_axes] += np.linalg.lstsq(design, one.seen, rcond=1e-9)[0][one.base.shape[1] :]
+        inverse = np.linalg.pinv(design, rcond=1e-9)
+        values, known = inverse @ one.seen, one.base.shape[1]
+        # Noise is never less than stated.
+        left = float(np.sum((one.seen - design @ values) ** 2)) / max(design.shape[0] - design.shape[1], 1)
+        size[of_axes] += values[known:]
+        variance[of_axes] += max(left, 1.0) * np.sum(inverse[known:] ** 2, axis=1)
+    sigma = np.sqrt(variance)
     if jump:
         after = int(first[splits[at]]) - 1
         since = 0.5 * float(stop[after] + start[after + 1])
-        return BiasCourse(after, np.inf, since, until, size, found)
+        return BiasCourse(after, np.inf, since, until, size, sigma, found)
     constant = TIME_CONSTANTS[at - len(splits)] * length
-    return BiasCourse(None, constant, float(middle[0]), until, size, found)
+    return BiasCourse(None, constant, float(middle[0]), until, size, sigma, found)
 
 
 def _ratios(one: _Whitened, courses: AnyArray, limits: tuple[Series, Series]) -> AnyArray:
@@ -391,16 +399,17 @@ def rate_course_words(
         change = course.size if where else -course.departure(np.array([course.since]))[0]
         for axis in np.flatnonzero(np.abs(change / scale) > SAID * np.max(np.abs(change / scale))).tolist():
             size = float(np.degrees(change[axis] / scale[axis]))
+            sigma = abs(size / course.size[axis]) * float(course.sigma[axis])
             if where:
                 said["remark"].append(
-                    f"The bias of gyro {'xyz'[axis]} jumps by {size:+.3f} °/s {where}. The stated bias is a mean of "
-                    f"both. {counted} A knock or the supply can do it; record again."
+                    f"The bias of gyro {'xyz'[axis]} jumps by {size:+.3f} °/s (± {sigma:.2g}) {where}. The stated bias "
+                    f"is a mean of both. {counted} A knock or the supply can do it; record again."
                 )
                 continue
             said["caution"].append(
-                f"The bias of gyro {'xyz'[axis]} drifts by {size:+.2g} °/s from the first hold to the last (time "
-                f"constant about {course.constant:.2g} s), as of a unit that warms up. The stated bias is a mean. "
-                f"{counted} Let the unit warm up before recording."
+                f"The bias of gyro {'xyz'[axis]} drifts by {size:+.2g} °/s (± {sigma:.1g}) from the first hold to the "
+                f"last (time constant about {course.constant:.2g} s), as of a unit that warms up. The stated bias is a "
+                f"mean. {counted} Let the unit warm up before recording."
             )
         if where and course.is_contradiction:
             said["objection"] = said["objection"] or [switched_on_anew("gyros", where)]
