@@ -25,6 +25,7 @@ import numpy as np
 from tumble.arrays import AnyArray, Matrices, Matrix, Series, Square, Vector, Vectors, inverted
 from tumble.errors import ObservabilityError
 from tumble.estimation import Adjustment, Linearisation, adjust, critical_value, snoop_groups
+from tumble.estimation.crossing import crossing
 
 UNKNOWNS = 12
 # Chance of finding a placement worse than stated in poses that are as stated.
@@ -275,18 +276,17 @@ def find_added_sigma(
     ----------
     R. C. Paule, J. Mandel, Consensus values and weighting factors, J. Res. NBS 87 (1982) 377-385.
     """
-    from scipy.optimize import brentq
 
     def excess(logarithm: float) -> float:
         return float(np.log(max(square_sum(float(np.exp(logarithm))), 1e-300) / redundancy))
 
     low, high = float(np.log(least)), float(np.log(largest))
-    if excess(high) >= 0.0:
+    if (at_high := excess(high)) >= 0.0:
         return largest
-    if excess(low) <= 0.0:
+    if (at_low := excess(low)) <= 0.0:
         return least
     # A thousandth of itself: the sigma is told to some per cent at best.
-    return float(np.exp(brentq(excess, low, high, xtol=1e-3)))
+    return float(np.exp(crossing(excess, low, high, (at_low, at_high), 1e-3)))
 
 
 def _second_order_shift(readings: PlacedReadings, adjustment: Adjustment, matrix: Matrix) -> Square:

@@ -15,7 +15,8 @@ from itertools import pairwise
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrix, Series, Square, Table, Vector, Vectors, inverted
-from tumble.attitude import matrix_from_rotation_vector, skew
+from tumble.attitude import skew
+from tumble.attitude.rotations import matrices_from_rotation_vectors
 from tumble.calibration.closed_forms.inter_triad import wahba_rotation
 from tumble.calibration.closed_forms.rest_rates import RestSolution, solve_rests
 from tumble.calibration.closed_forms.rotation_planes import axis_from_rotation
@@ -152,53 +153,48 @@ class TurntableSystem:
             system.gain = system.best_gain()
         return system
 
-    def axes(self, change: Series) -> tuple[Vectors, Vectors]:
-        """Return (planes, 3) unit axes as the gyros and as the accelerometers see them, in o and in p.
+    def axes(self, change: AnyArray) -> tuple[AnyArray, AnyArray]:
+        """Return (..., planes, 3) unit axes as the gyros and as the accelerometers see them, in o and in p.
 
         Parameters
         ----------
-        change : of all inputs.
+        change : (..., inputs) of all inputs; as of all functions here, of many cases at once.
         """
         i = self.inputs
         held, _, turned, planes, _ = i.moves
-        rotation = i.rotation + change[turned].reshape(-1, 3)
-        axes_o = axis_from_rotation(self.gyro_factor(change), rotation[i.plane])
-        force = matrix_from_shin(*_scale_and_angles(i.force + change[held]))
-        normal = i.normal + np.einsum("kj,kji->ki", change[planes].reshape(-1, 2), i.tangent)
-        axes_p = normal @ np.asarray(force, dtype=np.float64)
-        return axes_o, axes_p / np.linalg.norm(axes_p, axis=1, keepdims=True)
+        rotation = i.rotation + _rows(change[..., turned], 3)
+        axes_o = axis_from_rotation(self.gyro_factor(change)[..., None, :, :], rotation[..., i.plane, :])
+        normal = i.normal + np.einsum("...kj,kji->...ki", _rows(change[..., planes], 2), i.tangent)
+        axes_p = normal @ _force_matrix(i.force + change[..., held])
+        return axes_o, axes_p / np.linalg.norm(axes_p, axis=-1, keepdims=True)
 
-    def gyro_factor(self, change: Series) -> Matrix:
-        """Return the gyros' lower-triangular matrix in o, raw per rad/s.
+    def gyro_factor(self, change: AnyArray) -> AnyArray:
+        """Return the gyros' (..., 3, 3) lower-triangular matrix in o, raw per rad/s.
 
         Parameters
         ----------
-        change : of all inputs.
+        change : (..., inputs) of all inputs.
         """
         i = self.inputs
         _, _, turned, _, angles = i.moves
-        rotation = i.rotation + change[turned].reshape(-1, 3)
-        return matrix_from_rotations(rotation, i.angle + change[angles], self.weights)
+        rotation = i.rotation + _rows(change[..., turned], 3)
+        return matrix_from_rotations(rotation, i.angle + change[..., angles], self.weights)
 
-    def missed(self, change: Series) -> Series:
-        """Return (2 planes,) what the two axes of each plane miss one another by, across the axis, rad.
+    def missed(self, change: AnyArray) -> AnyArray:
+        """Return (..., 2 planes) what the two axes of each plane miss one another by, across the axis, rad.
 
         Parameters
         ----------
-        change : of all inputs.
+        change : (..., inputs) of all inputs.
         """
-        return self._missed(change, self._across())
-
-    def _missed(self, change: Series, across: AnyArray) -> Series:
         axes_o, axes_p = self.axes(change)
         expected = axes_p @ self.rotation_ob.T
-        return np.einsum("kij,kj->ki", across, axes_o - expected).ravel()
+        off = np.einsum("kij,...kj->...ki", self._across(), axes_o - expected)
+        return off.reshape(*off.shape[:-2], -1)
 
     def _across(self) -> AnyArray:
         """(planes, 2, 3) unit vectors in o across each axis, the same for all changes."""
-        raw = self.inputs.normal @ np.asarray(
-            matrix_from_shin(*_scale_and_angles(self.inputs.force)), dtype=np.float64
-        )
+        raw = self.inputs.normal @ _force_matrix(self.inputs.force)
         return np.array([_two_across(self.rotation_ob @ axis) for axis in raw])
 
     def best_gain(self) -> Table:
@@ -215,9 +211,7 @@ class TurntableSystem:
     def _slope(self) -> Table:
         """(2 planes, 3) of what is missed by a turn of R."""
         across = self._across()
-        raw = self.inputs.normal @ np.asarray(
-            matrix_from_shin(*_scale_and_angles(self.inputs.force)), dtype=np.float64
-        )
+        raw = self.inputs.normal @ _force_matrix(self.inputs.force)
         raw /= np.linalg.norm(raw, axis=1, keepdims=True)
         # R = exp([δ×]) R0 moves the expected axis by δ × axis, and what is missed by minus that
         rows = [t @ skew(self.rotation_ob @ axis) for t, axis in zip(across, raw, strict=True)]
@@ -225,8 +219,8 @@ class TurntableSystem:
 
     def missed_covariance(self) -> Square:
         """Return (2 planes, 2 planes) of `missed`."""
-        covariance, across = self.inputs.covariance(), self._across()
-        derivatives = _derivatives(lambda change: self._missed(change, across), np.sqrt(np.diag(covariance)))
+        covariance = self.inputs.covariance()
+        derivatives = _derivatives(self.missed, np.sqrt(np.diag(covariance)))
         return derivatives @ covariance @ derivatives.T
 
     def axes_residuals(self, change: Series) -> tuple[Series, Series]:
@@ -255,25 +249,35 @@ class TurntableSystem:
         missed = self.missed(change)
         return missed if self.gain is None else missed - self._slope() @ (self.gain @ missed)
 
-    def solve(self, change: Series) -> Series:
-        """Return the (30,) unknowns for inputs changed by `change`.
+    def solve(self, change: AnyArray) -> AnyArray:
+        """Return the (..., 30) unknowns for inputs changed by `change`.
 
         Parameters
         ----------
-        change : of all inputs.
+        change : (..., inputs) of all inputs.
         """
         held, rests, *_ = self.inputs.moves
-        force = self.inputs.force + change[held]
+        force, factor, cases = (
+            self.inputs.force + change[..., held],
+            self.gyro_factor(change),
+            change.shape[:-1],
+        )
         C_ob = self.rotation_ob
         if self.gain is not None:
-            C_ob = matrix_from_rotation_vector(-(self.gain @ self.missed(change))) @ C_ob
-        matrix = self.gyro_factor(change) @ C_ob
-        rest = self.inputs.rest + change[rests].reshape(-1, 3)
+            turned = -(self.missed(change) @ self.gain.T)
+            C_ob = matrices_from_rotation_vectors(turned.reshape(-1, 3)).reshape(factor.shape) @ C_ob
+        matrix = factor @ C_ob
+        rest = self.inputs.rest + _rows(change[..., rests], 3)
+        made = np.zeros((*cases, SENSITIVITY.stop))
+        made[..., FORCE], made[..., MATRIX] = force, matrix.reshape(*cases, 9)
         if self.by_pairs:
-            bias = bias_from_static_pairs(matrix, rest, _rest_weights(matrix, self.inputs.rest_covariance))
-            return np.concatenate([force, matrix.ravel(), bias, np.zeros(9)])
-        told = self.rests(matrix, force, rest, with_sensitivity=self.with_sensitivity)
-        return np.concatenate([force, matrix.ravel(), told.bias, told.sensitivity.ravel()])
+            weights = _rest_weights(matrix, self.inputs.rest_covariance)
+            made[..., BIAS] = bias_from_static_pairs(matrix, rest, weights)
+            return made
+        for at in np.ndindex(*cases):
+            told = self.rests(matrix[at], force[at], rest[at], with_sensitivity=self.with_sensitivity)
+            made[at][BIAS], made[at][SENSITIVITY] = told.bias, told.sensitivity.ravel()
+        return made
 
     def rests(self, matrix: Matrix, force: Series, rest: Vectors, *, with_sensitivity: bool) -> RestSolution:
         """Return what the gyros show at rest.
@@ -306,12 +310,18 @@ class TurntableSystem:
 
 
 def _corrected(force: Series, raw: Vectors) -> Vectors:
-    matrix = np.asarray(matrix_from_shin(*_scale_and_angles(force)), dtype=np.float64)
-    return (raw - force[:3]) @ inverted(matrix).T
+    return (raw - force[:3]) @ inverted(_force_matrix(force)).T
 
 
-def _scale_and_angles(force: Series) -> tuple[Series, Series]:
-    return force[3:6], force[6:9]
+def _force_matrix(force: AnyArray) -> AnyArray:
+    """The accelerometers' (..., 3, 3) matrix of (..., 9) unknowns."""
+    made = matrix_from_shin(np.moveaxis(force[..., 3:6], -1, 0), np.moveaxis(force[..., 6:9], -1, 0))
+    return np.moveaxis(np.asarray(made, dtype=np.float64), (0, 1), (-2, -1))
+
+
+def _rows(values: AnyArray, size: int) -> AnyArray:
+    """(..., rows, size) of (..., rows times size) values."""
+    return values.reshape(*values.shape[:-1], -1, size)
 
 
 def _pair_weights(inputs: TurntableInputs) -> Series:
@@ -322,9 +332,9 @@ def _pair_weights(inputs: TurntableInputs) -> Series:
     return 1.0 / np.maximum(noise + (inputs.angle_sigma / inputs.angle) ** 2, 1e-24)
 
 
-def _rest_weights(matrix: Matrix, covariance: AnyArray) -> Series:
+def _rest_weights(matrix: AnyArray, covariance: AnyArray) -> AnyArray:
     inverse = inverted(matrix)
-    return 1.0 / np.einsum("ij,kjl,il->k", inverse, covariance, inverse)
+    return 1.0 / np.einsum("...ij,kjl,...il->...k", inverse, covariance, inverse)
 
 
 def _two_across(axis: Vector) -> Table:
@@ -336,15 +346,10 @@ def _two_across(axis: Vector) -> Table:
     return np.asarray(np.array([first, np.cross(unit, first)]), dtype=np.float64)
 
 
-def _derivatives(function: Callable[[Series], Series], sigma: Series) -> Table:
+def _derivatives(function: Callable[[AnyArray], AnyArray], sigma: Series) -> Table:
     """Central differences over a tenth of a standard deviation either way."""
-    columns: list[Series] = []
-    for index, size in enumerate(sigma.tolist()):
-        step = STEP * size
-        change = np.zeros(sigma.size)
-        change[index] = step
-        if step == 0.0:
-            columns.append(np.zeros_like(function(change)))
-            continue
-        columns.append((function(change) - function(-change)) / (2.0 * step))
-    return np.column_stack(columns)
+    step = STEP * sigma
+    either = function(np.concatenate([np.diag(step), np.diag(-step)]))
+    forward, backward = either[: sigma.size], either[sigma.size :]
+    # What has no noise moves nothing.
+    return ((forward - backward) / (2.0 * np.where(step > 0.0, step, 1.0))[:, None]).T

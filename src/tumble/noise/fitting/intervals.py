@@ -21,6 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tumble.arrays import Series, Square, Table
+from tumble.estimation.crossing import crossing
 from tumble.noise.fitting.weighted_fit import AllanTask, Solution
 from tumble.noise.terms import GaussMarkov, NoiseModel
 from tumble.noise.variances import allan_variance_of, markov_allan_variance
@@ -148,17 +149,14 @@ def _limits(profile: _Profile, square: float, sigmas: float) -> tuple[float, flo
 
 def _crossing(function: Callable[[float], float], start: float, step: float, end: float) -> float | None:
     """Where a function first becomes positive on the way from start to end, in growing steps; None if nowhere."""
-    from scipy.optimize import brentq
-
-    if function(start) > 0.0:
+    if (at_near := function(start)) > 0.0:
         return start
     near = start
     while (end - near) * step > 0.0:
         far = near + step
-        if function(far) > 0.0:
-            low, high = sorted((near, far))
-            return float(brentq(function, low, high, xtol=2e-3))
-        near, step = far, 1.4 * step
+        if (at_far := function(far)) > 0.0:
+            return crossing(function, near, far, (at_near, at_far), 2e-3)
+        near, at_near, step = far, at_far, 1.4 * step
     return None
 
 
