@@ -6,6 +6,7 @@ beartype, switched on in ``tests/conftest.py``); in use they cost nothing.
 
 from __future__ import annotations
 
+from math import prod
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
@@ -62,6 +63,19 @@ def extremes(vectors: Vectors) -> tuple[Vector, Vector]:
     return np.array(low), np.array(high)
 
 
+def block_means(values: AnyArray, size: int) -> AnyArray:
+    """Return the means of consecutive blocks of `size` rows, by products with ones: many times as fast as numpy's mean.
+
+    Parameters
+    ----------
+    values : (samples, ...) of which what is left over at the end is dropped.
+    size : samples in a block.
+    """
+    count = len(values) // size
+    blocks = values[: count * size].reshape(count, size, prod(values.shape[1:]))
+    return (np.ones(size) @ blocks / size).reshape(count, *values.shape[1:])
+
+
 __all__ = [
     "AnyArray",
     "Matrices",
@@ -73,6 +87,7 @@ __all__ = [
     "Table",
     "Vector",
     "Vectors",
+    "block_means",
     "extremes",
     "inverted",
 ]

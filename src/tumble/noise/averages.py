@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Series, Table
+from tumble.arrays import AnyArray, Series, Table, block_means
 from tumble.counting import counted
 from tumble.errors import RecordingError
 from tumble.noise.bridging import BridgedBlocks
@@ -170,9 +170,7 @@ def _lines(signals: Table, rate: float) -> list[tuple[FoundLine, ...]]:
 
 def _levels(time: Series, signals: Table) -> tuple[Series, Table]:
     size = max(1, len(signals) // _LEVEL_POINTS)
-    count = len(signals) // size
-    blocks = signals[: count * size].reshape(count, size, -1)
-    return time[: count * size].reshape(count, size).mean(axis=1), blocks.mean(axis=1)
+    return block_means(time, size), block_means(signals, size)
 
 
 def _spectra(

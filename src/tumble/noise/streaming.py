@@ -196,18 +196,3 @@ def _pair_means(floor: _Floor, rows: Table) -> Table:
     even = joined.shape[0] // 2 * 2
     floor.odd = joined[even:].copy()
     return 0.5 * (joined[0:even:2] + joined[1:even:2])
-
-
-def average_blocks(signal: Table, size: int) -> Table:
-    """Return the means of consecutive blocks of `size` rows; what is left over at the end is dropped.
-
-    Allan and Hadamard statistics of the means, at a rate that is `size` times lower, are those of the
-    signal at whole multiples of the block: exact, with fewer overlapping places.
-
-    Parameters
-    ----------
-    signal : (samples, channels) without gaps.
-    size : samples in a block.
-    """
-    count = signal.shape[0] // size
-    return signal[: count * size].reshape(count, size, signal.shape[1]).mean(axis=1)

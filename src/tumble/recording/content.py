@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tumble.arrays import Table, Vectors
+from tumble.arrays import Table, Vectors, extremes
 from tumble.errors import RecordingError
 from tumble.recording.columns import renamed
 from tumble.recording.gravity_check import gyro_scale_from_gravity, gyro_step_words, unit_of_scale
@@ -235,7 +235,7 @@ def check_angular_rate_unit(recording: Recording, unit: str, name: str) -> list[
         return []
     scale = gyro_scale_from_gravity(recording)
     if scale is None or not scale.determined:
-        fastest = np.degrees(factor * float(np.abs(recording.angular_rate).max()))
+        fastest = np.degrees(factor * float(np.max(np.abs(extremes(recording.angular_rate)))))
         text = (
             f"The gyro's unit ({unit}) could not be checked against gravity; it reaches {fastest:.4g} deg/s."
         )

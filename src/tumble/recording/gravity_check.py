@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Matrix, Series, Table, Vector, Vectors
+from tumble.arrays import AnyArray, Matrix, Series, Table, Vector, Vectors, extremes
 from tumble.errors import RecordingError
 from tumble.recording.columns import renamed
 from tumble.recording.recording import Recording
@@ -209,7 +209,7 @@ def _levels(force: Vectors, rate_raw: Vectors, rate: float) -> tuple[Vector, flo
 
 def _has_offset(force: Vectors) -> bool:
     """Offset-binary counts: every axis stays on one side of zero, far from it."""
-    low, high = force.min(axis=0), force.max(axis=0)
+    low, high = extremes(force)
     return bool(np.all((low * high > 0.0) & (high - low < 4.0 * np.abs(low))) and np.all(np.abs(low) > 500.0))
 
 

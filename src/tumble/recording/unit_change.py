@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tumble.arrays import Series, Vectors
+from tumble.arrays import Series, Vectors, block_means
 from tumble.errors import RecordingError
 from tumble.recording.recording import Recording
 from tumble.recording.rest import block_statistics, sample_pieces
@@ -123,7 +123,7 @@ def _by_turns(force: Vectors, rates: Vectors, size: int, rate: float) -> tuple[i
     lengths = np.linalg.norm(first, axis=1) * np.linalg.norm(last, axis=1)
     cosine = np.einsum("wi,wi->w", first, last) / np.maximum(lengths, 1e-300)
     gravity = np.arccos(np.clip(cosine, -1.0, 1.0))
-    turned = rates[: count * size].reshape(count, size, 3).sum(axis=1) / rate
+    turned = block_means(rates, size) * (size / rate)
     gyro = np.linalg.norm(turned, axis=1)
     told = np.flatnonzero((gravity > _LEAST_TURN) & (gyro > 0.0))
     jump = _jump(np.log(gyro[told] / gravity[told]), _TURN_SPREAD)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tumble.arrays import Matrices, Series, Vector, Vectors
+from tumble.arrays import Matrices, Series, Vector, Vectors, block_means
 from tumble.errors import SegmentationError
 from tumble.segmentation.rounding import rounding_variance
 
@@ -157,7 +157,7 @@ def _variances(parts: list[list[tuple[np.ndarray, np.ndarray]]], level: int) -> 
     group = 2**level
     variance, dof = np.zeros((len(parts), 3)), np.zeros(len(parts))
     for k, part in enumerate(parts):
-        batches = [m[: len(m) // group * group].reshape(-1, group, 3).mean(axis=1) for m, _ in part]
+        batches = [block_means(m, group) for m, _ in part]
         values = np.concatenate(batches)
         if len(values) >= 2:
             dof[k] = len(values) - 1
@@ -228,9 +228,7 @@ def _allan(parts: list[list[tuple[np.ndarray, np.ndarray]]], level: int) -> tupl
     group = 2**level
     variance, pairs = np.zeros((len(parts), 3)), np.zeros(len(parts))
     for k, part in enumerate(parts):
-        steps = [
-            np.diff(m[: len(m) // group * group].reshape(-1, group, 3).mean(axis=1), axis=0) for m, _ in part
-        ]
+        steps = [np.diff(block_means(m, group), axis=0) for m, _ in part]
         values = np.concatenate(steps)
         if len(values):
             pairs[k] = len(values)

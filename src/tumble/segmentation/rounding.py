@@ -96,12 +96,17 @@ def rounding_of_each(signal: Vectors, items: Sequence[Item], means: Vectors) -> 
     """
     left = np.zeros((len(items), 3))
     step = step_at_rests(signal, items)
-    chosen = [_evenly(item) for item in items] if np.any(step > 0.0) else []
+    if not np.any(step > 0.0):
+        return left
+    chosen = [_evenly(item) for item in items]
+    counts = np.array([len(at) for at in chosen])
+    first = np.cumsum(counts) - counts
+    every = np.asarray(signal[np.concatenate(chosen)], dtype=float)
     for axis in np.flatnonzero(step > 0.0).tolist():
-        own = step[axis]
-        seen = [np.asarray(signal[at, axis], dtype=float) / own for at in chosen]
-        if np.median([np.var(values) for values in seen]) <= _DITHERED:
-            left[:, axis] = own**2 * _mean_square(seen, means[:, axis] / own)
+        own, seen = step[axis], every[:, axis] / step[axis]
+        away = seen - np.repeat(np.add.reduceat(seen, first) / counts, counts)
+        if np.median(np.add.reduceat(away**2, first) / counts) <= _DITHERED:
+            left[:, axis] = own**2 * _mean_square(np.split(seen, first[1:]), means[:, axis] / own)
     return left
 
 
@@ -139,7 +144,9 @@ def _evenly(item: Item) -> np.ndarray:
     stops = np.array([b for _, b in item])
     ends = np.cumsum(np.array([b - a for a, b in item]))
     total = int(ends[-1])
-    at = np.linspace(0, total - 1, min(total, _SAMPLES)).astype(int)
+    count = min(total, _SAMPLES)
+    at = (np.arange(count) * ((total - 1) / max(count - 1, 1))).astype(int)
+    at[-1] = total - 1
     stretch = np.searchsorted(ends, at, side="right")
     return at - ends[stretch] + stops[stretch]
 

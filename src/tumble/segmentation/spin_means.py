@@ -22,7 +22,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Matrices, Matrix, Series, Table, Vectors
+from tumble.arrays import AnyArray, Matrices, Matrix, Series, Table, Vectors, block_means
 from tumble.errors import SegmentationError
 from tumble.recording.recording import Recording
 from tumble.segmentation.averages import batch_length, mean_covariance
@@ -267,7 +267,7 @@ def _noise_kept(columns: Table, length: int) -> float:
     if batches < 2 or columns.shape[1] == 1:
         return 1.0
     orthonormal = np.asarray(np.linalg.qr(columns)[0], dtype=np.float64)
-    means = orthonormal[: batches * length].reshape(batches, length, -1).mean(axis=1)
+    means = block_means(orthonormal, length)
     taken = float(np.sum((means - means.mean(axis=0)) ** 2)) * length
     # two batches on half a revolution would leave nothing: a tenth is the least that is believed
     return max(1.0 - taken / (batches - 1), 0.1)

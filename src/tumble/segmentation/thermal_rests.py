@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Series, Vectors
+from tumble.arrays import AnyArray, Series, Vectors, block_means
 from tumble.recording.recording import Recording
 from tumble.segmentation.search import find_timeline
 from tumble.segmentation.timeline import Timeline
@@ -68,7 +68,7 @@ def _drift(time: Series, celsius: Series, rate: Vectors) -> Vectors:
     half = 0.5 * float(np.ptp(smooth))
     scaled = (smooth - 0.5 * float(smooth.max() + smooth.min())) / max(half, 1e-9)
     levels = np.median(rate[: blocks * step].reshape(blocks, step, 3), axis=1)
-    at = scaled[: blocks * step].reshape(blocks, step).mean(axis=1)
+    at = block_means(scaled, step)
     powers = np.arange(1, ORDER + 1)
     design = np.column_stack([np.ones(blocks), at[:, None] ** powers])
     drift = np.empty_like(rate)
@@ -110,14 +110,14 @@ def _moving(force: Vectors, rate: Vectors | None, step: int, blocks: int) -> np.
     """Return (blocks,) whether it moves in each second: gravity or the rates change faster than a drift does."""
     from scipy.ndimage import median_filter
 
-    means = force[: blocks * step].reshape(blocks, step, 3).mean(axis=1)
+    means = block_means(force, step)
     gravity = float(np.median(np.linalg.norm(means, axis=1)))
     # Over two seconds a pose that changes moves gravity; a warming sensor does not.
     change = np.zeros(blocks)
     change[1:-1] = np.linalg.norm(means[2:] - means[:-2], axis=1)
     moving = change > MOVING_SHARE * gravity
     if rate is not None:
-        rates = rate[: blocks * step].reshape(blocks, step, 3).mean(axis=1)
+        rates = block_means(rate, step)
         # Against the median of two minutes: a drift stays with it, a turn does not.
         followed: Vectors = np.empty_like(rates)
         median_filter(rates, size=(LOCAL, 1), output=followed, mode="nearest")

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tumble.arrays import block_means
 from tumble.errors import UsageError
 from tumble.noise.deviation import allan_deviation
-from tumble.noise.streaming import PLACES, StreamedDeviation, average_blocks
+from tumble.noise.streaming import PLACES, StreamedDeviation
 
 
 def signal_of(samples: int) -> np.ndarray:
@@ -41,7 +42,7 @@ def test_long_averaging_times_are_those_of_the_averaged_signal() -> None:
     found = streamed(signal, [777, 20_001]).deviation()
     for height in (1, 3, 6):
         m = PLACES << height
-        averaged = allan_deviation(average_blocks(signal, 1 << height), 1.0, taus=[float(PLACES)])
+        averaged = allan_deviation(block_means(signal, 1 << height), 1.0, taus=[float(PLACES)])
         at = list(found.averaging).index(m)
         assert found.deviation[at] == pytest.approx(averaged.deviation[0], rel=1e-9)
 

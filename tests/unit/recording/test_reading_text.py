@@ -169,7 +169,11 @@ def test_every_number_is_the_double_that_is_nearest_to_it() -> None:
         f"{m}e{p}" for m, p in zip(rng.integers(2**53, 2**63, size), rng.integers(-22, 23, size), strict=True)
     ]
     halves = [str(2**53 + 2 * k + 1) for k in range(200)] + [f"{2**52 + k}.5" for k in range(200)]
-    read = [(word, _parsed(f"{word}\n", 1)) for word in [*written, *halves, "-0", "+.5", "5.", "1E5", "0e0"]]
+    plain = ["-0", "+.5", "5.", "1E5", "0e0", "007", "0000", "-00.50", ".000", "0" * 30 + "1.25"]
+    # Zeros before the first other digit are none of the digits that must be rounded.
+    plain += [repr(x) for x in rng.uniform(1e-4, 0.1, size).tolist()]
+    assert all(_parsed(f"{word}\n", 1)[0, 0] == float(word) for word in plain)
+    read = [(word, _parsed(f"{word}\n", 1)) for word in [*written, *halves]]
     assert all(made is None or made[0, 0] == float(word) for word, made in read)
     refused = [word for word, made in read if made is None]
     assert len(refused) < 0.01 * len(written), "most numbers take the short way"

@@ -338,13 +338,13 @@ def _ratios(one: _Whitened, courses: AnyArray, limits: tuple[Series, Series]) ->
         spread = one.rest.T @ (wander * (one.shown @ one.shown.T)) @ one.rest
         values, vectors = np.linalg.eigh(spread / max(float(np.trace(spread)) / len(spread), 1e-300))
         turned, across = vectors.T @ seen, vectors.T @ columns
-        for share in _SHARES:
-            weight = 1.0 / (1.0 + share * np.maximum(values, 0.0))
-            squares = max(float(np.sum(weight * turned**2)), 1e-300)
-            penalty = -0.5 * float(np.sum(np.log(weight)))
-            without = max(without, float(_logarithm(np.array(squares), len(seen))) - penalty)
-            left = squares - _explained(weight, turned, across, own)
-            best = np.maximum(best, _logarithm(np.maximum(left, 1e-12 * squares), len(seen)) - penalty)
+        weight = 1.0 / (1.0 + _SHARES[:, None] * np.maximum(values, 0.0))
+        squares = np.maximum(weight @ turned**2, 1e-300)
+        penalty = -0.5 * np.sum(np.log(weight), axis=1)
+        without = max(without, float(np.max(_logarithm(squares, len(seen)) - penalty)))
+        squares, penalty = squares[:, None, None], penalty[:, None, None]
+        left = np.maximum(squares - _explained(weight, turned, across, own), 1e-12 * squares)
+        best = np.maximum(best, np.max(_logarithm(left, len(seen)) - penalty, axis=0))
     return np.maximum(2.0 * (best - without), 0.0)
 
 
@@ -354,22 +354,28 @@ def _logarithm(squares: AnyArray, count: int) -> AnyArray:
     return np.asarray(-0.5 * (count * np.log(level) + squares / level), dtype=np.float64)
 
 
-def _explained(weight: Series, seen: Series, columns: AnyArray, own: AnyArray) -> AnyArray:
-    """(courses, sets) weighted squares that go; what the known took of a course nearly whole is held back."""
-    across = np.swapaxes(columns, 1, 2)
-    pull = across @ (weight * seen)
-    normal = across @ (weight[:, None] * columns) + WEAK * own * float(weight.min())
+def _explained(weight: AnyArray, seen: Series, columns: AnyArray, own: AnyArray) -> AnyArray:
+    """(shares, courses, sets) weighted squares that go; what the known took of a course nearly whole is held back."""
+    courses, numbers, axes = columns.shape
+    columns = np.ascontiguousarray(columns.swapaxes(0, 1))
+    products = (columns[:, :, :, None] * columns[:, :, None, :]).reshape(numbers, -1)
+    normal = (weight @ products).reshape(-1, courses, axes, axes)
+    normal += WEAK * own * np.min(weight, axis=1)[:, None, None, None]
+    pull = (weight * seen @ columns.reshape(numbers, -1)).reshape(-1, courses, axes)
     # What the known took of a course whole leaves zeros.
-    least = 1e-12 * np.trace(normal, axis1=1, axis2=2)[:, None, None] + 1e-150
-    gone: list[AnyArray] = []
-    for axes in _SETS:
-        part = np.array(axes)
-        solved = np.asarray(
-            np.linalg.solve(normal[:, part[:, None], part] + least * np.eye(len(part)), pull[:, part, None]),
-            dtype=np.float64,
-        )
-        gone.append(np.einsum("ca,ca->c", pull[:, part], solved[:, :, 0]))
-    return np.stack(gone, axis=1)
+    least = 1e-12 * np.trace(normal, axis1=2, axis2=3)[:, :, None, None] + 1e-150
+    return np.stack([_squares(normal + least * np.eye(axes), pull, of) for of in _SETS], axis=2)
+
+
+def _squares(normal: AnyArray, pull: AnyArray, axes: tuple[int, ...]) -> AnyArray:
+    """Squares that some axes explain: the first one, and what the others do beyond it."""
+    first, size = axes[0], normal[..., axes[0], axes[0]]
+    squares = np.asarray(pull[..., first] ** 2 / size, dtype=np.float64)
+    if len(axes) == 1:
+        return squares
+    share = normal[..., first] / size[..., None]
+    rest = normal - share[..., :, None] * normal[..., first, None, :]
+    return squares + _squares(rest, pull - share * pull[..., first, None], axes[1:])
 
 
 def _orthonormal(columns: AnyArray) -> AnyArray:

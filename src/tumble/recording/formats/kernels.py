@@ -141,7 +141,11 @@ def _parse_number(
     sign = text[at]
     if sign == 45 or sign == 43:
         at += 1
-    first = at
+    begin = at
+    while text[at] == 48:
+        at += 1
+    # Zeros before the first other digit are digits, and add none to the whole number.
+    zeros, first = at - begin, at
     digit = text[at] - 48
     while digit < 10:
         mantissa = 10 * mantissa + digit
@@ -151,6 +155,11 @@ def _parse_number(
     if text[at] == 46:
         at += 1
         first = at
+        if digits == 0:
+            while text[at] == 48:
+                at += 1
+            zeros += at - first
+        digits -= at - first
         digit = text[at] - 48
         while digit < 10:
             mantissa = 10 * mantissa + digit
@@ -158,10 +167,10 @@ def _parse_number(
             digit = text[at] - 48
         exponent = first - at
         digits += at - first
-    if digits == 0 or digits > 19:
+    if digits + zeros == 0 or digits > 19:
         number[0] = NAN
         # Nothing at all is an empty cell; a sign or a point alone is none.
-        return digits == 0 and at == place[0]
+        return digits + zeros == 0 and at == place[0]
     if text[at] == 101 or text[at] == 69:
         at += 1
         fall = text[at]

@@ -43,9 +43,9 @@ def parse_piece(body: bytes, layout: TextLayout, start: int = 0) -> Piece | None
     words = layout.text_columns
     if not layout.iso_columns and not (words and (layout.quoted or layout.delimiter is None)):
         lines = body if body.endswith(b"\n") else body + b"\n"
-        table = np.empty((lines.count(b"\n", start), layout.columns))
-        skipped = np.array([i in words for i in range(layout.columns)], dtype=np.uint8)
         numbers = np.frombuffer(lines, np.uint8)[start:]
+        table = np.empty((np.count_nonzero(numbers == ord("\n")), layout.columns))
+        skipped = np.array([i in words for i in range(layout.columns)], dtype=np.uint8)
         rows = parse_rows(numbers, ord(layout.delimiter or "\0"), skipped, table)
         if rows >= 0:
             return {i: table[:rows, i] for i in layout.number_columns}

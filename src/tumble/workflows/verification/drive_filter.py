@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tumble.arrays import Series, Vectors
+from tumble.arrays import Series, Vectors, block_means
 from tumble.errors import RecordingError, UsageError
 from tumble.navigation import Drive, FilterRun, FilterSetup, TriadSpread, plan_filter, position_differences
 from tumble.navigation.course import track_velocities
@@ -109,7 +109,7 @@ def _vibration(drive: Drive) -> str:
         return ""
     ratios: list[float] = []
     for signal in (still.specific_force_b, still.angular_rate_ib_b):
-        means = signal[: rows * many].reshape(rows, many, 3).mean(axis=1)
+        means = block_means(signal, many)
         slow = scatter(means, still.interval * many)
         ratios.append(float(np.max(scatter(signal, still.interval) / np.maximum(slow, 1e-12))))
     if max(ratios) < 2.0:
