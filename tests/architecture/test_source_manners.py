@@ -71,7 +71,7 @@ def wears_other_s_docstring(function: type_of_function) -> bool:
 
 def file_models_of(tree: ast.Module) -> set[str]:
     """The module's pydantic models: their fields are the keys of a file, which is an edge."""
-    models = {"BaseModel"}
+    models = {"BaseModel", "DocumentPart"}
     for node in ast.walk(tree):
         if isinstance(node, ast.ClassDef) and models & {ast.unparse(base) for base in node.bases}:
             models.add(node.name)

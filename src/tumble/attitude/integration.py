@@ -7,11 +7,10 @@ mean rate times the step plus the coning term ``step**2 / 12 * cross(rate_before
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrices, Matrix, Series, Vector, Vectors
+from tumble.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,6 @@ the entries of both matrices and biases, and of the optional terms that were est
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,6 +17,7 @@ from tumble.calibration.equations.triad_unknowns import ANGLE, BIAS, QUADRATIC, 
 from tumble.calibration.estimate import Described, NamedValue, correlation_matrix
 from tumble.earth import Site
 from tumble.recording.recording import Recording
+from tumble.records import dataclass
 from tumble.sensor import ImuModel, Triad, propagate
 from tumble.sensor.conventions.shin import matrix_from_shin, shin_from_matrix
 from tumble.sensor.gauge import inverse, lower_factor

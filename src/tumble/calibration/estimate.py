@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Literal, TypeAlias, TypeVar
 
 import numpy as np
@@ -16,6 +16,7 @@ from tumble.calibration.evidence import (
     Turns,
 )
 from tumble.estimation import Adjustment, snoop_groups
+from tumble.records import dataclass
 from tumble.sensor import ImuModel
 from tumble.sensor.thermal import ThermalModel
 

@@ -6,12 +6,13 @@ an estimate in itself, next to `Estimate`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
 from tumble.arrays import Series, Vector, Vectors
 from tumble.calibration.checks.uncertainty_statement import UncertaintyStatement
+from tumble.records import dataclass
 
 
 class Evidence:

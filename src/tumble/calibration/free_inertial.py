@@ -20,12 +20,12 @@ Schuler oscillation, which holds the growth back by 4 % after ten minutes.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from tumble.arrays import Matrix, Square, Table, Vector, inverted
 from tumble.attitude.rotations import skew
+from tumble.records import dataclass
 from tumble.sensor import ImuModel, Triad
 from tumble.sensor.triad import CURVES
 

@@ -13,13 +13,13 @@ it is, of the other only what is across it counts, so that the pitch need not be
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from tumble.arrays import Matrix, Square, Table, Vector, inverted
 from tumble.attitude import angle_between, rotation_vector_from_matrix
 from tumble.errors import ObservabilityError
+from tumble.records import dataclass
 from tumble.sensor.triad import Triad
 
 # A unit whose axes are farther from the mount's is mounted another way, or stood otherwise, rad.

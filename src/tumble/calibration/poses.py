@@ -15,7 +15,6 @@ The six positions recognised in a recording without a protocol: which face is up
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,6 +26,7 @@ from tumble.earth import Site
 from tumble.errors import ObservabilityError
 from tumble.estimation import find_weak_directions
 from tumble.protocol import HoldStep, Pose, Protocol, named_protocol
+from tumble.records import dataclass
 
 if TYPE_CHECKING:
     from tumble.segmentation import HoldMeans

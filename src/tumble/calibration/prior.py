@@ -15,7 +15,6 @@ differ (`FleetSheet`).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -24,6 +23,7 @@ from tumble.calibration.equations.triad_unknowns import ANGLE, BIAS, SCALE
 from tumble.errors import CalibrationFileError, UsageError
 from tumble.estimation import Prior
 from tumble.estimation.gauss_helmert import invert_normal_matrix
+from tumble.records import dataclass
 from tumble.sensor import propagate
 from tumble.sensor.conventions.shin import shin_from_matrix
 from tumble.sensor.gauge import lower_factor

@@ -8,13 +8,13 @@ the contract that every procedure is held to.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from tumble.errors import UsageError
 from tumble.procedure_names import KNOWN_PROCEDURES
+from tumble.records import dataclass
 
 if TYPE_CHECKING:
     from tumble.calibration.estimate import Estimate

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 from tumble.earth import Site
 from tumble.errors import UsageError
 from tumble.recording.recording import Recording
+from tumble.records import dataclass
 
 if TYPE_CHECKING:
     from tumble.calibration.equations.believed_poses import BelievedPoses

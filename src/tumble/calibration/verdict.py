@@ -9,14 +9,13 @@ bias does within the few degrees by which a room warms while one records.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tumble.arrays import Series
 from tumble.calibration.estimate import Estimate, NamedValue
 from tumble.calibration.procedure import find_procedure
 from tumble.recording.recording import Recording
+from tumble.records import dataclass
 from tumble.sensor import Triad
 from tumble.units import angular_rate_factor, specific_force_factor
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from tumble.capture.source import Piece, SourceOptions
 from tumble.recording.declared import read_units_option
 from tumble.recording.formats.streams import Merging
 from tumble.recording.samples import Samples, joined
+from tumble.records import dataclass
 
 # s of stamps after which it is known which sensors come, and a step back that is a new clock.
 LONG_ENOUGH, NEW_CLOCK = 1.0, 1.0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, Protocol
 
 import numpy as np
@@ -12,6 +12,7 @@ from tumble.arrays import Series, Vector, Vectors
 from tumble.capture.live_blocks import LiveBlocks
 from tumble.capture.live_holds import LiveHold
 from tumble.protocol.steps import Step
+from tumble.records import dataclass
 from tumble.segmentation.activity import Activity
 
 

@@ -5,10 +5,12 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, cast
 
 import numpy as np
+
+from tumble.records import dataclass
 
 # Events at which a bell rings: what a person waits for who looks at the unit.
 BELLS = {"hold_accepted": 1, "hold_refused": 2, "hold_complete": 1, "enough": 3}

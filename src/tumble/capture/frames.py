@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,6 +10,7 @@ from tumble.capture.samples import Channels
 from tumble.capture.source import Notice, Piece, SourceOptions
 from tumble.capture.stamps import ArrivalClock
 from tumble.recording.samples import Samples
+from tumble.records import dataclass
 
 # Frames, and s of stamps, after which the channels are known; bytes that wait for a frame's end.
 FEWEST, LONG_ENOUGH, LONGEST = 20, 0.5, 1 << 16

@@ -7,12 +7,12 @@ import pkgutil
 import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import cache
 from typing import Protocol
 
 from tumble.capture.source import Notice, Piece, SourceOptions
 from tumble.errors import UsageError
+from tumble.records import dataclass
 
 # s between attempts to open a lost line again, and of a read.
 AGAIN, READ = 0.5, 0.1

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 
 from tumble.capture.live_blocks import LiveBlocks
+from tumble.records import dataclass
 from tumble.segmentation.activity import Activity, find_activity, follow_activity
 from tumble.segmentation.search import MINIMUM_HOLD, search_blocks
 from tumble.segmentation.timeline import Hold, Rejection

@@ -5,7 +5,7 @@ What the first two seconds of a stream show to be wrong: said then, and not when
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,6 +18,7 @@ from tumble.capture.live_blocks import MOST_BLOCKS, LiveBlocks
 from tumble.capture.live_holds import Change, LiveHold, LiveHolds
 from tumble.capture.samples import Channels
 from tumble.recording.samples import Samples
+from tumble.records import dataclass
 from tumble.units import COUNTS, STANDARD_GRAVITY, angular_rate_factor, specific_force_factor
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,6 +23,7 @@ from tumble.errors import ConvergenceError, ObservabilityError, RecordingError, 
 from tumble.files import GrowingFile
 from tumble.protocol.library import REST
 from tumble.recording.samples import Samples, joined
+from tumble.records import dataclass
 from tumble.sample_rates import SampleRate
 
 if TYPE_CHECKING:

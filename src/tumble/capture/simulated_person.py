@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Generator, Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -20,6 +19,7 @@ from tumble.capture.machine import Capture
 from tumble.capture.samples import Channels
 from tumble.capture.source import Piece
 from tumble.recording.samples import Samples
+from tumble.records import dataclass
 from tumble.simulation.grades import Grade
 from tumble.simulation.noise import convert_to_digital, simulate_wander
 from tumble.units import STANDARD_GRAVITY

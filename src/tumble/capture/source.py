@@ -5,13 +5,13 @@ from __future__ import annotations
 import importlib
 import pkgutil
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from functools import cache
 from typing import TypeAlias
 
 from tumble.capture.samples import Channels
 from tumble.errors import UsageError
 from tumble.recording.samples import Samples
+from tumble.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,6 @@ import io
 import logging
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +21,7 @@ from tumble.certificate.profile import Laboratory, Profile
 from tumble.document.result import Calibration
 from tumble.errors import UsageError, install
 from tumble.files import opened, shown
+from tumble.records import dataclass
 
 LARGEST = 64 << 20
 ATTACHED = "calibration.json"

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import hashlib
 import math
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 from tumble.certificate.languages import DECIMAL_COMMA, LANGUAGES, parameter_words, phrases
 from tumble.certificate.profile import Profile
 from tumble.document.result import Calibration, ParameterBlock
 from tumble.errors import UsageError
+from tumble.records import dataclass
 from tumble.report.parameters import plain_unit
 from tumble.report.rounding import decimals_of, fixed
 from tumble.units import magnetic_field_factor

@@ -44,5 +44,5 @@ def program() -> None:
 
     sys.meta_path.insert(0, FunctionsAlone())
     gc.enable()
-    gc.set_threshold(50_000)
+    gc.set_threshold(400_000)
     run()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -23,6 +23,7 @@ from tumble.cli.options import (
     output_option,
 )
 from tumble.cli.terminal import console, progress, results_stand, say_json, say_written, state
+from tumble.records import dataclass
 
 if TYPE_CHECKING:
     from tumble.fleet.outcome import Batch

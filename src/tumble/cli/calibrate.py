@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
@@ -34,6 +34,7 @@ from tumble.cli.options import (
 from tumble.cli.terminal import console, progress, results_stand, say_json, say_json_text, say_written
 from tumble.errors import UsageError
 from tumble.procedure_names import KNOWN_PROCEDURES
+from tumble.records import dataclass
 
 if TYPE_CHECKING:
     from tumble.workflows.calibrate import CalibrationRun

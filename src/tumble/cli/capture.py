@@ -11,7 +11,7 @@ import time
 from collections import deque
 from collections.abc import Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Annotated
@@ -36,6 +36,7 @@ from tumble.cli.options import (
 )
 from tumble.cli.terminal import plain, results_stand, say, say_aside, say_json_text, say_written, table
 from tumble.errors import UsageError
+from tumble.records import dataclass
 from tumble.sample_rates import sample_rate
 
 if TYPE_CHECKING:

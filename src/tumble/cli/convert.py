@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,6 +11,7 @@ from tumble.cli.groups import ADVANCED, FIRST, detail, option
 from tumble.cli.options import NoiseFile, PrintOptions, complete_target, output_option
 from tumble.cli.terminal import console, results_stand, say, say_json, say_written, table
 from tumble.errors import UsageError
+from tumble.records import dataclass
 
 if TYPE_CHECKING:
     from tumble.workflows.convert import Converted

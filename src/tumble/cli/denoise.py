@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,6 +9,7 @@ from tumble.cli.groups import ADVANCED, FIRST, detail, option
 from tumble.cli.options import FileOptions, PrintOptions, Recordings, output_option
 from tumble.cli.terminal import progress, results_stand, say, say_json, say_written
 from tumble.errors import UsageError
+from tumble.records import dataclass
 
 if TYPE_CHECKING:
     from tumble.noise.denoising.shrinkage import Shrinkage

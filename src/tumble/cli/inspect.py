@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from tumble.cli.groups import FIRST, PRINTED, option
 from tumble.cli.options import FileOptions, PrintOptions, Recordings
 from tumble.cli.terminal import console, plain, progress, say, say_json, table
+from tumble.records import dataclass
 
 if TYPE_CHECKING:
     from rich.console import Console

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
@@ -17,6 +17,7 @@ from tumble.cli.options import (
     output_option,
 )
 from tumble.cli.terminal import progress, results_stand, say, say_json, say_written
+from tumble.records import dataclass
 
 _LETTERS = (
     "Letters as in IEEE Std 952. B: flicker of two-sided density B²/(2πf); the curve's floor is 0.664 B. "

@@ -6,7 +6,6 @@ What the shell completes after `tumble`: names from the registries, read when th
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from glob import glob
 from pathlib import Path
 from typing import Annotated, Any, TypeAlias
@@ -15,6 +14,7 @@ import typer
 
 from tumble.cli.groups import ADVANCED, FILE, FIRST, PLACE, PRINTED, RECORD, option
 from tumble.errors import UsageError
+from tumble.records import dataclass
 
 
 def _beginning(names: Iterable[str], incomplete: str) -> list[str]:

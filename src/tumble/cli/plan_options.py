@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 from tumble.cli.groups import ADVANCED, FIRST, detail, option
 from tumble.cli.options import DataSheet, Imu, NoiseFile, Seed
+from tumble.records import dataclass
 
 POSES, BUDGET = "Poses (multi-position, hand-held, six-position)", "Error budget (strapdown-rotation)"
 FIXTURE = "Fixture"

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -18,6 +18,7 @@ from tumble.cli.groups import FIRST, option, refuse_given
 from tumble.cli.options import CalibrationArgument, DataSheet, Json, NoiseFile, TurnOnBias, output_option
 from tumble.cli.terminal import console, progress, results_stand, say_json, say_written, table
 from tumble.cli.verify import turn_on_of
+from tumble.records import dataclass
 
 if TYPE_CHECKING:
     import numpy as np

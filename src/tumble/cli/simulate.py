@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -20,6 +20,7 @@ from tumble.cli.simulate_options import (
 )
 from tumble.cli.terminal import progress, results_stand, say, say_json, say_written
 from tumble.cli.verify import turn_on_of
+from tumble.records import dataclass
 
 if TYPE_CHECKING:
     from tumble.workflows.simulate import Simulated

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 from tumble.cli.groups import Range, detail, in_si, numbers, option
 from tumble.cli.options import TurnOnBias
 from tumble.errors import UsageError
+from tumble.records import dataclass
 from tumble.units import DEGREE, STANDARD_GRAVITY
 
 if TYPE_CHECKING:

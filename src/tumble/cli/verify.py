@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import shlex
 import sys
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
@@ -34,6 +34,7 @@ from tumble.cli.options import (
 )
 from tumble.cli.terminal import console, progress, results_stand, say_json, say_written, table
 from tumble.errors import UsageError
+from tumble.records import dataclass
 
 if TYPE_CHECKING:
     from rich.table import Table

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,6 +17,7 @@ from tumble.attitude.directions import twenty_six_directions
 from tumble.calibration.poses import describe_direction, norm_rows
 from tumble.errors import UsageError
 from tumble.protocol.steps import Step
+from tumble.records import dataclass
 
 # Unknowns of `norm_rows` in the order scale, misalignment yz, zy, zx, bias; its angles have the other sign.
 _ORDER = (3, 4, 5, 6, 8, 7, 0, 1, 2)

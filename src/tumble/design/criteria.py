@@ -14,11 +14,10 @@ elimination by Schur complement), each divided by the size at which it matters:
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tumble.arrays import AnyArray, Series, Square, inverted
+from tumble.records import dataclass
 
 CRITERIA = ("A", "D", "E", "minimax", "I")
 # E and minimax have corners; the search runs down this norm of the eigenvalues or variances instead. Of sigmas it

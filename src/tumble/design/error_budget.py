@@ -7,12 +7,13 @@ standard uncertainty each, and beside them what drawn errors gave. It knows no p
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from tumble.arrays import Series, Table
+from tumble.records import dataclass
 
 # A source below this share of a total's variance is not named as one of its causes.
 WORTH_NAMING = 0.1

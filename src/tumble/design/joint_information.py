@@ -6,7 +6,7 @@ Earth rate and whatever belongs to one rotation is eliminated, as in a calibrati
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import lru_cache
 from typing import Any
 
@@ -29,6 +29,7 @@ from tumble.estimation.chain import Chain, Eliminated
 from tumble.estimation.influence import Influences
 from tumble.estimation.solve import solve
 from tumble.estimation.weak_directions import WeakDirection, find_weak_directions
+from tumble.records import dataclass
 from tumble.sensor import ImuModel
 from tumble.sensor.conventions.shin import shin_from_matrix
 from tumble.sensor.propagation import jacobian

@@ -7,7 +7,7 @@ times, and what is foretold is the root mean square over these; how much they di
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 
@@ -29,6 +29,7 @@ from tumble.design.joint_information import (
 from tumble.design.planned_motion import PlannedNoise, PlayedPlan, planned_data, play_plan, require_plannable
 from tumble.earth import Site
 from tumble.protocol.steps import Protocol, SpinStep
+from tumble.records import dataclass
 from tumble.simulation import Grade
 
 # How often a protocol is played: by hand each time differs, on a table hardly.

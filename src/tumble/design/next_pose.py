@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from tumble.design.criteria import Criterion
 from tumble.design.pose_plan import Reach
 from tumble.document.result import Calibration
 from tumble.errors import UsageError
+from tumble.records import dataclass
 from tumble.simulation.noise import TriadNoise
 
 # Of what is not told yet: so uncertain before anything is recorded (relative, rad, over gravity).

@@ -7,7 +7,7 @@ information simply adds to that of everything else.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -20,6 +20,7 @@ from tumble.design.joint_plan import PlanTask, Weakness, mean_log_sigma
 from tumble.design.planned_motion import planned_data, play_plan
 from tumble.protocol.library import BY_HAND
 from tumble.protocol.steps import HoldStep, Pose, Protocol, SpinStep, Step, TurnStep
+from tumble.records import dataclass
 
 # Seconds of a hold, of the turn to it, and of a rest beside a turn by hand.
 HOLD, TURN, REST = 10.0, 3.0, 4.0

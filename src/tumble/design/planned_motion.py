@@ -7,8 +7,6 @@ nothing has to be found; the covariances are those that the unit's noise gives t
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tumble.arrays import AnyArray, Series
@@ -21,6 +19,7 @@ from tumble.earth import Site
 from tumble.errors import UsageError
 from tumble.protocol.steps import HoldStep, Protocol, RampStep, SoakStep, SpinStep
 from tumble.recording.recording import Recording
+from tumble.records import dataclass
 from tumble.sensor import ImuModel
 from tumble.simulation import TriadNoise, Truth, simulate_protocol
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 
@@ -31,6 +31,7 @@ from tumble.design.selection import (
     refine_on_sphere,
 )
 from tumble.errors import ObservabilityError, UsageError
+from tumble.records import dataclass
 from tumble.simulation.noise import TriadNoise
 from tumble.units import STANDARD_GRAVITY
 

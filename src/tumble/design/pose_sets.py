@@ -11,13 +11,12 @@ is worth is in the inverse of the sum of the squares of these rows, before anyth
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tumble.arrays import Series, Square, Vectors, inverted
 from tumble.calibration.poses import describe_mending, describe_untold, norm_rows
 from tumble.errors import ObservabilityError
+from tumble.records import dataclass
 from tumble.units import STANDARD_GRAVITY
 
 # Unknowns of `norm_rows` in the order scale, misalignment yz, zy, zx, bias; its angles have the other sign.

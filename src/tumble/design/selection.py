@@ -13,7 +13,7 @@ exchange from many starts finds a good end, and the same bound says how much bet
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from tumble.arrays import AnyArray, Series, Square, Vectors, inverted
 from tumble.design.candidates import Candidate, pose_rows, stacked_rows
 from tumble.design.criteria import Criterion
 from tumble.errors import ObservabilityError
+from tumble.records import dataclass
 
 # Beside the information, so that a singular start is bad instead of an error; of the mean of its diagonal.
 RIDGE = 1e-10

@@ -18,13 +18,13 @@ The bias itself is in none of them: it shifts the raw reading and the correction
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from tumble.arrays import Series, Table, Vector, Vectors
+from tumble.records import dataclass
 from tumble.sensor.conventions.zhang import matrix_from_zhang
 
 GROUPS = ("scale", "misalignment", "bias")

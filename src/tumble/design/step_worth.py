@@ -8,7 +8,7 @@ longer holds do not help, which the gain of a quarter more time shows.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from tumble.design.joint_information import NAMES, JointInformation, planned_pro
 from tumble.design.joint_plan import JointPlan, PlanTask, mean_log_sigma
 from tumble.design.planned_motion import planned_data, play_plan
 from tumble.protocol.steps import HoldStep, Protocol, SpinStep
+from tumble.records import dataclass
 
 # A step that lasts longer: by this share of itself.
 LONGER = 0.25

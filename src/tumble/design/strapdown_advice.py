@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from tumble.arrays import Series
 from tumble.design.error_budget import ErrorBudget
 from tumble.design.strapdown_accuracy import analyse_strapdown_rotation
 from tumble.design.strapdown_setup import StrapdownSetup
+from tumble.records import dataclass
 
 # A fixture suffices that makes no uncertainty more than a tenth larger, and counts for little up to a half.
 SUFFICIENT = 1.1

@@ -6,8 +6,6 @@ it stays the same through the test.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tumble.arrays import Series, Square, Table
@@ -15,6 +13,7 @@ from tumble.attitude import skew
 from tumble.design.error_budget import ErrorSource
 from tumble.design.strapdown_sequences import TimedSequence
 from tumble.design.strapdown_setup import StrapdownSetup
+from tumble.records import dataclass
 
 PULSE = float(np.sqrt(1.0 / 12.0))
 """Rms of what a pulse leaves over, in pulses."""

@@ -7,12 +7,11 @@ a first-order analysis leaves out, are all in it; noise and the Earth's rotation
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tumble.arrays import AnyArray, Table
 from tumble.protocol.strapdown_rotation import RotationSequence, start_down
+from tumble.records import dataclass
 from tumble.sensor.conventions.savage import GROUPS, OFF_DIAGONAL, PAIRS
 
 SENSORS = 24

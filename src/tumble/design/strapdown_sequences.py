@@ -8,7 +8,6 @@ the attitude C(t) from the body frame to that of the sequence's start.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -23,6 +22,7 @@ from tumble.protocol.strapdown_rotation import (
     fixture_rotation,
     start_down,
 )
+from tumble.records import dataclass
 from tumble.sensor.conventions.savage import PAIRS
 
 # Of one rotation: exact for a turn to rounding.

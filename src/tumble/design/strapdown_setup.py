@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, field
 from typing import Any
 
 import numpy as np
 
 from tumble.earth import Site
 from tumble.errors import UsageError
+from tumble.records import dataclass
 from tumble.simulation.grades import Grade
 
 AVERAGING = ("plain", "average-of-averages")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,6 +16,7 @@ from tumble.document.in_common import along_clock, common_clock, common_norm, sc
 from tumble.document.magnetometer_block import MagnetometerBlock
 from tumble.document.result import Calibration, ParameterBlock
 from tumble.errors import UsageError
+from tumble.records import dataclass
 from tumble.sensor import FRAMES, ImuModel
 from tumble.sensor.gauge import inverse
 from tumble.sensor.propagation import jacobian

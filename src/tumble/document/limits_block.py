@@ -4,17 +4,13 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict
+from tumble.document.part import DocumentPart
 
 Decision = Literal["passed", "failed", "undecided"]
 Rule = Literal["simple", "guarded", "risk"]
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
-
-
-class LimitBlock(_Strict):
+class LimitBlock(DocumentPart):
     """One parameter against its limits, all in the parameter's own unit.
 
     `lower`, `upper` : null where that side is free. `largest_uncertainty` : of the expanded uncertainty (k = 2), or
@@ -33,7 +29,7 @@ class LimitBlock(_Strict):
     reason: str
 
 
-class LimitsBlock(_Strict):
+class LimitsBlock(DocumentPart):
     """All limits of one file together: passed only where each of them is.
 
     `risk` : largest probability of a wrong acceptance or rejection, of the rule "risk" only.

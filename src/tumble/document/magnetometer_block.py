@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from tumble.arrays import Matrix
+from tumble.document.part import DocumentPart
 from tumble.document.rows import Row, Rows, row_of, rows_of
 from tumble.sensor import Triad
 from tumble.units import magnetic_field_factor
@@ -24,11 +25,7 @@ OWN_FRAME = "magnetometer"
 """Frame of a magnetometer of which nothing tells how it lies against the other triads."""
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
-
-
-class FieldParameter(_Strict):
+class FieldParameter(DocumentPart):
     """One parameter with its standard uncertainty."""
 
     name: str
@@ -37,7 +34,7 @@ class FieldParameter(_Strict):
     unit: str
 
 
-class FieldBlock(_Strict):
+class FieldBlock(DocumentPart):
     """The magnetic field of the place: norm in the block's unit, dip in degrees, down positive."""
 
     norm: float
@@ -48,7 +45,7 @@ class FieldBlock(_Strict):
     dip_standard_uncertainty_deg: float | None = None
 
 
-class FieldHoldBlock(_Strict):
+class FieldHoldBlock(DocumentPart):
     """The corrected field of a hold (numbered from 1)."""
 
     number: int
@@ -57,7 +54,7 @@ class FieldHoldBlock(_Strict):
     left_out: bool = False
 
 
-class FieldQuality(_Strict):
+class FieldQuality(DocumentPart):
     """How well the field fits; shares of its norm, one sigma.
 
     `scatter` is by what it differs from hold to hold beyond noise, `uncertainty` what a corrected field is off by for
@@ -74,21 +71,21 @@ class FieldQuality(_Strict):
     left_out: list[str] = Field(default_factory=list[str])
 
 
-class FieldVerdictBlock(_Strict):
+class FieldVerdictBlock(DocumentPart):
     """How the magnetometer may be used, and why, in sentences."""
 
     use: Literal["fit", "fit with reservations", "not fit"]
     reasons: list[str]
 
 
-class FieldVector(_Strict):
+class FieldVector(DocumentPart):
     """Raw in, corrected out."""
 
     raw_magnetic_field: Row
     magnetic_field: Row
 
 
-class MagnetometerBlock(_Strict):
+class MagnetometerBlock(DocumentPart):
     """The magnetometer: `matrix` raw units per `unit` (rows), `bias` raw units; None where it is not fit for use.
 
     Without a matrix, `parameters` and `field` still say what was found: nothing is corrected by them.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,6 +16,7 @@ from tumble.calibration.free_inertial import (
     position_from,
     sheet_unit,
 )
+from tumble.records import dataclass
 from tumble.units import angular_rate_factor, specific_force_factor
 
 if TYPE_CHECKING:

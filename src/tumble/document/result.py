@@ -9,13 +9,14 @@ from pathlib import Path
 from typing import Any, Literal, cast
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field, ValidationError
 
 from tumble.arrays import Matrix, Series, Square, Vectors
 from tumble.border import border
 from tumble.document.contradictions import contradiction_in
 from tumble.document.limits_block import LimitsBlock
 from tumble.document.magnetometer_block import MagnetometerBlock
+from tumble.document.part import DocumentPart
 from tumble.document.rows import Row, Rows, row_of, rows_of
 from tumble.document.thermal_block import ThermalBlock
 from tumble.document.turn_ons_block import TurnOnsBlock
@@ -47,11 +48,7 @@ _THERMAL_NUMBERS = (
 )
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
-
-
-class Imu(_Strict):
+class Imu(DocumentPart):
     """Which unit was calibrated."""
 
     model: str | None = None
@@ -59,7 +56,7 @@ class Imu(_Strict):
     sensor_index: int | None = None
 
 
-class RecordingName(_Strict):
+class RecordingName(DocumentPart):
     """A recording that the calibration was made from; of a bag with the topic that has both triads."""
 
     name: str
@@ -67,7 +64,7 @@ class RecordingName(_Strict):
     topic: str | None = None
 
 
-class SiteBlock(_Strict):
+class SiteBlock(DocumentPart):
     """Where the recording was made; gravity in m/s², Earth rate in rad/s."""
 
     latitude_deg: float | None = None
@@ -78,21 +75,21 @@ class SiteBlock(_Strict):
     earth_rate: float
 
 
-class FrameBlock(_Strict):
+class FrameBlock(DocumentPart):
     """The gauge of body frame b, by name and in words."""
 
     name: str
     description: str
 
 
-class RawUnits(_Strict):
+class RawUnits(DocumentPart):
     """Units of the raw numbers that the calibration takes."""
 
     specific_force: str
     angular_rate: str
 
 
-class TriadBlock(_Strict):
+class TriadBlock(DocumentPart):
     """One triad: `matrix` raw units per SI unit (rows), `bias` raw units. A missing matrix is unknown."""
 
     matrix: Rows | None
@@ -127,7 +124,7 @@ class TriadBlock(_Strict):
         return Triad(np.array(self.matrix, dtype=float), np.array(self.bias, dtype=float), **curves)
 
 
-class ParameterBlock(_Strict):
+class ParameterBlock(DocumentPart):
     """One parameter in the procedure's own convention; without a coverage factor the quality's holds."""
 
     name: str
@@ -137,7 +134,7 @@ class ParameterBlock(_Strict):
     coverage_factor: float | None = None
 
 
-class LeftOutBlock(_Strict):
+class LeftOutBlock(DocumentPart):
     """A hold, turn or spin (numbered from 1) without part in the estimate."""
 
     kind: Literal["hold", "turn", "spin"]
@@ -145,7 +142,7 @@ class LeftOutBlock(_Strict):
     reason: str
 
 
-class TermBlock(_Strict):
+class TermBlock(DocumentPart):
     """The test of an optional term against chance."""
 
     name: str
@@ -156,7 +153,7 @@ class TermBlock(_Strict):
     limit: float
 
 
-class UnseenBlock(_Strict):
+class UnseenBlock(DocumentPart):
     """What all gyro scale factors follow alike and no residual shows; it is in the covariance."""
 
     source: str
@@ -165,7 +162,7 @@ class UnseenBlock(_Strict):
     nominal_rate_hz: float | None = None
 
 
-class QualityBlock(_Strict):
+class QualityBlock(DocumentPart):
     """How well the data fit, and what was left out."""
 
     sigma0: float | None
@@ -184,14 +181,14 @@ class QualityBlock(_Strict):
     unseen: list[UnseenBlock] = Field(default_factory=list[UnseenBlock])
 
 
-class VerdictBlock(_Strict):
+class VerdictBlock(DocumentPart):
     """Whether the calibration is fit for use, and why, in sentences."""
 
     fit: bool
     reasons: list[str]
 
 
-class TestVector(_Strict):
+class TestVector(DocumentPart):
     """Raw in, corrected out: m/s² and rad/s in frame b; null for a triad that is not calibrated."""
 
     raw_specific_force: Row | None = None
@@ -217,7 +214,7 @@ class TestVector(_Strict):
         ]
 
 
-class Calibration(_Strict):
+class Calibration(DocumentPart):
     """A calibration of one IMU, with everything needed to apply and to judge it.
 
     Attributes

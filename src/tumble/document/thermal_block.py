@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
 
 from tumble.arrays import Series, Square, Table
+from tumble.document.part import DocumentPart
 from tumble.document.soundness import covariance_fault
 from tumble.sensor import ImuModel
 from tumble.sensor.thermal import SPAN_MARGIN, TemperatureBasis, ThermalModel
@@ -43,11 +43,7 @@ PATH_FORMULA = (
 )
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
-
-
-class BasisBlock(_Strict):
+class BasisBlock(DocumentPart):
     """The functions of temperature; `nodes_celsius` are empty of a polynomial, `order` is 0 of the others."""
 
     kind: Literal["polynomial", "linear", "spline"]
@@ -57,7 +53,7 @@ class BasisBlock(_Strict):
     formula: str
 
 
-class ThermalCoefficients(_Strict):
+class ThermalCoefficients(DocumentPart):
     """One row or matrix (raw units) for each function of temperature; null for what does not change."""
 
     accelerometer_bias: list[Row] | None = None
@@ -67,14 +63,14 @@ class ThermalCoefficients(_Strict):
     g_sensitivity: list[tuple[Row, Row, Row]] | None = None
 
 
-class BiasPair(_Strict):
+class BiasPair(DocumentPart):
     """A row for each bias, or null."""
 
     accelerometer_bias: Row | None = None
     gyroscope_bias: Row | None = None
 
 
-class ThermalTestVector(_Strict):
+class ThermalTestVector(DocumentPart):
     """Raw in, corrected out, at a temperature, rate and hysteresis state of the sensor itself."""
 
     temperature_celsius: float
@@ -86,7 +82,7 @@ class ThermalTestVector(_Strict):
     angular_rate: Row | None = None
 
 
-class PathTest(_Strict):
+class PathTest(DocumentPart):
     """A recorded temperature, up and down again, and what the sensor's own follows from it."""
 
     time: list[float]
@@ -96,7 +92,7 @@ class PathTest(_Strict):
     hysteresis_state: list[float]
 
 
-class ThermalBlock(_Strict):
+class ThermalBlock(DocumentPart):
     """How the parameters of the document change with temperature.
 
     Attributes
@@ -235,7 +231,7 @@ def contradiction(block: ThermalBlock, reference: ImuModel) -> str | None:
     return None
 
 
-def _arrays(group: BaseModel) -> dict[str, Any]:
+def _arrays(group: DocumentPart) -> dict[str, Any]:
     """Return the model's dictionary, its keys with dots, of what is not null."""
     return {_dotted(key): np.array(value, dtype=float) for key, value in group if value is not None}
 

@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
 
 from tumble.arrays import Series
 from tumble.calibration.turn_ons.biases import Agreement, BiasScatter, RecordingOfUnit, TurnOns
+from tumble.document.part import DocumentPart
 
 Each = list[float | None]
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
-
-
-class TurnOnBlock(_Strict):
+class TurnOnBlock(DocumentPart):
     """One recording; `variance_components` are standard deviations, SI."""
 
     name: str
@@ -28,7 +24,7 @@ class TurnOnBlock(_Strict):
     variance_components: dict[str, float]
 
 
-class BiasBlock(_Strict):
+class BiasBlock(DocumentPart):
     """A bias from turn-on to turn-on, raw units; lists have an entry for each recording, null where it has none.
 
     `scatter` is the standard deviation of the recordings' biases, `expected_scatter` what their own uncertainties
@@ -54,7 +50,7 @@ class BiasBlock(_Strict):
     probability: float
 
 
-class StableBlock(_Strict):
+class StableBlock(DocumentPart):
     """A parameter that all recordings share, as each determines it by itself; null where one does not tell it.
 
     It agrees if the `probability` of such differences by chance is not below `limit`; if it does not, its standard
@@ -74,7 +70,7 @@ class StableBlock(_Strict):
     enlarged_by: float
 
 
-class TurnOnsBlock(_Strict):
+class TurnOnsBlock(DocumentPart):
     """What several recordings of one unit tell: chi-square of all stable parameters together, and each by itself."""
 
     recordings: list[TurnOnBlock]

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import calendar
 import math
-from dataclasses import dataclass
 from datetime import date
 from importlib import import_module
 from typing import Any
 
 from tumble.errors import SiteError, UsageError, install
+from tumble.records import dataclass
 
 # Years for which the model's reports state its errors: WMM2015 (Chulliat and others 2015) to WMM2025.
 FIRST, LAST = 2015, 2030

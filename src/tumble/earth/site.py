@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,6 +10,7 @@ from tumble.arrays import Vector
 from tumble.border import border
 from tumble.earth.gravity import normal_gravity
 from tumble.errors import SiteError
+from tumble.records import dataclass
 from tumble.units import STANDARD_GRAVITY
 
 EARTH_RATE = 7.292115e-5  # rad/s, WGS 84 (NGA.STND.0036, table 3.1)

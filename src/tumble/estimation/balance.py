@@ -9,7 +9,7 @@ hide by inflating the noise; afterwards their mean square does. What chance expl
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -19,6 +19,7 @@ from tumble.errors import ConvergenceError
 from tumble.estimation.equations import Tests
 from tumble.estimation.settled import Settled
 from tumble.estimation.solve import DIVERGED, Adjustable, solve
+from tumble.records import dataclass
 
 # Median of chi-square over its degrees of freedom, for 1 to 6 degrees.
 MEDIAN_CHI_SQUARE = (0.4549, 1.3863, 2.3660, 3.3567, 4.3515, 5.3481)

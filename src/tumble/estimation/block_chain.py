@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tumble.arrays import AnyArray
 from tumble.errors import ConvergenceError
+from tumble.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ a unit) is eliminated first and joined to that one, and steps and covariances co
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -18,6 +18,7 @@ from tumble.arrays import AnyArray, Series, Square, Table, inverted
 from tumble.errors import ObservabilityError
 from tumble.estimation.equations import Equations
 from tumble.estimation.sums import Rows, Sums, Whitened
+from tumble.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,13 +7,14 @@ uncertainty by its causes and says how large an error would go unnoticed. What i
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import field, fields, replace
 from itertools import zip_longest
 from typing import Any
 
 import numpy as np
 
 from tumble.arrays import AnyArray, Series, Table
+from tumble.records import dataclass
 
 # Factor on the variance of an observation that is left out: it is made all but worthless and not taken away, for a
 # chain without a link would have no heading.

@@ -13,7 +13,6 @@ stay with the `Conditions`, which know what an observation is; the solver sees C
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -21,6 +20,7 @@ import numpy as np
 from tumble.arrays import AnyArray, Series, Square
 from tumble.errors import ConvergenceError, ObservabilityError
 from tumble.estimation.block_chain import BlockChain
+from tumble.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

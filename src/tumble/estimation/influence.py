@@ -9,7 +9,7 @@ among them: ``G (L^-1 S L^-T) G'`` for each part S of ``L L'``.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from tumble.estimation.gauss_helmert import Prior
 from tumble.estimation.settled import Settled
 from tumble.estimation.sums import Whitened
 from tumble.estimation.wander import carried, shared_wander, wider
+from tumble.records import dataclass
 
 PRIOR, OUTLYING, BENT = "prior", "observations left out", "attitudes to second order"
 

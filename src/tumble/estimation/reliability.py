@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
 from tumble.arrays import AnyArray
 from tumble.estimation.gauss_helmert import Adjustment
+from tumble.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,6 +11,7 @@ from tumble.arrays import Square
 from tumble.estimation.chain import Eliminated, Spread
 from tumble.estimation.equations import Equations, Look, Tests, tested
 from tumble.estimation.unknowns import Unknowns
+from tumble.records import dataclass
 
 
 @dataclass(slots=True)

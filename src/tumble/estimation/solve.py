@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -14,6 +13,7 @@ from tumble.estimation.chain import Chain, Eliminated, Stretch
 from tumble.estimation.gauss_helmert import Prior, invert_normal_matrix
 from tumble.estimation.settled import Settled
 from tumble.estimation.unknowns import Unknowns
+from tumble.records import dataclass
 
 ITERATIONS = 100
 DIVERGED = "The joint adjustment diverged: its unknowns left all bounds."

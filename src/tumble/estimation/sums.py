@@ -7,13 +7,14 @@ after another in the same arrays, so that each kind is whitened and added once a
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import numpy as np
 
 from tumble.arrays import AnyArray, Table
 from tumble.estimation.equations import Equations, Linear
+from tumble.records import dataclass
 
 
 @dataclass(slots=True)

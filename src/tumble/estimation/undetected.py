@@ -9,11 +9,10 @@ and the parameter's gain g (for one number it is Baarda's own formula).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tumble.arrays import Series, Square, Table
+from tumble.records import dataclass
 
 ALPHA, POWER = 0.001, 0.8
 # Of the size of the largest: a direction less checked than this is not checked.

@@ -7,12 +7,13 @@ what is held is no column of any normal equations.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 
 from tumble.arrays import AnyArray, Series, Table
 from tumble.estimation.gauss_helmert import Prior
+from tumble.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

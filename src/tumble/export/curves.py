@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import comb
 from pathlib import Path
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from tumble.arrays import AnyArray
 from tumble.errors import CalibrationFileError
+from tumble.records import dataclass
 from tumble.sensor import ImuModel
 from tumble.sensor.thermal import TemperatureBasis, ThermalModel
 

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tumble.arrays import Matrix
+from tumble.records import dataclass
 from tumble.sensor import ImuModel, Triad
 from tumble.sensor.thermal import ThermalModel
 from tumble.units import STANDARD_GRAVITY

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from tumble.arrays import Matrix, Vector, Vectors, inverted
 from tumble.document.result import Calibration
 from tumble.export.losses import Loss
+from tumble.records import dataclass
 from tumble.sensor import change_frame, polar_rotation
 from tumble.units import MICROTESLA, find_unit, magnetic_field_factor
 

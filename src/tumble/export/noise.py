@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Any, cast
 
@@ -12,6 +12,7 @@ from tumble.arrays import Vector
 from tumble.errors import UsageError
 from tumble.files import number_of, read_json
 from tumble.noise.fitting.fit import MISSED
+from tumble.records import dataclass
 
 _FORMAT = "tumble noise"
 _TRIADS = {"accelerometer": "a", "gyroscope": "g"}

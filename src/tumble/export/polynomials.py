@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from tumble.arrays import AnyArray, Matrix
 from tumble.errors import UsageError
 from tumble.export.losses import Loss
 from tumble.export.subject import Subject
+from tumble.records import dataclass
 from tumble.sensor.thermal import ThermalModel
 from tumble.units import STANDARD_GRAVITY
 

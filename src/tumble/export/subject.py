@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from tumble.export.target import (
     TEMPERATURE,
     Target,
 )
+from tumble.records import dataclass
 from tumble.sensor import FRAMES, ImuModel, Triad, change_frame
 from tumble.sensor.thermal import ThermalModel
 from tumble.units import angular_rate_factor, find_unit, specific_force_factor

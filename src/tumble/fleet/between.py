@@ -6,11 +6,10 @@ units, found by restricted maximum likelihood (EM; Laird and Ware 1982, *Biometr
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tumble.arrays import Series, Square, Table, inverted
+from tumble.records import dataclass
 
 FEWEST = 5
 """Units that it takes to say how they differ."""

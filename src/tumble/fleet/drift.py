@@ -11,11 +11,10 @@ the way in which ILAC-G24 / OIML D 10 (2022) judges by a control chart.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tumble.arrays import Series, Table
+from tumble.records import dataclass
 
 YEAR = 365.25 * 86400.0
 COVERAGE = 2.0

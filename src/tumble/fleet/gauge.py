@@ -7,11 +7,10 @@ uncertainties lack.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tumble.arrays import Series
+from tumble.records import dataclass
 
 PARTS = ("unit", "operator", "unit x operator", "repetition")
 

@@ -15,13 +15,13 @@ the spread: one that is known worse than the others may be farther off.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from tumble.arrays import Series, Square, Table
 from tumble.fleet.unit_vector import Units, groups_of
+from tumble.records import dataclass
 
 FALSE_ALARM = 0.01
 """Chance that a fleet without a faulty unit has any unit named."""

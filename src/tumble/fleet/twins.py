@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tumble.arrays import Table
 from tumble.fleet.outlying import quantile_beyond, robust_location_and_spread
 from tumble.fleet.unit_vector import Units
+from tumble.records import dataclass
 
 FALSE_ALARM = 1e-3
 """Chance that any two different units of a fleet are taken for one."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from tumble.document.algebra import turned_to
 from tumble.document.entries import parameter_vector, stacked
 from tumble.document.result import Calibration
 from tumble.errors import TumbleError
+from tumble.records import dataclass
 from tumble.sensor import FRAMES
 from tumble.units import angular_rate_factor, specific_force_factor
 

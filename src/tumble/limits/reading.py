@@ -10,13 +10,13 @@ import hashlib
 import math
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
 
 from tumble.document.limits_block import Rule
 from tumble.errors import UsageError
 from tumble.files import number_of, opened, read_yaml
+from tumble.records import dataclass
 from tumble.simulation import Grade, TriadGrade, find_grade
 from tumble.units import (
     angle_increment_factor,

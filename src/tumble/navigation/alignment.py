@@ -9,7 +9,7 @@ rate the Earth's; errors ``df``, ``dw`` of the two, in n, make
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from tumble.navigation.gnss.track import GnssTrack, make_track
 from tumble.navigation.mechanisation import navigate
 from tumble.navigation.samples import InertialSamples
 from tumble.navigation.trajectory import NavigationState
+from tumble.records import dataclass
 
 # A heading by gyrocompassing is refused beyond this standard uncertainty.
 WORST_HEADING = float(np.radians(5.0))

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tumble.arrays import Series, Vector
@@ -18,6 +16,7 @@ from tumble.navigation.course import (
 )
 from tumble.navigation.gnss.track import GnssTrack
 from tumble.navigation.samples import InertialSamples
+from tumble.records import dataclass
 
 # Correlation of course and gyros about down from which on axes are right.
 _AGREES = 0.8

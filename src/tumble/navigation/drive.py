@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from tumble.navigation.samples import InertialSamples
 from tumble.navigation.time_alignment import TimeAlignment, estimate_time_offset
 from tumble.navigation.trajectory import NavigationState
 from tumble.noise.terms import NoiseModel
+from tumble.records import dataclass
 
 # Steps, s, at which the filter's innovations are compared to find the offset between the clocks, in turns.
 _REACHES = (0.15, 0.05, 0.03)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from tumble.errors import RecordingError
 from tumble.navigation.filter.run import unpacked
 from tumble.navigation.samples import InertialSamples
 from tumble.navigation.trajectory import Trajectory, position_differences
+from tumble.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

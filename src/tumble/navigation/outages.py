@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from tumble.navigation.filter.run import unpacked
 from tumble.navigation.filter.stretches import LONGEST_BRIDGED
 from tumble.navigation.samples import InertialSamples
 from tumble.navigation.trajectory import position_differences
+from tumble.records import dataclass
 
 # s that a filter takes after missing samples until its attitude is as good as before.
 _AFTER_MISSING = 30.0

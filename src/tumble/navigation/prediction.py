@@ -8,7 +8,7 @@ first order, for every term that the sensor model has. Noise goes through the fi
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from tumble.navigation.gnss.track import make_track
 from tumble.navigation.mechanisation import navigate
 from tumble.navigation.samples import InertialSamples
 from tumble.navigation.trajectory import NavigationState, Trajectory
+from tumble.records import dataclass
 from tumble.sensor import ImuModel, Triad
 
 # Of a parameter's sigma, by which it is moved: small against what bends, large against round-off.

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tumble.arrays import Series, inverted
@@ -21,6 +19,7 @@ from tumble.navigation.course import (
 )
 from tumble.navigation.gnss.track import GnssTrack
 from tumble.navigation.samples import InertialSamples
+from tumble.records import dataclass
 
 # A course leads the body's heading by the time in which the vehicle covers the way from the axle that does not
 # steer to the antenna; of that way nothing is known but its size, m.

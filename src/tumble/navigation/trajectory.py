@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tumble.arrays import Matrices, Matrix, Quaternions, Series, Table, Vector, Vectors
@@ -19,6 +17,7 @@ from tumble.earth import (
     rotation_to_earth_frame,
 )
 from tumble.errors import UsageError
+from tumble.records import dataclass
 
 # Beyond it the local level's longitude turns too fast for any step.
 HIGHEST_LATITUDE = float(np.radians(89.9))

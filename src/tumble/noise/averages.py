@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from tumble.noise.streaming import StreamedDeviation
 from tumble.noise.suitability import Suitability
 from tumble.recording import Recording
 from tumble.recording.doctor import channels_of
+from tumble.records import dataclass
 from tumble.units import angular_rate_factor, specific_force_factor
 
 _BINS = 20  # of the spectrum, a decade

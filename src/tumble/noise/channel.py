@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import log, pi, sqrt
 
 import numpy as np
@@ -14,6 +13,7 @@ from tumble.noise.fitting.fit import MISFIT, NoiseFit, fit_curve, fit_moments_of
 from tumble.noise.fitting.weighted_fit import Method
 from tumble.noise.lines import FoundLine
 from tumble.noise.white_part import WhitePart, white_beyond
+from tumble.records import dataclass
 
 FLOOR = sqrt(2.0 * log(2.0) / pi)
 """Allan deviation of flicker of B = 1: 0.664, whatever the averaging time (IEEE Std 952, annex C)."""

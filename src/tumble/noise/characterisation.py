@@ -7,7 +7,6 @@ it is at rest, once to average, in memory that hardly grows with its length.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -34,6 +33,7 @@ from tumble.noise.spectrum import PowerSpectrum
 from tumble.noise.streaming import StreamedDeviation
 from tumble.noise.suitability import Suitability, judge_rest
 from tumble.recording import Recording, Source
+from tumble.records import dataclass
 
 _LEAST_SAMPLES = 16
 _OTHER_TAU = 0.01  # from which on another averaging time than was asked for is told

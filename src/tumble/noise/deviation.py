@@ -13,7 +13,7 @@ Riley, W. J., *Handbook of Frequency Stability Analysis*, NIST SP 1065, 2008, se
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from typing import Literal, TypeAlias
 
@@ -23,6 +23,7 @@ import numpy.typing as npt
 from tumble.arrays import AnyArray, Series, Table
 from tumble.errors import UsageError
 from tumble.noise.freedom import EXPONENTS, chi_square_interval, degrees_of_freedom
+from tumble.records import dataclass
 
 Kind: TypeAlias = Literal["overlapping", "modified", "hadamard", "haar"]
 NamedTaus: TypeAlias = Literal["octave", "decade", "log", "all"]

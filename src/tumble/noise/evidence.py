@@ -6,7 +6,6 @@ first reading, in blocks of a second, so that both are judged alike.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Protocol, runtime_checkable
 
@@ -19,6 +18,7 @@ from tumble.noise.held import beyond_chance, equal_rows
 from tumble.recording import Recording
 from tumble.recording.doctor import channels_of
 from tumble.recording.rest import block_statistics, sample_pieces, smallest_step
+from tumble.records import dataclass
 
 _LEAST_BLOCK = 20  # samples
 _HEAD = 16_384  # samples of a block that is read that steps and roughness are taken from

@@ -7,7 +7,7 @@ gave; their neighbours' differences are zero, and the scatter that short blocks 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -16,6 +16,7 @@ import numpy.typing as npt
 from tumble.arrays import AnyArray, Series, Table
 from tumble.recording import Recording
 from tumble.recording.doctor import channels_of
+from tumble.records import dataclass
 
 REPEATS = 0.02
 """Share of rows like the one before, beyond chance, that is no accident."""

@@ -14,13 +14,13 @@ uncertainty of a line's frequency and amplitude, here with the window's weights.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from tumble.arrays import AnyArray, Series, Square, Table
 from tumble.noise.deviation import Integers, find_pieces
 from tumble.noise.terms import Line
+from tumble.records import dataclass
 
 LINE_FALSE_ALARM = 0.01
 """Probability that a line is found in a signal that has none, all frequencies tried together."""

@@ -10,7 +10,6 @@ Applications*, Cambridge 1993, section 6.17: degrees of freedom with overlap.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,6 +17,7 @@ from tumble.arrays import AnyArray, Series, Table
 from tumble.errors import UsageError
 from tumble.noise.deviation import ONE_SIGMA, find_pieces
 from tumble.noise.freedom import chi_square_interval
+from tumble.records import dataclass
 
 _LONGEST_SEGMENT = 1 << 20
 _SEGMENTS = 8  # so many in the longest piece, where the caller does not say

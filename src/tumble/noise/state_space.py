@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tumble.arrays import AnyArray, Series, Square
 from tumble.noise.flicker import flicker_corners, flicker_variance
+from tumble.records import dataclass
 
 if TYPE_CHECKING:
     from tumble.noise.terms import NoiseModel

@@ -10,13 +10,14 @@ such property (its filter's width is one sample) and is not offered.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
 from tumble.arrays import AnyArray, Table
 from tumble.errors import UsageError
 from tumble.noise.deviation import ONE_SIGMA, Deviation, Integers, Kind, Taus, choose_averaging, finish
+from tumble.records import dataclass
 
 PLACES = 128
 """Differences begun in each averaging time, at least, once it is that long; a power of two."""

@@ -6,14 +6,13 @@ be done, left out: motion, steps of the level, channels that never change, rows 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
 from tumble.arrays import Series, Table
 from tumble.noise.evidence import Blocks, Piece, RestEvidence
 from tumble.noise.held import REPEATS
+from tumble.records import dataclass
 from tumble.units import angular_rate_factor, specific_force_factor
 
 _BLOCK = 1.0  # s, blocks whose scatter shows motion

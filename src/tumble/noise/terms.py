@@ -17,7 +17,7 @@ R      ramp                           u/s    R²/(2πf)³        R²τ²/2
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, fields
+from dataclasses import fields
 
 import numpy as np
 
@@ -35,6 +35,7 @@ from tumble.noise.variances import (
     mean_variance_of,
     phase_covariance_of,
 )
+from tumble.records import dataclass
 
 # A simulated flicker wanders over this many times the length of its sequence.
 _BEYOND = 16

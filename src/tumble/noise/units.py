@@ -7,10 +7,10 @@ densities two-sided: a sheet's noise density is often one-sided, √2 times as l
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import sqrt
 
 from tumble.errors import UsageError
+from tumble.records import dataclass
 from tumble.units import DEGREE, STANDARD_GRAVITY
 
 _MILLI, _MICRO = STANDARD_GRAVITY * 1e-3, STANDARD_GRAVITY * 1e-6

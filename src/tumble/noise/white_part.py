@@ -8,14 +8,13 @@ Where one process does not make the bend's shape, N is read off the curve to the
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tumble.errors import UsageError
 from tumble.noise.deviation import Deviation
 from tumble.noise.fitting.fit import MISFIT, NoiseFit, fit_curve
 from tumble.noise.terms import GaussMarkov
+from tumble.records import dataclass
 
 SHORT = 0.1
 """s, correlation times up to which a process counts as white; where samples are rarer, four of their intervals."""

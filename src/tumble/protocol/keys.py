@@ -5,11 +5,12 @@ The reader takes from here which keys there are, the schema and the documentatio
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from math import pi
 from typing import Any
 
 from tumble.protocol.steps import ASSUMED_RATE
+from tumble.records import dataclass
 from tumble.units import DEGREE
 
 FORMAT, VERSION = "tumble protocol", 1

@@ -7,7 +7,7 @@ multi-position test only wants the poses to differ.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from tumble.arrays import Vector
 from tumble.attitude.directions import twenty_six_directions
 from tumble.protocol.steps import HoldStep, Pose, Protocol, RampStep, SoakStep, SpinStep, Step, TurnStep
 from tumble.protocol.strapdown_rotation import strapdown_rotation_steps
+from tumble.records import dataclass
 from tumble.units import DEGREE
 
 # A cube's face on a levelled plate; and a box that a hand props up on an edge.

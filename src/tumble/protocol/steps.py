@@ -8,7 +8,6 @@ is counter-clockwise for someone whom the axis points at.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,6 +19,7 @@ from tumble.attitude.rotations import (
     rotation_vector_from_matrix,
 )
 from tumble.earth.site import Site
+from tumble.records import dataclass
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation

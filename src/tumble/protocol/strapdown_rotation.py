@@ -10,13 +10,13 @@ sequences of their own.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from tumble.arrays import Vector
 from tumble.protocol.steps import HoldStep, Pose, Protocol, Step, TurnStep
+from tumble.records import dataclass
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation

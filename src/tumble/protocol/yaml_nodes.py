@@ -6,12 +6,13 @@ import difflib
 import math
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, cast
 
 from tumble.errors import ProtocolError
 from tumble.files.documents import composed, yaml_loader
 from tumble.protocol.numerals import value_of
+from tumble.records import dataclass
 
 _SAID = 1 << 18  # characters that the slow loader, of some 100 kB/s, is asked of
 

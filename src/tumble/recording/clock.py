@@ -14,12 +14,13 @@ scale factors, are wrong by as much. So what is known of the clock is stated, as
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 
 from tumble.arrays import Series
+from tumble.records import dataclass
 from tumble.sample_rates import SampleRate
 
 Kind = Literal["exact", "stated", "nominal", "device", "host"]

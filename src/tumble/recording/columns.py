@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from tumble.errors import RecordingError, UsageError
+from tumble.records import dataclass
 from tumble.units import find_unit
 
 AXES = "xyz"

@@ -5,8 +5,6 @@ Every guess comes with a sentence; a declaration that the numbers contradict is 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tumble.arrays import Table, Vectors, extremes
@@ -17,6 +15,7 @@ from tumble.recording.recording import Recording, Remark
 from tumble.recording.rest import QuietStretches, find_quiet_stretches, sample_pieces, smallest_step
 from tumble.recording.unit_change import two_force_levels
 from tumble.recording.unnamed_columns import find_accelerometer
+from tumble.records import dataclass
 from tumble.units import COUNTS, LSB, STANDARD_GRAVITY, angular_rate_factor, specific_force_factor
 
 _GUESS_TOLERANCE = 0.15  # of the norm at rest when guessing; an uncalibrated MEMS is off by a few per cent

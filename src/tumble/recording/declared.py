@@ -21,9 +21,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from tumble.errors import UsageError
+from tumble.records import dataclass
 from tumble.units import find_unit, known_units
 
 _Ranges = dict[float, float]

@@ -8,8 +8,6 @@ Faults of single channels that a calibration must not pass over: dead ones, satu
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tumble.arrays import Series, Table, Vectors
@@ -25,6 +23,7 @@ from tumble.recording.rest import (
     smallest_step,
 )
 from tumble.recording.saturation import Saturation, find_saturation
+from tumble.records import dataclass
 from tumble.units import COUNTS, STANDARD_GRAVITY, specific_force_factor
 
 

@@ -15,7 +15,6 @@ IEEE Sensors Journal 16 (2016), 5679-5689 (arXiv 1601.05257), section IV-C.
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -27,6 +26,7 @@ from tumble.recording.recording import Recording
 from tumble.recording.rest import QuietStretches, count_poses, find_quiet_stretches, fit_sphere, smallest_step
 from tumble.recording.saturation import Saturation, find_saturation
 from tumble.recording.vector_signs import is_earth_field, vector_signs
+from tumble.records import dataclass
 from tumble.units import COUNTS, magnetic_field_factor
 
 _FEWEST_POSES = 8  # for four unknowns and a choice among 24

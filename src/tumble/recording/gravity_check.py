@@ -16,8 +16,6 @@ fast it turns in the unit against what the gyros say.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrix, Series, Table, Vector, Vectors, extremes
@@ -25,6 +23,7 @@ from tumble.errors import RecordingError
 from tumble.recording.columns import renamed
 from tumble.recording.recording import Recording
 from tumble.recording.rest import find_quiet_stretches, fit_sphere, sample_pieces
+from tumble.records import dataclass
 from tumble.units import STANDARD_GRAVITY, angular_rate_factor
 
 STEPS = (0.25, 0.5, 2.0, 4.0)

@@ -6,7 +6,7 @@ is read block by block, so that every block is read alike.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -33,6 +33,7 @@ from tumble.recording.signals import Signals, pick_signals
 from tumble.recording.temperature import COLDEST, HOTTEST, without_slips
 from tumble.recording.unit_choice import Interpretation, about_units, decide_force, decide_rate
 from tumble.recording.unnamed_columns import Said, plan_from_content
+from tumble.records import dataclass
 from tumble.sample_rates import sample_rate
 from tumble.units import COUNTS, celsius_from, find_unit, time_factor
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
 from tumble.arrays import Series, Vectors
+from tumble.records import dataclass
 
 NOTHING_MADE = "so nothing is made of it."
 """Ends the remark on a magnetometer that lacks a column."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from tumble.recording.columns import ColumnPlan, kind_of_file, plan_from_names, 
 from tumble.recording.formats.table import RawTable
 from tumble.recording.recording import Remark
 from tumble.recording.unnamed_columns import find_accelerometer, is_time_like
+from tumble.records import dataclass
 
 _STAMP_TOLERANCE = 0.02  # of a step: stamps written with different rounding still agree
 

@@ -9,7 +9,7 @@ A recording as a notebook shows it: what it holds, and what was found on reading
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -18,6 +18,7 @@ from tumble.arrays import Series, Vectors
 from tumble.files.markup import notebook_html
 from tumble.recording.clock import Clock, clock_of_stamps
 from tumble.recording.magnetic_field import MagneticField
+from tumble.records import dataclass
 
 if TYPE_CHECKING:
     pass

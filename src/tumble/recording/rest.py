@@ -8,12 +8,11 @@ whose means agree within three floors form a stretch.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
 from tumble.arrays import AnyArray, Table, Vector, Vectors
+from tumble.records import dataclass
 
 _BLOCK_SECONDS = 0.25
 _LEAST_BLOCK = 10

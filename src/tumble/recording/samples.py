@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 
 from tumble.arrays import Series, Vectors
+from tumble.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tumble.arrays import Series, Vectors
+from tumble.records import dataclass
 
 _LEAST_RUN = 3
 # Of the way from the middle to the extreme: what goes back so far comes to the limit anew.

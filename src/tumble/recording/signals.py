@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +12,7 @@ from tumble.errors import RecordingError
 from tumble.recording.columns import ColumnPlan
 from tumble.recording.formats.table import RawTable
 from tumble.recording.recording import Remark
+from tumble.records import dataclass
 
 _MOST_BAD_ROWS = 0.01
 _MOST_PARTED_ROWS = 0.5

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +19,7 @@ from tumble.recording.clock import (
     clock_of_stamps,
 )
 from tumble.recording.recording import Remark
+from tumble.records import dataclass
 from tumble.sample_rates import SampleRate
 from tumble.units import time_factor
 

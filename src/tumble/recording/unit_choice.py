@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from tumble.errors import RecordingError
 from tumble.recording import content
@@ -11,6 +11,7 @@ from tumble.recording.declared import DeclaredUnits
 from tumble.recording.formats.table import RawTable
 from tumble.recording.recording import Recording, Remark
 from tumble.recording.unit_change import refuse_changed_force_unit, refuse_changed_rate_unit
+from tumble.records import dataclass
 from tumble.units import (
     COUNTS,
     angle_increment_factor,

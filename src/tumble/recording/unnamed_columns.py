@@ -5,7 +5,7 @@ Every guess comes with a sentence; what the numbers leave open is asked.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from tumble.recording.recording import Remark
 from tumble.recording.rest import QuietStretches, find_quiet_stretches, sample_pieces
 from tumble.recording.stamps import guess_time_unit
 from tumble.recording.vector_signs import VectorSigns, vector_signs
+from tumble.records import dataclass
 from tumble.units import time_factor
 
 _STEADY = 0.99  # share of steps that go up in a column of time

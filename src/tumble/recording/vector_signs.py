@@ -13,13 +13,13 @@ Range of the Earth's field: NOAA, *World Magnetic Model 2025*, 22 to 67 µT at t
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from tumble.arrays import AnyArray, Series, Vector, Vectors
 from tumble.recording.rest import count_poses, fit_sphere, sample_pieces, smallest_step
+from tumble.records import dataclass
 from tumble.units import STANDARD_GRAVITY, known_units, magnetic_field_factor, specific_force_factor
 
 EARTH_FIELD = (22e-6, 67e-6)

@@ -7,7 +7,6 @@ import hashlib
 import json
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +16,7 @@ from pydantic import ValidationError
 from tumble.arrays import Series, Table
 from tumble.document.result import Calibration
 from tumble.errors import UsageError
+from tumble.records import dataclass
 from tumble.registry import schema
 from tumble.registry.opening import Registry, RegistryError
 

@@ -7,9 +7,10 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import ConfigDict, Field
 
 import tumble
+from tumble.document.part import DocumentPart
 from tumble.report.noise_words import (
     CURVES,
     DEFINITIONS,
@@ -34,8 +35,8 @@ STANDARD = "IEEE Std 952-2020, two-sided spectral densities"
 Numbers = list[float | None]
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+class _Strict(DocumentPart):
+    model_config = ConfigDict(extra="forbid")
 
 
 class RecordingName(_Strict):

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from tumble.noise.triads import triad_terms
 from tumble.noise.units import ACCELEROMETER, GYRO, practical_noise_unit, si_noise_unit
+from tumble.records import dataclass
 from tumble.report.rounding import decimals_of, fixed
 from tumble.report.terminal import aligned
 

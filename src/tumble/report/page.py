@@ -7,8 +7,10 @@ plain here: what stands between backticks is code, and only the templates escape
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import field, fields, is_dataclass
 from typing import Any, Literal, cast
+
+from tumble.records import dataclass
 
 Plot = dict[str, Any]
 

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import groupby
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tumble.records import dataclass
 from tumble.report.rounding import interval, with_uncertainty
 from tumble.units import (
     DEGREE,

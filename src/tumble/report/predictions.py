@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import ConfigDict, Field
 
 from tumble.calibration.verdict import two_digits
+from tumble.document.part import DocumentPart
 from tumble.report.page import Block, Sentences, Table, section
 from tumble.report.rounding import with_uncertainty
 
@@ -21,8 +22,8 @@ VERSION: Literal[1] = 1
 MODEL = "corrected = (1 + E) true + bias (a rate also + G specific_force); a state is an entry of E, G, bias"
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+class _Strict(DocumentPart):
+    model_config = ConfigDict(extra="forbid")
 
 
 class StateBlock(_Strict):

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+from tumble.records import dataclass
 from tumble.report.figures.poses import pose_words
 from tumble.report.parameters import ParameterRow, parameter_rows
 

@@ -9,13 +9,13 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import entry_points
 from importlib.resources.abc import Traversable
 
 from tumble.counting import time_words
 from tumble.errors import UsageError
+from tumble.records import dataclass
 from tumble.reproduction.outcome import Outcome
 
 GROUP = "tumble.reproduction"

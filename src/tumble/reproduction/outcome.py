@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from tumble.arrays import Series
+from tumble.records import dataclass
 
 INSIDE, OUTSIDE, UNJUDGED = "inside", "outside", ""
 

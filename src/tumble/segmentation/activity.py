@@ -7,11 +7,12 @@ tenth of the recording and from what the two triads tell of each other in motion
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from tumble.arrays import Series, Vector, Vectors
+from tumble.records import dataclass
 from tumble.segmentation.blocks import Blocks, TriadBlocks, find_runs
 from tumble.segmentation.timeline import Hold
 

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tumble.arrays import Series, Table
+from tumble.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

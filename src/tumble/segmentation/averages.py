@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tumble.arrays import Matrices, Series, Vector, Vectors, block_means
 from tumble.errors import SegmentationError
+from tumble.records import dataclass
 from tumble.segmentation.rounding import rounding_variance
 
 # Batches of a hold: at least this many, so that its own variance has seven degrees of freedom or more.

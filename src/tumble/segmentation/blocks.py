@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tumble.arrays import Vectors
 from tumble.recording.recording import Recording
+from tumble.records import dataclass
 from tumble.units import angular_rate_factor, specific_force_factor
 
 BLOCK_SECONDS = 0.05

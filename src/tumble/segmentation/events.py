@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
 from tumble.arrays import AnyArray, Matrix, Series, Table, Vector, Vectors
 from tumble.protocol.steps import HoldStep, Pose, Protocol, SpinStep, Step
 from tumble.recording.recording import Recording
+from tumble.records import dataclass
 from tumble.segmentation.observations import HoldMeans
 from tumble.segmentation.rough_directions import RoughScale
 from tumble.segmentation.spins import FoundSpin, SpinSearch, find_spins, judge_spin

@@ -8,7 +8,7 @@ are found on the way, from the units, from the sphere of all holds, or from the 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from itertools import pairwise
 
 import numpy as np
@@ -16,6 +16,7 @@ import numpy as np
 from tumble.arrays import Vectors
 from tumble.protocol.steps import HoldStep, Protocol, SpinStep, TurnStep
 from tumble.recording.recording import Recording
+from tumble.records import dataclass
 from tumble.segmentation.alignment import Alignment, align
 from tumble.segmentation.events import (
     GAP,

@@ -7,13 +7,14 @@ rate random walk or a slow Gauss-Markov process not at all. A model from hours a
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrices
 from tumble.noise.terms import NoiseModel
 from tumble.recording.recording import Recording
+from tumble.records import dataclass
 from tumble.segmentation.averages import EXCESS_FALSE_ALARM
 from tumble.segmentation.observations import HoldMeans
 from tumble.segmentation.timeline import Timeline

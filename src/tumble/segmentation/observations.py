@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrices, Series, Vectors
 from tumble.errors import SegmentationError
 from tumble.recording.recording import Recording
+from tumble.records import dataclass
 from tumble.segmentation.averages import MeanCovariance, mean_covariance
 from tumble.segmentation.rest_wander import RestParts, observe_parts
 from tumble.segmentation.timeline import Hold, Timeline

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tumble.arrays import Vector
 from tumble.recording.recording import Recording
+from tumble.records import dataclass
 from tumble.segmentation.activity import change_sizes_of, find_activity
 from tumble.segmentation.blocks import Blocks, TriadBlocks, cut_blocks, find_runs
 from tumble.segmentation.creep import in_other_poses_too

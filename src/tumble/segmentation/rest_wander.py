@@ -8,7 +8,6 @@ few rests leave open is filled with what data sheets give: a wander in proportio
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -16,6 +15,7 @@ import numpy as np
 from tumble.arrays import Series, Square, Table, Vector, Vectors
 from tumble.estimation.wander import covariance_about_the_mean
 from tumble.recording.recording import Recording
+from tumble.records import dataclass
 from tumble.segmentation.averages import batches
 from tumble.segmentation.rounding import rounding_of_each
 from tumble.segmentation.timeline import Timeline

@@ -8,14 +8,13 @@ serves instead, and the rate has to be known.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tumble.arrays import Matrix, Series, Vector
 from tumble.errors import SegmentationError
 from tumble.protocol.steps import Protocol, SpinStep
 from tumble.recording.recording import Recording
+from tumble.records import dataclass
 from tumble.segmentation.matching import Matching
 from tumble.segmentation.observations import HoldMeans
 from tumble.segmentation.spin_means import SpinMeans

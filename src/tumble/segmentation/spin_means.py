@@ -16,7 +16,6 @@ quadratic terms and asymmetry, which a rotating gravity excites.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Protocol, runtime_checkable
 
@@ -25,6 +24,7 @@ import numpy as np
 from tumble.arrays import AnyArray, Matrices, Matrix, Series, Table, Vectors, block_means
 from tumble.errors import SegmentationError
 from tumble.recording.recording import Recording
+from tumble.records import dataclass
 from tumble.segmentation.averages import batch_length, mean_covariance
 from tumble.segmentation.rounding import rounding_variance
 

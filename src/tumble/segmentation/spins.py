@@ -8,13 +8,14 @@ constant, by three things: it is *long* against the ramps beside it, it does not
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrix, Series, Vector, Vectors
 from tumble.recording.recording import Recording
+from tumble.records import dataclass
 from tumble.segmentation.activity import find_activity
 from tumble.segmentation.blocks import Blocks, cut_blocks, find_runs
 from tumble.segmentation.spin_means import SpinMeans, observe_spins

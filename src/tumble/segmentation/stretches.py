@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
 from tumble.arrays import Series, Vector, Vectors
+from tumble.records import dataclass
 from tumble.segmentation.activity import Activity
 from tumble.segmentation.blocks import SMOOTHING_SECONDS, Blocks, TriadBlocks, find_runs
 

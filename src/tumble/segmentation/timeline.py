@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from tumble.arrays import Vector
+from tumble.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from tumble.arrays import Matrix, Vectors
+from tumble.records import dataclass
 from tumble.sensor.triad import Triad
 
 

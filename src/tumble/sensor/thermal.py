@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Literal, TypeAlias
 
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrix, Series, Table, Vector, Vectors
 from tumble.errors import ThermalSpanError
+from tumble.records import dataclass
 from tumble.sensor.imu import ImuModel
 from tumble.sensor.thermal_basis import TemperatureBasis
 from tumble.sensor.thermal_path import TemperaturePath, ThermalState, follow_temperature

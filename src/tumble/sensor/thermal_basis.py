@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
 from tumble.arrays import Series, Square, Table
+from tumble.records import dataclass
 
 KINDS = ("polynomial", "linear", "spline")
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrix, Vector, Vectors
+from tumble.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

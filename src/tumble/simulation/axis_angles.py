@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from tumble.errors import UsageError
 from tumble.protocol.consistency import SAME_POSE
 from tumble.protocol.steps import HoldStep, Pose, Protocol, RampStep, SoakStep, SpinStep, Step, TurnStep
 from tumble.protocol.strapdown_rotation import sequence_steps
+from tumble.records import dataclass
 
 _QUARTER = 0.5 * np.pi
 _Z = np.array([0.0, 0.0, 1.0])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from tumble.arrays import AnyArray, Series, Vectors
 from tumble.earth.site import Site
 from tumble.protocol.steps import Protocol, RampStep, SoakStep
 from tumble.recording.recording import Recording
+from tumble.records import dataclass
 from tumble.sensor.thermal import ThermalModel
 from tumble.simulation.fixtures import PlayedProtocol, play_protocol
 from tumble.simulation.grades import Grade

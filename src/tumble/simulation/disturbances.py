@@ -7,12 +7,12 @@ any rate samples the same motion.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from tumble.arrays import AnyArray, Series, Vector, Vectors
+from tumble.records import dataclass
 
 
 @runtime_checkable

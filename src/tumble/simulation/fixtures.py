@@ -8,7 +8,7 @@ gyros a rate that is not along the nominal axis, in every spin of that placement
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 
@@ -28,6 +28,7 @@ from tumble.protocol.consistency import (
     refuse_contradiction,
 )
 from tumble.protocol.steps import UP_N, HoldStep, Pose, Protocol, SpinStep, Step, TurnStep
+from tumble.records import dataclass
 from tumble.simulation.disturbances import Detours
 from tumble.simulation.motion import Motion
 from tumble.simulation.poses import simulate_hand_poses

@@ -8,13 +8,14 @@ Hayal (2010, table 3.1) does. What a sheet does not state is marked *assumed* he
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from tumble.arrays import Matrix
 from tumble.attitude.rotations import matrix_from_rotation_vector
 from tumble.errors import UsageError
+from tumble.records import dataclass
 from tumble.sensor.imu import ImuModel
 from tumble.sensor.triad import Triad
 from tumble.simulation.noise import TriadNoise

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
 from tumble.arrays import Matrix, Vector, Vectors
 from tumble.errors import UsageError
 from tumble.recording.magnetic_field import MagneticField
+from tumble.records import dataclass
 from tumble.sensor.triad import Triad
 from tumble.simulation.motion import Motion
 

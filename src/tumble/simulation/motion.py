@@ -9,7 +9,7 @@ rate and acceleration are closed formulas of time; nothing is differentiated or 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -18,6 +18,7 @@ import numpy as np
 from tumble.arrays import AnyArray, Series, Vector, Vectors
 from tumble.earth.site import Site
 from tumble.errors import UsageError
+from tumble.records import dataclass
 from tumble.simulation.disturbances import Disturbance
 from tumble.simulation.kernels import (
     chain_turns,

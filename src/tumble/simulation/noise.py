@@ -6,12 +6,11 @@ one-sided: N is that density over √2.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tumble.arrays import AnyArray, Vectors
 from tumble.noise.flicker import flicker_recursions
+from tumble.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

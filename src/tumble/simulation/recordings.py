@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,6 +14,7 @@ from tumble.errors import UsageError
 from tumble.protocol.steps import Step
 from tumble.recording.clock import exact_clock
 from tumble.recording.recording import Recording
+from tumble.records import dataclass
 from tumble.sensor.imu import ImuModel
 from tumble.simulation.fixtures import TrueRotation, TrueSpin
 from tumble.simulation.grades import Grade

@@ -5,13 +5,14 @@ Noise, rounding of each sample and saturation belong to the sensor: see `TriadNo
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
 from tumble.arrays import Series, Vectors
 from tumble.errors import UsageError
+from tumble.records import dataclass
 
 # Stamps of one clock do not overtake one another: a scatter is cut at this share of the interval.
 LARGEST_SHIFT = 0.45

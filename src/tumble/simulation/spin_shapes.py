@@ -7,12 +7,12 @@ and stops from it, and every wave rests with it. All are closed formulas of time
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tumble.arrays import AnyArray, Series, Vector, Vectors
+from tumble.records import dataclass
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation

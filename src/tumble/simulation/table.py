@@ -7,14 +7,13 @@ errors have phases of their own, drawn once.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tumble.arrays import Series, Vector, Vectors
 from tumble.attitude.rotations import matrix_from_rotation_vector
 from tumble.errors import ProtocolError, UsageError
 from tumble.protocol.steps import SpinStep
+from tumble.records import dataclass
 from tumble.simulation.spin_shapes import SpinShapes
 
 # A ramp is never shorter than this share of what the protocol says.

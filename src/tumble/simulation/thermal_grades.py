@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tumble.arrays import AnyArray, Series
 from tumble.errors import UsageError
+from tumble.records import dataclass
 from tumble.sensor.gauge import change_frame, frame_rotation
 from tumble.sensor.imu import ImuModel
 from tumble.sensor.thermal import TemperatureBasis, ThermalModel

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 
 from tumble.arrays import AnyArray
 from tumble.attitude.directions import twenty_six_directions
 from tumble.protocol.steps import HoldStep, Pose, Protocol, RampStep, SoakStep, Step, TurnStep
+from tumble.records import dataclass
 
 # Poses that a tumbled unit goes through: faces and edges of a cube, put down by hand.
 TUMBLED, BY_HAND, TURN = 18, np.radians(5.0), 3.0

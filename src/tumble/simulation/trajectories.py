@@ -7,8 +7,6 @@ rate follow without any numerical integration; increments are Gauss-Legendre int
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
 from scipy.spatial.transform import Rotation
@@ -23,6 +21,7 @@ from tumble.earth import (
     rotations_to_earth_frame,
 )
 from tumble.errors import UsageError
+from tumble.records import dataclass
 
 _DEGREE = 5
 # Instants at a time: some 30 MB of intermediate results.

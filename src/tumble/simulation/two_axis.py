@@ -11,7 +11,7 @@ so that motions stay closed formulas. Both axes meet in one point, from which th
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from tumble.errors import UsageError
 from tumble.protocol.consistency import SAME_POSE, refuse_contradicting_turns
 from tumble.protocol.steps import HoldStep, Protocol, TurnStep
 from tumble.protocol.strapdown_rotation import sequence_steps
+from tumble.records import dataclass
 from tumble.simulation.axis_angles import fixture_angles, unit
 from tumble.simulation.fixtures import PlayedProtocol, TrueRotation
 from tumble.simulation.motion import Motion

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -23,6 +23,7 @@ from tumble.recording.formats.hdf5_writing import write_hdf5
 from tumble.recording.formats.output import write_blocks
 from tumble.recording.gravity_check import find_steps_of_two
 from tumble.recording.temperature import TemperatureColumn
+from tumble.records import dataclass
 from tumble.sensor.thermal import Outside
 from tumble.units import angular_rate_factor, specific_force_factor
 from tumble.workflows.corrected.bag import BagCorrection

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -27,6 +27,7 @@ from tumble.limits import read_limits, with_limits
 from tumble.recording import Recording, read_recordings
 from tumble.recording.frames import Frame
 from tumble.recording.reading import Paths, recording_inputs
+from tumble.records import dataclass
 from tumble.workflows.given.data_sheet import find_sheet
 from tumble.workflows.given.noise_models import NoiseOfHolds
 from tumble.workflows.given.notes import Notes, notes_of

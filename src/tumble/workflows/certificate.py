@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -13,6 +12,7 @@ from tumble.certificate.profile import Laboratory
 from tumble.document import Calibration, read_calibration
 from tumble.errors import UsageError
 from tumble.files import check_target, make_folder, read_text, shown, write_text, written_beside
+from tumble.records import dataclass
 
 NOBODY = "–"
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 
@@ -32,6 +32,7 @@ from tumble.export.target import (
 from tumble.files import write_texts
 from tumble.recording.formats.logs.own_parameters import UNSTATED
 from tumble.recording.formats.table import hash_file
+from tumble.records import dataclass
 from tumble.units import angular_rate_factor, find_unit, specific_force_factor
 
 # What a folder is given for.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
@@ -16,6 +16,7 @@ import tumble
 from tumble.arrays import Series, Vectors
 from tumble.errors import OutputError, RecordingError, SegmentationError, UsageError
 from tumble.recording import Recording, read_recording
+from tumble.records import dataclass
 from tumble.workflows.progress import silent
 
 if TYPE_CHECKING:

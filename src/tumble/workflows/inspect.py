@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from tumble.errors import UsageError
 from tumble.recording import Findings, Recording, inspect_recording, read_recording, write_recording
+from tumble.records import dataclass
 
 FORMAT = "tumble inspection"
 VERSION = 1

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,7 @@ from tumble.earth import Site
 from tumble.errors import CalibrationFileError, RecordingError, SegmentationError, UsageError
 from tumble.files import write_text
 from tumble.recording import read_recordings
+from tumble.records import dataclass
 from tumble.segmentation import find_timeline, observe_holds
 from tumble.workflows.apply import in_calibration_units, raw_factors
 from tumble.workflows.corrected.corrections import corrections_of

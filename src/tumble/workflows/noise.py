@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +14,7 @@ from tumble.files import opened
 from tumble.recording import Recording, read_blocks, read_recording
 from tumble.recording.frames import Frame
 from tumble.recording.reading import Paths, recording_inputs
+from tumble.records import dataclass
 from tumble.workflows.progress import public, silent
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ import json
 import math
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,6 +26,7 @@ from tumble.navigation import (
 from tumble.navigation.course import track_velocities
 from tumble.navigation.prediction import PredictedErrors, StateAdvice, advise_states, predict_errors
 from tumble.noise.terms import NoiseModel
+from tumble.records import dataclass
 from tumble.simulation import find_grade
 from tumble.simulation.standard_trajectories import STANDARD, standard_trajectory, trajectory_of_track
 from tumble.simulation.trajectories import SplineTrajectory

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,6 +15,7 @@ from tumble.arrays import Series
 from tumble.document.result import Calibration, read_calibration
 from tumble.errors import UsageError
 from tumble.limits import read_limits
+from tumble.records import dataclass
 from tumble.registry.opening import Registry, open_registry, registry_name
 
 if TYPE_CHECKING:

@@ -6,12 +6,12 @@ import os
 from collections.abc import Callable
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tumble.counting import counted
 from tumble.errors import OutputError, UsageError
+from tumble.records import dataclass
 from tumble.workflows.batches.executors import Hands, hands
 from tumble.workflows.progress import silent
 

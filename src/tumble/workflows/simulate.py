@@ -6,7 +6,7 @@ import math
 import os
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +15,7 @@ import numpy as np
 from tumble.earth import Site
 from tumble.errors import UsageError
 from tumble.protocol.steps import SpinStep
+from tumble.records import dataclass
 from tumble.sample_rates import SampleRate
 from tumble.workflows.given.protocols import read_played
 from tumble.workflows.given.site import given_site

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -22,6 +22,7 @@ from tumble.limits import decide, read_limits
 from tumble.recording import Recording, read_recordings
 from tumble.recording.gravity_check import find_steps_of_two
 from tumble.recording.reading import Paths, recording_inputs
+from tumble.records import dataclass
 from tumble.segmentation import Timeline, find_timeline, observe_holds, read_intervals
 from tumble.sensor import ImuModel
 from tumble.workflows.apply import in_calibration_units, raw_factors

@@ -11,7 +11,6 @@ once.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,6 +23,7 @@ from tumble.errors import ConvergenceError, UsageError
 from tumble.estimation.chain import Chain, Eliminated, move_all
 from tumble.estimation.gauss_helmert import invert_normal_matrix
 from tumble.estimation.solve import ROUND_OFF, TOLERANCE, longest
+from tumble.records import dataclass
 
 if TYPE_CHECKING:
     from tumble.calibration.outcome.estimate import JointOutcome

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from tumble.calibration.outcome.budget import wander_factors
 from tumble.calibration.outcome.description import describe
 from tumble.calibration.terms.lever_arms import lever_arms_of
 from tumble.earth import Site
+from tumble.records import dataclass
 
 # Units that are said to have moved against one another though they did not.
 FALSE_ALARM = 1e-3

@@ -8,13 +8,12 @@ the yardstick: a step in it that chance does not make is a slip.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tumble.arrays import AnyArray, Series, Vectors, inverted
 from tumble.calibration.arrays.adjustment import ArraySolution, ArrayUnit
 from tumble.calibration.equations.imu_unknowns import force_matrix
+from tumble.records import dataclass
 
 # A step that chance makes in one of a thousand arrays is one; a smaller turn than this nobody has seen come loose.
 FALSE_ALARM, LEAST_SLIP = 1e-3, 3e-4  # rad

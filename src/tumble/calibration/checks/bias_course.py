@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 
 from tumble.arrays import AnyArray, Series, Vectors
 from tumble.estimation.wander import covariance_about_the_mean, first_of_neighbours
+from tumble.records import dataclass
 
 # Chance of calling a course of a triad's biases, on any axis, where they only wander: it is said, and counted.
 FALSE_ALARM = 0.01

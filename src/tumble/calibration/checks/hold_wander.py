@@ -8,7 +8,6 @@ error of each hold, or of each rotation between holds, moves it by.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import permutations
 
 import numpy as np
@@ -17,6 +16,7 @@ from tumble.arrays import AnyArray, Matrices, Matrix, Series, Square, Vector, Ve
 from tumble.calibration.equations.placement import PlacedFit, placement_covariance
 from tumble.estimation import Adjustment
 from tumble.estimation.wander import covariance_about_the_mean, wider
+from tumble.records import dataclass
 from tumble.segmentation import HoldMeans
 from tumble.segmentation.rest_wander import RestParts, find_density
 

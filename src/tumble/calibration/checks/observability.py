@@ -8,8 +8,6 @@ or the turn that would tell them.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tumble.arrays import Square, inverted
@@ -19,6 +17,7 @@ from tumble.errors import ObservabilityError
 from tumble.estimation import Prior, find_weak_directions
 from tumble.estimation.unknowns import Unknowns
 from tumble.estimation.weak_directions import WeakDirection
+from tumble.records import dataclass
 
 # An unknown is told if its sigma is below this share of the name plate's.
 TOLD = 0.5

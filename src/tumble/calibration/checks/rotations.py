@@ -7,7 +7,6 @@ turns about the vertical leaves gravity where it was in the unit: what it moved 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from tumble.calibration.checks.hold_wander import HoldWander
 from tumble.calibration.closed_forms.rotation_pairs import RotationPair
 from tumble.calibration.verdict import two_digits
 from tumble.estimation.wander import covariance_about_the_mean
+from tumble.records import dataclass
 from tumble.segmentation import HoldMeans
 
 # Chance that one axis of a right recording is told to contradict itself, and one rest to have slipped.

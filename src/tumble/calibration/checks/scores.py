@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -21,6 +20,7 @@ from tumble.calibration.checks.snooping import Outlier
 from tumble.calibration.equations.turn import HoldsAndTurns
 from tumble.calibration.estimate import LeftOut
 from tumble.calibration.evidence import Holds
+from tumble.records import dataclass
 from tumble.sensor import ImuModel, Triad
 
 # A turn smaller than this says nothing of scale factors.

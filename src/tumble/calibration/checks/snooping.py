@@ -9,7 +9,6 @@ an outlier cannot hide by inflating the noise; afterwards their mean square does
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -27,6 +26,7 @@ from tumble.estimation.balance import (
     Outlier,
     limit_of_largest,
 )
+from tumble.records import dataclass
 
 # A term that chance explains so often, tested by one step from the adjustment without it, is needless: the noise was
 # found without it, and is larger by what it would explain.

@@ -16,8 +16,6 @@ What turns cannot show: the overall sign of gravity, and both triads permuted in
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tumble.arrays import Matrix
@@ -25,6 +23,7 @@ from tumble.calibration.equations.turn import HoldsAndTurns
 from tumble.errors import RecordingError
 from tumble.recording import describe_axis_contradiction, unit_of_scale
 from tumble.recording.recording import Recording
+from tumble.records import dataclass
 from tumble.sensor import ImuModel
 from tumble.units import angular_rate_factor
 

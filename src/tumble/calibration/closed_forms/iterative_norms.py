@@ -7,7 +7,6 @@ quadric. With as many attitudes as unknowns they agree to the last digit; with m
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,6 +14,7 @@ import numpy as np
 from tumble.arrays import Series, Table, Vectors
 from tumble.calibration.equations.triad_unknowns import COUNT, correct_with_derivatives
 from tumble.errors import ConvergenceError
+from tumble.records import dataclass
 
 NINE = slice(0, 9)
 LIMIT = 100

@@ -6,12 +6,11 @@ are found in the field instead of it, so that their bias can be shown.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tumble.arrays import AnyArray, Series, Table
 from tumble.errors import UsageError
+from tumble.records import dataclass
 
 ESTIMATORS = {
     "gauss-helmert": "adjusted anew at the adjusted observations in every iteration (Pope 1972)",

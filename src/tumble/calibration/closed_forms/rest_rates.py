@@ -7,12 +7,11 @@ well are thereby judged along the vertical alone, gyros that do not by all three
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrix, Series, Square, Vector, Vectors, inverted
 from tumble.earth import EARTH_RATE
+from tumble.records import dataclass
 
 BIAS, SENSITIVITY = slice(0, 3), slice(3, 12)
 UNKNOWNS = 12

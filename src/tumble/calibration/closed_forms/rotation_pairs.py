@@ -9,7 +9,7 @@ round with the angle.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from tumble.calibration.equations.spin_groups import group_spins
 from tumble.errors import ObservabilityError
 from tumble.protocol import Protocol, SpinStep
 from tumble.recording.recording import Recording
+from tumble.records import dataclass
 from tumble.segmentation import HoldMeans
 from tumble.segmentation.matching import Matching
 from tumble.segmentation.rotations import Rotation

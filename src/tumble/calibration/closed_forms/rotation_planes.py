@@ -13,13 +13,12 @@ axis is its normal. If the axis is vertical they lie in a point, and nothing is 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrix, Series, Square, Table, Vector, Vectors, inverted
 from tumble.calibration.closed_forms.rotation_pairs import RotationPair
 from tumble.recording.recording import Recording
+from tumble.records import dataclass
 from tumble.sensor import Triad
 
 

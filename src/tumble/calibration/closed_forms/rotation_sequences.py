@@ -9,12 +9,12 @@ it is linear in the errors: one matrix for any sequence, of which table 1's are 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrix, Table, Vector
 from tumble.attitude import matrix_from_rotation_vector, skew
+from tumble.records import dataclass
 from tumble.sensor.conventions.savage import GROUPS, OFF_DIAGONAL, PAIRS
 
 COMPONENTS = ("Δa x", "Δa y", "Δa z", "down at the start", "down at the end")

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from tumble.arrays import Series, Square, Table, inverted
 from tumble.calibration.closed_forms.rotation_sequences import SequenceModel, across_down
 from tumble.errors import ObservabilityError
+from tumble.records import dataclass
 from tumble.sensor.conventions.savage import NAMES
 
 X, Y, Z, START, END = range(5)

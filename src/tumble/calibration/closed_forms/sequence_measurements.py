@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tumble.arrays import Matrix, Series, Vector, Vectors
+from tumble.records import dataclass
 
 AVERAGING = ("plain", "average-of-averages")
 

@@ -8,7 +8,7 @@ rotation vector in w: ``C_true = (1 + [phi]) C``.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -31,6 +31,7 @@ from tumble.estimation.gauss_helmert import Prior
 from tumble.estimation.settled import Settled
 from tumble.estimation.solve import solve
 from tumble.estimation.unknowns import Unknowns
+from tumble.records import dataclass
 
 if TYPE_CHECKING:
     from tumble.calibration.equations.stretches import RecordingStretch

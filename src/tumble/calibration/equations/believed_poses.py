@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tumble.arrays import Matrices, Series, Vectors
 from tumble.protocol.steps import HoldStep, Protocol, SpinStep, TurnStep
+from tumble.records import dataclass
 
 if TYPE_CHECKING:
     from tumble.segmentation.matching import Matching

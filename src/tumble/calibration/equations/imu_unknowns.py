@@ -7,8 +7,6 @@ clock and table. The model runs forwards, from true to raw: noise is a sensor's 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrix, Series, Vectors
@@ -17,6 +15,7 @@ from tumble.calibration.terms import TERMS
 from tumble.calibration.terms.term import PAIRS_OF_AXES, curves_of
 from tumble.estimation import Prior
 from tumble.estimation.unknowns import Block, Layout, Unknowns
+from tumble.records import dataclass
 from tumble.sensor import ImuModel, Triad
 from tumble.sensor.conventions.shin import matrix_from_shin, shin_derivatives
 from tumble.sensor.gauge import change_frame

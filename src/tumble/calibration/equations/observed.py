@@ -8,7 +8,7 @@ A table's rotation offers more: means of the specific force over windows while i
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from itertools import pairwise
 
 import numpy as np
@@ -22,6 +22,7 @@ from tumble.calibration.equations.turn import HoldsAndTurns, window_directions
 from tumble.estimation.unknowns import Unknowns
 from tumble.estimation.wander import covariance_about_the_mean, mode_count, wander_basis
 from tumble.recording.clock import stamp_jitter
+from tumble.records import dataclass
 from tumble.segmentation.rounding import integral_variance, rounding_of_each, rounding_variance
 
 # The share of a window that the other parts must leave for a middle of its own.

@@ -18,7 +18,7 @@ sensor across gravity, whose reading a tilt moves to first order, weighs less th
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from tumble.arrays import AnyArray, Matrices, Matrix, Series, Square, Vector, Ve
 from tumble.errors import ObservabilityError
 from tumble.estimation import Adjustment, Linearisation, adjust, critical_value, snoop_groups
 from tumble.estimation.crossing import crossing
+from tumble.records import dataclass
 
 UNKNOWNS = 12
 # Chance of finding a placement worse than stated in poses that are as stated.

@@ -10,7 +10,7 @@ known. A g-sensitivity is told from the bias if the placements are four or more 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from tumble.calibration.estimate import TermTest
 from tumble.calibration.verdict import two_digits
 from tumble.earth import EARTH_RATE, Site
 from tumble.estimation import Adjustment, Linearisation, adjust
+from tumble.records import dataclass
 
 G_SENSITIVITY_FALSE_ALARM = 0.01
 

@@ -10,7 +10,6 @@ both biases wander: a constant and cosines over the rotation, each with the vari
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -56,6 +55,7 @@ from tumble.calibration.terms.time_lag import by_lag
 from tumble.estimation.equations import Drift, Equations, Linear, View
 from tumble.estimation.unknowns import Unknowns
 from tumble.estimation.wander import faster_variance
+from tumble.records import dataclass
 
 if TYPE_CHECKING:
     from tumble.calibration.equations.stretches import RotationStretch

@@ -15,12 +15,11 @@ spins of a group are correlated, and a misalignment is told by placements, howev
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrices, Matrix, Series, Square, Table, Vectors, inverted
 from tumble.estimation import Linearisation
+from tumble.records import dataclass
 from tumble.segmentation import SpinMeans
 from tumble.sensor import Triad
 

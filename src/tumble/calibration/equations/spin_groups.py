@@ -7,12 +7,13 @@ is wrong with a placement is the same in all its spins.
 from __future__ import annotations
 
 from collections import defaultdict
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
 from tumble.arrays import Vector
 from tumble.protocol import HoldStep, Pose, Protocol, SpinStep, TurnStep
+from tumble.records import dataclass
 from tumble.segmentation.matching import Matching
 
 REVERSED = (

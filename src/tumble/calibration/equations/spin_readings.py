@@ -6,8 +6,6 @@ protocol says nothing, the coordinate axis along which the accelerometers show g
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tumble.arrays import Matrices, Matrix, Series, Vector
@@ -17,6 +15,7 @@ from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ObservabilityError
 from tumble.protocol import Protocol
 from tumble.recording.recording import Recording
+from tumble.records import dataclass
 from tumble.segmentation import HoldMeans, SpinMeans
 from tumble.segmentation.matching import Matching
 from tumble.units import specific_force_factor

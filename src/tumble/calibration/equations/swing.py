@@ -7,13 +7,12 @@ whole hold's turn that a steady rate would have brought there.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tumble.arrays import AnyArray, Series, Vector, Vectors
 from tumble.calibration.equations.turn import HoldsAndTurns
 from tumble.estimation.wander import wander_basis
+from tumble.records import dataclass
 
 # Cosines over a hold by which the bias's own wander counts: the swing sees the first few.
 _MODES = 8

@@ -12,14 +12,13 @@ two tell where the gyros stand against the accelerometers, as far as the table's
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrices, Series, Vectors, inverted
 from tumble.calibration.equations.triad_unknowns import correct_with_derivatives
 from tumble.calibration.equations.turn import FORCE, G_SENSITIVITY, GYRO_BIAS, GYRO_MATRIX, TOTAL
 from tumble.estimation import Linearisation
+from tumble.records import dataclass
 
 # The vertical Earth rate stands first of the three that the hand-held procedure has for it.
 VERTICAL = 33

@@ -6,11 +6,10 @@ yz, zx, zy (rad), quadratic terms (3, 1 / raw unit). An adjustment frees any sub
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrix, Series, Vectors, inverted
+from tumble.records import dataclass
 from tumble.sensor import Triad
 from tumble.sensor.conventions.shin import matrix_from_shin, shin_derivatives, shin_from_matrix
 

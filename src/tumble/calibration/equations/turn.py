@@ -20,7 +20,7 @@ with a prior-sized variance instead.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
@@ -30,6 +30,7 @@ from tumble.attitude.integration import average_at_edge
 from tumble.calibration.equations.triad_unknowns import COUNT, correct_with_derivatives, triad_from_unknowns
 from tumble.earth import EARTH_RATE
 from tumble.estimation import Linearisation
+from tumble.records import dataclass
 from tumble.segmentation.rest_wander import RestParts
 
 # Where each unknown stands in the full list.

@@ -6,8 +6,6 @@ The gyros' integral carries the tail of one hold to the head of the next, while 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrices, Series, Vector, Vectors, inverted
@@ -26,6 +24,7 @@ from tumble.calibration.terms import TERMS
 from tumble.calibration.terms.term import curves_of
 from tumble.estimation.equations import Drift, Equations, Linear, View
 from tumble.estimation.unknowns import Unknowns
+from tumble.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,12 +6,11 @@ none of them: ``|S (raw - h)| = 1`` holds for any rotation of S.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tumble.arrays import Matrix, Series, Square, Vector, Vectors, inverted
 from tumble.errors import ObservabilityError
+from tumble.records import dataclass
 from tumble.segmentation.rounding import converter_step
 
 # Samples beyond so many robust sigmas count for nothing; so many rounds.

@@ -6,7 +6,7 @@ of them. Without, it is the ellipsoid of its own numbers, and how its axes lie a
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -37,6 +37,7 @@ from tumble.errors import ConvergenceError, ObservabilityError
 from tumble.estimation.balance import Balanced, balance
 from tumble.recording.magnetic_field import MagneticField
 from tumble.recording.saturation import limits_reached
+from tumble.records import dataclass
 from tumble.sensor import Triad, propagate
 from tumble.units import magnetic_field_factor
 

@@ -7,7 +7,7 @@ with C_wb from gravity that is norm and dip alone; with headings that the gyros 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import cast
 
 import numpy as np
@@ -23,6 +23,7 @@ from tumble.estimation.chain import Place
 from tumble.estimation.equations import Linear, View
 from tumble.estimation.gauss_helmert import Prior
 from tumble.estimation.unknowns import Block, Layout, Unknowns
+from tumble.records import dataclass
 
 MATRIX, BIAS, DIP, AZIMUTH, IN_ROOM, ON_UNIT = (
     "magnetometer.matrix",

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tumble.arrays import Matrices, Series, Vector, Vectors
 from tumble.calibration.equations.turn import HoldsAndTurns
+from tumble.records import dataclass
 from tumble.segmentation.rounding import rounding_variance, step_at_rests
 
 # A hold with fewer samples of the magnetometer takes no part.

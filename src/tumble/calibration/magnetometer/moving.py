@@ -6,7 +6,7 @@ what grows steadily and as what begins between two holds, each by the step that 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from tumble.calibration.magnetometer.field_equations import (
 )
 from tumble.estimation.settled import Settled
 from tumble.estimation.solve import linearise
+from tumble.records import dataclass
 
 FALSE_ALARM = 1e-3
 """Chance that a recording in a field that stays is said to move."""

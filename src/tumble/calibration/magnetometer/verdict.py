@@ -6,7 +6,6 @@ recordings. All other reasons are sizes and no tests.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -14,6 +13,7 @@ import numpy as np
 from tumble.calibration.magnetometer.estimate import LOCAL, NAME_PLATE, Magnetometer
 from tumble.calibration.magnetometer.moving import FALSE_ALARM
 from tumble.calibration.magnetometer.parameters import nearest_axes
+from tumble.records import dataclass
 from tumble.units import magnetic_field_factor
 
 Use = Literal["fit", "fit with reservations", "not fit"]

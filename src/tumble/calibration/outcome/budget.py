@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -44,6 +43,7 @@ from tumble.estimation.influence import PRIOR, Influences
 from tumble.estimation.solve import solve
 from tumble.estimation.undetected import ALPHA, POWER, undetected
 from tumble.recording.temperature import mean_celsius
+from tumble.records import dataclass
 from tumble.sensor.propagation import Function, jacobian
 from tumble.units import angular_rate_factor, specific_force_factor
 

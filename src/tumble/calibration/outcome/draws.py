@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -33,6 +33,7 @@ from tumble.calibration.outcome.budget import (
 from tumble.counting import counted
 from tumble.errors import ConvergenceError, UsageError
 from tumble.estimation.solve import solve
+from tumble.records import dataclass
 
 if TYPE_CHECKING:
     from tumble.calibration.estimate import Estimate

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 
@@ -58,6 +58,7 @@ from tumble.estimation.solve import solve
 from tumble.estimation.unknowns import Unknowns
 from tumble.estimation.wander import wider
 from tumble.recording.recording import Recording
+from tumble.records import dataclass
 from tumble.sensor import ImuModel
 
 SITS = (

@@ -8,7 +8,7 @@ the gyro's bias and g-sensitivity. Start values need no knowledge of scale, sign
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -57,6 +57,7 @@ from tumble.estimation import Adjustment, Prior, adjust
 from tumble.estimation.gauss_helmert import Linearisation
 from tumble.estimation.terms import keep_wanted
 from tumble.recording.recording import Recording
+from tumble.records import dataclass
 from tumble.segmentation import HoldMeans, Timeline
 from tumble.sensor import ImuModel, Triad
 from tumble.units import angular_rate_factor, specific_force_factor

@@ -11,7 +11,7 @@ Both triads come out in the axes of the fixture, and with them the rotation betw
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 
@@ -51,6 +51,7 @@ from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ObservabilityError
 from tumble.protocol import Protocol
 from tumble.recording.recording import Recording
+from tumble.records import dataclass
 from tumble.segmentation import HoldMeans
 from tumble.segmentation.matching import Matching
 from tumble.segmentation.rotations import Rotation

@@ -12,7 +12,7 @@ vertical, which the accelerometers show. The solution by norms alone is made too
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
@@ -47,6 +47,7 @@ from tumble.errors import ConvergenceError, ObservabilityError
 from tumble.estimation import Adjustment, Prior, adjust
 from tumble.protocol import Protocol
 from tumble.recording.recording import Recording
+from tumble.records import dataclass
 from tumble.segmentation import HoldMeans, SpinMeans
 from tumble.segmentation.matching import Matching
 from tumble.sensor.conventions.shin import shin_from_matrix

@@ -12,7 +12,7 @@ the bias cannot be told that way, the bias is the mean over the holds, with the 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
@@ -43,6 +43,7 @@ from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ConvergenceError, ObservabilityError, UsageError
 from tumble.estimation import Adjustment, Prior, adjust
 from tumble.recording.recording import Recording
+from tumble.records import dataclass
 from tumble.segmentation import HoldMeans
 from tumble.simulation import Grade
 from tumble.units import angular_rate_factor, specific_force_factor

@@ -12,7 +12,7 @@ placed up and down enough the g-sensitivity is told from it. The accelerometers 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 
@@ -59,6 +59,7 @@ from tumble.errors import ObservabilityError
 from tumble.estimation import Adjustment, adjust
 from tumble.protocol import Protocol
 from tumble.recording.recording import Recording
+from tumble.records import dataclass
 from tumble.segmentation import HoldMeans, SpinMeans
 from tumble.segmentation.matching import Matching
 from tumble.sensor import ImuModel

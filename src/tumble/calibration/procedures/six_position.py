@@ -18,7 +18,7 @@ the nominal one stays and the bias alone is estimated.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -54,6 +54,7 @@ from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ObservabilityError
 from tumble.protocol import HoldStep, Pose, Protocol
 from tumble.recording.recording import Recording
+from tumble.records import dataclass
 from tumble.segmentation import HoldMeans
 from tumble.segmentation.matching import Matching
 from tumble.units import angular_rate_factor, specific_force_factor

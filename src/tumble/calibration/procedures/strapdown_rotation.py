@@ -18,7 +18,7 @@ Beyond the paper:
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -47,6 +47,7 @@ from tumble.errors import ConvergenceError, ObservabilityError
 from tumble.protocol import Protocol
 from tumble.protocol.strapdown_rotation import AXES
 from tumble.recording.recording import Recording
+from tumble.records import dataclass
 from tumble.segmentation import HoldMeans, Timeline
 from tumble.segmentation.matching import Matching
 from tumble.sensor import ImuModel, Triad

@@ -6,7 +6,7 @@ A sensor model mended by Savage's errors: what a pass of the strapdown rotation 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
@@ -33,6 +33,7 @@ from tumble.calibration.strapdown.start_earth import SeenEarth, earth_as_sensiti
 from tumble.calibration.verdict import two_digits
 from tumble.earth import Site
 from tumble.recording.recording import Recording
+from tumble.records import dataclass
 from tumble.segmentation import HoldMeans
 from tumble.sensor import ImuModel, Triad, change_frame
 from tumble.sensor.conventions.savage import GROUPS, NAMES, OFF_DIAGONAL, PAIRS, SavageErrors

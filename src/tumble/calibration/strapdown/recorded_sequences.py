@@ -8,7 +8,6 @@ the reason; the errors that it was made for are then told by others, or not at a
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +18,7 @@ from tumble.protocol import Pose, Protocol, TurnStep
 from tumble.protocol.steps import HoldStep
 from tumble.protocol.strapdown_rotation import AXES, SequenceSteps, sequence_steps
 from tumble.recording.recording import Recording
+from tumble.records import dataclass
 from tumble.segmentation import Hold, Timeline
 from tumble.segmentation.matching import Matching
 

@@ -7,13 +7,12 @@ enough then contradict a wrong heading or a wrong latitude.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tumble.arrays import Matrix, Series, Square, Table, Vector, inverted
 from tumble.calibration.closed_forms.rotation_sequences import SequenceModel
 from tumble.calibration.strapdown.recorded_sequences import RecordedSequence
+from tumble.records import dataclass
 from tumble.sensor import ImuModel
 
 # Bias, horizontal Earth rate and g-sensitivity.

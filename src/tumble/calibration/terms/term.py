@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -11,6 +10,7 @@ import numpy.typing as npt
 
 from tumble.arrays import Series, Vector
 from tumble.estimation.unknowns import Block
+from tumble.records import dataclass
 from tumble.sensor.triad import CURVES, Curve
 
 Complex = npt.NDArray[Any]

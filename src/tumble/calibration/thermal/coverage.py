@@ -5,7 +5,7 @@ Whether a thermometer's numbers are degrees Celsius: its unit, the protocol's te
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import pairwise
 
 import numpy as np
@@ -16,6 +16,7 @@ from tumble.errors import ObservabilityError
 from tumble.protocol.steps import Protocol, RampStep, SoakStep
 from tumble.recording.recording import Recording
 from tumble.recording.temperature import COLDEST, HOTTEST, TemperatureColumn
+from tumble.records import dataclass
 
 USUAL_HOTTEST = 85.0  # °C
 # Tests begin or end in a room, or pass it.

@@ -9,7 +9,7 @@ poses a g-sensitivity of the gyros looks like a bias; it goes the same way.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from tumble.arrays import AnyArray, Series, Square
 from tumble.calibration.thermal.conditions import ThermalConditions
 from tumble.calibration.thermal.fit import ThermalFit
 from tumble.calibration.thermal.wander import WanderingConditions
+from tumble.records import dataclass
 
 # One sigma of half a loop: as much as this many kelvins change the bias. The simulator's grades assume half of it.
 LOOP_KELVINS = 2.0

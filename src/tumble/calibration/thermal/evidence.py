@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
 from tumble.arrays import Series, Table, Vectors
 from tumble.calibration.evidence import Evidence
+from tumble.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from tumble.calibration.thermal.points import ThermalPoints
 from tumble.calibration.thermal.wander import Levels, WanderingConditions, find_levels
 from tumble.errors import ConvergenceError, ObservabilityError
 from tumble.estimation import Adjustment, Prior, adjust
+from tumble.records import dataclass
 from tumble.sensor.thermal import TemperatureBasis
 
 HIGHEST_ORDER = 5

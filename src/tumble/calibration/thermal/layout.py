@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
+from tumble.records import dataclass
 from tumble.sensor.thermal import TemperatureBasis
 
 # Entries of a lower triangular matrix, scale factors first.

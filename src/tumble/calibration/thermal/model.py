@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,6 +14,7 @@ from tumble.calibration.equations.turn import TOTAL
 from tumble.calibration.thermal.evidence import BiasCurve
 from tumble.calibration.thermal.layout import ENTRIES, Layout, ThermalTerms
 from tumble.calibration.thermal.turns import TurnedMatrix
+from tumble.records import dataclass
 from tumble.sensor import ImuModel, Triad
 from tumble.sensor.conventions.shin import shin_from_matrix
 from tumble.sensor.propagation import propagate

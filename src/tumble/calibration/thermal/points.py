@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrices, Series, Table, Vectors
 from tumble.errors import ObservabilityError
 from tumble.recording.recording import Recording
+from tumble.records import dataclass
 from tumble.segmentation import Timeline
 from tumble.segmentation.averages import mean_covariance
 from tumble.segmentation.rounding import rounding_variance

@@ -12,8 +12,6 @@ accelerometers they are the gyros' scale factors, their non-orthogonalities, and
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrices, Series, Square, Table, Vectors
@@ -27,6 +25,7 @@ from tumble.earth import EARTH_RATE
 from tumble.errors import ConvergenceError, ObservabilityError, SegmentationError
 from tumble.estimation import Adjustment, Linearisation, adjust
 from tumble.recording.recording import Recording
+from tumble.records import dataclass
 from tumble.segmentation import Timeline, observe_holds
 from tumble.sensor.thermal import TemperatureBasis, ThermalModel
 

@@ -14,13 +14,14 @@ would then be stated as if they were still.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
 from tumble.arrays import AnyArray, Series, Square
 from tumble.calibration.thermal.conditions import ThermalConditions
 from tumble.estimation import Linearisation, Prior
+from tumble.records import dataclass
 
 TRIADS = {"force": slice(0, 3), "rate": slice(3, 6)}
 # Shares of the variance of a rest that single rests have for themselves, the remainder flicker. Sensors have flicker:

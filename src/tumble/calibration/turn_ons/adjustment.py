@@ -10,7 +10,7 @@ outliers of a recording are its own.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,6 +27,7 @@ from tumble.estimation.balance import Balanced, Outlier
 from tumble.estimation.gauss_helmert import invert_normal_matrix
 from tumble.estimation.settled import Settled
 from tumble.estimation.solve import ROUND_OFF, TOLERANCE, linearise, longest, solve
+from tumble.records import dataclass
 
 if TYPE_CHECKING:
     from tumble.calibration.outcome.estimate import JointOutcome

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
 from tumble.arrays import Series, Square
 from tumble.calibration.evidence import Evidence
+from tumble.records import dataclass
 
 # That any of the stable parameters of a unit is said to change though none does.
 FALSE_ALARM = 0.01

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -35,6 +35,7 @@ from tumble.calibration.turn_ons.outcome import SeveralOutcome, settled_outcome,
 from tumble.calibration.turn_ons.words import turn_on_cautions, turn_on_sentences
 from tumble.earth import Site
 from tumble.recording.recording import Recording
+from tumble.records import dataclass
 from tumble.sensor.propagation import jacobian
 from tumble.units import angular_rate_factor, specific_force_factor
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -43,6 +43,7 @@ from tumble.calibration.turn_ons.adjustment import (
 from tumble.calibration.turn_ons.biases import disagreement
 from tumble.errors import ObservabilityError, UsageError
 from tumble.estimation.solve import settled_at
+from tumble.records import dataclass
 
 # Recordings whose stable parameters differ as chance does once in so many are no one unit's, if they differ by more
 # than any unit's scale factors and angles change from one day to the next (a MEMS unit over 40 °C: 0.2 %, 2 mrad).

@@ -9,7 +9,6 @@ groups by what they come from, and the groups' shares are the uncertainty budget
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -21,6 +20,7 @@ from tumble.calibration.closed_forms.inter_triad import wahba_rotation
 from tumble.calibration.closed_forms.rest_rates import RestSolution, solve_rests
 from tumble.calibration.closed_forms.rotation_planes import axis_from_rotation
 from tumble.calibration.closed_forms.separate_norms import bias_from_static_pairs, matrix_from_rotations
+from tumble.records import dataclass
 from tumble.sensor.conventions.shin import matrix_from_shin
 
 # Where each unknown stands in the solution: accelerometers as Shin has them; of the gyros the

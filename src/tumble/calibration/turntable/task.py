@@ -6,7 +6,6 @@ What the calibrated gyros make of a table's rotations, an axis at a time: for th
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -23,6 +22,7 @@ from tumble.calibration.turntable.solution import (
 )
 from tumble.earth import EARTH_RATE, Site
 from tumble.recording.recording import Recording
+from tumble.records import dataclass
 from tumble.segmentation import HoldMeans
 
 

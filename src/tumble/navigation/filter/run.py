@@ -6,7 +6,6 @@ Smoothing: every state by all fixes, those before it and those after.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from tumble.navigation.filter.setup import FilterSetup
 from tumble.navigation.gnss.track import GnssTrack
 from tumble.navigation.samples import InertialSamples
 from tumble.navigation.trajectory import HIGHEST_LATITUDE, NavigationState, Trajectory
+from tumble.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

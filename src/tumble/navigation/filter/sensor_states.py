@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from tumble.arrays import Table, inverted
 from tumble.errors import UsageError
 from tumble.noise.terms import NoiseModel
+from tumble.records import dataclass
 from tumble.sensor import ImuModel
 
 AXES = "xyz"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from tumble.navigation.filter.sensor_states import (
     sensor_states,
 )
 from tumble.noise.terms import NoiseModel
+from tumble.records import dataclass
 
 Noise = NoiseModel | tuple[NoiseModel, NoiseModel, NoiseModel]
 """Of all three axes alike, or of each."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import reduce
 from pathlib import Path
 
@@ -13,6 +13,7 @@ from tumble.files import lines_of, number_of, read_text
 from tumble.navigation.gnss.time_scales import gps_from_utc, seconds_of_date
 from tumble.navigation.gnss.track import GnssTrack, make_track
 from tumble.recording.recording import Remark
+from tumble.records import dataclass
 
 _KNOT = 1852.0 / 3600.0
 _DAY = 86_400.0

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from tumble.arrays import Matrices, Series, Vectors
 from tumble.errors import RecordingError
 from tumble.recording.recording import Remark
+from tumble.records import dataclass
 
 # By RTKLIB's numbers; files of other kinds are brought to them.
 QUALITIES = {1: "fixed", 2: "float", 3: "SBAS", 4: "differential", 5: "single", 6: "precise point", 0: "none"}

@@ -18,7 +18,6 @@ inertial sensors.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -26,6 +25,7 @@ import numpy as np
 from tumble.arrays import Series, Square
 from tumble.errors import UsageError
 from tumble.noise.state_space import DiscreteNoise
+from tumble.records import dataclass
 
 Method: TypeAlias = Literal["burg", "yule-walker"]
 Criterion: TypeAlias = Literal["bic", "aicc", "fpe"]

@@ -15,13 +15,13 @@ section 4.1.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
 from tumble.arrays import Series
 from tumble.noise.denoising.autoregression import Autoregression, burg, choose_order
+from tumble.records import dataclass
 
 Ranges = Sequence[tuple[int, int]]
 

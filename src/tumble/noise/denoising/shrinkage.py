@@ -17,7 +17,7 @@ inertial sensors.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from typing import Literal, TypeAlias
 
@@ -28,6 +28,7 @@ from tumble.errors import UsageError
 from tumble.noise.denoising.wavelets import USUAL, Coefficients, Transform, deepest_level, filter_length
 from tumble.noise.deviation import allan_deviation
 from tumble.noise.spectrum import power_spectrum
+from tumble.records import dataclass
 
 Rule: TypeAlias = Literal["sure", "universal", "remove"]
 Shape: TypeAlias = Literal["soft", "hard"]

@@ -9,7 +9,6 @@ stationary (maximal-overlap) transform and its scaling.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
 from typing import Any
@@ -18,6 +17,7 @@ import numpy as np
 
 from tumble.arrays import Series
 from tumble.errors import UsageError
+from tumble.records import dataclass
 
 USUAL = "sym4"
 

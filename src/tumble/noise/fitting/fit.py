@@ -19,7 +19,7 @@ Statistical Association 108 (2013) 1021-1030.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 
@@ -40,6 +40,7 @@ from tumble.noise.fitting.weighted_fit import AllanTask, Method, Solution, misfi
 from tumble.noise.lines import FoundLine, allan_variance_of_lines, find_lines
 from tumble.noise.terms import NoiseModel
 from tumble.noise.variances import LETTERS
+from tumble.records import dataclass
 
 CONFIDENCE = 0.95
 """Probability of intervals and of upper limits unless another is asked for."""

@@ -16,7 +16,6 @@ cover.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -25,6 +24,7 @@ from tumble.estimation.crossing import crossing
 from tumble.noise.fitting.weighted_fit import AllanTask, Solution
 from tumble.noise.terms import GaussMarkov, NoiseModel
 from tumble.noise.variances import allan_variance_of, markov_allan_variance
+from tumble.records import dataclass
 
 _TINY = 1e-300
 

@@ -7,7 +7,6 @@ better than the curve, enter as a known part with the covariance that their ampl
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -16,6 +15,7 @@ from tumble.arrays import Series, Square, Table, inverted
 from tumble.noise.fitting.allan_covariance import AllanCovariance
 from tumble.noise.terms import GaussMarkov, NoiseModel
 from tumble.noise.variances import allan_variance_of, markov_allan_variance
+from tumble.records import dataclass
 
 Method: TypeAlias = Literal["curve", "moments"]
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Generator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import BinaryIO
 
 from tumble.errors import RecordingError, TumbleError
 from tumble.recording.recording import Remark
+from tumble.records import dataclass
 
 _PIECE = 1 << 24  # bytes
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -23,6 +23,7 @@ from tumble.recording.formats.variables import is_rate_name, numbers_of, table_f
 from tumble.recording.recording import Remark
 from tumble.recording.samples import Samples
 from tumble.recording.stamps import guess_time_unit
+from tumble.records import dataclass
 from tumble.units import time_factor
 
 NAME = "HDF5"

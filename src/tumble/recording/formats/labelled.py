@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Any, cast
 
@@ -24,6 +24,7 @@ from tumble.recording.formats.logs.logged_streams import table_of_streams
 from tumble.recording.formats.logs.phone import is_sensor, streams_of_tables
 from tumble.recording.formats.table import RawTable, hash_file
 from tumble.recording.recording import Remark
+from tumble.records import dataclass
 
 NAME = "labelled lines"
 ENDINGS = (".txt", ".log", ".json", ".jsonl", ".ndjson")

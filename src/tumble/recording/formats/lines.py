@@ -9,11 +9,11 @@ import json
 import math
 import re
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import Any, cast
 
 from tumble.files import number_of
 from tumble.recording.columns import role_of
+from tumble.records import dataclass
 
 LONGEST_LINE = 4096
 """Characters; a longer line has no sample in it."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 import zlib
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +19,7 @@ from tumble.errors import RecordingError
 from tumble.files import opened
 from tumble.recording.formats.table import RawTable, hash_file
 from tumble.recording.recording import Remark, Source
+from tumble.records import dataclass
 
 NAME = "NovAtel ASCII"
 ENDINGS = (".asc", ".gps", ".txt", ".log")

@@ -15,7 +15,6 @@ import mmap
 import struct
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, cast
@@ -25,6 +24,7 @@ import numpy as np
 from tumble.arrays import Series, Table
 from tumble.files import opened
 from tumble.recording.formats.table import mapped
+from tumble.records import dataclass
 
 UNITS_KEY = "tumble.units"
 """Key of the file's metadata under which tumble notes the units, by column, that it has judged."""

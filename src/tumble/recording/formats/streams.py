@@ -8,7 +8,7 @@ two of its samples is interpolated linearly. Nothing is interpolated over a gap,
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +18,7 @@ from tumble.errors import RecordingError
 from tumble.recording.formats.table import RawTable
 from tumble.recording.recording import Remark, Source
 from tumble.recording.samples import Samples, joined
+from tumble.records import dataclass
 
 BLOCK_ROWS = 500_000
 """Rows of a block of a recording that is read in bounded memory."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 import hashlib
 import mmap
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
 from dataclasses import field as made
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +15,7 @@ import numpy.typing as npt
 from tumble.arrays import Series, Vectors
 from tumble.files import opened, shown
 from tumble.recording.recording import Remark, Source
+from tumble.records import dataclass
 
 _LARGEST, _SMALLEST = 1e19, 1e-30
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from dataclasses import dataclass
 from itertools import islice
 
 from tumble.errors import RecordingError
 from tumble.recording.formats.sentences import CHECKSUM, names_of_sentence
+from tumble.records import dataclass
 from tumble.units import find_unit
 
 COMMENTS = ("#", "%", "//", "!")

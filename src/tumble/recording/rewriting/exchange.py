@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from tumble.errors import RecordingError
+from tumble.records import dataclass
 
 
 @dataclass(slots=True)

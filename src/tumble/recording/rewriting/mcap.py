@@ -13,7 +13,7 @@ from __future__ import annotations
 import struct
 import zlib
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import field
 from importlib import import_module
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -37,6 +37,7 @@ from tumble.recording.formats.bags.mcap import (
 )
 from tumble.recording.formats.damage import CutShort, exactly
 from tumble.recording.rewriting.exchange import Exchange
+from tumble.records import dataclass
 
 _HEADER, _MESSAGE_INDEX, _ATTACHMENT, _ATTACHMENT_INDEX = 0x01, 0x07, 0x09, 0x0A
 _METADATA, _METADATA_INDEX, _SUMMARY_OFFSET = 0x0C, 0x0D, 0x0E

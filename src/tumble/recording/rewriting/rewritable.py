@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 
@@ -19,6 +18,7 @@ from tumble.recording.formats.bags.rosbag1 import RosbagFile
 from tumble.recording.formats.bags.rosbag2 import Chain, Database, opened_bag
 from tumble.recording.rewriting import mcap, rosbag1, rosbag2
 from tumble.recording.rewriting.exchange import Exchange
+from tumble.records import dataclass
 
 Messages = Iterator[tuple[str, int, bytes]]
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from tumble.records import dataclass
 from tumble.report.figures.plot import BLUE, GREY, base_layout, plain, small_title, upright_line
 from tumble.report.page import Block, Figure, Figures, Plot, Sentences, Table, section
 from tumble.report.rounding import fixed, with_uncertainty

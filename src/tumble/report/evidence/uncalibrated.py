@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tumble.arrays import Series
+from tumble.records import dataclass
 from tumble.units import angular_rate_factor, specific_force_factor
 
 if TYPE_CHECKING:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tumble.arrays import Series, Vector, Vectors
+from tumble.records import dataclass
 from tumble.report.figures.plot import (
     AXIS_COLOURS,
     BLUE,

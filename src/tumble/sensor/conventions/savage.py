@@ -15,11 +15,10 @@ matrix and U turns the frame into the mean-gyro one.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tumble.arrays import Matrix, Series, Vector
+from tumble.records import dataclass
 from tumble.sensor.gauge import mean_gyro_rotation
 from tumble.sensor.imu import ImuModel
 from tumble.sensor.triad import Triad

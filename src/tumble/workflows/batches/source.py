@@ -9,13 +9,14 @@ import os
 import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
 from tumble.errors import UsageError, install
 from tumble.files import HIDDEN, number_of, read_text, shown, without_password
+from tumble.records import dataclass
 
 MANIFEST = "manifest.csv"
 """In a folder it says what the units are."""

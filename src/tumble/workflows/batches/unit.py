@@ -10,7 +10,7 @@ import json
 import tempfile
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,6 +25,7 @@ from tumble.errors import (
 )
 from tumble.files import shown, without_password
 from tumble.fleet.outcome import ACCELEROMETER, GYRO, UnitOutcome
+from tumble.records import dataclass
 from tumble.workflows.batches.source import UnitTask, imported_fsspec, is_url
 from tumble.workflows.given.notes import USUAL, notes_of
 from tumble.workflows.magnetometer import field_reasons

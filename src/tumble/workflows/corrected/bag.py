@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +18,7 @@ from tumble.recording.formats.bags.bag import Choice, Topic, choose_topics
 from tumble.recording.formats.bags.ros_messages import Decoded, Substitute, decode, substituted
 from tumble.recording.rewriting.exchange import Exchange
 from tumble.recording.rewriting.rewritable import Messages, Rewritable, rewritable
+from tumble.records import dataclass
 from tumble.workflows.corrected.lag_shift import NEEDS_BOTH, ForceShift
 
 _BATCH = 4096  # messages that are corrected together

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
@@ -22,6 +21,7 @@ from tumble.recording.formats.output import ENDINGS as TABLES
 from tumble.recording.magnetic_field import MagneticField
 from tumble.recording.rewriting.rewritable import ENDINGS as BAGS
 from tumble.recording.rewriting.rewritable import ending_of
+from tumble.records import dataclass
 from tumble.units import COUNTS, MICROTESLA, magnetic_field_factor
 
 

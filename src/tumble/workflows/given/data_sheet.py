@@ -6,7 +6,6 @@ That is a grade, or a fleet's own mean and spread as `tumble registry fleet` wri
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
 from math import isfinite, log, pi, sqrt
 from pathlib import Path
 
@@ -16,6 +15,7 @@ from tumble.calibration.prior import FleetSheet, TriadFleet
 from tumble.document.result import Calibration, read_calibration
 from tumble.errors import UsageError
 from tumble.noise.units import ACCELEROMETER, GYRO, NoiseUnit, find_noise_unit, random_walk_of, sample_sigma
+from tumble.records import dataclass
 from tumble.simulation.grades import GRADES, Grade, find_grade
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -13,6 +13,7 @@ from tumble.files import number_of, read_json
 from tumble.noise.terms import GaussMarkov, Line, NoiseModel
 from tumble.noise.variances import LETTERS
 from tumble.recording import Recording
+from tumble.records import dataclass
 from tumble.units import angular_rate_factor, specific_force_factor
 
 if TYPE_CHECKING:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import difflib
 import math
 import os
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tumble.errors import UsageError
 from tumble.files import read_json
 from tumble.recording import Recording
+from tumble.records import dataclass
 
 if TYPE_CHECKING:
     from tumble.protocol import Protocol, Step

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tumble.earth import Site
 from tumble.errors import OutputError, UsageError
+from tumble.records import dataclass
 from tumble.units import ARCSECOND, DEGREE_PER_ROOT_HOUR, MICRO_G
 from tumble.workflows.planning.plan import document_text, planned_grade, planned_place
 from tumble.workflows.progress import silent

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import math
 import os
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +13,7 @@ import numpy as np
 
 from tumble.earth import Site
 from tumble.errors import UsageError
+from tumble.records import dataclass
 from tumble.units import MICRO_G
 from tumble.workflows.planning.plan import check_seed, planned_grade
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +13,7 @@ import numpy as np
 
 from tumble.earth import Site
 from tumble.errors import UsageError
+from tumble.records import dataclass
 from tumble.units import MICRO_G
 from tumble.workflows.planning.given import read_known
 from tumble.workflows.planning.plan import (

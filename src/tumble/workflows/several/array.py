@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +18,7 @@ from tumble.earth import Site
 from tumble.errors import TumbleError, UsageError
 from tumble.limits import read_limits, with_limits
 from tumble.recording import Recording
+from tumble.records import dataclass
 from tumble.workflows.calibrate import (
     CalibrationRun,
     about_gravity,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,6 +17,7 @@ from tumble.earth import Site
 from tumble.errors import TumbleError, UsageError
 from tumble.limits import read_limits
 from tumble.recording import Recording
+from tumble.records import dataclass
 from tumble.workflows.calibrate import (
     CalibrationRun,
     Clock,

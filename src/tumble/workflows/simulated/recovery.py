@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
 from pathlib import Path
 from statistics import NormalDist
 from typing import Any
@@ -15,6 +14,7 @@ from tumble.document import Calibration, read_calibration
 from tumble.document.difference import ParameterChange
 from tumble.errors import CalibrationFileError, UsageError
 from tumble.files.documents import DocumentError, read_json
+from tumble.records import dataclass
 
 PathLike = str | os.PathLike[str]
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 import tumble
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import TumbleError
+from tumble.records import dataclass
 from tumble.sensor.gauge import change_frame
 
 if TYPE_CHECKING:

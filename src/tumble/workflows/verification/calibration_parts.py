@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +14,7 @@ from tumble.earth import EARTH_RATE
 from tumble.errors import CalibrationFileError, UsageError
 from tumble.navigation import InertialSamples, SensorState, covariance_from_calibration
 from tumble.recording import Recording
+from tumble.records import dataclass
 from tumble.sensor import ImuModel, Triad
 from tumble.sensor.thermal import Outside
 from tumble.units import angular_rate_factor, specific_force_factor

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -38,6 +37,7 @@ from tumble.navigation.plausibility import (
     why_no_agreement,
 )
 from tumble.recording import Recording, read_recordings
+from tumble.records import dataclass
 from tumble.simulation.grades import Grade, find_grade
 from tumble.workflows.apply import in_calibration_units, raw_factors
 from tumble.workflows.corrected.corrections import corrections_of

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from tumble.calibration.verdict import two_digits
 from tumble.navigation import FilterRun, OutageErrors
 from tumble.navigation.block_bootstrap import Statistic, ratio_of, rms_of
 from tumble.navigation.free_drift import FreeDrift
+from tumble.records import dataclass
 from tumble.workflows.verification.calibration_parts import AT_REST, UNCALIBRATED, WHOLE
 
 # Normalised errors beyond this contradict the calibration: one in 15,000 by chance.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +15,7 @@ from tumble.earth import Site
 from tumble.recording import Recording
 from tumble.recording.frames import Frame
 from tumble.recording.temperature import TemperatureColumn
+from tumble.records import dataclass
 from tumble.segmentation import Timeline
 from tumble.sensor import ImuModel, Triad
 from tumble.sensor.thermal import Outside

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
@@ -17,6 +17,7 @@ from tumble.recording.formats.streams import BLOCK_ROWS, Merging, Units, table_o
 from tumble.recording.formats.table import FieldStream, RawTable, hash_file
 from tumble.recording.recording import Remark, Source
 from tumble.recording.samples import Samples, joined
+from tumble.records import dataclass
 
 _PEEKED = 16  # messages of each topic that show which triads it has
 _MOST_PEEKED = 200_000

@@ -12,7 +12,7 @@ import zlib
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from contextlib import nullcontext
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import BinaryIO
 
@@ -23,6 +23,7 @@ from tumble.recording.formats.bags.ros_messages import plain_type
 from tumble.recording.formats.compression import decompress_lz4, decompress_zstd, largest_chunk
 from tumble.recording.formats.damage import CutShort, Damage, exactly
 from tumble.recording.recording import Remark
+from tumble.records import dataclass
 
 NAME = "MCAP"
 ENDINGS = (".mcap",)

@@ -11,14 +11,13 @@ ROS common_interfaces, message definitions; OMG, *DDS-XTypes 1.3*, section 7.4 (
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
 from tumble.arrays import Series
 from tumble.errors import RecordingError
 from tumble.recording.samples import Samples
+from tumble.records import dataclass
 
 _IMU = "sensor_msgs/Imu"
 _VECTOR = "geometry_msgs/Vector3Stamped"

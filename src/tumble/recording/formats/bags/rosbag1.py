@@ -11,7 +11,7 @@ import struct
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from contextlib import nullcontext
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import BinaryIO
 
@@ -22,6 +22,7 @@ from tumble.recording.formats.bags.ros_messages import plain_type
 from tumble.recording.formats.compression import decompress_bz2, decompress_lz4
 from tumble.recording.formats.damage import CutShort, Damage, at_most, exactly
 from tumble.recording.recording import Remark
+from tumble.records import dataclass
 
 NAME = "ROS 1 bag"
 ENDINGS = (".bag",)

@@ -13,7 +13,7 @@ import sqlite3
 import struct
 from collections.abc import Generator, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path
 from urllib.parse import quote
 
@@ -27,6 +27,7 @@ from tumble.recording.formats.compression import ZSTD_MAGIC, decompress_zstd
 from tumble.recording.formats.damage import Damage
 from tumble.recording.formats.table import hash_file, hash_files
 from tumble.recording.recording import Remark, Source
+from tumble.records import dataclass
 
 NAME = "ROS 2 bag"
 ENDINGS = (".db3",)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import mmap
 from array import array
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +26,7 @@ from tumble.recording.formats.streams import Units
 from tumble.recording.formats.table import RawTable, hash_file, mapped
 from tumble.recording.recording import Remark
 from tumble.recording.samples import Samples
+from tumble.records import dataclass
 
 NAME = "DataFlash"
 ENDINGS = (".bin",)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from dataclasses import field as made
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +15,7 @@ from tumble.recording.formats.streams import Units, merge_streams, table_of_samp
 from tumble.recording.formats.table import FieldStream, RawTable
 from tumble.recording.recording import Remark, Source
 from tumble.recording.samples import Samples
+from tumble.records import dataclass
 
 _LISTED = 16
 
