@@ -180,6 +180,18 @@ interrupt({name!r}, {at})
 """
 
 
+AFTER_WRITING = """
+import os, signal
+import tumble.workflows.calibrate as workflow
+real = workflow.write_run
+def write_and_stop(*arguments, **options):
+    made = real(*arguments, **options)
+    os.kill(os.getpid(), signal.SIGINT)
+    return made
+workflow.write_run = write_and_stop
+"""
+
+
 @pytest.mark.parametrize("at", [1, 2], ids=["the document is on the disk", "the report is on the disk"])
 def test_ctrl_c_while_writing_leaves_the_earlier_results_and_no_part(
     recording: Path, tmp_path: Path, at: int
@@ -206,9 +218,17 @@ def test_ctrl_c_while_correcting_leaves_the_earlier_file_and_no_part(
     assert contents(tmp_path) == {name: "earlier"}
 
 
+def test_ctrl_c_after_the_files_are_in_place_says_so(recording: Path, tmp_path: Path) -> None:
+    before = f"exec({AFTER_WRITING!r})"
+    process = start("calibrate", recording, "--gravity", 9.81, "-o", tmp_path / "made", before=before)
+    assert "after the files were written" in stopped(process)
+    assert process.returncode == 130
+    assert json.loads((tmp_path / "made" / "calibration.json").read_text())["format"] == "tumble calibration"
+
+
 @pytest.mark.parametrize("delay", [0.0, 0.15, 0.3, 0.5, 0.7, 0.9])
 def test_ctrl_c_at_any_moment_leaves_all_or_nothing(recording: Path, tmp_path: Path, delay: float) -> None:
-    """While importing, reading, solving, reporting: stopped with 130 and all as before, or done with 0."""
+    """While importing, reading, solving, reporting: all as before, or all new; the one line says which."""
     folder = tmp_path / "results"
     put_earlier(folder)
     process = start("calibrate", recording, "--gravity", 9.81, "-o", folder)
@@ -220,9 +240,9 @@ def test_ctrl_c_at_any_moment_leaves_all_or_nothing(recording: Path, tmp_path: P
     assert set(now) == set(EARLIER)
     assert process.returncode in (0, 130), err
     if process.returncode == 130:
-        assert now == EARLIER
         assert len(err.splitlines()) == 1, err
-    else:
+        assert (now == EARLIER) == ("no file was changed" in err), err
+    if now != EARLIER:
         assert json.loads(now["calibration.json"])["format"] == "tumble calibration"
         assert now["report.html"].rstrip().endswith("</html>")
     if delay == 0.0:

@@ -27,6 +27,7 @@ TERMINATED = 143
 UNWRITTEN = 3
 INTERNAL = 70
 STOPPED = "Stopped; no file was changed."
+LATE = "Stopped after the files were written; they are complete."
 
 COMMANDS = {
     "inspect": (
@@ -255,8 +256,10 @@ def _run() -> None:
 
 
 def _stopped() -> str:
-    """What a stop leaves: nothing, unless the command says otherwise."""
-    return str(state["stopped"]) or STOPPED
+    """What a stop leaves: nothing, unless the command says otherwise or its files are in place."""
+    from tumble.files import files_in_place
+
+    return str(state["stopped"]) or (LATE if files_in_place() else STOPPED)
 
 
 def _send_again(lost: Any) -> None:
@@ -287,7 +290,7 @@ def program() -> None:
         status = end.code if isinstance(end.code, int) else 0
     except _STOPS as stop:  # before or after the part that has its own words for it
         status = _status_of(stop)
-        _try_to_say(STOPPED)
+        _try_to_say(_stopped())
     for stream in (sys.stdout, sys.stderr):
         try:
             if stream is not None:  # pyright: ignore[reportUnnecessaryComparison] (closed before we began)

@@ -16,6 +16,7 @@ from tumble.files.text import HIDDEN, lines_of, shown, without_password
 from tumble.files.writing import (
     GrowingFile,
     check_target,
+    files_in_place,
     filled_folder,
     inputs_kept,
     make_folder,
@@ -31,6 +32,7 @@ __all__ = [
     "HIDDEN",
     "GrowingFile",
     "check_target",
+    "files_in_place",
     "filled_folder",
     "inputs_kept",
     "lines_of",

@@ -21,6 +21,9 @@ from tumble.errors import OutputError, UsageError
 # A line is never longer than this; the end of a file that was cut off is looked for so far back.
 _LONGEST_LINE = 1 << 20
 
+# Set once a finished file has taken its place.
+_done = threading.Event()
+
 
 class GrowingFile:
     """A text file that is appended to; one program at a time.
@@ -242,6 +245,7 @@ def written_beside(path: Path) -> Generator[Path, None, None]:
     try:
         yield beside
         beside.replace(path)
+        _done.set()
     except OSError as error:
         raise OutputError(f"{path} could not be written: {error.strerror or error}.") from error
     finally:
@@ -381,6 +385,11 @@ def put_text(path: Path, text: str) -> None:
         os.fsync(file.fileno())
 
 
+def files_in_place() -> bool:
+    """Return whether finished files have taken their places since the program began."""
+    return _done.is_set()
+
+
 @contextmanager
 def uninterrupted() -> Generator[None, None, None]:
     """Let a stop (Ctrl-C, a request to end) pass unheard for the moment in which finished files take their places.
@@ -393,6 +402,7 @@ def uninterrupted() -> Generator[None, None, None]:
     before = {number: signal.signal(number, signal.SIG_IGN) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
         yield
+        _done.set()
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
