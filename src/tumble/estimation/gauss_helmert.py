@@ -69,8 +69,9 @@ class Prior:
         """How many independent things are known: what the prior adds to the redundancy."""
         size = np.sqrt(np.maximum(np.diag(self.precision), 0.0))
         # To a unit diagonal first: bias in counts and angles in rad differ by many powers of ten.
-        scale = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
-        return int(np.linalg.matrix_rank(self.precision * np.outer(scale, scale), hermitian=True))
+        known = np.flatnonzero(size)
+        scaled = self.precision[np.ix_(known, known)] / np.outer(size[known], size[known])
+        return int(np.linalg.matrix_rank(scaled, hermitian=True)) if known.size else 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,9 +143,9 @@ def adjust(
         if not (np.all(np.isfinite(linear.misclosure)) and np.all(np.isfinite(linear.covariance))):
             raise ConvergenceError("The adjustment diverged: its unknowns left all bounds.")
         chain = BlockChain.factor(linear.covariance, linear.covariance_lower)
-        whitened = chain.solve(linear.design)
-        normal = np.einsum("gsp,gsq->pq", linear.design, whitened)
-        right = -np.einsum("gsp,gs->p", whitened, linear.misclosure)
+        whitened = chain.solve(linear.design).reshape(-1, parameters.size)
+        normal = linear.design.reshape(-1, parameters.size).T @ whitened
+        right = -(whitened.T @ linear.misclosure.ravel())
         if prior is not None:
             normal = normal + prior.precision
             right = right - prior.precision @ (parameters - prior.mean)

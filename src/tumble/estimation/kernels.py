@@ -282,7 +282,7 @@ def invert_selected(
     diagonal: cython.const[cython.double][:, :, ::1],
     lower: cython.const[cython.double][:, :, ::1],
     border: cython.const[cython.double][:, :, ::1],
-    corner_covariance: cython.const[cython.double][:, :],
+    corner_covariance: cython.const[cython.double][:, ::1],
     own: cython.double[:, :, ::1],
     following: cython.double[:, :, ::1],
     with_border: cython.double[:, :, ::1],
@@ -308,27 +308,26 @@ def invert_selected(
                     for m in range(i + 1, d):
                         root[i, j] -= diagonal[k, m, i] * root[m, j]
                     root[i, j] /= diagonal[k, i, i]
+            # Row by row, so that entries of a row are worked on side by side.
             for i in range(d):
                 for j in range(b):
-                    total = 0.0
-                    for m in range(d):
-                        total -= root[i, m] * border[k, m, j]
-                    gain[i, j] = total
+                    gain[i, j] = with_border[k, i, j] = 0.0
                 for j in range(d):
-                    total = 0.0
+                    gain_next[i, j] = 0.0
+                for m in range(i, d):
+                    for j in range(b):
+                        gain[i, j] -= root[i, m] * border[k, m, j]
                     if k + 1 < nodes:
-                        for m in range(d):
-                            total -= root[i, m] * lower[k, m, j]
-                    gain_next[i, j] = total
+                        for j in range(d):
+                            gain_next[i, j] -= root[i, m] * lower[k, m, j]
+                for m in range(b):
+                    for j in range(b):
+                        with_border[k, i, j] += gain[i, m] * corner_covariance[m, j]
+                if k + 1 < nodes:
+                    for m in range(d):
+                        for j in range(b):
+                            with_border[k, i, j] += gain_next[i, m] * with_border[k + 1, m, j]
             for i in range(d):
-                for j in range(b):
-                    total = 0.0
-                    for m in range(b):
-                        total += gain[i, m] * corner_covariance[m, j]
-                    if k + 1 < nodes:
-                        for m in range(d):
-                            total += gain_next[i, m] * with_border[k + 1, m, j]
-                    with_border[k, i, j] = total
                 if k + 1 < nodes:
                     for j in range(d):
                         total = 0.0

@@ -115,8 +115,14 @@ class Unknowns:
 
     def is_free(self, name: str) -> bool:
         """Whether any unknown of a block is adjusted."""
+        low, high = self._free_of(name)
+        return high > low
+
+    def _free_of(self, name: str) -> tuple[int, int]:
+        """From where to where a block's unknowns stand among those that are free."""
         place = self.layout[name]
-        return bool(np.any((self.free >= place.start) & (self.free < place.stop)))
+        low, high = self.free.searchsorted((place.start, place.stop)).tolist()
+        return low, high
 
     def with_free(self, free: np.ndarray) -> Unknowns:
         """Return the same values with others that are adjusted."""
@@ -152,8 +158,7 @@ class Unknowns:
         first = next(iter(derivatives.values()))
         made = np.zeros((*first.shape[:2], before + self.free.size))
         for name, by in derivatives.items():
-            place = self.layout[name]
-            low, high = (int(i) for i in np.searchsorted(self.free, (place.start, place.stop)))
+            place, (low, high) = self.layout[name], self._free_of(name)
             if high - low == place.stop - place.start:
                 made[:, :, before + low : before + high] = by
             elif high > low:

@@ -388,9 +388,9 @@ def _freedom(
     order, modified = (3 if kind == "hadamard" else 2), kind == "modified"
     alike, repeats = np.unique(np.array(lengths, dtype=np.int64), return_counts=True)
     result = np.zeros(exponent.shape)
-    for k, m in enumerate(averaging):
+    for k, m in enumerate(averaging.tolist()):
         stride = None if strides is None else int(strides[k])
-        for alpha in np.unique(exponent[k]):
-            each = [degrees_of_freedom(int(alpha), int(m), int(n), order, modified, stride) for n in alike]
-            result[k, exponent[k] == alpha] = float(repeats @ np.array(each))
+        for alpha in set(exponent[k].tolist()):
+            each = [degrees_of_freedom(alpha, m, n, order, modified, stride) for n in alike.tolist()]
+            result[k, exponent[k] == alpha] = repeats @ np.array(each)
     return result

@@ -29,7 +29,7 @@ EXPONENTS = (2, 0, -1, -2, -3, -4)
 _MOST_TERMS = 256
 
 
-def _kernel(t: Series, exponent: int) -> Series:
+def _kernel(t: AnyArray, exponent: int) -> AnyArray:
     """Return s_w(t, α), the generalised autocovariance of the phase up to a factor."""
     size = np.abs(t)
     power = 3 - exponent
@@ -40,7 +40,7 @@ def _kernel(t: Series, exponent: int) -> Series:
     return sign * size**power * np.log(np.where(size > 0.0, size, 1.0))
 
 
-def _averaged(t: Series, filter_factor: float, exponent: int) -> Series:
+def _averaged(t: AnyArray, filter_factor: float, exponent: int) -> AnyArray:
     """Return s_x(t, F, α): after the filter of F steps; F infinite is its limit."""
     if np.isinf(filter_factor):
         return _kernel(t, exponent + 2)
@@ -51,11 +51,9 @@ def _averaged(t: Series, filter_factor: float, exponent: int) -> Series:
 
 def _differenced(t: Series, filter_factor: float, exponent: int, order: int) -> Series:
     """Return s_z(t, F, α, d): the autocovariance of the d-th differences."""
-    total = np.zeros_like(t)
-    for lag in range(-order, order + 1):
-        weight = (-1) ** lag * comb(2 * order, order + lag)
-        total += weight * _averaged(t + lag, filter_factor, exponent)
-    return total
+    lags = np.arange(-order, order + 1)
+    weights = np.array([(-1.0) ** lag * comb(2 * order, order + lag) for lag in lags.tolist()])
+    return weights @ _averaged(t + lags[:, None], filter_factor, exponent)
 
 
 def _inverse_freedom(

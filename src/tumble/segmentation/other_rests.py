@@ -57,6 +57,10 @@ def find_other_rests(recording: Recording, timeline: Timeline) -> OtherRests | N
     inside = _inside_holds(blocks, timeline)
     if force is None or rate is None or not inside.any():
         return None
+    steady = ~inside & _steady(blocks, force, inside) & _steady(blocks, rate, inside)
+    runs = [(a, b) for a, b in find_runs(steady) if (b - a) * blocks.seconds >= SHORTEST]
+    if not runs:
+        return None
     activity = find_activity(blocks)
     assert activity.rate_scale is not None
     assert activity.gravity is not None
@@ -68,13 +72,10 @@ def find_other_rests(recording: Recording, timeline: Timeline) -> OtherRests | N
     step = step_at_rests(recording.angular_rate, [hold.stretches() for hold in timeline.holds])
     scatter = max(scatter, float(np.linalg.norm(step)) / np.sqrt(12.0))
     least = min(LEVEL_SIGMAS * scatter, OTHER_LEVEL * activity.threshold / activity.rate_scale)
-    steady = ~inside & _steady(blocks, force, inside) & _steady(blocks, rate, inside)
     spans: list[tuple[int, int]] = []
     rates: list[Vector] = []
     poses: list[Vector] = []
-    for first, last in find_runs(steady):
-        if (last - first) * blocks.seconds < SHORTEST:
-            continue
+    for first, last in runs:
         away, third = median(rate.smooth[first:last]) - levels, (last - first) // 3
         nearest = away[np.argmin(np.linalg.norm(away, axis=1))]
         moved = median(force.smooth[last - third : last]) - median(force.smooth[first : first + third])

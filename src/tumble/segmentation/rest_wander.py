@@ -173,12 +173,13 @@ def disturbed_holds(parts: RestParts, signal: Table, white: Series) -> np.ndarra
     ----------
     parts, signal, white : as for `find_density`.
     """
-    holds = np.unique(parts.hold)
-    scatter = np.zeros(len(holds))
-    for k, hold in enumerate(holds):
-        own = parts.hold == hold
-        seconds = (parts.stop - parts.start)[own][:, None]
-        scatter[k] = np.max(np.mean((signal[own] - signal[own].mean(axis=0)) ** 2 * seconds, axis=0) / white)
+    # Parts follow one another hold by hold.
+    holds, first, own, counts = np.unique(
+        parts.hold, return_index=True, return_inverse=True, return_counts=True
+    )
+    away = signal - (np.add.reduceat(signal, first) / counts[:, None])[own]
+    squares = np.add.reduceat(away**2 * (parts.stop - parts.start)[:, None], first)
+    scatter = np.max(squares / counts[:, None] / white, axis=1)
     beyond = scatter > DISTURBED * max(float(np.median(scatter)), 1.0)
     return np.asarray(holds[beyond])
 

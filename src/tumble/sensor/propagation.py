@@ -19,16 +19,21 @@ def jacobian(function: Function, values: Series) -> Table:
     The imaginary part of ``f(x + 1e-30 i)`` over 1e-30 has no cancellation (Squire and Trapp 1998);
     `function` must accept complex arrays and use no conjugate, absolute value or comparison of them.
     """
-    step = 1e-30
-    columns: list[npt.NDArray[Any]] = []
-    for index in range(values.size):
-        moved = values.astype(complex)
-        moved[index] += 1j * step
-        columns.append(np.imag(function(moved)) / step)
-    return np.column_stack(columns)
+    return np.column_stack([_derivative(function, values, index) for index in range(values.size)])
 
 
 def propagate(function: Function, values: Series, covariance: Square) -> tuple[Series, Table]:
     """Return ``function(values)`` and its covariance to first order (GUM 5.1.2, JCGM 102 6.2)."""
-    derivatives = jacobian(function, values)
-    return np.real(function(values.astype(complex))), derivatives @ covariance @ derivatives.T
+    made = np.real(function(values.astype(complex)))
+    slope = np.zeros((made.size, values.size))
+    # What has no covariance moves nothing.
+    for index in np.flatnonzero(np.any(covariance, axis=0)).tolist():
+        slope[:, index] = _derivative(function, values, index)
+    return made, slope @ covariance @ slope.T
+
+
+def _derivative(function: Function, values: Series, index: int) -> Series:
+    step = 1e-30
+    moved = values.astype(complex)
+    moved[index] += 1j * step
+    return np.asarray(np.imag(function(moved)) / step, dtype=np.float64)

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tumble.arrays import Matrix
+from tumble.arrays import Matrix, Series, Vectors
 from tumble.calibration.equations.turn import HoldsAndTurns
 from tumble.errors import RecordingError
 from tumble.recording import describe_axis_contradiction, unit_of_scale
@@ -89,18 +89,21 @@ def estimate_time_lag(data: HoldsAndTurns, model: ImuModel) -> TimeLag | None:
     ValueError
         If the model lacks a triad.
     """
-    numerators: list[float] = []
-    denominators: list[float] = []
-    for k in np.flatnonzero(data.turn_start >= 0):
-        start, stop = int(data.turn_start[k]), int(data.turn_stop[k])
-        force, rate = model.correct(data.raw_force[start:stop], data.raw_rate[start:stop])
-        parts = _one_turn(data.time[start:stop], force, rate)
-        if parts is not None:
-            numerators.append(parts[0])
-            denominators.append(parts[1])
-    if len(numerators) < SMALLEST_TURNS:
+    turns = np.flatnonzero(data.turn_start >= 0)
+    ends = zip(data.turn_start[turns].tolist(), data.turn_stop[turns].tolist(), strict=True)
+    parts: list[np.ndarray] = [np.arange(start, stop) for start, stop in ends]
+    windows = [_windows(data.time[part]) for part in parts]
+    used = [number for number, edges in enumerate(windows) if edges.size >= 3]
+    if len(used) < SMALLEST_TURNS:
         return None
-    top, bottom = np.array(numerators), np.array(denominators)
+    at: np.ndarray = np.concatenate([parts[number] for number in used])
+    sizes = np.array([len(parts[number]) for number in used])
+    edges = [windows[number] + before for number, before in zip(used, np.cumsum(sizes) - sizes, strict=True)]
+    first, last = (np.concatenate([own[cut] for own in edges]) for cut in (slice(None, -1), slice(1, None)))
+    counts = np.array([len(own) - 1 for own in edges])
+    force, rate = model.correct(data.raw_force[at], data.raw_rate[at])
+    products = _window_products(data.time[at], force, rate, first, last)
+    top, bottom = (np.add.reduceat(product, np.cumsum(counts) - counts) for product in products)
     # A turn with a knock in it pulls at most as three ordinary ones do.
     single = top / np.maximum(bottom, 1e-300)
     centre = float(np.median(single))
@@ -114,20 +117,24 @@ def estimate_time_lag(data: HoldsAndTurns, model: ImuModel) -> TimeLag | None:
     return TimeLag(lag, float(np.hypot(sigma, truncation)), count)
 
 
-def _one_turn(time: np.ndarray, force: np.ndarray, rate: np.ndarray) -> tuple[float, float] | None:
-    """Return (regressor . residual, regressor . regressor) of one turn's windows."""
+def _windows(time: Series) -> np.ndarray:
+    """The edges of a turn's windows, by sample."""
     step = max(2, round(WINDOW / float(np.median(np.diff(time)))))
-    edges = np.arange(0, time.size - 1, step)
-    if edges.size < 3:
-        return None
-    dt = np.diff(time)[:, None]
-    middle_force = 0.5 * (force[1:] + force[:-1])
-    middle_rate = 0.5 * (rate[1:] + rate[:-1])
-    carried = np.cumsum(np.cross(middle_force, middle_rate) * dt, axis=0)
-    moved = np.cumsum(np.cross(middle_force, np.diff(rate, axis=0)), axis=0)
-    zero = np.zeros((1, 3))
-    carried, moved = np.vstack([zero, carried])[edges], np.vstack([zero, moved])[edges]
-    residual = np.diff(force[edges], axis=0) - np.diff(carried, axis=0)
-    regressor = -np.diff(moved, axis=0)
+    return np.arange(0, time.size - 1, step)
+
+
+def _window_products(
+    time: Series, force: Vectors, rate: Vectors, first: np.ndarray, last: np.ndarray
+) -> tuple[Series, Series]:
+    """Return (windows,) regressor . residual and regressor . regressor, of windows from sample to sample."""
+    middle_force, middle_rate = 0.5 * (force[1:] + force[:-1]), 0.5 * (rate[1:] + rate[:-1])
+
+    def over_windows(each: Vectors) -> Vectors:
+        sums = np.vstack([np.zeros(3), np.cumsum(each, axis=0)])
+        return sums[last] - sums[first]
+
+    carried = over_windows(np.cross(middle_force, middle_rate) * np.diff(time)[:, None])
+    regressor = -over_windows(np.cross(middle_force, np.diff(rate, axis=0)))
+    residual = force[last] - force[first] - carried
     weight = 1.0 / np.maximum(np.linalg.norm(residual, axis=1), 0.3)[:, None]
-    return float(np.sum(weight * regressor * residual)), float(np.sum(weight * regressor**2))
+    return np.sum(weight * regressor * residual, axis=1), np.sum(weight * regressor**2, axis=1)
