@@ -11,6 +11,7 @@ from contextlib import contextmanager, suppress
 from http.client import HTTPConnection
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 from urllib.parse import parse_qs, unquote, urlsplit
 
@@ -408,6 +409,28 @@ def test_linux_iio_devices_of_one_triad_each(tmp_path: Path) -> None:
     np.testing.assert_allclose(samples.temperature, 26.0)
     with pytest.raises(UsageError, match="no IIO device"):
         next(source.open("device77", SourceOptions()))
+
+
+def test_a_sensor_that_is_read_late_is_not_read_twice_at_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from tumble.capture.sources import iio
+
+    for axis in "xyz":
+        (tmp_path / f"in_accel_{axis}_raw").write_text("1\n")
+    (tmp_path / "in_accel_sampling_frequency").write_text("100\n")
+    now, slept = [0.0], [0]
+
+    def sleep(seconds: float) -> None:
+        slept[0] += 1
+        now[0] += seconds + (0.037 if slept[0] % 5 == 0 else 0.0)
+
+    monkeypatch.setattr(iio, "time", SimpleNamespace(monotonic=lambda: now[0], sleep=sleep))
+    sensors = iio._Sensors([tmp_path], None)  # pyright: ignore[reportPrivateUsage]
+    lines = sensors.read(2.0).decode().splitlines()[1:]
+    stamps = np.array([float(line.split(",")[0]) for line in lines])
+    assert np.diff(stamps).min() > 0.009
+    assert np.diff(stamps).max() > 0.03
 
 
 def ublox(k: int, name: str) -> bytes:
