@@ -6,6 +6,7 @@ import functools
 import hashlib
 import inspect
 import os
+import signal
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -17,6 +18,10 @@ os.environ.setdefault("TUMBLE_CHECK_SHAPES", "1")
 # Of a program that a test starts too: a warning of numpy is a fault, and ends it.
 os.environ.setdefault("PYTHONWARNINGS", "error::RuntimeWarning")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command line sets it; before numpy is imported
+
+# Started in the background, with Ctrl-C ignored, a shell's programs ignore it too; tests of Ctrl-C start such programs.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 import hypothesis
 import jaxtyping
