@@ -12,8 +12,10 @@ T = TypeVar("T")
 W = TypeVar("W")
 
 _LISTENER: ContextVar[Callable[[float], None] | None] = ContextVar("listener", default=None)
+_STEPPED: ContextVar[Callable[[], None] | None] = ContextVar("stepped", default=None)
 _OFTEN = 0.2  # s between two words
 _TOO_EARLY = 1.0  # s from when on a time left is no guess
+_UNKNOWN = 2.0  # s from when on it is said how long work of unknown size has taken
 _WIDTH = 20  # signs of a bar
 
 
@@ -37,11 +39,68 @@ def counted(items: Iterable[T], total: float, size: Callable[[T], float] | None 
         for item in items:
             yield item
             done += 1.0 if size is None else size(item)
-            if time.monotonic() - last > _OFTEN:
+            if done < total and time.monotonic() - last > _OFTEN:
                 last = time.monotonic()
-                show(min(done / max(total, 1e-9), 1.0))
+                show(done / total)
     finally:
+        show(1.0)
         _LISTENER.set(show)
+
+
+@contextmanager
+def part(first: float, last: float) -> Generator[None]:
+    """Let what is counted within be a part of what is being done, from one share of it to another.
+
+    Parameters
+    ----------
+    first, last : shares.
+    """
+    show = _LISTENER.get()
+    if show is None:
+        yield
+        return
+    if first > 0.0:
+        show(first)
+    with listening(lambda share: show(first + (last - first) * share)):
+        yield
+
+
+@contextmanager
+def about(steps: int) -> Generator[None]:
+    """Count the steps of work that ends when it is settled, against how many there usually are; see `stepped`.
+
+    Parameters
+    ----------
+    steps : as many as recordings usually take. Of work that takes more there is always one left.
+    """
+    show = _LISTENER.get()
+    if show is None:
+        yield
+        return
+    done, last = 0, 0.0
+
+    def one() -> None:
+        nonlocal done, last
+        done += 1
+        if time.monotonic() - last > _OFTEN:
+            last = time.monotonic()
+            show(done / max(steps, done + 1))
+
+    was = _LISTENER.set(None), _STEPPED.set(one)
+    show(0.0)
+    try:
+        yield
+    finally:
+        show(1.0)
+        _LISTENER.reset(was[0])
+        _STEPPED.reset(was[1])
+
+
+def stepped() -> None:
+    """Say that one step of an iteration is done."""
+    one = _STEPPED.get()
+    if one is not None:
+        one()
 
 
 @contextmanager
@@ -68,23 +127,47 @@ class Stage(Generic[W]):
     """
 
     def __init__(self, show: Callable[[W | str], None]) -> None:
-        self._show, self._words, self._began = show, "", time.monotonic()
+        self._show, self._name = show, ""
+        self._began = self._told = time.monotonic()
+        self._share = 0.0
 
     def begin(self, words: W | str) -> None:
-        """Say what is being done from now on."""
-        self._words = str(words)
+        """Say what is being done from now on; a loop that is not at its end goes on."""
+        self._name = str(words)
+        if not 0.0 < self._share < 1.0:
+            self._restart()
         self._show(words)
 
     def at(self, share: float) -> None:
         """Say how much of it is done."""
         if share <= 0.0:
-            self._began = time.monotonic()
+            self._restart()
             return
-        taken = time.monotonic() - self._began
-        if taken > _TOO_EARLY:
-            left, full = time_words(taken * (1.0 - share) / share), round(_WIDTH * share)
+        self._share, self._told = share, time.monotonic()
+        if self._told - self._began > _TOO_EARLY:
+            self._show(self.words())
+
+    def words(self, room: int | None = None) -> str:
+        """Return what is being done, with how long the rest takes from now on, or how long it has taken so far.
+
+        Parameters
+        ----------
+        room : signs that there is room for; a long name is cut for it.
+        """
+        so_far, taken, how_far = time.monotonic() - self._began, self._told - self._began, ""
+        if taken > _TOO_EARLY and self._share < 1.0:
+            left = max(taken / self._share - so_far, 0.0)
+            full = round(_WIDTH * self._share)
             bar = "━" * full + "╌" * (_WIDTH - full)
-            self._show(f"{self._words} {bar} {100.0 * share:.0f} %, {left} left")
+            how_far = f" {bar} {100.0 * self._share:.0f} %, {time_words(left)} left"
+        elif so_far > _UNKNOWN:
+            how_far = f", {time_words(so_far)} so far"
+        name, most = self._name, None if room is None else max(room - len(how_far), 1)
+        return (name if most is None or len(name) <= most else f"{name[: most - 1]}…") + how_far
+
+    def _restart(self) -> None:
+        self._began = self._told = time.monotonic()
+        self._share = 0.0
 
 
 def time_words(seconds: float) -> str:

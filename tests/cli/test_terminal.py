@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -11,7 +13,9 @@ from typing import Any
 
 import pytest
 
-from tumble.cli.terminal import shortened
+from tumble import counting
+from tumble.cli.terminal import progress, shortened
+from tumble.counting import part
 
 RUN = "import sys; sys.argv[0] = 'tumble'; from tumble.cli import program; program()"
 # Sends a signal to itself when a module of that name is first looked for.
@@ -135,3 +139,27 @@ def test_a_stop_that_is_to_be_ignored_is_ignored(tmp_path: Path) -> None:
     answer = run("units", "1", "deg/h", code=code, shell="trap '' INT; exec \"$@\"")
     assert answer.returncode == 0, answer.stderr
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_the_time_left_stands_on_one_line_of_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Screen(io.StringIO):
+        def isatty(self) -> bool:
+            return True
+
+    def watched(name: str) -> str:
+        screen = Screen()
+        monkeypatch.setattr(sys, "stderr", screen)
+        with progress(False) as tell:
+            tell(name)
+            with part(0.4, 0.5):
+                pass
+        return re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", screen.getvalue())
+
+    monkeypatch.setattr(counting, "_TOO_EARLY", -1.0)
+    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.setenv("TERM", "xterm")
+    bar = "━━━━━━━━╌╌╌╌╌╌╌╌╌╌╌╌ 40 %, 0 s left"
+    assert f" reading [bold] \\x1b {bar}" in watched("reading [bold] \x1b")
+    lines = watched("an item with " + 9 * "a very long name, ").splitlines()
+    assert [line for line in lines if bar in line]
+    assert all(len(line) <= 80 for line in lines)

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import pytest
 
 from tumble import counting
-from tumble.counting import Stage, counted, listening, time_words
+from tumble.counting import Stage, about, counted, listening, part, stepped, time_words
 
 
 @pytest.fixture
@@ -32,11 +32,31 @@ def test_a_loop_within_a_loop_says_nothing(said: list[float]) -> None:
     for _ in counted("ab", 2):
         break
     assert list(counted("c", 1)) == ["c"]
-    assert said[3:] == [0.0, 0.0, 1.0]
+    assert said[3:] == [0.0, 1.0, 0.0, 1.0]
 
 
 def test_where_nobody_listens_nothing_is_said() -> None:
     assert list(counted("abc", 3)) == ["a", "b", "c"]
+    with part(0.2, 0.6), about(3):
+        stepped()
+
+
+def test_loops_one_after_the_other_are_parts_of_one_bar(said: list[float]) -> None:
+    with part(0.0, 0.5):
+        assert list(counted("ab", 2)) == ["a", "b"]
+    with part(0.5, 1.0):
+        assert list(counted("cd", 2)) == ["c", "d"]
+    assert said == [0.0, 0.25, 0.5, 0.5, 0.5, 0.75, 1.0]
+
+
+def test_steps_of_an_iteration_are_counted_against_the_usual_number(said: list[float]) -> None:
+    """Of one that takes longer there is always a step left; a loop within it says nothing."""
+    stepped()
+    with about(4):
+        for _ in counted(range(6), 6):
+            stepped()
+    stepped()
+    assert said == [0.0, 1 / 4, 2 / 4, 3 / 4, 4 / 5, 5 / 6, 6 / 7, 1.0]
 
 
 def test_the_rest_takes_as_long_as_what_is_done(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -53,3 +73,31 @@ def test_the_rest_takes_as_long_as_what_is_done(monkeypatch: pytest.MonkeyPatch)
     stage.at(0.25)
     assert shown == ["reading", "reading ━━━━━╌╌╌╌╌╌╌╌╌╌╌╌╌╌╌ 25 %, 30 s left"]
     assert time_words(180.0) == "3 min"
+
+
+def test_words_change_while_nobody_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A time left runs down, a name makes room for the bar, and of unknown work it is said how long it has taken."""
+    now = [100.0]
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
+    stage = Stage[str](lambda _: None)
+    stage.begin("adjustment")
+    now[0] = 101.0
+    assert stage.words() == "adjustment"
+    now[0] = 105.0
+    assert stage.words() == "adjustment, 5 s so far"
+    stage.begin("reading")
+    stage.at(0.0)
+    now[0] = 115.0
+    stage.at(0.25)
+    now[0] = 120.0
+    assert stage.words().endswith("25 %, 25 s left")
+    stage.begin("the next of several in a loop, which has a rather long name of its own")
+    assert stage.words(77) == "the next of several in a loop, which ha… ━━━━━╌╌╌╌╌╌╌╌╌╌╌╌╌╌╌ 25 %, 25 s left"
+    assert len(stage.words(77)) == 77
+    now[0] = 200.0
+    assert stage.words().endswith("0 s left")
+    stage.at(1.0)
+    now[0] = 201.0
+    assert stage.words(20) == "the ne…, 96 s so far"
+    stage.begin("writing")
+    assert stage.words() == "writing"

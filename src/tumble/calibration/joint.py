@@ -58,9 +58,10 @@ from tumble.calibration.optional_terms import (
 )
 from tumble.calibration.outcome.estimate import JointOutcome, joint_estimate
 from tumble.calibration.prior import StableKnowledge
-from tumble.calibration.procedures.hand_held import add_time_lag
+from tumble.calibration.procedures.hand_held import USUAL_STEPS, add_time_lag
 from tumble.calibration.start import gather_what_there_is, rough_start, rough_variances, start_adjustment
 from tumble.calibration.terms import TERMS
+from tumble.counting import about
 from tumble.earth import Site
 from tumble.errors import ConvergenceError, ObservabilityError
 from tumble.estimation.balance import Balanced, Noise
@@ -151,9 +152,10 @@ def calibrate_joint(
         optional_terms, known = False, []
     task.unknowns = task.unknowns.with_free(unknowns_with(plain, known))
     of_table = _seen_on_table(task) if optional_terms and has_gyro and data.rotations else []
-    task, balanced, fresh = _settled_from(
-        task, of_table, lambda: rough_start(recording, timeline, means, site), a_start=bool(known)
-    )
+    with about(USUAL_STEPS):
+        task, balanced, fresh = _settled_from(
+            task, of_table, lambda: rough_start(recording, timeline, means, site), a_start=bool(known)
+        )
     tests: list[TermTest] = []
     untried: list[str] = []
     if optional_terms:
@@ -428,14 +430,16 @@ def _with_terms(
     names: list[str] = _determined(task, fresh, plain, offered)
     untried = [name for name in offered if name not in names]
     limits, tests = term_limits(offered), dict[str, TermTest]()
-    without = _without_terms(task, base, fresh, plain)
-    names = _not_needless(*without, plain, names, tests, limits, sought)
+    with about(USUAL_STEPS):
+        without = _without_terms(task, base, fresh, plain)
+        names = _not_needless(*without, plain, names, tests, limits, sought)
     while names:
         say(f"optional terms: {len(names)} of {len(offered)} in question")
         trial = _from_before(task, fresh, unknowns_with(plain, names))
         trial.prior = together(trial.prior, terms_prior(trial.unknowns))
         try:
-            balanced = balance_recording(trial)
+            with about(USUAL_STEPS):
+                balanced = balance_recording(trial)
         except (ObservabilityError, ConvergenceError):
             # Where the equations are bent, what is determined to first order may not be.
             untried.append(max(names, key=gives_way))

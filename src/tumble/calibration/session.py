@@ -7,6 +7,7 @@ from dataclasses import field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+from tumble.counting import part
 from tumble.earth import Site
 from tumble.errors import UsageError
 from tumble.recording.recording import Recording
@@ -110,7 +111,10 @@ class Session:
         """Means of the holds, with their covariances."""
         from tumble.segmentation import observe_holds
 
-        return observe_holds(self.recording, self.timeline)
+        with part(0.0, 0.3):
+            timeline = self.timeline
+        with part(0.3, 1.0):
+            return observe_holds(self.recording, timeline)
 
     @cached_property
     def matching(self) -> Matching | None:

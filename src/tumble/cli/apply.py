@@ -55,6 +55,7 @@ def apply_command(
     from tumble.workflows.apply import apply
 
     with progress(printed.silent) as tell:
+        tell("reading")
         done = apply(
             calibration,
             recordings,

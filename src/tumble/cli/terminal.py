@@ -291,11 +291,18 @@ def progress(quiet: bool) -> Generator[Callable[[str], None], None, None]:
         yield lambda _: None
         return
     from rich.console import Console
+    from rich.text import Text
 
-    with Console(stderr=True).status("starting") as status:
-        stage = Stage[str](lambda words: status.update(plain(words)))
-        with listening(stage.at):
-            yield stage.begin
+    class Words:
+        """What is said at each moment: times left grow shorter by themselves."""
+
+        def __rich__(self) -> Text:
+            return Text(plain(stage.words(shown.width - 3)))  # a sign that turns stands before it
+
+    stage, shown = Stage[str](lambda _: None), Console(stderr=True)
+    stage.begin("starting")
+    with shown.status(Words()), listening(stage.at):
+        yield stage.begin
 
 
 def results_stand() -> None:

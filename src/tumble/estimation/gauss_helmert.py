@@ -18,6 +18,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from tumble.arrays import AnyArray, Series, Square
+from tumble.counting import stepped
 from tumble.errors import ConvergenceError, ObservabilityError
 from tumble.estimation.block_chain import BlockChain
 from tumble.records import dataclass
@@ -139,6 +140,7 @@ def adjust(
     parameters = start.astype(float)
     step_before = np.inf
     for iteration in range(1, iterations + 1):
+        stepped()
         linear = conditions.linearise(parameters)
         if not (np.all(np.isfinite(linear.misclosure)) and np.all(np.isfinite(linear.covariance))):
             raise ConvergenceError("The adjustment diverged: its unknowns left all bounds.")

@@ -8,6 +8,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 
 from tumble.arrays import Series, Square
+from tumble.counting import stepped
 from tumble.errors import ConvergenceError, ObservabilityError
 from tumble.estimation.chain import Chain, Eliminated, Stretch
 from tumble.estimation.gauss_helmert import Prior, invert_normal_matrix
@@ -69,6 +70,7 @@ def linearise(task: Adjustable) -> tuple[Eliminated, Square, Series]:
     ObservabilityError
         If a node is not determined.
     """
+    stepped()
     unknowns = task.unknowns
     chain = Chain.of(task.stretch(), task.state, unknowns.free.size).eliminated()
     normal, gradient = chain.matrix, chain.right

@@ -179,6 +179,7 @@ def characterise_blocks(
     factors, units = factors_of(first, suitability.channels)
     averages = average_blocks(blocks, survey, suitability, factors, slopes, kind, taus, say)
     said += _say_taus(taus, averages.curve)
+    say("finding the terms")
     duration = survey.stop_time - survey.start_time
     return _gathered(
         suitability,

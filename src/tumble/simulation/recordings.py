@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tumble.arrays import AnyArray, Series, Vectors
+from tumble.counting import counted, part
 from tumble.earth.site import Site
 from tumble.errors import UsageError
 from tumble.protocol.steps import Step
@@ -135,14 +136,18 @@ def simulate_recording(
     regular = start + np.arange(int(np.floor((stop - start) * rate)) + 1) / rate
     middle = 0.5 * (regular[:-1] + regular[1:])
     edges = scatter_instants(regular, rate, chain.sampling_jitter, rng)
-    force, angular_rate = _sample(motion, edges, site)
+    with part(0.0, 0.3):
+        force, angular_rate = _sample(motion, edges, site)
     model = grade.simulate_model(rng) if grade is not None and distort is None else None
     distort = model.distort if model is not None else distort
-    raw_force, raw_rate = (force, angular_rate) if distort is None else distort(force, angular_rate)
+    with part(0.3, 0.5):
+        raw_force, raw_rate = (force, angular_rate) if distort is None else distort(force, angular_rate)
     wander = (np.zeros_like(raw_force), np.zeros_like(raw_rate))
     if grade is not None:
-        raw_force, force_wander = _sensed(raw_force, grade.accelerometer.noise, rate, rng)
-        raw_rate, rate_wander = _sensed(raw_rate, grade.gyroscope.noise, rate, rng)
+        with part(0.5, 0.7):
+            raw_force, force_wander = _sensed(raw_force, grade.accelerometer.noise, rate, rng)
+        with part(0.7, 1.0):
+            raw_rate, rate_wander = _sensed(raw_rate, grade.gyroscope.noise, rate, rng)
         wander = (force_wander, rate_wander)
     raw_force = count_increments(raw_force, rate, chain.velocity_increment)
     raw_rate = count_increments(raw_rate, rate, chain.angle_increment)
@@ -167,7 +172,8 @@ def _sample(motion: Motion, edges: Series, site: Site) -> tuple[Vectors, Vectors
     """Return specific force at each interval's middle and mean rate over it, a block of samples at a time."""
     samples = len(edges) - 1
     force, angular_rate = np.empty((samples, 3)), np.empty((samples, 3))
-    for first in range(0, samples, BLOCK):
+    blocks = range(0, samples, BLOCK)
+    for first in counted(blocks, len(blocks)):
         ends = edges[first : first + BLOCK + 1]
         part = slice(first, first + len(ends) - 1)
         force[part] = motion.specific_force_b(0.5 * (ends[:-1] + ends[1:]), site)

@@ -106,10 +106,10 @@ def analyse_noise(
             "A Recording was read already: say columns, units, rate and topics when it is read, not afterwards."
         )
     listed = [] if isinstance(paths, Recording) else recording_inputs(paths)
+    say("reading")
     if stream or (stream is None and sum(map(_numbers_in, listed)) > STREAMED_ABOVE):
         noise = characterise_blocks(lambda: read_blocks(listed, **said), **how, progress=say)
     else:
-        say("reading")
         recording = paths if isinstance(paths, Recording) else read_recording(listed, **said)
         say("averaging")
         noise = characterise(recording, **how)

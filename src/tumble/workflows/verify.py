@@ -15,6 +15,7 @@ from tumble.calibration.checks.scores import hold_norm_errors, score_turns
 from tumble.calibration.equations.gathering import gather
 from tumble.calibration.poses import distinct_poses
 from tumble.calibration.verdict import two_digits
+from tumble.counting import part
 from tumble.document import Calibration, read_calibration
 from tumble.earth import Site
 from tumble.errors import CalibrationFileError, RecordingError
@@ -172,8 +173,10 @@ def verify(
             words = about_temperature(document, None, recorded_span(recording, temperature))
         say("finding holds and turns")
         given = None if intervals is None else read_intervals(Path(intervals))
-        timeline = find_timeline(scaled, intervals=given)
-        result = _verification(document, model, place, scaled, timeline, temperature)
+        with part(0.0, 0.3):
+            timeline = find_timeline(scaled, intervals=given)
+        with part(0.3, 1.0):
+            result = _verification(document, model, place, scaled, timeline, temperature)
         steps = find_steps_of_two(_corrected(model, scaled))
         result.fit = result.fit and not steps
         result.reasons = [*steps, *result.reasons, *words]

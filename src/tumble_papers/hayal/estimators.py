@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from tumble.calibration.closed_forms.norm_batch import ESTIMATORS
+from tumble.counting import counted
 from tumble.earth.site import EARTH_RATE
 from tumble.reproduction.outcome import INSIDE, OUTSIDE, Outcome, Row
 from tumble_papers.hayal.thesis_simulation import RATE_NOISE, RATE_NOISE_HG1900, run_setting, table_setting
@@ -79,16 +80,16 @@ def reproduce_norm_bias(repetitions: int, seed: int) -> Outcome:
     """
     rows: list[Row] = []
     square = (RATE_NOISE / np.sqrt(180.0) / EARTH_RATE) ** 2
-    for attitudes in (26, 208):
-        for estimator, words in ESTIMATORS.items():
-            setting = replace(table_setting("4.4", 2), attitudes=attitudes, estimator=estimator)
-            # The same noise for every estimator: their differences are then far better known.
-            rng = np.random.Generator(np.random.SFC64([seed, attitudes]))
-            runs = run_setting(setting, repetitions, rng)
-            scale = 1e6 * runs.differences[runs.usable, 3:6]
-            mean = float(scale.mean())
-            sigma = float(scale.mean(axis=1).std() / np.sqrt(max(scale.shape[0] - 1, 1)))
-            rows.append(_bias_row(attitudes, estimator, words, mean, sigma, float(scale.std()), square))
+    tried = [(attitudes, *one) for attitudes in (26, 208) for one in ESTIMATORS.items()]
+    for attitudes, estimator, words in counted(tried, sum(a for a, *_ in tried), lambda one: one[0]):
+        setting = replace(table_setting("4.4", 2), attitudes=attitudes, estimator=estimator)
+        # The same noise for every estimator: their differences are then far better known.
+        rng = np.random.Generator(np.random.SFC64([seed, attitudes]))
+        runs = run_setting(setting, repetitions, rng)
+        scale = 1e6 * runs.differences[runs.usable, 3:6]
+        mean = float(scale.mean())
+        sigma = float(scale.mean(axis=1).std() / np.sqrt(max(scale.shape[0] - 1, 1)))
+        rows.append(_bias_row(attitudes, estimator, words, mean, sigma, float(scale.std()), square))
     return Outcome(
         "hayal-norm-bias",
         "Mean error of the gyros' scale factors on the Earth's rate, nine parameters",

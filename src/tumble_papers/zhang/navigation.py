@@ -12,7 +12,7 @@ from functools import lru_cache
 import numpy as np
 
 from tumble.arrays import AnyArray, Series, Table
-from tumble.counting import counted
+from tumble.counting import counted, part
 from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED, Curve, Outcome, Plot, Row
 from tumble.units import STANDARD_GRAVITY
 from tumble_papers.published import zhang
@@ -93,15 +93,17 @@ def run_test(name: str, units: int, seed: int) -> NavigatedUnits:
     units, seed : as for `calibrate_units`.
     """
     setting, true = paper_setting(), true_test(name)
-    found = calibrate_units(units, seed)
+    with part(0.0, 0.3):
+        found = calibrate_units(units, seed)
     errors: dict[str, list[Series]] = {method: [] for method in found}
     time = np.zeros(0)
-    for unit in range(units):
-        rng = np.random.default_rng([seed, ("I", "II").index(name), unit])
-        raw = measured(true, setting.unit, setting, rng)
-        for method, parameters in found.items():
-            time, off = navigate_test(raw, model_of(parameters[unit]))
-            errors[method].append(np.hypot(off[:, 0], off[:, 1]))
+    with part(0.3, 1.0):
+        for unit in counted(range(units), units):
+            rng = np.random.default_rng([seed, ("I", "II").index(name), unit])
+            raw = measured(true, setting.unit, setting, rng)
+            for method, parameters in found.items():
+                time, off = navigate_test(raw, model_of(parameters[unit]))
+                errors[method].append(np.hypot(off[:, 0], off[:, 1]))
     return NavigatedUnits(time, {method: np.array(rows) for method, rows in errors.items()})
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Series
 from tumble.calibration.closed_forms.separate_norms import ellipsoid_from_norms
+from tumble.counting import part
 from tumble.errors import ObservabilityError
 from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED, Outcome, Row
 from tumble.units import ARCSECOND
@@ -296,13 +297,14 @@ def reproduce_table_5(repetitions: int, seed: int) -> Outcome:
     printed = zhang()["tables"]["5"]
     rows: list[Row] = []
     scatters: dict[str, Series] = {}
-    for part, (name, orientations) in enumerate(SETS.items()):
+    for number, (name, orientations) in enumerate(SETS.items()):
         setting = table_setting("5", orientations)
         refused = refusal(setting)
         if refused:
             rows.append(_refused_row(name, printed, refused))
             continue
-        statistics = simulate(setting, repetitions, _generator(seed, "5", part))
+        with part(number / len(SETS), (number + 1) / len(SETS)):
+            statistics = simulate(setting, repetitions, _generator(seed, "5", number))
         found = triad_parameters(*ellipsoid_from_norms(statistics.force, GRAVITY))
         sigma = standard_deviation(in_paper_units(found, unit_parameters(setting.unit)[:9]))
         scatters[name] = sigma

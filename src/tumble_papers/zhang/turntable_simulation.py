@@ -21,6 +21,7 @@ from functools import cached_property
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrix, Series, Vector, Vectors
+from tumble.counting import counted
 from tumble.earth.site import EARTH_RATE
 from tumble.sensor.conventions.zhang import inter_triad_rotation, matrix_from_zhang
 from tumble.units import ARCSECOND, DEGREE_PER_HOUR
@@ -312,7 +313,7 @@ def _draw_samples(
 
     pool = ThreadPoolExecutor(threads or os.cpu_count() or 1)
     try:
-        list(pool.map(play, range(runs)))
+        list(counted(pool.map(play, range(runs)), runs))
     finally:  # who stops a long study does not wait for all of it
         pool.shutdown(cancel_futures=True)
     return means, integrals.reshape(runs, rotations, 2, 3), scatter.reshape(runs, rotations, 2, 3, 3)

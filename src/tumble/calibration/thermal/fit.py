@@ -13,6 +13,7 @@ from tumble.calibration.thermal.evidence import Candidate
 from tumble.calibration.thermal.layout import Layout, ThermalTerms
 from tumble.calibration.thermal.points import ThermalPoints
 from tumble.calibration.thermal.wander import Levels, WanderingConditions, find_levels
+from tumble.counting import counted, part
 from tumble.errors import ConvergenceError, ObservabilityError
 from tumble.estimation import Adjustment, Prior, adjust
 from tumble.records import dataclass
@@ -234,20 +235,23 @@ def choose_terms(
     simple = replace(terms, basis=bases[0][1], matrix_functions=0)
     levels = _least_levels(points, terms, where, [basis for _, basis in bases])
     tried: list[tuple[Candidate, ThermalTerms]] = []
-    for name, basis in bases:
-        matrix = 0 if terms.poses == 0 else (1 if basis.kind == "polynomial" else basis.size)
-        offered = replace(terms, basis=basis, matrix_functions=matrix)
-        tried += _tried(name, points, offered, where, folds, soaks, levels)
+    with part(0.15, 0.7):
+        for name, basis in counted(bases, len(bases)):
+            matrix = 0 if terms.poses == 0 else (1 if basis.kind == "polynomial" else basis.size)
+            offered = replace(terms, basis=basis, matrix_functions=matrix)
+            tried += _tried(name, points, offered, where, folds, soaks, levels)
     if not folds or not tried:
         chosen = replace(simple, matrix_functions=min(1, terms.poses))
         return _possible(points, chosen, where), []
     best = _simplest(tried)
     more: list[tuple[Candidate, ThermalTerms]] = []
     if terms.poses and best.basis.kind == "polynomial":
-        for count in range(min(best.basis.size, 2) + 1):
-            name = f"{name_of(best.basis)}, accelerometer matrix of order {count}"
-            offered = replace(best, matrix_functions=count)
-            more += _tried(name, points, offered, where, folds, soaks, levels)
+        counts = range(min(best.basis.size, 2) + 1)
+        with part(0.7, 0.9):
+            for count in counted(counts, len(counts)):
+                name = f"{name_of(best.basis)}, accelerometer matrix of order {count}"
+                offered = replace(best, matrix_functions=count)
+                more += _tried(name, points, offered, where, folds, soaks, levels)
     chosen = _simplest(more) if more else best
     words = [candidate for candidate, _ in (*tried, *more)]
     pairs = [*tried, *more]

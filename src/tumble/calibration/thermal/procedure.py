@@ -48,6 +48,7 @@ from tumble.calibration.thermal.model import (
 from tumble.calibration.thermal.points import ThermalPoints, find_points
 from tumble.calibration.thermal.summary import thermal_estimate, thermal_evidence
 from tumble.calibration.thermal.turns import TurnedMatrix, estimate_turned_matrix
+from tumble.counting import about
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ConvergenceError, ObservabilityError
 from tumble.protocol.steps import Protocol
@@ -63,6 +64,8 @@ LAGS, WIDTHS = (0.0, 15.0, 30.0, 60.0, 120.0, 240.0), (2.0, 5.0, 10.0)
 FALSE_ALARM, EASY_ALARM = 0.01, 0.5
 # Sensors may be so far behind a thermometer that still moves, or depend on the rate as much.
 UNSETTLED_SECONDS = 60.0
+# Of the last adjustments: two sweeps took 32 and 38.
+USUAL_STEPS = 35
 
 
 def calibrate_thermal(
@@ -117,7 +120,8 @@ def calibrate_thermal(
     if coverage.kind == "soak" or not coverage.both_branches:
         terms = replace(terms, doubt=_doubt(kept, terms, where, coverage))
     say("adjusting")
-    fit, tests = _with_path(kept, terms, where, coverage)
+    with about(USUAL_STEPS):
+        fit, tests = _with_path(kept, terms, where, coverage)
     fit, doubts = _with_doubts(fit, where, coverage)
     lag, width = fit.conditions.lag_and_width(fit.values)
     solved = partial(

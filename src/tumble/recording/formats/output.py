@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 
 from tumble.arrays import Series
+from tumble.counting import counted
 from tumble.errors import OutputError, UsageError
 from tumble.files import written_beside
 from tumble.recording.formats.parquet_plain import UNITS_KEY
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 
 
 ENDINGS = (".csv", ".parquet", ".pq")
+_ROWS = 1_000_000  # of a CSV, written at a time
 
 
 FIELD_STAMPS = "mag_time"
@@ -153,7 +155,10 @@ def write_blocks(
                 frame = frame_of(
                     block, marks, all_units=all_units, magnetometer=magnetometer, stamped=stamped
                 )
-                frame.write_csv(file, include_header=number == 0)
+                pieces = range(0, max(frame.height, 1), _ROWS)
+                for first in counted(pieces, len(pieces)) if len(pieces) > 1 else pieces:
+                    header = number == 0 and first == 0
+                    frame.slice(first, _ROWS).write_csv(file, include_header=header)
         else:
             folder = target.parent
             _write_parquet(blocks, file, folder, marks, magnetometer=magnetometer, stamped=stamped)

@@ -10,6 +10,7 @@ import numpy as np
 
 from tumble.arrays import Series
 from tumble.calibration.verdict import two_digits
+from tumble.counting import counted
 from tumble.document import Calibration, read_calibration
 from tumble.errors import RecordingError, UsageError
 from tumble.navigation import (
@@ -180,7 +181,7 @@ def _navigated(
     seconds = _seconds(lengths, float(reference.time[-1] - reference.time[0]))
     results: list[PartResult] = []
     why = ""
-    for part in parts:
+    for part in counted(parts, len(parts)):
         say(part.part)
         told = task.knowing(part)
         mine = drive if part.part == WHOLE else drive.with_samples(part.samples)
@@ -188,6 +189,7 @@ def _navigated(
         drift = free_drift(part.samples, reference, seconds.tolist(), every=_every(drive), gaps=gaps)
         results.append(_result(part.part, mine, told, run, drift, lengths))
         why = about_innovations(mine, run)
+    say("with free biases")
     free = drive.run(_free_biases(own, task.grade), interval=1.0)
     lost = no_proof(free) and next(result for result in results if result.part == AT_REST).no_proof
     if lost:
