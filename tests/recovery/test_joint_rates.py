@@ -119,9 +119,10 @@ def test_what_the_accelerometers_show_on_a_table_depends_on_the_axis_that_the_gy
         return windows.linearise(moved)[0]
 
     difference = (shown(1e-6).residual - shown(-1e-6).residual) / 2e-6
-    place = windows.layout.earth.stop + task.unknowns.free.tolist().index(index)
+    made, column = shown(0.0), windows.layout.earth.stop + task.unknowns.free.tolist().index(index)
     # Of what is along the axis, a share of gravity's part across it is left out, which half a degree off is 0.09.
-    np.testing.assert_allclose(shown(0.0).by_border[:, :, place], difference, atol=0.03)
+    place = made.columns.tolist().index(column)
+    np.testing.assert_allclose(made.by_border[:, :, place], difference, atol=0.03)
 
 
 def test_a_spin_with_a_gap_breaks_the_section_and_gives_no_rate() -> None:

@@ -471,7 +471,8 @@ class Spread:
         term : of the chain.
         last : how many of the border's unknowns.
         """
-        made = self.border[len(self.border) - last :] @ np.swapaxes(term.by_border, 1, 2)
+        columns = term.linear.columns
+        made = self.border[len(self.border) - last :, columns] @ np.swapaxes(term.by_border, 1, 2)
         for by, at in ((term.by_node, term.linear.node), (term.by_next, term.linear.node + 1)):
             if by is not None:
                 made = made + np.swapaxes(by @ self._with_shared(last)[at], 1, 2)
@@ -479,14 +480,14 @@ class Spread:
 
     def taken(self, term: Whitened) -> AnyArray:
         """Return (terms, m, m) the whitened covariance of the adjusted observations."""
-        by_border, node = term.by_border, term.linear.node
-        whole = by_border @ self.border @ np.swapaxes(by_border, 1, 2)
+        by_border, node, columns = term.by_border, term.linear.node, term.linear.columns
+        whole = by_border @ self.border[np.ix_(columns, columns)] @ np.swapaxes(by_border, 1, 2)
         if not node.size:
             return whole
         own, following, with_border = self._nodes_from(int(np.min(node)))
         for by, at in ((term.by_node, node), (term.by_next, node + 1)):
             if by is not None:
-                cross = by @ with_border[at] @ np.swapaxes(by_border, 1, 2)
+                cross = by @ with_border[at][:, :, columns] @ np.swapaxes(by_border, 1, 2)
                 whole = whole + by @ own[at] @ np.swapaxes(by, 1, 2) + cross + np.swapaxes(cross, 1, 2)
         if term.by_node is not None and term.by_next is not None:
             cross = term.by_node @ following[node] @ np.swapaxes(term.by_next, 1, 2)

@@ -31,12 +31,13 @@ class Linear:
     ----------
     residual : (terms, m) predicted minus observed.
     covariance : (terms, m, m) of the observations.
-    by_border : (terms, m, border) derivatives by the chain's border: its own unknowns, then those outside.
+    by_border : (terms, m, columns) derivatives by the chain's border: its own unknowns, then those outside.
     node : (terms,) the node that each depends on; empty for terms of the border alone.
     by_node, by_next : (terms, m, size) derivatives by that node, and by the one after it; None without.
     active : (terms,) of bool, whether each takes part; None for all.
     counted : how many observations they are, if not as many as active residuals.
     by_bias : (terms, m, axes) derivatives by the bias whose wander the terms show; None if they show none.
+    columns : (columns,) which unknowns of the border `by_border` is by; all, if none are given.
     """
 
     residual: AnyArray
@@ -48,6 +49,12 @@ class Linear:
     active: np.ndarray | None = None
     counted: int | None = None
     by_bias: AnyArray | None = None
+    columns: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=int))
+
+    def __post_init__(self) -> None:
+        """Take all columns where none are named."""
+        if not self.columns.size:
+            self.columns = np.arange(self.by_border.shape[2])
 
     @property
     def weighed(self) -> AnyArray:
@@ -69,7 +76,7 @@ class Linear:
         """What terms have in common that can stand in the same arrays."""
         derivatives = self.by_node, self.by_next, self.by_bias
         widths = (None if of is None else of.shape[1:] for of in derivatives)
-        return self.residual.shape[1], self.node.size > 0, *widths
+        return self.residual.shape[1], self.node.size > 0, self.columns.tobytes(), *widths
 
     def part(self, at: slice, first: int) -> Linear:
         """Return some of the terms, of a chain whose nodes begin at `first`; `counted` stays behind."""
@@ -79,7 +86,7 @@ class Linear:
         )
         node = self.node[at] - first if self.node.size else self.node
         given = self.residual[at], self.covariance[at], self.by_border[at]
-        return Linear(*given, node, by_node, by_next, active, by_bias=by_bias)
+        return Linear(*given, node, by_node, by_next, active, by_bias=by_bias, columns=self.columns)
 
     @staticmethod
     def together(parts: Sequence[Linear]) -> Linear:
@@ -97,6 +104,7 @@ class Linear:
             active=None if all(p.active is None for p in parts) else np.concatenate(every),
             counted=None if all(p.counted is None for p in parts) else sum(p.observations for p in parts),
             by_bias=joined("by_bias"),
+            columns=parts[0].columns,
         )
 
 

@@ -81,6 +81,7 @@ def _substitute(
 def add_to_nodes(
     node: cython.const[cython.longlong][:],
     residual: cython.const[cython.double][:, :],
+    columns: cython.const[cython.longlong][::1],
     by_border: cython.const[cython.double][:, :, ::1],
     by: cython.const[cython.double][:, :, ::1],
     by_before: cython.const[cython.double][:, :, ::1],
@@ -91,7 +92,7 @@ def add_to_nodes(
 ) -> None:
     """Add what whitened residuals say of the nodes that they depend on: products of `by` with all that they depend on.
 
-    `lower` gets those with `by_before`, in the row before the node's.
+    `by_border` is by some `columns` of the border. `lower` gets those with `by_before`, in the row before the node's.
     """
     terms, m, size = by.shape[0], by.shape[1], by.shape[2]
     b, before = by_border.shape[2], by_before.shape[2]
@@ -105,7 +106,7 @@ def add_to_nodes(
                         continue
                     gradient[k, i] += factor * residual[t, r]
                     for j in range(b):
-                        border[k, i, j] += factor * by_border[t, r, j]
+                        border[k, i, columns[j]] += factor * by_border[t, r, j]
                     for j in range(size):
                         diagonal[k, i, j] += factor * by[t, r, j]
                     for j in range(before):
@@ -113,23 +114,48 @@ def add_to_nodes(
 
 
 def add_to_border(
+    chain: cython.const[cython.longlong][:],
     residual: cython.const[cython.double][:, :],
+    columns: cython.const[cython.longlong][::1],
     by_border: cython.const[cython.double][:, :, ::1],
-    corner: cython.double[:, ::1],
-    gradient: cython.double[::1],
+    corner: cython.double[:, :, ::1],
+    gradient: cython.double[:, ::1],
 ) -> None:
-    """Add what whitened residuals say of the border, `corner` (b, b) and `gradient` (b,); zeros cost nothing."""
+    """Add what whitened residuals say of the borders of chains, `corner` (chains, b, b) and `gradient` (chains, b).
+
+    Zeros cost nothing.
+    """
     terms, m, b = by_border.shape[0], by_border.shape[1], by_border.shape[2]
     with cython.nogil:
         for t in range(terms):
+            k = chain[t]
             for r in range(m):
                 for i in range(b):
                     factor = by_border[t, r, i]
                     if factor == 0.0:
                         continue
-                    gradient[i] += factor * residual[t, r]
+                    gradient[k, columns[i]] += factor * residual[t, r]
                     for j in range(b):
-                        corner[i, j] += factor * by_border[t, r, j]
+                        corner[k, columns[i], columns[j]] += factor * by_border[t, r, j]
+
+
+def add_squares(
+    chain: cython.const[cython.longlong][:],
+    columns: cython.const[cython.longlong][::1],
+    square: cython.const[cython.double][:, :, ::1],
+    right: cython.const[cython.double][:, :],
+    corner: cython.double[:, :, ::1],
+    gradient: cython.double[:, ::1],
+) -> None:
+    """Add squares (members, b, b) and right sides (members, b) to some `columns` of the borders of some chains."""
+    members, b = square.shape[0], square.shape[1]
+    with cython.nogil:
+        for c in range(members):
+            k = chain[c]
+            for i in range(b):
+                gradient[k, columns[i]] += right[c, i]
+                for j in range(b):
+                    corner[k, columns[i], columns[j]] += square[c, i, j]
 
 
 def eliminate(

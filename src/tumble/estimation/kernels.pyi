@@ -6,11 +6,13 @@ import numpy as np
 import numpy.typing as npt
 
 Floats: TypeAlias = npt.NDArray[np.float64]
+Indices: TypeAlias = npt.NDArray[np.int64]
 
 def whiten(covariance: Floats, given: list[Floats], root: Floats, white: list[Floats]) -> int: ...
 def add_to_nodes(
-    node: npt.NDArray[np.int64],
+    node: Indices,
     residual: Floats,
+    columns: Indices,
     by_border: Floats,
     by: Floats,
     by_before: Floats,
@@ -19,7 +21,12 @@ def add_to_nodes(
     diagonal: Floats,
     lower: Floats,
 ) -> None: ...
-def add_to_border(residual: Floats, by_border: Floats, corner: Floats, gradient: Floats) -> None: ...
+def add_to_border(
+    chain: Indices, residual: Floats, columns: Indices, by_border: Floats, corner: Floats, gradient: Floats
+) -> None: ...
+def add_squares(
+    chain: Indices, columns: Indices, square: Floats, right: Floats, corner: Floats, gradient: Floats
+) -> None: ...
 def eliminate(diagonal: Floats, lower: Floats, border: Floats, gradient: Floats) -> int: ...
 def substitute(
     diagonal: Floats, lower: Floats, border: Floats, gradient: Floats, corner_step: Floats, steps: Floats

@@ -108,6 +108,7 @@ class Rows:
         if len(borders) != len(self.stops):
             raise ValueError("chains that are side by side move together")
         term = self.whitened
+        borders = borders[:, term.linear.columns]
         if len(borders) == 1:
             moved = term.by_border @ borders[0]
         else:
@@ -160,31 +161,33 @@ class Sums:
 
     def add(self, rows: Rows) -> None:
         """Add whitened residuals that depend on a node and the next one at most, and on the border."""
-        from tumble.estimation.kernels import add_to_border, add_to_nodes
+        from tumble.estimation.kernels import add_squares, add_to_border, add_to_nodes
 
         term, sums = rows.whitened, (self.gradient, self.border, self.diagonal, self.lower)
-        node, residual, by_border = term.linear.node, term.residual, term.by_border
+        node, columns = term.linear.node, term.linear.columns
+        residual, by_border = term.residual, term.by_border
         self.rows.append(rows)
+        counts = np.diff(rows.stops, prepend=0)
         if not node.size:
             # What is observed of the border alone is of a few of its unknowns each.
-            for chain, (corner, gradient) in enumerate(zip(self.corner, self.corner_gradient, strict=True)):
-                at = rows.at(chain)
-                add_to_border(residual[at], by_border[at], corner, gradient)
+            chain = np.repeat(np.arange(counts.size), counts)
+            add_to_border(chain, residual, columns, by_border, self.corner, self.corner_gradient)
             return
         nothing = np.empty((len(residual), residual.shape[1], 0))
         if term.by_node is not None:
-            add_to_nodes(node, residual, by_border, term.by_node, nothing, *sums)
+            add_to_nodes(node, residual, columns, by_border, term.by_node, nothing, *sums)
         if term.by_next is not None:
             before = nothing if term.by_node is None else term.by_node
-            add_to_nodes(node + 1, residual, by_border, term.by_next, before, *sums)
-        # Of a rotation's border, each kind depends on a few unknowns.
-        used = np.flatnonzero(by_border.any(axis=(0, 1)))
-        flat, places = by_border[:, :, used], np.ix_(used, used)
-        for chain, (corner, gradient) in enumerate(zip(self.corner, self.corner_gradient, strict=True)):
-            at = rows.at(chain)
-            own = flat[at].reshape((at.stop - at.start) * residual.shape[1], used.size)
-            corner[places] += own.T @ own
-            gradient[used] += own.T @ residual[at].ravel()
+            add_to_nodes(node + 1, residual, columns, by_border, term.by_next, before, *sums)
+        for count in sorted({*counts.tolist()} - {0}):
+            # Chains with as many terms at once.
+            chain = np.flatnonzero(counts == count)
+            at = np.ravel(np.asarray(rows.stops)[chain, None] + np.arange(-count, 0))
+            size = chain.size, count * residual.shape[1]
+            flat = (by_border if at.size == len(residual) else by_border[at]).reshape(*size, columns.size)
+            across = np.swapaxes(flat, 1, 2)
+            right = (across @ residual[at].reshape(*size, 1))[:, :, 0]
+            add_squares(chain, columns, across @ flat, right, self.corner, self.corner_gradient)
 
     def add_all(self, given: Sequence[Sequence[Equations]], state: Any) -> None:
         """Add what is observed along each chain, all of one kind at once.

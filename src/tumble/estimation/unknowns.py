@@ -157,13 +157,30 @@ class Unknowns:
         """
         first = next(iter(derivatives.values()))
         made = np.zeros((*first.shape[:2], before + self.free.size))
+        by, at = self.beside([(slice(0), first[:, :, :0])], derivatives, before)
+        made[:, :, at] = by
+        return made
+
+    def beside(
+        self, own: Sequence[tuple[slice, AnyArray]], derivatives: Mapping[str, AnyArray], before: int
+    ) -> tuple[AnyArray, np.ndarray]:
+        """Return derivatives (terms, m, columns) by a part of a chain's border, and which columns these are.
+
+        Parameters
+        ----------
+        own : columns in front of the shared unknowns, with (terms, m, ...) derivatives.
+        derivatives : block -> (terms, m, unknowns of the block), of shared unknowns; those that are free are taken.
+        before : how many columns are in front.
+        """
+        columns = [np.r_[at] for at, _ in own]
+        parts = [by for _, by in own]
         for name, by in derivatives.items():
             place, (low, high) = self.layout[name], self._free_of(name)
-            if high - low == place.stop - place.start:
-                made[:, :, before + low : before + high] = by
-            elif high > low:
-                made[:, :, before + low : before + high] = by[:, :, self.free[low:high] - place.start]
-        return made
+            if high > low:
+                columns.append(np.arange(before + low, before + high))
+                whole = high - low == place.stop - place.start
+                parts.append(by if whole else by[:, :, self.free[low:high] - place.start])
+        return np.concatenate(parts, axis=2), np.concatenate(columns)
 
     def expanded(self, of_free: Table) -> AnyArray:
         """Return a matrix of all unknowns of one of the free ones, zeros elsewhere."""

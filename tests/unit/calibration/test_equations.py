@@ -158,13 +158,13 @@ def _terms(task: JointAdjustment, *, of_table: bool) -> list[Whitened]:
     return [Whitened.of(e, linear) for e in stretch.equations for linear in e.linearise(task)]
 
 
-def _design(terms: list[Whitened], nodes: int, size: int) -> np.ndarray:
+def _design(terms: list[Whitened], nodes: int, size: int, border: int) -> np.ndarray:
     """Dense whitened derivatives: by all nodes, then by the border."""
     rows: list[np.ndarray] = []
     for term in terms:
         for t in range(len(term.residual)):
-            row = np.zeros((term.residual.shape[1], nodes * size + term.by_border.shape[2]))
-            row[:, nodes * size :] = term.by_border[t]
+            row = np.zeros((term.residual.shape[1], nodes * size + border))
+            row[:, nodes * size + term.linear.columns] = term.by_border[t]
             for by, after in ((term.by_node, 0), (term.by_next, 1)):
                 if by is not None:
                     k = int(term.linear.node[t]) + after
@@ -216,9 +216,11 @@ def test_the_truth_without_noise_leaves_nothing(scenes: dict[str, JointAdjustmen
 def _differences(task: JointAdjustment, *, of_table: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return derivatives (rows, unknowns) as the equations have them and by differences, and the rows' kinds."""
     section: Any = RecordingStretch(task).within[0][1]
-    nodes, size = (section.within[0][1].nodes, 3) if of_table else (section.nodes, NODE)
+    stretch = section.within[0][1] if of_table else section
+    border = (stretch.layout.earth.stop if of_table else 3) + task.unknowns.free.size
     terms = _terms(task, of_table=of_table)
-    exact, roots = _design(terms, nodes, size), [term.root for term in terms]
+    exact = _design(terms, stretch.nodes, stretch.size, border)
+    roots = [term.root for term in terms]
 
     def residuals(step: np.ndarray) -> np.ndarray:
         there = _terms(_moved(task, step, of_table=of_table), of_table=of_table)
@@ -347,7 +349,7 @@ def test_covariances_of_attitudes_are_those_of_a_dense_inverse(scenes: dict[str,
     settled = settled_at(task)
     (_, section) = list(settled.spreads())
     terms = section.chain.chain.terms
-    J = _design(terms, section.chain.chain.stretch.nodes, NODE)
+    J = _design(terms, section.chain.chain.stretch.nodes, NODE, 3 + task.unknowns.free.size)
     scale = np.sqrt(np.sum(J**2, axis=0))
     dense = np.linalg.inv((J / scale).T @ (J / scale)) / np.outer(scale, scale)
     count = NODE * 6

@@ -134,6 +134,11 @@ class Layout:
         return slice(self.own + 3, self.own + 6)
 
     @property
+    def holds(self) -> slice:
+        """Of both attitudes, one after the other."""
+        return slice(self.start.start, self.end.stop)
+
+    @property
     def earth(self) -> slice:
         """Of the section's Earth rate; the shared unknowns follow."""
         return slice(self.own + 6, self.own + 9)
@@ -148,10 +153,6 @@ class RotationEquations(Equations):
         self.layout: Layout = stretch.layout
         self.moving: RotationState = stretch.moving
         self.place = np.array([stretch.k])
-
-    def empty(self, state: JointAdjustment, rows: int, size: int) -> AnyArray:
-        """Return (rows, size, border) derivatives of nothing."""
-        return np.zeros((rows, size, self.layout.earth.stop + state.unknowns.free.size))
 
     def edges(self) -> tuple[Matrix, Matrix]:
         """Return the attitudes at the tail of the hold before and at the head of the hold after."""
@@ -240,15 +241,17 @@ class Windows(AlikeEquations):
         by_output = -by_rate @ np.linalg.inv(gyros.by_true)
         blocks |= {name: by_output @ block for name, block in gyros.by_blocks.items()}
         blocks["clock"] = by_rate @ rates[:, :, None] / (1.0 + u["clock"][0])
-        by_border = u.columns(blocks, layout.earth.stop)
-        by_border[:, :, layout.lever] = shown.by_true @ centripetal
+        wander = np.zeros((len(shapes), 3, layout.wander))
         for axis in range(3):
-            by_border[:, axis, layout.force.start + axis : layout.force.stop : 3] = shapes
+            wander[:, axis, axis::3] = shapes
+        own_parts = [(layout.lever, shown.by_true @ centripetal), (layout.force, wander)]
+        by_border, columns = u.beside(own_parts, blocks, layout.earth.stop)
         by_node = shown.by_true @ backward @ skew(up)
         node = _counted(counts)
         by_bias = np.broadcast_to(np.eye(3), (len(node), 3, 3))
         covariance = cls._covariances(group, counts, state)
-        return [(Linear(residual, covariance, by_border, node, by_node, by_bias=by_bias), counts)]
+        linear = Linear(residual, covariance, by_border, node, by_node, by_bias=by_bias, columns=columns)
+        return [(linear, counts)]
 
     @staticmethod
     def _covariances(group: Sequence[Windows], counts: list[int], state: JointAdjustment) -> Matrices:
@@ -304,11 +307,11 @@ class Links(AlikeEquations):
         shapes = _with_constant(np.concatenate([_modes_of_links(one.spin) for one in group]))
         own = np.repeat(cls.moving_of(group)[:, layout.rate], counts, axis=0)
         residual = shown.value + np.einsum("nij,nj->ni", wander, _wandered(shapes, own))
-        by_border = u.columns(shown.by_blocks, layout.earth.stop)
-        by_border[:, :, layout.rate] = np.einsum("nij,nm->nimj", wander, shapes).reshape(len(own), 3, -1)
-        by_border[:, :, layout.earth] = shown.by_earth
-        by_border[firsts, :, layout.start] = shown.by_start[firsts]
-        by_border[lasts, :, layout.end] = shown.by_end[lasts]
+        by_rate = np.einsum("nij,nm->nimj", wander, shapes).reshape(len(own), 3, -1)
+        by_holds = np.zeros((len(own), 3, 6))
+        by_holds[firsts, :, :3], by_holds[lasts, :, 3:] = shown.by_start[firsts], shown.by_end[lasts]
+        own_parts = [(layout.rate, by_rate), (layout.holds, by_holds), (layout.earth, shown.by_earth)]
+        by_border, columns = u.beside(own_parts, shown.by_blocks, layout.earth.stop)
         edges = np.zeros(len(residual))
         edges[firsts], edges[lasts] = edge_seconds(data, np.array([one.stretch.k for one in group]))
         timing = np.zeros((len(residual), 3))
@@ -326,7 +329,8 @@ class Links(AlikeEquations):
             by_node, by_next = by_node + by_next, None
         most = np.repeat(np.maximum(np.array(counts) - 3, 0), counts)
         node = np.clip(_counted(counts) - 1, 0, most)
-        return Linear(residual, covariance, by_border, node, by_node, by_next, by_bias=wander), counts
+        nodes = node, by_node, by_next
+        return Linear(residual, covariance, by_border, *nodes, by_bias=wander, columns=columns), counts
 
     def drifts(self, state: JointAdjustment, linear: Linear, first: int) -> dict[str, Drift]:
         """Return what wanders faster than the modes."""
@@ -354,23 +358,21 @@ class Axis(AlikeEquations):
         residual = np.einsum("ni,nij->nj", seen - axis_w, basis_w)
         across = np.swapaxes(basis_w, 1, 2)
         by_attitude = -(across @ skews(seen))
-        by_border = group[0].empty(state, len(C), 2)
-        leaning = across @ C @ basis_b, np.broadcast_to(-np.eye(2), (len(C), 2, 2))
-        by_border[:, :, layout.axis] = np.concatenate(leaning, axis=2)
+        leaning = np.concatenate([across @ C @ basis_b, np.broadcast_to(-np.eye(2), (len(C), 2, 2))], axis=2)
         ends = np.zeros(len(C), dtype=bool)
         lasts = begins + counts - 1
         ends[begins] = ends[lasts] = True
-        by_border[begins, :, layout.start], by_border[lasts, :, layout.end] = (
-            by_attitude[begins],
-            by_attitude[lasts],
-        )
+        by_holds = np.zeros((len(C), 2, 6))
+        by_holds[begins, :, :3], by_holds[lasts, :, 3:] = by_attitude[begins], by_attitude[lasts]
+        columns = np.r_[layout.axis, layout.holds]
         factor = np.repeat([state.noise.factor("axis", one.stretch.k) for one in group], counts)
         covariance = (LEAST_WOBBLE**2 * factor)[:, None, None] * np.eye(2)
         node = _counted([count - 2 for count in counts.tolist()])
-        inner = Linear(residual[~ends], covariance[~ends], by_border[~ends], node, by_attitude[~ends])
+        inner = residual[~ends], covariance[~ends], leaning[~ends], node, by_attitude[~ends]
+        outer = residual[ends], covariance[ends], np.concatenate([leaning, by_holds], axis=2)[ends]
         return [
-            (inner, (counts - 2).tolist()),
-            (Linear(residual[ends], covariance[ends], by_border[ends]), [2] * len(group)),
+            (Linear(*inner, columns=columns[:4]), (counts - 2).tolist()),
+            (Linear(*outer, columns=columns), [2] * len(group)),
         ]
 
 
@@ -387,9 +389,8 @@ class Angle(RotationEquations):
         turned = matrix_from_rotation_vector(axis * abs(self.spin.angle)) @ start
         missed = float(axis @ rotation_vector_from_matrix(end @ turned.T))
         sigma = max(self.spin.angle_sigma, LEAST_ANGLE_SIGMA)
-        by_border = self.empty(state, 1, 1)
-        by_border[0, 0, self.layout.start], by_border[0, 0, self.layout.end] = -axis, axis
-        return [Linear(np.array([[missed]]), np.full((1, 1, 1), sigma**2), by_border)]
+        by_holds, columns = np.concatenate([-axis, axis])[None, None], np.r_[self.layout.holds]
+        return [Linear(np.array([[missed]]), np.full((1, 1, 1), sigma**2), by_holds, columns=columns)]
 
     def views(self, state: JointAdjustment, linear: Linear) -> list[View]:
         """Return it, however little checks it."""
@@ -434,11 +435,10 @@ class TableRate(AlikeEquations):
             for name, at in (("C_wb", 0), ("C_wb", -1), ("axis_w", slice(None)))
         )
         anchor = np.array([one.moving.anchor for one in spun])
-        by_border = group[0].empty(state, len(spun), 3)
-        by_border[:, :, layout.anchor] = -np.eye(3)
         unit = np.broadcast_to(np.eye(3), (len(spun), 3, 3))
         tie = rotation_vectors_from_matrices(first @ np.swapaxes(anchor, 1, 2))
-        tied = Linear(tie, SAME**2 * unit, by_border, np.zeros(len(spun), dtype=int), unit)
+        begin, columns = np.zeros(len(spun), dtype=int), np.r_[layout.anchor]
+        tied = Linear(tie, SAME**2 * unit, -unit, begin, unit, columns=columns)
         # Both the stamps and the display may be wrong by a share that all rotations have in common.
         faster, more = 1.0 + float(u["clock"][0]), 1.0 + float(u["table_rate"][0])
         seconds = np.array([one.seconds for one in spun])
@@ -448,13 +448,13 @@ class TableRate(AlikeEquations):
         shared = {
             name: (-angle / by)[:, None, None] for name, by in (("clock", faster), ("table_rate", more))
         }
-        by_border = u.columns(shared, layout.earth.stop)
-        by_border[:, 0, layout.anchor] = -axis
+        by_border, columns = u.beside([(layout.anchor, -axis[:, None])], shared, layout.earth.stop)
         node = np.array([len(one.spin.windows) - 1 for one in spun])
         variance = np.array([one._variance(state) for one in spun])[:, None, None]
         residual = np.sum(axis * missed, axis=1)[:, None]
         kept = np.array([bool(state.taking_part["table rate"][one.stretch.k]) for one in spun])
-        rate = Linear(residual[kept], variance[kept], by_border[kept], node[kept], axis[kept, None])
+        shown = residual[kept], variance[kept], by_border[kept], node[kept], axis[kept, None]
+        rate = Linear(*shown, columns=columns)
         left = iter(kept.tolist())
         return [(tied, there), (rate, [int(bool(one) and next(left)) for one in there])]
 
@@ -493,10 +493,10 @@ class Own(AlikeEquations):
         variances = np.concatenate(
             [lever, force.reshape(len(group), -1), rate.reshape(len(group), -1)], axis=1
         )
-        by_border = group[0].empty(state, len(group) * at.size, 1)
-        by_border[np.arange(len(by_border)), 0, np.tile(at, len(group))] = 1.0
+        by_own = np.tile(np.eye(at.size), (len(group), 1))[:, None]
         residual = cls.moving_of(group)[:, at].reshape(-1, 1)
-        return [(Linear(residual, variances.reshape(-1, 1, 1), by_border), [at.size] * len(group))]
+        linear = Linear(residual, variances.reshape(-1, 1, 1), by_own, columns=at)
+        return [(linear, [at.size] * len(group))]
 
     @property
     def known(self) -> np.ndarray:
