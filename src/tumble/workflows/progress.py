@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from functools import wraps
 from typing import Any, ParamSpec, TypeVar
 
 from tumble.border import border
 from tumble.counting import Stage, listening
+
+THREADS_OF = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS", "BLIS_NUM_THREADS")
+"""Settings of the user's by which libraries of linear algebra take their number of threads."""
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -22,6 +27,8 @@ def silent(_: str) -> None:
 def public(function: Callable[P, R]) -> Callable[P, R]:
     """Return a workflow of the package's front: its arguments are checked, and a notebook shows a bar meanwhile.
 
+    Meanwhile linear algebra works on one thread.
+
     Parameters
     ----------
     function : which takes ``progress``.
@@ -32,12 +39,13 @@ def public(function: Callable[P, R]) -> Callable[P, R]:
     def shown(*args: P.args, **kwargs: P.kwargs) -> R:
         display = None if kwargs.get("progress") is not None else _display_of_notebook()
         if display is None:
-            return checked(*args, **kwargs)
+            with one_thread():
+                return checked(*args, **kwargs)
         bar = _Bar(display)
         stage = Stage[int](bar.show)
         kwargs["progress"] = stage.begin
         try:
-            with listening(stage.at):
+            with one_thread(), listening(stage.at):
                 made = checked(*args, **kwargs)
         except BaseException:
             bar.end("stopped after")
@@ -46,6 +54,21 @@ def public(function: Callable[P, R]) -> Callable[P, R]:
         return made
 
     return shown
+
+
+def one_thread() -> AbstractContextManager[object]:
+    """Return a context in which linear algebra works on one thread; a user's own setting stands.
+
+    The matrices are small. With a thread for each core, the threads wait for one another at every product: a call
+    takes up to eight times as long where other work is done beside it.
+    """
+    if any(os.environ.get(name) for name in THREADS_OF):
+        return nullcontext()
+    import numpy as np  # whose library has to be there to be limited
+    from threadpoolctl import threadpool_limits
+
+    assert np.linalg
+    return threadpool_limits(1, "blas")
 
 
 def _display_of_notebook() -> Any:
