@@ -63,6 +63,13 @@ def extremes(vectors: Vectors) -> tuple[Vector, Vector]:
     return np.array(low), np.array(high)
 
 
+def median(values: Vectors) -> Vector:
+    """Return the median of each axis of finite numbers: np.median without its checks, which cost four times as much."""
+    low, high = (values.shape[0] - 1) // 2, values.shape[0] // 2
+    ordered = np.partition(values, (low, high), axis=0)
+    return 0.5 * (ordered[low] + ordered[high])
+
+
 def block_means(values: AnyArray, size: int) -> AnyArray:
     """Return the means of consecutive blocks of `size` rows, by products with ones: many times as fast as numpy's mean.
 
@@ -90,4 +97,5 @@ __all__ = [
     "block_means",
     "extremes",
     "inverted",
+    "median",
 ]

@@ -262,9 +262,9 @@ def _more(count: int) -> str:
 
 def carry_on(raw: Series) -> tuple[Series, int]:
     """Add what a wrapping counter has lost; returns the stamps and the number of wraps."""
-    steps = np.diff(raw)
-    if not steps.size or steps.min() >= 0.0:
+    if bool(np.all(raw[1:] >= raw[:-1])):
         return raw, 0
+    steps = np.diff(raw)
     back = np.flatnonzero(steps < 0.0)
     if back.size > 0.01 * raw.size + 1:
         return raw, 0

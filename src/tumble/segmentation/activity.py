@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tumble.arrays import Series, Vector, Vectors
+from tumble.arrays import Series, Vector, Vectors, median
 from tumble.records import dataclass
 from tumble.segmentation.blocks import Blocks, TriadBlocks, find_runs
 from tumble.segmentation.timeline import Hold
@@ -85,7 +85,7 @@ def find_activity(blocks: Blocks) -> Activity:
         activity = apparent
         spread = float(np.median(activity[quiet]))
     else:
-        rate_bias = np.median(rate.smooth[quiet], axis=0)
+        rate_bias = median(rate.smooth[quiet])
         size = _distances(rate, rate_bias)
         telling = apparent if centred else None
         scale = _rate_scale(blocks, size, quiet, rate_bias, force_bias, telling, slowest)
@@ -143,7 +143,7 @@ def _distances(triad: TriadBlocks, level: Vector) -> np.ndarray:
 
 def _scatter(values: Vectors) -> Vector:
     """Robust standard deviation per axis (from the median absolute deviation)."""
-    return 1.4826 * np.median(np.abs(values - np.median(values, axis=0)), axis=0)
+    return 1.4826 * median(np.abs(values - median(values)))
 
 
 def _unrest(blocks: Blocks) -> Series:
@@ -176,16 +176,14 @@ def _among_rests(blocks: Blocks, unrest: Series, quiet: np.ndarray) -> tuple[np.
     if blocks.angular_rate is None:
         return quiet, None
     rate = blocks.angular_rate
-    away = _distances(rate, np.median(rate.smooth[quiet], axis=0))
-    rough = np.median(rate.roughness[quiet], axis=0).astype(
-        float
-    )  # kept in 32 bits, which have no such squares
+    away = _distances(rate, median(rate.smooth[quiet]))
+    rough = median(rate.roughness[quiet]).astype(float)  # kept in 32 bits, which have no such squares
     noise = float(np.linalg.norm(rough) ** 0.5) / blocks.size**0.5
     apart = max(SAME_LEVEL * float(np.quantile(away, 0.99)), 10.0 * noise)
     limit = max(4.0 * float(np.median(unrest[quiet])), 1e-9 * float(unrest.max()))
     shortest = round(SHORTEST_VISIT_SECONDS / blocks.seconds)
     runs = [run for run in find_runs(unrest <= limit) if run[1] - run[0] >= shortest]
-    levels = np.array([np.median(rate.smooth[a:b], axis=0) for a, b in runs]).reshape(-1, 3)
+    levels = np.array([median(rate.smooth[a:b]) for a, b in runs]).reshape(-1, 3)
     chosen, rest = _most_visited(levels, apart)
     if rest.all():
         return quiet, None
@@ -207,7 +205,7 @@ def _most_visited(levels: Vectors, apart: float) -> tuple[int, np.ndarray]:
     tried = np.flatnonzero(np.arange(len(levels)) * GOLDEN % 1.0 <= MOST_TRIED / len(levels))
     near = np.linalg.norm(levels[tried, None] - levels, axis=2) <= apart
     # of levels visited alike the middle one: spins go both ways from rest
-    outside = np.linalg.norm(levels[tried] - np.median(levels[new], axis=0), axis=1)
+    outside = np.linalg.norm(levels[tried] - median(levels[new]), axis=1)
     best = int(np.lexsort((outside, -(near @ new.astype(float))))[0])
     return int(tried[best]), near[best]
 
@@ -218,7 +216,7 @@ def _sphere(force: Vectors, noise: float) -> tuple[Vector, float, bool]:
     One pose alone shows a sphere of noise: then the centre is taken as zero, and the last is False.
     """
     force = force[:: max(1, force.shape[0] // 2000)]
-    middle = np.median(force, axis=0)
+    middle = median(force)
     centred = force - middle
     usual = float(np.median(np.linalg.norm(force, axis=1))) or 1.0
     reach = float(np.linalg.norm(centred)) / len(centred) ** 0.5 or usual
@@ -308,4 +306,4 @@ def noise_per_sample(signal: Vectors, holds: Sequence[Hold]) -> Vector:
     # half the mean square of n successive differences is as sure as a variance of 2 n / 3 degrees of freedom
     freedom = 2.0 * PIECE_SAMPLES / 3.0
     median_of_mean = (1.0 - 2.0 / (9.0 * freedom)) ** 3
-    return np.sqrt(np.median(np.concatenate(pieces), axis=0) / median_of_mean)
+    return np.sqrt(median(np.concatenate(pieces)) / median_of_mean)

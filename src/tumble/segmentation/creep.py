@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from tumble.arrays import Vectors
+from tumble.arrays import Vectors, median
 from tumble.segmentation.activity import Activity
 from tumble.segmentation.blocks import Blocks
-from tumble.segmentation.stretches import Stretch, median
+from tumble.segmentation.stretches import Stretch
 
 LARGEST_CREEP = np.radians(1.0)
 # What a part of a creeping rest may creep at most to be kept in its place.

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from tumble.arrays import Vector
+from tumble.arrays import Vector, median
 from tumble.recording.recording import Recording
 from tumble.records import dataclass
 from tumble.segmentation.activity import change_sizes_of, find_activity
 from tumble.segmentation.blocks import Blocks, TriadBlocks, cut_blocks, find_runs
 from tumble.segmentation.creep import in_other_poses_too
 from tumble.segmentation.rounding import step_at_rests
-from tumble.segmentation.stretches import median
 from tumble.segmentation.timeline import Timeline
 
 SHORTEST = 1.0

@@ -13,13 +13,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Matrix, Series, Vector, Vectors
+from tumble.arrays import AnyArray, Matrix, Series, Vector, Vectors, median
 from tumble.recording.recording import Recording
 from tumble.records import dataclass
 from tumble.segmentation.activity import find_activity
 from tumble.segmentation.blocks import Blocks, cut_blocks, find_runs
 from tumble.segmentation.spin_means import SpinMeans, observe_spins
-from tumble.segmentation.stretches import median
 from tumble.segmentation.timeline import Timeline
 from tumble.segmentation.turns import AXES, find_saturated_axis
 

@@ -6,7 +6,7 @@ from dataclasses import field
 
 import numpy as np
 
-from tumble.arrays import Series, Vector, Vectors
+from tumble.arrays import Series, Vector, Vectors, median
 from tumble.records import dataclass
 from tumble.segmentation.activity import Activity
 from tumble.segmentation.blocks import SMOOTHING_SECONDS, Blocks, TriadBlocks, find_runs
@@ -57,13 +57,6 @@ def _level(smooth: Vectors, first: int, last: int, margin: int) -> tuple[Vector,
     values = smooth[first:last]
     middle = median(values)
     return middle, 1.4826 * median(np.abs(values - middle))
-
-
-def median(values: Vectors) -> Vector:
-    """Return the median per axis: np.median without its checks, for thousands of short stretches."""
-    low, high = (values.shape[0] - 1) // 2, values.shape[0] // 2
-    ordered = np.partition(values, (low, high), axis=0)
-    return 0.5 * (ordered[low] + ordered[high])
 
 
 def usual_scatter(blocks: Blocks, runs: list[tuple[int, int]]) -> Vector:
@@ -219,7 +212,8 @@ def leave_out_knocks(blocks: Blocks, stretches: list[Stretch], activity: Activit
 
 def _least_steps(blocks: Blocks, triad: TriadBlocks) -> Vector:
     """(3,) the least change from sample to sample of each axis, raw: of an output in steps, one step."""
-    changed = np.where(triad.roughness > 0.0, triad.roughness, np.inf).min(axis=0).astype(np.float64)
+    least = [np.min(axis, where=axis > 0.0, initial=np.inf) for axis in triad.roughness.T]
+    changed = np.array(least, dtype=np.float64)
     return np.sqrt(2.0 * blocks.size * np.where(np.isfinite(changed), changed, 0.0))
 
 
