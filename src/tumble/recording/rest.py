@@ -118,18 +118,21 @@ def sample_pieces(count: int, limit: int = 12 * _PIECE) -> list[slice]:
     return [slice(int(s), int(s) + _PIECE) for s in starts]
 
 
+def one_a_direction(vectors: Vectors) -> Vectors:
+    """Return one vector of each direction, which differ by more than 15 degrees (greedy, in order); zeros have none."""
+    lengths = np.linalg.norm(vectors, axis=1)
+    left, kept, limit = np.flatnonzero(lengths > 0.0), list[int](), float(np.cos(np.pi / 12.0))
+    units = vectors[left] / lengths[left, None]
+    while left.size:
+        kept.append(int(left[0]))
+        apart = units @ units[0] < limit
+        left, units = left[apart], units[apart]
+    return vectors[kept]
+
+
 def count_poses(directions: Vectors) -> int:
-    """Return how many directions differ from each other by more than an angle in rad (greedy, in order)."""
-    kept: list[Vector] = []
-    limit = np.cos(np.pi / 12.0)
-    for direction in directions:
-        length = float(np.linalg.norm(direction))
-        if length == 0.0:
-            continue
-        unit = direction / length
-        if all(float(unit @ other) < limit for other in kept):
-            kept.append(unit)
-    return len(kept)
+    """Return how many directions there are, see `one_a_direction`."""
+    return len(one_a_direction(directions))
 
 
 def fit_sphere(points: Vectors) -> tuple[Vector, float] | None:

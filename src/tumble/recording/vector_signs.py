@@ -17,8 +17,8 @@ from typing import Literal
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Series, Vector, Vectors
-from tumble.recording.rest import count_poses, fit_sphere, sample_pieces, smallest_step
+from tumble.arrays import AnyArray, Series, Vector, Vectors, block_means
+from tumble.recording.rest import count_poses, fit_sphere, one_a_direction, sample_pieces, smallest_step
 from tumble.records import dataclass
 from tumble.units import STANDARD_GRAVITY, known_units, magnetic_field_factor, specific_force_factor
 
@@ -114,7 +114,8 @@ def vector_signs(values: Vectors, rate: float) -> VectorSigns:
         norm = float(np.median(np.linalg.norm(values, axis=1))) if len(values) else 0.0
         return VectorSigns(norm, 0.0, None, None, whole)
     # Parts of a block, so that a turn of a second passes through several directions.
-    parts = blocks[:, : size // _PARTS * _PARTS].reshape(-1, size // _PARTS, 3).mean(axis=1)
+    parts = blocks[:, : size // _PARTS * _PARTS].reshape(-1, 3)
+    parts = block_means(parts, size // _PARTS)
     centre, norms = _sphere(parts)
     norm = float(np.median(norms))
     offset = float(np.linalg.norm(centre)) / norm if norm > 0.0 else 0.0
@@ -134,15 +135,15 @@ def _sphere(means: Vectors) -> tuple[Vector, Series]:
     Zero is the centre where too few directions determine it, or the means lie on no sphere.
     """
     thinned = means[:: max(1, len(means) // _THINNED)]
-    around_zero = np.linalg.norm(_one_a_direction(thinned), axis=1)
+    around_zero = np.linalg.norm(one_a_direction(thinned), axis=1)
     fitted = fit_sphere(thinned)
     if fitted is None:
         return np.zeros(3), around_zero
-    kept = _one_a_direction(thinned - fitted[0])
+    kept = one_a_direction(thinned - fitted[0])
     again = fit_sphere(kept + fitted[0])
     if again is None or count_poses(kept) < _SPHERE_DIRECTIONS:
         return np.zeros(3), around_zero
-    norms = np.linalg.norm(_one_a_direction(thinned - again[0]), axis=1)
+    norms = np.linalg.norm(one_a_direction(thinned - again[0]), axis=1)
     best = _relative_scatter(around_zero) if around_zero.size >= _FEWEST_DIRECTIONS else np.inf
     if _relative_scatter(norms) > min(_CONSTANT, best):
         return np.zeros(3), around_zero
@@ -152,18 +153,6 @@ def _sphere(means: Vectors) -> tuple[Vector, Series]:
 def _relative_scatter(norms: Series) -> float:
     middle = float(np.median(norms))
     return 1.4826 * float(np.median(np.abs(norms - middle))) / middle if middle > 0.0 else np.inf
-
-
-def _one_a_direction(vectors: Vectors) -> Vectors:
-    """Return one vector of each direction (greedy, in order), so that a long rest counts once."""
-    lengths = np.linalg.norm(vectors, axis=1)
-    vectors, lengths = vectors[lengths > 0.0], lengths[lengths > 0.0]
-    units = vectors / lengths[:, None]
-    left, kept, limit = np.arange(len(units)), list[int](), float(np.cos(np.pi / 12.0))
-    while left.size:
-        kept.append(int(left[0]))
-        left = left[units[left] @ units[left[0]] < limit]
-    return vectors[kept]
 
 
 def _motion(blocks: AnyArray, norm: float) -> Literal["steady", "shaken"] | None:

@@ -187,8 +187,9 @@ def add_objections(session: Session, estimate: Estimate, procedure: str | None, 
     estimate.say("objection", *find_dead_channels(recording))
     doubts = [remark.text for remark in recording.remarks if remark.kind == "doubtful"]
     estimate.say("objection", *doubts)
-    estimate.say("remark", *find_saturated_channels(recording))
-    estimate.say("objection", *_of_limits(session))
+    saturated = find_saturated_channels(recording)
+    estimate.say("remark", *saturated)
+    estimate.say("objection", *(_of_limits(session) if saturated else ()))
     if recording.specific_force is not None and recording.angular_rate is not None:
         # Holds do not tell which way the gyro counts; where there are turns between them, these do.
         contradiction = find_axis_contradiction(recording)
