@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 from collections import defaultdict
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ NEEDED = (FIRST, PLACE, FILE)
 OF_EACH_COMMAND = {"--output", "--quiet", "--verbose", "--help"}
 
 
+@cache
 def parameters() -> dict[str, list[tuple[str, Any]]]:
     """Spelling -> each command that has it, and what it is there."""
     found: dict[str, list[tuple[str, Any]]] = defaultdict(list)
