@@ -38,7 +38,9 @@ def recording_influences(task: JointAdjustment, settled: Settled | None = None) 
     data = task.data
     densities = {FORCE_WANDER: data.force_density, RATE_WANDER: data.rate_density}
     span = float(data.base.time[0]), float(data.base.time[-1])
-    return influences_of(settled or settled_at(task), task.prior, densities, span, _between(task))
+    return influences_of(
+        *(settled or settled_at(task), task.prior, densities, span), _between(task), data.wander_once
+    )
 
 
 def with_courses(influences: Influences, courses: Mapping[str, Sequence[BiasCourse]]) -> Influences:

@@ -18,7 +18,7 @@ from tumble.arrays import Series
 from tumble.errors import ConvergenceError
 from tumble.estimation.equations import Tests
 from tumble.estimation.settled import Settled
-from tumble.estimation.solve import DIVERGED, Adjustable, solve
+from tumble.estimation.solve import DIVERGED, TOLERANCE, Adjustable, solve
 from tumble.records import dataclass
 
 # Median of chi-square over its degrees of freedom, for 1 to 6 degrees.
@@ -34,8 +34,9 @@ CHANCE = 0.025
 # 3 % of a variance is far below what any number of observations can tell.
 SETTLED = 0.03
 PASSES, ROUNDS = 10, 8
-# Sigmas that a start may be off by: variances that are yet to be balanced move it by more.
-ROUGHLY = 0.5
+# Sigmas that a start may be off by: variances that are yet to be balanced move it by more. After a step of a
+# hundredth, what is left is a thousandth at most: variances that are told to some per cent do not feel it.
+ROUGHLY, NEARLY = 0.5, 0.01
 # An observation scatters more than the others where chance would make any one do so this rarely; its own variance is
 # told by a few numbers, so that a tenth of it is near enough.
 RESTLESS_FALSE_ALARM, RESTLESS_SETTLED = 1e-3, 0.1
@@ -234,6 +235,8 @@ def balance(task: Balanceable) -> Balanced:
     for component in task.components:
         if (component.witnesses or (component.kind,))[0] in there:
             solution = _without_chance(task, component, solution)
+    if solution.last_step > TOLERANCE:
+        solution = solve(task)
     return Balanced(solution, outliers, solution.tests())
 
 
@@ -248,12 +251,12 @@ def _without_chance(task: Balanceable, component: Component, solution: Settled) 
     try:
         # One step is enough almost always: what it refuses need not settle.
         for once in (True, False):
-            trial = solve(task, once=once)
+            trial = solve(task, once=once, tolerance=NEARLY)
             tests = trial.tests(witnesses)
             if not all(_explained_by_chance(tests.get(witness)) for witness in witnesses):
                 break
-        else:
-            return trial
+            if trial.last_step <= NEARLY:
+                return trial
     except ConvergenceError:
         pass
     back()
@@ -277,7 +280,7 @@ def _settle(task: Balanceable, solution: Settled, *, robust: bool) -> Settled:
         before, solution = solution, solve(task, once=True)
         if solution.start_sum > ASTRAY * max(before.square_sum, before.redundancy):
             raise ConvergenceError(DIVERGED)
-    return solve(task)
+    return solution if solution.last_step <= NEARLY else solve(task, tolerance=NEARLY)
 
 
 def _raise_component(noise: Noise, component: Component, tests: Tests, *, robust: bool) -> bool:

@@ -432,7 +432,7 @@ class Spread:
             from tumble.estimation.kernels import solve_chain
 
             c, before = self.chain, self.chain.chain.border
-            right = -before.reshape(-1, before.shape[2]) @ self.border[:, len(self.border) - last :]
+            right = -before.reshape(-1, before.shape[2]) @ self._rows(last).T
             self._shared = np.ascontiguousarray(right).reshape(*before.shape[:2], last)
             solve_chain(c.diagonal, c.lower, self._shared)
         return self._shared
@@ -471,16 +471,36 @@ class Spread:
         term : of the chain.
         last : how many of the border's unknowns.
         """
-        columns = term.linear.columns
-        made = self.border[len(self.border) - last :, columns] @ np.swapaxes(term.by_border, 1, 2)
+        made = self._rows(last)[:, term.linear.columns] @ np.swapaxes(term.by_border, 1, 2)
         for by, at in ((term.by_node, term.linear.node), (term.by_next, term.linear.node + 1)):
             if by is not None:
                 made = made + np.swapaxes(by @ self._with_shared(last)[at], 1, 2)
         return made
 
+    def _rows(self, last: int) -> Table:
+        """(last, b) covariances of the last unknowns of the border with all of it."""
+        outside = self.outside[len(self.outside) - last :]
+        return np.concatenate([-outside @ self.chain.gain.T, outside], axis=1)
+
+    def _taken_at_end(self, term: Whitened) -> AnyArray:
+        """`taken` of terms of the border and the last node at most: without the covariances of all own unknowns."""
+        c, n = self.chain, self.chain.chain.own
+        by = np.zeros((*term.residual.shape, n + len(self.outside)))
+        by[:, :, term.linear.columns] = term.by_border
+        whole = np.zeros((1, 1, 1))
+        if term.by_node is not None:
+            turned = term.by_node @ inverted(c.diagonal[-1]).T
+            by, whole = by - turned @ c.border[-1], turned @ np.swapaxes(turned, 1, 2)
+        own, outer = by[:, :, :n], by[:, :, n:] - by[:, :, :n] @ c.gain
+        told = np.asarray(np.linalg.solve(c.corner[:n, :n], own.reshape(-1, n).T), dtype=np.float64)
+        whole = whole + own @ np.swapaxes(told.T.reshape(own.shape), 1, 2)
+        return whole + outer @ self.outside @ np.swapaxes(outer, 1, 2)
+
     def taken(self, term: Whitened) -> AnyArray:
         """Return (terms, m, m) the whitened covariance of the adjusted observations."""
         by_border, node, columns = term.by_border, term.linear.node, term.linear.columns
+        if self._border is None and term.by_next is None and np.all(node == len(self.chain.diagonal) - 1):
+            return self._taken_at_end(term)
         whole = by_border @ self.border[np.ix_(columns, columns)] @ np.swapaxes(by_border, 1, 2)
         if not node.size:
             return whole

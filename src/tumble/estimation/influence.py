@@ -132,6 +132,7 @@ def influences_of(
     densities: Mapping[str, Vector],
     span: tuple[float, float],
     between: Mapping[str, Vector] | None = None,
+    once: dict[bytes, AnyArray] | None = None,
 ) -> Influences:
     """Return what each observation does to the free unknowns.
 
@@ -143,6 +144,7 @@ def influences_of(
     span : s, of the recording.
     between : source -> (3,) raw², the density that the holds show against one another: all that a source causes is
         taken for a wander of this density, too, and the covariance is the wider of the two in every direction.
+    once : see `shared_wander`; of one recording.
     """
     made: list[Influence] = []
     before: dict[tuple[int, str], int] = {}
@@ -156,8 +158,7 @@ def influences_of(
         rows = vectors[settled.unknowns.free]
         made.append(_of_prior((settled.cofactor @ rows) * np.sqrt(np.maximum(values, 0.0))))
     neighbours: dict[str, Square] = {}
-    # Of the same stretches.
-    once: dict[bytes, AnyArray] = {}
+    once = {} if once is None else once
     for source, density in densities.items():
         drifts = [(i.drifts[source], i.gain) for i in made if source in i.drifts]
         if drifts and np.any(density > 0.0):

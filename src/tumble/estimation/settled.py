@@ -27,6 +27,7 @@ class Settled:
     square_sum, redundancy : of all residuals, and of what is left to check them.
     iterations : how many it took.
     start_sum : of all residuals before the last step, where the equations were linearised.
+    last_step : the longest part of that step, in standard uncertainties.
     """
 
     state: Any
@@ -37,6 +38,7 @@ class Settled:
     redundancy: int
     iterations: int
     start_sum: float = 0.0
+    last_step: float = 0.0
     _tests: dict[str, Tests] | None = None
 
     @property

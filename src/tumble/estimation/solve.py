@@ -127,7 +127,7 @@ def solve(task: Adjustable, *, once: bool = False, tolerance: float = TOLERANCE)
         task.unknowns = _moved(task.unknowns, taken * step)
         changed = task.stepped(made.chain, made.cofactor)
         if done:
-            return _settled(task, made, iteration)
+            return _settled(task, made, iteration, size)
         # What is believed may have changed with the step: then the square sum says nothing of it.
         last = _Step(np.inf if changed else made.cost, back)
         before, share = size, min(1.0, 2.0 * share)
@@ -212,11 +212,10 @@ def _moved(unknowns: Unknowns, step: Series) -> Unknowns:
     return unknowns.at(values)
 
 
-def _settled(task: Adjustable, made: _Made, iterations: int) -> Settled:
+def _settled(task: Adjustable, made: _Made, iterations: int, last_step: float) -> Settled:
     chain, known = made.chain, 0 if task.prior is None else task.prior.rank
     redundancy = chain.chain.checks - task.unknowns.free.size + known
     # Residuals have moved with the step, to where they are smallest.
     square_sum = chain.chain.square_sum
-    return Settled(
-        task.state, task.unknowns, chain, made.cofactor, square_sum, redundancy, iterations, made.cost
-    )
+    sums = square_sum, redundancy, iterations, made.cost, last_step
+    return Settled(task.state, task.unknowns, chain, made.cofactor, *sums)

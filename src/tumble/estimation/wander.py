@@ -122,7 +122,7 @@ def shared_wander(
     start = np.concatenate([drift.start for drift, _ in drifts])
     stop = np.concatenate([drift.stop for drift, _ in drifts])
     start, stop, response = _fewer(start, stop, response)
-    once, key = {} if once is None else once, start.tobytes() + stop.tobytes()
+    once, key = {} if once is None else once, np.concatenate([start, stop, span]).tobytes()
     if key not in once:
         once[key] = covariance_about_the_mean(start, stop, span)
     together = once[key]

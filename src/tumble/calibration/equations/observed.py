@@ -93,6 +93,7 @@ class Observed:
     sections : (sections, 2) half-open ranges of holds that usable turns join without a break.
     rotations : by the index of the hold before.
     poses : of holds, that are believed; None for none.
+    wander_once : covariances of stretches of time by 1/f noise, once one of them has been asked for.
     """
 
     base: HoldsAndTurns
@@ -106,6 +107,7 @@ class Observed:
     span: float
     rotations: dict[int, TableRotation] = field(default_factory=dict[int, TableRotation])
     poses: BelievedPoses | None = None
+    wander_once: dict[bytes, AnyArray] = field(default_factory=dict[bytes, AnyArray])
 
     @property
     def holds(self) -> int:
