@@ -57,6 +57,12 @@ def inverted(matrix: Square) -> Square:
     return np.asarray(np.linalg.inv(matrix), dtype=np.float64)
 
 
+def range_means(samples: Vectors, ranges: np.ndarray) -> Vectors:
+    """Return (ranges, 3) means over half-open ranges (ranges, 2) of samples; none of them is empty."""
+    sums = np.array([np.add.reduce(samples[a:b]) for a, b in ranges.tolist()], dtype=np.float64)
+    return sums.reshape(-1, samples.shape[1]) / (ranges[:, 1] - ranges[:, 0])[:, None]
+
+
 def extremes(vectors: Vectors) -> tuple[Vector, Vector]:
     """Return the smallest and the largest value of each axis, one axis at a time: that is many times as fast."""
     low, high = ([float(bound(axis)) for axis in vectors.T] for bound in (np.min, np.max))

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Series
+from tumble.arrays import Series, range_means
 from tumble.calibration.equations.gathering import EDGE_WINDOW
 from tumble.calibration.equations.imu_unknowns import imu_unknowns, unknowns_of
 from tumble.calibration.equations.observed import Observed, TableRotation, observe, table_rotation
@@ -164,9 +164,9 @@ def _base(
         time=recording.time,
         raw_force=recording.specific_force,
         raw_rate=recording.angular_rate,
-        force_mean=_means(recording.specific_force, holds),
+        force_mean=range_means(recording.specific_force, holds),
         force_covariance=(white[0] / duration + floor[0])[:, None, None] * np.eye(3),
-        rate_mean=_means(recording.angular_rate, holds),
+        rate_mean=range_means(recording.angular_rate, holds),
         rate_covariance=(white[1] / duration + floor[1])[:, None, None] * np.eye(3),
         hold_samples=count,
         head=np.column_stack([holds[:, 0], holds[:, 0] + edge]),
@@ -178,10 +178,6 @@ def _base(
         force_floor=np.full(3, floor[0]),
         rate_floor=np.full(3, floor[1]),
     )
-
-
-def _means(samples: AnyArray, ranges: np.ndarray) -> AnyArray:
-    return np.array([samples[a:b].mean(axis=0) for a, b in ranges])
 
 
 def _spins(played: PlayedPlan, base: HoldsAndTurns) -> list[TableRotation]:

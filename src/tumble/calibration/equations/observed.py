@@ -13,7 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Matrices, Series, Square, Vector, Vectors, inverted
+from tumble.arrays import AnyArray, Matrices, Series, Square, Vector, Vectors, inverted, range_means
 from tumble.attitude.rotations import skews
 from tumble.calibration.equations.believed_poses import BelievedPoses
 from tumble.calibration.equations.imu_unknowns import force_matrix, gyro_matrix
@@ -211,7 +211,7 @@ def _counts(windows: np.ndarray) -> Series:
 
 
 def _window_means(base: HoldsAndTurns, windows: np.ndarray) -> Vectors:
-    return np.array([base.raw_force[a:b].mean(axis=0) for a, b in windows]).reshape(-1, 3)
+    return range_means(base.raw_force, windows)
 
 
 def table_rotation(
@@ -262,7 +262,7 @@ def table_rotation(
         centres=centres,
         force=_window_means(base, windows),
         force_covariance=np.diag(base.force_sample_variance)[None] / count[:, None, None],
-        rate=np.array([base.raw_rate[a:b].mean(axis=0) for a, b in windows]).reshape(-1, 3),
+        rate=range_means(base.raw_rate, windows),
         time=middle * whole,
         offsets=time[start:stop] - np.repeat(time[centres], count),
         modes=modes,

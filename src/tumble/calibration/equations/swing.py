@@ -47,15 +47,18 @@ def hold_swings(base: HoldsAndTurns, density: Vector) -> Swings:
     white, wander = np.zeros(holds), np.zeros(holds)
     step = (base.time[-1] - base.time[0]) / max(base.time.shape[0] - 1, 1)
     amplitudes = wander_basis(np.zeros(1), _MODES)[1]
+    alike: dict[tuple[int, ...], tuple[Series, float, float, float]] = {}
     for k in range(holds):
         first, last = int(base.head[k, 0]), int(base.tail[k, 1])
-        samples, middle = last - first, _middle(base, k)
-        weights = _later_share(samples, *middle)
-        share[k] = weights.mean()
-        kernel = (weights - share[k]) * step
+        own = last - first, *_middle(base, k)
+        if own not in alike:
+            weights = _later_share(*own)
+            mean = float(weights.mean())
+            kernel = (weights - mean) * step
+            slow = float(np.sum(amplitudes * (step * _cosine_sums(*own)) ** 2))
+            alike[own] = kernel, mean, float(kernel @ kernel) / step, slow
+        kernel, share[k], white[k], wander[k] = alike[own]
         value[k] = kernel @ base.raw_rate[first:last]
-        white[k] = kernel @ kernel / step
-        wander[k] = np.sum(amplitudes * (step * _cosine_sums(samples, *middle)) ** 2)
     variance = white[:, None] * base.rate_random_walk + wander[:, None] * density
     return Swings(value, variance[:, :, None] * np.eye(3), share)
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Matrices, Series, Square, Table, Vectors
+from tumble.arrays import AnyArray, Matrices, Series, Square, Table, Vectors, range_means
 from tumble.attitude import integrate_turns
 from tumble.attitude.integration import average_at_edge
 from tumble.calibration.checks.snooping import Kind, Outlier, balance, wald_test
@@ -290,7 +290,7 @@ def _noise(
 
 def _edge(time: Series, force: Vectors, rate: Vectors, windows: np.ndarray, edge: str) -> Vectors:
     """Return (turns, 3) the specific force at the edge of a rest, samples turned there by the gyros."""
-    means = np.array([rate[a:b].mean(axis=0) for a, b in windows])
+    means = range_means(rate, windows)
     return average_at_edge(
         time,
         rate,
