@@ -8,6 +8,8 @@ about the bias' mean over the whole test.
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from tumble.arrays import Series, Square, Table, Vectors, inverted
@@ -100,6 +102,7 @@ def predict_covariance(
     return np.asarray(cofactor @ spread @ cofactor, dtype=np.float64)
 
 
+@lru_cache(maxsize=64)
 def wander_sigma(noise: TriadNoise, dwell: float, span: float) -> float:
     """Return how far a bias' mean over one hold wanders from its mean over the test, one sigma, SI.
 

@@ -124,7 +124,12 @@ def play_plan(protocol: Protocol, site: Site, rng: np.random.Generator) -> Playe
 
 
 def planned_data(
-    played: PlayedPlan, noise: PlannedNoise, *, span: float | None = None, stretch: Series | None = None
+    played: PlayedPlan,
+    noise: PlannedNoise,
+    *,
+    span: float | None = None,
+    stretch: Series | None = None,
+    like: Observed | None = None,
 ) -> Observed:
     """Return what the joint estimator would see, with the noise that a unit has.
 
@@ -134,14 +139,20 @@ def planned_data(
     noise : of the unit.
     span : s over which biases wander; the played motion's own by default.
     stretch : (holds,) how many times as long each hold lasts as far as its noise goes; once by default.
+    like : the same motion observed already, with other holds' noise: what it shows is taken from there.
     """
-    base = _base(played, noise, span, stretch)
+    base = _base(played, noise, span, stretch, None if like is None else like.base)
     u = imu_unknowns(unknowns_of(ImuModel.ideal()))
-    return observe(base, u, _spins(played, base))
+    rotations = _spins(played, base) if like is None else [*like.rotations.values()]
+    return observe(base, u, rotations, None if like is None else like.parts)
 
 
 def _base(
-    played: PlayedPlan, noise: PlannedNoise, span: float | None, stretch: Series | None
+    played: PlayedPlan,
+    noise: PlannedNoise,
+    span: float | None,
+    stretch: Series | None,
+    like: HoldsAndTurns | None,
 ) -> HoldsAndTurns:
     recording, holds = played.recording, played.holds
     assert recording.specific_force is not None
@@ -164,9 +175,9 @@ def _base(
         time=recording.time,
         raw_force=recording.specific_force,
         raw_rate=recording.angular_rate,
-        force_mean=range_means(recording.specific_force, holds),
+        force_mean=range_means(recording.specific_force, holds) if like is None else like.force_mean,
         force_covariance=(white[0] / duration + floor[0])[:, None, None] * np.eye(3),
-        rate_mean=range_means(recording.angular_rate, holds),
+        rate_mean=range_means(recording.angular_rate, holds) if like is None else like.rate_mean,
         rate_covariance=(white[1] / duration + floor[1])[:, None, None] * np.eye(3),
         hold_samples=count,
         head=np.column_stack([holds[:, 0], holds[:, 0] + edge]),

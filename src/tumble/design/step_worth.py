@@ -79,7 +79,9 @@ def find_step_worths(plan: JointPlan, say: Callable[[str], None] | None = None) 
         left["force"][hold] = left["rate"][hold] = False
         stretch = np.ones(data.holds)
         stretch[hold] = 1.0 + LONGER
-        longer = plan.problem.information(data=planned_data(plan.played, task.noise, stretch=stretch))
+        longer = plan.problem.information(
+            data=planned_data(plan.played, task.noise, stretch=stretch, like=data)
+        )
         gain = _gain(task, base, longer)
         found.append((step, "hold", plan.problem.information(left), gain))
     longer_gain: dict[tuple[float, float], float] = {}

@@ -120,7 +120,12 @@ class Observed:
         return np.flatnonzero(self.base.turn_start >= 0)
 
 
-def observe(base: HoldsAndTurns, u: Unknowns, rotations: list[TableRotation] | None = None) -> Observed:
+def observe(
+    base: HoldsAndTurns,
+    u: Unknowns,
+    rotations: list[TableRotation] | None = None,
+    parts: AnyArray | None = None,
+) -> Observed:
     """Return the data of holds and turns, with a table's rotations.
 
     Parameters
@@ -129,20 +134,16 @@ def observe(base: HoldsAndTurns, u: Unknowns, rotations: list[TableRotation] | N
     u : what is believed of the sensors: within the windows at a hold's edges the gyros turn each
         sample to the edge, so that tremor is followed.
     rotations : of a table, each in place of the turn between its two holds.
+    parts : (holds, 3, 3) as `Observed` has them, where they are known already.
     """
     first, last = base.head[:, 0], base.tail[:, 1] - 1
     span = float(base.time[last[-1]] - base.time[first[0]])
     octaves = _wander_logarithm(base, span)
-    parts, covariance = _parts(base, base.force_floor / octaves)
-    matrix, bias = force_matrix(u), u["force.bias"]
-    turned = window_directions(base, matrix, bias, inverted(gyro_matrix(u)))
-    for part, windows, seen in ((0, base.head, turned[0]), (2, base.tail, turned[1])):
-        plain = (_window_means(base, windows) - bias) @ inverted(matrix).T
-        parts[:, part] += (seen - plain) @ matrix.T
+    count = _parts_counts(base)
     return Observed(
         base=base,
-        parts=parts,
-        parts_covariance=covariance,
+        parts=_parts(base, count, u) if parts is None else parts,
+        parts_covariance=_parts_covariance(base, count, base.force_floor / octaves),
         length=base.time[last] - base.time[first],
         swings=hold_swings(base, base.rate_floor / octaves),
         sections=_sections(base),
@@ -165,15 +166,32 @@ def _wander_logarithm(base: HoldsAndTurns, span: float) -> float:
     return max(float(np.log(span / (float(np.median(base.hold_samples)) * step))), 0.1)
 
 
-def _parts(base: HoldsAndTurns, density: Vector) -> tuple[AnyArray, AnyArray]:
-    """Cut each hold's mean into head, middle and tail; a middle of nothing gets no weight."""
+def _parts_counts(base: HoldsAndTurns) -> AnyArray:
+    """(holds, 3) samples of head, middle and tail."""
+    head, tail = _counts(base.head), _counts(base.tail)
+    return np.stack([head, base.hold_samples - head - tail, tail], axis=1)
+
+
+def _parts(base: HoldsAndTurns, count: AnyArray, u: Unknowns) -> AnyArray:
+    """Cut each hold's mean into head, middle and tail."""
     head, tail = _window_means(base, base.head), _window_means(base, base.tail)
     n = base.hold_samples.astype(float)
-    count = np.stack([_counts(base.head), np.zeros_like(n), _counts(base.tail)], axis=1)
-    count[:, 1] = n - count[:, 0] - count[:, 2]
     empty = count[:, 1] < SMALLEST_MIDDLE * n
     rest = n[:, None] * base.force_mean - count[:, :1] * head - count[:, 2:] * tail
     middle = np.where(empty[:, None], base.force_mean, rest / np.maximum(count[:, 1:2], 1.0))
+    matrix, bias = force_matrix(u), u["force.bias"]
+    turned = window_directions(base, matrix, bias, inverted(gyro_matrix(u)))
+    edges = [
+        mean + (seen - (mean - bias) @ inverted(matrix).T) @ matrix.T
+        for mean, seen in zip((head, tail), turned, strict=True)
+    ]
+    return np.stack([edges[0], middle, edges[1]], axis=1)
+
+
+def _parts_covariance(base: HoldsAndTurns, count: AnyArray, density: Vector) -> AnyArray:
+    """(holds, 9, 9) of head, middle and tail; a middle of nothing gets no weight."""
+    n = base.hold_samples.astype(float)
+    empty = count[:, 1] < SMALLEST_MIDDLE * n
     floor = np.diag(base.force_floor)
     white = np.maximum(
         np.diagonal(base.force_covariance, axis1=1, axis2=2) - base.force_floor,
@@ -192,7 +210,7 @@ def _parts(base: HoldsAndTurns, density: Vector) -> tuple[AnyArray, AnyArray]:
         if own not in alike:
             alike[own] = _wander_of_parts(count[k], has_middle=not empty[k])
         covariance[k] += alike[own][:, None, :, None] * np.diag(density)[None, :, None, :]
-    return np.stack([head, middle, tail], axis=1), covariance.reshape(-1, 9, 9)
+    return covariance.reshape(-1, 9, 9)
 
 
 def _wander_of_parts(samples: Series, *, has_middle: bool) -> Square:
