@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from tumble.arrays import Matrices, Matrix, Series, Vectors, inverted
+from tumble.arrays import Matrices, Matrix, Series, Vectors, inverted, range_means
 from tumble.attitude import angle_between, integrate_turns
 from tumble.attitude.integration import average_at_edge
 from tumble.calibration.checks.bias_course import (
@@ -194,18 +194,18 @@ def score_turns(model: ImuModel, data: HoldsAndTurns) -> TurnScores:
                 force_bias=model.accelerometer.bias,
             )
         )
-    for turn, k in enumerate(turns):
-        C_se = integrated.C_start_end[turn]
-        turning = slice(*(int(of[k] - moved[turn, 0]) for of in (data.turn_start, data.turn_stop)))
-        mean_rate = gyro_inverse @ (np.mean(raw_rate[turning], axis=0) - model.gyroscope.bias)
-        # A full circle ends where it began.
-        size[k] = max(
-            float(np.arccos(np.clip(0.5 * (np.trace(C_se) - 1.0), -1.0, 1.0))),
-            float(np.linalg.norm(mean_rate)) * integrated.duration[turn],
-        )
-        duration[k] = integrated.duration[turn]
-        if size[k] >= SMALLEST_TURN:
-            angle[k] = angle_between(ends[0][turn], C_se @ ends[1][turn])
+    C_se = integrated.C_start_end
+    turning = np.column_stack([data.turn_start[turns], data.turn_stop[turns]]) - moved
+    rates = (range_means(raw_rate, turning) - model.gyroscope.bias) @ gyro_inverse.T
+    duration[turns] = integrated.duration
+    # A full circle ends where it began.
+    size[turns] = np.maximum(
+        np.arccos(np.clip(0.5 * (np.trace(C_se, axis1=1, axis2=2) - 1.0), -1.0, 1.0)),
+        np.linalg.norm(rates, axis=1) * integrated.duration,
+    )
+    at_end = (C_se @ ends[1][:, :, None])[:, :, 0]
+    for turn in np.flatnonzero(size[turns] >= SMALLEST_TURN).tolist():
+        angle[turns[turn]] = angle_between(ends[0][turn], at_end[turn])
     return TurnScores(angle, size, duration)
 
 
