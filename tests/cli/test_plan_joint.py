@@ -89,7 +89,7 @@ def test_a_stated_sample_rate_is_in_the_gyro_scale_factors_and_in_their_target(t
     found, said = {}, {}
     for rate in ("100±0.3", "100±0.00001"):
         answer = tumble(
-            *("plan", "turntable-9", "--imu", "tactical", "--no-steps", "--rate", rate),
+            *("plan", "modified-multi-position", "--imu", "tactical", "--no-steps", "--rate", rate),
             *("--targets", "gyro-scale=2000", "--json"),
         )
         assert answer.status == 0, answer

@@ -14,6 +14,7 @@ import numpy as np
 
 import tumble
 from tumble.arrays import Series, Vectors
+from tumble.counting import counted
 from tumble.errors import OutputError, RecordingError, SegmentationError, UsageError
 from tumble.recording import Recording, read_recording
 from tumble.records import dataclass
@@ -177,7 +178,8 @@ def denoise_recording(
     stretches = _stretches(recording)
     outcomes: list[ChannelOutcome] = []
     signals: dict[str, Series] = {}
-    for name, values in channels_of(recording).items():
+    channels = channels_of(recording)
+    for name, values in counted(channels.items(), len(channels)):
         (progress or silent)(f"de-noising {name}")
         unit = recording.angular_rate_unit if name.startswith("g") else recording.specific_force_unit
         signals[name], outcome = _one_channel(

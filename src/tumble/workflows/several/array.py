@@ -14,6 +14,7 @@ import numpy as np
 from tumble.calibration.checks.unseen import state_unseen_clock
 from tumble.calibration.procedures.joint import run_joint
 from tumble.calibration.session import Options, Session
+from tumble.counting import counted
 from tumble.earth import Site
 from tumble.errors import TumbleError, UsageError
 from tumble.limits import read_limits, with_limits
@@ -113,7 +114,8 @@ def calibrate_array(
     for session, knowledge in zip(sessions, priors, strict=True):
         session.options = Options(optional_terms=optional_terms, confirm_scale=confirm_scale)
         session.prior = knowledge
-    settled = [_settle(name, session, say) for name, session in zip(names, sessions, strict=True)]
+    both = counted(zip(names, sessions, strict=True), len(names))
+    settled = [_settle(name, session, say) for name, session in both]
     say("all units together")
     array = _together(names, settled, place)
     for session, estimate in zip(sessions, array.estimates, strict=True):

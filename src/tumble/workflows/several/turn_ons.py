@@ -13,6 +13,7 @@ import numpy as np
 from tumble.calibration.checks.unseen import state_unseen_clock
 from tumble.calibration.procedures.joint import run_joint
 from tumble.calibration.session import Options, Session
+from tumble.counting import counted
 from tumble.earth import Site
 from tumble.errors import TumbleError, UsageError
 from tumble.limits import read_limits
@@ -114,7 +115,7 @@ def calibrate_turn_ons(
     options = Options(optional_terms=optional_terms, confirm_scale=confirm_scale)
     sessions: list[Session] = []
     settled: list[tuple[Estimate, JointOutcome]] = []
-    for one, recording, told in read:
+    for one, recording, told in counted(read, len(read)):
         session = Session(recording, told, site, options=options, say=_saying(say, one.name))
         session.prior = None if sessions else knowledge
         session.say("reading")
