@@ -20,6 +20,7 @@ Schuler oscillation, which holds the growth back by 4 % after ten minutes.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 
 import numpy as np
 
@@ -143,19 +144,16 @@ class CalibratedUnit:
         by_rate = _triad_errors("gyroscope", self.model.gyroscope, self.names, rate)
         if self.model.gyroscope is not None:
             inverse = inverted(self.model.gyroscope.matrix)
-            for column, name in enumerate(self.names):
-                if name.startswith("gyroscope.g_sensitivity["):
-                    i, j = _indices(name)
-                    by_rate[:, column] -= inverse[:, i] * force[j]
+            columns, i, j = _places(tuple(self.names))["gyroscope.g_sensitivity"]
+            by_rate[:, columns] -= inverse[:, i] * force[j]
             if self.model.g_sensitivity is not None:
                 by_rate -= inverse @ self.model.g_sensitivity @ by_force
         return by_force, by_rate
 
     def _predicted(self, moved: Table) -> Predicted:
         parts: dict[str, Square] = {}
-        for group in _ENTRIES:
-            at = [i for i, name in enumerate(self.names) if name.startswith(f"{group}[")]
-            if at:
+        for group, (at, _, _) in _places(tuple(self.names)).items():
+            if at.size:
                 parts[group] = moved[:, at] @ self.covariance[np.ix_(at, at)] @ moved[:, at].T
         return Predicted(moved @ self.covariance @ moved.T, parts)
 
@@ -194,24 +192,32 @@ def _triad_errors(kind: str, triad: Triad | None, names: Sequence[str], true: Ve
     own = triad.matrix @ true
     slope = triad.slope(own)
     inverse = inverted(slope[:, None] * triad.matrix)
-    for column, name in enumerate(names):
-        entry, _, _ = name.partition("[")
-        if not entry.startswith(f"{kind}."):
+    for entry, (columns, i, j) in _places(tuple(names)).items():
+        group, _, term = entry.partition(".")
+        if group != kind or not columns.size or term == "g_sensitivity":
             continue
-        at = _indices(name)
         # What the raw output would be more with the parameter larger by one.
-        more = {
-            "bias": 1.0,
-            "matrix": slope[at[0]] * true[at[-1]],
-            **{curve: of.of(own[at[0]]) for curve, of in CURVES.items()},
-        }.get(entry.partition(".")[2], 0.0)
-        moved[:, column] = -inverse[:, at[0]] * more
+        if term == "matrix":
+            more = slope[i] * true[j]
+        else:
+            more = np.ones(i.size) if term == "bias" else CURVES[term].of(own)[i]
+        moved[:, columns] = -inverse[:, i] * more
     return moved
 
 
-def _indices(name: str) -> tuple[int, ...]:
-    inside = name[name.index("[") + 1 : name.index("]")]
-    return tuple(int(part) for part in inside.split(","))
+@cache
+def _places(names: tuple[str, ...]) -> dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Group of parameters -> its columns among the names, and the axis and the input of each."""
+    made: dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
+    for group in _ENTRIES:
+        columns = [column for column, name in enumerate(names) if name.startswith(f"{group}[")]
+        at = [[int(part) for part in names[c][len(group) + 1 : -1].split(",")] for c in columns]
+        made[group] = (
+            np.array(columns, dtype=int),
+            np.array([one[0] for one in at], dtype=int),
+            np.array([one[-1] for one in at], dtype=int),
+        )
+    return made
 
 
 def nominal_errors(
