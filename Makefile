@@ -30,6 +30,13 @@ kernels: $(RUN)  ## Build the compiled loops anew where their sources have chang
 wheel: $(RUN)  ## Build a wheel for this platform and Python into dist
 	$(PIP) wheel --quiet --no-deps --no-build-isolation -w dist .
 
+WHEELS := manylinux_2_28_x86_64 manylinux_2_28_aarch64 macosx_11_0_x86_64 macosx_11_0_arm64
+
+.PHONY: wheels
+wheels: $(RUN)  ## Build wheels for Linux and macOS, x86-64 and ARM, every Python from 3.11 on, into dist
+	$(PIP) install --quiet --require-hashes -r requirements/compiler.txt
+	for tag in $(WHEELS); do TUMBLE_WHEEL=$$tag $(PIP) wheel --quiet --no-deps --no-build-isolation -w dist . || exit 1; done
+
 .PHONY: test
 test: $(DEV) bytecode  ## Run what a change needs; `make test ARGS="tests/laws -x"` runs some
 	$(BIN)/python -m pytest -n auto --dist loadfile -m "not slow" $(ARGS)

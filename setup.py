@@ -59,6 +59,16 @@ FLAGS = {
     "src/tumble/navigation/filter/kernels.py": ANY_ORDER,
     "src/tumble/simulation/kernels.py": EXACT,
 }
+# A wheel's tag -> what the package index's compiler calls the machine. `make wheels` asks for each of them.
+TARGETS = {
+    "manylinux_2_28_x86_64": "x86_64-linux-gnu.2.28",
+    "manylinux_2_28_aarch64": "aarch64-linux-gnu.2.28",
+    "macosx_11_0_x86_64": "x86_64-macos.11.0",
+    "macosx_11_0_arm64": "aarch64-macos.11.0",
+}
+WHEEL = os.environ.get("TUMBLE_WHEEL", "")
+# Such a wheel is for every Python from this one on.
+OLDEST = ("cp311", "0x030B0000")
 LEVELS = """
 #if defined(__x86_64__) && defined(__linux__) && defined(__GLIBC__)
 #define TUMBLE_LEVELS __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default")))
@@ -96,10 +106,14 @@ class BuildKernels(build_ext):
 
     def build_extensions(self) -> None:
         """Compile all, each from what is kept if nothing that goes into it has changed."""
-        if self.compiler.compiler_type == "unix" and not shutil.which(self.compiler.compiler_so[0]):
+        unix = self.compiler.compiler_type == "unix"
+        if WHEEL or (unix and not shutil.which(self.compiler.compiler_so[0])):
             zig = [sys.executable, "-m", "ziglang", "cc"]
+            zig += ["-target", TARGETS[WHEEL]] if WHEEL else []
+            # Whatever loads the module on macOS is the Python that it looks for.
+            late = ["-undefined", "dynamic_lookup"] if WHEEL.startswith("macosx") else []
             self.compiler.set_executables(
-                compiler_so=[*zig, "-O3", "-fwrapv", "-fPIC", "-DNDEBUG"], linker_so=[*zig, "-shared"]
+                compiler_so=[*zig, "-O3", "-fwrapv", "-fPIC", "-DNDEBUG"], linker_so=[*zig, "-shared", *late]
             )
         self.parallel = os.cpu_count()
         super().build_extensions()
@@ -183,13 +197,25 @@ def _copy(source: Path, target: Path) -> None:
     made.replace(target)
 
 
+def _extension(name: str, sources: list[str]) -> Extension:
+    """Return a module to build: for this Python, or of a wheel for all of them."""
+    macros = [("Py_LIMITED_API", OLDEST[1])] if WHEEL else []
+    return Extension(name, sources, define_macros=macros, py_limited_api=bool(WHEEL))
+
+
 setup(
     ext_modules=[
-        Extension(SHARED, []),
+        _extension(SHARED, []),
         *(
-            Extension(name.removeprefix("src/").removesuffix(".py").replace("/", "."), [name])
+            _extension(name.removeprefix("src/").removesuffix(".py").replace("/", "."), [name])
             for name in SOURCES
         ),
     ],
     cmdclass={"build_ext": BuildKernels},
+    options={
+        "bdist_wheel": {"plat_name": WHEEL, "py_limited_api": OLDEST[0]},
+        "build": {"build_base": f"build/{WHEEL}"},
+    }
+    if WHEEL
+    else {},
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import sysconfig
 from typing import Any
@@ -13,7 +14,12 @@ Settings = dict[str, Any] | None
 
 
 def compiler() -> list[str]:
-    """Return what has to be installed to compile: nothing where Python's own compiler, or `cc`, is found."""
+    """Return what has to be installed to compile: nothing where Python's own compiler, or `cc`, is found.
+
+    A wheel for another machine (`make wheels`) is compiled by the package index's compiler.
+    """
+    if os.environ.get("TUMBLE_WHEEL"):
+        return ["ziglang>=0.13"]
     own = (sysconfig.get_config_var("CC") or "cc").split()[0]
     return [] if sysconfig.get_platform().startswith("win") or shutil.which(own) else ["ziglang>=0.13"]
 
