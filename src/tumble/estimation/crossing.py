@@ -23,8 +23,9 @@ def crossing(
     three values where it rises throughout, half the stretch elsewhere.
     """
     a, b, (of_a, of_b) = low, high, ends
-    share = 0.5
-    while True:
+    share, best = 0.5, low
+    # A tenth of the steps is enough; a function that is no number somewhere would have no end.
+    for _ in range(100):
         x = a + share * (b - a)
         of_x = function(x)
         if (of_x > 0.0) == (of_a > 0.0):
@@ -42,3 +43,4 @@ def crossing(
             share = of_a / (of_b - of_a) * of_c / (of_b - of_c)
             share += (c - a) / (b - a) * of_a / (of_c - of_a) * of_b / (of_c - of_b)
         share = min(max(share, least), 1.0 - least)
+    return best

@@ -45,3 +45,14 @@ def test_it_is_where_the_sign_changes(
     found = crossing(counted, low, high, (function(low), function(high)), 1e-6)
     assert abs(found - answer) < 1e-6
     assert len(calls) <= math.log2(abs(high - low) / 1e-6) + 2
+
+
+def test_the_search_ends_where_a_function_is_no_number() -> None:
+    calls: list[float] = []
+
+    def nowhere(x: float) -> float:
+        calls.append(x)
+        return math.nan
+
+    crossing(nowhere, 0.0, 1.0, (-1.0, 1.0), 1e-9)
+    assert len(calls) <= 100
