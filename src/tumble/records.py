@@ -1,7 +1,7 @@
 """Records as `dataclasses` has them, whose constructor is compiled when the first one is made.
 
-`dataclasses` compiles six functions a class while a module is imported: a tenth of a second of each command, for
-classes of which it makes a third. Here a record has one that is compiled, and that when it is called; what else it
+`dataclasses` compiles six functions a class while a module is imported: a tenth of a second of a calibration, for
+classes of which it makes half. Here a record has one that is compiled, and that when it is called; what else it
 does is one function for all. `fields`, `replace`, `asdict` and `__post_init__` are those of the standard library.
 """
 
