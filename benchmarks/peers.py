@@ -47,8 +47,10 @@ XSENS = HERE.parent / "tests" / "reference" / "xsens_mti_hand"
 PROGRAM = "import sys; from tumble.cli import program; sys.argv[0] = 'tumble'; program()"
 EVERY_NAME = "import tumble; [getattr(tumble, name) for name in tumble.__all__]"
 TUMBLE = (sys.executable, "-c", PROGRAM)
-# Bytecode is kept, as it is wherever a program is installed.
+# Bytecode is kept, as it is wherever a program is installed. One thread of linear algebra, for all that is compared:
+# threads that numpy starts turn for a tenth of a second and wait, which is processor time of nobody's work.
 ENVIRONMENT = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+ENVIRONMENT |= {"OPENBLAS_NUM_THREADS": "1"}
 NUMPY = (sys.executable, "-c", "import numpy")
 NOISE = """
 import sys, time

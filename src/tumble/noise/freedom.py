@@ -53,7 +53,8 @@ def _differenced(t: Series, filter_factor: float, exponent: int, order: int) -> 
     """Return s_z(t, F, α, d): the autocovariance of the d-th differences."""
     lags = np.arange(-order, order + 1)
     weights = np.array([(-1.0) ** lag * comb(2 * order, order + lag) for lag in lags.tolist()])
-    return weights @ _averaged(t + lags[:, None], filter_factor, exponent)
+    # A sum, not a product of matrices: linear algebra would wake a thread for each core.
+    return np.sum(weights[:, None] * _averaged(t + lags[:, None], filter_factor, exponent), axis=0)
 
 
 def _inverse_freedom(
