@@ -12,10 +12,10 @@ left out and said so; none of them is needed by tumble.
 - allantools and imucal: `pip install allantools imucal`.
 - imu_tk (C++, Ceres): its example `test_imu_calib`, which takes two files of an accelerometer and a gyro. Build it with
   `apt install libceres-dev libeigen3-dev` and `-O3 -DNDEBUG`, its visualisation left out and its setters made `void`
-  (they promise a value and return none, which ends the program), and give the program by `--imu-tk`. It took 0.50 s of
-  processor time and 76 MB for the Xsens recording where `tumble calibrate` with its report took 1.50 s and 121 MB.
+  (they promise a value and return none, which ends the program), and give the program by `--imu-tk`. It took 0.49 s of
+  processor time and 76 MB for the Xsens recording where `tumble calibrate` with its report took 0.83 s and 121 MB.
 - KF-GINS (C++): give its whole command by `--kf-gins` and the car drive's folder of `drive_program.py` by `--drive`; it
-  wants increments in forward, right, down. It took 0.75 s and 20 MB for the drive where tumble took 0.84 s and 107 MB.
+  wants increments in forward, right, down. It took 0.66 s and 20 MB for the drive where tumble took 0.51 s and 106 MB.
 - python-ins (`pip install pyins`) has no program: `navigation.py --speed --processor` compares the functions.
 
 `--growth` prints how cost grows with the samples of one recording, with its segments (the Xsens recording end to end,
