@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager
@@ -71,7 +72,8 @@ def about(steps: int) -> Generator[None]:
 
     Parameters
     ----------
-    steps : as many as recordings usually take. Of work that takes more there is always one left.
+    steps : as many as recordings usually take. How much of work that takes more is done, nobody knows: the share is
+        no number from then on, and no time left is said.
     """
     show = _LISTENER.get()
     if show is None:
@@ -84,7 +86,7 @@ def about(steps: int) -> Generator[None]:
         done += 1
         if time.monotonic() - last > _OFTEN:
             last = time.monotonic()
-            show(done / max(steps, done + 1))
+            show(done / steps if done < steps else math.nan)
 
     was = _LISTENER.set(None), _STEPPED.set(one)
     show(0.0)
@@ -109,7 +111,7 @@ def listening(show: Callable[[float], None]) -> Generator[None]:
 
     Parameters
     ----------
-    show : called with 0 when a loop begins.
+    show : called with 0 when a loop begins, and with no number (nan) where the share is not known any more.
     """
     before = _LISTENER.set(show)
     try:
@@ -139,7 +141,7 @@ class Stage(Generic[W]):
         self._show(words)
 
     def at(self, share: float) -> None:
-        """Say how much of it is done."""
+        """Say how much of it is done; no number where nobody knows."""
         if share <= 0.0:
             self._restart()
             return
@@ -156,10 +158,12 @@ class Stage(Generic[W]):
         """
         so_far, taken, how_far = time.monotonic() - self._began, self._told - self._began, ""
         if taken > _TOO_EARLY and self._share < 1.0:
-            left = max(taken / self._share - so_far, 0.0)
+            left = taken / self._share - so_far
+            # What takes longer than it seemed has no time left that anybody could state.
+            rest = f"{time_words(so_far)} so far" if left < -0.5 else f"{time_words(max(left, 0.0))} left"
             full = round(_WIDTH * self._share)
             bar = "━" * full + "╌" * (_WIDTH - full)
-            how_far = f" {bar} {100.0 * self._share:.0f} %, {time_words(left)} left"
+            how_far = f" {bar} {100.0 * self._share:.0f} %, {rest}"
         elif so_far > _UNKNOWN:
             how_far = f", {time_words(so_far)} so far"
         name, most = self._name, None if room is None else max(room - len(how_far), 1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Iterator
 
@@ -50,13 +51,28 @@ def test_loops_one_after_the_other_are_parts_of_one_bar(said: list[float]) -> No
 
 
 def test_steps_of_an_iteration_are_counted_against_the_usual_number(said: list[float]) -> None:
-    """Of one that takes longer there is always a step left; a loop within it says nothing."""
+    """Of one that takes longer nobody knows how much is done; a loop within it says nothing."""
     stepped()
     with about(4):
         for _ in counted(range(6), 6):
             stepped()
     stepped()
-    assert said == [0.0, 1 / 4, 2 / 4, 3 / 4, 4 / 5, 5 / 6, 6 / 7, 1.0]
+    assert [str(share) for share in said] == ["0.0", "0.25", "0.5", "0.75", "nan", "nan", "nan", "1.0"]
+
+
+def test_work_that_takes_longer_than_it_seemed_states_no_time_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [100.0]
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
+    stage = Stage[str](lambda words: None)
+    stage.begin("adjustment")
+    stage.at(0.0)
+    now[0] = 105.0
+    stage.at(0.5)
+    assert stage.words().endswith("50 %, 5 s left")
+    now[0] = 112.0
+    assert stage.words().endswith("50 %, 12 s so far")
+    stage.at(math.nan)
+    assert stage.words() == "adjustment, 12 s so far"
 
 
 def test_the_rest_takes_as_long_as_what_is_done(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -95,7 +111,7 @@ def test_words_change_while_nobody_counts(monkeypatch: pytest.MonkeyPatch) -> No
     assert stage.words(77) == "the next of several in a loop, which ha… ━━━━━╌╌╌╌╌╌╌╌╌╌╌╌╌╌╌ 25 %, 25 s left"
     assert len(stage.words(77)) == 77
     now[0] = 200.0
-    assert stage.words().endswith("0 s left")
+    assert stage.words().endswith("25 %, 95 s so far")
     stage.at(1.0)
     now[0] = 201.0
     assert stage.words(20) == "the ne…, 96 s so far"

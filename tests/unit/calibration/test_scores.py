@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from tumble.calibration.checks.scores import score_turns
+from tumble.calibration.checks.scores import angle_off, score_turns
 from tumble.calibration.equations.gathering import gather
 from tumble.earth import Site
 from tumble.segmentation import find_timeline, observe_holds
@@ -33,3 +33,8 @@ def test_turns_of_gyros_whose_two_ways_differ_are_scored_by_the_model_that_says_
 
     assert missed(crooked) < 0.2
     assert missed(plain) > 3.0 * missed(crooked)
+
+
+def test_a_turn_without_a_score_is_stated_in_words() -> None:
+    assert angle_off(np.radians(1.234)) == "1.23° off"
+    assert angle_off(float("nan")) == "elsewhere after less than 5°"

@@ -132,6 +132,20 @@ def left_out_holds(outliers: Iterable[Outlier], norms: Series) -> list[LeftOut]:
     ]
 
 
+def angle_off(angle: float) -> str:
+    """Return in words by what angle a turn misses; one under `SMALLEST_TURN` has none.
+
+    Parameters
+    ----------
+    angle : rad, or not a number.
+    """
+    return (
+        f"{np.degrees(angle):.2f}° off"
+        if np.isfinite(angle)
+        else f"elsewhere after less than {np.degrees(SMALLEST_TURN):.0f}°"
+    )
+
+
 def score_turns(model: ImuModel, data: HoldsAndTurns) -> TurnScores:
     """Carry gravity over each turn with the model's own constant bias and compare.
 

@@ -289,4 +289,4 @@ class Turn(Equations):
     @staticmethod
     def say(index: int, times: str) -> tuple[str, str]:
         """Return that gravity does not arrive where it should; `{angle}` is by how much."""
-        return "turn", f"gravity carried by the gyro ends {{angle}} off, {times}"
+        return "turn", f"gravity carried by the gyro ends {{angle}}, {times}"

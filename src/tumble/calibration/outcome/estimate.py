@@ -10,7 +10,7 @@ from tumble.arrays import Matrix, Series, Square
 from tumble.calibration.canonical import describe_unknowns
 from tumble.calibration.checks.bias_course import BiasCourse, Rests, find_rate_courses, rate_course_words
 from tumble.calibration.checks.observability import Untold
-from tumble.calibration.checks.scores import find_norm_course, hold_norm_errors, score_turns
+from tumble.calibration.checks.scores import angle_off, find_norm_course, hold_norm_errors, score_turns
 from tumble.calibration.equations.adjustment import JointAdjustment, rest_noise
 from tumble.calibration.equations.causes import FORCE_WANDER, RATE_WANDER
 from tumble.calibration.equations.hold_equations import Rate
@@ -436,7 +436,7 @@ def _left_out(balanced: Balanced, norms: Series, angles: Series) -> list[LeftOut
         k, times = outlier.group, f"{outlier.normalised:.1f} times what the others show"
         of = Angle if outlier.kind == "angle" else type(of_kind[outlier.kind])
         what, why = of.say(k, times)
-        why = why.format(norm=f"{1e3 * norms[k]:+.1f} mm/s²", angle=f"{np.degrees(angles[k]):.2f}°")
+        why = why.format(norm=f"{1e3 * norms[k]:+.1f} mm/s²", angle=angle_off(angles[k]))
         made.append(LeftOut(what, k, why))
     return made
 

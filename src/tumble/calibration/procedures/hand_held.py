@@ -15,7 +15,7 @@ import numpy as np
 from tumble.arrays import Matrix, Series, Square, Vector, Vectors, inverted
 from tumble.calibration.canonical import describe_unknowns
 from tumble.calibration.checks.bias_course import Rests, find_rate_courses, rate_course_words
-from tumble.calibration.checks.scores import score_turns
+from tumble.calibration.checks.scores import angle_off, score_turns
 from tumble.calibration.checks.snooping import NEEDLESS, Kind, Outlier, balance, wald_test
 from tumble.calibration.checks.triad_agreement import estimate_time_lag, refuse_contradicting_axes
 from tumble.calibration.closed_forms.start_values import rough_gyro_matrix, rough_triad
@@ -505,7 +505,7 @@ def _left_out(outlier: Outlier, norms: Series, angles: Series) -> LeftOut:
         )
     if outlier.kind == "rate":
         return LeftOut("hold", k, f"the gyro's output at rest is off by {times}: did it really rest?")
-    return LeftOut("turn", k, f"gravity carried by the gyro ends {np.degrees(angles[k]):.2f}° off, {times}")
+    return LeftOut("turn", k, f"gravity carried by the gyro ends {angle_off(angles[k])}, {times}")
 
 
 def _silent(_: str) -> None:
