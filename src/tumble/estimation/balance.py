@@ -193,10 +193,6 @@ class Balanceable(Adjustable, Protocol):
         """Let an observation take no part."""
         ...
 
-    def aside(self) -> Callable[[], None]:
-        """Go on with copies; return a function that goes back to what was here, which a solution refers to."""
-        ...
-
 
 @dataclass(slots=True)
 class Balanced:
@@ -246,7 +242,7 @@ def _without_chance(task: Balanceable, component: Component, solution: Settled) 
     nothing = component.nothing(task)
     if task.noise[component.name] <= nothing:
         return solution
-    back = task.aside()
+    back = task.snapshot()
     task.noise.set(component.name, nothing)
     try:
         # One step is enough almost always: what it refuses need not settle.

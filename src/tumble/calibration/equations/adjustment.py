@@ -218,16 +218,6 @@ class JointAdjustment:
 
         return back
 
-    def aside(self) -> Callable[[], None]:
-        """Go on with copies; return a function that goes back to what was here, which a solution refers to."""
-        there = self.unknowns, self.sections, self.rotations, self.noise
-        self.snapshot()()
-
-        def back() -> None:
-            self.unknowns, self.sections, self.rotations, self.noise = there
-
-        return back
-
     def copy(self, free: np.ndarray | None = None) -> JointAdjustment:
         """Return an adjustment of its own; with other unknowns free, what is then held is zero.
 
