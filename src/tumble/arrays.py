@@ -104,4 +104,5 @@ __all__ = [
     "extremes",
     "inverted",
     "median",
+    "range_means",
 ]

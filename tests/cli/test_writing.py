@@ -18,8 +18,8 @@ EARLIER = {"calibration.json": '{"earlier": "calibration"}\n', "report.html": "<
 # What the installed program runs, with a word on stdout when the first work begins.
 # It says that it is ready when a stop is heard: not before.
 PROGRAM = (
-    "import sys, tumble.cli.main as m; sys.argv[0] = 'tumble'; {before}; begin = m.main; "
-    "m.main = lambda: (print('ready', flush=True), begin()); m.program()"
+    "import sys, tumble.cli as c, tumble.cli.main as m; sys.argv[0] = 'tumble'; {before}; begin = m.main; "
+    "m.main = lambda: (print('ready', flush=True), begin()); c.program()"
 )
 
 
@@ -221,7 +221,7 @@ def test_ctrl_c_while_correcting_leaves_the_earlier_file_and_no_part(
 def test_ctrl_c_after_the_files_are_in_place_says_so(recording: Path, tmp_path: Path) -> None:
     before = f"exec({AFTER_WRITING!r})"
     process = start("calibrate", recording, "--gravity", 9.81, "-o", tmp_path / "made", before=before)
-    assert "after the files were written" in stopped(process)
+    assert "files that were written until then are complete" in stopped(process)
     assert process.returncode == 130
     assert json.loads((tmp_path / "made" / "calibration.json").read_text())["format"] == "tumble calibration"
 

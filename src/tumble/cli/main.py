@@ -27,7 +27,7 @@ TERMINATED = 143
 UNWRITTEN = 3
 INTERNAL = 70
 STOPPED = "Stopped; no file was changed."
-LATE = "Stopped after the files were written; they are complete."
+LATE = "Stopped; the files that were written until then are complete."
 
 COMMANDS = {
     "inspect": (
@@ -218,6 +218,8 @@ def main() -> None:
     state["results stand"], state["stopped"] = False, ""
     try:
         with streams():
+            # Not before: a stop while a stream is made ready would leave nothing to say it on.
+            _hear_stops()
             _run()
     finally:
         # A command that has written its files ignores stops; a caller of this function must not inherit that.
@@ -284,7 +286,6 @@ def program() -> None:
     """
     status = 0
     try:
-        _hear_stops()
         main()
     except SystemExit as end:
         status = end.code if isinstance(end.code, int) else 0
