@@ -113,7 +113,7 @@ bench: $(DEV) bytecode  ## Run the benchmarks; they print ratios within one run
 	@for script in benchmarks/*.py; do echo "== $$script"; $(BIN)/python "$$script" || exit 1; done
 
 .PHONY: measure
-measure: $(RUN) bytecode  ## Print how large the source is and how it hangs together
+measure: $(RUN) bytecode  ## Print how large the house is, beside its ceilings and aims
 	$(BIN)/python benchmarks/measure_source.py
 
 .PHONY: lock

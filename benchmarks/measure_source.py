@@ -1,14 +1,18 @@
-"""How large the source is and how it hangs together: one table, read from the source itself.
+"""How large the house is and how it hangs together, beside its ceilings and aims (`ceilings.toml`).
 
-    python benchmarks/measure_source.py            # the packages under src
+    python benchmarks/measure_source.py            # every figure, its ceiling, its aim
     python benchmarks/measure_source.py --no-demo  # without running the demo
+    python benchmarks/measure_source.py --lower    # lower each ceiling to its figure
+
+A ceiling only falls: `--lower` never raises one, and `tests/architecture/test_ceilings.py` fails above it.
 
 Code lines are lines with a token that is neither a comment nor a docstring. A function's lines run from its
-`def` to its end, docstring excluded, inner functions included. Import depth counts modules on the longest
-chain of imports at module level, circles collapsed; imports under TYPE_CHECKING do not count. Circles are
-strongly connected components of all imports, those inside functions too. What the demo enters are modules
-whose functions ran during `tumble calibrate` (sys.setprofile); what runs at import alone is not counted,
-and neither are compiled loops.
+`def` to its end, docstring excluded, inner functions included; compiled loops are not counted among the long
+ones. Import depth counts modules on the longest chain of imports, circles collapsed. Circles are strongly
+connected components. Both count all imports: at module level, inside functions, and under TYPE_CHECKING. What
+the demo enters are modules whose functions ran during `tumble calibrate` (sys.setprofile); what runs at import
+alone is not counted, and neither are compiled loops. Words are those of all Markdown pages that git tracks; the
+net (`tests/net`) counts as neither words nor tests. Options are those of all commands, hidden ones too.
 """
 
 from __future__ import annotations
@@ -19,15 +23,15 @@ import os
 import subprocess
 import sys
 import tokenize
-from collections import Counter
-from collections.abc import Iterable, Iterator
+import tomllib
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-SOURCE = Path(__file__).resolve().parents[1] / "src"
-LONG_FUNCTIONS = (45, 60)
-LONG_MODULE = 450
-SHOWN_ROOMS = 12
+ROOT = Path(__file__).resolve().parents[1]
+SOURCE = ROOT / "src"
+CEILINGS = ROOT / "ceilings.toml"
+LONG_FUNCTION = 60
 Function = ast.FunctionDef | ast.AsyncFunctionDef
 
 RUN_DEMO = """
@@ -62,19 +66,17 @@ class Module:
 
     name: str
     is_package: bool
-    lines: int
     code: int
     functions: list[tuple[int, str]]
-    inner_imports: int
-    early: set[str] = field(default_factory=set)
-    late: set[str] = field(default_factory=set)
+    imports: set[str] = field(default_factory=set)
 
     @property
     def room(self) -> str:
-        """Package and room: the first two parts of the name, the package's own modules as one room."""
+        """The first part of the name below the package, `root` for the package's own modules."""
         parts = self.name.split(".")
-        inside = len(parts) > 2 or (len(parts) == 2 and self.is_package)
-        return ".".join(parts[:2]) if inside else f"{parts[0]} (top)"
+        if parts[0] == "tumble_papers":
+            return "tumble_papers"
+        return parts[1] if len(parts) > 2 or (len(parts) == 2 and self.is_package) else "root"
 
 
 def docstring_lines(tree: ast.AST) -> set[int]:
@@ -118,16 +120,9 @@ def functions_of(name: str, tree: ast.AST) -> list[tuple[int, str]]:
     return found
 
 
-def imports_of(tree: ast.AST, *, inner: bool = False) -> Iterator[tuple[ast.Import | ast.ImportFrom, bool]]:
-    """Yield imports, each with whether it stands inside a function; those for type checkers alone are left out."""
-    for node in ast.iter_child_nodes(tree):
-        if isinstance(node, ast.Import | ast.ImportFrom):
-            yield node, inner
-        elif isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
-            for other in node.orelse:
-                yield from imports_of(ast.Module([other], []), inner=inner)
-        else:
-            yield from imports_of(node, inner=inner or isinstance(node, Function | ast.Lambda))
+def imports_of(tree: ast.AST) -> Iterator[ast.Import | ast.ImportFrom]:
+    """Yield all imports, those inside functions and for type checkers too."""
+    yield from (node for node in ast.walk(tree) if isinstance(node, ast.Import | ast.ImportFrom))
 
 
 def targets_of(node: ast.Import | ast.ImportFrom, module: Module, names: set[str]) -> Iterator[str]:
@@ -154,13 +149,11 @@ def read_modules() -> dict[str, Module]:
         name = ".".join(parts[:-1] if is_package else parts)
         text = path.read_text(encoding="utf-8")
         tree = ast.parse(text)
-        lines = len(text.splitlines())
-        modules[name] = Module(name, is_package, lines, code_lines(text, tree), functions_of(name, tree), 0)
+        modules[name] = Module(name, is_package, code_lines(text, tree), functions_of(name, tree))
         trees[name] = tree
     for name, module in modules.items():
-        for node, inner in imports_of(trees[name]):
-            module.inner_imports += inner
-            (module.late if inner else module.early).update(targets_of(node, module, set(modules)))
+        for node in imports_of(trees[name]):
+            module.imports.update(targets_of(node, module, set(modules)))
     return modules
 
 
@@ -201,9 +194,32 @@ def import_depth(graph: dict[str, set[str]]) -> int:
     return max(depth.values(), default=0)
 
 
-def entries(modules: Iterable[Module]) -> Counter[str]:
-    """Return how many modules and subpackages each package holds at one level."""
-    return Counter(module.name.rpartition(".")[0] for module in modules if "." in module.name)
+def documentation_words() -> int:
+    """Return how many words the pages have."""
+    listed = subprocess.run(["git", "ls-files", "*.md"], cwd=ROOT, capture_output=True, text=True, check=True)
+    pages = [ROOT / name for name in listed.stdout.splitlines() if not name.startswith("tests/net/")]
+    return sum(len(page.read_text(encoding="utf-8").split()) for page in pages if page.exists())
+
+
+def commands_and_options() -> tuple[int, int]:
+    """Return how many commands the program has, those of `registry` one by one, and how many options in all."""
+    sys.path.insert(0, str(SOURCE))
+    import typer
+
+    from tumble.cli.main import app
+
+    counts: list[int] = []
+
+    def walk(command: object) -> None:
+        inside = getattr(command, "commands", None)
+        if inside is None:
+            counts.append(sum(one.param_type_name == "option" for one in command.params))  # type: ignore[attr-defined]
+        else:
+            for name in inside:
+                walk(inside[name])
+
+    walk(typer.main.get_command(app))
+    return len(counts), sum(counts)
 
 
 def demo_modules() -> str:
@@ -217,43 +233,86 @@ def demo_modules() -> str:
     return f"{entered} (imported: {imported})"
 
 
-def rows(modules: dict[str, Module], *, demo: bool) -> Iterator[tuple[str, object]]:
-    """Yield the table."""
+def figures(modules: dict[str, Module]) -> dict[str, int]:
+    """Return every figure that has a ceiling, by the name that it has in `ceilings.toml`."""
     everything = modules.values()
-    functions = sorted((one for module in everything for one in module.functions), reverse=True)
-    longest = max(everything, key=lambda module: module.lines)
-    early = {name: module.early for name, module in modules.items()}
-    both = {name: module.early | module.late for name, module in modules.items()}
-    circles = sorted((len(one) for one in components(both) if len(one) > 1), reverse=True)
-    early_circles = sorted((len(one) for one in components(early) if len(one) > 1), reverse=True)
-    yield "modules", len(modules)
-    yield "lines", sum(module.lines for module in everything)
-    yield "code lines", sum(module.code for module in everything)
-    yield "import depth", import_depth(early)
-    yield "circles of imports at module level", f"{len(early_circles)} {early_circles}"
-    yield "circles with imports in functions", f"{len(circles)} {circles}"
-    yield "imports inside functions", sum(module.inner_imports for module in everything)
-    yield "longest function", f"{functions[0][0]} {functions[0][1]}"
-    for limit in LONG_FUNCTIONS:
-        yield f"functions over {limit} lines", sum(lines > limit for lines, _ in functions)
-    yield "longest module", f"{longest.lines} {longest.name}"
-    yield f"modules over {LONG_MODULE} lines", sum(module.lines > LONG_MODULE for module in everything)
-    if demo:
-        yield "modules that the demo enters", demo_modules()
-    yield "most entries at one level", ""
-    for name, count in entries(everything).most_common(SHOWN_ROOMS):
-        yield f"  {name}", count
-    yield "room", "modules   lines    code"
-    rooms = sorted({module.room for module in everything})
-    for room in sorted(rooms, key=lambda room: -sum(m.code for m in everything if m.room == room)):
-        inside = [module for module in everything if module.room == room]
-        lines, code = sum(module.lines for module in inside), sum(module.code for module in inside)
-        yield f"  {room}", f"{len(inside):7d} {lines:7d} {code:7d}"
+    graph = {name: module.imports for name, module in modules.items()}
+    commands, options = commands_and_options()
+    found = {
+        "code lines": sum(module.code for module in everything),
+        "modules": len(modules),
+        "import depth": import_depth(graph),
+        "circles of imports": sum(len(one) > 1 for one in components(graph)),
+        f"functions over {LONG_FUNCTION} lines": len(long_functions(modules)),
+        "lines of tests": sum(
+            len(path.read_text(encoding="utf-8").splitlines())
+            for path in (ROOT / "tests").rglob("*.py")
+            if "net" not in path.parts
+        ),
+        "words of documentation": documentation_words(),
+        "commands": commands,
+        "options": options,
+    }
+    for rooms in tomllib.loads(CEILINGS.read_text(encoding="utf-8")):
+        if rooms not in found:
+            inside = [module for module in everything if module.room in rooms.split(", ")]
+            found[rooms] = sum(module.code for module in inside)
+            found[f"{rooms}: modules"] = len(inside)
+    return found
+
+
+def long_functions(modules: dict[str, Module]) -> list[tuple[int, str]]:
+    """Return lines and names of functions that fit on no screen, compiled loops left out."""
+    compiled = ("kernels", "strapdown_kernel")
+    inside = [one for name, one in modules.items() if name.rpartition(".")[2] not in compiled]
+    return sorted(
+        (one for module in inside for one in module.functions if one[0] > LONG_FUNCTION), reverse=True
+    )
+
+
+def ceilings() -> dict[str, tuple[int, int | None]]:
+    """Return ceiling and aim of every figure; the modules of a room stand behind its code lines and have no aim."""
+    found: dict[str, tuple[int, int | None]] = {}
+    for name, row in tomllib.loads(CEILINGS.read_text(encoding="utf-8")).items():
+        found[name] = row["ceiling"], row["aim"]
+        if "modules" in row:
+            found[f"{name}: modules"] = row["modules"], None
+    return found
+
+
+def lower(found: dict[str, int]) -> None:
+    """Write `ceilings.toml` anew, each ceiling at most its figure."""
+    limits = ceilings()
+    lines = [
+        line for line in CEILINGS.read_text(encoding="utf-8").splitlines() if line.startswith("#") or not line
+    ]
+    for name, (ceiling, aim) in limits.items():
+        if aim is None:
+            continue
+        row = f'"{name}" = {{ ceiling = {min(ceiling, found[name])}, aim = {aim}'
+        inside = f"{name}: modules"
+        if inside in limits:
+            row += f", modules = {min(limits[inside][0], found[inside])}"
+        lines.append(row + " }")
+    CEILINGS.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 def main() -> None:
-    for name, value in rows(read_modules(), demo="--no-demo" not in sys.argv[1:]):
-        print(f"{name:38s} {value}")
+    modules = read_modules()
+    found = figures(modules)
+    if "--lower" in sys.argv[1:]:
+        lower(found)
+        return
+    print(f"{'':76s}{'figure':>8s}{'ceiling':>9s}{'aim':>8s}")
+    for name, (ceiling, aim) in ceilings().items():
+        print(f"{name:76s}{found[name]:8d}{ceiling:9d}{'' if aim is None else aim:>8}")
+    for lines, name in long_functions(modules):
+        print(f"over {LONG_FUNCTION} lines: {lines} {name}")
+    for circle in components({name: module.imports for name, module in modules.items()}):
+        if len(circle) > 1:
+            print(f"a circle: {', '.join(sorted(circle)[:8])}{', …' if len(circle) > 8 else ''}")
+    if "--no-demo" not in sys.argv[1:]:
+        print(f"modules that the demo enters (aim 100): {demo_modules()}")
 
 
 if __name__ == "__main__":

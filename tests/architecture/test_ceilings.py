@@ -1,0 +1,46 @@
+"""The house grows no more: no figure is above its ceiling, and a ceiling falls with its figure."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+
+@pytest.fixture(scope="module")
+def measure(root: Path) -> ModuleType:
+    spec = importlib.util.spec_from_file_location("measure_source", root / "benchmarks/measure_source.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module  # its dataclasses look themselves up
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module")
+def found(measure: ModuleType) -> dict[str, int]:
+    return measure.figures(measure.read_modules())
+
+
+def test_no_figure_is_above_its_ceiling(measure: ModuleType, found: dict[str, int]) -> None:
+    above = {
+        name: (found[name], limit) for name, (limit, _) in measure.ceilings().items() if found[name] > limit
+    }
+    assert not above, f"figure, ceiling: {above}. Take out what makes room for it: see ceilings.toml"
+
+
+def test_a_ceiling_falls_with_its_figure(measure: ModuleType, found: dict[str, int]) -> None:
+    below = {
+        name: (found[name], limit) for name, (limit, _) in measure.ceilings().items() if found[name] < limit
+    }
+    assert not below, f"figure, ceiling: {below}. Run `python benchmarks/measure_source.py --lower`"
+
+
+def test_every_module_stands_in_one_room(measure: ModuleType, found: dict[str, int]) -> None:
+    rooms = [name for name in found if f"{name}: modules" in found]
+    assert sum(found[name] for name in rooms) == found["code lines"]
+    assert sum(found[f"{name}: modules"] for name in rooms) == found["modules"]
