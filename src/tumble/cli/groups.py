@@ -270,6 +270,18 @@ def flowing(text: str) -> str:
     )
 
 
+def _words_of(ctx: Any, *more: str) -> str:
+    """The command's words without the program's name."""
+    return " ".join([*ctx.command_path.split()[1:], *more])
+
+
+def what_left() -> dict[str, Any]:
+    """Return what is said of commands, and of options by command, that tumble once had."""
+    import yaml
+
+    return yaml.safe_load((Path(__file__).parent / "gone.yaml").read_text(encoding="utf-8"))
+
+
 class _Helped:
     """What commands and groups of them have in common: the form of their help."""
 
@@ -302,6 +314,26 @@ class _Helped:
 class Group(_Helped, TyperGroup):
     """Commands under one name."""
 
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Return the command that the arguments name.
+
+        Parameters
+        ----------
+        ctx, args : typer's.
+
+        Raises
+        ------
+        UsageError
+            If it is one that left.
+        """
+        if (
+            args
+            and args[0] not in self.commands
+            and (left := what_left()["commands"].get(_words_of(ctx, args[0])))
+        ):
+            raise UsageError(left)
+        return super().resolve_command(ctx, args)
+
     def panels(self) -> dict[str, dict[str, str]]:
         """Return each command's name and the first sentence of its help, by what they are for."""
         return {
@@ -332,8 +364,18 @@ class Command(_Helped, TyperCommand):
             raise UsageError(
                 "--chip is a part of --units: give both in one, as --units mpu6050,2g,250dps,ms."
             )
+        self._refuse_what_left(ctx, [(name, value) for name, _, value in words])
         today = [self.former.get(name, name) + equals + value for name, equals, value in words]
         return super().parse_args(ctx, self._with_details(ctx, today) + args[stop:])
+
+    def _refuse_what_left(self, ctx: Any, words: list[tuple[str, str]]) -> None:
+        taken = {name for one in self.params for name in (*one.opts, *one.secondary_opts)}
+        for (name, value), (following, _) in zip(words, [*words[1:], ("", "")], strict=True):
+            if name == "--set":
+                name = f"--{(value or following).partition('=')[0]}"
+            known = name in taken or not name.startswith("--")
+            if not known and (left := what_left()["options"].get(_words_of(ctx), {}).get(name)):
+                raise UsageError(left)
 
     def details(self) -> dict[str, Any]:
         """Return what `--set` takes, by name."""
