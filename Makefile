@@ -101,7 +101,7 @@ figures: $(DEV) bytecode  ## Simulate and draw the figures of the procedures' pa
 	$(BIN)/python docs/figures/doors.py
 
 .PHONY: map
-map: $(DEV)  ## Write the map of the house anew from the modules' openings
+map: $(DEV)  ## Write the floors of the house and tables of records anew
 	$(BIN)/python docs/site/map_page.py
 
 .PHONY: schema

@@ -1,12 +1,11 @@
-"""The map of the house, from the openings of its modules and the contract of its floors; tables, from the records.
+"""The floors of the house, from their contract; rows of tables, from the records.
 
-`python docs/site/map_page.py` (or `make map`) writes them anew: the map into `docs/architecture.md`, between two marks,
-and rows into the tables of procedures and of optional terms. A test fails when a page is behind the source.
+`python docs/site/map_page.py` (or `make map`) writes them anew: the floors into `docs/architecture.md`, between two
+marks, and rows into the tables of procedures and of optional terms. A test fails when a page is behind the source.
 """
 
 from __future__ import annotations
 
-import ast
 import re
 import tomllib
 from collections.abc import Sequence
@@ -20,32 +19,6 @@ PAGE = HERE.parent / "architecture.md"
 SOURCE = HERE.parents[1] / "src"
 
 
-def opening(path: Path) -> str:
-    """Return the first sentence of a module's docstring: all before its first blank line, on one line."""
-    text = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
-    return " ".join(text.split("\n\n")[0].split()).replace("|", r"\|")
-
-
-def rooms(package: Path) -> list[Path]:
-    """Return a package and all packages below it, in the order of their names."""
-    return sorted(path.parent for path in package.rglob("__init__.py"))
-
-
-def map_of(source: Path = SOURCE) -> str:
-    """Return the map: for every room its opening, and a row for every module in it."""
-    lines: list[str] = []
-    for package in sorted(path.parent for path in source.glob("*/__init__.py")):
-        for room in rooms(package):
-            name = ".".join(room.relative_to(source).parts)
-            lines += [f"### `{name}`", "", opening(room / "__init__.py"), ""]
-            modules = sorted(path for path in room.glob("*.py") if path.name != "__init__.py")
-            if modules:
-                lines += ["| module | opens with |", "|---|---|"]
-                lines += [f"| `{path.stem}` | {opening(path)} |" for path in modules]
-                lines.append("")
-    return "\n".join(lines)
-
-
 def floors() -> str:
     """Return the contract that imports point down, a floor a line, from the top."""
     settings = tomllib.loads((SOURCE.parent / "pyproject.toml").read_text(encoding="utf-8"))
@@ -54,7 +27,7 @@ def floors() -> str:
     return "\n".join(["```", *layers, "```", ""])
 
 
-def page_with_map(text: str) -> str:
+def page_with_floors(text: str) -> str:
     """Return the page with what is made of the source, between its marks.
 
     Raises
@@ -62,11 +35,9 @@ def page_with_map(text: str) -> str:
     ValueError
         If the marks are not there.
     """
-    for mark, made in (("map", map_of), ("floors", floors)):
-        begin, end = f"<!-- {mark}: made by `make map` -->\n", f"<!-- /{mark} -->\n"
-        start = text.index(begin) + len(begin)
-        text = f"{text[:start]}\n{made()}\n{text[text.index(end) :]}"
-    return text
+    begin, end = "<!-- floors: made by `make map` -->\n", "<!-- /floors -->\n"
+    start = text.index(begin) + len(begin)
+    return f"{text[:start]}\n{floors()}\n{text[text.index(end) :]}"
 
 
 def pages_with_tables() -> dict[Path, str]:
@@ -108,4 +79,4 @@ def _name_of(row: str) -> str:
 if __name__ == "__main__":
     for page, made in pages_with_tables().items():
         page.write_text(made, encoding="utf-8")
-    PAGE.write_text(page_with_map(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
+    PAGE.write_text(page_with_floors(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
