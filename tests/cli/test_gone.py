@@ -32,6 +32,10 @@ def test_an_option_that_left_says_what_to_do(
     assert _said(command, "something", *words) == "--wings has left: use legs."
 
 
+def test_a_command_without_arguments_is_let_pass() -> None:
+    get_command(app).main(["convert"], prog_name="tumble", standalone_mode=False)
+
+
 def test_every_sentence_of_what_left_is_one_and_its_command_or_option_is_no_longer_there() -> None:
     program = get_command(app)
     for name, sentence in groups.what_left()["commands"].items():

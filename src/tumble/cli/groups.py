@@ -6,6 +6,7 @@ import inspect
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import fields, is_dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, TypeAlias, cast, get_args, get_origin, get_type_hints
 
@@ -370,7 +371,7 @@ class Command(_Helped, TyperCommand):
 
     def _refuse_what_left(self, ctx: Any, words: list[tuple[str, str]]) -> None:
         taken = {name for one in self.params for name in (*one.opts, *one.secondary_opts)}
-        for (name, value), (following, _) in zip(words, [*words[1:], ("", "")], strict=True):
+        for (name, value), (following, _) in pairwise([*words, ("", "")]):
             if name == "--set":
                 name = f"--{(value or following).partition('=')[0]}"
             known = name in taken or not name.startswith("--")
