@@ -1,0 +1,1 @@
+"""What the program computes today, pinned: see README.md beside this file."""
