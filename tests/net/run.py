@@ -40,6 +40,7 @@ def said(text: str) -> list[str]:
     """Return lines without what another folder or another hour changes; blank ends are nothing."""
     for folder, name in ((Path.cwd(), "HERE"), (ROOT, "ROOT")):
         text = text.replace(str(folder), name)
+    text = re.sub(r"\S*/site-packages/(\S+?):\d+:", r"\1:", text)
     text = re.sub(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d+)?(\+00:00|Z)", "TIME", text)
     return [line.rstrip() for line in text.split("\n") if line.strip()]
 
