@@ -108,9 +108,12 @@ map: $(DEV)  ## Write the floors of the house and tables of records anew
 schema: $(DEV)  ## Write the JSON schemas of calibrations, protocols and noise anew
 	$(BIN)/python docs/schema/write_schema.py
 
+# What measures speed; the others are studies of hours, which pages name.
+SPEED := allan joint_speed kernels noise papers peers python_loop reading reading_formats
+
 .PHONY: bench
-bench: $(DEV) bytecode  ## Run the benchmarks; they print ratios within one run
-	@for script in benchmarks/*.py; do echo "== $$script"; $(BIN)/python "$$script" || exit 1; done
+bench: $(DEV) bytecode  ## Measure speed, as ratios within one run (ten minutes)
+	@for name in $(SPEED); do echo "== $$name"; $(BIN)/python benchmarks/$$name.py || exit 1; done
 
 .PHONY: measure
 measure: $(RUN) bytecode  ## Print how large the house is, beside its ceilings and aims

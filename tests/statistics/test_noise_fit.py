@@ -1,8 +1,7 @@
 """Fitted noise models are as good as they say: intervals cover, nothing is biased, moments are efficient.
 
 50 short recordings (55 min at 10 Hz) with all of Q, N, B and K that show. A share p of T trials may be off
-by z = 3.3 of its own √(p (1 − p) / T): one false alarm in a thousand for each comparison. Studies of hundreds, whose
-figures the documentation states, are made by `benchmarks/noise_fit.py`.
+by z = 3.3 of its own √(p (1 − p) / T): one false alarm in a thousand for each comparison.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """A person who does not exist, with a unit of any grade in the hand: follows the guide, or a list, with flaws.
 
-For trying the guide without hardware, for tests, and for `benchmarks/capture.py`. Gravity is 9.80665 m/s², the Earth
+For trying the guide without hardware, and for tests. Gravity is 9.80665 m/s², the Earth
 does not turn.
 """
 
