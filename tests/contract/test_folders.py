@@ -213,7 +213,7 @@ def test_zstd_without_its_library_names_the_extra(tmp_path: Path, monkeypatch: p
 
     monkeypatch.setitem(sys.modules, "zstandard", None)
     (tmp_path / "a.csv.zst").write_bytes(b"\x28\xb5\x2f\xfd" + bytes(20))
-    with pytest.raises(UsageError, match=r"pip install lz4 zstandard"):
+    with pytest.raises(UsageError, match=r"compressed with zstd; reading it needs pip install "):
         read_recording(tmp_path / "a.csv.zst")
 
 

@@ -131,23 +131,27 @@ def test_a_record_that_says_it_is_longer_than_the_file_ends_the_reading(tmp_path
     assert "not finished or cut short" in said(recording)
 
 
+def test_a_chunk_whose_head_is_damaged_ends_the_reading(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.mcap")
+    recording = read_recording(changed(path, 0x06, 3, 28, struct.pack("<I", 1 << 30)))
+    assert 0 < len(recording) < COUNT / 2
+    assert "not finished or cut short" in said(recording)
+    assert f"{COUNT - len(recording)} of {COUNT} messages of /imu could not be read" in said(recording)
+
+
 @pytest.mark.parametrize(
     ("code", "at", "new"),
     [
-        (0x08, 16, struct.pack("<Q", 1 << 60)),  # beyond the end
-        (0x08, 16, struct.pack("<Q", 12)),  # to no record
-        (0x06, 28, struct.pack("<I", 1 << 30)),  # the chunk: the name of its compression
-        (0x06, 16, struct.pack("<Q", 7)),  # its size
+        (0x06, 16, struct.pack("<Q", 7)),  # the chunk's size
         (0x06, 16, struct.pack("<Q", 1 << 40)),  # and one that nothing unpacks to
         (0x06, 24, b"\1\2\3\4"),  # its checksum
         (0x06, 32, b"zip7"),
     ],
 )
-def test_a_chunk_that_cannot_be_found_or_unpacked_is_left_out_and_counted(
+def test_a_chunk_that_cannot_be_unpacked_is_left_out_and_counted(
     tmp_path: Path, code: int, at: int, new: bytes
 ) -> None:
-    # the summary's own checksum would show that its index is wrong
-    path = write(tmp_path / "a.mcap", enable_crcs=code != 0x08)
+    path = write(tmp_path / "a.mcap")
     chunks = len([record for record in records(path.read_bytes()) if record[0] == 0x06])
     assert chunks > 5
     recording = read_recording(changed(path, code, 3, at, new))
@@ -163,7 +167,7 @@ def test_a_chunk_of_lz4_that_is_damaged_is_left_out_and_counted(tmp_path: Path) 
     path = write(tmp_path / "a.mcap", compression=mcap.CompressionType.LZ4)
     recording = read_recording(changed(path, 0x06, 3, 60, b"\xa5" * 40))
     assert 0 < COUNT - len(recording) < COUNT / 3
-    assert "chunk(s) is damaged (a chunk is damaged" in said(recording)
+    assert "chunk(s) is damaged (" in said(recording)
 
 
 def test_a_message_that_is_longer_than_its_chunk_is_damage(tmp_path: Path) -> None:
@@ -195,12 +199,6 @@ def test_a_damaged_summary_loses_nothing(tmp_path: Path, code: int, at: int, new
     recording = read_recording(changed(path, code, 0, at, new))
     assert np.array_equal(recording.specific_force, VALUES[:, :3])
     assert np.array_equal(recording.angular_rate, VALUES[:, 3:])
-
-
-def test_a_channel_that_ends_within_its_number_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "a.mcap").write_bytes(MAGIC + struct.pack("<BQ", 4, 3) + b"\1\0\2")
-    with pytest.raises(RecordingError, match=r"a\.mcap is a damaged MCAP file"):
-        read_recording(tmp_path / "a.mcap")
 
 
 def test_messages_of_another_encoding_are_named_with_it(tmp_path: Path) -> None:

@@ -25,11 +25,23 @@ ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 _PIECE = 1 << 13  # bytes; of a damaged piece nothing is left
 
 
-def _library(name: str, file: str, what: str) -> Any:
+def needed(name: str, words: str) -> Any:
+    """Return a module of the libraries of the extra `ros`.
+
+    Parameters
+    ----------
+    name : of the module.
+    words : what it is needed for, as the beginning of a sentence.
+
+    Raises
+    ------
+    UsageError
+        If it is not installed.
+    """
     try:
         return import_module(name)
     except ImportError as error:
-        raise UsageError(f"{file} is compressed with {what}; reading it needs {install('ros')}.") from error
+        raise UsageError(f"{words}; reading it needs {install('ros')}.") from error
 
 
 def largest_chunk(data: bytes) -> int:
@@ -107,16 +119,17 @@ def decompress_bz2(data: bytes, file: str, largest: int | None = None) -> bytes:
 
     Raises
     ------
-    OSError
-        If the data is damaged.
     EOFError
-        If it ends early.
+        If the data is damaged or ends early.
     RecordingError
         If it is longer.
     """
     largest = largest_chunk(data) if largest is None else largest
     unpacker = bz2.BZ2Decompressor()
-    content = unpacker.decompress(data, largest + 1)
+    try:
+        content = unpacker.decompress(data, largest + 1)
+    except OSError as error:  # which is not the disk's
+        raise EOFError(str(error)) from error
     if not unpacker.eof and len(content) <= largest:
         raise EOFError("it ends early")
     return _bounded(content, file, largest)
@@ -143,7 +156,7 @@ def decompress_lz4(data: bytes, file: str, largest: int | None = None) -> bytes:
         If it is longer.
     """
     largest = largest_chunk(data) if largest is None else largest
-    unpacker = _library("lz4.frame", file, "lz4").LZ4FrameDecompressor()
+    unpacker = needed("lz4.frame", f"{file} is compressed with lz4").LZ4FrameDecompressor()
     content: bytes = unpacker.decompress(data, max_length=largest + 1)
     if not unpacker.eof and len(content) <= largest:
         raise RuntimeError("it ends early")
@@ -161,7 +174,7 @@ def decompress_zstd(data: bytes, file: str, largest: int | None = None) -> bytes
         If the data is damaged or longer.
     """
     largest = largest_chunk(data) if largest is None else largest
-    library = _library("zstandard", file, "zstd")
+    library = needed("zstandard", f"{file} is compressed with zstd")
     try:
         content: bytes = library.ZstdDecompressor().stream_reader(data).read(largest + 1)
     except library.ZstdError as error:
@@ -180,7 +193,7 @@ class ZstdStream:
         UsageError
             If zstandard is not installed; the message names the file and the extra.
         """
-        self._file, self._library = file, _library("zstandard", name, "zstd")
+        self._file, self._library = file, needed("zstandard", f"{name} is compressed with zstd")
         self._frame: Any = None
         self._waiting = b""
 

@@ -6,50 +6,21 @@ from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import field
 from pathlib import Path
-from typing import BinaryIO
 
 from tumble.errors import RecordingError, TumbleError
 from tumble.recording.recording import Remark
 from tumble.records import dataclass
 
-_PIECE = 1 << 24  # bytes
-
-
-class CutShort(Exception):
-    """The file ends inside a record."""
-
-
-def exactly(file: BinaryIO, size: int) -> bytes:
-    """Read so many bytes of an open file.
-
-    Raises
-    ------
-    CutShort
-        If the file ends before.
-    """
-    data = at_most(file, size)
-    if len(data) < size:
-        raise CutShort
-    return data
-
-
-def at_most(file: BinaryIO, size: int) -> bytes:
-    """Read so many bytes of an open file, or those that there are; a size that lies takes no memory."""
-    parts: list[bytes] = []
-    while size > 0 and (part := file.read(min(size, _PIECE))):
-        parts.append(part)
-        size -= len(part)
-    return parts[0] if len(parts) == 1 else b"".join(parts)
-
 
 @contextmanager
-def foreign(path: Path, format_: str) -> Generator[None]:
+def foreign(path: Path, format_: str, mend: str = "") -> Generator[None]:
     """Run a library's reader: whatever it makes of a damaged file is one sentence.
 
     Parameters
     ----------
     path : of the file.
     format_ : what it should be.
+    mend : what mends a damaged one, as a sentence without its point.
 
     Raises
     ------
@@ -65,8 +36,9 @@ def foreign(path: Path, format_: str) -> Generator[None]:
             f"{path.name} is a damaged or too large {format_}: what it says that it holds does not fit into memory."
         ) from error
     except Exception as error:
-        words = " ".join(str(error).split())[:80] or type(error).__name__
-        raise RecordingError(f"{path.name} is a damaged or unsupported {format_} ({words}).") from error
+        words = " ".join(str(error).split())[:80].rstrip(".") or type(error).__name__
+        more = f" {mend}." if mend else ""
+        raise RecordingError(f"{path.name} is a damaged or unsupported {format_} ({words}).{more}") from error
 
 
 @dataclass(slots=True)

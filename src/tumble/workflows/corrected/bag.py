@@ -16,8 +16,7 @@ from tumble.errors import OutputError, UsageError
 from tumble.files import filled_folder, written_beside
 from tumble.recording.formats.bags.bag import Choice, Topic, choose_topics
 from tumble.recording.formats.bags.ros_messages import Decoded, Substitute, decode, substituted
-from tumble.recording.rewriting.exchange import Exchange
-from tumble.recording.rewriting.rewritable import Messages, Rewritable, rewritable
+from tumble.recording.rewriting import Exchange, Rewritable, rewritable
 from tumble.records import dataclass
 from tumble.workflows.corrected.lag_shift import NEEDS_BOTH, ForceShift
 
@@ -80,7 +79,6 @@ class BagCorrection:
             else:
                 with written_beside(target) as beside:
                     opened.write(beside, exchange)
-                    exchange.finish()
             self.told += [f"{r.kind}: {r.text}" for r in opened.bag.remarks]
             self.told += work.remarks(path.name)
             return exchange.count
@@ -114,7 +112,6 @@ def _write_folder(opened: Rewritable, target: Path, exchange: Exchange) -> None:
     try:
         with filled_folder(target) as folder:
             opened.write(folder, exchange)
-            exchange.finish()
             there = {p.name for p in target.iterdir() if p != folder}
             strange = sorted(there - {p.name for p in folder.iterdir()})
             if strange:
@@ -142,7 +139,7 @@ class _Work:
 
     def __init__(self, task: BagCorrection, opened: Rewritable, choice: Choice) -> None:
         self._task = task
-        self._in_order = opened.in_order
+        self._messages = opened.bag.messages
         self._names = choice.names()
         known = {t.name: t for t in opened.bag.topics}
         outside = task.outside
@@ -178,7 +175,7 @@ class _Work:
         return told
 
     def _plain(self) -> Iterator[list[_Pair]]:
-        for batch in _batches(self._in_order(self._names)):
+        for batch in _batches(self._messages(self._names)):
             made: dict[str, Iterator[bytes]] = {}
             for name in dict.fromkeys(n for n, _, _ in batch):
                 line = self._lines[name]
@@ -193,7 +190,7 @@ class _Work:
         name = line.topic.name
         waiting: list[bytes] = []
         rates: Vectors = np.empty((0, 3))
-        for batch in _batches(self._in_order(self._names)):
+        for batch in _batches(self._messages(self._names)):
             messages, decoded = _decoded(line.topic, batch)
             force, rate = self._corrected(line, decoded)
             if force is None or rate is None:
@@ -247,7 +244,7 @@ def _covariance(densities: npt.NDArray[np.float64], rate: float) -> npt.NDArray[
     return np.diag(densities**2 * rate).ravel()
 
 
-def _batches(messages: Messages) -> Iterator[list[_Message]]:
+def _batches(messages: Iterator[_Message]) -> Iterator[list[_Message]]:
     batch: list[_Message] = []
     for message in messages:
         batch.append(message)

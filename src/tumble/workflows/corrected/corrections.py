@@ -14,12 +14,12 @@ from pathlib import Path
 
 from tumble.errors import RecordingError, UsageError
 from tumble.files import opened
+from tumble.recording import rewriting
 from tumble.recording.columns import role_of
 from tumble.recording.formats import euroc_writing, hdf5_writing
 from tumble.recording.formats.header import header_names
 from tumble.recording.formats.logs import own_parameters, ulog
 from tumble.recording.frames import Frame, frame_names
-from tumble.recording.rewriting import rewritable
 
 PREFIX = "corrected_by_"
 _MARK = re.compile(PREFIX + r"([0-9a-f]{12})$")
@@ -58,10 +58,10 @@ def _marks_beside(path: Path, topics: Sequence[str] | None) -> list[str]:
         found = euroc_writing.corrections(path)
         if found or not path.is_dir():
             return list(found)
-    if not path.is_dir() and ending not in rewritable.ENDINGS:
+    if not path.is_dir() and ending not in rewriting.ENDINGS:
         return []
     wanted = None if not topics else {t.strip("/") for t in topics}
-    said = rewritable.corrections(path).items()
+    said = rewriting.corrections(path).items()
     return [m for topic, marks in said if wanted is None or topic.strip("/") in wanted for m in marks]
 
 

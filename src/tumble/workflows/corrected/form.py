@@ -19,8 +19,8 @@ from tumble.recording.formats.folder import euroc_file
 from tumble.recording.formats.hdf5_writing import ENDINGS as HDF5
 from tumble.recording.formats.output import ENDINGS as TABLES
 from tumble.recording.magnetic_field import MagneticField
-from tumble.recording.rewriting.rewritable import ENDINGS as BAGS
-from tumble.recording.rewriting.rewritable import ending_of
+from tumble.recording.rewriting import ENDINGS as BAGS
+from tumble.recording.rewriting import ending_of
 from tumble.records import dataclass
 from tumble.units import COUNTS, MICROTESLA, magnetic_field_factor
 

@@ -32,22 +32,21 @@ class Topic:
     Attributes
     ----------
     name, kind : its name, and the type of its messages as ROS 1 writes it.
-    count : number of its messages, or None where the file does not say.
+    count : number of its messages.
     cdr : whether the messages are serialised as CDR (ROS 2).
     rate : messages a second, or None.
     """
 
     name: str
     kind: str
-    count: int | None
+    count: int
     cdr: bool
     rate: float | None = None
 
     def words(self) -> str:
         """Return name, type, count and rate in words."""
-        count = "" if self.count is None else f", {self.count} messages"
         rate = "" if self.rate is None else f", {self.rate:.4g} Hz"
-        return f"{self.name} ({self.kind}{count}{rate})"
+        return f"{self.name} ({self.kind}, {self.count} messages{rate})"
 
 
 @runtime_checkable
@@ -277,7 +276,7 @@ class _Batches:
     def pieces(self, bag: Bag) -> Iterator[dict[str, Samples]]:
         """Yield all messages of the chosen topics, some thousands at a time."""
         names = self.choice.names()
-        messages, total = bag.messages(names), sum(self.topics[name].count or 0 for name in names)
+        messages, total = bag.messages(names), sum(self.topics[name].count for name in names)
         for name, time, data in counted(messages, total) if total else messages:
             if self.add(name, time, data):
                 yield self.drain()
@@ -396,7 +395,7 @@ def _lost(bag: Bag, choice: Choice, counts: Counter[str]) -> list[Remark]:
     """Say how many messages the bag's index promises that could not be read."""
     said: list[Remark] = []
     for name in choice.names():
-        promised = sum(t.count or 0 for t in bag.topics if t.name == name)
+        promised = sum(t.count for t in bag.topics if t.name == name)
         if counts[name] < promised:
             lost = promised - counts[name]
             text = f"{bag.path.name}: {lost} of {promised} messages of {name} could not be read."

@@ -1,8 +1,7 @@
-"""MCAP files with ROS 1 or ROS 2 messages, chunk by chunk, without ROS; also unfinished ones.
+"""MCAP files with ROS 1 or ROS 2 messages, read by the library mcap; also unfinished ones.
 
-References
-----------
-MCAP file format specification, version 0.
+The library reads a file's records one after another, which a file that is cut short allows, too; the summary at the
+end is for the list of topics alone.
 """
 
 from __future__ import annotations
@@ -12,29 +11,31 @@ import zlib
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from contextlib import nullcontext
-from dataclasses import field
+from dataclasses import field, replace
+from io import BytesIO
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 from tumble.errors import RecordingError
-from tumble.files import opened
+from tumble.files import opened, size_of
 from tumble.recording.formats.bags.bag import Topic, bag_readers
 from tumble.recording.formats.bags.ros_messages import plain_type
-from tumble.recording.formats.compression import decompress_lz4, decompress_zstd, largest_chunk
-from tumble.recording.formats.damage import CutShort, Damage, exactly
+from tumble.recording.formats.compression import decompress_lz4, decompress_zstd, largest_chunk, needed
+from tumble.recording.formats.damage import Damage
 from tumble.recording.recording import Remark
 from tumble.records import dataclass
 
 NAME = "MCAP"
 ENDINGS = (".mcap",)
-SUMMARY = "MCAP with topics of sensor_msgs/Imu, also split ones (lz4 and zstd with the extra `ros`)"
+SUMMARY = "MCAP with topics of sensor_msgs/Imu, also split ones (with the extra `ros`)"
 HAS_TOPICS = True
 
 MAGIC = b"\x89MCAP0\r\n"
-FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK = 0x02, 0x03, 0x04, 0x05, 0x06
-CHUNK_INDEX, STATISTICS, DATA_END = 0x08, 0x0B, 0x0F
-RECORD = struct.Struct("<BQ")
-MESSAGE_HEAD = struct.Struct("<HIQQ")
+_FOOTER_SIZE = 37  # bytes, of the footer and the magic after it
+_MESSAGE = 0x05
+_RECORD = struct.Struct("<BQ")
+_MESSAGE_HEAD = struct.Struct("<HIQQ")
+_UNPACK = {"lz4": decompress_lz4, "zstd": decompress_zstd}
 
 
 def recognises(head: bytes) -> bool:
@@ -42,39 +43,40 @@ def recognises(head: bytes) -> bool:
     return head.startswith(MAGIC)
 
 
-def string_at(data: bytes, position: int) -> tuple[str, int]:
-    """Return the text that begins at a place, and where it ends.
+def library(part: str, path: Path) -> Any:
+    """Return a module of the library that reads and writes a file.
 
     Raises
     ------
-    struct.error
-        If there is none.
+    UsageError
+        If it is not installed.
     """
-    (size,) = struct.unpack_from("<I", data, position)
-    end = position + 4 + size
-    return data[position + 4 : end].decode("utf-8", "replace"), end
+    return needed(f"mcap.{part}", f"{path.name} is an {NAME} file")
+
+
+@dataclass(slots=True)
+class _Whole:
+    """An open file whose reads are as long as was asked for, or end the reading."""
+
+    file: BinaryIO
+    size: int
+
+    def read(self, length: int) -> bytes:
+        if self.file.tell() + length > self.size:
+            raise EOFError
+        return self.file.read(length)
 
 
 @dataclass(slots=True)
 class McapFile:
-    """An MCAP file: its channels and where its chunks are.
-
-    Attributes
-    ----------
-    path : the file.
-    topics : as found.
-    """
+    """An MCAP file and its topics; the compression is that of the chunks that were read so far."""
 
     path: Path
     topics: list[Topic] = field(default_factory=list[Topic])
     _damage: Damage = field(default_factory=lambda: Damage(""))
+    compression: str = ""
     _unfinished: bool = False
-    _schemas: dict[int, str] = field(default_factory=dict[int, str])
-    _channels: dict[int, tuple[str, int, str]] = field(default_factory=dict[int, tuple[str, int, str]])
-    _chunks: list[tuple[int, frozenset[int]]] = field(default_factory=list[tuple[int, frozenset[int]]])
-    _counts: Counter[int] = field(default_factory=Counter[int])
-    _span: tuple[int, int] = (0, 0)
-    _end: int = 0
+    _named: dict[int, str] = field(default_factory=dict[int, str])
 
     @property
     def remarks(self) -> list[Remark]:
@@ -84,215 +86,147 @@ class McapFile:
 
     def __post_init__(self) -> None:
         self._damage.name = self.path.name
-        with opened(self.path) as file:
-            try:
-                if not self._has_summary(file):
-                    self._scan(file)
-            except (struct.error, IndexError) as error:
-                raise RecordingError(f"{self.path.name} is a damaged MCAP file.") from error
-        duration = 1e-9 * (self._span[1] - self._span[0])
-        for number, (name, schema, encoding) in self._channels.items():
-            count = self._counts[number]
-            kind = plain_type(self._schemas.get(schema, "")) or encoding
+        made = library("records", self.path)
+        schemas: dict[int, str] = {}
+        channels: dict[int, Any] = {}
+        counts: Counter[int] = Counter()
+        low, high = 2**64, 0
+        for record in self._summary() or self.records():
+            if isinstance(record, made.Schema):
+                schemas[record.id] = plain_type(record.name)
+            elif isinstance(record, made.Channel):
+                channels[record.id] = record
+            elif isinstance(record, made.Message):
+                counts[record.channel_id] += 1
+                low, high = min(low, record.log_time), max(high, record.log_time)
+            elif isinstance(record, made.Statistics):
+                counts.update(record.channel_message_counts)
+                low, high = record.message_start_time, record.message_end_time
+                self._damage.total = record.chunk_count or None
+        for number, channel in channels.items():
+            encoding, count = channel.message_encoding, counts[number]
+            kind = schemas.get(channel.schema_id) or encoding
             if encoding not in ("cdr", "ros1") and kind.startswith(("sensor_msgs/", "geometry_msgs/")):
                 kind = f"{kind} as {encoding}"
-            rate = (count - 1) / duration if duration > 0.0 and count > 1 else None
-            self.topics.append(Topic(name, kind, count, cdr=encoding == "cdr", rate=rate))
+            rate = (count - 1) / (1e-9 * (high - low)) if high > low and count > 1 else None
+            self._named[number] = channel.topic
+            self.topics.append(Topic(channel.topic, kind, count, cdr=encoding == "cdr", rate=rate))
 
-    def _has_summary(self, file: BinaryIO) -> bool:
+    def _summary(self) -> list[Any]:
+        """Return the records of the summary; none where it is missing or damaged, for it only repeats the others."""
+        made = library("records", self.path)
         try:
-            return self._read_summary(file)
-        except (struct.error, IndexError):
-            # It only repeats what stands before it.
-            return False
+            with opened(self.path) as file:
+                end = file.seek(-_FOOTER_SIZE, 2)
+                start, _, checksum = struct.unpack_from("<QQI", file.read(_FOOTER_SIZE), 9)
+                if not 0 < start < end:
+                    return []
+                file.seek(start)
+                content = file.read()
+            if checksum and zlib.crc32(content[: -4 - len(MAGIC)]) != checksum:
+                return []
+            reader = library("stream_reader", self.path).StreamReader
+            records: list[Any] = list(reader(BytesIO(content), skip_magic=True).records)
+        except Exception:  # noqa: BLE001 - whatever the library makes of damaged bytes
+            return []
+        wanted = made.Statistics, made.Channel
+        return records if all(any(isinstance(r, kind) for r in records) for kind in wanted) else []
 
-    def _read_summary(self, file: BinaryIO) -> bool:
-        """Read channels and chunks from the summary; False if there is none that is whole."""
-        file.seek(0, 2)
-        size = file.tell()
-        self._end = size
-        if size < 45:
-            return False
-        file.seek(size - 37)
-        footer = file.read(37)
-        if footer[-8:] != MAGIC or footer[0] != FOOTER:
-            return False
-        (start,) = struct.unpack_from("<Q", footer, 9)
-        if not 0 < start < size:
-            return False
-        file.seek(start)
-        summary = file.read(size - 37 - start)
-        (checksum,) = struct.unpack_from("<I", footer, 25)
-        if checksum and zlib.crc32(footer[:25], zlib.crc32(summary)) != checksum:
-            return False
-        position, said = 0, False
-        while position + 9 <= len(summary):
-            code, length = RECORD.unpack_from(summary, position)
-            record = summary[position + 9 : position + 9 + length]
-            position += 9 + length
-            self._take_summary(code, record)
-            said = said or code == STATISTICS
-        return bool(said and self._channels and self._chunks)
-
-    def _take_summary(self, code: int, record: bytes) -> None:
-        if code in (SCHEMA, CHANNEL):
-            self._describe(code, record)
-        elif code == STATISTICS:
-            self._span = struct.unpack_from("<QQ", record, 26)
-            self._counts = Counter(dict(struct.iter_unpack("<HQ", record[46:])))
-        elif code == CHUNK_INDEX:
-            (offset,) = struct.unpack_from("<Q", record, 16)
-            (size,) = struct.unpack_from("<I", record, 32)
-            channels = frozenset(c for c, _ in struct.iter_unpack("<HQ", record[36 : 36 + size]))
-            self._chunks.append((offset, channels))
-
-    def _describe(self, code: int, record: bytes) -> None:
-        """Take in a schema or a channel."""
-        if code == SCHEMA:
-            (number,) = struct.unpack_from("<H", record)
-            self._schemas[number] = string_at(record, 2)[0]
-            return
-        number, schema = struct.unpack_from("<HH", record)
-        topic, end = string_at(record, 4)
-        self._channels[number] = (topic, schema, string_at(record, end)[0])
-
-    def _scan(self, file: BinaryIO) -> None:
-        """Find channels and count messages where there is no summary."""
-        self._schemas.clear()
-        self._channels.clear()
-        self._chunks.clear()
-        self._counts = Counter()
-        low, high = 2**64, 0
-        for channel, time, _ in self._every_message(file, None):
-            self._counts[channel] += 1
-            low, high = min(low, time), max(high, time)
-        self._span = (min(low, high), high)
-
-    def _every_message(self, file: BinaryIO, wanted: set[int] | None) -> Iterator[tuple[int, int, bytes]]:
-        """Yield the messages of the whole file from its beginning; a file that is cut short ends early."""
-        file.seek(len(MAGIC))
-        try:
-            while True:
-                place = file.tell()
-                code, length = RECORD.unpack(exactly(file, 9))
-                if code in (FOOTER, DATA_END):
-                    return
-                if code == CHUNK:
-                    yield from self._sound_messages(place, exactly(file, length), wanted)
-                elif code in (SCHEMA, CHANNEL):
-                    self._describe(code, exactly(file, length))
-                elif code == MESSAGE:
-                    record = exactly(file, length)
-                    channel, _, time, _ = MESSAGE_HEAD.unpack_from(record)
-                    if wanted is None or channel in wanted:
-                        yield channel, time, record[22:]
-                elif code == 0 or file.tell() + length > self._end:
-                    raise CutShort
-                else:
-                    file.seek(length, 1)
-        except CutShort:
-            self._unfinished = True
-
-    def _sound_messages(
-        self, place: int, chunk: bytes, wanted: set[int] | None
-    ) -> Iterator[tuple[int, int, bytes]]:
-        """Yield the messages of a chunk as far as it is sound; what is not is noted."""
-        try:
-            yield from self._chunk_messages(chunk, wanted)
-        except (RecordingError, struct.error, IndexError) as error:
-            self._damage.note(place, error)
-
-    def _chunk_messages(self, chunk: bytes, wanted: set[int] | None) -> Iterator[tuple[int, int, bytes]]:
-        """Yield channel, time and bytes of a chunk's messages."""
-        body = self.body(chunk)
-        position, stop = 0, len(body)
-        unpack, head = RECORD.unpack_from, MESSAGE_HEAD.unpack_from
-        while position + 9 <= stop:
-            code, length = unpack(body, position)
-            start = position + 9
-            position = start + length
-            if position > stop:
-                raise RecordingError(f"{self.path.name}: a chunk is damaged.")
-            if code == MESSAGE:
-                channel, _, time, _ = head(body, start)
-                if wanted is None or channel in wanted:
-                    yield channel, time, body[start + 22 : position]
-            elif code in (SCHEMA, CHANNEL):
-                self._describe(code, body[start:position])
-
-    def body(self, chunk: bytes) -> bytes:
-        """Return the records of a chunk, decompressed and checked.
+    def pieces(self) -> Iterator[tuple[int, Any]]:
+        """Yield number and content of the records of the data section, chunks unpacked; a cut file ends early.
 
         Raises
         ------
-        RecordingError
-            If they are damaged, or compressed in an unknown way.
         UsageError
             If a library is missing.
         """
-        size, checksum = struct.unpack_from("<QI", chunk, 16)
-        compression, position = string_at(chunk, 28)
-        data = chunk[position + 8 :]
-        name = self.path.name
-        if compression and size > largest_chunk(data):
-            raise RecordingError(f"{name}: a chunk unpacks to {size >> 20} MB, which no recorder writes.")
-        if compression == "zstd":
-            data = decompress_zstd(data, name, size)
-        elif compression == "lz4":
-            try:
-                data = decompress_lz4(data, name, size)
-            except RuntimeError as error:
-                raise RecordingError(f"{name}: a chunk is damaged ({error}).") from error
-        elif compression:
-            raise RecordingError(
-                f"{name}: a chunk is compressed as {compression[:16]!r}, which is not known; known are lz4 and zstd."
+        made = library("records", self.path)
+        size = size_of(self.path)
+        with opened(self.path) as file:
+            whole: Any = _Whole(file, size)
+            stream = library("stream_reader", self.path).StreamReader(
+                whole, emit_chunks=True, record_size_limit=size
             )
-        if len(data) != size or (checksum and zlib.crc32(data) != checksum):
+            records = iter(stream.records)
+            for number in range(size):
+                try:
+                    record = next(records)
+                    if isinstance(record, made.DataEnd | made.Footer):
+                        return
+                except OSError:
+                    raise
+                except Exception:  # noqa: BLE001 - whatever the library makes of damaged bytes
+                    self._unfinished = True
+                    return
+                if isinstance(record, made.Chunk):
+                    try:
+                        unpacked = replace(record, compression="", data=self._unpacked(record))
+                    except (RecordingError, RuntimeError) as error:
+                        self._damage.note(number, error)
+                        continue
+                    self.compression, record = record.compression, unpacked
+                yield number, record
+
+    def _unpacked(self, chunk: Any) -> bytes:
+        """Return the records of a chunk, decompressed and checked."""
+        size, name, data = chunk.uncompressed_size, self.path.name, chunk.data
+        if chunk.compression:
+            if size > largest_chunk(data):
+                raise RecordingError(f"{name}: a chunk unpacks to {size >> 20} MB, which no recorder writes.")
+            if chunk.compression not in _UNPACK:
+                raise RecordingError(
+                    f"{name}: a chunk is compressed as {chunk.compression[:16]!r}, which is not known; known are lz4 "
+                    "and zstd."
+                )
+            data = _UNPACK[chunk.compression](data, name, size)
+        if len(data) != size or (chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc):
             raise RecordingError(f"{name}: a chunk is damaged: its content does not agree with its checksum.")
         return data
 
-    def numbers_of(self, names: Iterable[str]) -> dict[int, str]:
-        """Return the channels of some topics, by number."""
-        wanted = set(names)
-        return {n: topic for n, (topic, _, _) in self._channels.items() if topic in wanted}
-
-    def messages_in_order(self, names: Iterable[str]) -> Iterator[tuple[str, int, bytes]]:
-        """Yield what `messages` does, as it stands in the file, whatever the index says."""
-        topics = self.numbers_of(names)
-        with opened(self.path) as file:
-            for channel, time, data in self._every_message(file, set(topics)):
-                yield topics[channel], time, data
+    def records(self) -> Iterator[Any]:
+        """Yield the library's records of the data section, those in chunks, too."""
+        chunk = library("records", self.path).Chunk
+        breakup = library("stream_reader", self.path).breakup_chunk
+        for number, piece in self.pieces():
+            if not isinstance(piece, chunk):
+                yield piece
+                continue
+            try:
+                inside = breakup(piece)
+            except Exception as error:  # noqa: BLE001 - as above
+                self._damage.note(number, error)
+                continue
+            yield from inside
 
     def messages(self, names: Iterable[str]) -> Iterator[tuple[str, int, bytes]]:
-        """Yield topic, time of recording in ns, and bytes of the messages of some topics."""
-        topics = self.numbers_of(names)
-        wanted = set(topics)
-        self._damage.total = len(self._chunks) or None
-        with opened(self.path) as file:
-            if not self._chunks:
-                yield from ((topics[c], time, data) for c, time, data in self._every_message(file, wanted))
-                return
-            for offset, channels in sorted(self._chunks):
-                if channels and not channels & wanted:
-                    continue
+        """Yield topic, time of recording in ns, and bytes of the messages of some topics, as they stand in the file."""
+        wanted = set(names)
+        topics = {n: topic for n, topic in self._named.items() if topic in wanted}
+        made = library("records", self.path)
+        for number, piece in self.pieces():
+            if isinstance(piece, made.Message) and piece.channel_id in topics:
+                yield topics[piece.channel_id], piece.log_time, piece.data
+            elif isinstance(piece, made.Chunk):
                 try:
-                    chunk = self._chunk_at(file, offset)
-                except RecordingError as error:
-                    self._damage.note(offset, error)
-                    continue
-                for channel, time, data in self._sound_messages(offset, chunk, wanted):
-                    yield topics[channel], time, data
+                    yield from _messages_in(piece.data, topics)
+                except struct.error as error:
+                    self._damage.note(number, error)
 
-    def _chunk_at(self, file: BinaryIO, offset: int) -> bytes:
-        try:
-            if offset < self._end:
-                file.seek(offset)
-                code, length = RECORD.unpack(exactly(file, 9))
-                if code == CHUNK and offset + length <= self._end:
-                    return exactly(file, length)
-        except CutShort:
-            pass
-        raise RecordingError(f"{self.path.name} is a damaged MCAP file: its index leads nowhere.")
+
+def _messages_in(body: bytes, topics: dict[int, str]) -> Iterator[tuple[str, int, bytes]]:
+    """Yield topic, time and bytes of a chunk's messages: the library's own loop takes five times as long."""
+    position, stop = 0, len(body)
+    unpack, head = _RECORD.unpack_from, _MESSAGE_HEAD.unpack_from
+    while position + _RECORD.size <= stop:
+        code, length = unpack(body, position)
+        start = position + _RECORD.size
+        position = start + length
+        if position > stop:
+            raise struct.error("a chunk is damaged")
+        if code == _MESSAGE:
+            channel, _, time, _ = head(body, start)
+            if channel in topics:
+                yield topics[channel], time, body[start + _MESSAGE_HEAD.size : position]
 
 
 read_table, read_table_blocks = bag_readers(lambda path: nullcontext(McapFile(path)))

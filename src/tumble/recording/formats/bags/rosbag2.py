@@ -8,23 +8,21 @@ ros2/rosbag2: storage plugin sqlite3 (tables `topics` and `messages`), `metadata
 from __future__ import annotations
 
 import re
-import shutil
 import sqlite3
 import struct
 from collections.abc import Generator, Iterable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import field, replace
 from pathlib import Path
 from urllib.parse import quote
 
 from tumble.errors import RecordingError
-from tumble.files import opened, temporary_folder
+from tumble.files import opened
 from tumble.recording.formats.bags.bag import Topic, bag_readers
 from tumble.recording.formats.bags.mcap import McapFile
 from tumble.recording.formats.bags.ros_messages import plain_type
 from tumble.recording.formats.compressed import unpacked
 from tumble.recording.formats.compression import ZSTD_MAGIC, decompress_zstd
-from tumble.recording.formats.damage import Damage
 from tumble.recording.formats.table import hash_file, hash_files
 from tumble.recording.recording import Remark, Source
 from tumble.records import dataclass
@@ -35,7 +33,6 @@ SUMMARY = "ROS 2 bag (sqlite3, or a folder with metadata.yaml): topics of sensor
 HAS_TOPICS = True
 
 _MAGIC = b"SQLite format 3\0"
-_LARGEST_STRIDE = 1 << 24  # rows
 
 
 def recognises(head: bytes) -> bool:
@@ -59,16 +56,6 @@ def source(path: Path) -> Source:
     return hash_files(path, parts_of(path)) if path.is_dir() else hash_file(path)
 
 
-def _text(octets: bytes) -> str:
-    return octets.decode("utf-8", "replace")
-
-
-def _damaged(path: Path, error: Exception) -> RecordingError:
-    return RecordingError(
-        f"{path.name} is a damaged or foreign database of sqlite3 ({str(error)[:80]}); give a ROS 2 bag."
-    )
-
-
 def parts_of(folder: Path) -> list[Path]:
     """Return the files of a folder that hold messages, in the order of their numbers."""
     found = [p for p in folder.iterdir() if p.name.endswith((".db3", ".mcap", ".db3.zstd", ".mcap.zstd"))]
@@ -90,99 +77,84 @@ def opened_bag(path: Path) -> Generator[Database | Chain]:
     OSError
         If a file cannot be read.
     """
-    try:
-        with ExitStack() as stack:
-            remarks: list[Remark] = []
-            if not path.is_dir():
-                yield Database(path, _whole_pages(path, stack, remarks), said=remarks)
-                return
-            parts: list[Database | McapFile] = []
-            for part in parts_of(path):
-                file = part
-                if part.suffix == ".zstd":
-                    file, said = stack.enter_context(unpacked(part))
-                    remarks += said
-                if file.suffix == ".mcap":
-                    parts.append(McapFile(file))
-                else:
-                    parts.append(Database(file, _whole_pages(file, stack, remarks)))
-            yield Chain(path, parts, remarks)
-    except (sqlite3.Error, UnicodeDecodeError) as error:  # messages of sqlite3 may hold damaged names
-        raise _damaged(path, error) from error
+    with ExitStack() as stack:
+        if not path.is_dir():
+            yield Database(path)
+            return
+        remarks: list[Remark] = []
+        parts: list[Database | McapFile] = []
+        for part in parts_of(path):
+            file = part
+            if part.suffix == ".zstd":
+                file, said = stack.enter_context(unpacked(part))
+                remarks += said
+            parts.append(McapFile(file) if file.suffix == ".mcap" else Database(file))
+        yield Chain(path, parts, remarks)
 
 
-def _whole_pages(path: Path, stack: ExitStack, remarks: list[Remark]) -> Path:
-    """Return a database that ends with a whole page: of one that does not, a copy without the last piece.
+def connect(path: Path) -> sqlite3.Connection:
+    """Return a connection to a database that reads, and changes nothing.
 
-    sqlite3 would fill a page up with zeros, and numbers with it.
+    Raises
+    ------
+    RecordingError
+        If it ends before its last page, which sqlite3 would fill up with zeros.
+    OSError
+        If it cannot be read.
     """
-    with opened(path) as file:
-        head = file.read(100)
-        (page,) = struct.unpack_from(">H", head.ljust(100, b"\0"), 16)
-        page = 65536 if page == 1 else page
-        (pages,) = struct.unpack_from(">I", head.ljust(100, b"\0"), 28)
-        size = path.stat().st_size
-        if not head.startswith(_MAGIC) or page < 512 or size >= page * pages or _journal(path):
-            return path
-        remarks.append(Remark("mended", f"{path.name} is cut short; what is there is read."))
-        if size % page == 0:
-            return path
-        whole = stack.enter_context(temporary_folder()) / path.name
-        file.seek(0)
-        with whole.open("wb") as target:
-            shutil.copyfileobj(file, target, 1 << 20)
-            target.truncate(size // page * page)
-        return whole
-
-
-def _journal(path: Path) -> bool:
-    """Whether a journal beside a database holds what the recorder had not yet moved."""
     journal = path.with_name(path.name + "-wal")
-    return journal.exists() and journal.stat().st_size > 0
+    unchanged = not (journal.exists() and journal.stat().st_size)  # what the recorder had not yet moved
+    with opened(path) as file:
+        size, pages = struct.unpack_from(">H10xI", file.read(100).ljust(100, b"\0"), 16)
+        size = 65536 if size == 1 else size
+        if unchanged and file.seek(0, 2) < size * pages:
+            raise RecordingError(f"{path.name} is cut short. {_mend(path)}.")
+    uri = f"file:{quote(str(path.absolute()))}?mode=ro" + ("&immutable=1" if unchanged else "")
+    return sqlite3.connect(uri, uri=True)
+
+
+def _mend(path: Path) -> str:
+    return f"Save what is there first: sqlite3 {path.name} .recover | sqlite3 mended.db3"
+
+
+@contextmanager
+def damage_as_sentence(path: Path) -> Generator[None]:
+    """Turn what sqlite3 says of a database into a sentence.
+
+    Raises
+    ------
+    RecordingError
+        If it is damaged or foreign.
+    """
+    try:
+        yield
+    except (sqlite3.Error, UnicodeDecodeError) as error:  # messages of sqlite3 may hold damaged names
+        raise RecordingError(
+            f"{path.name} is a damaged or foreign database of sqlite3 ({str(error)[:80]}); give a ROS 2 bag. If it is "
+            f"one: {_mend(path)[:1].lower()}{_mend(path)[1:]}."
+        ) from error
 
 
 @dataclass(slots=True)
 class Database:
-    """One database with its topics; `file` is what is read of it."""
+    """One database with its topics."""
 
     path: Path
-    file: Path
-    said: list[Remark] = field(default_factory=list[Remark])
     topics: list[Topic] = field(default_factory=list[Topic])
-    _damage: Damage = field(default_factory=lambda: Damage("", "piece"))
-
-    @property
-    def remarks(self) -> list[Remark]:
-        """What was left out so far."""
-        return [*self.said, *self._damage.remarks()]
+    remarks: list[Remark] = field(default_factory=list[Remark])
 
     def __post_init__(self) -> None:
-        self._damage.name = self.path.name
-        connection = self.connect()
-        try:
+        with damage_as_sentence(self.path), closing(connect(self.path)) as connection:
             rows = connection.execute("SELECT id, name, type, serialization_format FROM topics").fetchall()
-            counts = _counted(connection)
-        finally:
-            connection.close()
-        for number, *words in rows:
-            name, kind, form = (str(word or "?") for word in words)
-            count, low, high = (None, 0, 0) if counts is None else counts.get(number, (0, 0, 0))
-            rate = (
-                (count - 1) / (1e-9 * (high - low))
-                if count is not None and count > 1 and high > low
-                else None
-            )
-            kind = plain_type(kind) if form == "cdr" else f"{plain_type(kind)} as {form}"
-            self.topics.append(Topic(name, kind, count, cdr=True, rate=rate))
-
-    def connect(self) -> sqlite3.Connection:
-        """Return a connection that reads, and changes nothing."""
-        unchanged = not _journal(self.file)  # else the file may change
-        uri = f"file:{quote(str(self.file.absolute()))}?mode=ro" + ("&immutable=1" if unchanged else "")
-        connection = sqlite3.connect(uri, uri=True)
-        connection.text_factory = _text
-        connection.execute("PRAGMA writable_schema=ON")  # else a file that is cut short is refused as a whole
-        return connection
+            counts = connection.execute(
+                "SELECT topic_id, COUNT(*), MIN(timestamp), MAX(timestamp) FROM messages GROUP BY topic_id"
+            ).fetchall()
+        found = {number: spans for number, *spans in counts}
+        for number, name, kind, form in rows:
+            count, low, high = found.get(number, (0, 0, 0))
+            rate = (count - 1) / (1e-9 * (high - low)) if count > 1 and high > low else None
+            kind = plain_type(str(kind)) if form == "cdr" else f"{plain_type(str(kind))} as {form}"
+            self.topics.append(Topic(str(name), kind, count, cdr=True, rate=rate))
 
     def messages(self, names: Iterable[str]) -> Iterator[tuple[str, int, bytes]]:
         """Yield topic, time of recording in ns, and bytes of the messages of some topics.
@@ -190,60 +162,31 @@ class Database:
         Raises
         ------
         RecordingError
-            If a message is no bytes.
+            If the database is damaged.
         """
-        connection = self.connect()
-        try:
-            wanted = set(names)
-            topics = {n: t for n, t in connection.execute("SELECT id, name FROM topics") if t in wanted}
-            if not topics:
-                return
-            for number, time, data in self._rows(connection, tuple(topics)):
-                if not isinstance(data, bytes):
-                    raise RecordingError(
-                        f"{self.path.name} is a damaged ROS 2 bag: a message is no row of bytes."
-                    )
-                if data[:4] == ZSTD_MAGIC:  # no beginning of CDR
-                    data = decompress_zstd(data, self.path.name)
-                yield topics[number], time, data
-        finally:
-            connection.close()
-
-    def _rows(
-        self, connection: sqlite3.Connection, topics: tuple[int, ...]
-    ) -> Iterator[tuple[int, int, object]]:
-        """Yield the rows of some topics; where a page of the database is damaged, what lies beyond it."""
+        wanted = list(names)
         query = (
-            f"SELECT topic_id, timestamp, data, id FROM messages WHERE topic_id IN ({','.join('?' * len(topics))}) "
-            "AND id >= ? ORDER BY id"
+            "SELECT name, timestamp, data FROM messages JOIN topics ON topic_id = topics.id "
+            f"WHERE name IN ({','.join('?' * len(wanted))}) ORDER BY messages.id"
         )
-        start, stride = 0, 1
-        while True:
-            try:
-                for number, time, data, row in connection.execute(query, (*topics, start)):
-                    start, stride = row + 1, 1
-                    yield number, time, data
-                return
-            except sqlite3.DatabaseError as error:
-                if stride == 1:
-                    self._damage.note(start, error)
-            # Beyond what cannot be read, in steps that grow until something can be.
-            start, stride = start + stride, 2 * stride
-            if stride > _LARGEST_STRIDE:
-                return
+        with damage_as_sentence(self.path), closing(connect(self.path)) as connection:
+            for name, time, data in connection.execute(query, wanted):
+                if not isinstance(data, bytes):
+                    raise sqlite3.DataError("a message is no row of bytes")
+                yield name, time, unpacked_message(data, self.path)
 
 
-def _counted(connection: sqlite3.Connection) -> dict[int, tuple[int, int, int]] | None:
-    """Return number, first and last time of the messages by topic; None where the database is damaged."""
-    try:
-        rows = connection.execute(
-            "SELECT topic_id, COUNT(*), MIN(timestamp), MAX(timestamp) FROM messages GROUP BY topic_id"
-        ).fetchall()
-    except sqlite3.DatabaseError as error:
-        if "malformed" not in str(error):
-            raise
-        return None
-    return {row[0]: row[1:] for row in rows}
+def unpacked_message(data: bytes, path: Path) -> bytes:
+    """Return a message of a bag whose messages may be compressed one by one.
+
+    Raises
+    ------
+    RecordingError
+        If it is damaged.
+    UsageError
+        If a library is missing.
+    """
+    return decompress_zstd(data, path.name) if data[:4] == ZSTD_MAGIC else data  # no beginning of CDR
 
 
 @dataclass(slots=True)
@@ -256,11 +199,10 @@ class Chain:
     topics: list[Topic] = field(default_factory=list[Topic])
 
     def __post_init__(self) -> None:
-        counts: dict[tuple[str, str, bool], int | None] = {}
+        counts: dict[tuple[str, str, bool], int] = {}
         for topic in (t for part in self.parts for t in part.topics):
             kind = topic.name, topic.kind, topic.cdr
-            before = counts.get(kind, 0)
-            counts[kind] = None if before is None or topic.count is None else before + topic.count
+            counts[kind] = counts.get(kind, 0) + topic.count
         self.topics = [Topic(name, kind, count, cdr) for (name, kind, cdr), count in counts.items()]
         if len(self.parts) == 1:
             self.topics = [replace(t) for t in self.parts[0].topics]
