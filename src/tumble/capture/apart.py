@@ -1,9 +1,16 @@
-"""Sensors that come apart, each with stamps of its own, as phones and ROS send them: put onto one time base."""
+"""Sensors that come apart, each with stamps of its own, as phones send them: put onto one time base.
+
+References
+----------
+Sensor Logger, *Awesome Sensor Logger*: `payload`, a list of `name`, `time` in ns since 1970 and `values`; its *One-Page
+Unit Reference*: an iPhone's uncalibrated accelerometer is in g, unless units are standardised. SensorServer, README:
+`type`, `timestamp` in ns of Android's elapsed clock, `values`; Android developer guide, *Motion sensors*: of an
+uncalibrated sensor the first three values are what it measured, the others the bias that was found.
+"""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
 from dataclasses import field
 from typing import Any
 
@@ -13,6 +20,7 @@ from tumble.arrays import Series, Vectors
 from tumble.capture.samples import Channels
 from tumble.capture.source import Piece, SourceOptions
 from tumble.recording.declared import read_units_option
+from tumble.recording.formats.logs.phone import rank_sensor
 from tumble.recording.formats.streams import Merging
 from tumble.recording.samples import Samples, joined
 from tumble.records import dataclass
@@ -55,15 +63,10 @@ class ApartSensors:
     ----------
     options : with units that nobody else says.
     name : of the stream, for messages.
-    force_unit, field_unit : of the accelerometer and the magnetometer; an empty one of the force is g or m/s², by its
-        size.
     """
 
-    def __init__(
-        self, options: SourceOptions, name: str, force_unit: str = "m/s^2", field_unit: str = "uT"
-    ) -> None:
+    def __init__(self, options: SourceOptions, name: str) -> None:
         self._options, self._name = options, name
-        self._force_unit, self._field_unit = force_unit, field_unit
         self._sensors: dict[tuple[str, int], _Kept] = {}
         self._chosen: dict[str, tuple[str, int]] | None = None
         self._merging = Merging(name, "the accelerometer", "the gyro")
@@ -130,7 +133,7 @@ class ApartSensors:
             return None
         self._chosen = chosen
         said = read_units_option(self._options.units)
-        force = said.specific_force or self._force_unit
+        force = said.specific_force
         if not force and "force" in chosen:
             sizes = np.linalg.norm(np.array(self._sensors[chosen["force"]].values), axis=1)
             force = "g" if float(np.median(sizes)) < _LARGEST_IN_G else "m/s^2"
@@ -139,7 +142,7 @@ class ApartSensors:
             force if "force" in chosen else None,
             (said.angular_rate or "rad/s") if "rate" in chosen else None,
             self._options.rate or 1.0 / max(step, 1e-5),
-            magnetic_field_unit=(said.magnetic_field or self._field_unit) if "field" in chosen else None,
+            magnetic_field_unit=(said.magnetic_field or "uT") if "field" in chosen else None,
         )
 
     def _taken(self, *, last: bool) -> Samples | None:
@@ -185,18 +188,34 @@ class ApartSensors:
         return Samples(whole.time, whole.specific_force, whole.angular_rate, magnetic_field=placed)
 
 
+# What an app calls the list of its samples (empty: a line is one sample), and of a sample the name of the sensor, the
+# stamp in ns and the three values: Sensor Logger, SensorServer. The sensors' own names are those of `rank_sensor`.
+_APPS = (("payload", "name", "time", "values"), ("", "type", "timestamp", "values"))
+
+
+def is_of_sensors(head: bytes) -> bool:
+    """Say whether lines of JSON hold samples of single sensors, as phones' apps send them.
+
+    Parameters
+    ----------
+    head : what came first.
+    """
+    needed = [app[:1] if app[0] else app[1:] for app in _APPS]
+    return any(all(f'"{name}"'.encode() in head for name in names) for names in needed)
+
+
 class SensorLines:
     """A decoder of lines of JSON, each of which holds samples of single sensors.
 
     Parameters
     ----------
-    sensors : that the samples go to.
-    take : puts what a line holds into them, and says whether it is of the format; what it stumbles over is damaged.
+    options, name : as for every decoder.
     """
 
-    def __init__(self, sensors: ApartSensors, take: Callable[[dict[str, Any], ApartSensors], bool]) -> None:
+    def __init__(self, options: SourceOptions, name: str) -> None:
         self.good = self.damaged = 0
-        self._sensors, self._take = sensors, take
+        self._sensors = ApartSensors(options, name)
+        self._origin: int | None = None
         self._rest = b""
 
     def feed(self, data: bytes, arrived: float) -> list[Piece]:
@@ -207,29 +226,25 @@ class SensorLines:
             self.damaged += 1
         for line in filter(None, map(bytes.strip, lines)):
             try:
-                good = self._take(json.loads(line), self._sensors)
+                self._take(json.loads(line))
+                self.good += 1
             except (ValueError, TypeError, LookupError, AttributeError, OverflowError, RecursionError):
-                good = False
-            self.good += good
-            self.damaged += not good
+                self.damaged += 1
         return self._sensors.pieces()
+
+    def _take(self, said: dict[str, Any]) -> None:
+        samples, sensor, stamp, values = next((app for app in _APPS if (app[0] or app[2]) in said), ("",) * 4)
+        for one in said[samples] if samples else [said]:
+            named = one[sensor].removeprefix("android.sensor.").replace("magnetic_field", "magnetometer")
+            known = rank_sensor(named)
+            if known is None:
+                continue
+            time = int(one[stamp])
+            found: dict[str, Any] | list[Any] = one[values]
+            self._origin = time if self._origin is None else self._origin
+            x, y, z = [found[axis] for axis in "xyz"] if isinstance(found, dict) else found[:3]
+            self._sensors.add(*known, (time - self._origin) / 1e9, (float(x), float(y), float(z)))
 
     def end(self) -> list[Piece]:
         """Return what is left."""
         return self.feed(b"\n", 0.0) + self._sensors.pieces(last=True)
-
-
-def three(values: Sequence[object]) -> tuple[float, float, float]:
-    """Return the first three numbers of a list as floats.
-
-    Parameters
-    ----------
-    values : three at least.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If they are no numbers, or fewer.
-    """
-    x, y, z = (float(value) for value in values[:3])  # type: ignore[arg-type]  # what is no number is refused here
-    return x, y, z

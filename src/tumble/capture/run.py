@@ -16,7 +16,7 @@ from tumble.capture.guide import Guide
 from tumble.capture.machine import Capture
 from tumble.capture.samples import Channels
 from tumble.capture.source import Notice, Piece, Source, SourceOptions
-from tumble.capture.sources.replay import replay
+from tumble.capture.sources.replay import replay, split_speed
 from tumble.capture.stamps import ForwardClock
 from tumble.earth import Site
 from tumble.errors import ConvergenceError, ObservabilityError, RecordingError, SegmentationError, UsageError
@@ -126,8 +126,9 @@ def run_capture(
         If the disk is full: what was written before is kept, and is no less a recording.
     """
     check_folder(order.folder, resume=order.resume)
-    if not order.source.live and Path(order.address).resolve() == (order.folder / RECORDING).resolve():
-        raise UsageError(f"{order.address} is what is written to: give another folder with -o.")
+    file = split_speed(order.address)[0]
+    if not order.source.live and Path(file).resolve() == (order.folder / RECORDING).resolve():
+        raise UsageError(f"{file} is what is written to: give another folder with -o.")
     guide = _guide_of(order)
     before = _catch_up(order, guide) if order.resume else None
     source = order.source.open(order.address, order.options)
@@ -162,7 +163,7 @@ def _catch_up(order: CaptureOrder, guide: Coach | None) -> Capture | None:
     capture: Capture | None = None
     waiting: list[Samples] = []
     try:
-        for piece in replay(str(path), SourceOptions(speed=0.0)):
+        for piece in replay(f"{path}@0", SourceOptions()):
             if isinstance(piece, Channels):
                 capture = Capture(piece, guide, order.hold)
             elif isinstance(piece, Samples) and len(piece):
@@ -310,9 +311,7 @@ class _UnderWay:
         """Calibrate what was recorded, and say what came of it."""
         if self._capture is None or self._files is None or self._capture.blocks.samples == 0:
             self.let_go()
-            raise RecordingError(
-                "No samples came: see to the cable, the unit's output and its format (--format)."
-            )
+            raise RecordingError("No samples came: see to the cable and the unit's output.")
         capture, files = self._capture, self._files
         self._say(capture.finish())
         ended = f"{capture.blocks.samples} samples are in {files.recording}. {capture.outlook()}"

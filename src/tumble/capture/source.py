@@ -39,16 +39,12 @@ class SourceOptions:
     Attributes
     ----------
     columns, units, rate, topics : what the stream does not say itself, as for a recording.
-    speed : of a replay, in multiples of real time; 0 is as fast as it goes.
-    format : of what a line or a port sends: the name of a decoder; None finds it.
     """
 
     columns: str | None = None
     units: str | None = None
     rate: float | None = None
     topics: tuple[str, ...] = ()
-    speed: float = 1.0
-    format: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +60,6 @@ class Source:
         between pieces, so that whoever watches stays awake, and ends where the stream ends for good. Closing the
         iterator lets go of the port.
     live : whether samples come now, and not from a file.
-    found : addresses that are there, each with a word about it.
     """
 
     name: str
@@ -72,7 +67,6 @@ class Source:
     example: str
     open: Callable[[str, SourceOptions], Iterator[Piece]]
     live: bool = True
-    found: Callable[[], list[tuple[str, str]]] = list
 
 
 @cache
@@ -108,9 +102,4 @@ def find_source(address: str) -> tuple[Source, str]:
     if address.startswith("/dev/") or address.upper().startswith("COM"):
         return known["serial"], address
     listed = ", ".join(source.example for source in known.values())
-    raise UsageError(f"{address} is no source of samples. Sources are: {listed}; or --replay FILE.")
-
-
-def found_addresses() -> list[tuple[str, str]]:
-    """Return the addresses of what is connected now, each with a word about it."""
-    return [one for source in sources().values() for one in source.found()]
+    raise UsageError(f"{address} is no source of samples. Sources are: {listed}.")

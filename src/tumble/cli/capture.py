@@ -35,7 +35,6 @@ from tumble.cli.options import (
     output_option,
 )
 from tumble.cli.terminal import plain, results_stand, say, say_aside, say_json_text, say_written, table
-from tumble.errors import UsageError
 from tumble.records import dataclass
 from tumble.sample_rates import sample_rate
 
@@ -65,11 +64,10 @@ class LiveView:
     Parameters
     ----------
     targets : wished-for standard uncertainties, SI, by group.
-    bell : whether to ring.
     """
 
-    def __init__(self, targets: dict[str, float], *, bell: bool) -> None:
-        self._targets, self._bell = targets, bell
+    def __init__(self, targets: dict[str, float]) -> None:
+        self._targets = targets
         self._said: deque[Event] = deque(maxlen=LINES)
         self._next = ""
         self._drawn = 0.0
@@ -91,7 +89,7 @@ class LiveView:
                 self._next = event.words
             elif event.kind != "sigma":
                 self._said.append(event)
-            if self._bell and event.kind in BELLS:
+            if event.kind in BELLS:
                 sys.stdout.write("\a" * BELLS[event.kind])
         now = time.monotonic()
         if events or now - self._drawn > 1.0 / RATE:
@@ -161,25 +159,6 @@ def _held_words(held: float, wanted: float) -> str:
 class CaptureOptions:
     """What is captured, and how well."""
 
-    replay: Annotated[
-        str | None,
-        option(
-            FIRST,
-            "FILE",
-            "Play a recording as if it came now; FILE+FILE for a pair of one triad each.",
-            "--replay",
-        ),
-    ] = None
-    speed: Annotated[
-        float,
-        option(
-            ADVANCED,
-            "N",
-            "How many times as fast a replay is; 0 as fast as it goes.",
-            "--speed",
-            show_default=True,
-        ),
-    ] = 1.0
     hold: Annotated[
         float,
         option(ADVANCED, "S", "How long each pose is to be held, seconds.", "--hold", show_default=True),
@@ -220,10 +199,6 @@ class CaptureOptions:
             "--web-at",
         ),
     ] = ""
-    format: Annotated[
-        str | None,
-        detail(ADVANCED, "NAME", "What a port sends, where it is not to be found out by itself.", "--format"),
-    ] = None
 
 
 @dataclass(frozen=True)
@@ -235,7 +210,6 @@ class CapturePrintOptions:
     ] = False
     as_json: Annotated[bool, option(PRINTED, "", "Print each event as a line of JSON.", "--json")] = False
     quiet: Annotated[bool, option(PRINTED, "", "Print the verdict only.", "--quiet", "-q")] = False
-    no_bell: Annotated[bool, detail(PRINTED, "", "Ring no bell.", "--no-bell")] = False
 
 
 def capture_command(
@@ -247,8 +221,8 @@ def capture_command(
     source: Annotated[
         str | None,
         typer.Argument(
-            help="Where samples come from: serial:PORT, tcp:HOST:PORT, udp:PORT, follow:FILE, - for standard input, …; "
-            "none: say what is connected.",
+            help="Where samples come from: serial:PORT, tcp:HOST:PORT, udp:PORT, follow:FILE, replay:FILE, - for "
+            "standard input, …; none: say what is connected.",
             metavar="[SOURCE]",
             show_default=False,
         ),
@@ -260,7 +234,7 @@ def capture_command(
     ] = Path("capture"),
 ) -> None:
     """Record a unit while it is in the hand: which poses count, which is next, how good it is, when to stop."""
-    if source is None and what.replay is None:
+    if source is None:
         _list_sources()
         return
     from tumble.workflows.given.notes import notes_of
@@ -337,39 +311,33 @@ def _wait_for_viewers(*, quiet: bool) -> None:
 def _terminal(order: CaptureOrder, printed: CapturePrintOptions) -> Generator[Listener, None, None]:
     """Show what happens: as a live view where somebody looks at a terminal, else as lines."""
     if sys.stdout.isatty() and not (printed.plain or printed.as_json or printed.quiet):
-        with LiveView(order.targets, bell=not printed.no_bell) as view:
+        with LiveView(order.targets) as view:
             yield view
     else:
-        yield _Lines(as_json=printed.as_json, quiet=printed.quiet, bell=not printed.no_bell)
+        yield _Lines(as_json=printed.as_json, quiet=printed.quiet)
 
 
 def _order(
-    source: str | None, what: CaptureOptions, file: FileOptions, place: SiteOptions, output: Path
+    source: str, what: CaptureOptions, file: FileOptions, place: SiteOptions, output: Path
 ) -> CaptureOrder:
     from tumble.capture.run import CaptureOrder, require_hold
-    from tumble.capture.source import SourceOptions, find_source, sources
+    from tumble.capture.source import SourceOptions, find_source
     from tumble.capture.targets import read_targets
     from tumble.protocol.library import REST
     from tumble.simulation.grades import find_grade
     from tumble.workflows.given.protocols import read_given_protocol
     from tumble.workflows.given.site import choose_site
 
-    if source is not None and what.replay is not None:
-        raise UsageError("Give a source or --replay FILE, not both.")
-    if not 0.0 <= what.speed <= 1e6:
-        raise UsageError(f"--speed {what.speed:g}: give how many times as fast, or 0 for as fast as it goes.")
     require_hold(what.hold)
     if what.protocol not in (None, REST):
         read_given_protocol(what.protocol)
     find_grade(what.imu)
-    kind, address = (sources()["replay"], what.replay or "") if source is None else find_source(source)
+    kind, address = find_source(source)
     options = SourceOptions(
         file.columns,
         file.given()["units"],
         None if file.rate is None else sample_rate(file.rate),
         tuple(file.topics or ()),
-        what.speed,
-        what.format,
     )
     return CaptureOrder(
         kind,
@@ -388,9 +356,10 @@ def _order(
 
 def _list_sources() -> None:
     """Say what is connected, and what a source may be."""
-    from tumble.capture.source import found_addresses, sources
+    from tumble.capture.source import sources
+    from tumble.capture.sources.serial import found_ports
 
-    there = found_addresses()
+    there = found_ports()
     say("Connected now:" if there else "No port is connected.")
     say(*(f"  tumble capture {address}   {words}" for address, words in there))
     say("", "Sources:")
@@ -400,9 +369,9 @@ def _list_sources() -> None:
 class _Lines:
     """Prints each event as a line, and rings."""
 
-    def __init__(self, *, as_json: bool, quiet: bool, bell: bool) -> None:
+    def __init__(self, *, as_json: bool, quiet: bool) -> None:
         self._as_json, self._quiet = as_json, quiet
-        self._bell = bell and sys.stdout.isatty() and not as_json
+        self._bell = sys.stdout.isatty() and not as_json
 
     def __call__(self, events: Sequence[Event], capture: Capture) -> None:
         from tumble.capture.events import BELLS

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import json
-import struct
 import threading
 import time
-from collections.abc import Callable, Generator, Mapping, Sequence
+from collections.abc import Callable, Generator
 from contextlib import contextmanager, suppress
 from http.client import HTTPConnection
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 from urllib.parse import parse_qs, unquote, urlsplit
 
@@ -20,7 +17,6 @@ import pytest
 from tests.unit.capture.test_links import collected
 
 from tumble.capture.apart import ApartSensors
-from tumble.capture.link import formats
 from tumble.capture.samples import Channels
 from tumble.capture.source import Notice, Piece, SourceOptions, find_source
 from tumble.errors import UsageError
@@ -191,7 +187,7 @@ def logger_document(number: int, *, in_g: bool) -> dict[str, object]:
 
 @pytest.mark.parametrize("in_g", [False, True], ids=["Android", "iPhone"])
 def test_sensor_logger_pushes(in_g: bool) -> None:
-    source, _ = find_source("sensorlogger:1")
+    source, _ = find_source("http:1")
     with http_server(lambda path: {}) as port:
         free = port
     pieces = source.open(f"127.0.0.1:{free}", SourceOptions())
@@ -209,7 +205,7 @@ def test_sensor_logger_pushes(in_g: bool) -> None:
 
 
 @contextmanager
-def web_socket_server(handle: Callable[[Any], None], subprotocols: list[str] | None = None) -> Generator[int]:
+def web_socket_server(handle: Callable[[Any], None]) -> Generator[int]:
     pytest.importorskip("websockets", reason="the extra web")
     from websockets.exceptions import ConnectionClosed
     from websockets.sync.server import serve
@@ -218,7 +214,7 @@ def web_socket_server(handle: Callable[[Any], None], subprotocols: list[str] | N
         with suppress(ConnectionClosed):
             handle(socket)
 
-    with serve(run, "127.0.0.1", 0, subprotocols=subprotocols) as server:  # type: ignore[arg-type]  # strings
+    with serve(run, "127.0.0.1", 0) as server:
         thread = threading.Thread(target=server.serve_forever, daemon=True)
         thread.start()
         yield server.socket.getsockname()[1]
@@ -262,99 +258,6 @@ def test_sensor_server_and_a_phone_that_lacks_some_sensors() -> None:
     assert asked[-1] == ["android.sensor." + n for n in ("accelerometer", "gyroscope", "magnetic_field")]
 
 
-def cdr(k: int, *, kind: str, force: bool = True, rate: bool = True, frame: str = "imu_link") -> bytes:
-    """A message of ROS 2 by the rules of CDR, little end first: numbers stand at multiples of their own size."""
-    t = k / RATE
-    body = struct.pack("<II", 1_700_000_000 + k // 100, (k % 100) * 10_000_000)
-    name = frame.encode() + b"\0"
-    body += struct.pack("<I", len(name)) + name
-    body += bytes(-len(body) % 8)
-    if kind == "imu":
-        turn = turn_at(t) if rate else [0.0] * 3
-        push = force_at(t) if force else [0.0] * 3
-        body += struct.pack("<4d9d", 0.0, 0.0, 0.0, 1.0, *([-1.0] + [0.0] * 8))
-        body += struct.pack("<3d9d", *turn, *([0.5] * 9)) + struct.pack("<3d9d", *push, *([0.25] * 9))
-    else:
-        body += struct.pack("<3d9d", *[1e-6 * v for v in field_at(t)], *([0.0] * 9))
-    return b"\x00\x01\x00\x00" + body
-
-
-CHANNELS = [
-    {"id": 3, "topic": "/chatter", "encoding": "cdr", "schemaName": "std_msgs/msg/String", "schema": ""},
-    {"id": 7, "topic": "/imu/data", "encoding": "cdr", "schemaName": "sensor_msgs/msg/Imu", "schema": ""},
-    {
-        "id": 8,
-        "topic": "/imu/mag",
-        "encoding": "cdr",
-        "schemaName": "sensor_msgs/msg/MagneticField",
-        "schema": "",
-    },
-]
-APART = [
-    {"id": 1, "topic": "/gyro/sample", "encoding": "cdr", "schemaName": "sensor_msgs/msg/Imu", "schema": ""},
-    {"id": 2, "topic": "/accel/sample", "encoding": "cdr", "schemaName": "sensor_msgs/msg/Imu", "schema": ""},
-]
-
-
-def bridge(channels: Sequence[Mapping[str, object]]) -> Callable[[Any], None]:
-    """foxglove_bridge: it says who it is and what it has, and sends what is subscribed."""
-
-    def handle(socket: Any) -> None:
-        assert socket.subprotocol in ("foxglove.sdk.v1", "foxglove.websocket.v1")
-        socket.send(json.dumps({"op": "serverInfo", "name": "a", "capabilities": ["time"], "sessionId": "1"}))
-        socket.send(json.dumps({"op": "status", "level": 0, "message": "hello"}))
-        for one in channels:
-            socket.send(json.dumps({"op": "advertise", "channels": [one]}))
-        said = json.loads(socket.recv())
-        assert said["op"] == "subscribe"
-        topics = {one["channelId"]: one["id"] for one in said["subscriptions"]}
-        for k in range(400):
-            for channel, subscription in topics.items():
-                if channel == 8 and k % 4:
-                    continue
-                kind = "field" if channel == 8 else "imu"
-                payload = cdr(k, kind=kind, force=channel != 1, rate=channel != 2)
-                socket.send(struct.pack("<BIQ", 1, subscription, 10**18 + k) + payload)
-            if k % 50 == 0:
-                socket.send(struct.pack("<BQ", 2, 10**18))
-        time.sleep(0.3)
-
-    return handle
-
-
-@pytest.mark.parametrize("protocol", ["foxglove.sdk.v1", "foxglove.websocket.v1"])
-def test_foxglove_bridge(protocol: str) -> None:
-    with web_socket_server(bridge([CHANNELS[0], CHANNELS[2], CHANNELS[1]]), [protocol]) as port:
-        source, address = find_source(f"foxglove:127.0.0.1:{port}")
-        found = collected(source.open(address, SourceOptions()), 390)
-    samples = joined([p for p in found if isinstance(p, Samples)])
-    channels = next(p for p in found if isinstance(p, Channels))
-    assert channels.magnetic_field_unit == "T"
-    assert samples.magnetic_field is not None
-    assert samples.specific_force is not None
-    assert samples.angular_rate is not None
-    there = np.flatnonzero(np.isfinite(samples.magnetic_field[:, 0]))
-    np.testing.assert_allclose(np.diff(there), 4)
-    t = (samples.angular_rate[:, 2] - 0.03) / 0.001
-    np.testing.assert_allclose(samples.specific_force, [force_at(one) for one in t], atol=1e-6)
-    np.testing.assert_allclose(
-        1e6 * samples.magnetic_field[there], [field_at(one) for one in t[there]], atol=1e-6
-    )
-    assert len(samples) >= 390
-
-
-def test_two_topics_of_ros_with_a_triad_each_and_what_is_asked_without_a_name() -> None:
-    with web_socket_server(bridge(APART), ["foxglove.sdk.v1"]) as port:
-        source, address = find_source(f"foxglove:127.0.0.1:{port}")
-        with pytest.raises(UsageError, match=r"/gyro/sample, /accel/sample.*--topic"):
-            next(source.open(address, SourceOptions()))
-        with pytest.raises(UsageError, match="no such IMU"):
-            next(source.open(address, SourceOptions(topics=("/imu",))))
-        options = SourceOptions(topics=("/accel/sample", "/gyro/sample"))
-        found = collected(source.open(address, options), 380)
-    check(found, fewest=380, field=False)
-
-
 def test_lines_over_a_web_socket_that_goes_and_comes_back() -> None:
     rest = iter(range(10**6))
 
@@ -371,116 +274,6 @@ def test_lines_over_a_web_socket_that_goes_and_comes_back() -> None:
     assert [p.kind for p in found if isinstance(p, Notice)][:2] == ["silence", "remark"]
     with pytest.raises(UsageError, match="Nobody answers"):
         next(source.open("//127.0.0.1:1/", SourceOptions()))
-
-
-def test_linux_iio_devices_of_one_triad_each(tmp_path: Path) -> None:
-    accel, gyro = tmp_path / "iio:device0", tmp_path / "iio:device1"
-    for folder in (accel, gyro):
-        folder.mkdir()
-    for axis, raw in zip("xyz", (100, -200, 16000), strict=True):
-        (accel / f"in_accel_{axis}_raw").write_text(f"{raw}\n")
-    (accel / "in_accel_scale").write_text("0.000598\n")
-    (accel / "in_accel_x_offset").write_text("25\n")
-    (accel / "in_accel_sampling_frequency").write_text("104.0\n")
-    (accel / "name").write_text("lsm6dsl_accel\n")
-    (accel / "in_temp_raw").write_text("256\n")
-    (accel / "in_temp_scale").write_text("3.90625\n")
-    (accel / "in_temp_offset").write_text("6400\n")
-    for axis, raw, scale in zip("xyz", (7, -8, 9), (0.001, 0.002, 0.003), strict=True):
-        (gyro / f"in_anglvel_{axis}_raw").write_text(f"{raw}\n")
-        (gyro / f"in_anglvel_{axis}_scale").write_text(f"{scale}\n")
-    from tumble.capture.sources.iio import found_devices
-
-    assert found_devices(tmp_path) == [
-        ("iio:device0", "lsm6dsl_accel (accel)"), ("iio:device1", "a sensor (anglvel)"),
-    ]  # fmt: skip
-    source, address = find_source(f"iio:{accel}+{gyro}")
-    found = collected(source.open(address, SourceOptions()), 150)
-    channels = next(p for p in found if isinstance(p, Channels))
-    samples = joined([p for p in found if isinstance(p, Samples)])
-    assert (channels.specific_force_unit, channels.angular_rate_unit) == ("m/s^2", "rad/s")
-    assert channels.rate == pytest.approx(104.0, rel=0.1)
-    assert samples.specific_force is not None
-    assert samples.angular_rate is not None
-    assert samples.temperature is not None
-    np.testing.assert_allclose(samples.specific_force[0], [125 * 0.000598, -200 * 0.000598, 16000 * 0.000598])
-    np.testing.assert_allclose(samples.angular_rate[-1], [0.007, -0.016, 0.027])
-    # 3.90625 (256 + 6400) m°C
-    np.testing.assert_allclose(samples.temperature, 26.0)
-    with pytest.raises(UsageError, match="no IIO device"):
-        next(source.open("device77", SourceOptions()))
-
-
-def test_a_sensor_that_is_read_late_is_not_read_twice_at_once(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    from tumble.capture.sources import iio
-
-    for axis in "xyz":
-        (tmp_path / f"in_accel_{axis}_raw").write_text("1\n")
-    (tmp_path / "in_accel_sampling_frequency").write_text("100\n")
-    now, slept = [0.0], [0]
-
-    def sleep(seconds: float) -> None:
-        slept[0] += 1
-        now[0] += seconds + (0.037 if slept[0] % 5 == 0 else 0.0)
-
-    monkeypatch.setattr(iio, "time", SimpleNamespace(monotonic=lambda: now[0], sleep=sleep))
-    sensors = iio._Sensors([tmp_path], None)  # pyright: ignore[reportPrivateUsage]
-    lines = sensors.read(2.0).decode().splitlines()[1:]
-    stamps = np.array([float(line.split(",")[0]) for line in lines])
-    assert np.diff(stamps).min() > 0.009
-    assert np.diff(stamps).max() > 0.03
-
-
-def ublox(k: int, name: str) -> bytes:
-    """As another program writes the messages."""
-    pyubx2 = pytest.importorskip("pyubx2", reason="the extra gnss")
-    force, rate = force_at(k / RATE), turn_at(k / RATE)
-    gyro = [(kind, round(np.degrees(v) * 4096)) for kind, v in zip((14, 13, 5), rate, strict=True)]
-    accel = [(kind, round(v * 1024)) for kind, v in zip((16, 17, 18), force, strict=True)]
-    if name == "ESF-RAW":
-        words = b"".join(
-            struct.pack("<II", kind << 24 | value & 0xFFFFFF, 256 * k)
-            for kind, value in [*gyro, (12, 2650), *accel]
-        )
-        return pyubx2.UBXMessage(b"\x10", b"\x03", pyubx2.GET, payload=bytes(4) + words).serialize()
-    out = b""
-    for group in ([*gyro, (12, 2650)], accel):
-        words = b"".join(struct.pack("<I", kind << 24 | value & 0xFFFFFF) for kind, value in group)
-        head = struct.pack("<IHH", 10 * k, len(group) << 11, 0)
-        out += pyubx2.UBXMessage(b"\x10", b"\x02", pyubx2.GET, payload=head + words).serialize()
-    return out
-
-
-@pytest.mark.parametrize("name", ["ESF-MEAS", "ESF-RAW"])
-def test_ublox_frames_give_what_was_put_in(name: str) -> None:
-    frames = [ublox(k, name) for k in range(200)]
-    import pyubx2
-
-    read = pyubx2.UBXReader.parse(frames[5][: 8 + int.from_bytes(frames[5][4:6], "little")])
-    assert read.identity == name  # the sample is what that program takes for such a message
-    assert formats()["ublox"].recognises(frames[0])
-    data = b"$GNGGA,,*00\r\n".join(frames[:60]) + frames[60][:-3] + b"".join(frames[60:])
-    decoder = formats()["ublox"].decoder(SourceOptions(rate=RATE), "a test")
-    pieces: list[Piece] = []
-    for start in range(0, len(data), 61):
-        pieces += decoder.feed(data[start : start + 61], start / len(data) * 2.0)
-    pieces += decoder.end()
-    samples = joined([p for p in pieces if isinstance(p, Samples)])
-    channels = next(p for p in pieces if isinstance(p, Channels))
-    assert (channels.specific_force_unit, channels.angular_rate_unit) == ("m/s^2", "deg/s")
-    # A half frame swallows the one that follows it.
-    assert 198 <= len(samples) <= 200
-    assert samples.specific_force is not None
-    assert samples.angular_rate is not None
-    assert samples.temperature is not None
-    np.testing.assert_allclose(
-        samples.specific_force[:60], [force_at(k / RATE) for k in range(60)], atol=0.5 / 1024
-    )
-    expected = np.degrees([turn_at(k / RATE) for k in range(60)])
-    np.testing.assert_allclose(samples.angular_rate[:60], expected, atol=0.51 / 4096)
-    assert set(samples.temperature) == {26.5}
 
 
 def test_a_clock_that_jumps_in_the_first_second_is_taken_from_there_on() -> None:

@@ -128,8 +128,8 @@ def test_a_rest_ends_with_the_noise_of_its_file(tmp_path: Path) -> None:
     write_recording(recording, tmp_path / "rest.csv")
     order = CaptureOrder(
         sources()["replay"],
-        str(tmp_path / "rest.csv"),
-        SourceOptions(speed=0.0),
+        f"{tmp_path / 'rest.csv'}@0",
+        SourceOptions(),
         tmp_path / "out",
         protocol="rest",
     )
@@ -158,8 +158,8 @@ def test_a_protocol_is_evaluated_as_that_protocol(tmp_path: Path) -> None:
     recording = next(file for file in done.files if file.suffix == ".csv")
     order = CaptureOrder(
         sources()["replay"],
-        str(recording),
-        SourceOptions(speed=0.0),
+        f"{recording}@0",
+        SourceOptions(),
         tmp_path / "out",
         protocol=str(tmp_path / "six.yaml"),
     )

@@ -11,6 +11,8 @@ import time
 import tty
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from functools import reduce
+from operator import xor
 from pathlib import Path
 
 import numpy as np
@@ -19,10 +21,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.unit.capture.recordings import by_hand
 
-from tumble.capture.decoders.text import TextLines
-from tumble.capture.link import formats
+from tumble.capture.apart import SensorLines
+from tumble.capture.link import Decoder
 from tumble.capture.samples import Channels
 from tumble.capture.source import Notice, Piece, SourceOptions, find_source, sources
+from tumble.capture.text_lines import TextLines
 from tumble.errors import RecordingError, UsageError
 from tumble.recording.samples import Samples, joined
 
@@ -132,6 +135,22 @@ def test_motioncal_s_two_lines_a_sample_are_one_sample_and_no_damage() -> None:
     np.testing.assert_allclose(samples.specific_force[:, 1], np.arange(200) / 1000)
 
 
+def test_sentences_of_a_navigation_unit_with_a_wrong_checksum_are_passed_over() -> None:
+    def sentence(values: str, check: str | None = None) -> str:
+        body = f"VNIMU,0.1,0.2,0.3,0.1,-0.2,9.8,{values},25.5,101.3"
+        return f"${body}*{check or format(reduce(xor, body.encode()), '02X')}\r\n"
+
+    lines = [sentence(f"{k / 1000},0.02,-0.03") for k in range(200)]
+    lines[50:50] = [sentence("7,7,7", "00"), "$GPGGA,1,2,3*55\r\n", sentence("7,7,x"), lines[9][:30] + "\r\n"]
+    channels, samples, decoder = decoded("".join(lines).encode(), SourceOptions(rate=100.0))
+    assert (channels.specific_force_unit, channels.angular_rate_unit) == ("m/s^2", "rad/s")
+    assert samples.angular_rate is not None
+    np.testing.assert_allclose(samples.angular_rate[:, 0], np.arange(200) / 1000)
+    assert samples.temperature is not None
+    assert set(samples.temperature) == {25.5}
+    assert decoder.damaged == 4
+
+
 def test_names_of_columns_that_come_between_the_rows_are_theirs() -> None:
     lines = as_csv().splitlines(keepends=True)
     mixed = "".join([*lines[1:30], lines[0], *lines[30:200], lines[0], *lines[200:]])
@@ -152,9 +171,11 @@ def test_garbage_and_half_lines_are_counted_and_passed_over() -> None:
 
 
 @settings(max_examples=60, deadline=None)
-@given(st.lists(st.binary(max_size=300), max_size=8), st.sampled_from(sorted(formats())))
-def test_no_bytes_raise_anything_but_a_sentence(parts: list[bytes], name: str) -> None:
-    decoder = formats()[name].decoder(SourceOptions(), "a test")
+@given(st.lists(st.binary(max_size=300), max_size=8), st.sampled_from([TextLines, SensorLines]))
+def test_no_bytes_raise_anything_but_a_sentence(
+    parts: list[bytes], kind: Callable[[SourceOptions, str], Decoder]
+) -> None:
+    decoder = kind(SourceOptions(), "a test")
     try:
         for k, part in enumerate(parts):
             decoder.feed(part, 0.1 * k)
@@ -248,7 +269,7 @@ def test_two_captures_on_one_port_are_refused_in_a_sentence() -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         with pytest.raises(UsageError, match=rf"Port {port} cannot be opened: Address already in use\.$"):
-            next(sources()["sensorlogger"].open(f"127.0.0.1:{port}", SourceOptions()))
+            next(sources()["http"].open(f"127.0.0.1:{port}", SourceOptions()))
     ours, theirs = pty.openpty()
     first = sources()["serial"].open(os.ttyname(theirs), SourceOptions())
     next(first)

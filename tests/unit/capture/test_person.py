@@ -70,7 +70,8 @@ def test_what_is_predicted_is_what_the_calibration_states(tmp_path: Path) -> Non
 
 
 def test_a_simulated_source_is_found_and_its_address_checked() -> None:
-    source, address = find_source("simulated:consumer-mems@4")
-    assert isinstance(next(iter(source.open(address, SourceOptions(speed=0.0)))), object)
-    with pytest.raises(UsageError):
-        source.open("consumer-mems@x", SourceOptions())
+    source, address = find_source("simulated:consumer-mems@4@0")
+    assert isinstance(next(iter(source.open(address, SourceOptions()))), object)
+    for wrong in ("consumer-mems@x", "consumer-mems@4@fast", "consumer-mems@-1"):
+        with pytest.raises(UsageError):
+            source.open(wrong, SourceOptions())

@@ -50,9 +50,8 @@ def rows_in(folder: Path) -> int:
 
 
 def replayed(file: Path, folder: Path, **more: object) -> CaptureOrder:
-    options = SourceOptions(speed=0.0)
     more = {"imu": None, **more}
-    return CaptureOrder(all_sources()["replay"], str(file), options, folder, **more)  # type: ignore[arg-type]  # named by the tests
+    return CaptureOrder(all_sources()["replay"], f"{file}@0", SourceOptions(), folder, **more)  # type: ignore[arg-type]  # named by the tests
 
 
 @pytest.fixture(scope="module")
@@ -133,10 +132,7 @@ def test_after_a_kill_only_the_last_second_is_lost_and_it_can_be_resumed(
         "-c",
         RUN,
         "capture",
-        "--replay",
-        str(recorded),
-        "--speed",
-        "4",
+        f"replay:{recorded}@4",
         "-o",
         str(folder),
         "-q",
@@ -220,7 +216,7 @@ def test_a_full_disk_keeps_whole_lines(tmp_path: Path, monkeypatch: pytest.Monke
 def test_a_full_disk_ends_a_capture_with_a_sentence_and_whole_lines(recorded: Path, tmp_path: Path) -> None:
     """The system lets no file grow beyond 50 kB."""
     limited = f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, 50_000)); {RUN}"
-    command = ["capture", "--replay", str(recorded), "--speed", "0", "--plain", "-o", str(tmp_path / "out")]
+    command = ["capture", f"replay:{recorded}@0", "--plain", "-o", str(tmp_path / "out")]
     ended = subprocess.run(
         [sys.executable, "-c", limited, *command], capture_output=True, text=True, check=False
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Iterator
 from dataclasses import replace
@@ -20,19 +21,31 @@ from tumble.recording.samples import Samples
 CHUNK, NAP = 0.1, 0.2
 
 
+def split_speed(address: str) -> tuple[str, float]:
+    """Return the file of ``FILE@SPEED``, and how many times as fast as real time it is played; 0 is as fast as it goes.
+
+    Parameters
+    ----------
+    address : without a number behind an ``@``, or of a file whose name ends so, it is real time.
+    """
+    found = None if Path(address).exists() else re.fullmatch(r"(.+)@(\d+\.?\d*)", address)
+    return (address, 1.0) if found is None else (found[1], float(found[2]))
+
+
 def replay(address: str, options: SourceOptions) -> Iterator[Piece]:
     """Yield the samples of a recording as if they came now.
 
     Parameters
     ----------
-    address : of the file; two files of one triad each with ``+`` between.
-    options : what the file does not say itself, and the speed.
+    address : of the file, as for `split_speed`; two files of one triad each with ``+`` between.
+    options : what the file does not say itself.
 
     Raises
     ------
     RecordingError, UsageError
         If it cannot be read as a recording.
     """
+    address, speed = split_speed(address)
     paths: Paths = (
         [Path(part) for part in address.split("+")] if not Path(address).exists() else Path(address)
     )
@@ -55,8 +68,8 @@ def replay(address: str, options: SourceOptions) -> Iterator[Piece]:
         step = max(1, round(CHUNK * block.rate))
         for start in range(0, len(block), step):
             part = block.between(start, min(start + step, len(block)))
-            if options.speed > 0.0:
-                due = begun + (float(part.time[-1]) - first) / options.speed
+            if speed > 0.0:
+                due = begun + (float(part.time[-1]) - first) / speed
                 while (late := due - time.monotonic()) > 0.0:
                     if late > NAP:
                         yield None
@@ -94,4 +107,10 @@ def samples_of(block: Recording) -> Samples:
     return Samples(block.time, block.specific_force, block.angular_rate, block.temperature, placed)
 
 
-SOURCE = Source("replay", "a recording that is played again", "replay:FILE", replay, live=False)
+SOURCE = Source(
+    "replay",
+    "a recording that is played again, @SPEED behind it (0: as fast as it goes)",
+    "replay:FILE",
+    replay,
+    live=False,
+)

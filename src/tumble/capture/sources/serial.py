@@ -1,4 +1,4 @@
-"""A serial port: an Arduino, a Teensy, an ESP, or a unit of its own protocol."""
+"""A serial port: an Arduino, a Teensy, an ESP."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def _refusal(device: str, error: Exception) -> str:
         return "another program has it; end that one, such as a serial monitor."
     if getattr(error, "errno", None) == 13:
         return "you may not read it; on Linux join the group dialout (sudo usermod -aG dialout $USER) and log in again."
-    there = [name for name, _ in _found_ports()]
+    there = [name for name, _ in found_ports()]
     listed = (
         f"there is {', '.join(name.removeprefix('serial:') for name in there)}"
         if there
@@ -64,7 +64,7 @@ def _refusal(device: str, error: Exception) -> str:
     return f"{os.strerror(error.errno) if isinstance(error, OSError) and error.errno else error}; {listed}."
 
 
-def _found_ports() -> list[tuple[str, str]]:
+def found_ports() -> list[tuple[str, str]]:
     """Return the serial ports that are connected, each with what it calls itself; empty without pyserial."""
     try:
         from serial.tools import list_ports
@@ -81,7 +81,7 @@ def _read_serial(address: str, options: SourceOptions) -> Iterator[Piece]:
     """Yield what a serial port sends."""
     device, _, baud = address.partition("@")
     if not device:
-        there = ", ".join(name for name, _ in _found_ports()) or "none is connected"
+        there = ", ".join(name for name, _ in found_ports()) or "none is connected"
         raise UsageError(f"Name the port, as serial:/dev/ttyACM0; {there}.")
     if baud and not (baud.isdigit() and 0 < int(baud) <= 20_000_000):
         raise UsageError(f"{baud} is no baud rate: give one as serial:{device}@921600.")
@@ -97,5 +97,4 @@ SOURCE = Source(
     "a serial port (USB), @BAUD behind it if not 115200",
     "serial:/dev/ttyACM0",
     _read_serial,
-    found=_found_ports,
 )

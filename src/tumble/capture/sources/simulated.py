@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 
 from tumble.capture.simulated_person import Flaws, SimulatedPerson
@@ -18,20 +19,24 @@ def simulate(address: str, options: SourceOptions) -> Iterator[Piece]:
 
     Parameters
     ----------
-    address : name of the grade, with ``@SEED`` behind it for another unit.
-    options : with the speed.
+    address : name of the grade, with ``@SEED`` behind it for another unit, and ``@SPEED`` behind that.
+    options : nothing of them.
 
     Raises
     ------
     UsageError
-        If there is no such grade, or the seed is no number.
+        If there is no such grade, or what is behind it is no number.
     """
-    name, _, seed = address.partition("@")
-    if seed and not seed.isdigit():
-        raise UsageError(f"simulated:{address}: the seed behind @ is a whole number.")
-    return SimulatedPerson(
-        find_grade(name or "consumer-mems"), int(seed or 0), flaws=USUAL, speed=options.speed
-    )
+    found = re.fullmatch(r"([^@]*)(?:@(\d+))?(?:@(\d+\.?\d*))?", address)
+    if found is None:
+        raise UsageError(f"simulated:{address}: write simulated:GRADE@SEED@SPEED, the seed a whole number.")
+    grade = find_grade(found[1] or "consumer-mems")
+    return SimulatedPerson(grade, int(found[2] or 0), flaws=USUAL, speed=float(found[3] or 1.0))
 
 
-SOURCE = Source("simulated", "a simulated unit and person, at --speed", "simulated:consumer-mems", simulate)
+SOURCE = Source(
+    "simulated",
+    "a simulated unit and person, @SEED@SPEED behind it",
+    "simulated:consumer-mems",
+    simulate,
+)

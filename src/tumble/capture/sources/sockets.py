@@ -1,4 +1,4 @@
-"""TCP and UDP: lines or frames over a network."""
+"""TCP and UDP: lines over a network."""
 
 from __future__ import annotations
 
@@ -28,11 +28,8 @@ class _Socket:
             if not data:
                 raise ConnectionError("the other side has closed")
             return data
-        # A packet of text need not end its line.
-        text = (
-            data[-1:].isascii() and data[-1:] not in (b"\n", b"\r") and all(9 <= b < 127 for b in data[:64])
-        )
-        return data + b"\n" if text else data
+        # A packet need not end its line.
+        return data + b"\n"
 
     def close(self) -> None:
         """Let go of it."""
@@ -77,7 +74,6 @@ def pieces_of_port(
     name: str,
     address: str,
     options: SourceOptions,
-    spoken: str | None = None,
 ) -> Iterator[Piece]:
     """Yield what is sent to a port of this machine.
 
@@ -86,7 +82,7 @@ def pieces_of_port(
     listen : opens the port of an interface.
     name : what the port is called.
     address : PORT, or HOST:PORT where one of several interfaces is meant.
-    options, spoken : as for `pieces_of_link`.
+    options : as for `pieces_of_link`.
 
     Raises
     ------
@@ -103,7 +99,7 @@ def pieces_of_port(
         except OSError as error:
             raise UsageError(f"{name} {port} cannot be opened: {error.strerror or error}.") from error
 
-    return pieces_of_link(connect, f"{name} {port}", options, spoken)
+    return pieces_of_link(connect, f"{name} {port}", options)
 
 
 def _read_udp(address: str, options: SourceOptions) -> Iterator[Piece]:
@@ -122,6 +118,6 @@ def _packets(host: str, port: int) -> Link:
 
 
 SOURCES = (
-    Source("tcp", "a TCP server that sends lines or frames", "tcp:HOST:PORT", _read_tcp),
+    Source("tcp", "a TCP server that sends lines", "tcp:HOST:PORT", _read_tcp),
     Source("udp", "packets that are sent to a UDP port here", "udp:PORT", _read_udp),
 )

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from tumble.capture.link import Format
+import math
+from binascii import crc_hqx
+from functools import reduce
+
 from tumble.capture.rows import Rows
 from tumble.capture.source import Piece, SourceOptions
 from tumble.recording.columns import plan_from_names
-from tumble.recording.formats.lines import COMMENTS, LONGEST_LINE, row_of, without_clock, words_of
+from tumble.recording.formats.lines import COMMENTS, LONGEST_LINE, Row, row_of, without_clock, words_of
+from tumble.recording.formats.sentences import names_of_sentence
 
 
 class TextLines:
@@ -56,7 +60,7 @@ class TextLines:
         ):
             self._header = words
             return
-        row = row_of(text)
+        row = _of_sentence(text) if text.startswith("$") else row_of(text)
         if row is None:
             self.damaged += not text.startswith((*COMMENTS, "Cal"))
             return
@@ -74,4 +78,16 @@ class TextLines:
             self.damaged += 1
 
 
-FORMAT = Format("text", "lines of text", lambda head: False, TextLines)
+def _of_sentence(text: str) -> Row | None:
+    """What a navigation unit's sentence says, if its checksum is right: XOR, or the CRC of CCITT, or XX for none."""
+    body, _, check = text[1:].partition("*")
+    said = body.encode()
+    right = (f"{reduce(int.__xor__, said, 0):02X}", f"{crc_hqx(said, 0):04X}", "XX")
+    names = names_of_sentence(f"${body}".split(","))
+    if names is None or check.strip().upper() not in right:
+        return None
+    try:
+        values = tuple(map(float, body.split(",")[1:]))
+    except ValueError:
+        return None
+    return Row(names[1:], values, "sentence") if all(map(math.isfinite, values)) else None

@@ -1,4 +1,9 @@
-"""Phones by HTTP: phyphox, which is asked, and Sensor Logger, which pushes to this machine."""
+"""HTTP: lines that are posted to a port here, and the app phyphox, which is asked.
+
+References
+----------
+phyphox wiki, *Remote-interface communication*: `/config` with the experiment's inputs, `/get` with its buffers.
+"""
 
 from __future__ import annotations
 
@@ -7,28 +12,29 @@ import queue
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from http.client import HTTPConnection, HTTPException
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any, cast
 
-from tumble.capture.decoders.phyphox import USUAL, buffers_of
 from tumble.capture.link import pieces_of_link
 from tumble.capture.source import Piece, Source, SourceOptions
 from tumble.capture.sources.sockets import pieces_of_port, split_address
 from tumble.errors import UsageError
 
-# s to wait for an answer; bytes of a pushed document, and how many wait to be read.
+# s to wait for an answer; bytes of a posted document, and how many wait to be read.
 _PATIENCE, _LONGEST, _WAITING = 5.0, 1 << 22, 1000
+# The sensors that phyphox has, by the names that `rank_sensor` knows.
+_KINDS = {"accelerometer": "accelerometer", "gyroscope": "gyroscope", "magnetic_field": "magneticfield"}
 
 
 class _Phyphox:
-    """The remote access of phyphox: each sensor's buffers from the newest stamp that was seen on."""
+    """The remote access of phyphox: each sensor's buffers from the newest stamp on, as lines of JSON."""
 
     def __init__(self, host: str, port: int) -> None:
-        self._host, self._port = host, port
         self._own = HTTPConnection(host, port, timeout=_PATIENCE)
         try:
-            config = self._ask("/config")
+            self._buffers = _buffers_of(self._ask("/config"))
             # An app that measures already goes on.
             self._ask("/control?cmd=start")
         except OSError as error:
@@ -37,17 +43,12 @@ class _Phyphox:
                 f"No phyphox answers at {host}:{port}: open an experiment with accelerometer and gyroscope, and "
                 f"switch on “Allow remote access” in its menu ({error})."
             ) from error
-        try:
-            self._buffers = buffers_of(config)
-        except (LookupError, TypeError, AttributeError, ValueError):
-            config, self._buffers = {}, dict(USUAL)
-        if config and "force" not in self._buffers:
+        if "accelerometer" not in self._buffers:
             self.close()
             raise UsageError(
                 f"The experiment that phyphox at {host}:{port} shows reads no accelerometer with its time: open "
                 "one with “Acceleration (with g)” and “Gyroscope”."
             )
-        self._first = json.dumps(config).encode() + b"\n" if config else b""
         self._since: dict[str, float] = {}
 
     def _ask(self, path: str) -> dict[str, Any]:
@@ -63,9 +64,6 @@ class _Phyphox:
 
     def read(self, seconds: float) -> bytes:
         """Return what was measured since."""
-        if self._first:
-            first, self._first = self._first, b""
-            return first
         time.sleep(seconds)
         wishes: list[str] = []
         for stamp, *axes in self._buffers.values():
@@ -73,31 +71,46 @@ class _Phyphox:
             wishes.append(f"{stamp}={'full' if since is None else repr(since)}")
             wishes += [f"{axis}={'full' if since is None else f'{since!r}|{stamp}'}" for axis in axes]
         said = self._ask("/get?" + "&".join(wishes))
-        for stamp, *_ in self._buffers.values():
-            self._since.update(_newest(said, stamp))
-        return json.dumps(said).encode() + b"\n"
+        payload: list[dict[str, Any]] = []
+        try:
+            for name, buffers in self._buffers.items():
+                # The axes of a sensor that is just being read may have unlike lengths.
+                for t, *axes in zip(*(said["buffer"][one]["buffer"] for one in buffers), strict=False):
+                    if None not in (t, *axes):
+                        self._since[buffers[0]] = float(t)
+                        payload.append({"name": name, "time": round(1e9 * t), "values": axes})
+        except (LookupError, TypeError, ValueError) as error:
+            raise OSError("/get is not answered") from error
+        return json.dumps({"payload": payload}).encode() + b"\n"
 
     def close(self) -> None:
         """Let go of it."""
         self._own.close()
 
 
-def _newest(said: dict[str, Any], stamp: str) -> dict[str, float]:
-    """The last stamp of an answer by its buffer's name; none where nothing came."""
+def _buffers_of(config: dict[str, Any]) -> dict[str, tuple[str, ...]]:
+    """The buffers of time, x, y and z by sensor, as an experiment's configuration names them."""
+    found: dict[str, tuple[str, ...]] = {}
     try:
-        return {stamp: float(said["buffer"][stamp]["buffer"][-1])}
-    except (LookupError, TypeError, ValueError):
-        return {}
+        for source in config["inputs"]:
+            outputs: dict[str, str] = {}
+            for one in source["outputs"]:
+                outputs.update(one)
+            if source["source"] in _KINDS and all(name in outputs for name in "txyz"):
+                found[_KINDS[source["source"]]] = tuple(outputs[name] for name in "txyz")
+    except (LookupError, TypeError, ValueError) as error:
+        raise OSError("/config is not answered") from error
+    return found
 
 
 def _read_phyphox(address: str, options: SourceOptions) -> Iterator[Piece]:
     """Yield what phyphox measures."""
     host, port = split_address(address if ":" in address else f"{address}:80", None)
-    return pieces_of_link(lambda: _Phyphox(host, port), f"the phone at {host}", options, "phyphox")
+    return pieces_of_link(lambda: _Phyphox(host, port), f"the phone at {host}", options)
 
 
-class _Pushed:
-    """A server that takes what Sensor Logger posts."""
+class _Posted:
+    """A server that takes lines, and documents of JSON, that are posted to it."""
 
     def __init__(self, host: str, port: int) -> None:
         self._came: queue.Queue[bytes] = queue.Queue(_WAITING)
@@ -115,9 +128,11 @@ class _Pushed:
                     self.send_error(413)
                     return
                 body = self.rfile.read(int(length))
-                try:
+                with suppress(ValueError, RecursionError):
                     # A document of several lines becomes one.
-                    came.put_nowait(body.replace(b"\n", b" ").replace(b"\r", b" ") + b"\n")
+                    body = json.dumps(json.loads(body)).encode()
+                try:
+                    came.put_nowait(body + b"\n")
                     self.send_response(200)
                 except queue.Full:
                     self.send_response(503)
@@ -129,7 +144,7 @@ class _Pushed:
 
         self._server = ThreadingHTTPServer((host, port), Handler)
         self._server.daemon_threads = True
-        threading.Thread(target=self._server.serve_forever, daemon=True, name="pushed").start()
+        threading.Thread(target=self._server.serve_forever, daemon=True, name="posted").start()
 
     def read(self, seconds: float) -> bytes:
         """Return what came."""
@@ -144,17 +159,12 @@ class _Pushed:
         self._server.server_close()
 
 
-def _read_pushed(address: str, options: SourceOptions) -> Iterator[Piece]:
-    """Yield what Sensor Logger pushes to a port of this machine, see `pieces_of_port`."""
-    return pieces_of_port(_Pushed, "Port", address, options, "sensorlogger")
+def _read_posted(address: str, options: SourceOptions) -> Iterator[Piece]:
+    """Yield what is posted to a port of this machine, see `pieces_of_port`."""
+    return pieces_of_port(_Posted, "Port", address, options)
 
 
 SOURCES = (
     Source("phyphox", "a phone with the app phyphox", "phyphox:HOST:8080", _read_phyphox),
-    Source(
-        "sensorlogger",
-        "a phone whose app Sensor Logger pushes to a port here",
-        "sensorlogger:PORT",
-        _read_pushed,
-    ),
+    Source("http", "lines or JSON that are posted to a port here", "http:PORT", _read_posted),
 )

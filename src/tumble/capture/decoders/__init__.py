@@ -1,1 +1,0 @@
-"""What lines and ports send: a file for each format, with a record `FORMAT` that is found here."""
