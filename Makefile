@@ -62,10 +62,9 @@ coverage: $(DEV) bytecode  ## Measure the branches of readers and writers that t
 	$(BIN)/python -m coverage report --skip-covered
 
 .PHONY: fuzz
-fuzz: $(DEV) bytecode  ## Try 20,000 changed files and calls, 200 kills, failing disks, hostile files (an hour of one core)
+fuzz: $(DEV) bytecode  ## Try 20,000 changed files and calls, 200 kills, failing disks (an hour of one core)
 	$(BIN)/python -m tests.fuzz --cases 20000
 	$(BIN)/python -m tests.faults --kills 200
-	$(BIN)/python -m tests.faults --hostile '*'
 
 .PHONY: lint
 lint: $(DEV)  ## Check style and layout of the code (ruff), and the words of messages and pages

@@ -302,7 +302,7 @@ def test_a_prior_that_states_no_uncertainty_is_refused(
         (["--procedure", "laboratory"], ["laboratory", "table", "--protocol", "simulate laboratory -o"]),
         (["--procedure", "rate-table"], ["rate-table", "table", "--protocol"]),
         (["--procedure", "guess"], ["no procedure", "hand-held"]),
-        (["--intervals", "absent.txt"], ["absent.txt", "interval file"]),
+        (["--intervals", "absent.txt"], ["absent.txt", "list of intervals"]),
         (["--prior", "absent.json"], ["no calibration absent.json"]),
         (["--wrong"], ["No such option", "tumble calibrate --help"]),
         (["--gravity"], ["--gravity", "--help"]),

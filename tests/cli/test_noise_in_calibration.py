@@ -38,7 +38,7 @@ def test_what_is_no_noise_document_is_refused_and_nothing_is_written(
             {**content, "channels": {k: v for k, v in content["channels"].items() if k != "gz"}}
         ),
     }
-    expected = ("cannot be read", "no JSON document", "no noise document", "200 Hz", "no channel gz")
+    expected = ("There is no noise file", "it is no JSON", "no noise document", "200 Hz", "no channel gz")
     for (name, text), words in zip(wrong.items(), expected, strict=True):
         if text is not None:
             (tmp_path / name).write_text(text, encoding="utf-8")

@@ -20,7 +20,7 @@ from tumble.certificate.languages import LANGUAGES, phrases
 from tumble.certificate.profile import Laboratory, Profile
 from tumble.document.result import Calibration
 from tumble.errors import UsageError, install
-from tumble.files import opened, shown
+from tumble.files import opened, reading, shown
 from tumble.records import dataclass
 
 LARGEST = 64 << 20
@@ -102,11 +102,8 @@ def carried_document(path: Path, attached: bytes, document: Path | None) -> tupl
     """
     problems: list[str] = []
     if document is not None:
-        try:
-            with opened(document) as file:
-                same = file.read() == attached
-        except OSError as error:
-            raise UsageError(f"{document} cannot be read: {error.strerror or error}.") from error
+        with reading(document, "a calibration"), opened(document) as file:
+            same = file.read() == attached
         if not same:
             problems.append(
                 f"The certificate is not of {document}: the document that it carries is another one."
@@ -153,11 +150,8 @@ def _text_and_attachment(path: Path) -> tuple[str, bytes]:
         from pypdf.errors import PyPdfError
     except ImportError:
         raise UsageError(f"--check needs pypdf: {install('certificate')}.") from None
-    try:
-        with opened(path) as file:
-            content = file.read(LARGEST + 1)
-    except OSError as error:
-        raise UsageError(f"{path} cannot be read: {error.strerror or error}.") from error
+    with reading(path, "a certificate"), opened(path) as file:
+        content = file.read(LARGEST + 1)
     if not content.startswith(b"%PDF") or len(content) > LARGEST:
         raise UsageError(f"{path} is no PDF of a certificate.")
     logging.getLogger("pypdf").setLevel(logging.CRITICAL)  # what is wrong is said below, in one sentence

@@ -24,7 +24,7 @@ from tumble.certificate.profile import Profile
 from tumble.document.entries import entry_names, vector_of_model
 from tumble.document.result import Calibration
 from tumble.errors import UsageError
-from tumble.files import opened, shown
+from tumble.files import opened, reading, shown
 from tumble.units import angular_rate_factor, magnetic_field_factor, specific_force_factor
 
 VERSION = "3.3.0"
@@ -371,11 +371,8 @@ def read_dcc(path: Path) -> tuple[str, bytes, dict[str, np.ndarray]]:
 
 def _content_of(path: Path) -> bytes:
     """A certificate's XML, which may declare no entities."""
-    try:
-        with opened(path) as file:
-            content = file.read(LARGEST + 1)
-    except OSError as error:
-        raise UsageError(f"{path} cannot be read: {error.strerror or error}.") from error
+    with reading(path, "a certificate"), opened(path) as file:
+        content = file.read(LARGEST + 1)
     if b"<!DOCTYPE" in content[:4096] or b"<!ENTITY" in content or len(content) > LARGEST:
         raise UsageError(
             f"{path} is no digital calibration certificate: it declares entities, or is too long."

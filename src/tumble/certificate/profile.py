@@ -8,7 +8,7 @@ from typing import Any, cast
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from tumble.errors import UsageError
-from tumble.files import read_yaml, shown
+from tumble.files import opened, read_yaml, reading, shown
 
 LARGEST_LOGO = 4 << 20
 _LOGOS = (".svg", ".png", ".jpg", ".jpeg")
@@ -85,14 +85,8 @@ def read_profile(path: Path) -> tuple[Profile, bytes | None]:
     UsageError
         If it cannot be read, or an entry is none; the sentence names it.
     """
-    try:
+    with reading(path, "a profile", hint="see docs/certificate.md for what it says"):
         document: Any = read_yaml(path)
-    except FileNotFoundError:
-        raise UsageError(f"There is no profile {path}: see docs/certificate.md for what it says.") from None
-    except OSError as error:
-        raise UsageError(f"{path} cannot be read as a profile: {error.strerror or error}.") from error
-    except ValueError as error:
-        raise UsageError(f"{path} cannot be read as a profile: {error}.") from error
     if not isinstance(document, dict):
         raise UsageError(f"{path} is no profile: it needs `laboratory:` with a `name:` under it.")
     try:
@@ -124,11 +118,8 @@ def _words(document: dict[Any, Any]) -> dict[str, Any]:
 def _logo(path: Path) -> bytes:
     if path.suffix.lower() not in _LOGOS:
         raise UsageError(f"The logo {path} is none of {', '.join(_LOGOS)}.")
-    try:
-        with path.open("rb") as file:
-            content = file.read(LARGEST_LOGO + 1)
-    except OSError as error:
-        raise UsageError(f"The logo {path} cannot be read: {error.strerror or error}.") from error
+    with reading(path, "a logo"), opened(path) as file:
+        content = file.read(LARGEST_LOGO + 1)
     if len(content) > LARGEST_LOGO:
         raise UsageError(f"The logo {path} is longer than 4 MB.")
     return content

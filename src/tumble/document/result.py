@@ -21,7 +21,7 @@ from tumble.document.rows import Row, Rows, row_of, rows_of
 from tumble.document.thermal_block import ThermalBlock
 from tumble.document.turn_ons_block import TurnOnsBlock
 from tumble.errors import CalibrationFileError
-from tumble.files import read_json, shown, write_text
+from tumble.files import read_json, reading, shown, write_text
 from tumble.sensor import ImuModel, Triad
 from tumble.sensor.thermal import Outside, ThermalModel
 from tumble.sensor.triad import CURVES
@@ -503,18 +503,9 @@ def read_calibration(path: str | os.PathLike[str]) -> Calibration:
     file = Path(path)
     if file.is_dir():
         file = file / "calibration.json"
-    try:
+    hint = "give the calibration.json that `tumble calibrate` wrote"
+    with reading(file, "a calibration", CalibrationFileError, hint):
         document: Any = read_json(file, LARGEST)
-    except FileNotFoundError:
-        raise CalibrationFileError(
-            f"There is no calibration {file}: give the calibration.json that `tumble calibrate` wrote."
-        ) from None
-    except OSError as error:
-        raise CalibrationFileError(
-            f"{file} cannot be read as a calibration: {error.strerror or error}."
-        ) from error
-    except ValueError as error:
-        raise CalibrationFileError(f"{file} cannot be read as a calibration: {error}.") from error
     if not isinstance(document, dict) or cast("dict[str, Any]", document).get("format") != FORMAT:
         raise CalibrationFileError(
             f'{file} is not a calibration of tumble: it does not say "format": "{FORMAT}".'

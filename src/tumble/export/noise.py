@@ -10,7 +10,7 @@ import numpy as np
 
 from tumble.arrays import Vector
 from tumble.errors import UsageError
-from tumble.files import number_of, read_json
+from tumble.files import number_of, read_json, reading
 from tumble.noise.fitting.fit import MISSED
 from tumble.records import dataclass
 
@@ -114,16 +114,8 @@ def read_noise(
 
 
 def _document(file: Path) -> dict[str, Any]:
-    try:
+    with reading(file, "a noise file", hint="give the noise.json that `tumble noise -o` wrote"):
         document: Any = read_json(file)
-    except FileNotFoundError:
-        raise UsageError(
-            f"There is no noise file {file}: give the noise.json that `tumble noise -o` wrote."
-        ) from None
-    except OSError as error:
-        raise UsageError(f"{file} cannot be read as a noise.json: {error.strerror or error}.") from error
-    except ValueError as error:
-        raise UsageError(f"{file} cannot be read as a noise.json: {error}.") from error
     if not isinstance(document, dict) or cast("dict[str, Any]", document).get("format") != _FORMAT:
         raise UsageError(f'{file} is no noise.json of tumble: it does not say "format": "{_FORMAT}".')
     return cast("dict[str, Any]", document)

@@ -10,7 +10,7 @@ import numpy as np
 from tumble.arrays import Matrix, Vector
 from tumble.document.contradictions import is_invertible
 from tumble.errors import CalibrationFileError
-from tumble.files import number_of, read_json, read_text, read_yaml
+from tumble.files import number_of, read_json, read_text, read_yaml, reading
 from tumble.sensor import ImuModel
 from tumble.units import angular_rate_factor, specific_force_factor
 
@@ -32,14 +32,8 @@ def text_of(path: Path) -> str:
     CalibrationFileError
         If it is not there, no text, or far too long for parameters.
     """
-    try:
+    with reading(path, "a file of parameters", CalibrationFileError):
         return read_text(path, LARGEST)
-    except FileNotFoundError:
-        raise CalibrationFileError(f"There is no file {path}.") from None
-    except UnicodeDecodeError:
-        raise CalibrationFileError(f"{path} is no text: it cannot be a file of parameters.") from None
-    except OSError as error:
-        raise CalibrationFileError(f"{path} cannot be read: {error.strerror or error}.") from error
 
 
 def json_of(path: Path, tool: str) -> dict[str, Any]:
@@ -50,14 +44,8 @@ def json_of(path: Path, tool: str) -> dict[str, Any]:
     CalibrationFileError
         If the file is none.
     """
-    try:
+    with reading(path, f"a file of {tool}", CalibrationFileError):
         document: Any = read_json(path, LARGEST)
-    except FileNotFoundError:
-        raise CalibrationFileError(f"There is no file {path}.") from None
-    except OSError as error:
-        raise CalibrationFileError(f"{path} cannot be read: {error.strerror or error}.") from error
-    except ValueError as error:
-        raise CalibrationFileError(f"{path} cannot be read as {tool}'s JSON: {error}.") from error
     if not isinstance(document, dict):
         raise CalibrationFileError(f"{path} holds no object, as {tool}'s file does.")
     return cast("dict[str, Any]", document)
@@ -71,14 +59,8 @@ def yaml_of(path: Path, tool: str) -> dict[str, Any]:
     CalibrationFileError
         If the file is none.
     """
-    try:
+    with reading(path, f"a file of {tool}", CalibrationFileError):
         document: Any = read_yaml(path)
-    except FileNotFoundError:
-        raise CalibrationFileError(f"There is no file {path}.") from None
-    except OSError as error:
-        raise CalibrationFileError(f"{path} cannot be read: {error.strerror or error}.") from error
-    except ValueError as error:
-        raise CalibrationFileError(f"{path} cannot be read as {tool}'s YAML: {error}.") from error
     if not isinstance(document, dict):
         raise CalibrationFileError(f"{path} holds no keys, as {tool}'s file does.")
     return cast("dict[str, Any]", document)

@@ -2,8 +2,7 @@
 
 Every file of tumble's users comes in through this room: `opened` refuses what is no ordinary file (a pipe, a
 device: their bytes can be read once only, or never end), `read_json` and `read_yaml` refuse documents that
-would take all memory, `copied` unpacks no more than a limit. What they refuse is an `OSError` or a `ValueError`
-whose words end a sentence that the caller begins with the file's name.
+would take all memory. What they refuse is an `OSError` or a `ValueError`, which `reading` makes one sentence of.
 
 Every file that tumble writes goes out through it: whole, beside its place and then renamed, never over an input,
 a device or a pipe.
@@ -11,7 +10,7 @@ a device or a pipe.
 
 from tumble.files.documents import read_json, read_yaml
 from tumble.files.numbers import number_of
-from tumble.files.opening import opened, read_text, size_of
+from tumble.files.opening import opened, read_text, reading, size_of
 from tumble.files.text import HIDDEN, lines_of, shown, without_password
 from tumble.files.writing import (
     GrowingFile,
@@ -43,6 +42,7 @@ __all__ = [
     "read_json",
     "read_text",
     "read_yaml",
+    "reading",
     "shown",
     "size_of",
     "temporary_folder",

@@ -49,7 +49,9 @@ def read_json(path: Path, largest: int = LARGEST_JSON) -> Any:
         raise DocumentError(f"it is no JSON ({error.msg}, line {error.lineno})") from None
     except RecursionError:
         raise DocumentError("it is nested too deeply") from None
-    _check(document, halves=_HALF.search(text) is not None)
+    if _HALF.search(text) and re.search("[\ud800-\udfff]", json.dumps(document, ensure_ascii=False)):
+        raise DocumentError("it holds a text with half a character (\\ud800 to \\udfff)")
+    _refuse_deep([document], DEEPEST + 1)
     return document
 
 
@@ -83,23 +85,13 @@ def _refuse_twice(keys: Iterable[Any]) -> None:
         seen.add(key)
 
 
-def _check(document: Any, *, halves: bool) -> None:
-    """Refuse what is nested too deeply and, where there may be any, texts with halves of characters."""
-    level: list[Any] = [document]
-    for _ in range(DEEPEST):
-        inside: list[Any] = []
-        for value in level:
-            if isinstance(value, dict):
-                keys = cast("dict[str, Any]", value)
-                inside += [*keys, *keys.values()] if halves else keys.values()
-            elif isinstance(value, list):
-                inside += cast("list[Any]", value)
-            elif halves and isinstance(value, str) and any("\ud800" <= c <= "\udfff" for c in value):
-                raise DocumentError("it holds a text with half a character (\\ud800 to \\udfff)")
-        if not inside:
-            return
-        level = inside
-    raise DocumentError("it is nested too deeply")
+def _refuse_deep(value: Any, left: int) -> None:
+    inside: list[Any] = list(cast("dict[str, Any]", value).values()) if isinstance(value, dict) else value
+    if not left:
+        raise DocumentError("it is nested too deeply")
+    for one in inside:
+        if isinstance(one, dict | list):
+            _refuse_deep(one, left - 1)
 
 
 def read_yaml(path: Path) -> Any:
@@ -177,37 +169,28 @@ def composed(text: str, loader: Any) -> Any:
     import yaml
 
     library = cast("Any", yaml)
-    depth = 0
+    sizes: dict[str, int] = {}
+    begun: list[tuple[str | None, int]] = [(None, 0)]
     # Composing recurses, in C without a limit: so deep a text ends the program. Events do not.
     for event in library.parse(text, Loader=loader):
         if isinstance(event, library.CollectionStartEvent):
-            depth += 1
-        elif isinstance(event, library.CollectionEndEvent):
-            depth -= 1
-        if depth > DEEPEST:
-            raise DocumentError("it is nested too deeply")
-    root = library.compose(text, Loader=loader)
-    if root is not None:
-        _entries(root, {}, 0)
-    return root
-
-
-def _entries(node: Any, known: dict[int, int], depth: int) -> int:
-    """Return how many entries a node has, with those under its aliases; refuse too many, and circles."""
-    if node.id == "scalar":
-        return 1
-    if id(node) not in known:
-        if depth > DEEPEST:
-            raise DocumentError("it refers to itself, or is nested too deeply by its aliases")
-        total = 1
-        parts: list[Any] = (
-            [part for pair in node.value for part in pair] if node.id == "mapping" else node.value
-        )
-        for part in parts:
-            total += _entries(part, known, depth + 1)
-            if total > MOST_ENTRIES:
-                raise DocumentError(
-                    f"it holds more than {MOST_ENTRIES} entries, with those that aliases repeat"
-                )
-        known[id(node)] = total
-    return known[id(node)]
+            begun.append((event.anchor, 1))
+            if len(begun) > DEEPEST:
+                raise DocumentError("it is nested too deeply")
+            continue
+        if isinstance(event, library.CollectionEndEvent):
+            anchor, size = begun.pop()
+        elif isinstance(event, library.AliasEvent):
+            anchor, size = event.anchor, sizes.get(event.anchor, 1)
+            if any(anchor == above for above, _ in begun):
+                raise DocumentError("it refers to itself")
+        elif isinstance(event, library.ScalarEvent):
+            anchor, size = event.anchor, 1
+        else:
+            continue
+        if anchor:
+            sizes[anchor] = size
+        begun[-1] = (begun[-1][0], begun[-1][1] + size)
+        if begun[-1][1] > MOST_ENTRIES:
+            raise DocumentError(f"it holds more than {MOST_ENTRIES} entries, with those that aliases repeat")
+    return library.compose(text, Loader=loader)

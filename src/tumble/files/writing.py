@@ -6,7 +6,6 @@ A file that only grows, line by line, and keeps every whole line whatever happen
 from __future__ import annotations
 
 import os
-import re
 import signal
 import stat
 import threading
@@ -17,6 +16,7 @@ from contextvars import ContextVar
 from pathlib import Path
 
 from tumble.errors import OutputError, UsageError
+from tumble.files.opening import kind_of
 
 # A line is never longer than this; the end of a file that was cut off is looked for so far back.
 _LONGEST_LINE = 1 << 20
@@ -144,18 +144,6 @@ class GrowingFile:
 
 _inputs: ContextVar[frozenset[tuple[int, int]]] = ContextVar("inputs", default=frozenset())
 
-_KINDS = (
-    (stat.S_ISDIR, "a folder: give a file"),
-    (stat.S_ISFIFO, "a pipe: give an ordinary file"),
-    (stat.S_ISSOCK, "a socket: give an ordinary file"),
-    (stat.S_ISCHR, "a device: give an ordinary file"),
-    (stat.S_ISBLK, "a disk: give an ordinary file"),
-)
-
-
-WINDOWS = os.name == "nt"
-"""Whether names have to be those that Windows has."""
-_NO_WINDOWS_NAME = re.compile(r"(?i)(con|prn|aux|nul|com[1-9¹²³]|lpt[1-9¹²³]) *(\..*)?")
 _LONGEST_NAME = 200
 """Bytes of a file's name to which the ending of what is written beside it can be added on any disk."""
 
@@ -191,33 +179,17 @@ def check_target(path: Path) -> None:
     Raises
     ------
     UsageError
-        If an input is there, or a folder, a device or another thing that is no ordinary file; on Windows, if the name
-        is that of a device or no name at all.
+        If an input is there, or a folder, a device or another thing that is no ordinary file.
     """
-    if WINDOWS:
-        _refuse_no_windows_name(path)
     try:
         found = path.stat()
     except (OSError, ValueError):
         return  # nothing there, or no way to it, which writing says
-    for is_kind, words in _KINDS:
-        if is_kind(found.st_mode):
-            raise UsageError(f"{path} is {words} with -o.")
+    if kind := kind_of(found):
+        raise UsageError(f"{path} is {kind}: give an ordinary file with -o.")
     if (found.st_dev, found.st_ino) in _inputs.get():
         raise UsageError(
             f"{path} is one of the inputs, which is not written over: give another file with -o."
-        )
-
-
-def _refuse_no_windows_name(path: Path) -> None:
-    """Refuse what Windows takes for a device, a stream of another file, or silently for another name."""
-    name = path.name
-    if _NO_WINDOWS_NAME.fullmatch(name):
-        raise UsageError(f"{name} is the name of a device on Windows: give another file with -o.")
-    if name != name.rstrip(" .") or re.search(r'[<>:"|?*\x00-\x1f]', name):
-        raise UsageError(
-            f'{name} is no name of a file on Windows, which has none of <>:"|?* and none that ends with a point or a '
-            "space: give another file with -o."
         )
 
 

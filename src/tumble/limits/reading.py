@@ -15,7 +15,7 @@ from typing import Any, cast
 
 from tumble.document.limits_block import Rule
 from tumble.errors import UsageError
-from tumble.files import number_of, opened, read_yaml
+from tumble.files import number_of, opened, read_yaml, reading
 from tumble.records import dataclass
 from tumble.simulation import Grade, TriadGrade, find_grade
 from tumble.units import (
@@ -208,18 +208,10 @@ def read_limits(path: Path) -> Limits:
     UsageError
         If it cannot be read, or says something that is no limit; the sentence names the entry.
     """
-    try:
+    with reading(path, "a file of limits", hint="see docs/production.md for what it says"):
         document = read_yaml(path)
         with opened(path) as file:
             digest = hashlib.sha256(file.read()).hexdigest()
-    except FileNotFoundError:
-        raise UsageError(
-            f"There is no file of limits {path}: see docs/production.md for what it says."
-        ) from None
-    except OSError as error:
-        raise UsageError(f"{path} cannot be read as limits: {error.strerror or error}.") from error
-    except ValueError as error:
-        raise UsageError(f"{path} cannot be read as limits: {error}.") from error
     if not isinstance(document, dict):
         raise UsageError(f"{path} holds no limits: it needs `limits:` with a parameter or group a line.")
     try:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from tumble.earth.site import Site
 from tumble.errors import ProtocolError, SiteError, UsageError
-from tumble.files import opened
+from tumble.files import read_text, reading
 from tumble.files.writing import put_text, written_beside
 from tumble.procedure_names import KNOWN_PROCEDURES
 from tumble.protocol.keys import ANGLES, FORMAT, FRAME, KINDS, PROTOCOL, SITE, VERSION
@@ -51,21 +51,8 @@ def read_protocol(path: str | os.PathLike[str]) -> Protocol:
         If it is no protocol file, or something in it is wrong; the message names the line and the step.
     """
     file = Path(path)
-    try:
-        with opened(file) as source:
-            content = source.read(LARGEST + 1)
-        text = content.decode("utf-8-sig")
-    except OSError as error:
-        raise ProtocolError(f"{file} cannot be read as a protocol: {error.strerror or error}.") from None
-    except UnicodeDecodeError:
-        raise ProtocolError(
-            f"{file} is not a protocol: it is no text in UTF-8. A recording is given without --protocol."
-        ) from None
-    if len(content) > LARGEST:
-        raise ProtocolError(
-            f"{file} is not a protocol: it is longer than {LARGEST // 2**20} MB. "
-            "A recording is given without --protocol."
-        )
+    with reading(file, "a protocol", ProtocolError):
+        text = read_text(file, LARGEST)
     return _read(text, str(file), file.stem)
 
 

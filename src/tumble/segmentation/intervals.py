@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from tumble.errors import SegmentationError
-from tumble.files import lines_of, number_of, read_text
+from tumble.files import lines_of, number_of, read_text, reading
 from tumble.recording.recording import Recording
 from tumble.segmentation.timeline import Hold
 
@@ -30,13 +30,8 @@ def read_intervals(path: str | Path) -> list[tuple[float, float]]:
         If the file cannot be read or is empty, or a line is not two numbers, stops before it starts,
         or overlaps or precedes the line before it; the message names the line.
     """
-    try:
+    with reading(Path(path), "a list of intervals", SegmentationError):
         lines = lines_of(read_text(Path(path)))
-    except (OSError, UnicodeDecodeError) as problem:
-        raise SegmentationError(
-            f"{path}: the interval file cannot be read ({_why(problem)}); "
-            "it is to be a text file of two columns, start and stop in seconds."
-        ) from problem
     intervals: list[tuple[float, float]] = []
     names_allowed = True
     for number, line in enumerate(lines, start=1):
@@ -54,10 +49,6 @@ def read_intervals(path: str | Path) -> list[tuple[float, float]]:
             f"{path}: the interval file holds no intervals; write start and stop in seconds, one hold a line."
         )
     return intervals
-
-
-def _why(problem: OSError | UnicodeDecodeError) -> str:
-    return "it is not text" if isinstance(problem, UnicodeDecodeError) else (problem.strerror or "unreadable")
 
 
 def _is_number(word: str) -> bool:

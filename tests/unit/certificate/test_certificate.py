@@ -265,7 +265,7 @@ def test_every_phrase_is_there_in_every_language() -> None:
         ("[]", "needs `laboratory:`"),
         ("laboratory: {}", "laboratory.name"),
         ("laboratory: {name: A}\naccredited: yes", "accredited"),
-        ("laboratory: {name: A}\nlogo: none.png", "none.png cannot be read"),
+        ("laboratory: {name: A}\nlogo: none.png", "There is no logo"),
         ("laboratory: {name: A}\nlogo: a.exe", "none of .svg"),
         ("laboratory: [", "it is no YAML"),
     ],

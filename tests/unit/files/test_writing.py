@@ -77,40 +77,6 @@ def test_a_name_may_be_as_long_as_the_disk_has_names(name: str, tmp_path: Path) 
     assert len(list(tmp_path.iterdir())) == 2
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        "NUL",
-        "nul.json",
-        "con",
-        "Com1.csv",
-        "LPT9",
-        "aux .txt",
-        "a:b.json",
-        "what?.csv",
-        "end.",
-        "end ",
-        "a\nb",
-    ],
-)
-def test_on_windows_devices_and_what_is_no_name_are_refused(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(writing, "WINDOWS", True)
-    with pytest.raises(UsageError, match=r"on Windows.*: give another file with -o\."):
-        writing.write_text(tmp_path / name, "new")
-    assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.parametrize(
-    "name", ["console.json", "nullity.csv", "com10.csv", "a.b.c", "calibration.json", "größe.csv"]
-)
-def test_on_windows_other_names_are_names(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(writing, "WINDOWS", True)
-    writing.write_text(tmp_path / name, "new")
-    assert (tmp_path / name).read_text() == "new"
-
-
 def test_an_input_is_known_by_any_of_its_names(tmp_path: Path) -> None:
     """As where a disk has no small and large letters (Windows, macOS): the file is the same, the name is another."""
     (tmp_path / "Calibration.json").write_text("input")

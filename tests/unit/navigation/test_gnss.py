@@ -174,7 +174,7 @@ def test_what_is_no_track_is_refused_in_words(
 
 
 def test_a_file_that_is_not_there_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(RecordingError, match="cannot be read"):
+    with pytest.raises(RecordingError, match="There is no GNSS track"):
         read_track(tmp_path / "none.pos")
 
 

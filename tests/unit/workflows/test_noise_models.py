@@ -53,7 +53,7 @@ def test_a_models_terms_are_read_in_raw_units(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        ("not json", "no JSON document"),
+        ("not json", "it is no JSON"),
         ({"format": "tumble calibration"}, "no noise document"),
         ({"format": "tumble noise"}, "lacks"),
         (document(rate_hz=200.0), "200 Hz"),
@@ -71,7 +71,7 @@ def test_another_file_rate_or_unit_is_refused_in_a_sentence(tmp_path: Path, cont
 
 
 def test_a_file_that_is_not_there_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="cannot be read"):
+    with pytest.raises(UsageError, match="There is no noise file"):
         read_noise_models(tmp_path / "none.json")
 
 

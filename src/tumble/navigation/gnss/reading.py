@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from tumble.errors import RecordingError
-from tumble.files import opened
+from tumble.files import opened, reading
 from tumble.navigation.gnss.nmea import read_nmea
 from tumble.navigation.gnss.rtklib import read_rtklib
 from tumble.navigation.gnss.text import read_text_track
@@ -36,19 +36,14 @@ def read_track(path: str | os.PathLike[str]) -> GnssTrack:
         If it cannot be read, is of no known kind, or says something that cannot be.
     """
     path = Path(path)
-    try:
-        with opened(path) as file:
-            head = file.read(4096)
-    except OSError as error:
-        raise RecordingError(f"{path} cannot be read: {error.strerror or error}.") from error
+    with reading(path, "a GNSS track", RecordingError), opened(path) as file:
+        head = file.read(4096)
     if not head.strip():
         raise RecordingError(f"{path.name} is empty.")
     reader = {"ubx": read_ubx, "nmea": read_nmea, "rtklib": read_rtklib, "csv": read_text_track}[_kind(head)]
-    try:
-        with np.errstate(all="ignore"):  # what overflows is refused with its fix
-            return reader(path)
-    except OSError as error:
-        raise RecordingError(f"{path} cannot be read: {error.strerror or error}.") from error
+    # What overflows is refused with its fix.
+    with reading(path, "a GNSS track", RecordingError), np.errstate(all="ignore"):
+        return reader(path)
 
 
 def _kind(head: bytes) -> str:

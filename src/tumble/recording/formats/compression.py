@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import bz2
 from importlib import import_module
-from pathlib import Path
 from typing import Any, BinaryIO
-from zipfile import ZipFile
 
 from tumble.errors import RecordingError, UsageError, install
-from tumble.files import size_of
 
 _LARGEST_CHUNK = (
     256 << 20
@@ -20,7 +17,6 @@ _LARGEST_RATIO = (
     300  # times; text of numbers is packed to a third or a tenth, a constant column to a fiftieth
 )
 _LARGEST = 64 << 30  # bytes in all
-_MOST_MEMBERS = 2000  # files of an archive; a phone's log has some twenty
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 _PIECE = 1 << 13  # bytes; of a damaged piece nothing is left
 
@@ -67,23 +63,6 @@ def refuse_unmeasured(unpacked: int, packed: int, name: str) -> None:
             f"{name} unpacks to {unpacked >> 20} MB or more from {max(packed >> 10, 1)} kB, which no recording does; "
             "if it is one, unpack it and name the file in it."
         )
-
-
-def refuse_members(archive: ZipFile, path: Path) -> None:
-    """Refuse a zip archive of very many files, or one that unpacks beyond measure.
-
-    Raises
-    ------
-    RecordingError
-        If it has more than 2000 files, or `refuse_unmeasured` refuses it.
-    """
-    members = archive.infolist()
-    if len(members) > _MOST_MEMBERS:
-        raise RecordingError(
-            f"{path.name} holds {len(members)} files; no recording has more than {_MOST_MEMBERS}: unpack it and name "
-            "the file in it."
-        )
-    refuse_unmeasured(sum(m.file_size for m in members), size_of(path), path.name)
 
 
 class Measured:

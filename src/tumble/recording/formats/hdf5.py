@@ -15,7 +15,6 @@ from tumble.arrays import Series, Vectors
 from tumble.errors import RecordingError, UsageError, install
 from tumble.files import opened
 from tumble.recording.columns import ColumnPlan, plan_from_names
-from tumble.recording.formats.compression import refuse_unmeasured
 from tumble.recording.formats.damage import foreign
 from tumble.recording.formats.streams import Units, merge_streams, table_of_samples
 from tumble.recording.formats.table import FieldStream, RawTable, hash_file
@@ -31,7 +30,6 @@ ENDINGS = (".h5", ".hdf5", ".mat")
 SUMMARY = "HDF5 and MATLAB 7.3: data sets by name and shape (with the extra `hdf5`)"
 HAS_TOPICS = True
 
-_ALWAYS_READ = 1 << 24  # bytes
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _LISTED = 12
 _Variables = dict[str, npt.NDArray[np.float64]]
@@ -113,7 +111,11 @@ def _content(path: Path) -> _Content:
         _take_rate(content, name, node.attrs)
         if not isinstance(node, h5py.Dataset):
             return
-        _refuse_unread(node, name, path)
+        if node.external or node.is_virtual:
+            raise RecordingError(
+                f"{path.name}: the numbers of /{name} stand in another file, which is not read; write them into this "
+                "one."
+            )
         group, _, leaf = name.rpartition("/")
         if node.dtype.names:
             rows: Any = node[()]
@@ -132,18 +134,6 @@ def _content(path: Path) -> _Content:
         except OSError as error:  # h5py's word for damage, too
             raise RecordingError(f"{path.name} is a damaged HDF5 file ({str(error)[:120]}).") from error
     return content
-
-
-def _refuse_unread(node: Any, name: str, path: Path) -> None:
-    """Refuse numbers that are not in the file: in another one, never written, or packed beyond measure."""
-    if node.external or node.is_virtual:
-        raise RecordingError(
-            f"{path.name}: the numbers of /{name} stand in another file, which is not read; write them into this one."
-        )
-    if node.dtype.kind in "iufbV" and node.nbytes > _ALWAYS_READ and not node.id.get_storage_size():
-        raise RecordingError(f"{path.name}: /{name} has room for {node.size} numbers, and none was written.")
-    if node.dtype.kind in "iufbV":
-        refuse_unmeasured(node.nbytes, node.id.get_storage_size(), f"{path.name}: /{name}")
 
 
 def _take_rate(content: _Content, name: str, attributes: Mapping[str, Any]) -> None:

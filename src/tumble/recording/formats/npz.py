@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
-from zipfile import ZipFile, ZipInfo
 
 import numpy as np
 
-from tumble.errors import RecordingError
 from tumble.files import opened
-from tumble.recording.formats.compression import refuse_members
 from tumble.recording.formats.damage import foreign
 from tumble.recording.formats.table import RawTable
 from tumble.recording.formats.variables import numbers_of, table_from_variables
@@ -39,29 +35,6 @@ def read_table(path: Path) -> RawTable:
         If the file cannot be read.
     """
     # Opened here: numpy leaves a damaged archive open.
-    with foreign(path, "NPZ file"), opened(path) as file:
-        with ZipFile(file) as members:
-            refuse_members(members, path)
-            for member in members.infolist():
-                _refuse_lying_size(members, member, path)
-        file.seek(0)
-        with np.load(file, allow_pickle=False) as archive:
-            arrays = {name: numbers_of(archive[name]) for name in archive.files}
+    with foreign(path, "NPZ file"), opened(path) as file, np.load(file, allow_pickle=False) as archive:
+        arrays = {name: numbers_of(archive[name]) for name in archive.files}
     return table_from_variables(path, {n: a for n, a in arrays.items() if a is not None})
-
-
-def _refuse_lying_size(archive: ZipFile, member: ZipInfo, path: Path) -> None:
-    """Refuse an array whose header promises more than the archive holds of it: memory would be taken for it."""
-    if not member.filename.endswith(".npy"):
-        return
-    with archive.open(member) as file:
-        version = np.lib.format.read_magic(file)
-        header = (
-            np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-        )
-        shape, _, kind = header(file)
-    if math.prod(shape) * kind.itemsize > member.file_size:
-        raise RecordingError(
-            f"{path.name} is damaged: {member.filename} says that it holds {shape} numbers and is {member.file_size} "
-            "bytes long."
-        )

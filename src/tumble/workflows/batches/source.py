@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from tumble.errors import UsageError, install
-from tumble.files import HIDDEN, number_of, read_text, shown, without_password
+from tumble.files import HIDDEN, number_of, read_text, reading, shown, without_password
 from tumble.records import dataclass
 
 MANIFEST = "manifest.csv"
@@ -242,12 +242,8 @@ def _names_units(text: str) -> bool:
 
 
 def _manifest(path: Path) -> list[UnitTask]:
-    try:
+    with reading(path, "a manifest"):
         text = read_text(path)
-    except OSError as error:
-        raise UsageError(f"The manifest {path} cannot be read: {error.strerror or error}.") from error
-    except UnicodeDecodeError:
-        raise UsageError(f"The manifest {path} is no text in UTF-8: save it as CSV in UTF-8.") from None
     if not _names_units(text):
         raise UsageError(f"The manifest {path} has no columns `unit` and `files` in its first line.")
     return _rows(text, str(path), str(path.parent))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from tumble.calibration.procedure import find_procedure
 from tumble.errors import UsageError
-from tumble.files import number_of, read_json
+from tumble.files import number_of, read_json, reading
 from tumble.noise.terms import GaussMarkov, Line, NoiseModel
 from tumble.noise.variances import LETTERS
 from tumble.recording import Recording
@@ -54,12 +54,8 @@ def read_noise_models(path: str | os.PathLike[str]) -> NoiseModels:
     """
     place = Path(path)
     how = "give the noise.json that `tumble noise RECORDING -o DIR` wrote for this unit"
-    try:
+    with reading(place, "a noise file", hint=how):
         document: Any = read_json(place)
-    except OSError as error:
-        raise UsageError(f"--noise {place} cannot be read ({error.strerror or error}): {how}.") from error
-    except ValueError as error:
-        raise UsageError(f"--noise {place} is no JSON document ({error}): {how}.") from error
     if not isinstance(document, dict) or cast("dict[str, Any]", document).get("format") != "tumble noise":
         raise UsageError(f"--noise {place} is no noise document: {how}.")
     try:

@@ -13,7 +13,7 @@ from tumble.calibration.magnetometer.parameters import named_parameters
 from tumble.document import Calibration, read_calibration
 from tumble.document.difference import ParameterChange
 from tumble.errors import CalibrationFileError, UsageError
-from tumble.files.documents import DocumentError, read_json
+from tumble.files import read_json, reading
 from tumble.records import dataclass
 
 PathLike = str | os.PathLike[str]
@@ -78,7 +78,7 @@ def is_truth(path: PathLike) -> bool:
     """
     try:
         document: Any = read_json(Path(path))
-    except (OSError, DocumentError):
+    except (OSError, ValueError):
         return False
     return isinstance(document, dict) and ("format", "tumble truth") in document.items()
 
@@ -121,8 +121,9 @@ def recovery(truth: PathLike, calibration: PathLike) -> Recovery:
 
 
 def _true_parameters(path: Path, stated: Calibration) -> dict[str, float]:
-    try:
+    with reading(path, "a truth.json", CalibrationFileError):
         document: Any = read_json(path)
+    try:
         units = document["raw_units"]
         if (units["specific_force"], units["angular_rate"]) != (
             stated.raw_units.specific_force,
@@ -134,10 +135,6 @@ def _true_parameters(path: Path, stated: Calibration) -> dict[str, float]:
         listed: list[dict[str, Any]] = document[_LISTS.get(stated.frame.name, "parameters")]
         true = {one["name"]: float(one.get("session_value", one["value"])) for one in listed}
         return true | _true_magnetometer(document.get("magnetometer"), stated)
-    except OSError as error:
-        raise CalibrationFileError(f"{path} cannot be read: {error.strerror or error}.") from error
-    except DocumentError as error:
-        raise CalibrationFileError(f"{path} cannot be read: {error}.") from None
     except (KeyError, TypeError, ValueError, AttributeError):
         raise CalibrationFileError(f"{path} is no truth.json of `tumble simulate`.") from None
 
