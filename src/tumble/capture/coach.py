@@ -8,7 +8,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from tumble.arrays import Series, Vector, Vectors
+from tumble.arrays import Series, Vectors
 from tumble.capture.live_blocks import LiveBlocks
 from tumble.capture.live_holds import LiveHold
 from tumble.protocol.steps import Step
@@ -80,13 +80,3 @@ class Coach(Protocol):
     def judge(self, live: LiveBlocks, holds: Sequence[LiveHold], activity: Activity) -> Progress:
         """Return what is known and what is next."""
         ...
-
-
-def angle_between(one: Vector, other: Vector) -> float:
-    """Return the angle between two unit vectors, rad.
-
-    Parameters
-    ----------
-    one, other : (3,).
-    """
-    return float(np.arctan2(np.linalg.norm(np.cross(one, other)), one @ other))

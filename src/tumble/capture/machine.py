@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tumble.arrays import Vector
+from tumble.attitude.rotations import angle_between
 from tumble.calibration.poses import SAME_POSE, describe_direction
-from tumble.capture.coach import Coach, Progress, angle_between
+from tumble.capture.coach import Coach, Progress
 from tumble.capture.events import Event
 from tumble.capture.live_blocks import MOST_BLOCKS, LiveBlocks
 from tumble.capture.live_holds import Change, LiveHold, LiveHolds

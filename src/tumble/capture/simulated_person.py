@@ -12,8 +12,7 @@ from collections.abc import Generator, Iterator, Sequence
 import numpy as np
 
 from tumble.arrays import Vector, Vectors
-from tumble.attitude.directions import twenty_six_directions
-from tumble.attitude.rotations import rotation_between
+from tumble.attitude.rotations import matrix_from_rotation_vector, rotation_between
 from tumble.capture.events import Event
 from tumble.capture.machine import Capture
 from tumble.capture.samples import Channels
@@ -188,7 +187,7 @@ class SimulatedPerson:
             part = rates[start : start + step]
             up = np.empty_like(part)
             for k, omega in enumerate(part):
-                half = _rotation(0.5 * omega / rate)
+                half = matrix_from_rotation_vector(0.5 * omega / rate)
                 self._attitude = self._attitude @ half
                 up[k] = self._attitude[2]
                 self._attitude = self._attitude @ half
@@ -210,18 +209,5 @@ class SimulatedPerson:
             time.sleep(max(0.0, self._begun + stamp / self._speed - time.monotonic()))
 
 
-def twenty_six_in_order() -> Vectors:
-    """Return the fixed list that a guide is held against: faces, edges and corners in the order of the directions."""
-    return twenty_six_directions()
-
-
 def _unit(vector: Vector) -> Vector:
     return np.asarray(vector / np.linalg.norm(vector), dtype=np.float64)
-
-
-def _rotation(vector: Vector) -> np.ndarray:
-    """Rodrigues' formula."""
-    angle = float(np.linalg.norm(vector))
-    x, y, z = vector / (angle or 1.0)
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross

@@ -11,8 +11,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from tumble.arrays import Series, Vector
+from tumble.attitude.rotations import angle_between
 from tumble.calibration.poses import describe_direction
-from tumble.capture.coach import Advice, Progress, angle_between
+from tumble.capture.coach import Advice, Progress
 from tumble.capture.guide import in_si
 from tumble.capture.live_blocks import MOST_BLOCKS, LiveBlocks
 from tumble.capture.live_holds import LiveHold

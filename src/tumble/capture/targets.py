@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from tumble.arrays import Series
 from tumble.errors import UsageError
+from tumble.records import dataclass
 from tumble.units import DEGREE, STANDARD_GRAVITY
 
 _PER_G = DEGREE / STANDARD_GRAVITY
@@ -109,3 +110,57 @@ def limits_of(targets: dict[str, float]) -> Series | None:
     for group, value in targets.items():
         limits[GROUPS[group]] = value
     return limits
+
+
+@dataclass(frozen=True)
+class GroupProgress:
+    """The worst standard uncertainty of a group of parameters, in the unit that it is shown in, beside its target.
+
+    Attributes
+    ----------
+    group, unit : their names.
+    sigma : None while not all of the group are determined.
+    told, of : how many are determined, of how many.
+    target : None where none is wished for.
+    reached : whether the worst is below it.
+    """
+
+    group: str
+    unit: str
+    sigma: float | None
+    told: int
+    of: int
+    target: float | None
+    reached: bool
+
+
+def groups_of(sigmas: Mapping[str, float | None], targets: Mapping[str, float]) -> list[GroupProgress]:
+    """Return the groups of which anything is known.
+
+    Parameters
+    ----------
+    sigmas : standard uncertainty by parameter, SI; None while not determined.
+    targets : wished-for ones, SI, by group.
+    """
+    from tumble.design.joint_information import GROUPS, NAMES
+
+    rows: list[GroupProgress] = []
+    for group, part in GROUPS.items():
+        names = [name for name in NAMES[part] if name in sigmas]
+        if not names:
+            continue
+        unit, size = SHOWN[group]
+        told = [sigma for name in names if (sigma := sigmas[name]) is not None]
+        worst, target = max(told) if len(told) == len(names) else None, targets.get(group)
+        rows.append(
+            GroupProgress(
+                group,
+                unit,
+                None if worst is None else float(f"{worst / size:.3g}"),
+                len(told),
+                len(names),
+                None if target is None else float(f"{target / size:.3g}"),
+                target is not None and worst is not None and worst <= target,
+            )
+        )
+    return rows

@@ -22,7 +22,7 @@ from rich.live import Live
 from rich.text import Text
 
 from tumble.capture.events import BELLS, Event
-from tumble.capture.targets import SHOWN
+from tumble.capture.targets import groups_of
 from tumble.cli.groups import ADVANCED, FIRST, PRINTED, detail, option
 from tumble.cli.options import (
     FileOptions,
@@ -124,25 +124,17 @@ class LiveView:
 
     def _table(self, capture: Capture) -> object:
         """The worst uncertainty of each group of parameters, against its target."""
-        from tumble.design.joint_information import GROUPS, NAMES
-
         rows: list[list[str]] = []
-        sigmas = capture.progress.sigmas
-        for group, part in GROUPS.items():
-            names = [name for name in NAMES[part] if name in sigmas]
-            told = [sigma for name in names if (sigma := sigmas[name]) is not None]
-            if not names:
-                continue
-            unit, size = SHOWN[group]
+        for one in groups_of(capture.progress.sigmas, self._targets):
             worst = (
-                f"{max(told) / size:.3g} {unit}"
-                if len(told) == len(names)
-                else f"{len(told)} of {len(names)} determined"
+                f"{one.told} of {one.of} determined" if one.sigma is None else f"{one.sigma:.3g} {one.unit}"
             )
-            target = self._targets.get(group)
-            reached = target is not None and len(told) == len(names) and max(told) <= target
-            wish = "" if target is None else f"{target / size:.3g} {unit}{' reached' if reached else ''}"
-            rows.append([group, worst, wish])
+            wish = (
+                ""
+                if one.target is None
+                else f"{one.target:.3g} {one.unit}{' reached' if one.reached else ''}"
+            )
+            rows.append([one.group, worst, wish])
         return table(("parameters", "uncertainty", "target"), rows, right=(1, 2), box=None)
 
 

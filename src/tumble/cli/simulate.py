@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -78,30 +77,6 @@ class SessionOptions:
     ] = False
 
 
-@dataclass(frozen=True)
-class ServeOptions:
-    """A unit that is read while it is moved."""
-
-    serve: Annotated[
-        str | None,
-        option(
-            ADVANCED,
-            "WHERE",
-            "With hand-held: be a device in real time, on a pseudo-terminal (pty), udp:HOST:PORT or ws:PORT.",
-            "--serve",
-        ),
-    ] = None
-    guide: Annotated[
-        Path | None,
-        option(
-            ADVANCED,
-            "DIR",
-            "With --serve: the simulated person does what the guide of the capture in DIR says.",
-            "--guide",
-        ),
-    ] = None
-
-
 def simulate_command(
     protocol: Annotated[
         str,
@@ -121,7 +96,6 @@ def simulate_command(
     chain: ChainOptions,
     table: TableOptions,
     fixture: FixtureOptions,
-    live: ServeOptions,
     printed: PrintOptions,
     output: Annotated[Path | None, output_option("Folder for the files (default: NAME-simulated).")] = None,
 ) -> None:
@@ -136,9 +110,6 @@ def simulate_command(
     from tumble.workflows.given.site import choose_site
     from tumble.workflows.simulate import simulate
 
-    if live.serve is not None or live.guide is not None:
-        _serve(protocol, session, live)
-        return
     quality, azimuth = fixture.errors()
     with progress(printed.silent) as tell:
         done = simulate(
@@ -166,23 +137,6 @@ def simulate_command(
         say_json({"files": files, "remarks": done.remarks, "next": _next(done), "truth": done.truth})
         return
     _print(done, printed.quiet)
-
-
-def _serve(protocol: str, session: SessionOptions, live: ServeOptions) -> None:
-    """Be a device until the person has done, or Ctrl-C."""
-    from tumble.capture.serve import person_for, serve
-    from tumble.errors import UsageError
-
-    if protocol != "hand-held" or live.serve is None:
-        raise UsageError("--serve WHERE, and --guide DIR with it, go with the protocol hand-held.")
-    unit = session.seed if session.unit is None else session.unit
-    folder = live.guide or Path("captured")
-
-    def tell(address: str) -> None:
-        say(f"Serving. Read it with: tumble capture {address} -o {folder}")
-        sys.stdout.flush()
-
-    serve(person_for(session.grade, unit, live.guide), live.serve, live.guide, tell)
 
 
 def _next(done: Simulated) -> str:

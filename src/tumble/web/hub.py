@@ -7,13 +7,14 @@ import struct
 import threading
 from collections import deque
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
 from tumble.capture.events import Event
 from tumble.capture.machine import Capture
-from tumble.capture.targets import SHOWN
+from tumble.capture.targets import groups_of
 from tumble.recording.samples import Samples
 
 # s of samples in one column of the traces; columns and events that are kept for who comes late.
@@ -157,32 +158,5 @@ def _state_of(capture: Capture, targets: dict[str, float]) -> dict[str, Any]:
             }
             for told in capture.holds
         ],
-        "groups": _groups(capture.progress.sigmas, targets),
+        "groups": [asdict(row) for row in groups_of(capture.progress.sigmas, targets)],
     }
-
-
-def _groups(sigmas: dict[str, float | None], targets: dict[str, float]) -> list[dict[str, Any]]:
-    """The worst sigma of each group of parameters, in the unit that it is shown in."""
-    from tumble.design.joint_information import GROUPS, NAMES
-
-    rows: list[dict[str, Any]] = []
-    for group, part in GROUPS.items():
-        values = [sigmas.get(name) for name in NAMES[part]]
-        if not any(name in sigmas for name in NAMES[part]):
-            continue
-        unit, size = SHOWN[group]
-        told = [value for value in values if value is not None]
-        target = targets.get(group)
-        worst = max(told) if len(told) == len(values) else None
-        rows.append(
-            {
-                "group": group,
-                "unit": unit,
-                "sigma": None if worst is None else float(f"{worst / size:.3g}"),
-                "told": len(told),
-                "of": len(values),
-                "target": None if target is None else float(f"{target / size:.3g}"),
-                "reached": target is not None and worst is not None and worst <= target,
-            }
-        )
-    return rows

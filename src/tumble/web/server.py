@@ -111,34 +111,24 @@ class PageServer:
         from starlette.websockets import WebSocket
 
         async def page(request: Request) -> Response:
-            refusal = self._refusal(
-                request.headers.get("host", ""), request.query_params.get("token", ""), None
-            )
+            host, token = request.headers.get("host", ""), request.query_params.get("token", "")
             name = request.path_params.get("name", "index.html")
-            if refusal and name == "index.html":
-                return PlainTextResponse(refusal, 403)
-            if refusal and not self._host_is_ours(request.headers.get("host", "")):
+            # What the page itself asks for has no token.
+            if refusal := self._refusal(host, token, None, open_to_all=name not in ("index.html", "report")):
                 return PlainTextResponse(refusal, 403)
             if name == "favicon.ico":
                 return Response(status_code=204)
-            content = _page_files().get(name)
+            policy, content = _POLICY, _page_files().get(name)
+            if name == "report":
+                places = [self._folder / one for one in REPORTS]
+                file = next((place for place in places if place.is_file()), None)
+                policy, content = _REPORT_POLICY, file and await asyncio.to_thread(file.read_bytes)
             if content is None:
-                return PlainTextResponse("There is no such page.", 404)
-            kind = _TYPES[Path(name).suffix]
-            return Response(content, media_type=kind, headers=_headers(_POLICY))
-
-        async def report(request: Request) -> Response:
-            refusal = self._refusal(
-                request.headers.get("host", ""), request.query_params.get("token", ""), None
-            )
-            if refusal:
-                return PlainTextResponse(refusal, 403)
-            pages = [self._folder / name for name in REPORTS]
-            file = next((page for page in pages if page.is_file()), None)
-            if file is None:
-                return PlainTextResponse("There is no report yet.", 404)
-            content = await asyncio.to_thread(file.read_bytes)
-            return Response(content, media_type="text/html", headers=_headers(_REPORT_POLICY))
+                return PlainTextResponse(
+                    f"There is no {'report yet' if name == 'report' else 'such page'}.", 404
+                )
+            kind = _TYPES[Path(name).suffix or ".html"]
+            return Response(content, media_type=kind, headers=_headers(policy))
 
         async def watch(viewer: WebSocket) -> None:
             host, token = viewer.headers.get("host", ""), viewer.query_params.get("token", "")
@@ -151,19 +141,18 @@ class PageServer:
         return Starlette(
             routes=[
                 Route("/", page),
-                Route("/report", report),
                 WebSocketRoute("/watch", watch),
                 Route("/{name}", page),
             ]
         )
 
-    def _refusal(self, host: str, token: str, origin: str | None) -> str:
+    def _refusal(self, host: str, token: str, origin: str | None, *, open_to_all: bool = False) -> str:
         """Why a request is not served; nothing if it is. `origin` is None for a page, which has none."""
         if not self._host_is_ours(host):
             return "This address is not the page's: open the one that tumble printed."
         if origin is not None and origin not in (f"http://{host}", f"https://{host}"):
             return "Another page may not ask."
-        if self.token and not hmac.compare_digest(token.encode(), self.token.encode()):
+        if self.token and not open_to_all and not hmac.compare_digest(token.encode(), self.token.encode()):
             return "The address lacks its token: open the one that tumble printed."
         return ""
 

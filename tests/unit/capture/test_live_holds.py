@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 from tests.unit.capture.recordings import by_hand, channels_of, pieces_of
 
+from tumble.attitude.directions import twenty_six_directions
 from tumble.capture.live_blocks import LiveBlocks
 from tumble.capture.live_holds import LiveHolds
 from tumble.capture.machine import Capture
 from tumble.capture.samples import Channels
-from tumble.capture.simulated_person import Flaws, SimulatedPerson, twenty_six_in_order
+from tumble.capture.simulated_person import Flaws, SimulatedPerson
 from tumble.recording import Recording, read_recording
 from tumble.recording.samples import Samples
 from tumble.segmentation import find_timeline
@@ -120,7 +121,9 @@ def test_no_hold_goes_across_missing_samples() -> None:
 def test_a_rest_that_creeps_is_refused_and_not_taken_for_a_hold_again_and_again() -> None:
     order = np.random.default_rng([5, 5]).permutation(26)
     flaws = Flaws(creeping=0.4, too_short=0.1)
-    person = SimulatedPerson(find_grade("consumer-mems"), 5, poses=twenty_six_in_order()[order], flaws=flaws)
+    person = SimulatedPerson(
+        find_grade("consumer-mems"), 5, poses=twenty_six_directions()[order], flaws=flaws
+    )
     capture: Capture | None = None
     times: list[float] = []
     for piece in person:
