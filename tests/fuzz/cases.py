@@ -57,7 +57,9 @@ def case_of(number: int, seed: int = 1) -> Case:
     rng = np.random.default_rng([seed, number])
     kinds = [kind for kind in seeds() for _ in range(_SHARE.get(kind, 1))]
     kind = mutations.pick(kinds, rng)
-    name, content = mutations.pick(seeds()[kind], rng)
+    # scipy's reader of MATLAB 5 to 7 ends the program at some wrong bits.
+    files = [file for file in seeds()[kind] if file[0] not in ("arrays.mat", "packed.mat")]
+    name, content = mutations.pick(files, rng)
     json_ = name.endswith(".json")
     changes = _CHANGES.get(kind, mutations.JSON if json_ else mutations.TEXT)
     if rng.random() < 0.7:

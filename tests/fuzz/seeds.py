@@ -116,6 +116,8 @@ def _arrays(place: Path) -> list[tuple[str, bytes]]:
     kept("arrays.npz", lambda p: np.savez(p, t=body[:, 0], acc=body[:, 1:4], gyr=body[:, 4:]))
     kept("packed.npz", lambda p: np.savez_compressed(p, acc=body[:, 1:4], gyr=body[:, 4:], fs=50.0))
     arrays = {"t": body[:, 0], "acc": body[:, 1:4], "gyr": body[:, 4:]}
+    kept("arrays.mat", lambda p: scipy.io.savemat(p, {"imu": arrays}))
+    kept("packed.mat", lambda p: scipy.io.savemat(p, arrays, do_compression=True))
     kept("four.mat", lambda p: scipy.io.savemat(p, {"imu": body}, format="4"))
     frame = pl.DataFrame({name: body[:, i] for i, name in enumerate(HEADER.split(","))})
     kept("other.parquet", frame.write_parquet)

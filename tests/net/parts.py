@@ -328,7 +328,7 @@ def replayed(simulation: tuple[Any, ...], *arguments: object) -> Any:
 
 def replay(file: object, *arguments: object) -> Any:
     """Play a recording as if it came now: what the guide said, and what came of it."""
-    answer = tumble("capture", "--replay", file, "--speed", 0, "-o", "out", "--plain", *arguments)
+    answer = tumble("capture", f"replay:{file}@0", "-o", "out", "--plain", *arguments)
     events = Path("out/session.jsonl").read_text().splitlines() if Path("out/session.jsonl").is_file() else []
     kept = [pinned(json.loads(line)) for line in events]
     return {
