@@ -88,7 +88,7 @@ def test_a_change_of_frame_is_said(tumble: Any, calibration: Path) -> None:
         (("calibration.json", "--from", "kalibr"), ("imu0",)),
         (("--to", "kalibr"), ("calibration.json first",)),
         (("--from", "kalibr"), ("Name the file",)),
-        (("nowhere.yaml", "--from", "kalibr"), ("no file nowhere.yaml",)),
+        (("nowhere.yaml", "--from", "kalibr"), ("no Kalibr file nowhere.yaml",)),
     ],
 )
 def test_wrong_usage_is_one_sentence(

@@ -370,7 +370,7 @@ class Command(_Helped, TyperCommand):
         return super().parse_args(ctx, self._with_details(ctx, today) + args[stop:])
 
     def _refuse_what_left(self, ctx: Any, words: list[tuple[str, str]]) -> None:
-        taken = {name for one in self.params for name in (*one.opts, *one.secondary_opts)}
+        taken = {name for one in self.get_params(ctx) for name in (*one.opts, *one.secondary_opts)}
         for (name, value), (following, _) in pairwise([*words, ("", "")]):
             if name == "--set":
                 name = f"--{(value or following).partition('=')[0]}"

@@ -44,7 +44,7 @@ def json_of(path: Path, tool: str) -> dict[str, Any]:
     CalibrationFileError
         If the file is none.
     """
-    with reading(path, f"a file of {tool}", CalibrationFileError):
+    with reading(path, f"a {tool} file", CalibrationFileError):
         document: Any = read_json(path, LARGEST)
     if not isinstance(document, dict):
         raise CalibrationFileError(f"{path} holds no object, as {tool}'s file does.")
@@ -59,7 +59,7 @@ def yaml_of(path: Path, tool: str) -> dict[str, Any]:
     CalibrationFileError
         If the file is none.
     """
-    with reading(path, f"a file of {tool}", CalibrationFileError):
+    with reading(path, f"a {tool} file", CalibrationFileError):
         document: Any = read_yaml(path)
     if not isinstance(document, dict):
         raise CalibrationFileError(f"{path} holds no keys, as {tool}'s file does.")
