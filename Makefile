@@ -96,7 +96,6 @@ figures: $(DEV) bytecode  ## Simulate and draw the figures of the procedures' pa
 	$(BIN)/python docs/figures/classical_uncertainty.py
 	$(BIN)/python docs/figures/norm_sensitivity.py
 	$(BIN)/python docs/figures/noise_other_tools.py
-	$(BIN)/python docs/figures/denoising.py
 	$(BIN)/python docs/figures/doors.py
 
 .PHONY: map

@@ -47,7 +47,6 @@ CONTENTS = {
             "segmentation",
             "real-recordings",
             "noise-other-tools",
-            "denoising",
         ),
         "papers/*",
     ],

@@ -361,7 +361,6 @@ CALLS = (
     "mount hand.csv hand.csv -c calibration.json -o mount.json --mount-mrad 1 --site 48.1",
     "noise hand.csv -o out --skip 1 --kind hadamard --taus 0.1,0.2,0.4 --fit curve --units g,deg/s",
     "noise hand.csv --remove-temperature --stream --rate 50 --json",
-    "denoise hand.csv -o out.csv",
     "simulate six-position -o out --sample-rate 5 --seed 3 --unit-seed 4 --jitter 1 --dropped 1 --burst 3 --axes case",
     "simulate rest -o out --duration 10 --output-units counts --turn-on-bias 1,10 --sampling-jitter 0.1 --wander",
     "simulate turntable-9 -o out --sample-rate 2 --table-angle-arcsec 5 --table-tilt-deg 1 --table-stops 1:50",

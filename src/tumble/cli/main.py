@@ -82,10 +82,6 @@ COMMANDS = {
         "noise",
         "Noise of a unit at rest: white noise, bias instability and random walks of every channel.",
     ),
-    "denoise": (
-        "denoise",
-        "De-noise a recording by wavelets or an autoregressive model, and say what was gained and lost.",
-    ),
     "simulate": (
         "simulate",
         "Play a protocol on a simulated unit: try a test before you do it, or check what a calibration finds.",
@@ -115,7 +111,7 @@ PANELS = {
     "Use a calibration": ("verify", "apply", "convert", "diff", "mount", "certificate"),
     "Many units": ("batch", "registry"),
     "Before a test, and for papers": ("plan", "simulate", "reproduce"),
-    "Advanced": ("units", "predict", "compose", "invert", "denoise"),
+    "Advanced": ("units", "predict", "compose", "invert"),
 }
 """The commands by what they are for, in the order of the help."""
 FORMER = {

@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 from scipy.stats import chi2
 
 from tumble.errors import UsageError
-from tumble.noise.denoising.autoregression import (
+from tumble.noise.autoregression import (
     Autoregression,
     burg,
     burg_ladder,
@@ -161,14 +161,11 @@ def test_the_state_space_form_is_stationary_and_has_the_same_autocovariance() ->
     assert (white.states, white.white_variance) == ((), 4.0)
 
 
-def test_the_whitened_signal_keeps_its_level_and_is_white() -> None:
-    series = drawn([0.9], 50_000, 6) + 40.0
-    model = burg(series, 1)
-    white = model.whitened(series)
-    # The mean scatters by 10/√50000 = 0.045, and whitening changes ends only.
-    assert white.mean() == pytest.approx(series.mean(), abs=0.01)
-    assert choose_order(white, 5).model.order == 0
-    assert white.std() == pytest.approx(model.random_walk, rel=0.01)
+def test_means_over_long_times_scatter_by_the_random_walk() -> None:
+    series = drawn([0.9], 1_000_000, 6)
+    means = series.reshape(2000, 500).mean(axis=1)
+    # 2000 means know their scatter to 1.6 %; 500 samples are 50 correlation times, which makes 1 % less.
+    assert means.std() * np.sqrt(500.0) == pytest.approx(burg(series, 1).random_walk, rel=0.07)
 
 
 def test_predictions_leave_the_innovations_over() -> None:

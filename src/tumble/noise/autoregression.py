@@ -57,14 +57,9 @@ class Autoregression:
         return int(self.coefficients.size)
 
     @property
-    def gain(self) -> float:
-        """1 − Σ a: what the whitening filter makes of a constant."""
-        return float(1.0 - self.coefficients.sum())
-
-    @property
     def random_walk(self) -> float:
         """N of IEEE Std 952 times √rate, u: σ_e/(1 − Σ a), by which long means scatter times √samples."""
-        return float(np.sqrt(self.innovation_variance) / self.gain)
+        return float(np.sqrt(self.innovation_variance) / (1.0 - self.coefficients.sum()))
 
     def autocovariance(self, lags: int) -> Series:
         """Return the autocovariance (u²) of lags 0 to `lags`, by the Yule-Walker equations.
@@ -132,21 +127,6 @@ class Autoregression:
         start = np.asarray(toeplitz(self.autocovariance(p - 1)), dtype=np.float64)
         names = tuple("autoregression" if i == 0 else f"{i} sample(s) before" for i in range(p))
         return DiscreteNoise(names, transition, noise, np.eye(p)[0], start, 0.0, interval)
-
-    def whitened(self, signal: Series) -> Series:
-        """Return the signal less what the model foretells of its noise, over 1 − Σ a: its level is kept.
-
-        The noise is then white, of variance σ_e²/(1 − Σ a)²; means over long times scatter as before.
-
-        Parameters
-        ----------
-        signal : (samples,) without gaps; ahead of it the first sample is taken to have stood.
-        """
-        from scipy.signal import lfilter
-
-        weights = np.concatenate([[1.0], -self.coefficients]) / self.gain
-        level = float(signal[0])
-        return np.asarray(lfilter(weights, [1.0], signal - level), dtype=np.float64) + level
 
     def predicted(self, signal: Series) -> Series:
         """Return what the samples before foretell of each sample; (samples,), the first few nan.
