@@ -199,7 +199,6 @@ def test_files_of_different_units_are_refused(
     assert answer.status == 2
     assert word in answer.err
     assert "--turn-ons" in answer.err
-    assert "--array" in answer.err
 
 
 def test_a_file_without_a_hold_is_said_and_not_fit(

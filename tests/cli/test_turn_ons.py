@@ -199,14 +199,3 @@ def test_an_earlier_calibration_counts_once_and_a_strangers_is_objected_to(
     other = tumble("calibrate", *both, "--prior", tmp_path / "stranger", "-o", tmp_path / "other")
     assert other.status == 1
     assert "The prior contradicts the recording" in " ".join(other.out.split())
-
-
-def test_a_unit_has_one_earlier_calibration(tumble: Any, answer: Any, folder: Path, tmp_path: Path) -> None:
-    assert answer.status == 0
-    for way in ([], ["--turn-ons"]):
-        refused = tumble(
-            *("calibrate", folder / "monday.csv", *way, "-o", tmp_path / "none"),
-            *("--prior", folder / "results", "--prior", folder / "results"),
-        )
-        assert refused.status == 2
-        assert "--prior was given 2 times" in " ".join(refused.err.split())

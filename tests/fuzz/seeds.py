@@ -344,7 +344,6 @@ CALLS = (
     "calibrate hand.csv -o out --protocol laboratory --site 48.1",
     "calibrate hand.csv -o out --protocol strapdown-rotation --site -33.9,10",
     "calibrate hand.csv hand.csv -o out --turn-ons --topic /imu",
-    "calibrate hand.csv hand.csv -o out --array",
     "inspect hand.csv --save saved.csv --units g,deg/s,ms --columns t,ax,ay,az,gx,gy,gz --rate 100 -v",
     "apply calibration.json hand.csv -o corrected.csv --temperature 25 --outside hold --json",
     "verify calibration.json hand.csv --site 48.1,520 --temperature 20 --intervals holds.csv --gravity 9.8",

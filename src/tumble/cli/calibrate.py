@@ -21,7 +21,6 @@ from tumble.cli.options import (
     NoiseFile,
     NoteOption,
     OptionalRecordings,
-    PrintOptions,
     Protocol,
     RegistryName,
     SiteOptions,
@@ -31,14 +30,13 @@ from tumble.cli.options import (
     draw_figures,
     output_option,
 )
-from tumble.cli.terminal import console, progress, results_stand, say_json, say_json_text, say_written
+from tumble.cli.terminal import console, progress, results_stand, say_json_text, say_written
 from tumble.errors import UsageError
 from tumble.procedure_names import KNOWN_PROCEDURES
 from tumble.records import dataclass
 
 if TYPE_CHECKING:
     from tumble.workflows.calibrate import CalibrationRun
-    from tumble.workflows.several.array import ArrayRun
 
 
 def demo_command(
@@ -58,46 +56,6 @@ def demo_command(
     results_stand()
     print_run(run, printed)
     raise typer.Exit(0 if run.calibration.verdict.fit else 1)
-
-
-def print_array(run: ArrayRun, printed: PrintOptions) -> None:
-    """Print how the units sit against one another, what the common poses gain, and each unit's verdict.
-
-    Parameters
-    ----------
-    run : what was made.
-    printed : how to print.
-    """
-    if printed.as_json:
-        say_json(run.document)
-        return
-    from tumble.report.evidence.mountings import mountings
-    from tumble.report.limits import limits_lines
-    from tumble.report.terminal import print_blocks
-
-    screen = console()
-    if not printed.quiet:
-        print_blocks(mountings(run.array), screen)
-    for unit, made in zip(run.array.units, run.runs, strict=True):
-        verdict = made.calibration.verdict
-        screen.print(
-            f"{unit.name}: {'FIT FOR USE' if verdict.fit else 'NOT FIT FOR USE'}",
-            style="bold green" if verdict.fit else "bold red",
-        )
-        for reason in () if verdict.fit else verdict.reasons:
-            screen.print(f"- {reason}")
-        print_blocks(limits_lines(made.calibration), screen)
-    say_written(run.files)
-
-
-def default_folder(recordings: list[Path]) -> Path:
-    """Return where the results of an array go when nobody says.
-
-    Parameters
-    ----------
-    recordings : as typed.
-    """
-    return Path(f"{recordings[0].stem}-array" if recordings else "array")
 
 
 _SEVERAL = "Several recordings"
@@ -173,16 +131,6 @@ class SeveralOptions:
             "--turn-ons",
         ),
     ] = False
-    array: Annotated[
-        bool,
-        option(
-            _SEVERAL,
-            "",
-            "Each RECORDING is another unit, all tumbled together, fixed to one another, on one clock: a "
-            "calibration for each, and how each sits against the first (procedure joint).",
-            "--array",
-        ),
-    ] = False
 
 
 @dataclass(frozen=True)
@@ -190,12 +138,11 @@ class EstimateOptions:
     """How parameters are estimated, of one recording or several."""
 
     prior: Annotated[
-        list[Path] | None,
+        Path | None,
         option(
             FIRST,
             "CALIBRATION",
-            "An earlier calibration.json of this unit: its non-orthogonalities are kept, and six poses suffice. "
-            "With --array once for each unit, in their order, or once for all.",
+            "An earlier calibration.json of this unit: its non-orthogonalities are kept, and six poses suffice.",
         ),
     ] = None
     optional_terms: Annotated[
@@ -263,23 +210,22 @@ def calibrate_command(
     given = recordings or []
     check_figures(figures, output or _default_folder(given, done_to_it.protocol))
     if registry is not None:
-        _check_registry(registry, unit, several)
+        from tumble.workflows.registry import require_registry
+
+        require_registry(registry, unit.imu_serial)
     shared: dict[str, Any] = {**file.given(), "site": choose_site(**asdict(site)), "limits": limits}
     shared |= {"notes": notes_of(notes), "confirm_scale": estimate.confirm_scale}
     shared["optional_terms"] = estimate.optional_terms
-    if several.array:
-        _refuse_beside_array(context, procedure, several)
-        _calibrate_array(given, output, estimate.prior or None, shared, printed, figures)
     shared |= {
         "output": output or _default_folder(given, done_to_it.protocol),
         "protocol": done_to_it.protocol,
-        "prior": _one_prior(estimate.prior),
+        "prior": estimate.prior,
         "imu": unit.imu,
     }
     if several.turn_ons:
         from tumble.workflows.several.turn_ons import calibrate_turn_ons
 
-        _refuse(context, "--turn-ons", procedure, [OneOptions])
+        _refuse_beside_turn_ons(context, procedure)
         _calibrate(partial(calibrate_turn_ons, given, **shared), printed, registry, figures)
     from tumble.workflows.calibrate import calibrate
 
@@ -287,30 +233,13 @@ def calibrate_command(
     _calibrate(partial(calibrate, given, **shared), printed, registry, figures)
 
 
-def _check_registry(registry: str, unit: UnitOptions, several: SeveralOptions) -> None:
-    """Find out before minutes of work that a registry cannot take what comes."""
-    from tumble.workflows.registry import require_registry
-
-    if several.array:
-        raise UsageError(
-            "--registry does not go with --array: add each unit's folder by `tumble registry add --unit`."
-        )
-    require_registry(registry, unit.imu_serial)
-
-
-def _refuse_beside_array(context: typer.Context, procedure: str | None, several: SeveralOptions) -> None:
-    _refuse(context, "--array", procedure, [OneOptions, ProtocolOptions, UnitOptions])
-    if several.turn_ons:
-        raise UsageError("--turn-ons does not go with --array: leave one of them out.")
-
-
-def _refuse(context: typer.Context, way: str, procedure: str | None, groups: list[type]) -> None:
-    """Refuse what belongs to a single recording of a single unit."""
+def _refuse_beside_turn_ons(context: typer.Context, procedure: str | None) -> None:
+    """Refuse what belongs to a single recording."""
     if procedure not in (None, "joint"):
         raise UsageError(
-            f"{way} is the joint estimator's, and --procedure {procedure} was asked for: leave one of them out."
+            f"--turn-ons is the joint estimator's, and --procedure {procedure} was asked for: leave one of them out."
         )
-    refuse_given(context, groups, f"{{}} does not go with {way}: leave one of them out.")
+    refuse_given(context, [OneOptions], "{} does not go with --turn-ons: leave one of them out.")
 
 
 def _calibrate(
@@ -330,36 +259,6 @@ def _calibrate(
     results_stand()
     print_run(run, printed)
     raise typer.Exit(0 if run.accepted else 1)
-
-
-def _calibrate_array(
-    recordings: list[Path],
-    output: Path | None,
-    prior: list[Path] | None,
-    shared: dict[str, Any],
-    printed: LongPrintOptions,
-    figures: str | None,
-) -> NoReturn:
-    from tumble.workflows.several.array import calibrate_array
-
-    folder = output or default_folder(recordings)
-    with progress(printed.silent) as tell:
-        made = calibrate_array(recordings=recordings, output=folder, prior=prior, progress=tell, **shared)
-        for run in made.runs:
-            run.files += draw_figures(figures, run.files)
-    results_stand()
-    print_array(made, printed)
-    raise typer.Exit(0 if all(run.accepted for run in made.runs) else 1)
-
-
-def _one_prior(given: list[Path] | None) -> Path | None:
-    """The one earlier calibration that a single unit may have."""
-    if given and len(given) > 1:
-        raise UsageError(
-            f"--prior was given {len(given)} times, and a unit has one earlier calibration: give the best one, or "
-            "--array if each recording is another unit's."
-        )
-    return given[0] if given else None
 
 
 def _default_folder(recordings: list[Path], protocol: str | None) -> Path:

@@ -190,17 +190,16 @@ def field_alone(
     return document, estimate
 
 
-def left_out_of(recordings: Iterable[Recording], what: str) -> list[str]:
+def left_out_of(recordings: Iterable[Recording]) -> list[str]:
     """Return the sentence that magnetometers take no part, none where no recording has one.
 
     Parameters
     ----------
-    recordings : that are calibrated together.
-    what : that they are, as "an array".
+    recordings : several turn-ons, calibrated together.
     """
     if all(recording.magnetic_field is None for recording in recordings):
         return []
-    return [f"The magnetometer is left out of {what}: calibrate a recording by itself to have it."]
+    return ["The magnetometer is left out of several turn-ons: calibrate a recording by itself to have it."]
 
 
 def field_reasons(document: Calibration) -> list[str]:

@@ -179,9 +179,9 @@ def test_limits_hold_a_magnetometer_that_is_fit_and_miss_one_that_is_not(tmp_pat
 
 
 def test_what_takes_no_magnetometer_says_so() -> None:
-    assert left_out_of([replace(recording(), magnetic_field=None)], "an array") == []
-    (said,) = left_out_of([replace(recording(), magnetic_field=None), recording()], "an array")
-    assert "left out of an array" in said
+    assert left_out_of([replace(recording(), magnetic_field=None)]) == []
+    (said,) = left_out_of([replace(recording(), magnetic_field=None), recording()])
+    assert "left out of several turn-ons" in said
 
 
 @pytest.mark.parametrize("unit", ["uT", "gauss"])

@@ -16,7 +16,6 @@ from tumble.calibration.checks.uncertainty_statement import (
     coverage_factors,
     effective_degrees,
 )
-from tumble.calibration.equations.adjustment import JointAdjustment
 from tumble.calibration.equations.causes import (
     AXIS,
     FORCE_REST,
@@ -107,19 +106,6 @@ def outcome_influences(outcome: JointOutcome) -> Influences:
     outcome : whose courses are known.
     """
     return with_courses(recording_influences(outcome.task), outcome.courses)
-
-
-def wander_factors(task: JointAdjustment) -> Series:
-    """Return (free,) by how much wandering together changes each unknown's standard uncertainty.
-
-    Parameters
-    ----------
-    task : settled.
-    """
-    influences = recording_influences(task)
-    told, independent = np.diag(influences.covariance), np.diag(influences.independent)
-    known = independent > 0.0
-    return np.sqrt(np.where(known, np.maximum(told, 0.0) / np.where(known, independent, 1.0), 1.0))
 
 
 def state_uncertainty(estimate: Estimate, outcome: JointOutcome, influences: Influences) -> None:

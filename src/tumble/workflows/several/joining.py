@@ -62,22 +62,6 @@ def require_one_unit(recordings: list[Recording]) -> None:
     UsageError
         If they differ in units or sensors, or one is given twice, under another name too.
     """
-    require_different_samples(recordings)
-    _require_same_columns(recordings)
-
-
-def require_different_samples(recordings: list[Recording]) -> None:
-    """Refuse a recording that is given twice, under another name too.
-
-    Parameters
-    ----------
-    recordings : to be calibrated together.
-
-    Raises
-    ------
-    UsageError
-        If two hold the same samples.
-    """
     _require_different(recordings)
     for number, recording in enumerate(recordings):
         for earlier in recordings[:number]:
@@ -86,6 +70,7 @@ def require_different_samples(recordings: list[Recording]) -> None:
                     f"{recording.sources[0].name} and {earlier.sources[0].name} hold the same "
                     "samples: the same recording adds nothing a second time."
                 )
+    _require_same_columns(recordings)
 
 
 def _same_samples(one: Recording, other: Recording) -> bool:
@@ -129,12 +114,11 @@ def check_files(session: Session, files: Sequence[NamedSpan]) -> list[str]:
         if difference:
             raise UsageError(
                 f"{one} and {other} are not of one unit that was switched on once: {difference}. Give --turn-ons if it "
-                "is the same unit, switched on anew; --array if they are units that were tumbled together; else "
-                "calibrate each by itself."
+                "is the same unit, switched on anew; else calibrate each by itself."
             )
     return [
         f"{name} gives no hold, and the result is of the other files alone: look at it with tumble inspect. Recordings "
-        "of different units are calibrated each by itself, or with --array if they were tumbled together."
+        "of different units are calibrated each by itself."
         for name, holds in named
         if not holds.size
     ]

@@ -135,7 +135,7 @@ def calibrate_turn_ons(
     if knowledge is not None:
         check_prior(sessions, knowledge, several.estimate)
     say_gravity(sessions, several.estimate)
-    several.estimate.say("remark", *left_out_of([s.recording for s in sessions], "several turn-ons"))
+    several.estimate.say("remark", *left_out_of([s.recording for s in sessions]))
     clock.lap("solving")
     run = _run(sessions, several, imu)
     run.calibration = run.calibration.model_copy(update={"notes": noted})
@@ -154,7 +154,7 @@ def _named(recordings: Sequence[str | os.PathLike[str]], protocol: ProtocolName)
         )
     default = None if protocol is None else read_given_protocol(protocol)
     made: list[_Named] = []
-    for text, label in zip(recordings, labels_of([str(r) for r in recordings]), strict=True):
+    for text, label in zip(recordings, _labels_of([str(r) for r in recordings]), strict=True):
         path = Path(text)
         if path.suffix.lower() in SUFFIXES or (path / "protocol.yaml").is_file():
             given = read_given_protocol(path)
@@ -169,14 +169,10 @@ def _named(recordings: Sequence[str | os.PathLike[str]], protocol: ProtocolName)
     return made
 
 
-def labels_of(names: Sequence[str]) -> list[str]:
+def _labels_of(names: Sequence[str]) -> list[str]:
     """Return the shortest names that tell recordings apart: file names, or with folders before them.
 
     A folder's ``protocol.yaml`` goes by the folder's name.
-
-    Parameters
-    ----------
-    names : as they were typed.
     """
     paths = [Path(name) for name in names]
     parts = [p.parent.parts if p.name == "protocol.yaml" and p.parent.name else p.parts for p in paths]

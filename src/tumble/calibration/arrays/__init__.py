@@ -1,1 +1,0 @@
-"""Units that move together on one fixture."""
