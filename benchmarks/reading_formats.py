@@ -1,11 +1,11 @@
 """How fast each format is read, beside the format's own library, in one run; and what saving as Parquet gains.
 
     python benchmarks/reading_formats.py --rows 100000
-    python benchmarks/reading_formats.py --rows 1000000 --only "CSV,DataFlash,HDF5,binary float64"
+    python benchmarks/reading_formats.py --rows 1000000 --only "CSV,DataFlash,HDF5"
     python benchmarks/reading_formats.py --mcap-gigabytes 2 --folder FOLDER
 
 Writes the same recording in every format, reads it with `read_recording` and with the library of the format
-(rosbags, pyulog, pymavlink, h5py, numpy), decoding what a recording needs, and prints seconds and the ratio.
+(rosbags, pyulog, pymavlink, h5py, polars), decoding what a recording needs, and prints seconds and the ratio.
 Then the second reading: the file that `tumble inspect --save` writes, in seconds and in seconds of processor, which
 other programs on the machine do not lengthen. With --mcap-gigabytes an MCAP file with
 pictures between the IMU's messages is read whole and block by block, each in a process of its own, and the
@@ -154,29 +154,12 @@ def write_dataflash(path: Path, rows: np.ndarray) -> None:
     path.write_bytes(b"".join(parts))
 
 
-def write_mavlink(path: Path, rows: np.ndarray) -> None:
-    import pymavlink.dialects.v20.common as dialect
-
-    link = dialect.MAVLink(None, srcSystem=1)
-    parts: list[bytes] = []
-    for row in rows:
-        stamp = round((row[0] - 1.7e9) * 1e6) + 1
-        message = dialect.MAVLink_highres_imu_message(stamp, *row[1:], *[0.0] * 7, 63)
-        parts += [struct.pack(">Q", 1_700_000_000_000_000 + stamp), message.pack(link)]
-        link.seq = (link.seq + 1) % 256
-    path.write_bytes(b"".join(parts))
-
-
 def write_hdf5(path: Path, rows: np.ndarray) -> None:
     import h5py
 
     with h5py.File(path, "w") as file:
         for name, columns in (("t", rows[:, 0]), ("acc", rows[:, 1:4]), ("gyr", rows[:, 4:])):
             file[f"imu/{name}"] = columns
-
-
-def write_increments(path: Path, rows: np.ndarray) -> None:
-    path.write_bytes((rows - np.array([1.7e9, *[0.0] * 6])).astype("<f8").tobytes())
 
 
 # -- reading by the formats' own libraries -----------------------------------------------------------
@@ -215,17 +198,6 @@ def by_dfreader(path: Path) -> np.ndarray:
     return np.array(values)
 
 
-def by_mavutil(path: Path) -> np.ndarray:
-    from pymavlink import mavutil
-
-    log = mavutil.mavlink_connection(str(path))
-    values = []
-    while (m := log.recv_match(type="HIGHRES_IMU")) is not None:
-        values.append((m.time_usec, m.xacc, m.yacc, m.zacc, m.xgyro, m.ygyro, m.zgyro))
-    log.close()
-    return np.array(values)
-
-
 def by_h5py(path: Path) -> np.ndarray:
     import h5py
 
@@ -253,9 +225,7 @@ FORMATS: dict[str, tuple[str, Callable[[Path, np.ndarray], None], str, Callable[
     "MCAP, zstd": ("a.mcap", write_mcap, "rosbags", lambda p: by_rosbags(p, 2)),
     "ULog": ("a.ulg", write_ulog, "pyulog", by_pyulog),
     "DataFlash": ("a.bin", write_dataflash, "pymavlink", by_dfreader),
-    "MAVLink log": ("a.tlog", write_mavlink, "pymavlink", by_mavutil),
     "HDF5": ("a.h5", write_hdf5, "h5py", by_h5py),
-    "binary float64": ("a.dat", write_increments, "numpy", lambda p: np.fromfile(p).reshape(-1, 7)),
 }
 
 

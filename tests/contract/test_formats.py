@@ -7,7 +7,6 @@ import json
 import struct
 import tempfile
 import zipfile
-import zlib
 from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
@@ -25,10 +24,8 @@ from tumble.recording.formats import (
     find_format,
     folder,
     hdf5,
-    increments,
     labelled,
     matlab,
-    novatel,
     npy,
     npz,
     parquet,
@@ -38,7 +35,7 @@ from tumble.recording.formats import (
     xsens,
 )
 from tumble.recording.formats.bags import mcap, rosbag1, rosbag2
-from tumble.recording.formats.logs import dataflash, mavlink, ulog
+from tumble.recording.formats.logs import dataflash, ulog
 
 NAMES = ("t", "ax", "ay", "az", "gx", "gy", "gz")
 
@@ -197,18 +194,6 @@ def write_dataflash(path: Path, rows: np.ndarray) -> None:
     path.write_bytes(b"".join(parts))
 
 
-def write_mavlink(path: Path, rows: np.ndarray) -> None:
-    dialect = pytest.importorskip("pymavlink.dialects.v20.common", reason="pymavlink writes the sample")
-    link = dialect.MAVLink(None, srcSystem=1)
-    parts: list[bytes] = []
-    for row in rows.tolist():
-        microseconds = round(row[0] * 1e6)
-        message = dialect.MAVLink_highres_imu_message(microseconds, *row[1:], *[0.0] * 7, 63)
-        parts += [struct.pack(">Q", 1_700_000_000_000_000 + microseconds), message.pack(link)]
-        link.seq = (link.seq + 1) % 256
-    path.write_bytes(b"".join(parts))
-
-
 def write_hdf5(path: Path, rows: np.ndarray) -> None:
     library = pytest.importorskip("h5py", reason="the extra hdf5 is not installed")
     with library.File(path, "w") as file:
@@ -222,19 +207,6 @@ def write_xsens(path: Path, rows: np.ndarray) -> None:
         f"{k}\t{k * 15625 + 15625}\t\t" + "\t".join(map(repr, r[1:])) for k, r in enumerate(rows.tolist())
     ]
     path.write_text("// Coordinate system: ENU\n" + names + "\n".join(lines) + "\n")
-
-
-def write_novatel(path: Path, rows: np.ndarray) -> None:
-    """Each line with its checksum: the polynomial of zlib's, begun with 0 and not inverted."""
-    lines = []
-    for t, ax, ay, az, gx, gy, gz in rows.tolist():
-        line = f"RAWIMUSA,0,{t:.3f};0,{t!r},00000077,{az!r},{-ay!r},{ax!r},{gz!r},{-gy!r},{gx!r}"
-        lines.append(f"%{line}*{zlib.crc32(line.encode(), 0xFFFFFFFF) ^ 0xFFFFFFFF:08x}")
-    path.write_text("\r\n".join(lines) + "\r\n")
-
-
-def write_increments(path: Path, rows: np.ndarray) -> None:
-    path.write_bytes(rows.astype("<f8").tobytes())
 
 
 def write_zip(path: Path, rows: np.ndarray) -> None:
@@ -265,11 +237,8 @@ MEMBERS = {
     "MCAP": (mcap, write_rosbag2("MCAP")),
     "ULog": (ulog, write_ulog),
     "DataFlash": (dataflash, write_dataflash),
-    "MAVLink": (mavlink, write_mavlink),
     "HDF5": (hdf5, write_hdf5),
     "Xsens": (xsens, write_xsens),
-    "NovAtel": (novatel, write_novatel),
-    "binary increments": (increments, write_increments),
     "zip": (archive, write_zip),
     "NPY compressed": (compressed, write_compressed),
 }

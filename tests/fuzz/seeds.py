@@ -125,7 +125,6 @@ def _arrays(place: Path) -> list[tuple[str, bytes]]:
     (place / "hand.csv").write_text(f"{HEADER}\n{text(body)}")
     recording = read_recording(place / "hand.csv")
     kept("own.parquet", lambda p: write_recording(recording, p))
-    kept("rows.bin", lambda p: np.column_stack([body[:, 0], body[:, 1:]]).astype("<f8").tofile(p))
     kept("phone.zip", _zip_phone)
     kept("one.zip", lambda p: _zip(p, {"hand.csv": f"{HEADER}\n{text(body)}"}))
     try:
@@ -198,8 +197,6 @@ def _logs(place: Path) -> list[tuple[str, bytes]]:
         logs.write_dataflash(place / "log.bin")
         for name in ("raw.ulg", "log.bin"):
             made.append((name, (place / name).read_bytes()))
-        logs.write_tlog(place / "log.tlog", "v20", "scaled_imu2", **logs.scaled())
-        made.append(("log.tlog", (place / "log.tlog").read_bytes()))
     except (ImportError, pytest.skip.Exception):  # what writes a sample is not there: the others remain
         return made
     return made
@@ -211,8 +208,7 @@ def _exports() -> list[tuple[str, bytes]]:
     head = f"// Update Rate: 100.0Hz\nPacketCounter\tSampleTimeFine\t{exports.TRIADS}\n"
     counter = np.arange(exports.COUNT)
     body = exports.table(counter, 100 * counter + 7000, *exports.FORCE.T, *exports.RATE.T)
-    lines = exports.raw_lines()
-    return [("mt.txt", (head + body).encode()), ("novatel.asc", "\r\n".join(lines).encode())]
+    return [("mt.txt", (head + body).encode())]
 
 
 def _calibrations() -> list[tuple[str, bytes]]:

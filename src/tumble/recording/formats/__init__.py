@@ -5,7 +5,7 @@ file, ``read_table(path) -> RawTable`` and, where the format allows it in bounde
 ``read_table_blocks(path) -> Iterator[RawTable]``. The content decides, never the ending alone.
 
 A module with `recognises` is a format: nothing else names it. Where its first bytes could be another format's too,
-`ASKED` says how late it is asked (0 without it): text recognises almost anything, bare numbers come after it.
+`ASKED` says how late it is asked (0 without it): text recognises almost anything, and comes last.
 
 A format of several topics or streams says so by `HAS_TOPICS`; both functions then take their names as a
 second argument. One that reads folders has ``recognises_folder(path) -> bool`` and ``source(path)``,

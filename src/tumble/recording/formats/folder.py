@@ -14,7 +14,7 @@ from tumble.recording.recording import Source
 
 NAME = "folder"
 ENDINGS = ()
-ASKED = 4  # any folder is one
+ASKED = 3  # any folder is one
 SUMMARY = "a folder: EuRoC (mav0/imu0/data.csv), a phone's log with a CSV a sensor, or one recording in it"
 HAS_TOPICS = True
 

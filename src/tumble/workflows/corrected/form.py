@@ -124,7 +124,6 @@ _LOGS = {
     ".ulog": ("ULog", "PX4", "px4", "CAL_ACC* and CAL_GYRO*"),
     ".bin": ("DataFlash", "ArduPilot", "ardupilot", "INS_ACC* and INS_GYR*"),
     ".log": ("DataFlash", "ArduPilot", "ardupilot", "INS_ACC* and INS_GYR*"),
-    ".tlog": ("MAVLink", "ArduPilot", "ardupilot", "INS_ACC* and INS_GYR*"),
 }
 
 
