@@ -143,7 +143,6 @@ def test_wrong_input_is_refused_in_one_sentence(tumble: Any, short: Path, tmp_pa
         ((short, "--data-sheet", "nobody"), ("nobody",)),
         ((short, "--seed", -1), ("--seed",)),
         (("multi-position", "--protocol", short), ("--protocol", "multi-position")),
-        (("strapdown-rotation", "--noise", other), ("--noise", "strapdown-rotation")),
     ):
         is_told(tumble("plan", *arguments), *words)
     file = tmp_path / "file"

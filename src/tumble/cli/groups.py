@@ -273,7 +273,11 @@ def flowing(text: str) -> str:
 
 def _words_of(ctx: Any, *more: str) -> str:
     """The command's words without the program's name."""
-    return " ".join([*ctx.command_path.split()[1:], *more])
+    words: list[str] = []
+    while ctx.parent is not None:
+        words.insert(0, ctx.info_name)
+        ctx = ctx.parent
+    return " ".join([*words, *more])
 
 
 def what_left() -> dict[str, Any]:

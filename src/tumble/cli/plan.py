@@ -1,11 +1,10 @@
 """`tumble plan`: how accurate a test will be, before it is done, and which would be better.
 
-What `tumble plan` prints: of any protocol, of a test of poses, of an error budget.
+Of any protocol as it is, and of a test of poses, which are searched.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
@@ -23,11 +22,9 @@ from tumble.cli.options import (
     output_option,
 )
 from tumble.cli.plan_options import (
-    BudgetOptions,
     PlanOptions,
     PoseOptions,
     ProtocolOptions,
-    RestOptions,
     WishOptions,
 )
 from tumble.cli.terminal import progress, results_stand
@@ -41,25 +38,20 @@ def plan_command(
         typer.Argument(
             metavar="PROTOCOL",
             autocompletion=complete_protocol,
-            help="What is planned. Poses are searched: multi-position, hand-held, six-position. An error budget: "
-            "strapdown-rotation. Any other protocol, by name (turntable-9, multi-position-26, …) or as a file, is "
-            "judged as it is.",
+            help="What is planned. Poses are searched: multi-position, hand-held, six-position. Any other protocol, by "
+            "name (turntable-9, strapdown-rotation, multi-position-26, …) or as a file, is judged as it is.",
         ),
     ],
     planned: PlanOptions,
     wishes: WishOptions,
     site: SiteOptions,
-    rests: RestOptions,
     searched: PoseOptions,
-    budgeted: BudgetOptions,
     judged: ProtocolOptions,
     printed: LongPrintOptions,
     output: Annotated[
         Path | None,
         output_option(
-            "Of poses and protocols: a folder for protocol.yaml, plan.json, sheet.html (and plan.html). "
-            "Of strapdown-rotation: a file for the whole budget, as JSON.",
-            "PATH",
+            "A folder for protocol.yaml, plan.json and sheet.html (and plan.html, of poses).", "FOLDER"
         ),
     ] = None,
     figures: FiguresOption = None,
@@ -75,10 +67,6 @@ def plan_command(
 
     tumble plan multi-position --imu tactical --time 15 -o plan
 
-    Of the strapdown rotation test: which error contributes what, and whether the fixture suffices:
-
-    tumble plan strapdown-rotation --imu ring-laser --fixture-mrad 1.75
-
     All numbers are one sigma.
     """
     from tumble.workflows.given.site import choose_site
@@ -86,25 +74,14 @@ def plan_command(
 
     check_figures(figures, output)
     shared = {**asdict(planned), "site": choose_site(**asdict(site))}
-    test = f"a {procedure} test"
-    match kind_of_plan(procedure):
-        case "poses":
-            _refuse(context, [ProtocolOptions, BudgetOptions], test)
-            _search(
-                {"procedure": procedure, **shared, **asdict(wishes), **asdict(searched)},
-                rests,
-                output,
-                figures,
-                printed,
-            )
-        case "budget":
-            _refuse(context, [ProtocolOptions, WishOptions, PoseOptions], test)
-            _refuse_figures(figures)
-            _budget(shared, rests, budgeted, output, printed)
-        case "protocol":
-            _refuse(context, [PoseOptions, BudgetOptions, RestOptions], "a protocol as it is")
-            _refuse_figures(figures)
-            _judge({"asked": procedure, **shared, **asdict(wishes), **asdict(judged)}, output, printed)
+    if kind_of_plan(procedure) == "poses":
+        _refuse(context, [ProtocolOptions], f"a {procedure} test")
+        asked = {"procedure": procedure, **shared, **asdict(wishes), **asdict(searched)}
+        _search(asked, output, figures, printed)
+    else:
+        _refuse(context, [PoseOptions], "a protocol as it is")
+        _refuse_figures(figures)
+        _judge({"asked": procedure, **shared, **asdict(wishes), **asdict(judged)}, output, printed)
 
 
 def _refuse_figures(form: str | None) -> None:
@@ -132,7 +109,6 @@ def _judge(asked: dict[str, Any], output: Path | None, printed: LongPrintOptions
 
 def _search(
     asked: dict[str, Any],
-    rests: RestOptions,
     output: Path | None,
     figures: str | None,
     printed: LongPrintOptions,
@@ -142,50 +118,8 @@ def _search(
     from tumble.workflows.planning.pose_order import PoseOrder
     from tumble.workflows.planning.poses import plan_poses
 
-    order = PoseOrder(
-        hold=rests.hold,
-        placement=None if rests.fixture_mrad is None else 1e-3 * rests.fixture_mrad,
-        accelerometer_noise_ug=rests.accelerometer_noise_ug,
-        **asked,
-    )
     with progress(printed.silent) as tell:
-        done = plan_poses(order, output=output, progress=tell)
+        done = plan_poses(PoseOrder(**asked), output=output, progress=tell)
     done.files += draw_figures(figures, done.files)
     results_stand()
     print_poses(done, printed)
-
-
-def _budget(
-    asked: dict[str, Any],
-    rests: RestOptions,
-    options: BudgetOptions,
-    output: Path | None,
-    printed: LongPrintOptions,
-) -> None:
-    """Reckon the error budget of a test."""
-    from tumble.cli.plan_tables import print_budget
-    from tumble.workflows.planning.budget import BudgetOrder, plan_budget
-
-    of_fixture: dict[str, Any] = {"heading": options.heading_mrad, "execution": options.execution_mrad}
-    order = BudgetOrder(
-        **asked,
-        gyro_walk_deg_per_root_hour=options.gyro_walk_deg_per_root_hour,
-        gyro_pulse_arcsec=options.gyro_pulse_arcsec,
-        accelerometer_noise_ug=rests.accelerometer_noise_ug,
-        fixture=1e-3 * (1.0 if rests.fixture_mrad is None else rests.fixture_mrad),
-        **{name: 1e-3 * mrad for name, mrad in of_fixture.items() if mrad is not None},
-        hold=10.0 if rests.hold is None else rests.hold,
-        turn_rate=math.radians(options.turn_rate),
-        pause=options.pause,
-        azimuth=math.radians(options.azimuth_deg),
-        play_backs=options.play_backs,
-        method="formulas" if options.formulas else "least-squares",
-        start_bias=options.start_bias,
-        norm=options.norm,
-        asymmetry=options.asymmetry,
-        monte_carlo=options.monte_carlo,
-    )
-    with progress(printed.silent) as tell:
-        done = plan_budget(order, output=output, progress=tell)
-    results_stand()
-    print_budget(done, printed)

@@ -1,13 +1,11 @@
-"""What `tumble plan` prints: predictions, the worth of steps, poses, budgets."""
+"""What `tumble plan` prints: predictions, the worth of steps, poses."""
 
 from __future__ import annotations
 
-import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from tumble.cli.options import LongPrintOptions
 from tumble.cli.terminal import console, say, say_json, say_written, table
-from tumble.workflows.planning.budget import BudgetPlanned, document_of_budget
 from tumble.workflows.planning.poses import PosesPlanned, document_of_poses
 from tumble.workflows.planning.protocol import ProtocolPlanned, document_of_protocol
 from tumble.workflows.planning.words import (
@@ -25,7 +23,6 @@ from tumble.workflows.planning.words import (
 
 if TYPE_CHECKING:
     from rich.console import Console
-    from rich.table import Table
 
 
 def print_protocol(done: ProtocolPlanned, printed: LongPrintOptions) -> None:
@@ -132,74 +129,3 @@ def _next_words(done: PosesPlanned) -> list[str]:
             after = f"least known is then {PARAMETERS[worst]}, ± {float(one.sigmas[worst]) / size:.3g} {unit}"
         words.append(f"{'Next' if number == 0 else 'Then'}: {name}; {after}.")
     return words
-
-
-def print_budget(done: BudgetPlanned, printed: LongPrintOptions) -> None:
-    """Print an error budget; with ``-q`` the verdict.
-
-    Parameters
-    ----------
-    done : what was planned.
-    printed : how to print; with ``-v`` all parameters with their largest sources, too.
-    """
-    if printed.as_json:
-        say_json(document_of_budget(done))
-        return
-    screen = console()
-    if not printed.quiet:
-        screen.print(_sources(done))
-        if printed.verbose:
-            screen.print(_parameters(done))
-    for sentence in done.verdict:
-        screen.print(sentence, style="bold green" if done.suffices else "bold yellow")
-    for sentence in () if printed.quiet else (*done.advice, *done.remarks):
-        screen.print(f"• {sentence}")
-    say_written([] if done.file is None else [done.file])
-
-
-def _sources(done: BudgetPlanned) -> Table:
-    """What each source contributes to each group of parameters."""
-    budget = done.budget
-    factors = [group.factor for group in budget.groups]
-
-    def row(name: str, values: Any) -> list[str]:
-        return [name, *(_shown(v * f) for v, f in zip(values, factors, strict=True))]
-
-    heads = [
-        "one sigma by source",
-        *("\n".join([*group.short.split(" "), group.practical]) for group in budget.groups),
-    ]
-    parts = budget.group_contributions()
-    rows = [row(source.name, parts[:, number]) for number, source in enumerate(budget.sources)]
-    shown = table(heads, rows, right=range(1, len(heads)), tight=True)
-    shown.add_section()
-    shown.add_row(*row("total", budget.group_rms()), style="bold")
-    drawn = budget.group_drawn()
-    if drawn is not None and budget.drawn is not None:
-        shown.add_row(*row(f"{budget.drawn.runs} tests drawn", drawn))
-    return shown
-
-
-def _parameters(done: BudgetPlanned) -> Table:
-    """Every parameter with its total and the three sources that make most of it."""
-    budget = done.budget
-    totals: list[float] = budget.totals.tolist()
-    parts: list[list[float]] = budget.contributions.tolist()
-    rows: list[list[str]] = []
-    for group in budget.groups:
-        for number in range(group.first, group.stop):
-            sizes = sorted(zip(parts[number], budget.sources, strict=True), key=lambda part: -part[0])
-            largest = ", ".join(
-                f"{source.name} {_shown(group.factor * value)}" for value, source in sizes[:3] if value > 0.0
-            )
-            total = _shown(group.factor * totals[number])
-            rows.append([budget.parameters[number], total, group.practical, largest])
-    return table(("parameter", "total", "", "largest sources"), rows, right=(1,))
-
-
-def _shown(value: float) -> str:
-    """Two digits; a dash for nothing."""
-    if abs(value) < 5e-4:
-        return "–"
-    digits = max(0, 1 - math.floor(math.log10(abs(value))))
-    return f"{value:.{min(digits, 3)}f}"

@@ -150,22 +150,14 @@ class SequenceSteps(NamedTuple):
     end: int
 
 
-def strapdown_rotation_steps(outer_azimuth: float = _QUARTER) -> tuple[Step, ...]:
-    """Return all sequences of table 1 as the steps of a protocol, with a turn anyhow between them.
-
-    Parameters
-    ----------
-    outer_azimuth : rad, where the fixture's outer axis points, clockwise from north; east by default.
-    """
-    from scipy.spatial.transform import Rotation
-
+def strapdown_rotation_steps() -> tuple[Step, ...]:
+    """Return all sequences of table 1 as the steps of a protocol: a turn anyhow between them, the outer axis east."""
     steps: list[Step] = []
-    fixture_nt = Rotation.from_rotvec([0.0, 0.0, outer_azimuth - _QUARTER])
     for row in SEQUENCES:
         if steps:
             steps.append(TurnStep(MOVE))
         angles = row.fixture_angles()
-        poses = [_pose(fixture_nt * fixture_rotation(*angles[k])) for k in (0, -1)]
+        poses = [_pose(fixture_rotation(*angles[k])) for k in (0, -1)]
         steps.append(HoldStep(HOLD, poses[0], f"{row.name} start"))
         for axis, angle in row.rotations:
             name = f"{row.name}: {np.degrees(angle):+.0f} {AXES[axis]}"

@@ -1,7 +1,6 @@
 """Planning a test before it is done: which kinds of plans there are, and what all of them begin and end with.
 
-Poses are searched (`plan_poses`), any protocol is judged as it is (`plan_protocol`), of the strapdown rotation test
-an error budget is reckoned (`plan_budget`).
+Poses are searched (`plan_poses`), any protocol is judged as it is (`plan_any_protocol`).
 """
 
 from __future__ import annotations
@@ -23,10 +22,8 @@ if TYPE_CHECKING:
 
 SEARCHED = ("multi-position", "hand-held", "six-position")
 """Procedures whose poses are searched."""
-BUDGETED = ("strapdown-rotation",)
-"""Procedures that have an error budget."""
 
-Kind = Literal["poses", "budget", "protocol"]
+Kind = Literal["poses", "protocol"]
 _DEFAULT_LATITUDE_DEG = 45.0
 
 
@@ -46,8 +43,6 @@ def kind_of_plan(asked: str) -> Kind:
     """
     if asked in SEARCHED:
         return "poses"
-    if asked in BUDGETED:
-        return "budget"
     find_protocol(asked)
     return "protocol"
 
@@ -71,7 +66,7 @@ def find_protocol(asked: str) -> Protocol:
 
     if asked in PROTOCOLS or Path(asked).exists():
         return read_given_protocol(asked).protocol
-    names = [*SEARCHED, *BUDGETED, *(name for name in PROTOCOLS if name not in SEARCHED)]
+    names = [*SEARCHED, *(name for name in PROTOCOLS if name not in SEARCHED)]
     near = difflib.get_close_matches(asked.lower(), names, 1)
     meant = f" Did you mean {near[0]}?" if near else ""
     raise UsageError(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import difflib
 import math
 import os
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,8 +13,7 @@ import numpy as np
 from tumble.earth import Site
 from tumble.errors import UsageError
 from tumble.records import dataclass
-from tumble.units import MICRO_G
-from tumble.workflows.planning.plan import check_seed, planned_grade
+from tumble.workflows.planning.plan import check_seed
 
 if TYPE_CHECKING:
     from tumble.design.candidates import AxisRange
@@ -107,7 +105,7 @@ def _degrees(angle: float) -> str:
 
 
 LEVELLED = math.radians(0.5)
-"""One sigma to which faces on a plate are levelled, where nobody says."""
+"""One sigma to which faces on a plate are levelled."""
 # Seconds of a pose and of a turn, and the fewest poses that are planned without being asked.
 DEFAULTS = {"multi-position": (30.0, 3.0, 9), "hand-held": (4.0, 2.0, 26), "six-position": (30.0, 3.0, 6)}
 MOST_POSES = 200
@@ -120,7 +118,7 @@ class PoseOrder:
     Attributes
     ----------
     procedure : one of `tumble.workflows.planning.plan.SEARCHED`.
-    imu : grade of the unit; `accelerometer_noise_ug` stands for its density in µg/√Hz.
+    imu : grade of the unit.
     data_sheet : a grade whose spreads are believed beforehand, as `calibrate --data-sheet` does.
     poses, minutes : how many poses of `hold` seconds each, or how long the whole test may last with as many poses and
         dwells as is best; by default nine poses.
@@ -131,7 +129,6 @@ class PoseOrder:
     outer, inner : of "two-axis", MIN,MAX,STEP in degrees.
     given : a calibration, or a recording of this unit, that is there already.
     targets : wished-for standard uncertainties, as "bias=50,scale=100,misalignment=20" in µg, ppm and arc-seconds.
-    placement : rad, of the faces on their plate, for six-position.
     site : gravity; latitude 45° by default.
     seed : of the search's starts.
     rate : of the samples of a hand-held test with its standard uncertainty, as for `plan_any_protocol`.
@@ -140,7 +137,6 @@ class PoseOrder:
     procedure: str
     imu: str = "consumer-mems"
     data_sheet: str | None = None
-    accelerometer_noise_ug: float | None = None
     poses: int | None = None
     minutes: float | None = None
     hold: float | None = None
@@ -152,7 +148,6 @@ class PoseOrder:
     inner: str | None = None
     given: str | os.PathLike[str] | None = None
     targets: str | None = None
-    placement: float | None = None
     site: Site | None = None
     seed: int = 0
     rate: str | None = None
@@ -258,29 +253,6 @@ def _criterion(procedure: str, name: str, wanted: str | None) -> Any:
     return criterion_of(known[name.lower()], np.array(sorted(set(chosen))) if chosen else None)
 
 
-def pose_grade(order: PoseOrder) -> tuple[Grade, list[str]]:
-    """Return the unit's grade with the noise that was asked for, and what of it no source states.
-
-    Parameters
-    ----------
-    order : what is asked.
-
-    Raises
-    ------
-    UsageError
-        If there is no such grade, or the noise is none.
-    """
-    grade, remarks = planned_grade(order.imu)
-    noise_ug = order.accelerometer_noise_ug
-    if noise_ug is None:
-        return grade, remarks
-    if not 0.0 < noise_ug < 1e6:
-        raise UsageError(f"--accelerometer-noise-ug {noise_ug:g}: give a positive number.")
-    triad = grade.accelerometer
-    noise = replace(triad.noise, random_walk=MICRO_G / math.sqrt(2.0) * noise_ug)
-    return replace(grade, accelerometer=replace(triad, noise=noise)), remarks
-
-
 def _sheet(name: str | None, gravity: float) -> Any:
     """The information of a data sheet's spreads."""
     if name is None:
@@ -300,7 +272,5 @@ def _placed(order: PoseOrder, grade: Grade) -> tuple[float, float]:
     """What levelling adds to a face's own reading (its square, and its product with misalignment), and its mean."""
     if not order.is_six_position:
         return 0.0, 0.0
-    tilt = LEVELLED if order.placement is None else order.placement
-    if not 0.0 <= tilt <= 0.2:
-        raise UsageError(f"--fixture-mrad {1e3 * tilt:g}: give 0 to 200 mrad.")
-    return math.hypot(tilt**2, math.sqrt(2.0) * tilt * grade.accelerometer.misalignment), tilt**2
+    own = math.sqrt(2.0) * LEVELLED * grade.accelerometer.misalignment
+    return math.hypot(LEVELLED**2, own), LEVELLED**2

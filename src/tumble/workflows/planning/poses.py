@@ -20,10 +20,11 @@ from tumble.workflows.planning.plan import (
     document_text,
     finite,
     plan_folder,
+    planned_grade,
     planned_place,
     read_targets,
 )
-from tumble.workflows.planning.pose_order import LEVELLED, PoseOrder, choose_reach, pose_grade, pose_task
+from tumble.workflows.planning.pose_order import LEVELLED, PoseOrder, choose_reach, pose_task
 from tumble.workflows.planning.words import (
     SECOND,
     UNITS,
@@ -126,7 +127,7 @@ def plan_poses(
         raise UsageError("--rate is for a whole hand-held test or a protocol: leave it out.")
     from tumble.design.pose_plan import plan_schemes
 
-    grade, remarks = pose_grade(order)
+    grade, remarks = planned_grade(order.imu)
     place, assumed = planned_place(order.site, _ASSUMED)
     wished = read_targets(order.targets, _TARGET_SIZES, _TARGET_REFUSAL)
     task = pose_task(order, grade, place)
@@ -303,8 +304,7 @@ def _faces() -> Reach:
 def _protocol(order: PoseOrder, plan: PosePlan, place: Site) -> Protocol:
     from tumble.protocol import HoldStep, Pose, Protocol, TurnStep
 
-    levelled = LEVELLED if order.placement is None else order.placement
-    hand = levelled if order.is_six_position else BY_HAND
+    hand = LEVELLED if order.is_six_position else BY_HAND
     steps: list[Any] = []
     for up, dwell, name in zip(plan.directions, plan.dwells, pose_names(plan), strict=True):
         if steps:
