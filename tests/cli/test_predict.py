@@ -3,33 +3,67 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from tumble.report.predictions import FilterDocument
+
 
 def test_predict_answers_in_words_and_for_machines(tumble: Any, calibrated: Path) -> None:
-    answer = tumble("predict", calibrated, "--seconds", 30, "--turn", 180, "--data-sheet", "tactical")
+    answer = tumble("predict", calibrated, "--seconds", 30, "--data-sheet", "tactical")
     assert answer.status == 0, answer
     assert "30 s at rest" in answer.out.replace("\n", " ")
     assert "come on top" in answer.out
-    told = json.loads(
-        tumble("predict", calibrated, "--seconds", 30, "--seconds", 60, "--turn", 180, "--json").out
-    )
+    told = json.loads(tumble("predict", calibrated, "--seconds", 30, "--seconds", 60, "--json").out)[
+        "answers"
+    ]
     after = {row["question"]: row["standard_uncertainty"] for row in told}
     assert len(told) == 7
     # Between t² and t³: twice the time is four to eight times the error.
     assert 4.0 < after["60 s at rest, rms of 26 poses"] / after["30 s at rest, rms of 26 poses"] < 8.0
 
 
+def test_a_prediction_names_the_states_of_a_filter(tumble: Any, calibrated: Path, tmp_path: Path) -> None:
+    answer = tumble("predict", calibrated, "--seconds", 60, "-o", tmp_path, "--json")
+    assert answer.status == 0, answer
+    told = json.loads(answer.out)
+    error = told["straight_course"][0]
+    parts = error["horizontal_of_calibration"], error["horizontal_of_noise"]
+    # independent of one another; the digits are of round-off
+    assert error["horizontal"] == pytest.approx(math.hypot(*parts), rel=1e-9)
+    written = json.loads((tmp_path / "filter.json").read_text(encoding="utf-8"))
+    assert written == told["filter"]
+    assert FilterDocument.model_validate(written).seconds == [60.0]
+    assert {state["column"] for state in written["states"]} == {None, 0, 1, 2}
+    carried = {state["name"]: state for state in written["states"] if state["carry"]}
+    assert {"gyroscope bias x", "gyroscope bias y"} <= set(carried)
+    assert all(state["sigma"] > 0.0 for state in carried.values())
+
+
+def test_biases_that_moved_count_and_states_are_in_the_words_of_the_report(
+    tumble: Any, calibrated: Path
+) -> None:
+    options = ("predict", calibrated, "--seconds", 60, "--turn-on-bias", "5,100")
+    told = json.loads(tumble(*options, "--json").out)["filter"]["states"]
+    sigma = {state["name"]: state["sigma"] for state in told}
+    assert sigma["accelerometer bias y"] > 5.0 * 9.80665e-3
+    assert sigma["gyroscope bias y"] > math.radians(100.0 / 3600.0)
+    answer = tumble(*options)
+    assert answer.status == 0, answer
+    assert "States for a filter" in answer.out
+    assert "gyro bias x" in answer.out
+    assert "gyroscope." not in answer.out
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
         (("--seconds", "3600"), "at most 600"),
-        (("--seconds", "0"), "more than 0"),
-        (("--turn", "-90"), "--turn -90"),
-        (("--turn-rate", "0"), "--turn-rate 0"),
+        (("--seconds", "0"), "at least 0.1"),
+        (("--turn-on-bias", "1"), "--turn-on-bias takes 2 numbers"),
         (("--data-sheet", "nonsense"), "nonsense"),
     ],
 )

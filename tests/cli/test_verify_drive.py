@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 
 from tumble.earth import curvature_radii
-from tumble.report.predictions import FilterDocument
 from tumble.simulation import find_grade, simulate_drive
 
 GNSS = "gpstime,latitude,longitude,height,sdn,sde,sdu,vn,ve,vd,q"
@@ -273,36 +272,3 @@ def test_options_of_a_drive_take_a_drive(
 ) -> None:
     sentence(tumble("verify", calibrated, recording, "--outages", "2"), "--outages is for a drive")
     sentence(tumble("verify", calibrated, recording, "--gnss", "none.pos"), "none.pos")
-    sentence(tumble("predict", calibrated, "--turn-on-bias", "1,2"), "--turn-on-bias is for a trajectory")
-    sentence(tumble("predict", calibrated, "--trajectory", "zigzag"), "neither rest, straight, cart")
-    sentence(tumble("predict", calibrated, "--trajectory", "rest", "--seconds", "9999"), "--seconds")
-
-
-def test_a_prediction_names_the_states_of_a_filter(
-    tumble: Callable[..., Any], calibrated: Path, files: Files
-) -> None:
-    folder = files.folder
-    answer = tumble("predict", calibrated, "--trajectory", "cart", "--seconds", "60", "-o", folder, "--json")
-    assert answer.status == 0, answer
-    told = json.loads(answer.out)
-    error = told["errors"][0]
-    parts = error["horizontal_of_calibration"], error["horizontal_of_noise"]
-    # independent of one another; the digits are of round-off
-    assert error["horizontal"] == pytest.approx(np.hypot(*parts), rel=1e-9)
-    written = json.loads((folder / "filter.json").read_text(encoding="utf-8"))
-    states = written["states"]
-    assert FilterDocument.model_validate(written).seconds == [60.0]
-    assert {state["column"] for state in states} == {None, 0, 1, 2}
-    carried = {state["name"]: state for state in states if state["carry"]}
-    assert {"gyroscope bias x", "gyroscope bias y"} <= set(carried)
-    assert all(state["sigma"] > 0.0 for state in carried.values())
-    _, track = files.write()
-    answer = tumble(
-        "predict", calibrated, "--trajectory", track, "--seconds", "60", "--turn-on-bias", "5,100"
-    )
-    assert answer.status == 0, answer
-    assert "States for a filter" in answer.out
-    # in the words of the report and the glossary
-    assert "gyro bias x" in answer.out
-    assert "g-sensitivity of gyro" in answer.out
-    assert "gyroscope." not in answer.out

@@ -274,7 +274,7 @@ def test_no_command_writes_over_its_inputs(
     raw.write_bytes(recording.read_bytes())
     before = contents(tmp_path)
     for arguments in (
-        ("predict", file, "--trajectory", "rest", "-o", file),
+        ("predict", file, "-o", file),
         ("invert", file, "-o", file),
         ("apply", file, raw, "-o", raw),
         ("inspect", raw, "--save", raw),

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 SECONDS = (10.0, 60.0)
 """s of free inertial navigation that a report states."""
 TURN, TURN_RATE = float(np.radians(90.0)), float(np.radians(30.0))
-"""rad and rad/s of the turns that a report states."""
+"""rad and rad/s of the turns that are predicted."""
 
 
 LOST = 0.5
@@ -60,8 +60,6 @@ def answers(
     calibration: Calibration,
     *,
     seconds: tuple[float, ...] = SECONDS,
-    turn: float = TURN,
-    turn_rate: float = TURN_RATE,
     grade: Grade | None = None,
 ) -> list[Answer]:
     """Return predicted errors at rest in 26 poses (typical and worst), and after a turn about each axis.
@@ -70,7 +68,6 @@ def answers(
     ----------
     calibration : not composed of several.
     seconds : s without aiding, up to ten minutes each.
-    turn, turn_rate : rad and rad/s, positive.
     grade : a kind of unit, for what its data sheet promises without calibration.
 
     Raises
@@ -78,7 +75,7 @@ def answers(
     CalibrationFileError
         If it is composed of several calibrations, has no matrix, or states no uncertainties.
     ValueError
-        If a time or a turn is out of bounds.
+        If a time is out of bounds.
     """
     model, gravity = calibration.model, calibration.site.gravity
     calibration.need_uncertainties("the errors of what it corrects cannot be predicted")
@@ -96,7 +93,7 @@ def answers(
             made += _at_rest(unit, sheet, factors, t)
     if model.gyroscope is not None:
         for i, axis in enumerate("xyz"):
-            made.append(_turned(unit, sheet, factors, np.eye(3)[i], axis, (turn, turn_rate)))
+            made.append(_turned(unit, sheet, factors, np.eye(3)[i], axis))
     return made
 
 
@@ -171,9 +168,8 @@ def _turned(
     factors: _Factors,
     axis: Vector,
     name: str,
-    turn: tuple[float, float],
 ) -> Answer:
-    angle, rate = turn
+    angle, rate = TURN, TURN_RATE
     seconds = angle / rate
     # Gravity along another axis than that of the turn, as on a table that is level.
     up = np.roll(axis, 1)

@@ -12,7 +12,7 @@ from tumble.document import read_calibration
 from tumble.document.predictions import answers
 from tumble.document.soundness import covariance_fault
 from tumble.errors import CalibrationFileError
-from tumble.workflows.predict import predict_navigation
+from tumble.workflows.predict import predict
 
 NAMES = ["bias x", "bias y", "bias z"]
 ROOT = np.array([[1.0, 0.0, 0.0], [0.3, 2e-6, 0.0], [-0.5, 1e-6, 3e4]])
@@ -65,7 +65,7 @@ def test_without_uncertainties_nothing_is_predicted(tmp_path: Path) -> None:
     with pytest.raises(CalibrationFileError, match="states no uncertainties"):
         answers(document)
     with pytest.raises(CalibrationFileError, match="states no uncertainties"):
-        predict_navigation(document, trajectory="rest", seconds=(10.0,), data_sheet="consumer-mems")
+        predict(document)
 
 
 def test_a_covariance_that_can_be_none_is_refused_on_reading(tmp_path: Path) -> None:
