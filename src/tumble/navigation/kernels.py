@@ -1,9 +1,8 @@
 """Strapdown navigation, step by step, compiled.
 
 A step takes angular rate and specific force (six numbers, in b) as linear in time. The local-level state is
-latitude, longitude, height, velocity (north, east, down) and the quaternion of C_nb, scalar last; the Earth
-frame's is position, velocity and the quaternion of C_eb in e. Euler-type errors are those of the second order of
-the step everywhere.
+latitude, longitude, height, velocity (north, east, down) and the quaternion of C_nb, scalar last. Euler-type errors are
+those of the second order of the step.
 
 States and increments are small arrays, which stay in registers. What costs is the chain from one state to the next, so
 that a step has one root and one division: sine and cosine of the latitude are turned from a place nearby.
@@ -16,7 +15,7 @@ from tumble.errors import require_compiled
 require_compiled(__file__)
 
 import cython
-from cython.cimports.libc.math import atan2, cos, fabs, sin, sqrt
+from cython.cimports.libc.math import cos, fabs, sin, sqrt
 
 from tumble.earth.gravity import (
     ECCENTRICITY_SQUARED,
@@ -31,8 +30,6 @@ from tumble.earth.site import EARTH_RATE
 
 _A = cython.declare(cython.double, SEMI_MAJOR_AXIS)
 _E2 = cython.declare(cython.double, ECCENTRICITY_SQUARED)
-_B = cython.declare(cython.double, SEMI_MAJOR_AXIS * (1.0 - FLATTENING))
-_SECOND_E2 = cython.declare(cython.double, ECCENTRICITY_SQUARED / (1.0 - ECCENTRICITY_SQUARED))
 _W = cython.declare(cython.double, EARTH_RATE)
 _OPEN = cython.declare(cython.double, 2.0 / SEMI_MAJOR_AXIS * (1.0 + FLATTENING + GRAVITY_RATIO))
 _SLOPE = cython.declare(cython.double, 4.0 / SEMI_MAJOR_AXIS * FLATTENING)
@@ -40,7 +37,6 @@ _BEND = cython.declare(cython.double, 3.0 / SEMI_MAJOR_AXIS**2)
 _G_EQUATOR = cython.declare(cython.double, GRAVITY_AT_EQUATOR)
 _SOMIGLIANA = cython.declare(cython.double, SOMIGLIANA_CONSTANT)
 _CURVATURE = cython.declare(cython.double, PLUMB_LINE_CURVATURE)
-_HALF_TURN = cython.declare(cython.double, 3.141592653589793)
 # Up to here from a latitude, rad, the series of its sine to the third order is exact: 2e-4**4 / 24 is 7e-17.
 _NEAR = cython.declare(cython.double, 2e-4)
 # A place that no latitude is near.
@@ -313,92 +309,6 @@ def step_in_local_level(
 
 
 @cython.cfunc
-@cython.inline
-@cython.nogil
-@cython.exceptval(check=False)
-def step_in_earth_frame(
-    state: cython.p_double,
-    increments: cython.p_double,
-    interval: cython.double,
-) -> cython.void:
-    """Carry the state of the Earth frame over a step, with the same gravity as in the local level."""
-    turned = cython.declare(cython.double[3])
-    pull = cython.declare(cython.double[2])
-    quaternion = cython.declare(cython.double[4])
-    turned_velocity(state, increments, turned)
-    dx, dy, dz = turned[0], turned[1], turned[2]
-    half = 0.5 * interval
-    px, py, pz = state[0] + half * state[3], state[1] + half * state[4], state[2] + half * state[5]
-    # latitude by Bowring's formula, without angles
-    radius = sqrt(px * px + py * py)
-    over = 1.0 / sqrt((pz * _A) * (pz * _A) + (radius * _B) * (radius * _B))
-    sb, cb = pz * _A * over, radius * _B * over
-    up, out = pz + _SECOND_E2 * _B * sb * sb * sb, radius - _E2 * _A * cb * cb * cb
-    over = 1.0 / sqrt(up * up + out * out)
-    s, c = up * over, out * over
-    root = sqrt(1.0 - _E2 * s * s)
-    height = radius * c + pz * s - _A * root
-    gravity_down_and_north(s, c, 1.0 / root, height, pull)
-    gravity, lean = pull[0], pull[1]
-    outward = (-lean * s - gravity * c) / radius if radius > 0.0 else 0.0
-    gx, gy, gz = outward * px, outward * py, lean * c - gravity * s
-    mx, my = state[3] + 0.5 * (dx + gx * interval), state[4] + 0.5 * (dy + gy * interval)
-    turn = _W * interval
-    nx = state[3] + dx + 0.5 * turn * dy + interval * gx + 2.0 * turn * my
-    ny = state[4] + dy - 0.5 * turn * dx + interval * gy - 2.0 * turn * mx
-    nz = state[5] + dz + interval * gz
-    turned_attitude(state, increments, 0.0, 0.0, turn, quaternion)
-    state[0] += half * (state[3] + nx)
-    state[1] += half * (state[4] + ny)
-    state[2] += half * (state[5] + nz)
-    state[3], state[4], state[5] = nx, ny, nz
-    state[6], state[7], state[8], state[9] = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
-
-
-@cython.cfunc
-@cython.inline
-@cython.nogil
-@cython.exceptval(check=False)
-def to_local_level(
-    state: cython.p_double,
-    level: cython.p_double,
-) -> cython.void:
-    """Fill the local-level state of a state of the Earth frame."""
-    px, py, pz = state[0], state[1], state[2]
-    radius = sqrt(px * px + py * py)
-    over = 1.0 / sqrt((pz * _A) * (pz * _A) + (radius * _B) * (radius * _B))
-    sb, cb = pz * _A * over, radius * _B * over
-    up, out = 0.0, 0.0
-    for _ in range(2):
-        up, out = pz + _SECOND_E2 * _B * sb * sb * sb, radius - _E2 * _A * cb * cb * cb
-        over = 1.0 / sqrt(_B * up * _B * up + _A * out * _A * out)
-        sb, cb = _B * up * over, _A * out * over
-    over = 1.0 / sqrt(up * up + out * out)
-    s, c = up * over, out * over
-    latitude, longitude = atan2(up, out), atan2(py, px)
-    sl, cl = 0.0, 1.0
-    if radius > 0.0:
-        sl, cl = py / radius, px / radius
-    vx, vy, vz = state[3], state[4], state[5]
-    outward = cl * vx + sl * vy
-    # conj(q_en) q_eb with q_en a turn by the longitude about z, then by -(90 deg + latitude) about y
-    a, b = 0.5 * longitude, -0.5 * (0.5 * _HALF_TURN + latitude)
-    sa, ca, sb, cb = sin(a), cos(a), sin(b), cos(b)
-    ex, ey, ez, ew = sa * sb, -ca * sb, -sa * cb, ca * cb
-    x, y, z, w = state[6], state[7], state[8], state[9]
-    level[0] = latitude
-    level[1] = longitude
-    level[2] = radius * c + pz * s - _A * sqrt(1.0 - _E2 * s * s)
-    level[3] = -s * outward + c * vz
-    level[4] = -sl * vx + cl * vy
-    level[5] = -c * outward - s * vz
-    level[6] = ew * x + ex * w + ey * z - ez * y
-    level[7] = ew * y - ex * z + ey * w + ez * x
-    level[8] = ew * z + ex * y - ey * x + ez * w
-    level[9] = ew * w - ex * x - ey * y - ez * z
-
-
-@cython.cfunc
 @cython.nogil
 @cython.exceptval(check=False)
 def step_between(
@@ -438,20 +348,13 @@ def advance(
 @cython.nogil
 @cython.exceptval(check=False)
 def _keep(
-    state: cython.p_double,
-    earth_frame: cython.bint,
     nav: cython.p_double,
     position: cython.double[:, ::1],
     velocity: cython.double[:, ::1],
     quaternion: cython.double[:, ::1],
     row: cython.Py_ssize_t,
 ) -> cython.void:
-    """Write a state to its row of the outputs as the local-level state `nav`."""
-    if earth_frame:
-        to_local_level(state, nav)
-    else:
-        for j in range(10):
-            nav[j] = state[j]
+    """Write a state to its row of the outputs."""
     position[row, 0], position[row, 1], position[row, 2] = nav[0], nav[1], nav[2]
     velocity[row, 0], velocity[row, 1], velocity[row, 2] = nav[3], nav[4], nav[5]
     quaternion[row, 0], quaternion[row, 1] = nav[6], nav[7]
@@ -463,7 +366,6 @@ def integrate(
     rate: cython.const[cython.double][:, ::1],
     force: cython.const[cython.double][:, ::1],
     means: cython.bint,
-    earth_frame: cython.bint,
     every: cython.Py_ssize_t,
     start: cython.const[cython.double][::1],
     position: cython.double[:, ::1],
@@ -474,10 +376,9 @@ def integrate(
 
     `rate` and `force` (samples, 3) in b: at the instants `time`, or, with `means`, the mean over the interval
     that ends there (the first row is then not read). `position` (kept, 3) is latitude, longitude, height,
-    `velocity` (kept, 3) and `quaternion` (kept, 4) those of the local level, whatever the frame.
+    `velocity` (kept, 3) and `quaternion` (kept, 4) those of the local level.
     """
     state = cython.declare(cython.double[10])
-    level = cython.declare(cython.double[10])
     place = cython.declare(cython.double[3])
     old = cython.declare(cython.double[6])
     new = cython.declare(cython.double[6])
@@ -486,7 +387,7 @@ def integrate(
         place[0] = _NOWHERE
         for j in range(10):
             state[j] = start[j]
-        _keep(state, earth_frame, level, position, velocity, quaternion, 0)
+        _keep(state, position, velocity, quaternion, 0)
         # the change over half an interval of means comes from the interval before, of which the first has none
         sample(rate, force, 1 if means else 0, old)
         weight = share = 0.0 if means else 0.5
@@ -500,13 +401,10 @@ def integrate(
             body_increments(old, new, weight, share, interval, increments)
             old[0], old[1], old[2] = new[0], new[1], new[2]
             old[3], old[4], old[5] = new[3], new[4], new[5]
-            if earth_frame:
-                step_in_earth_frame(state, increments, interval)
-            else:
-                step_in_local_level(state, increments, place, interval)
+            step_in_local_level(state, increments, place, interval)
             kept += 1
             if kept == every or i == count - 1:
-                _keep(state, earth_frame, level, position, velocity, quaternion, row)
+                _keep(state, position, velocity, quaternion, row)
                 row += 1
                 kept = 0
 

@@ -12,7 +12,6 @@ def integrate(
     rate: Floats,
     force: Floats,
     means: bool,
-    earth_frame: bool,
     every: int,
     start: Floats,
     position: Floats,

@@ -8,17 +8,14 @@ from tumble.errors import RecordingError, UsageError
 from tumble.navigation.samples import InertialSamples
 from tumble.navigation.trajectory import HIGHEST_LATITUDE, NavigationState, Trajectory
 
-FRAMES = ("local level", "Earth")
-
 
 def navigate(
     samples: InertialSamples,
     start: NavigationState,
     *,
-    frame: str = "local level",
     every: int = 1,
 ) -> Trajectory:
-    """Integrate an IMU's samples from a start.
+    """Integrate an IMU's samples from a start, in the local level (north, east, down).
 
     Coning and sculling are those of signals that run straight between samples; gravity is normal gravity with
     height (Somigliana). Errors of a step are of the third order in it.
@@ -27,29 +24,22 @@ def navigate(
     ----------
     samples : in SI; they must reach over `start.time`, where they are cut.
     start : at whose time the integration begins.
-    frame : "local level" (north, east, down; not within 0.1° of a pole) or "Earth" (ECEF; anywhere).
     every : keep each so many-th sample, and the first and last.
 
     Raises
     ------
     UsageError
-        If the frame has another name, `every` is below one, or the local level is asked for at a pole.
+        If `every` is below one, or the start is within 0.1° of a pole.
     RecordingError
         If the samples do not reach over the start.
     """
     from tumble.navigation.kernels import integrate
 
-    if frame not in FRAMES:
-        raise UsageError(
-            f"There is no frame {frame!r} to navigate in: choose {' or '.join(map(repr, FRAMES))}."
-        )
     if every < 1:
         raise UsageError(f"Every {every}-th sample cannot be kept: give 1 or more.")
-    earth_frame = frame == "Earth"
-    if not earth_frame and abs(start.latitude) > HIGHEST_LATITUDE:
+    if abs(start.latitude) > HIGHEST_LATITUDE:
         raise UsageError(
-            f"At a latitude of {np.degrees(start.latitude):.3f} degrees the local level has no north to hold: "
-            'navigate with frame="Earth".'
+            f"At a latitude of {np.degrees(start.latitude):.3f} degrees the local level has no north to hold."
         )
     if not samples.time[0] <= start.time < samples.time[-1]:
         raise RecordingError(
@@ -57,7 +47,7 @@ def navigate(
             f"{samples.time[0]:.3f} to {samples.time[-1]:.3f} s."
         )
     part = samples if start.time == samples.time[0] else samples.between(start.time, float(samples.time[-1]))
-    state = start.packed_in_earth_frame if earth_frame else start.packed
+    state = start.packed
     steps = len(part) - 1
     count = -(-steps // every) + 1
     position, velocity_n, quaternion = (np.empty((count, width)) for width in (3, 3, 4))
@@ -66,7 +56,6 @@ def navigate(
         np.ascontiguousarray(part.angular_rate_ib_b),
         np.ascontiguousarray(part.specific_force_b),
         part.means,
-        earth_frame,
         every,
         state,
         position,

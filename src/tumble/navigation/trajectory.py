@@ -13,8 +13,6 @@ from tumble.attitude.quaternions import (
 )
 from tumble.earth import (
     curvature_radii,
-    position_in_earth_frame,
-    rotation_to_earth_frame,
 )
 from tumble.errors import UsageError
 from tumble.records import dataclass
@@ -68,14 +66,6 @@ class NavigationState:
         return np.concatenate(
             [[self.latitude, self.longitude, self.height], self.velocity_n, quaternion], dtype=np.float64
         )
-
-    @property
-    def packed_in_earth_frame(self) -> Series:
-        """(10,): position, velocity and quaternion of C_eb in the Earth frame."""
-        C_en = rotation_to_earth_frame(self.latitude, self.longitude)
-        at = position_in_earth_frame(*(np.array([x]) for x in (self.latitude, self.longitude, self.height)))
-        quaternion = quaternion_from_matrix(C_en @ self.C_nb)
-        return np.concatenate([at[0], C_en @ self.velocity_n, quaternion], dtype=np.float64)
 
     @property
     def roll_pitch_yaw(self) -> Vector:

@@ -40,7 +40,7 @@ def test_the_filter_s_step_is_the_mechanisation_s(means: bool, as_python: Callab
         0.0, (0.8, -2.0, 300.0), np.array([200.0, -30.0, 4.0]), np.array([0.3, -0.4, 2.0])
     )
     outputs = np.empty((400, 3)), np.empty((400, 3)), np.empty((400, 4))
-    integrate(time, rate, force, means, False, 1, start.packed, *outputs)
+    integrate(time, rate, force, means, 1, start.packed, *outputs)
     nav, both = start.packed, np.hstack([rate, force])
     for i in range(1, 400):
         before, after = both[i - 1], both[i]
