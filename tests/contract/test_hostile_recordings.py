@@ -205,15 +205,6 @@ def test_hdf5_whose_numbers_are_elsewhere_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("small")
-def test_parquet_that_unpacks_beyond_measure_is_refused(tmp_path: Path) -> None:
-    import polars as pl
-
-    file = tmp_path / "hand.parquet"
-    count = 1_000_000
-    pl.select(pl.repeat(1.0, count).alias("ax"), pl.repeat(2.0, count).alias("ay")).write_parquet(file)
-    refused(file, "unpacks to")
-
-
 # -- headers that lie ------------------------------------------------------------------------------
 
 

@@ -8,6 +8,7 @@ import zlib
 from pathlib import Path
 
 from tumble.files import lines_of, opened
+from tumble.recording.formats.parquet import read_names
 
 HEAD = 65536
 _MOST_LINES = 50
@@ -22,7 +23,7 @@ def header_names(path: Path) -> list[str]:
         with opened(path) as file:
             head = file.read(HEAD)
         if head.startswith(b"PAR1"):
-            return _parquet_names(path)
+            return read_names(path)
         if head.startswith(b"\x1f\x8b"):
             with gzip.open(path) as file:
                 head = file.read(HEAD)
@@ -33,19 +34,3 @@ def header_names(path: Path) -> list[str]:
     lines = lines_of(head.decode("utf-8", errors="replace"))[:_MOST_LINES]
     cells = [cell.strip().strip('"').strip() for line in lines for cell in re.split(r"[,;\t]", line)]
     return [cell for cell in cells if re.match(r"[A-Za-z]", cell)]
-
-
-def _parquet_names(path: Path) -> list[str]:
-    """Return the names of the columns; of a damaged file none."""
-    from tumble.recording.formats.parquet_plain import Unfamiliar, read_footer
-
-    try:
-        return list(read_footer(path).names)
-    except Unfamiliar:
-        pass
-    import polars as pl
-
-    try:
-        return list(pl.read_parquet_schema(path))
-    except pl.exceptions.PolarsError:
-        return []

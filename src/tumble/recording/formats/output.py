@@ -15,7 +15,7 @@ from tumble.arrays import Series
 from tumble.counting import counted
 from tumble.errors import OutputError, UsageError
 from tumble.files import written_beside
-from tumble.recording.formats.parquet_plain import UNITS_KEY
+from tumble.recording.formats.parquet import UNITS_KEY
 from tumble.recording.recording import Recording
 from tumble.units import COUNTS
 
@@ -216,7 +216,7 @@ def _write_parquet(
                 frame_of(block, marks, magnetometer=magnetometer, stamped=stamped).write_parquet(
                     part, compression="lz4"
                 )
-            # Not compressed, for samples hardly do, and so that numpy alone can read it again.
+            # Not compressed, for samples hardly do.
             pl.scan_parquet(str(Path(parts) / "*.parquet")).sink_parquet(
                 file, compression="uncompressed", metadata={UNITS_KEY: json.dumps(units)}
             )

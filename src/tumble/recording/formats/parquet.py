@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import json
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
-import numpy.typing as npt
 
 from tumble.arrays import Series
 from tumble.errors import RecordingError
-from tumble.files import size_of
-from tumble.recording.formats.compression import refuse_unmeasured
-from tumble.recording.formats.parquet_plain import Damaged, column_groups, read_footer, read_plain
 from tumble.recording.formats.table import RawTable, hash_file
 from tumble.recording.recording import Source
 
@@ -26,7 +22,8 @@ NAME = "Parquet"
 ENDINGS = (".parquet", ".pq")
 SUMMARY = "Parquet with one column a channel"
 
-_GATHERED_ROWS = 65_536  # three columns of so many rows stay in the cache while they are put side by side
+UNITS_KEY = "tumble.units"
+"""Key of the file's metadata under which tumble notes the units, by column, that it has judged."""
 
 
 def recognises(head: bytes) -> bool:
@@ -74,23 +71,13 @@ def read_table(path: Path) -> RawTable:
     OSError
         If the file cannot be read.
     """
+    import polars as pl
+
     with ThreadPoolExecutor(1) as pool:
         hashing = pool.submit(hash_file, path)
         try:
-            plain = read_plain(path)
-        except Damaged as error:
-            raise RecordingError(f"{path.name} is a damaged Parquet file.") from error
-        if plain is not None:
-            footer, columns = plain
-            named = _with_units(footer.names, footer.units)
-            return RawTable(path, named, columns, hashing.result(), judged=True)
-        import polars as pl
-
-        try:
-            footer = read_footer(path)
-            refuse_unmeasured(8 * footer.rows * len(footer.names), size_of(path), path.name)
-            units, frame = footer.units, pl.read_parquet(path)
-            names, columns = _own_columns(frame) if units else numeric_columns(frame)
+            units = _noted_units(path)
+            names, columns = numeric_columns(pl.read_parquet(path))
         except (pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
             raise _damaged(path, error) from error
         source = hashing.result()
@@ -98,22 +85,26 @@ def read_table(path: Path) -> RawTable:
     return RawTable(path, _with_units(names, units), columns, source, judged=bool(units))
 
 
-def _own_columns(frame: pl.DataFrame) -> tuple[tuple[str, ...], list[Series]]:
-    """Return the columns of a file of tumble's own, those of a triad as views of one (rows, 3) array."""
-    names = tuple(frame.columns)
-    groups = column_groups(names)
-    blocks = [np.empty((frame.height, len(group))) for group in groups]
-    with ThreadPoolExecutor(2) as pool:
-        list(pool.map(partial(_side_by_side, frame), groups, blocks))
-    return names, [block[:, i] for block in blocks for i in range(block.shape[1])]
+def _noted_units(path: Path) -> dict[str, str]:
+    """Return the units by column as tumble noted them, of a file of others none."""
+    import polars as pl
+
+    try:
+        units: Any = json.loads(pl.read_parquet_metadata(path).get(UNITS_KEY, "{}"))
+    except (ValueError, RecursionError):
+        return {}
+    by_column = cast("dict[Any, Any]", units) if isinstance(units, dict) else {}
+    return {str(column): str(unit) for column, unit in by_column.items()}
 
 
-def _side_by_side(frame: pl.DataFrame, names: Sequence[str], block: npt.NDArray[np.float64]) -> None:
-    """Copy columns of a frame into a (rows, columns) array, piece by piece."""
-    for start in range(0, frame.height, _GATHERED_ROWS):
-        piece = frame.slice(start, _GATHERED_ROWS)
-        for j, name in enumerate(names):
-            block[start : start + piece.height, j] = piece[name].to_numpy()
+def read_names(path: Path) -> list[str]:
+    """Return the names of the columns; of a damaged file none."""
+    import polars as pl
+
+    try:
+        return list(pl.read_parquet_schema(path))
+    except (pl.exceptions.PolarsError, pl.exceptions.PanicException):
+        return []
 
 
 def _with_units(names: tuple[str, ...], units: dict[str, str]) -> tuple[str, ...]:
@@ -134,13 +125,7 @@ def read_table_blocks(path: Path, rows: int = 500_000) -> Iterator[RawTable]:
 
     start = 0
     try:
-        footer = read_footer(path)
-    except Damaged as error:
-        raise RecordingError(f"{path.name} is a damaged Parquet file.") from error
-    units = footer.units
-    refuse_unmeasured(8 * footer.rows * len(footer.names), size_of(path), path.name)
-    lazy = pl.scan_parquet(path)
-    try:
+        units, lazy = _noted_units(path), pl.scan_parquet(path)
         total = int(lazy.select(pl.len()).collect().item())
         while start < total:
             names, columns = numeric_columns(lazy.slice(start, rows).collect())
