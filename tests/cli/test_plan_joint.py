@@ -89,7 +89,7 @@ def test_a_stated_sample_rate_is_in_the_gyro_scale_factors_and_in_their_target(t
     found, said = {}, {}
     for rate in ("100±0.3", "100±0.00001"):
         answer = tumble(
-            *("plan", "modified-multi-position", "--imu", "tactical", "--no-steps", "--rate", rate),
+            *("plan", "modified-multi-position", "--imu", "tactical", "--rate", rate),
             *("--targets", "gyro-scale=2000", "--json"),
         )
         assert answer.status == 0, answer
@@ -134,7 +134,7 @@ def test_wrong_input_is_refused_in_one_sentence(tumble: Any, short: Path, tmp_pa
         (("thermal-soak",), ("temperature", "multi-position-9")),
         ((short, "--poses", 9), ("--poses", "a protocol as it is")),
         ((short, "--hold", 9), ("--hold", "leave it out")),
-        ((short, "--play-backs", 3), ("--play-backs",)),
+        ((short, "--no-steps"), ("--no-steps has left",)),
         ((short, "--protocol", short), ("--given",)),
         ((short, "--given", tmp_path / "no.csv"), ("no such file",)),
         ((short, "--targets", "gyro-bias=0"), ("--targets", "gyro-bias in °/h")),

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 
 COMMAND = ("plan", "multi-position", "--imu", "tactical", "--site", "48.1")
 JIG = """\
@@ -43,14 +42,13 @@ def test_a_plan_is_written_simulated_and_calibrated(tumble: Any, tmp_path: Path)
     assert {file.name for file in folder.iterdir()} == {
         "protocol.yaml",
         "plan.json",
-        "plan.html",
         "sheet.html",
     }
     assert document == json.loads((folder / "plan.json").read_text(encoding="utf-8"))
     sheet = (folder / "sheet.html").read_text(encoding="utf-8")
     assert sheet.count('class="box"') == 12
     assert "8 s</b> at rest" in sheet
-    assert "<script" not in sheet + (folder / "plan.html").read_text(encoding="utf-8")
+    assert "<script" not in sheet
     played = tumble("simulate", folder / "protocol.yaml", "--imu", "ring-laser", "-o", tmp_path / "played")
     assert played.status == 0, played
     done = tumble("calibrate", "--protocol", tmp_path / "played" / "protocol.yaml", "-o", tmp_path / "cal")
@@ -73,7 +71,6 @@ def test_the_schemes_of_the_papers_stand_beside_the_plan(tumble: Any) -> None:
         "twelve edges",
         "all 26",
         "misalignment yz",
-        "Proved",
         "ppm",
         "µg",
     ):
@@ -91,25 +88,6 @@ def test_a_recording_of_five_faces_wants_the_sixth(tumble: Any, tmp_path: Path) 
     assert "5 different poses" in said
     assert "Not determined yet" in said
     assert "Next: -x up" in said
-    aimed = tumble(*COMMAND, "--given", tmp_path / "five" / "recording.csv", "-q", "--for", "bias y")
-    assert "Not determined yet" not in aimed.out
-
-
-def test_what_a_jig_does_not_reach_is_said_in_words(tumble: Any, tmp_path: Path) -> None:
-    faces = ("x", "y", "z", "-x", "-y", "-z", "[1, 1, 0]", "[1, 0, 1]")
-    small = jig(tmp_path / "jig.yaml", *faces)
-    is_told(
-        tumble(*COMMAND, "--reach", small),
-        2,
-        "8 poses of jig.yaml",
-        "non-orthogonality of y to z",
-        "Add edge",
-    )
-    enough = jig(tmp_path / "jig9.yaml", *faces, "[0, 1, 1]")
-    answer = tumble(*COMMAND, "--reach", enough, "-v")
-    assert "stop 9" in answer.out
-    level = tumble(*COMMAND, "--reach", "two-axis", "--outer", "0,0,45")
-    is_told(level, 2, "two-axis fixture", "does not determine")
 
 
 def test_wrong_input_is_refused_in_one_sentence(tumble: Any, tmp_path: Path) -> None:
@@ -119,31 +97,16 @@ def test_wrong_input_is_refused_in_one_sentence(tumble: Any, tmp_path: Path) -> 
         (("--poses", 9, "--time", 5), ("not both",)),
         (("--time", 0.5), ("too short for the 9 poses",)),
         (("--time", 5, "--hold", 9), ("leave --hold out",)),
-        (("--criterion", "best"), ("minimax",)),
-        (("--for", "drift"), ("scale, misalignment, bias",)),
-        (("--reach", "spere"), ("Did you mean sphere?",)),
-        (("--reach", tmp_path / "no.yaml"), ("no.yaml",)),
-        (("--outer", "0,9,1"), ("--reach two-axis",)),
-        (("--reach", "two-axis", "--outer", "0,9"), ("MIN,MAX,STEP",)),
-        (("--reach", "two-axis", "--outer", "9,0,1"), ("MIN at most MAX",)),
         (("--targets", "bias=-3"), ("--targets",)),
         (("--given", tmp_path / "none.csv"), ("no such file",)),
         (("--data-sheet", "tactcal"), ("tactical",)),
         (("--turn-seconds", 0), ("--turn-seconds 0",)),
-        (("--play-backs", 3), ("--play-backs has left",)),
+        (("--reach", "sphere"), ("--reach has left",)),
+        (("--set", "criterion=D"), ("--criterion has left",)),
     ):
         is_told(tumble(*COMMAND, *options), 2, *words)
-    is_told(tumble("plan", "six-position", "--for", "misalignment"), 2, "scale factors and biases alone")
     is_told(tumble("plan", "six-position", "--poses", 9), 2, "six faces")
     file = tmp_path / "file"
     file.write_text("mine", encoding="utf-8")
     is_told(tumble(*COMMAND, "-o", file), 2, "is a file")
     assert file.read_text(encoding="utf-8") == "mine"
-
-
-@pytest.mark.parametrize("criterion", ["D", "E", "minimax", "I"])
-def test_every_criterion_makes_a_plan(tumble: Any, criterion: str) -> None:
-    document = json.loads(tumble(*COMMAND, "--poses", 10, "--criterion", criterion, "--json").out)
-    assert len(document["poses"]) == 10
-    assert document["criterion"] == criterion
-    assert all(one["standard_uncertainty"] > 0.0 for one in document["parameters"])

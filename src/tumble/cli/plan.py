@@ -13,12 +13,9 @@ import typer
 
 from tumble.cli.groups import refuse_given
 from tumble.cli.options import (
-    FiguresOption,
     LongPrintOptions,
     SiteOptions,
-    check_figures,
     complete_protocol,
-    draw_figures,
     output_option,
 )
 from tumble.cli.plan_options import (
@@ -28,7 +25,6 @@ from tumble.cli.plan_options import (
     WishOptions,
 )
 from tumble.cli.terminal import progress, results_stand
-from tumble.errors import UsageError
 
 
 def plan_command(
@@ -50,11 +46,8 @@ def plan_command(
     printed: LongPrintOptions,
     output: Annotated[
         Path | None,
-        output_option(
-            "A folder for protocol.yaml, plan.json and sheet.html (and plan.html, of poses).", "FOLDER"
-        ),
+        output_option("A folder for protocol.yaml, plan.json and sheet.html.", "FOLDER"),
     ] = None,
-    figures: FiguresOption = None,
 ) -> None:
     """Say how accurate a test will be before it is done, and find a better one.
 
@@ -72,23 +65,14 @@ def plan_command(
     from tumble.workflows.given.site import choose_site
     from tumble.workflows.planning.plan import kind_of_plan
 
-    check_figures(figures, output)
     shared = {**asdict(planned), "site": choose_site(**asdict(site))}
     if kind_of_plan(procedure) == "poses":
         _refuse(context, [ProtocolOptions], f"a {procedure} test")
         asked = {"procedure": procedure, **shared, **asdict(wishes), **asdict(searched)}
-        _search(asked, output, figures, printed)
+        _search(asked, output, printed)
     else:
         _refuse(context, [PoseOptions], "a protocol as it is")
-        _refuse_figures(figures)
         _judge({"asked": procedure, **shared, **asdict(wishes), **asdict(judged)}, output, printed)
-
-
-def _refuse_figures(form: str | None) -> None:
-    if form is not None:
-        raise UsageError(
-            "--figures: only plans that search for poses have figures, as multi-position: leave it out."
-        )
 
 
 def _refuse(context: typer.Context, groups: list[type], what: str) -> None:
@@ -100,9 +84,8 @@ def _judge(asked: dict[str, Any], output: Path | None, printed: LongPrintOptions
     from tumble.cli.plan_tables import print_protocol
     from tumble.workflows.planning.protocol import plan_any_protocol
 
-    asked["steps"] = asked["steps"] and not printed.quiet
     with progress(printed.silent) as tell:
-        done = plan_any_protocol(output=output, progress=tell, **asked)
+        done = plan_any_protocol(output=output, progress=tell, steps=not printed.quiet, **asked)
     results_stand()
     print_protocol(done, printed)
 
@@ -110,16 +93,13 @@ def _judge(asked: dict[str, Any], output: Path | None, printed: LongPrintOptions
 def _search(
     asked: dict[str, Any],
     output: Path | None,
-    figures: str | None,
     printed: LongPrintOptions,
 ) -> None:
     """Search the poses of a test."""
     from tumble.cli.plan_tables import print_poses
-    from tumble.workflows.planning.pose_order import PoseOrder
-    from tumble.workflows.planning.poses import plan_poses
+    from tumble.workflows.planning.poses import PoseOrder, plan_poses
 
     with progress(printed.silent) as tell:
         done = plan_poses(PoseOrder(**asked), output=output, progress=tell)
-    done.files += draw_figures(figures, done.files)
     results_stand()
     print_poses(done, printed)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-from tumble.cli.groups import ADVANCED, FIRST, detail, option
+from tumble.cli.groups import ADVANCED, FIRST, option
 from tumble.cli.options import DataSheet, Imu, NoiseFile, Seed
 from tumble.records import dataclass
 
@@ -68,9 +68,6 @@ class ProtocolOptions:
             "--protocol",
         ),
     ] = None
-    steps: Annotated[
-        bool, detail(ADVANCED, "", "Judge what each step is worth (default).", "--steps/--no-steps")
-    ] = True
 
 
 @dataclass(frozen=True)
@@ -93,40 +90,5 @@ class PoseOptions:
     )
     turn: Annotated[
         float | None,
-        detail(POSES, "S", "Seconds from one pose to the next (3; hand-held 2).", "--turn-seconds"),
-    ] = None
-    criterion: Annotated[
-        str,
-        detail(
-            POSES,
-            "A|D|E|minimax|I",
-            "What is made small: A (mean variance, the default), D (volume), E (worst combination), minimax "
-            "(worst against Zhang's nine) or I (error of a corrected vector).",
-        ),
-    ] = "A"
-    wanted: Annotated[
-        str | None,
-        option(
-            POSES,
-            "NAME,...",
-            "What matters, such as bias or 'scale,misalignment yz' (default: everything).",
-            "--for",
-        ),
-    ] = None
-    reach: Annotated[
-        str,
-        option(
-            POSES,
-            "REACH",
-            "Which poses there are: 26 (default), sphere, two-axis, or a protocol file whose holds are a jig's "
-            "poses.",
-        ),
-    ] = "26"
-    outer: Annotated[
-        str | None,
-        detail(POSES, "MIN,MAX,STEP", "Angles in ° of a two-axis fixture's level axis (-180,135,45)."),
-    ] = None
-    inner: Annotated[
-        str | None,
-        detail(POSES, "MIN,MAX,STEP", "Angles in ° of the axis that it carries, the unit's z (0,315,45)."),
+        option(POSES, "S", "Seconds from one pose to the next (3; hand-held 2).", "--turn-seconds"),
     ] = None

@@ -11,7 +11,6 @@ from tumble.workflows.planning.protocol import ProtocolPlanned, document_of_prot
 from tumble.workflows.planning.words import (
     STEP_HEADS,
     UNITS,
-    efficiency_words,
     next_words,
     parameter_rows,
     pose_names,
@@ -83,7 +82,7 @@ def print_poses(done: PosesPlanned, printed: LongPrintOptions) -> None:
         _print_pose_tables(screen, done, printed.verbose)
     for sentence in (*done.given, *_next_words(done)):
         screen.print(sentence, style="bold yellow" if not done.stop else "bold green")
-    for sentence in () if printed.quiet else (*efficiency_words(plan), *done.remarks):
+    for sentence in () if printed.quiet else done.remarks:
         screen.print(f"• {sentence}")
     say_written(done.files)
     if done.files and not printed.quiet:
@@ -118,10 +117,10 @@ def _next_words(done: PosesPlanned) -> list[str]:
         return []
     words: list[str] = []
     for number, one in enumerate(done.following):
-        name = one.name or describe_direction(one.up_b)
-        told = [index for index in done.task.criterion.wanted.tolist() if one.sigmas[index] < 0.03]
-        if len(told) < done.task.criterion.wanted.size:
-            after = f"{done.task.criterion.wanted.size - len(told)} parameters are then still open"
+        name = describe_direction(one.up_b)
+        told = [index for index in done.task.wanted.tolist() if one.sigmas[index] < 0.03]
+        if len(told) < done.task.wanted.size:
+            after = f"{done.task.wanted.size - len(told)} parameters are then still open"
         else:
             worst = max(told, key=lambda index: float(one.sigmas[index]))
             group = "scale" if worst < 3 else "misalignment" if worst < 6 else "bias"

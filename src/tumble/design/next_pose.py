@@ -6,10 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tumble.arrays import Matrices, Series, Square, Vector, Vectors, inverted
+from tumble.arrays import Matrices, Series, Square, Table, Vector, Vectors, inverted
 from tumble.design.candidates import GROUPS, PARAMETERS, pose_rows
-from tumble.design.criteria import Criterion
-from tumble.design.pose_plan import Reach
 from tumble.document.result import Calibration
 from tumble.errors import UsageError
 from tumble.records import dataclass
@@ -34,14 +32,12 @@ class NextPose:
     Attributes
     ----------
     up_b : (3,) unit vector up.
-    name : of the pose, where the fixture has one; else empty.
     sigmas : (9,) of `PARAMETERS` after it.
-    value : the criterion after it.
-    gain : by how much of it the criterion goes down.
+    value : the mean of the wanted variances after it.
+    gain : by how much of it that goes down.
     """
 
     up_b: Vector
-    name: str
     sigmas: Series
     value: float
     gain: float
@@ -105,36 +101,33 @@ def known_from_holds(directions: Vectors, covariances: Matrices, scale: float) -
 
 
 def find_next_poses(
-    known: Square, reach: Reach, sigma: float, criterion: Criterion, count: int = 3
+    known: Square, directions: Vectors, sigma: float, wanted: np.ndarray, count: int = 3
 ) -> list[NextPose]:
-    """Return the poses that leave the fewest parameters open and make the criterion smallest, one after the other.
+    """Return the poses that leave the fewest parameters open and make the mean variance smallest, one after the other.
 
     Parameters
     ----------
     known : (9, 9) information about `PARAMETERS` so far; may be singular.
-    reach : the poses to choose from.
+    directions : (n, 3) unit vectors up, of the poses to choose from.
     sigma : of a new hold's norm, over gravity.
-    criterion : what is made small.
+    wanted : indices of the parameters that matter.
     count : how many.
     """
     total = known + np.eye(len(PARAMETERS)) / IGNORANCE**2
-    rows = pose_rows(reach.directions) / sigma
+    rows = pose_rows(directions) / sigma
     found: list[NextPose] = []
     for _ in range(count):
-        before = float(criterion.value(inverted(total)))
+        before = float(np.mean(np.diag(inverted(total))[wanted]))
         tried = total + rows[:, :, None] * rows[:, None, :]
         covariances = np.asarray(np.linalg.inv(tried), dtype=np.float64)
-        values = criterion.value(covariances)
+        variances: Table = np.diagonal(covariances, axis1=1, axis2=2)[:, wanted]
+        values: Series = np.asarray(variances.mean(axis=1), dtype=np.float64)
         # Each pose takes one direction of ignorance away, whichever it is: how many parameters it closes decides.
-        variances = np.diagonal(covariances, axis1=1, axis2=2)[:, criterion.wanted]
         still_open = np.sum(variances > (OPEN * IGNORANCE) ** 2, axis=1)
         best = int(np.lexsort((np.round(values / before, 9), still_open))[0])
         total = tried[best]
         after, covariance = float(values[best]), inverted(total)
-        name = "" if reach.names is None else reach.names[best]
-        found.append(
-            NextPose(reach.directions[best], name, np.sqrt(np.diag(covariance)), after, 1.0 - after / before)
-        )
+        found.append(NextPose(directions[best], np.sqrt(np.diag(covariance)), after, 1.0 - after / before))
     return found
 
 

@@ -73,7 +73,7 @@ def best_order(task: PoseTask, directions: Vectors, dwell: float) -> list[int]:
             return float("inf")
         place = gain[:, at]
         covariance = place @ (alike[np.ix_(at, at)] * noise) @ place.T / mean
-        return float(task.criterion.value(covariance))
+        return float(task.value(covariance))
 
     now = value(order)
     for _ in range(MOST_SWEEPS):

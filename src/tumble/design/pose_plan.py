@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import suppress
-from dataclasses import field, replace
+from dataclasses import field
 
 import numpy as np
 
@@ -12,8 +11,7 @@ from tumble.arrays import Series, Square, Vectors, inverted
 from tumble.attitude.directions import twenty_six_directions
 from tumble.calibration.poses import describe_mending, describe_untold
 from tumble.counting import counted
-from tumble.design.candidates import PARAMETERS, pose_candidates, pose_rows, prediction_weights
-from tumble.design.criteria import Criterion
+from tumble.design.candidates import PARAMETERS, pose_rows
 from tumble.design.hold_noise import (
     hold_covariance,
     hold_times,
@@ -22,15 +20,9 @@ from tumble.design.hold_noise import (
     white_density,
 )
 from tumble.design.pose_order import best_order
-from tumble.design.pose_sets import paper_nine
-from tumble.design.selection import (
-    ApproximateDesign,
-    find_approximate,
-    find_exact,
-    find_on_sphere,
-    refine_on_sphere,
-)
+from tumble.design.selection import find_visits
 from tumble.errors import ObservabilityError, UsageError
+from tumble.protocol.library import NINE
 from tumble.records import dataclass
 from tumble.simulation.noise import TriadNoise
 from tumble.units import STANDARD_GRAVITY
@@ -42,24 +34,8 @@ FEWER_POSES = 0.05
 # Numbers of poses that are tried where the time is fixed.
 LADDER = (6, 7, 8, 9, 10, 12, 14, 16, 18, 22, 26, 32, 40, 52)
 STARTS = 20
-# Of the paper's nine, with independent norms: what minimax measures against.
-NINE_SIGMAS = np.sqrt([0.5, 0.5, 0.5, 7.0, 7.0, 7.0, 0.5, 0.5, 0.5])
-
-
-def criterion_of(name: str, wanted: np.ndarray | None = None) -> Criterion:
-    """Return a criterion over `PARAMETERS`, in sizes that compare them.
-
-    A, D, E take relative scale factors, radians and biases over gravity as alike; minimax takes each against what
-    the nine poses of Zhang et al. (2010) give in the same dwells.
-
-    Parameters
-    ----------
-    name : one of `tumble.design.criteria.CRITERIA`.
-    wanted : indices of `PARAMETERS`; None for all.
-    """
-    which = np.arange(len(PARAMETERS)) if wanted is None else wanted
-    sizes = NINE_SIGMAS[which] if name == "minimax" else np.ones(which.size)
-    return Criterion(name, which, sizes, prediction_weights())
+NAME = "A-optimal of the 26 directions"
+"""Of a plan that was searched: the mean of its variances is least."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,22 +45,31 @@ class PoseTask:
     Attributes
     ----------
     noise, rate : of the accelerometers, and Hz.
-    criterion : what is made small.
     turn : s from one pose to the next.
     gravity : m/s².
     known : (9, 9) information about `PARAMETERS` that is there already, or None.
+    wanted : indices of the parameters whose mean variance is made small; the others are nuisances.
     placement : over gravity, one sigma of what placing the unit adds to each hold by itself.
     shortening : relative, by which tilts make all scale factors too small on the average, where poses are believed.
     """
 
     noise: TriadNoise
-    criterion: Criterion
     rate: float = 100.0
     turn: float = 3.0
     gravity: float = STANDARD_GRAVITY
     known: Square | None = None
+    wanted: np.ndarray = field(default_factory=lambda: np.arange(len(PARAMETERS)))
     placement: float = 0.0
     shortening: float = 0.0
+
+    def value(self, covariance: Square) -> float:
+        """Return the mean of the wanted variances, of relative, rad, over gravity as they are.
+
+        Parameters
+        ----------
+        covariance : (9, 9).
+        """
+        return float(np.mean(np.diag(covariance)[self.wanted]))
 
     def dwell_sigma(self, dwell: float, span: float) -> float:
         """Return the standard uncertainty of a hold's norm over gravity, wander within the test included.
@@ -114,7 +99,7 @@ class PoseTask:
         ObservabilityError
             If they do not tell what is wanted.
         """
-        require_seen(directions, self.criterion, self.known)
+        require_seen(directions, self.wanted, self.known)
         noise = hold_covariance(hold_times(dwells, self.turn), self.noise, self.rate) / self.gravity**2
         noise = noise + self.placement**2 * np.eye(len(dwells))
         # What is not wanted and not told stands in the way of no inverse.
@@ -137,10 +122,7 @@ class PosePlan:
     dwells : (n,) s.
     turn : s between two.
     covariance : (9, 9) over `PARAMETERS`: relative, rad, over gravity.
-    value : the criterion.
-    efficiency : share of the test's time in which the best design there is of these poses would be as good, were
-        the noise white; proved, not estimated. Zero if it was not sought.
-    names : of the poses, where the fixture has some.
+    value : the mean of the wanted variances.
     """
 
     name: str
@@ -149,8 +131,6 @@ class PosePlan:
     turn: float
     covariance: Square
     value: float
-    efficiency: float = 0.0
-    names: tuple[str, ...] = field(default=())
 
     @property
     def duration(self) -> float:
@@ -163,35 +143,14 @@ class PosePlan:
         return np.sqrt(np.diag(self.covariance))
 
 
-@dataclass(frozen=True, slots=True)
-class Reach:
-    """The poses that there are to choose from.
-
-    Attributes
-    ----------
-    words : for a user, as "the 26 directions of a cube".
-    directions : (n, 3) unit vectors up; for a whole sphere a grid of it.
-    names : of each, or None.
-    sphere : everything between them is reached too.
-    """
-
-    words: str
-    directions: Vectors
-    names: tuple[str, ...] | None = None
-    sphere: bool = False
-
-
-def require_seen(
-    directions: Vectors, criterion: Criterion, known: Square | None = None, what: str = ""
-) -> None:
+def require_seen(directions: Vectors, wanted: np.ndarray, known: Square | None = None) -> None:
     """Refuse poses that do not tell what is wanted, in words.
 
     Parameters
     ----------
     directions : (n, 3) unit vectors up.
-    criterion : for what is wanted.
+    wanted : indices of the parameters that are to be determined.
     known : (9, 9) information that is there already.
-    what : the poses in words, as "The 6 poses of the jig".
 
     Raises
     ------
@@ -206,10 +165,9 @@ def require_seen(
     # A wanted parameter is told if no direction that the poses leave open moves it.
     values, vectors = np.linalg.eigh(total)
     open_ones = vectors[:, values < 1.0 / 30.0**2 * (1.0 if known is None else 1e-6)]
-    wanted = np.arange(len(PARAMETERS)) if criterion.name == "I" else criterion.wanted
     if open_ones.size == 0 or not np.any(np.abs(open_ones[wanted]) > 0.02):
         return
-    head = what or f"The {len(directions)} poses"
+    head = f"The {len(directions)} poses"
     said = describe_untold(directions) or "do not determine what is asked for"
     if len(directions) == 1:
         head, said = head.replace("poses", "pose"), said.replace("do not", "does not", 1)
@@ -230,16 +188,16 @@ def plan_of(name: str, task: PoseTask, directions: Vectors, dwells: Series) -> P
         If they do not tell what is wanted.
     """
     covariance = task.covariance(directions, dwells)
-    value = float(task.criterion.value(covariance))
+    value = task.value(covariance)
     return PosePlan(name, directions, dwells, task.turn, covariance, value)
 
 
-def plan_poses(task: PoseTask, reach: Reach, count: int, dwell: float, rng: np.random.Generator) -> PosePlan:
-    """Return the best plan of so many poses alike in time.
+def plan_poses(task: PoseTask, count: int, dwell: float, rng: np.random.Generator) -> PosePlan:
+    """Return the best plan of so many of the 26 directions, alike in time.
 
     Parameters
     ----------
-    task, reach : what for, and of which poses.
+    task : what for.
     count : poses; one may be visited again where that is better than another.
     dwell : s of each.
     rng : draws the starts of the search.
@@ -247,47 +205,32 @@ def plan_poses(task: PoseTask, reach: Reach, count: int, dwell: float, rng: np.r
     Raises
     ------
     ObservabilityError
-        If the poses that are reached, or so many of them, do not tell what is wanted.
+        If so many poses do not tell what is wanted.
     """
-    require_seen(
-        reach.directions, task.criterion, task.known, f"The {len(reach.directions)} poses of {reach.words}"
-    )
-    if task.known is None and count < task.criterion.wanted.size:
+    least = len(PARAMETERS)
+    if task.known is None and count < least:
         raise ObservabilityError(
-            f"{count} poses determine {count} numbers, and {task.criterion.wanted.size} parameters "
-            f"are asked for: allow {_least(task)} poses or more, or ask for fewer parameters with "
-            "--for."
+            f"{count} poses determine {count} numbers, and {least} parameters are asked for: allow {least} poses or "
+            "more."
         )
+    cube = twenty_six_directions()
     sigma = task.dwell_sigma(dwell, task.span(np.full(count, dwell)))
-    candidates = pose_candidates(reach.directions, sigma, task.turn, reach.names)
-    known = _with_floor(task, sigma)
-    also = _known_sets(reach.directions, count)
-    design = find_exact(candidates, count, task.criterion, rng, known=known, starts=STARTS, also=also)
-    directions = reach.directions[design.chosen]
-    names = () if reach.names is None else tuple(reach.names[index] for index in design.chosen)
-    if reach.sphere:
-        directions = _refined(task, directions, count, sigma, rng, known)
-    order = best_order(task, directions, dwell)
-    plan = plan_of(_title(task, reach), task, directions[order], np.full(count, dwell))
-    return replace(
-        plan,
-        efficiency=min(design.bound / _independent_value(task, directions, np.full(count, sigma**2)), 1.0),
-        names=tuple(names[index] for index in order) if names else (),
+    chosen = find_visits(
+        pose_rows(cube) / sigma, count, rng, known=task.known, starts=STARTS, also=_known_sets(count)
     )
+    directions = cube[chosen]
+    order = best_order(task, directions, dwell)
+    return plan_of(NAME, task, directions[order], np.full(count, dwell))
 
 
 def plan_time(
-    task: PoseTask,
-    reach: Reach,
-    seconds: float,
-    rng: np.random.Generator,
-    say: Callable[[str], None] | None = None,
+    task: PoseTask, seconds: float, rng: np.random.Generator, say: Callable[[str], None] | None = None
 ) -> PosePlan:
     """Return the best plan that lasts so long, turns included, with as many poses as is best and free dwells.
 
     Parameters
     ----------
-    task, reach, rng : as of `plan_poses`.
+    task, rng : as of `plan_poses`.
     seconds : of the whole test.
     say : called with a sentence on what is tried.
 
@@ -298,7 +241,7 @@ def plan_time(
     ObservabilityError
         As `plan_poses`.
     """
-    least = _least(task)
+    least = len(PARAMETERS) if task.known is None else LADDER[0]
     fitting = [n for n in LADDER if n >= least and (seconds + task.turn) / n - task.turn >= LEAST_DWELL]
     if not fitting:
         needed = least * (LEAST_DWELL + task.turn) - task.turn
@@ -311,25 +254,14 @@ def plan_time(
         say("trying how many poses are best")
     for count in counted(fitting, sum(fitting), float):
         try:
-            plans.append(plan_poses(task, reach, count, (seconds + task.turn) / count - task.turn, rng))
+            plans.append(plan_poses(task, count, (seconds + task.turn) / count - task.turn, rng))
         except ObservabilityError:
             if count == fitting[-1] and not plans:
                 raise
     limit = min(plan.value for plan in plans) * (1.0 + FEWER_POSES)
     fewest = next(plan for plan in plans if plan.value <= limit)
     freed = _free_dwells(task, fewest)
-    best = freed if freed.value < fewest.value else fewest
-    white = white_density(task.noise, task.rate) ** 2 / task.gravity**2 / best.dwells
-    bound = _continuous_design(task, reach, seconds).bound
-    return replace(best, efficiency=min(bound / _independent_value(task, best.directions, white), 1.0))
-
-
-def _continuous_design(task: PoseTask, reach: Reach, seconds: float) -> ApproximateDesign:
-    """Return the best shares of so many seconds among the poses, without turns or wander: nothing is better."""
-    sigma = white_density(task.noise, task.rate) / np.sqrt(seconds) / task.gravity
-    return find_approximate(
-        pose_candidates(reach.directions, float(sigma)), task.criterion, known=_with_floor(task, float(sigma))
-    )
+    return freed if freed.value < fewest.value else fewest
 
 
 def scheme_directions() -> dict[str, Vectors]:
@@ -338,7 +270,7 @@ def scheme_directions() -> dict[str, Vectors]:
     corner = np.array([[1.0, 1, 1], [1, 1, -1], [1, -1, 1], [-1, 1, 1]]) / np.sqrt(3.0)
     return {
         "six faces": directions[:6],
-        "nine of Zhang et al. (2010)": paper_nine(),
+        "nine of Zhang et al. (2010)": directions[list(NINE)],
         "ten: faces, a corner and its neighbours": np.vstack([directions[:6], corner]),
         "twelve edges": directions[6:18],
         "fourteen: faces and corners": np.vstack([directions[:6], directions[18:]]),
@@ -370,55 +302,11 @@ def plan_schemes(task: PoseTask, seconds: float) -> dict[str, PosePlan | str]:
     return plans
 
 
-def _title(task: PoseTask, reach: Reach) -> str:
-    return f"{task.criterion.name}-optimal of {reach.words}"
-
-
-def _least(task: PoseTask) -> int:
-    return len(PARAMETERS) if task.known is None and task.criterion.wanted.size > 6 else 6
-
-
-def _known_sets(directions: Vectors, count: int) -> list[list[int]]:
-    """The papers' sets of so many poses, as far as they are among the directions."""
-    found: list[list[int]] = []
-    for scheme in scheme_directions().values():
-        cosines = scheme @ directions.T
-        if len(scheme) == count and float(cosines.max(axis=1).min()) > 1.0 - 1e-9:
-            found.append(np.argmax(cosines, axis=1).tolist())
-    return found
-
-
-def _with_floor(task: PoseTask, sigma: float) -> Square | None:
-    """What is known; where not all is wanted, nearly nothing of the rest so that a matrix has an inverse."""
-    if task.known is not None:
-        return task.known
-    if task.criterion.wanted.size == len(PARAMETERS):
-        return None
-    return 1e-6 / sigma**2 * np.eye(len(PARAMETERS))
-
-
-def _refined(
-    task: PoseTask,
-    directions: Vectors,
-    count: int,
-    sigma: float,
-    rng: np.random.Generator,
-    known: Square | None,
-) -> Vectors:
-    """Move the grid's best poses freely, and try starts of their own: the better of the two."""
-    scaled = None if known is None else known * sigma**2
-    weights = np.ones(count)
-    tried = [refine_on_sphere(directions, weights, task.criterion, known=scaled)]
-    with suppress(ObservabilityError):
-        starts = max(3, 90 // count)
-        tried.append(find_on_sphere(count, task.criterion, rng, known=scaled, starts=starts))
-
-    def value(poses: Vectors) -> float:
-        rows = pose_rows(poses)
-        total = rows.T @ rows + 1e-10 * np.eye(len(PARAMETERS)) + (0.0 if scaled is None else scaled)
-        return float(task.criterion.value(inverted(total)))
-
-    return min([directions, *tried], key=value)
+def _known_sets(count: int) -> list[list[int]]:
+    """The papers' sets of so many poses, as indices of the 26 directions."""
+    cube = twenty_six_directions()
+    sets = [scheme for scheme in scheme_directions().values() if len(scheme) == count]
+    return [np.argmax(scheme @ cube.T, axis=1).tolist() for scheme in sets]
 
 
 def _free_dwells(task: PoseTask, plan: PosePlan) -> PosePlan:
@@ -434,19 +322,11 @@ def _free_dwells(task: PoseTask, plan: PosePlan) -> PosePlan:
     def lost(roots: Series) -> float:
         dwells = rest * roots**2 / float(roots @ roots)
         weights = 1.0 / (white / np.maximum(dwells, 1e-6) + wander)
-        return float(np.log(task.criterion.smooth_value(inverted(rows.T @ (weights[:, None] * rows) + base))))
+        return float(np.log(task.value(inverted(rows.T @ (weights[:, None] * rows) + base))))
 
     end = minimize(lost, np.ones(count), method="L-BFGS-B", options={"maxiter": 200})
     roots = np.asarray(end.x, dtype=np.float64)
     dwells = np.round(rest * roots**2 / float(roots @ roots), 1)
     if float(dwells.min()) < LEAST_DWELL:
         return plan
-    freed = plan_of(plan.name, task, plan.directions, dwells)
-    return replace(freed, names=plan.names, efficiency=plan.efficiency)
-
-
-def _independent_value(task: PoseTask, directions: Vectors, variances: Series) -> float:
-    rows = pose_rows(directions) / np.sqrt(variances)[:, None]
-    floor = _with_floor(task, float(np.sqrt(np.median(variances))))
-    total = rows.T @ rows + (0.0 if floor is None else floor)
-    return float(task.criterion.value(inverted(total)))
+    return plan_of(plan.name, task, plan.directions, dwells)

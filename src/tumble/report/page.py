@@ -97,26 +97,11 @@ class Figure:
 
 
 @dataclass(frozen=True, slots=True)
-class Drawing:
-    """One finished SVG, with what it shows."""
-
-    svg: str
-    caption: str
-
-
-@dataclass(frozen=True, slots=True)
 class Figures:
     """Figures that stand together, with one caption that says what to look for."""
 
     figures: Sequence[Figure]
     caption: str
-
-
-@dataclass(frozen=True, slots=True)
-class Drawings:
-    """Drawings beside one another, each with its own caption."""
-
-    drawings: Sequence[Drawing]
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,7 +162,7 @@ class Cards:
     cards: Sequence[Card]
 
 
-Block = Heading | Facts | Sentences | Table | Figures | Drawings | Code | Verdict | Footer | Blanks | Cards
+Block = Heading | Facts | Sentences | Table | Figures | Code | Verdict | Footer | Blanks | Cards
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,31 +6,22 @@ import numpy as np
 import pytest
 
 from tumble.attitude.directions import twenty_six_directions
-from tumble.design.candidates import pose_rows, sphere_grid
+from tumble.design.candidates import pose_rows
 from tumble.design.hold_noise import hold_covariance, predict_covariance
 from tumble.design.next_pose import find_next_poses, judge_stop, known_from_holds, sigmas_so_far
 from tumble.design.pose_order import shortest_order
-from tumble.design.pose_plan import (
-    PoseTask,
-    Reach,
-    criterion_of,
-    plan_of,
-    plan_poses,
-    plan_schemes,
-    plan_time,
-    require_seen,
-)
-from tumble.design.pose_sets import paper_nine, predict_sigma
+from tumble.design.pose_plan import PoseTask, plan_of, plan_poses, plan_schemes, plan_time, require_seen
 from tumble.errors import ObservabilityError, UsageError
+from tumble.protocol.library import NINE
 from tumble.simulation.noise import TriadNoise, simulate_noise
 
-CUBE = Reach("the 26 directions", twenty_six_directions())
+CUBE, ALL = twenty_six_directions(), np.arange(9)
 WHITE = TriadNoise(random_walk=2e-3)
 WANDERING = TriadNoise(random_walk=3e-4, bias_instability=5e-4)
 
 
-def task(noise: TriadNoise = WHITE, name: str = "A", **more: object) -> PoseTask:
-    return PoseTask(noise, criterion_of(name), **more)  # type: ignore[arg-type]
+def task(noise: TriadNoise = WHITE) -> PoseTask:
+    return PoseTask(noise)
 
 
 @pytest.mark.parametrize(
@@ -52,11 +43,11 @@ def test_the_noise_that_holds_share_is_what_the_simulator_plays(noise: TriadNois
 
 def test_with_white_noise_the_prediction_is_the_bound_of_norms_at_rest() -> None:
     dwell = 40.0
-    plan = plan_of("nine", task(), paper_nine(), np.full(9, dwell))
-    expected = predict_sigma(paper_nine(), WHITE.random_walk / np.sqrt(dwell))
-    np.testing.assert_allclose(plan.sigmas[:3], expected.scale, rtol=1e-6)
-    np.testing.assert_allclose(plan.sigmas[3:6], expected.misalignment, rtol=1e-6)
-    np.testing.assert_allclose(plan.sigmas[6:], expected.bias / task().gravity, rtol=1e-6)
+    plan = plan_of("nine", task(), CUBE[list(NINE)], np.full(9, dwell))
+    sigma = WHITE.random_walk / np.sqrt(dwell) / task().gravity
+    # A face up and down: mean and half the difference. An edge: its own twice, and four others (docs/poses.md).
+    expected = sigma * np.sqrt(np.repeat([0.5, 7.0, 0.5], 3))
+    np.testing.assert_allclose(plan.sigmas, expected, rtol=1e-6)
 
 
 def test_a_common_wander_of_all_holds_is_in_the_biases_alone() -> None:
@@ -70,7 +61,7 @@ def test_a_common_wander_of_all_holds_is_in_the_biases_alone() -> None:
 
 
 def test_a_good_order_lessens_what_a_wandering_bias_does() -> None:
-    found = plan_poses(task(WANDERING), CUBE, 18, 30.0, np.random.default_rng(1))
+    found = plan_poses(task(WANDERING), 18, 30.0, np.random.default_rng(1))
     order = shortest_order(found.directions)
     shortest = plan_of("shortest", task(WANDERING), found.directions[order], found.dwells)
     assert found.value < 0.7 * shortest.value
@@ -81,58 +72,36 @@ def test_a_good_order_lessens_what_a_wandering_bias_does() -> None:
 def test_a_plan_of_a_given_time_lasts_so_long_and_is_no_worse_than_any_scheme() -> None:
     """5 %: among plans so close to each other the one with the fewest poses is taken."""
     for noise in (WHITE, WANDERING):
-        found = plan_time(task(noise), CUBE, 240.0, np.random.default_rng(1))
+        found = plan_time(task(noise), 240.0, np.random.default_rng(1))
         assert found.duration == pytest.approx(240.0, abs=3.0)  # dwells are rounded to tenths of a second
         schemes = plan_schemes(task(noise), 240.0)
         assert isinstance(schemes["six faces"], str)
         assert all(isinstance(one, str) or found.value <= 1.05 * one.value for one in schemes.values())
-        # A quarter of so short a time is turned away.
-        assert 0.5 < found.efficiency <= 1.0
-
-
-def test_free_dwells_on_the_sphere_are_proved_good() -> None:
-    reach = Reach("the sphere", sphere_grid(200), sphere=True)
-    found = plan_poses(task(), reach, 12, 30.0, np.random.default_rng(1))
-    assert found.efficiency > 0.85
-
-
-def test_for_the_biases_alone_the_plan_is_no_worse_in_them() -> None:
-    """The twelve edges are best for everything, and give biases as good as any twelve poses do: σ/2."""
-    everything = plan_poses(task(), CUBE, 12, 30.0, np.random.default_rng(1))
-    only = PoseTask(WHITE, criterion_of("A", np.array([6, 7, 8])))
-    biases = plan_poses(only, CUBE, 12, 30.0, np.random.default_rng(1))
-    assert np.mean(biases.sigmas[6:] ** 2) <= 1.001 * np.mean(everything.sigmas[6:] ** 2)
-    nine = plan_poses(task(), CUBE, 9, 30.0, np.random.default_rng(1))
-    fewer = plan_poses(only, CUBE, 9, 30.0, np.random.default_rng(1))
-    assert np.mean(fewer.sigmas[6:] ** 2) < 0.99 * np.mean(nine.sigmas[6:] ** 2)
 
 
 def test_poses_that_do_not_tell_are_refused_in_words() -> None:
     with pytest.raises(
-        ObservabilityError, match=r"jig do not determine the non-orthogonality of y to z\. Add edge"
+        ObservabilityError, match=r"8 poses do not determine the non-orthogonality of y to z\. Add edge"
     ):
-        require_seen(
-            CUBE.directions[[0, 1, 2, 3, 4, 5, 6, 8]], criterion_of("A"), what="The 8 poses of a jig"
-        )
-    # The same poses do tell the biases and scale factors.
-    require_seen(CUBE.directions[:6], criterion_of("A", np.array([0, 1, 2, 6, 7, 8])))
+        require_seen(CUBE[[0, 1, 2, 3, 4, 5, 6, 8]], ALL)
+    # Six faces do tell the biases and scale factors.
+    require_seen(CUBE[:6], np.array([0, 1, 2, 6, 7, 8]))
     with pytest.raises(ObservabilityError, match="8 poses determine 8 numbers"):
-        plan_poses(task(), CUBE, 8, 30.0, np.random.default_rng(0))
+        plan_poses(task(), 8, 30.0, np.random.default_rng(0))
     with pytest.raises(UsageError, match="too short for the 9 poses"):
-        plan_time(task(), CUBE, 30.0, np.random.default_rng(0))
+        plan_time(task(), 30.0, np.random.default_rng(0))
 
 
 def test_the_next_pose_is_the_one_that_helps_most() -> None:
     """By trying all 26: after the six faces, then after each pose that was named."""
     covariances = np.tile(np.diag([1e-8, 2e-8, 3e-8]), (6, 1, 1))
-    known = known_from_holds(CUBE.directions[:6], covariances, 9.8)
+    known = known_from_holds(CUBE[:6], covariances, 9.8)
     assert np.array_equal(np.isfinite(sigmas_so_far(known)), [True] * 3 + [False] * 3 + [True] * 3)
-    criterion = criterion_of("A")
-    following = find_next_poses(known, CUBE, 1e-5, criterion, count=3)
+    following = find_next_poses(known, CUBE, 1e-5, ALL, count=3)
     total = known + np.eye(9) / 0.09
     for one in following:
-        tried = [total + np.outer(row, row) / 1e-10 for row in pose_rows(CUBE.directions)]
-        best = min(float(criterion.value(np.linalg.inv(trial))) for trial in tried)
+        tried = [total + np.outer(row, row) / 1e-10 for row in pose_rows(CUBE)]
+        best = min(float(np.mean(np.diag(np.linalg.inv(trial)))) for trial in tried)
         assert one.value == pytest.approx(best, rel=1e-6)
         row = pose_rows(one.up_b[None])[0]
         total = total + np.outer(row, row) / 1e-10
@@ -143,7 +112,7 @@ def test_the_next_pose_is_the_one_that_helps_most() -> None:
 def test_when_to_stop_is_said() -> None:
     noise, wanted = WANDERING, np.arange(9)
     sigmas = np.full(9, 2e-5)
-    following = find_next_poses(np.diag(1.0 / sigmas**2), CUBE, 1e-4, criterion_of("A"))
+    following = find_next_poses(np.diag(1.0 / sigmas**2), CUBE, 1e-4, ALL)
     stop, words = judge_stop(sigmas, following, {"bias": 3e-4}, noise, 9.8, wanted)
     assert stop
     assert words == ["All targets are reached: stop here."]
@@ -153,7 +122,7 @@ def test_when_to_stop_is_said() -> None:
     # Biases known to a tenth of what they wander, and holds that are five times as noisy as what is known.
     stop, words = judge_stop(np.full(9, 3e-6), [], {}, noise, 9.8, wanted)
     assert any("wander" in word for word in words)
-    following = find_next_poses(np.diag(1.0 / sigmas**2), CUBE, 1e-3, criterion_of("A"))
+    following = find_next_poses(np.diag(1.0 / sigmas**2), CUBE, 1e-3, ALL)
     stop, words = judge_stop(sigmas, following, {}, noise, 9.8, wanted)
     assert stop
     assert "hardly worth" in words[-1]

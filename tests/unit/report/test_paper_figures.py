@@ -16,9 +16,8 @@ from tumble.errors import UsageError
 from tumble.report.figures import paper
 from tumble.report.figures.plot import BLUE, base_layout, packed, scatter, text_axis
 from tumble.report.html import render_page
-from tumble.report.page import Drawing, Drawings, Figure, Figures, Page
+from tumble.report.page import Figure, Figures, Page
 
-PICTURE = Drawing('<svg viewBox="0 0 9 9" font-family="x"><path d="M0 0h9" /></svg>', "a line")
 TIMES, LEVELS = np.array([0.0, 1.0, 2.5]), np.array([3.0, np.nan, -4.0])
 
 
@@ -50,7 +49,7 @@ def _map() -> dict[str, Any]:
 @pytest.fixture
 def page(tmp_path: Path) -> Path:
     pytest.importorskip("matplotlib")
-    blocks = [Figures(figures(), "what to see"), Drawings([PICTURE])]
+    blocks = [Figures(figures(), "what to see")]
     path = tmp_path / "report.html"
     path.write_text(render_page(Page("a page", blocks)), encoding="utf-8")
     return path
@@ -58,8 +57,8 @@ def page(tmp_path: Path) -> Path:
 
 def test_pdf_is_one_column_wide_and_has_its_fonts_in_it(page: Path) -> None:
     made = paper.draw_page(page, "pdf")
-    assert [file.name for file in made] == ["lines.pdf", "bars.pdf", "map.pdf", "report-1.svg"]
-    for file in made[:3]:
+    assert [file.name for file in made] == ["lines.pdf", "bars.pdf", "map.pdf"]
+    for file in made:
         (sheet,) = pypdf.PdfReader(io.BytesIO(file.read_bytes())).pages
         assert float(sheet.mediabox.width) / 72.0 * 25.4 == pytest.approx(88.0, abs=0.5)
         fonts = [font.get_object() for font in sheet["/Resources"]["/Font"].values()]  # type: ignore[index]
@@ -76,7 +75,7 @@ def test_twice_the_same_bytes(page: Path) -> None:
     assert first == [file.read_bytes() for form in paper.FORMS for file in paper.draw_page(page, form)]
 
 
-def test_svg_has_outlines_for_text_and_a_drawing_stands_alone(page: Path) -> None:
+def test_svg_has_outlines_for_text(page: Path) -> None:
     made = paper.draw_page(page, "svg")
     for file in made:
         tree = ET.fromstring(file.read_text(encoding="utf-8"))

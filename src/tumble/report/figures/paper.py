@@ -1,7 +1,6 @@
 """The figures of a page as files for a paper: PDF, SVG or PNG, one column wide, fonts embedded.
 
-A page carries its figures as data (`report.html`), and so every page that tumble writes can be drawn again. What
-stands on the page as a drawing is SVG already and is written as such.
+A page carries its figures as data (`report.html`), and so every page that tumble writes can be drawn again.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ from typing import Any, cast
 import numpy as np
 
 from tumble.errors import UsageError, install
-from tumble.files import make_folder, write_text, written_beside
+from tumble.files import make_folder, written_beside
 from tumble.report.html import figures_of
 from tumble.report.page import Plot
 
@@ -77,11 +76,6 @@ def draw_page(path: Path, form: str) -> list[Path]:
         with written_beside(file) as beside:
             beside.write_bytes(picture)
         made.append(file)
-    body = re.sub(r"<script.*?</script>", "", text, flags=re.S)
-    for number, svg in enumerate(re.findall(r"</figcaption>(<svg\b.*?</svg>)", body, re.S), 1):
-        file = folder / f"{path.stem}-{number}.svg"
-        write_text(file, _alone(svg))
-        made.append(file)
     return made
 
 
@@ -95,14 +89,6 @@ def require_library() -> None:
     """
     if find_spec("matplotlib") is None:
         raise UsageError(f"--figures needs matplotlib: {install('figures')}.")
-
-
-def _alone(svg: str) -> str:
-    """A drawing of a page as a file: with its name space, and black where the page gives the colour."""
-    head = '<svg xmlns="http://www.w3.org/2000/svg" font-family="DejaVu Sans, Arial, sans-serif" color="#000"'
-    opening, end, rest = svg.partition(">")
-    own = re.sub(r' (?:xmlns|font-family|color)="[^"]*"', "", opening.removeprefix("<svg"))
-    return f"{head}{own}{end}{rest}\n"
 
 
 def _drawn(plot: Plot, form: str) -> bytes:

@@ -17,6 +17,7 @@ from tumble.records import dataclass
 from tumble.units import MICRO_G
 from tumble.workflows.planning.given import read_known
 from tumble.workflows.planning.plan import (
+    check_seed,
     document_text,
     finite,
     plan_folder,
@@ -24,34 +25,110 @@ from tumble.workflows.planning.plan import (
     planned_place,
     read_targets,
 )
-from tumble.workflows.planning.pose_order import LEVELLED, PoseOrder, choose_reach, pose_task
 from tumble.workflows.planning.words import (
     SECOND,
     UNITS,
     describe_poses,
-    efficiency_words,
     group_means,
-    parameter_rows,
     pose_names,
-    scheme_rows,
 )
 from tumble.workflows.progress import silent
 
 if TYPE_CHECKING:
-    from tumble.arrays import Series, Square
+    from tumble.arrays import Series, Square, Vectors
     from tumble.design.next_pose import NextPose
-    from tumble.design.pose_plan import PosePlan, PoseTask, Reach
+    from tumble.design.pose_plan import PosePlan, PoseTask
     from tumble.protocol import Protocol
     from tumble.simulation import Grade
     from tumble.workflows.planning.protocol import ProtocolPlanned
 
-FILES = ("protocol.yaml", "plan.json", "plan.html", "sheet.html")
-BY_HAND = math.radians(5.0)
+FILES = ("protocol.yaml", "plan.json", "sheet.html")
+LEVELLED, BY_HAND = math.radians(0.5), math.radians(5.0)
+"""One sigma to which faces on a plate are levelled, and a unit is laid down."""
+# Seconds of a pose and of a turn, and the fewest poses that are planned without being asked.
+DEFAULTS = {"multi-position": (30.0, 3.0, 9), "hand-held": (4.0, 2.0, 26), "six-position": (30.0, 3.0, 6)}
+MOST_POSES = 200
 _TARGET_SIZES = {"bias": MICRO_G, "scale": 1e-6, "misalignment": SECOND}
 _TARGET_REFUSAL = (
     "write bias=50,scale=100,misalignment=20 or some of them, in µg, ppm and arc-seconds, each positive."
 )
 _ASSUMED = "is assumed, and written into the protocol: give --site, or correct it there before anything is calibrated."
+
+
+@dataclass(frozen=True, slots=True)
+class PoseOrder:
+    """What a search of poses is asked for.
+
+    Attributes
+    ----------
+    procedure : one of `tumble.workflows.planning.plan.SEARCHED`.
+    imu : grade of the unit.
+    data_sheet : a grade whose spreads are believed beforehand, as `calibrate --data-sheet` does.
+    poses, minutes : how many poses of `hold` seconds each, or how long the whole test may last with as many poses and
+        dwells as is best; by default nine poses.
+    hold, turn : s of a pose, and of the turn to the next.
+    given : a calibration, or a recording of this unit, that is there already.
+    targets : wished-for standard uncertainties, as "bias=50,scale=100,misalignment=20" in µg, ppm and arc-seconds.
+    site : gravity; latitude 45° by default.
+    seed : of the search's starts.
+    rate : of the samples of a hand-held test with its standard uncertainty, as for `plan_any_protocol`.
+    """
+
+    procedure: str
+    imu: str = "consumer-mems"
+    data_sheet: str | None = None
+    poses: int | None = None
+    minutes: float | None = None
+    hold: float | None = None
+    turn: float | None = None
+    given: str | os.PathLike[str] | None = None
+    targets: str | None = None
+    site: Site | None = None
+    seed: int = 0
+    rate: str | None = None
+
+    @property
+    def usual(self) -> tuple[float, float, int]:
+        """Seconds of a pose and of a turn, and the fewest poses, where nobody says."""
+        return DEFAULTS[self.procedure]
+
+    @property
+    def is_six_position(self) -> bool:
+        """Whether faces are levelled and believed."""
+        return self.procedure == "six-position"
+
+    @property
+    def dwell(self) -> float:
+        """Seconds of a pose, where the time of the test does not say."""
+        return self.hold or self.usual[0]
+
+    def check(self) -> None:
+        """Refuse numbers that contradict one another or that no test has.
+
+        Raises
+        ------
+        UsageError
+            If there is one.
+        """
+        if self.poses is not None and self.minutes is not None:
+            raise UsageError(
+                "--poses and --time: give the number of poses or the time of the whole test, not both."
+            )
+        if self.minutes is not None and self.hold is not None:
+            raise UsageError(
+                "--hold and --time: with the time of the whole test the dwells follow; leave --hold out."
+            )
+        if self.poses is not None and not 1 <= self.poses <= MOST_POSES:
+            raise UsageError(f"--poses {self.poses}: give 1 to {MOST_POSES}.")
+        if self.minutes is not None and not 0.0 < self.minutes <= 10_000.0:
+            raise UsageError(f"--time {self.minutes:g}: give minutes of the whole test, up to 10000.")
+        if self.hold is not None and not 1.0 <= self.hold <= 100_000.0:
+            raise UsageError(f"--hold {self.hold:g}: give 1 to 100000 seconds of rest in each pose.")
+        if self.turn is not None and not 0.5 <= self.turn <= 3600.0:
+            raise UsageError(
+                f"--turn-seconds {self.turn:g}: give 0.5 to 3600 seconds from one pose to the next."
+            )
+        check_seed(self.seed)
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +163,6 @@ class PosesPlanned:
     grade: Grade
     place: Site
     task: PoseTask
-    reach: Reach
     plan: PosePlan
     predicted: list[Predicted]
     schemes: dict[str, PosePlan | str]
@@ -130,21 +206,20 @@ def plan_poses(
     grade, remarks = planned_grade(order.imu)
     place, assumed = planned_place(order.site, _ASSUMED)
     wished = read_targets(order.targets, _TARGET_SIZES, _TARGET_REFUSAL)
-    task = pose_task(order, grade, place)
-    reach = _faces() if order.is_six_position else choose_reach(order.reach, order.outer, order.inner)
+    task = _task(order, grade, place)
     known = Known()
     if order.given is not None:
         progress("reading what is there already")
-        known = _with_given(task, reach, order.given, order.dwell, wished)
+        known = _with_given(task, order, wished)
         task = replace(task, known=known.information)
     progress("searching")
-    plan = _search(order, task, reach, np.random.default_rng(order.seed), progress)
+    plan = _search(order, task, np.random.default_rng(order.seed), progress)
     progress("comparing")
     schemes = plan_schemes(replace(task, placement=0.0, shortening=0.0), plan.duration)
     if order.is_six_position:
         del schemes["six faces"]
     made, predicted = _protocol(order, plan, place), predict(plan, place)
-    done = PosesPlanned(order.procedure, grade, place, task, reach, plan, predicted, schemes, made)
+    done = PosesPlanned(order.procedure, grade, place, task, plan, predicted, schemes, made)
     done.given, done.following, done.stop = known.said, known.following, known.stop
     done.sigmas_given = known.sigmas
     done.remarks = [*remarks, *assumed, *describe_poses(done), *_unmet(plan, place, wished)]
@@ -201,6 +276,7 @@ def document_of_poses(done: PosesPlanned) -> dict[str, Any]:
     ----------
     done : what was planned.
     """
+    from tumble.calibration.poses import describe_direction
     from tumble.workflows.planning.protocol import joint_parameters
 
     plan = done.plan
@@ -215,10 +291,7 @@ def document_of_poses(done: PosesPlanned) -> dict[str, Any]:
         "version": 1,
         "procedure": done.procedure,
         "imu": done.grade.name,
-        "criterion": done.task.criterion.name,
-        "reach": done.reach.words,
         "duration_s": plan.duration,
-        "efficiency": plan.efficiency,
         "gravity": {"value": done.place.gravity, "standard_uncertainty": done.place.gravity_sigma},
         "poses": [
             {"up": [float(v) for v in up], "seconds": float(dwell), "name": name}
@@ -240,31 +313,65 @@ def document_of_poses(done: PosesPlanned) -> dict[str, Any]:
         "both_triads": None if done.joint is None else joint_parameters(done.joint),
         "stop": done.stop,
         "next": [
-            {"up": [float(v) for v in one.up_b], "name": one.name, "criterion_gain": one.gain}
+            {
+                "up": [float(v) for v in one.up_b],
+                "name": describe_direction(one.up_b),
+                "criterion_gain": one.gain,
+            }
             for one in done.following
         ],
         "remarks": done.remarks,
     }
 
 
+def _task(order: PoseOrder, grade: Grade, place: Site) -> PoseTask:
+    """The design's task: of six faces, scale factors and biases alone, and what levelling adds to each."""
+    from tumble.design.candidates import GROUPS
+    from tumble.design.pose_plan import PoseTask
+
+    turn = order.usual[1] if order.turn is None else order.turn
+    known = _sheet(order.data_sheet, place.gravity)
+    task = PoseTask(grade.accelerometer.noise, grade.rate, turn, place.gravity, known)
+    if not order.is_six_position:
+        return task
+    wanted = np.array([*GROUPS["scale"], *GROUPS["bias"]])
+    # Of a face's own reading: the square of the tilt, and its product with misalignment.
+    own = math.hypot(LEVELLED**2, math.sqrt(2.0) * LEVELLED * grade.accelerometer.misalignment)
+    return replace(task, wanted=wanted, placement=own, shortening=LEVELLED**2)
+
+
+def _sheet(name: str | None, gravity: float) -> Square | None:
+    """The information of a data sheet's spreads."""
+    if name is None:
+        return None
+    from tumble.calibration.prior import prior_of_sheet
+    from tumble.workflows.given.data_sheet import find_sheet
+
+    prior = prior_of_sheet(find_sheet(name), "accelerometer", "m/s^2")
+    if prior is None:
+        return None
+    # Biases come last here, and in units of gravity.
+    order, scale = np.array([3, 4, 5, 6, 7, 8, 0, 1, 2]), np.repeat([1.0, gravity], [6, 3])
+    return np.asarray(prior.precision[np.ix_(order, order)] * np.outer(scale, scale), dtype=np.float64)
+
+
 def _search(
     order: PoseOrder,
     task: PoseTask,
-    reach: Reach,
     rng: np.random.Generator,
     say: Callable[[str], None],
 ) -> PosePlan:
     from tumble.design import pose_plan
 
     if order.is_six_position:
-        return _levelled(order, task, reach)
+        return _levelled(order, task)
     if order.minutes is not None:
-        return pose_plan.plan_time(task, reach, 60.0 * order.minutes, rng, say)
+        return pose_plan.plan_time(task, 60.0 * order.minutes, rng, say)
     count = order.poses if order.poses is not None else order.usual[2]
-    return pose_plan.plan_poses(task, reach, count, order.dwell, rng)
+    return pose_plan.plan_poses(task, count, order.dwell, rng)
 
 
-def _levelled(order: PoseOrder, task: PoseTask, reach: Reach) -> PosePlan:
+def _levelled(order: PoseOrder, task: PoseTask) -> PosePlan:
     """The six faces, in their best order."""
     from tumble.design.pose_order import best_order
     from tumble.design.pose_plan import plan_of
@@ -275,30 +382,31 @@ def _levelled(order: PoseOrder, task: PoseTask, reach: Reach) -> PosePlan:
     dwell = order.dwell if whole is None else (60.0 * whole + task.turn) / 6 - task.turn
     if dwell < 1.0:
         raise UsageError(f"--time {whole:g}: that leaves no time for six poses and the turns between them.")
-    ordered = reach.directions[best_order(task, reach.directions, dwell)]
+    faces = _directions(order)
+    ordered = faces[best_order(task, faces, dwell)]
     return plan_of("six faces", task, ordered, np.full(6, dwell))
 
 
-def _with_given(
-    task: PoseTask, reach: Reach, given: str | os.PathLike[str], dwell: float, targets: dict[str, float]
-) -> Known:
+def _with_given(task: PoseTask, order: PoseOrder, targets: dict[str, float]) -> Known:
     """What is there already, which poses come next, and whether to stop."""
     from tumble.design.next_pose import find_next_poses, judge_stop, sigmas_so_far
 
-    known, words = read_known(given)
+    assert order.given is not None
+    known, words = read_known(order.given)
     if task.known is not None:
         known = known + task.known
-    following = find_next_poses(known, reach, task.dwell_sigma(dwell, 10.0 * dwell), task.criterion)
+    sigma = task.dwell_sigma(order.dwell, 10.0 * order.dwell)
+    following = find_next_poses(known, _directions(order), sigma, task.wanted)
     so_far = sigmas_so_far(known)
-    stop, said = judge_stop(so_far, following, targets, task.noise, task.gravity, task.criterion.wanted)
+    stop, said = judge_stop(so_far, following, targets, task.noise, task.gravity, task.wanted)
     return Known([*words, *said], known, following, stop, so_far)
 
 
-def _faces() -> Reach:
+def _directions(order: PoseOrder) -> Vectors:
     from tumble.attitude.directions import twenty_six_directions
-    from tumble.design.pose_plan import Reach
 
-    return Reach("the six faces", twenty_six_directions()[[0, 5, 1, 4, 2, 3]])
+    directions = twenty_six_directions()
+    return directions[[0, 5, 1, 4, 2, 3]] if order.is_six_position else directions
 
 
 def _protocol(order: PoseOrder, plan: PosePlan, place: Site) -> Protocol:
@@ -342,34 +450,9 @@ def _write(done: PosesPlanned, folder: Path) -> list[Path]:
     texts = (
         protocol_to_yaml(done.protocol),
         document_text(document_of_poses(done)),
-        _page(done),
         render_sheet(done.protocol, done.plan.name),
     )
     return write_texts({folder / name: text for name, text in zip(FILES, texts, strict=True)})
-
-
-def _page(done: PosesPlanned) -> str:
-    from tumble.report.operator_sheet import render_plan
-
-    plan = done.plan
-    drawn = [one for one in done.schemes.values() if not isinstance(one, str)]
-    facts = [
-        ("Procedure", done.procedure),
-        ("Unit", done.grade.name),
-        ("Poses", f"{len(plan.dwells)}, of {done.reach.words}, {done.task.criterion.name}-optimal"),
-        ("Time", f"{plan.duration / 60.0:.1f} min, {plan.turn:g} s of them for each turn"),
-        ("Gravity", f"{done.place.gravity:.5f} ± {done.place.gravity_sigma:.5f} m/s²"),
-    ]
-    return render_plan(
-        title=f"Plan of a {done.procedure} test",
-        facts=facts,
-        parameters=parameter_rows(done),
-        plan=plan,
-        names=pose_names(plan),
-        others=drawn[:1] + drawn[-1:] if len(drawn) > 1 else drawn,
-        schemes=scheme_rows(done),
-        sentences=[*done.given, *efficiency_words(plan), *done.remarks],
-    )
 
 
 def _finite(values: dict[str, float]) -> dict[str, float | None]:

@@ -340,23 +340,15 @@ def group_means(plan: PosePlan) -> dict[str, float]:
 
 
 def pose_names(plan: PosePlan) -> list[str]:
-    """Return a name for each pose: the fixture's, or the nearest face, edge or corner.
+    """Return a name for each pose: its face, edge or corner.
 
     Parameters
     ----------
-    plan : with names, or without.
+    plan : with directions.
     """
-    from tumble.attitude.directions import twenty_six_directions
     from tumble.calibration.poses import describe_direction
 
-    if plan.names:
-        return list(plan.names)
-    near = np.max(plan.directions @ twenty_six_directions().T, axis=1)
-    words = [describe_direction(up) for up in plan.directions]
-    return [
-        word if cosine > 1.0 - 1e-9 else f"{math.degrees(math.acos(min(cosine, 1.0))):.0f}° from {word}"
-        for word, cosine in zip(words, near.tolist(), strict=True)
-    ]
+    return [describe_direction(up) for up in plan.directions]
 
 
 def scheme_rows(done: PosesPlanned) -> tuple[list[str], list[list[str]]]:
@@ -405,20 +397,3 @@ def parameter_rows(done: PosesPlanned) -> list[list[str]]:
         factor = sizes[0].sigma / same[0][0]
         rows.append([one.name, f"{one.total * factor:.2g}", sizes[0].unit, f"{one.noise * factor:.2g}"])
     return rows
-
-
-def efficiency_words(plan: PosePlan) -> list[str]:
-    """Return what is proved of the plan.
-
-    Parameters
-    ----------
-    plan : with its efficiency, or zero.
-    """
-    if plan.efficiency <= 0.0:
-        return []
-    return [
-        (
-            f"Proved: no plan of these poses in this time is better by more than {1.0 / plan.efficiency:.2f} times "
-            "in the criterion (were the noise white)."
-        )
-    ]
