@@ -1,9 +1,8 @@
 """Certificates of a calibration: a PDF for people, and PTB's digital calibration certificate for machines.
 
-Both carry the ``calibration.json`` that they are of, whole, so that every number in them can be checked against it.
+Both carry the ``calibration.json`` that they are of, whole, so that every number in them can be compared with it.
 """
 
-from tumble.certificate.check import check_certificate
 from tumble.certificate.content import CertificateContent, certificate_content
 from tumble.certificate.pdf import certificate_pdf
 from tumble.certificate.profile import Profile, read_profile
@@ -13,6 +12,5 @@ __all__ = [
     "Profile",
     "certificate_content",
     "certificate_pdf",
-    "check_certificate",
     "read_profile",
 ]

@@ -26,29 +26,25 @@ CJK = (
 _LOGO = {b"\x89PNG": ".png", b"\xff\xd8\xff": ".jpg"}
 
 
-def certificate_pdf(content: CertificateContent, *, short: bool = False, logo: bytes | None = None) -> bytes:
+def certificate_pdf(content: CertificateContent, *, logo: bytes | None = None) -> bytes:
     """Return a certificate as PDF.
 
     Parameters
     ----------
     content : of it.
-    short : on one page.
     logo : SVG, PNG or JPEG.
 
     Raises
     ------
     UsageError
-        If a library or a font is missing, the day is none, or the logo is no picture.
+        If a library or a font is missing, or the logo is no picture.
     """
     try:
         import typst
     except ImportError:
         raise UsageError(f"A certificate needs typst and segno: {install('certificate')}.") from None
-    try:
-        day = datetime.strptime(content.date, "%Y-%m-%d").replace(tzinfo=UTC)
-    except ValueError:
-        raise UsageError(f"--date {content.date[:40]}: give a day as 2026-11-22.") from None
-    told: dict[str, Any] = {**asdict(content), "short": short, "logo": None, "cjk": []}
+    day = datetime.strptime(content.date, "%Y-%m-%d").replace(tzinfo=UTC)
+    told: dict[str, Any] = {**asdict(content), "logo": None, "cjk": []}
     told.pop("document")
     if content.language == "zh":
         told["cjk"] = _chinese_fonts()

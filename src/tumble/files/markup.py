@@ -1,4 +1,4 @@
-"""The one place that makes HTML: the templates, which escape what they are given."""
+"""The one place that makes HTML and XML: the templates, which escape what they are given."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ if TYPE_CHECKING:
 
 
 @cache
-def templates() -> Environment:
-    """Return the templates of the report's pages and of what a notebook shows."""
+def templates(room: str = "report") -> Environment:
+    """Return the templates of a room; those of `report` are its pages and what a notebook shows."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
     return Environment(
-        loader=FileSystemLoader(str(files("tumble") / "report" / "templates")),
+        loader=FileSystemLoader(str(files("tumble") / room / "templates")),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,

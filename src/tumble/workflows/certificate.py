@@ -1,8 +1,7 @@
-"""From a calibration and a laboratory's profile to a certificate, and back."""
+"""From a calibration and a laboratory's profile to a certificate."""
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -11,7 +10,7 @@ from tumble.certificate import Profile, certificate_content, certificate_pdf, re
 from tumble.certificate.profile import Laboratory
 from tumble.document import Calibration, read_calibration
 from tumble.errors import UsageError
-from tumble.files import check_target, make_folder, read_text, shown, write_text, written_beside
+from tumble.files import check_target, make_folder, read_text, shown, written_beside
 from tumble.records import dataclass
 
 NOBODY = "–"
@@ -35,8 +34,6 @@ def make_certificate(
     number: str | None = None,
     date: str | None = None,
     language: str = "en",
-    short: bool = False,
-    dcc: Path | None = None,
     registry: str | None = None,
 ) -> Certificate:
     """Write a certificate.
@@ -44,13 +41,11 @@ def make_certificate(
     Parameters
     ----------
     calibration : a ``calibration.json``, or its folder.
-    output : PDF file.
+    output : PDF file, or as ``.xml`` the digital calibration certificate.
     profile : what the laboratory says; without it the certificate has no laboratory.
     number : of the certificate; by default made of the day and the calibration's identity.
     date : of issue, YYYY-MM-DD; today by default. The same day makes the same bytes.
     language : of `tumble.certificate.languages.LANGUAGES`.
-    short : on one page.
-    dcc : file for the digital calibration certificate beside it.
     registry : that keeps the certificate's number.
 
     Raises
@@ -63,7 +58,7 @@ def make_certificate(
         (Profile(laboratory=Laboratory(name=NOBODY)), None) if profile is None else read_profile(profile)
     )
     _require_same_item(document, told)
-    day = date or datetime.now(UTC).strftime("%Y-%m-%d")
+    day = _day_of(date)
     number = number or f"{day.replace('-', '')}-{document.identity}"
     if shown(number) != number or len(number) > 80 or not number.strip():
         raise UsageError(f"--number {shown(number)[:40]!r}: give up to 80 visible characters.")
@@ -71,21 +66,28 @@ def make_certificate(
     # The file itself is attached, so that its hash is the certificate's.
     text = read_text(calibration / "calibration.json" if calibration.is_dir() else calibration)
     content = certificate_content(document, told, number, day, language, text)
-    pdf = certificate_pdf(content, short=short, logo=logo)
-    xml = None
-    if dcc is not None:
+    if output.suffix.lower() == ".xml":
         from tumble.certificate.dcc import dcc_text
 
-        xml = dcc_text(document, told, number, day, language, text)
-        check_target(dcc)
+        made = dcc_text(document, told, number, day, language, text).encode()
+    else:
+        made = certificate_pdf(content, logo=logo)
     if registry is not None:
-        _register(registry, _document_hash_of(document), number)
+        _register(registry, document, number)
     make_folder(output.parent)
     with written_beside(output) as beside:
-        beside.write_bytes(pdf)
-    if dcc is not None and xml is not None:
-        write_text(dcc, xml)
-    return Certificate(number, content.sha256, [output, *([dcc] if dcc else [])], _lacking(told))
+        beside.write_bytes(made)
+    return Certificate(number, content.sha256, [output], _lacking(told))
+
+
+def _day_of(date: str | None) -> str:
+    """The day of issue as YYYY-MM-DD, today by default."""
+    if date is None:
+        return datetime.now(UTC).strftime("%Y-%m-%d")
+    try:
+        return datetime.strptime(date, "%Y-%m-%d").strftime("%Y-%m-%d")
+    except ValueError:
+        raise UsageError(f"--date {shown(date)[:40]}: give a day as 2026-11-22.") from None
 
 
 def _require_same_item(document: Calibration, profile: Profile) -> None:
@@ -118,14 +120,9 @@ def _lacking(profile: Profile) -> list[str]:
     return [f"ISO/IEC 17025 asks for more than the profile says: {'; '.join(missing)}."]
 
 
-def _document_hash_of(calibration: Calibration) -> str:
-    """Return the hash by which a registry knows a document."""
-    return hashlib.sha256(calibration.to_json().encode()).hexdigest()
-
-
-def _register(name: str, sha256: str, number: str) -> None:
-    from tumble.registry.store import add_certificate
+def _register(name: str, document: Calibration, number: str) -> None:
+    from tumble.registry.store import add_certificate, document_hash
     from tumble.workflows.registry import registry_at
 
     with registry_at(name) as registry:
-        add_certificate(registry, sha256, number)
+        add_certificate(registry, document_hash(document.to_json()), number)
