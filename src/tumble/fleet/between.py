@@ -86,6 +86,8 @@ def between_units(values: Table, covariances: np.ndarray) -> Between:
     sd = np.sqrt(variance)
     spread_sigma = (variance + noise) / np.maximum(sd, 1e-12) / np.sqrt(2.0 * (count - 1))
     outer = np.outer(scale, scale)
+    # To round-off an inverse is not symmetric, and a document's covariance has to be.
+    mean_covariance = 0.5 * (mean_covariance + mean_covariance.T)
     return Between(mean * scale, mean_covariance * outer, inside * outer, spread_sigma * scale, count)
 
 
