@@ -95,8 +95,8 @@ def test_arrays_of_a_wrong_shape_are_refused_in_a_sentence(
 def test_a_conversion_takes_its_limit_by_name(calibration: tumble.Calibration, tmp_path: Path) -> None:
     with pytest.raises(tumble.TumbleError, match="cannot hold this calibration"):
         tumble.convert_to(calibration, "px4", output=tmp_path / "a.params", largest_loss=0.001)
-    tumble.convert_to(calibration, "px4", output=tmp_path / "a.params", largest_loss=0.1, instance=2)
-    assert "CAL_ACC2_XOFF" in (tmp_path / "a.params").read_text()
+    tumble.convert_to(calibration, "px4", output=tmp_path / "a.params", largest_loss=0.1)
+    assert "CAL_ACC0_XOFF" in (tmp_path / "a.params").read_text()
 
 
 def test_one_topic_may_be_a_mere_string(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tumble.cli.groups import ADVANCED, FIRST, detail, option
+from tumble.cli.groups import ADVANCED, FIRST, option
 from tumble.cli.options import NoiseFile, PrintOptions, complete_target, output_option
 from tumble.cli.terminal import console, results_stand, say, say_json, say_written, table
 from tumble.errors import UsageError
@@ -33,19 +33,6 @@ class FormOptions:
         float,
         option(ADVANCED, "PPM", "Refuse what loses more than this of a vector's length.", show_default=True),
     ] = 20000.0
-    instance: Annotated[int, detail(ADVANCED, "N", "Which IMU of the vehicle, from 0 (PX4, ArduPilot).")] = 0
-    per_count: Annotated[
-        str | None,
-        option(
-            ADVANCED,
-            "ACC,GYRO",
-            "m/s² and rad/s that the driver makes of a count, for calibrations in counts.",
-        ),
-    ] = None
-    correlation_time: Annotated[
-        float,
-        detail(_NOISE, "S", "Of consumers with Gauss-Markov biases (KF-GINS, OKVIS).", show_default=True),
-    ] = 3600.0
     ros_topic: Annotated[
         str | None, option(ADVANCED, "NAME", "ROS topic, for forms that name one (the bag's, else /imu0).")
     ] = None
@@ -56,9 +43,6 @@ class NoiseOptions:
     """Noise that is written beside a calibration."""
 
     noise: NoiseFile = None
-    inflate: Annotated[
-        str | None, option(_NOISE, "WHITE,WALK", "Multiply white noise and random walk by these, as 2,10.")
-    ] = None
     consumer_rate: Annotated[
         float | None, option(_NOISE, "HZ", "Rate that the consumer runs at, for per-sample noise.")
     ] = None
@@ -140,18 +124,13 @@ def _write(
         frame=form.frame,
         temperature=form.at_temperature,
         largest_loss=1e-6 * form.largest_loss,
-        instance=form.instance,
-        per_count=None if form.per_count is None else _pair(form.per_count, "--per-count"),
-        correlation_time=form.correlation_time,
         topic=form.ros_topic,
     )
-    factors = (1.0, 1.0) if noise.inflate is None else _pair(noise.inflate, "--inflate")
     return convert_to(
         calibration,
         target,
         output=output,
         noise=noise.noise,
-        inflate=factors,
         rate=noise.consumer_rate,
         wishes=wishes,
     )
@@ -167,18 +146,6 @@ def _turn(calibration: Path, output: Path | None, form: FormOptions) -> Converte
         )
     file, document = turn(calibration, form.frame, output or Path("turned.json"))
     return Converted([file], document.remarks[-1:])
-
-
-def _pair(text: str, option: str) -> tuple[float, float]:
-    try:
-        first, second = (float(part) for part in text.split(","))
-    except ValueError:
-        raise UsageError(
-            f"{option} {text} is no pair of numbers: give two with a comma between, as 2,10."
-        ) from None
-    if not (0.0 < first < float("inf") and 0.0 < second < float("inf")):
-        raise UsageError(f"{option} {text}: both numbers must be above zero.")
-    return first, second
 
 
 def _say(done: Converted, printed: PrintOptions) -> None:

@@ -64,9 +64,9 @@ def complete_target(incomplete: str) -> list[str]:
     ----------
     incomplete : what was typed.
     """
-    from tumble.export.registry import TARGETS
+    from tumble.export.target import targets
 
-    return _beginning(TARGETS, incomplete)
+    return _beginning(targets(), incomplete)
 
 
 def complete_study(incomplete: str) -> list[str]:

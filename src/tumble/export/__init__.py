@@ -1,7 +1,7 @@
-"""Calibrations in other tools' forms: one file a target, each with its formula and a test vector.
+"""Calibrations in other tools' forms: one template a target, each with its formula and a test vector.
 
-`TARGETS` names them. A target writes what it can hold of a calibration and says what it cannot
-(`losses`); where the other side's files are complete enough it reads them too.
+A file of `targets` is a record and a Jinja2 text. Of a calibration the text is given what the record holds, and what it
+does not hold is stated with its size (`losses`). Four tools' files are read, too.
 """
 
 from __future__ import annotations
@@ -9,18 +9,17 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from tumble.export.registry import TARGETS, find_target
     from tumble.export.subject import Subject, prepare
-    from tumble.export.target import Target
+    from tumble.export.target import Target, find_target, targets
 
-__all__ = ["TARGETS", "Subject", "Target", "find_target", "prepare"]
+__all__ = ["Subject", "Target", "find_target", "prepare", "targets"]
 
 _MODULES = {
-    "TARGETS": "registry",
     "Subject": "subject",
     "Target": "target",
-    "find_target": "registry",
+    "find_target": "target",
     "prepare": "subject",
+    "targets": "target",
 }
 
 

@@ -1,7 +1,8 @@
-"""What PX4 and ArduPilot have in common: offsets and scale factors along the sensing axes, nothing off the diagonal."""
+"""PX4's and ArduPilot's parameters read: offsets and scale factors along the sensing axes, biases over temperature."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -9,33 +10,139 @@ import numpy as np
 
 from tumble.arrays import AnyArray
 from tumble.errors import CalibrationFileError
-from tumble.export import losses
-from tumble.export.curves import Curve, thermal_of
-from tumble.export.subject import Subject, with_losses
-from tumble.export.target import Imported
+from tumble.export.polynomials import Curve, thermal_of
+from tumble.export.reading import Imported, text_of
+from tumble.files import number_of, shown
 from tumble.sensor import ImuModel, Triad
 
+_REFERENCE = 35.0  # °C that ArduPilot's polynomials are about
+_ABSOLUTE_ZERO = 273.15  # below it CALTEMP is not set
 Found = dict[str, dict[tuple[str, str, str], float]]
 """By triad: values by number of the unit, axis, and ``offset`` or ``scale``."""
 
 
-def diagonal(subject: Subject, title: str) -> Subject:
-    """Return the subject with scale factors alone for accelerometers and nominal ones for gyros, and what that loses.
+def read_px4(path: Path) -> Imported:
+    """Read the first calibrated accelerometer and gyro of a parameter file, with their temperature compensation.
 
     Raises
     ------
-    UsageError
-        If more is lost than the wishes allow.
+    CalibrationFileError
+        If it is no parameter file, or has no calibration in it.
     """
-    accelerometer, gyroscope = subject.accelerometer, subject.gyroscope
-    kept = np.diag(np.diag(accelerometer.matrix))
-    lost = losses.of_matrix(accelerometer, kept, "accelerometers", "misalignments (off-diagonals)")
-    lost += losses.of_matrix(gyroscope, np.eye(3), "gyros", "scale factors and misalignments")
-    model = ImuModel(Triad(kept, accelerometer.bias), Triad(np.eye(3), gyroscope.bias))
-    return with_losses(subject, model, lost, title)
+    found: Found = {"accelerometer": {}, "gyroscope": {}}
+    others: dict[str, float] = {}
+    for line_number, line in enumerate(text_of(path).splitlines(), 1):
+        if not line.strip() or line.lstrip().startswith("#"):
+            continue
+        words = line.split()
+        if len(words) != 5:
+            raise CalibrationFileError(
+                f"{path}, line {line_number}, has {len(words)} words: a line of PX4's is vehicle, component, name, "
+                "value, type."
+            )
+        try:
+            value = number_of(words[3])
+        except ValueError:
+            raise CalibrationFileError(
+                f"{path}, line {line_number}: {shown(words[3][:40])} is no number."
+            ) from None
+        if match := re.fullmatch(r"CAL_(ACC|GYRO)(\d)_([XYZ])(OFF|SCALE)", words[2]):
+            kind = "accelerometer" if match[1] == "ACC" else "gyroscope"
+            found[kind][match[2], match[3], "offset" if match[4] == "OFF" else "scale"] = value
+        else:
+            others[words[2]] = value
+
+    def curve_of(kind: str, number: str, triad: Triad, remarks: list[str]) -> Curve | None:
+        return _px4_curve(others, kind, number, triad, remarks, path)
+
+    return _from_parameters(found, path, "PX4", curve_of)
 
 
-def from_parameters(
+def _px4_curve(
+    values: dict[str, float], kind: str, number: str, triad: Triad, remarks: list[str], path: Path
+) -> Curve | None:
+    """Return a sensor's bias over temperature: what TC holds about TREF, and the offset beside it."""
+    letter, calibrated = (
+        ("A", f"CAL_ACC{number}_ID") if kind == "accelerometer" else ("G", f"CAL_GYRO{number}_ID")
+    )
+    if not values.get(f"TC_{letter}_ENABLE"):
+        return None
+    own = values.get(calibrated)
+    known = [n for n in "0123" if own and values.get(f"TC_{letter}{n}_ID") == own]
+    n = known[0] if known else number
+    if not known and own and values.get(f"TC_{letter}{n}_ID"):
+        remarks.append(
+            f"the temperature compensation of TC_{letter} is for other sensors than the {kind} that was read"
+        )
+        return None
+    what = f"TC_{letter}_ENABLE"
+    begin = f"TC_{letter}{n}_"
+    reference, low, high = _entries_of(
+        values, [begin + name for name in ("TREF", "TMIN", "TMAX")], what, path
+    )
+    names = [f"{begin}X{power}_{axis}" for power in range(4) for axis in range(3)]
+    coefficients = _entries_of(values, names, what, path).reshape(4, 3)
+    coefficients[0] += triad.bias
+    return Curve(coefficients, float(reference), (float(low), float(high)))
+
+
+def read_ardupilot(path: Path) -> Imported:
+    """Read the first accelerometer and gyro of a parameter file, with their temperature compensation.
+
+    Raises
+    ------
+    CalibrationFileError
+        If it is no parameter file, or has no calibration in it.
+    """
+    found: Found = {"accelerometer": {}, "gyroscope": {}}
+    others: dict[str, float] = {}
+    for line_number, line in enumerate(text_of(path).splitlines(), 1):
+        line = line.partition("#")[0].strip()
+        if not line:
+            continue
+        words = line.replace(",", " ").split()
+        try:
+            name, value = words[0], number_of(words[1])
+        except (IndexError, ValueError):
+            raise CalibrationFileError(
+                f"{path}, line {line_number}: a line of ArduPilot's is NAME,VALUE, not {line[:40]!r}."
+            ) from None
+        if match := re.fullmatch(r"INS_(ACC|GYR)(\d?)(OFFS|SCAL)_([XYZ])", name):
+            kind = "accelerometer" if match[1] == "ACC" else "gyroscope"
+            found[kind][match[2] or "1", match[4], "offset" if match[3] == "OFFS" else "scale"] = value
+        else:
+            others[name] = value
+
+    def curve_of(kind: str, number: str, triad: Triad, remarks: list[str]) -> Curve | None:
+        return _ardupilot_curve(others, kind, number, triad, remarks, path)
+
+    return _from_parameters(found, path, "ArduPilot", curve_of)
+
+
+def _ardupilot_curve(
+    values: dict[str, float], kind: str, number: str, triad: Triad, remarks: list[str], path: Path
+) -> Curve | None:
+    """Return a sensor's bias over temperature: the offset at CALTEMP, and how P differs from what it is there."""
+    what = f"INS_TCAL{number}_ENABLE"
+    if not values.get(what):
+        return None
+    short = "ACC" if kind == "accelerometer" else "GYR"
+    begin = f"INS_TCAL{number}_"
+    low, high = _entries_of(values, [begin + "TMIN", begin + "TMAX"], what, path)
+    names = [f"{begin}{short}{power}_{axis}" for power in (1, 2, 3) for axis in "XYZ"]
+    coefficients = np.zeros((4, 3))
+    coefficients[1:] = 1e-6 * _entries_of(values, names, what, path).reshape(3, 3)
+    calibrated = values.get(f"INS_{short}{number}_CALTEMP")
+    if calibrated is None or calibrated < -_ABSOLUTE_ZERO:
+        remarks.append(f"INS_{short}{number}_CALTEMP is not there: the offsets were taken as those at 35 °C")
+        calibrated = _REFERENCE
+    curve = Curve(coefficients, _REFERENCE, (float(low), float(high)))
+    moved = curve.about(float(np.clip(calibrated, low, high)))
+    moved[0] = triad.bias
+    return Curve(moved, float(np.clip(calibrated, low, high)), curve.span)
+
+
+def _from_parameters(
     found: Found,
     path: Path,
     tool: str,
@@ -81,7 +188,7 @@ def from_parameters(
     )
 
 
-def entries_of(values: dict[str, float], names: list[str], what: str, path: Path) -> AnyArray:
+def _entries_of(values: dict[str, float], names: list[str], what: str, path: Path) -> AnyArray:
     """Return the values of parameters that belong together.
 
     Raises

@@ -9,7 +9,9 @@ import numpy as np
 
 from tumble.arrays import Matrix, Vector, Vectors, inverted
 from tumble.document.result import Calibration
+from tumble.errors import UsageError
 from tumble.export.losses import Loss
+from tumble.export.target import Target
 from tumble.records import dataclass
 from tumble.sensor import change_frame, polar_rotation
 from tumble.units import MICROTESLA, find_unit, magnetic_field_factor
@@ -128,28 +130,51 @@ def without_rotation(made: FieldCorrection, title: str) -> tuple[FieldCorrection
     return symmetric, [Loss(text, size)]
 
 
-def for_autopilot(
-    made: FieldCorrection | None, unit: str, title: str, limit: float
+def field_for(
+    calibration: Calibration, frame: str, target: Target, limit: float
 ) -> tuple[FieldCorrection | None, list[Loss]]:
-    """Return the correction as an autopilot takes it, or None, and what is lost: the rotation, or all of it.
+    """Return the magnetometer's correction as a target takes it, or None, and what is lost: the rotation, or all of it.
 
-    A magnetometer that is turned by more than the limit is left out. What else a file holds is no worse for it.
+    One that is turned by more than the limit is left out. What else a file holds is no worse for it.
 
     Parameters
     ----------
-    made : with any matrix; None where there is no magnetometer.
-    unit : that the autopilot works in, "gauss" or "mgauss".
-    title : of the tool.
+    calibration : with or without a magnetometer.
+    frame : of corrected vectors.
+    target : that takes any matrix, or a symmetric one in a unit of its own.
     limit : of a rotation's effect, of the true vector's length.
+
+    Raises
+    ------
+    UsageError
+        If the target is of a magnetometer alone, and this one cannot be written.
     """
-    if made is None:
-        return None, []
-    field = made.in_units(unit, unit)
+    known = field_correction(calibration, frame)
+    if target.magnetometer is None:
+        lost = [] if known is None or not target.corrects else [Loss(_ELSEWHERE.format(title=target.title))]
+        return None, lost
+    if known is None:
+        unfit = calibration.magnetometer is not None and calibration.magnetometer.unfit
+        if not target.needs_magnetometer:
+            return None, [Loss(_UNFIT)] if unfit else []
+        why = "'s is not fit for use. Its verdict in calibration.json says why."
+        if not unfit:
+            why = " has none. Calibrate a recording that has one."
+        raise UsageError(f"{target.title} holds a magnetometer, and the calibration{why}")
+    if target.magnetometer == "any":
+        return known, []
+    unit = target.magnetometer
+    field = known.in_units(unit, unit)
     if field is None:
-        return None, [Loss(NOT_WRITTEN.format(title=title, unit=unit.replace("mgauss", "milligauss")))]
-    field, lost = without_rotation(field, title)
+        if target.needs_magnetometer:
+            raise UsageError(
+                f"{target.tool} works in µT, and the magnetometer's calibration takes counts or does not know the "
+                "field's norm: say the unit with --units when you calibrate."
+            )
+        return None, [Loss(_NOT_WRITTEN.format(title=target.tool, unit=unit.replace("mgauss", "milligauss")))]
+    field, lost = without_rotation(field, target.tool)
     beyond = [loss for loss in lost if loss.size is not None and loss.size > limit]
-    if beyond:
+    if beyond and not target.needs_magnetometer:
         return None, [Loss(f"the magnetometer is left out (--largest-loss PPM writes it): {beyond[0].text}")]
     return field, lost
 
@@ -177,9 +202,9 @@ def _row(values: Sequence[float] | Vector) -> str:
     return "[" + ", ".join(f"{v:.9g}" for v in values) + "]"
 
 
-NOT_WRITTEN = (
+_NOT_WRITTEN = (
     "the magnetometer is left out: it takes counts or the field's norm is not known, and {title} works in {unit} "
     "(calibrate with --units and --field)"
 )
-UNFIT = "the magnetometer is left out: its calibration is not fit for use"
-ELSEWHERE = "the magnetometer is left out: {title} holds none"
+_UNFIT = "the magnetometer is left out: its calibration is not fit for use"
+_ELSEWHERE = "the magnetometer is left out: {title} holds none"

@@ -47,7 +47,6 @@ class SensorNoise:
     Attributes
     ----------
     rate : Hz, of the recording; per-sample numbers are for it.
-    white_factor, walk_factor : the coefficients are already inflated by these.
     source : file name.
     """
 
@@ -55,19 +54,12 @@ class SensorNoise:
     gyroscope: TriadNoise
     rate: float
     source: str
-    white_factor: float = 1.0
-    walk_factor: float = 1.0
 
     @property
     def remarks(self) -> list[str]:
         """Return sentences on what the numbers are."""
         what = f"noise from {self.source}: of three axes the worst one, two-sided densities (IEEE Std 952)"
         said = [f"{what}, at {self.rate:g} Hz"]
-        if (self.white_factor, self.walk_factor) != (1.0, 1.0):
-            said.append(
-                f"white noise is multiplied by {self.white_factor:g} and random walk by "
-                f"{self.walk_factor:g}, as asked for"
-            )
         for name, triad in (("accelerometers'", self.accelerometer), ("gyros'", self.gyroscope)):
             if triad.walk_is_limit:
                 said.append(
@@ -81,15 +73,12 @@ class SensorNoise:
         return said
 
 
-def read_noise(
-    path: str | Path, *, inflate: tuple[float, float] = (1.0, 1.0), rate: float | None = None
-) -> SensorNoise:
+def read_noise(path: str | Path, *, rate: float | None = None) -> SensorNoise:
     """Read the coefficients of a ``noise.json`` of both triads.
 
     Parameters
     ----------
     path : the file, or the folder that holds it.
-    inflate : factors for white noise and random walk.
     rate : Hz that the consumer runs at, where it is not the recording's.
 
     Raises
@@ -103,13 +92,12 @@ def read_noise(
     document = _document(file)
     found: dict[str, TriadNoise] = {}
     for name, letter in _TRIADS.items():
-        found[name] = _triad(document, name, letter, file, inflate)
+        found[name] = _triad(document, name, letter, file)
     return SensorNoise(
         found["accelerometer"],
         found["gyroscope"],
         _rate(document, file) if rate is None else rate,
         file.name,
-        *inflate,
     )
 
 
@@ -129,9 +117,7 @@ def _rate(document: dict[str, Any], file: Path) -> float:
         raise UsageError(f"{file} is damaged: its rate_hz is no number ({error}).") from error
 
 
-def _triad(
-    document: dict[str, Any], name: str, letter: str, file: Path, inflate: tuple[float, float]
-) -> TriadNoise:
+def _triad(document: dict[str, Any], name: str, letter: str, file: Path) -> TriadNoise:
     try:
         channels = {key: value for key, value in document["channels"].items() if key.startswith(letter)}
         if len(channels) < 3:
@@ -170,9 +156,9 @@ def _triad(
         )
     walk = max(walks) if walks else max(limits)
     return TriadNoise(
-        density=float(densities.max()) * inflate[0],
-        walk=walk * inflate[1],
-        densities=densities * inflate[0],
+        density=float(densities.max()),
+        walk=walk,
+        densities=densities,
         walk_is_limit=not walks,
         instability=max(unstable) if unstable else None,
         missed=missed,

@@ -1,20 +1,25 @@
-"""Biases as cubic polynomials of temperature, which is all that autopilots take."""
+"""Biases over temperature as autopilots keep them: cubic polynomials, written and read back."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from math import comb
+from pathlib import Path
 
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrix
-from tumble.errors import UsageError
+from tumble.errors import CalibrationFileError
 from tumble.export.losses import Loss
-from tumble.export.subject import Subject
 from tumble.records import dataclass
-from tumble.sensor.thermal import ThermalModel
+from tumble.sensor import ImuModel
+from tumble.sensor.thermal import TemperatureBasis, ThermalModel
 from tumble.units import STANDARD_GRAVITY
 
 _NAMES = ("accelerometer", "gyroscope")
+
+
+_ORDER = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,75 +28,56 @@ class Polynomials:
 
     Attributes
     ----------
-    coefficients : for each triad (order + 1, 3), raw units per K^k.
+    coefficients : for each triad (4, 3), raw units per K^k.
     used : whether the triad's bias changes with temperature at all.
     reference : °C that they are about.
     span : °C, lowest and highest.
-    subject : with what the polynomials leave out among its losses.
     """
 
     coefficients: tuple[AnyArray, AnyArray]
     used: tuple[bool, bool]
     reference: float
     span: tuple[float, float]
-    subject: Subject
+
+    def about(self, other: float, number: int) -> AnyArray:
+        """Return a triad's polynomial about another temperature, °C."""
+        return Curve(self.coefficients[number], self.reference, self.span).about(other)
 
 
-def polynomials_of(subject: Subject, order: int, title: str) -> Polynomials:
-    """Return the biases' polynomials: exact for a polynomial basis up to `order`, else fitted over the span.
+NO_CURVES = Polynomials(
+    (np.zeros((_ORDER + 1, 3)), np.zeros((_ORDER + 1, 3))), (False, False), 0.0, (0.0, 0.0)
+)
 
-    Parameters
-    ----------
-    subject : with or without a thermal model.
-    order : highest power.
-    title : of the target, for the sentence.
 
-    Raises
-    ------
-    UsageError
-        If the matrices' changes, which no autopilot takes, are larger than the wishes allow.
-    """
-    thermal = subject.thermal
-    if thermal is None:
-        zero = np.zeros((order + 1, 3))
-        return Polynomials((zero, zero), (False, False), 0.0, (0.0, 0.0), subject)
+def polynomials_of(thermal: ThermalModel) -> tuple[Polynomials, list[Loss]]:
+    """Return the biases' cubics, exact for a polynomial basis up to that order and else fitted, and what they lose."""
     reference, span = thermal.basis.reference_celsius, thermal.span_celsius
     grid = np.linspace(*span, 201)
     functions = thermal.basis.values(grid)
-    exact = thermal.basis.kind == "polynomial" and thermal.basis.order <= order
+    exact = thermal.basis.kind == "polynomial" and thermal.basis.order <= _ORDER
     fitted: list[AnyArray] = []
-    used: list[bool] = []
     wrong: list[float] = []
-    for name, triad in zip(_NAMES, (subject.accelerometer, subject.gyroscope), strict=True):
+    for name in _NAMES:
         rows = thermal.coefficients.get(f"{name}.bias")
-        coefficients = np.zeros((order + 1, 3))
-        coefficients[0] = triad.bias
+        triad = getattr(thermal.reference, name)
+        bias = np.zeros(3) if triad is None else triad.bias
+        coefficients = np.zeros((_ORDER + 1, 3))
+        coefficients[0] = bias
         misfit = 0.0
         if rows is not None and exact:
             coefficients[1 : rows.shape[0] + 1] = rows
         elif rows is not None:
-            powers = (grid - reference)[:, None] ** np.arange(order + 1)
-            truth = triad.bias + functions @ rows
+            powers = (grid - reference)[:, None] ** np.arange(_ORDER + 1)
+            truth = bias + functions @ rows
             coefficients = np.linalg.lstsq(powers, truth, rcond=None)[0]
             misfit = float(np.max(np.abs(powers @ coefficients - truth)))
         fitted.append(np.asarray(coefficients, dtype=np.float64))
-        used.append(rows is not None)
         wrong.append(misfit)
-    lost = [*_misfits(wrong), *_rest(thermal)]
-    limit = subject.wishes.largest_loss
-    for loss in lost:
-        if loss.size is not None and loss.size > limit:
-            raise UsageError(
-                f"{title} cannot hold this calibration: {loss.text}; accept it with --largest-loss PPM above "
-                f"{1e6 * loss.size:.0f}."
-            )
-    return Polynomials(
-        (fitted[0], fitted[1]),
-        (used[0], used[1]),
-        reference,
-        (float(span[0]), float(span[1])),
-        replace(subject, losses=(*subject.losses, *lost)),
+    used = [f"{name}.bias" in thermal.coefficients for name in _NAMES]
+    made = Polynomials(
+        (fitted[0], fitted[1]), (used[0], used[1]), reference, (float(span[0]), float(span[1]))
     )
+    return made, [*_misfits(wrong), *_rest(thermal)]
 
 
 def _misfits(wrong: list[float]) -> list[Loss]:
@@ -139,3 +125,75 @@ def _rest(thermal: ThermalModel) -> list[Loss]:
 
 def _largest(values: AnyArray | None) -> float:
     return 0.0 if values is None else float(np.max(np.abs(values)))
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """A triad's bias as a polynomial of temperature.
+
+    Attributes
+    ----------
+    coefficients : (order + 1, 3), raw units per K^k, powers from 0.
+    reference : °C that they are about.
+    span : °C, lowest and highest.
+    """
+
+    coefficients: AnyArray
+    reference: float
+    span: tuple[float, float]
+
+    def about(self, other: float) -> AnyArray:
+        """Return the coefficients of the same polynomial about another temperature, °C."""
+        order = self.coefficients.shape[0] - 1
+        moved = np.zeros_like(self.coefficients)
+        for j in range(order + 1):
+            for k in range(j, order + 1):
+                moved[j] += self.coefficients[k] * comb(k, j) * (other - self.reference) ** (k - j)
+        return moved
+
+
+def thermal_of(
+    model: ImuModel, curves: dict[str, Curve], path: Path
+) -> tuple[ThermalModel | None, list[str]]:
+    """Return the model with its biases' curves about one temperature, None without any, and what is to be said.
+
+    Parameters
+    ----------
+    model : at no particular temperature; the biases of the triads with a curve are replaced.
+    curves : by triad, ``accelerometer`` and ``gyroscope``.
+    path : of the file, for messages.
+
+    Raises
+    ------
+    CalibrationFileError
+        If a curve is not finite, or its span is none.
+    """
+    if not curves:
+        return None, []
+    for name, curve in curves.items():
+        if not (
+            np.all(np.isfinite(curve.coefficients)) and np.all(np.isfinite((curve.reference, *curve.span)))
+        ):
+            raise CalibrationFileError(
+                f"{path}: the {name}'s temperature compensation holds no finite number."
+            )
+    low, high = max(c.span[0] for c in curves.values()), min(c.span[1] for c in curves.values())
+    if not low < high:
+        raise CalibrationFileError(
+            f"{path}: the temperature compensation spans nothing ({low:g} to {high:g} °C)."
+        )
+    reference = next(iter(curves.values())).reference
+    order = max(c.coefficients.shape[0] for c in curves.values()) - 1
+    coefficients: dict[str, AnyArray] = {}
+    for name, curve in curves.items():
+        moved = curve.about(reference)
+        model = replace(model, **{name: replace(getattr(model, name), bias=moved[0])})
+        rows = np.zeros((order, 3))
+        rows[: moved.shape[0] - 1] = moved[1:]
+        coefficients[f"{name}.bias"] = rows
+    said = [f"the temperature compensation holds from {low:g} to {high:g} °C"]
+    if len({c.span for c in curves.values()}) > 1:
+        said[0] += ", where both triads have one"
+    basis = TemperatureBasis("polynomial", reference, order=order)
+    # The autopilot takes the thermometer's number as it is.
+    return ThermalModel(model, basis, coefficients, span_celsius=(low, high), smoothing=0.0), said

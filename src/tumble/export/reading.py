@@ -1,4 +1,4 @@
-"""Reading other tools' files: texts, JSON, YAML and matrices in them, each fault one sentence."""
+"""Reading other tools' files: texts, YAML and matrices in them, each fault one sentence."""
 
 from __future__ import annotations
 
@@ -10,8 +10,10 @@ import numpy as np
 from tumble.arrays import Matrix, Vector
 from tumble.document.contradictions import is_invertible
 from tumble.errors import CalibrationFileError
-from tumble.files import number_of, read_json, read_text, read_yaml, reading
+from tumble.files import number_of, read_text, read_yaml, reading
+from tumble.records import dataclass
 from tumble.sensor import ImuModel
+from tumble.sensor.thermal import ThermalModel
 from tumble.units import angular_rate_factor, specific_force_factor
 
 LARGEST = 4 << 20
@@ -24,6 +26,29 @@ _LARGEST_BIAS = 1e3
 LARGEST_NUMBER = 1e60
 
 
+@dataclass(frozen=True, slots=True)
+class Imported:
+    """What a target's file says of a unit.
+
+    Attributes
+    ----------
+    model : raw numbers in `units`.
+    units : of specific force and angular rate that the file's numbers take.
+    frame, frame_words : name of the frame of its corrected vectors, and what it is.
+    files : that were read.
+    remarks : sentences: what the file does not hold, what was assumed.
+    thermal : how `model`'s biases change with temperature, or None.
+    """
+
+    model: ImuModel
+    units: tuple[str, str]
+    frame: str
+    frame_words: str
+    files: tuple[Path, ...]
+    remarks: tuple[str, ...] = ()
+    thermal: ThermalModel | None = None
+
+
 def text_of(path: Path) -> str:
     """Return a file's text.
 
@@ -34,21 +59,6 @@ def text_of(path: Path) -> str:
     """
     with reading(path, "a file of parameters", CalibrationFileError):
         return read_text(path, LARGEST)
-
-
-def json_of(path: Path, tool: str) -> dict[str, Any]:
-    """Return a JSON object.
-
-    Raises
-    ------
-    CalibrationFileError
-        If the file is none.
-    """
-    with reading(path, f"a {tool} file", CalibrationFileError):
-        document: Any = read_json(path, LARGEST)
-    if not isinstance(document, dict):
-        raise CalibrationFileError(f"{path} holds no object, as {tool}'s file does.")
-    return cast("dict[str, Any]", document)
 
 
 def yaml_of(path: Path, tool: str) -> dict[str, Any]:
@@ -206,7 +216,5 @@ def check_rotation(matrix: Matrix, name: str, path: Path) -> Matrix:
         or not np.allclose(matrix @ matrix.T, np.eye(3), atol=1e-3)
         or np.linalg.det(matrix) < 0.0
     ):
-        raise CalibrationFileError(
-            f"{name} in {path} is no rotation; older OpenVINS configurations had another matrix there: check the file."
-        )
+        raise CalibrationFileError(f"{name} in {path} is no rotation.")
     return matrix

@@ -7,30 +7,22 @@ from dataclasses import field, replace
 
 import numpy as np
 
-from tumble.arrays import Series, Vectors
+from tumble.arrays import Vectors
 from tumble.document.merging import merge_models
 from tumble.document.result import Calibration
 from tumble.errors import UsageError
 from tumble.export import losses
 from tumble.export.losses import Loss
-from tumble.export.magnetometer import ELSEWHERE, UNFIT, FieldCorrection, field_correction
+from tumble.export.magnetometer import FieldCorrection, field_for
 from tumble.export.noise import SensorNoise
-from tumble.export.target import (
-    BIAS,
-    G_SENSITIVITY,
-    MAGNETOMETER,
-    MATRIX,
-    NONLINEAR,
-    TEMPERATURE,
-    Target,
-)
+from tumble.export.polynomials import NO_CURVES, Polynomials, polynomials_of
+from tumble.export.target import G_SENSITIVITY, MATRIX, NONLINEAR, SCALE, Target
 from tumble.records import dataclass
 from tumble.sensor import FRAMES, ImuModel, Triad, change_frame
 from tumble.sensor.thermal import ThermalModel
 from tumble.units import angular_rate_factor, find_unit, specific_force_factor
 
 LARGEST_LOSS = 0.02
-LARGEST_COUNT_ERROR = 0.5  # of what a driver makes of one count, against what the calibration found
 """Of the true vector's length: a target that would lose more is not written without being told to."""
 
 
@@ -43,18 +35,12 @@ class Wishes:
     frame : name of the frame of corrected vectors, or None for the calibration's or the target's own.
     temperature : °C to take a thermal calibration at, or None for its reference temperature.
     largest_loss : of the true vector's length, beyond which nothing is written.
-    instance : which IMU of the vehicle, from 0.
-    per_count : m/s² and rad/s that the driver makes of one count, for calibrations in counts.
-    correlation_time : s, of consumers whose biases are Gauss-Markov processes.
     topic : name of the ROS topic, or None for the one that the recording was made from, or else /imu0.
     """
 
     frame: str | None = None
     temperature: float | None = None
     largest_loss: float = LARGEST_LOSS
-    instance: int = 0
-    per_count: tuple[float, float] | None = None
-    correlation_time: float = 3600.0
     topic: str | None = None
 
     def __post_init__(self) -> None:
@@ -67,8 +53,6 @@ class Wishes:
         """
         if not 0.0 <= self.largest_loss < np.inf:
             raise UsageError(f"--largest-loss {1e6 * self.largest_loss:g}: give ppm, 0 or more.")
-        if not 0.0 < self.correlation_time < np.inf:
-            raise UsageError(f"--correlation-time {self.correlation_time:g}: give seconds, more than 0.")
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,11 +61,11 @@ class Subject:
 
     Attributes
     ----------
-    model : raw numbers in `units`; both triads are there, and only terms that the target holds or that are in `losses`.
+    model : raw numbers in `units`; both triads are there, with what the target holds and nominal numbers for the rest.
     units : of raw specific force and angular rate.
     frame, frame_words : of corrected vectors.
     calibration : where it is from, or None for noise alone.
-    thermal : the same in `units` and frame for targets that hold temperature, or None.
+    curves : biases over temperature, for targets that hold them.
     noise : or None.
     losses : what the target does not hold, with its size.
     magnetometer : its correction, for targets that hold one, or None.
@@ -93,7 +77,7 @@ class Subject:
     frame_words: str
     calibration: Calibration | None
     wishes: Wishes
-    thermal: ThermalModel | None = None
+    curves: Polynomials = NO_CURVES
     noise: SensorNoise | None = None
     losses: tuple[Loss, ...] = ()
     remarks: tuple[str, ...] = field(default=())
@@ -163,7 +147,7 @@ def prepare(
             f"{target.title} wants noise: give the noise.json that `tumble noise -o` wrote with --noise."
         )
     if calibration is None:
-        if target.needs_calibration:
+        if not target.needs_noise:
             raise UsageError(f"{target.title} holds a calibration: name its calibration.json first.")
         return Subject(ImuModel.ideal(), ("m/s^2", "rad/s"), "", "", None, wishes, noise=noise)
     found: list[Loss] = []
@@ -171,7 +155,7 @@ def prepare(
     arms = [stage.lever_arms for stage in calibration.stages if stage.lever_arms is not None]
     if arms and MATRIX in target.holds:
         found.append(losses.of_lever_arms(np.array(arms[-1], dtype=np.float64)))
-    model, thermal, units = _in_units(model, thermal, calibration, target, wishes)
+    model, thermal, units = _in_units(model, thermal, calibration, target)
     model = _both_triads(model, found, units)
     model, thermal, frame = _in_frame(model, thermal, calibration, target, wishes)
     if frame != calibration.frame.name:
@@ -179,10 +163,23 @@ def prepare(
             f"corrected vectors are in the frame {frame}, not in the calibration's {calibration.frame.name}"
         )
     model = _without_terms(model, target, found)
-    magnetometer = _magnetometer(calibration, frame, target, found)
-    if MATRIX not in target.holds and BIAS not in target.holds:
+    magnetometer, of_field = field_for(calibration, frame, target, wishes.largest_loss)
+    early = target.magnetometer is None or (
+        calibration.magnetometer is not None and calibration.magnetometer.unfit
+    )
+    if early:
+        found += of_field
+    if not target.corrects:
         # What it has no place for is no loss.
         found.clear()
+    curves = NO_CURVES
+    if thermal is not None:
+        curves, lost = polynomials_of(thermal)
+        found += lost
+    model = _projected(model, target, units, found)
+    found += [Loss(text) for text in target.loses]
+    if not early:
+        found += of_field
     subject = Subject(
         model,
         units,
@@ -190,7 +187,7 @@ def prepare(
         FRAMES.get(frame, calibration.frame.description),
         calibration,
         wishes,
-        thermal,
+        curves,
         noise,
         tuple(found),
         tuple(said),
@@ -200,29 +197,25 @@ def prepare(
     return subject
 
 
-def _magnetometer(
-    calibration: Calibration, frame: str, target: Target, found: list[Loss]
-) -> FieldCorrection | None:
-    """The magnetometer's correction for a target that holds one; what another one loses is noted."""
-    known = field_correction(calibration, frame)
-    own = calibration.magnetometer
-    if known is None and own is not None and own.unfit:
-        if target.needs_magnetometer:
-            raise UsageError(
-                f"{target.title} holds a magnetometer, and the calibration's is not fit for use. Its verdict in "
-                "calibration.json says why."
-            )
-        if MAGNETOMETER in target.holds:
-            found.append(Loss(UNFIT))
-    if known is None and target.needs_magnetometer:
-        raise UsageError(
-            f"{target.title} holds a magnetometer, and the calibration has none. Calibrate a recording that has one."
-        )
-    if known is not None and MAGNETOMETER not in target.holds:
-        if MATRIX in target.holds or BIAS in target.holds:
-            found.append(Loss(ELSEWHERE.format(title=target.title)))
-        return None
-    return known
+def _projected(model: ImuModel, target: Target, units: tuple[str, str], found: list[Loss]) -> ImuModel:
+    """Keep of the matrices what the target holds, and note what that loses."""
+    if target.needs_noise or not target.corrects:
+        return model
+    triads: list[Triad] = []
+    for name, triad, holds, factor in (
+        ("accelerometers", model.accelerometer, target.accelerometer, specific_force_factor(units[0])),
+        ("gyros", model.gyroscope, target.gyroscope, angular_rate_factor(units[1])),
+    ):
+        assert triad is not None
+        kept, what = triad.matrix, ""
+        if SCALE in holds:
+            kept, what = np.diag(np.diag(triad.matrix)), "misalignments (off-diagonals)"
+        elif MATRIX not in holds:
+            kept, what = np.eye(3) / (factor or 1.0), "scale factors and misalignments"
+        if what:
+            found += losses.of_matrix(triad, kept, name, what)
+        triads.append(replace(triad, matrix=kept))
+    return ImuModel(triads[0], triads[1], model.g_sensitivity)
 
 
 def _one_model(
@@ -237,7 +230,7 @@ def _one_model(
         if thermal is None:
             models.append(stage.own_model)
             continue
-        if TEMPERATURE in target.holds and len(calibration.stages) == 1 and wishes.temperature is None:
+        if target.temperature and len(calibration.stages) == 1 and wishes.temperature is None:
             kept = thermal
             models.append(stage.own_model)
             continue
@@ -260,7 +253,7 @@ def _one_model(
 
 
 def _in_units(
-    model: ImuModel, thermal: ThermalModel | None, calibration: Calibration, target: Target, wishes: Wishes
+    model: ImuModel, thermal: ThermalModel | None, calibration: Calibration, target: Target
 ) -> tuple[ImuModel, ThermalModel | None, tuple[str, str]]:
     given = calibration.stages[0].raw_units
     # As the units are called here, for the document may have another spelling, and the names go into programs.
@@ -278,28 +271,12 @@ def _in_units(
     ):
         assert to_si is not None
         if from_si is None and triad is not None:
-            if wishes.per_count is None:
-                raise UsageError(
-                    f"The calibration takes counts, and {target.title} works on {target.units[number]}: say what the "
-                    "driver makes of one count, in m/s² and rad/s, with --per-count ACC,GYRO."
-                )
-            from_si = wishes.per_count[number]
-            _refuse_other_scale(triad, from_si, number)
+            raise UsageError(
+                f"The calibration takes counts, and {target.title} works on {target.units[number]}. Calibrate again "
+                "and say how many counts the driver takes for one unit, as --units '16384 LSB/g,131 LSB/(deg/s)'."
+            )
         scale.append((from_si or 1.0) / to_si)
     return scaled(model, scale), None if thermal is None else _scaled_thermal(thermal, scale), target.units
-
-
-def _refuse_other_scale(triad: Triad, per_count: float, number: int) -> None:
-    """Refuse SI units of one count with which the calibrated scale factors are no sensor's."""
-    shown: Series = np.linalg.norm(triad.matrix, axis=1) * per_count
-    if not np.all(np.abs(shown - 1.0) < LARGEST_COUNT_ERROR):
-        word, unit = (("ACC", "m/s²"), ("GYRO", "rad/s"))[number]
-        count = per_count / float(shown.mean())
-        raise UsageError(
-            f"--per-count ACC,GYRO: with {word} = {per_count:g} {unit} the calibrated scale factors are "
-            f"{shown.min():.3g} to {shown.max():.3g} of the nominal ones. Give {unit} of one count, and "
-            f"not counts of one unit: the calibration has about {count:.4g} {unit}."
-        )
 
 
 def scaled(model: ImuModel, scale: Sequence[float]) -> ImuModel:
@@ -371,7 +348,7 @@ def _without_terms(model: ImuModel, target: Target, found: list[Loss]) -> ImuMod
     assert accelerometer is not None
     assert gyroscope is not None
     sensitivity = model.g_sensitivity
-    if BIAS not in target.holds and MATRIX not in target.holds:
+    if not target.corrects:
         return model
     if NONLINEAR not in target.holds:
         found += losses.of_nonlinearity(accelerometer, "accelerometers")
@@ -384,28 +361,11 @@ def _without_terms(model: ImuModel, target: Target, found: list[Loss]) -> ImuMod
     return ImuModel(accelerometer, gyroscope, sensitivity)
 
 
-def with_losses(subject: Subject, model: ImuModel, more: Sequence[Loss], target_title: str) -> Subject:
-    """Return the subject with a model that says less, and what that loses.
-
-    Raises
-    ------
-    UsageError
-        If more is lost than the wishes allow.
-    """
-    changed = replace(subject, model=model, losses=(*subject.losses, *more))
-    _refuse(changed, target_title)
-    return changed
-
-
 def _refuse_large(subject: Subject, target: Target) -> None:
-    _refuse(subject, target.title)
-
-
-def _refuse(subject: Subject, title: str) -> None:
     limit = subject.wishes.largest_loss
     large = [loss for loss in subject.losses if loss.size is not None and loss.size > limit]
     if large:
         raise UsageError(
-            f"{title} cannot hold this calibration: {large[0].text}. That is above the limit of {1e6 * limit:.0f} ppm; "
-            "take another target, or accept it with --largest-loss PPM."
+            f"{target.title} cannot hold this calibration: {large[0].text}. That is above the limit of "
+            f"{1e6 * limit:.0f} ppm; take another target, or accept it with --largest-loss PPM."
         )

@@ -15,20 +15,10 @@ from tumble.document.imported import calibration_from_model
 from tumble.document.result import RecordingName
 from tumble.errors import UsageError
 from tumble.export.noise import read_noise
+from tumble.export.readers import read_file
 from tumble.export.reading import check_plausible
-from tumble.export.registry import TARGETS, find_target
 from tumble.export.subject import Subject, Wishes, prepare
-from tumble.export.target import (
-    BIAS,
-    G_SENSITIVITY,
-    MAGNETOMETER,
-    MATRIX,
-    NOISE,
-    NONLINEAR,
-    SCALE,
-    TEMPERATURE,
-    Target,
-)
+from tumble.export.target import MAGNETOMETER, MATRIX, NOISE, SCALE, Target, find_target, targets
 from tumble.files import write_texts
 from tumble.recording.formats.logs.own_parameters import UNSTATED
 from tumble.recording.formats.table import hash_file
@@ -37,7 +27,6 @@ from tumble.units import angular_rate_factor, find_unit, specific_force_factor
 
 # What a folder is given for.
 _INPUTS = ("calibration.json", "noise.json")
-_HOLDABLE = (MATRIX, SCALE, BIAS, G_SENSITIVITY, NONLINEAR, TEMPERATURE, MAGNETOMETER, NOISE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,14 +51,13 @@ def list_targets() -> list[TargetRow]:
     """Return all targets with directions and what each can hold."""
     return [
         TargetRow(target.name, target.title, target.directions, ", ".join(_what_it_holds(target)))
-        for target in TARGETS.values()
+        for target in targets().values()
     ]
 
 
 def _what_it_holds(target: Target) -> list[str]:
     """Return what a target holds, in words; a full matrix covers scale factors."""
-    kept = [what for what in _HOLDABLE if what in target.holds]
-    return [what for what in kept if not (what == SCALE and MATRIX in kept)]
+    return [what for what in target.holds if not (what == SCALE and MATRIX in target.holds)]
 
 
 @border
@@ -79,13 +67,10 @@ def convert_to(
     *,
     output: str | os.PathLike[str] | None = None,
     noise: str | os.PathLike[str] | None = None,
-    inflate: tuple[float, float] = (1.0, 1.0),
     rate: float | None = None,
     largest_loss: float | None = None,
     frame: str | None = None,
     temperature: float | None = None,
-    instance: int | None = None,
-    per_count: tuple[float, float] | None = None,
     wishes: Wishes | None = None,
 ) -> Converted:
     """Write a calibration in another tool's form.
@@ -96,13 +81,10 @@ def convert_to(
     target : its name.
     output : the file, or the folder of a target of several files; by default the target's own name for it.
     noise : a ``noise.json``, for targets that hold noise.
-    inflate : factors for white noise and random walk.
     rate : Hz that the consumer samples at, where it is not the recording's.
     largest_loss : of the true vector's length, beyond which nothing is written; 0.02 by default.
     frame : of corrected vectors, where the target leaves it open.
     temperature : °C to take a thermal calibration at.
-    instance : which IMU of the vehicle, from 0.
-    per_count : m/s² and rad/s that the driver makes of one count.
     wishes : all of these together, and what else there is; what is given by its own name goes before.
 
     Raises
@@ -119,21 +101,19 @@ def convert_to(
         raise UsageError(f"--consumer-rate {rate:g}: give Hz, more than 0.")
     if noise is not None and NOISE not in chosen.holds:
         raise UsageError(f"{chosen.title} holds no noise: leave --noise out.")
-    if noise is None and (inflate != (1.0, 1.0) or rate is not None):
-        raise UsageError("--inflate and --consumer-rate are about noise: give --noise too.")
+    if noise is None and rate is not None:
+        raise UsageError("--consumer-rate is about noise: give --noise too.")
     document = calibration
     if document is not None and not isinstance(document, Calibration):
         document = read_calibration(document)
     left_out: list[str] = []
-    if document is not None and chosen.replaces:
+    if document is not None and chosen.name in ("px4", "ardupilot"):
         document, left_out = _without_corrected_before(document, chosen)
-    coefficients = None if noise is None else read_noise(Path(noise), inflate=inflate, rate=rate)
+    coefficients = None if noise is None else read_noise(Path(noise), rate=rate)
     own = {
         "largest_loss": largest_loss,
         "frame": frame,
         "temperature": temperature,
-        "instance": instance,
-        "per_count": per_count,
     }
     wishes = replace(wishes or Wishes(), **{name: value for name, value in own.items() if value is not None})
     subject = prepare(document, chosen, wishes, coefficients)
@@ -142,7 +122,7 @@ def convert_to(
         texts, chosen, output, [p for p in (calibration, noise) if isinstance(p, str | os.PathLike)]
     )
     write_texts(dict(zip(files, texts.values(), strict=True)))
-    return Converted(files, [*left_out, *_remarks(subject, chosen, texts)])
+    return Converted(files, [*left_out, *_remarks(subject)])
 
 
 def _without_corrected_before(document: Calibration, target: Target) -> tuple[Calibration, list[str]]:
@@ -195,18 +175,12 @@ def _places(
     return files
 
 
-def _remarks(subject: Subject, target: Target, texts: dict[str, str]) -> list[str]:
-    """What the file says in its comments too, where it has some; losses of the writer are in the text."""
-    said = list(subject.remarks)
-    lost = [loss.text for loss in subject.losses]
-    if target.comment:
-        for line in "".join(texts.values()).splitlines():
-            _, mark, text = line.partition("loss: ")
-            if mark and text not in lost:
-                lost.append(text)
+def _remarks(subject: Subject) -> list[str]:
+    """What the file says in its comments too, where it has some."""
+    said = [loss.text for loss in subject.losses] + list(subject.remarks)
     if subject.noise is not None:
         said += subject.noise.remarks
-    return [_sentence(text) for text in (*(text for text in lost), *said)]
+    return [_sentence(text) for text in said]
 
 
 def _sentence(text: str) -> str:
@@ -239,8 +213,7 @@ def convert_from(
         If the file cannot be written; an earlier one is intact.
     """
     chosen = find_target(source, reading=True)
-    assert chosen.read is not None
-    found = chosen.read(Path(path))
+    found = read_file(source, Path(path))
     raw_units = found.units
     if units is not None:
         if chosen.units is not None:

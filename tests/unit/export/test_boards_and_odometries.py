@@ -15,9 +15,11 @@ from tumble.document.imported import calibration_from_model
 from tumble.document.result import Calibration, RecordingName
 from tumble.errors import UsageError
 from tumble.export.noise import SensorNoise, TriadNoise
-from tumble.export.registry import TARGETS
 from tumble.export.subject import Wishes, prepare
+from tumble.export.target import targets
 from tumble.sensor import ImuModel, Triad
+
+TARGETS = targets()
 
 GRAVITY = 9.80665
 M_A = np.array([[1.012, 0.004, -0.007], [-0.009, 0.991, 0.006], [0.003, -0.012, 1.011]])

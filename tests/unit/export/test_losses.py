@@ -12,10 +12,12 @@ from tumble.document.imported import calibration_from_model
 from tumble.document.result import Calibration
 from tumble.document.thermal_block import thermal_block
 from tumble.errors import UsageError
-from tumble.export.registry import TARGETS
 from tumble.export.subject import Subject, Wishes, prepare
+from tumble.export.target import targets
 from tumble.sensor import ImuModel, Triad
 from tumble.sensor.thermal import TemperatureBasis, ThermalModel
+
+TARGETS = targets()
 
 M_A = np.array([[1.012, 0.004, -0.007], [-0.009, 0.991, 0.006], [0.003, -0.012, 1.021]])
 M_G = np.array([[0.985, -0.011, 0.008], [0.006, 1.017, -0.004], [-0.013, 0.005, 1.008]])

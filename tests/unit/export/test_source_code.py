@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 
 from tumble.document.imported import calibration_from_model
-from tumble.export.registry import TARGETS
 from tumble.export.subject import prepare
+from tumble.export.target import targets
 from tumble.recording import read_recording
 from tumble.sensor import ImuModel, Triad
+
+TARGETS = targets()
 
 DEMO = Path(__file__).parents[3] / "src" / "tumble" / "data" / "mpu9150-imu0.csv.gz"
 COMPILERS = {
