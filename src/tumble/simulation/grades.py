@@ -1,31 +1,23 @@
-"""Grades of IMUs as data sheets state them, each number with its source.
-
-A sheet's tolerance of a bias, a scale factor or an axis is taken as three standard deviations; what it
-states as one sigma is taken as it stands. A sheet's largest random walk is taken as the random walk, as
-Hayal (2010, table 3.1) does. What a sheet does not state is marked *assumed* here and named in
-`Grade.assumed`.
-"""
+"""Grades of IMUs as data sheets state them: ``grades.yaml`` has each number with its source."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from tumble.arrays import Matrix
 from tumble.attitude.rotations import matrix_from_rotation_vector
 from tumble.errors import UsageError
+from tumble.files import read_yaml
 from tumble.records import dataclass
 from tumble.sensor.imu import ImuModel
 from tumble.sensor.triad import Triad
 from tumble.simulation.noise import TriadNoise
 from tumble.units import DEGREE, DEGREE_PER_HOUR, DEGREE_PER_ROOT_HOUR, MICRO_G, MILLI_G, STANDARD_GRAVITY
-
-# The angle between two axes varies √2 times as much as each axis about one direction.
-_PAIR = float(np.sqrt(2.0))
-# One count of such a unit is an increment of 2⁻²⁷ ft/s or 2⁻³³ rad over a sample of 10 ms.
-_HG_COUNTS_PER_SI = (2.0**27 / (0.3048 * 100.0), 2.0**33 / 100.0)
-
 
 # A sheet's linearity is read as the rms deviation from the best straight line over ± full scale, as a
 # share of full scale F. For a quadratic term q it is q F² √(4/45).
@@ -184,220 +176,92 @@ def _asymmetric(triad: Triad | None, sigma: float, rng: np.random.Generator) -> 
     return None if triad is None else replace(triad, asymmetry=rng.normal(0.0, sigma, 3))
 
 
-_CONSUMER = Grade(
-    name="consumer-mems",
-    accelerometer=TriadGrade(
-        TriadNoise(
-            random_walk=400.0 * MICRO_G / np.sqrt(2.0),  # 400 µg/√Hz
-            bias_instability=0.05 * MILLI_G,  # assumed
-            resolution=STANDARD_GRAVITY / 8192.0,  # ±4 g range
-            full_scale=4.0 * STANDARD_GRAVITY,
-        ),
-        bias=60.0 * MILLI_G / 3.0,  # zero-g: ±50 mg x, y, ±80 mg z
-        scale_factor=0.03 / 3.0,  # ±3 %
-        misalignment=0.02 / 3.0,  # cross-axis ±2 %
-    ),
-    gyroscope=TriadGrade(
-        TriadNoise(
-            random_walk=0.005 * DEGREE / np.sqrt(2.0),  # 0.005 (deg/s)/√Hz
-            bias_instability=20.0 * DEGREE_PER_HOUR,  # assumed
-            resolution=DEGREE / 65.5,  # ±500 deg/s range
-            full_scale=500.0 * DEGREE,
-        ),
-        bias=20.0 * DEGREE / 3.0,  # zero-rate output ±20 deg/s
-        scale_factor=0.03 / 3.0,  # ±3 %
-        misalignment=0.02 / 3.0,  # cross-axis ±2 %
-    ),
-    g_sensitivity=0.1 * DEGREE / STANDARD_GRAVITY,  # 0.1 (deg/s)/g
-    source="InvenSense MPU-6000/MPU-6050 Product Specification PS-MPU-6000A-00 rev. 3.4 (2013), 6.1 and 6.2",
-    assumed=("bias instability of both triads",),
-    counts_per_si=(8192.0 / STANDARD_GRAVITY, 65.5 / DEGREE),
-)
-
-_INDUSTRIAL = Grade(
-    name="industrial-mems",
-    accelerometer=TriadGrade(
-        TriadNoise(
-            random_walk=120.0 * MICRO_G / np.sqrt(2.0),  # 120 µg/√Hz
-            bias_instability=0.03 * MILLI_G,
-            resolution=16.0 * STANDARD_GRAVITY / 32768.0,  # assumed: 16 bit
-            full_scale=16.0 * STANDARD_GRAVITY,
-        ),
-        bias=5.0 * MILLI_G,  # assumed
-        scale_factor=0.003,  # assumed
-        misalignment=0.001,  # assumed
-    ),
-    gyroscope=TriadGrade(
-        TriadNoise(
-            random_walk=0.007 * DEGREE / np.sqrt(2.0),  # 0.007 (deg/s)/√Hz
-            bias_instability=10.0 * DEGREE_PER_HOUR,
-            resolution=2000.0 * DEGREE / 32768.0,  # assumed: 16 bit
-            full_scale=2000.0 * DEGREE,
-        ),
-        bias=0.2 * DEGREE,  # assumed
-        scale_factor=0.003,  # assumed
-        misalignment=0.001,  # assumed
-    ),
-    g_sensitivity=0.01 * DEGREE / STANDARD_GRAVITY,  # assumed
-    source="Xsens MTi 1-series data sheet, as tabulated in Transactions on Aerospace Research (2023), "
-    "doi 10.2478/tar-2023-0022",
-    assumed=(
-        "resolution of 16 bits",
-        "turn-on bias, scale factor and misalignment of both triads",
-        "g-sensitivity",
-    ),
-    counts_per_si=(32768.0 / (16.0 * STANDARD_GRAVITY), 32768.0 / (2000.0 * DEGREE)),
-)
-
-_TACTICAL = Grade(
-    name="tactical",
-    accelerometer=TriadGrade(
-        TriadNoise(
-            random_walk=0.065 * 0.3048 / 60.0,  # 0.065 (ft/s)/√h
-            bias_instability=0.05 * MILLI_G,  # assumed
-            full_scale=50.0 * STANDARD_GRAVITY,  # assumed
-        ),
-        bias=1.0 * MILLI_G,
-        scale_factor=300e-6,  # assumed
-        misalignment=500e-6,  # assumed
-    ),
-    gyroscope=TriadGrade(
-        TriadNoise(
-            random_walk=0.125 * DEGREE_PER_ROOT_HOUR,
-            bias_instability=0.3 * DEGREE_PER_HOUR,  # assumed
-            full_scale=1000.0 * DEGREE,  # assumed
-        ),
-        bias=1.0 * DEGREE_PER_HOUR,
-        scale_factor=150e-6,  # assumed
-        misalignment=500e-6,  # assumed
-    ),
-    g_sensitivity=0.0,
-    source="Honeywell HG1700 brochure N61-1619-000-001 (higher-end versions)",
-    assumed=(
-        "bias instability of both triads",
-        "scale factor and misalignment of both triads",
-        "full scale of both triads",
-        "no g-sensitivity",
-        "counts as of hg1700",
-    ),
-    counts_per_si=_HG_COUNTS_PER_SI,
-)
-
-_RING_LASER = Grade(
-    name="ring-laser",
-    accelerometer=TriadGrade(
-        TriadNoise(
-            random_walk=0.0143 / 60.0,  # assumed: the sheet states none
-            bias_instability=5.0 * MICRO_G,  # assumed
-            full_scale=38.0 * STANDARD_GRAVITY,  # assumed
-        ),
-        bias=25.0 * MICRO_G,
-        scale_factor=100e-6,
-        misalignment=50e-6,  # assumed
-    ),
-    gyroscope=TriadGrade(
-        TriadNoise(
-            random_walk=0.002 * DEGREE_PER_ROOT_HOUR,
-            bias_instability=0.001 * DEGREE_PER_HOUR,  # assumed
-            full_scale=1074.0 * DEGREE,  # assumed
-        ),
-        bias=0.003 * DEGREE_PER_HOUR,
-        scale_factor=5e-6,
-        misalignment=50e-6,  # assumed
-    ),
-    g_sensitivity=0.0,
-    source="Honeywell HG9900 brochure N61-1638-000-000",
-    assumed=(
-        "velocity random walk",
-        "bias instability of both triads",
-        "misalignment of both triads",
-        "full scale of both triads",
-        "no g-sensitivity",
-        "counts as of hg1700",
-    ),
-    counts_per_si=_HG_COUNTS_PER_SI,
-)
-
-_HG_AXES = (
-    "x through the top of the case and up, y towards the connector of the cable, z completes the right-handed "
-    "triad (Hayal 2010, 2.1.5)"
-)
-# With the connector taken as the case's front (assumed): x is up, y forward, z left.
-_HG_C_INSTRUMENT_CASE = np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
-_HG_SOURCE = (
-    "Honeywell Tactical Inertial Measurement Units (2007), as tabulated in Hayal, Static Calibration "
-    "of the Tactical Grade Inertial Measurement Units, Ohio State University (2010), table 2.1. "
-    "Counts: NovAtel OEM7 manual, log RAWIMUSX (HG1700-AG58, HG1900)"
-)
-_HG_ASSUMED = (
-    "no flicker (the sheet states in-run stability instead)",
-    "the time in which in-run stability is reached, one hour",
-    "linearity as a quadratic term",
-    "connector at the front of the case",
-)
-
-_HG_ACCELEROMETER = TriadGrade(
-    TriadNoise(
-        random_walk=0.22 / 60.0,  # 0.22 (m/s)/√h, the sheet's maximum: 3.6667e-3 m/s² for samples of 1 s
-        full_scale=70.0 * STANDARD_GRAVITY,  # operating range 70 g
-    ),
-    bias=1.0 * MILLI_G,  # bias repeatability 1 mg (1σ)
-    scale_factor=300e-6,  # scale factor error 300 ppm (1σ)
-    misalignment=100e-6 / _PAIR,  # axis alignment stability (non-orthogonality) 100 µrad (1σ)
-    linearity=500e-6,  # scale factor linearity 500 ppm (1σ)
-    bias_stability=1.0 * MILLI_G,  # bias stability 1 mg (1σ)
-)
-
-_HG1700 = Grade(
-    name="hg1700",
-    accelerometer=_HG_ACCELEROMETER,
-    gyroscope=TriadGrade(
-        TriadNoise(
-            random_walk=0.125 * DEGREE_PER_ROOT_HOUR,  # 0.125 deg/√h, the maximum: 3.6361e-5 rad/s for 1 s
-            full_scale=1074.0 * DEGREE,  # operating range ± 1074 deg/s
-        ),
-        bias=1.0 * DEGREE_PER_HOUR,  # bias repeatability 1 deg/h (1σ)
-        scale_factor=150e-6,  # scale factor repeatability 150 ppm (1σ)
-        misalignment=100e-6 / _PAIR,  # axis alignment stability (non-orthogonality) 100 µrad (1σ)
-        alignment=500e-6,  # axis alignment stability 500 µrad (1σ)
-        linearity=150e-6,  # scale factor linearity 150 ppm (1σ)
-        bias_stability=1.0 * DEGREE_PER_HOUR,  # bias, in-run stability 1 deg/h (1σ)
-    ),
-    g_sensitivity=0.0,  # the sheet's field is empty
-    source=_HG_SOURCE,
-    assumed=("no g-sensitivity", *_HG_ASSUMED),
-    counts_per_si=_HG_COUNTS_PER_SI,
-    axes=_HG_AXES,
-    C_instrument_case=_HG_C_INSTRUMENT_CASE,
-)
-
-_HG1900 = Grade(
-    name="hg1900",
-    accelerometer=_HG_ACCELEROMETER,
-    gyroscope=TriadGrade(
-        TriadNoise(
-            random_walk=0.09 * DEGREE_PER_ROOT_HOUR,  # 0.09 deg/√h, the maximum: 2.6180e-5 rad/s for 1 s
-            full_scale=1000.0 * DEGREE,  # operating range ± 1000 deg/s
-        ),
-        bias=17.0 * DEGREE_PER_HOUR,  # bias repeatability < 17 deg/h (1σ)
-        scale_factor=150e-6,  # scale factor repeatability 150 ppm (1σ)
-        misalignment=50e-6 / _PAIR,  # axis alignment stability (non-orthogonality) 50 µrad (1σ)
-        alignment=80e-6,  # axis alignment stability 80 µrad (1σ)
-        linearity=150e-6,  # scale factor linearity 150 ppm (1σ)
-        bias_stability=7.0 * DEGREE_PER_HOUR,  # bias, in-run stability < 7 deg/h (1σ)
-    ),
-    g_sensitivity=3.0 * DEGREE_PER_HOUR / STANDARD_GRAVITY,  # bias static g sensitivity 3 (deg/h)/g (1σ)
-    source=_HG_SOURCE,
-    assumed=_HG_ASSUMED,
-    counts_per_si=_HG_COUNTS_PER_SI,
-    axes=_HG_AXES,
-    C_instrument_case=_HG_C_INSTRUMENT_CASE,
-)
-
-GRADES: dict[str, Grade] = {
-    grade.name: grade for grade in (_CONSUMER, _INDUSTRIAL, _HG1900, _HG1700, _TACTICAL, _RING_LASER)
+# What an amount in the file is in, or divided by.
+_UNITS = {
+    "g": STANDARD_GRAVITY,
+    "mg": MILLI_G,
+    "ug": MICRO_G,
+    "deg/s": DEGREE,
+    "deg/h": DEGREE_PER_HOUR,
+    "m/s": 1.0,
+    "ft/s": 0.3048,
+    "ug/√Hz": MICRO_G,
+    "deg/s/√Hz": DEGREE,
+    "deg/√h": DEGREE_PER_ROOT_HOUR,
+    "√2": float(np.sqrt(2.0)),
 }
+
+
+def _part(said: str) -> float:
+    number, _, unit = said.partition(" ")
+    return _UNITS[said] if said in _UNITS else float(number) * (_UNITS[unit] if unit else 1.0)
+
+
+def _amount(said: str | float) -> float:
+    """An amount of the file in SI, such as ``60 mg / 3``."""
+    value, *divisors = map(_part, str(said).split(" / "))
+    for divisor in divisors:
+        value /= divisor
+    return value
+
+
+def amounts(sheet: dict[str, Any]) -> dict[str, float]:
+    """Return amounts of the file in SI.
+
+    Parameters
+    ----------
+    sheet : a triad of it.
+    """
+    return {key: _amount(said) for key, said in sheet.items()}
+
+
+def _triad(sheet: dict[str, Any]) -> TriadGrade:
+    si = amounts(sheet)
+    noise = {field.name: si.pop(field.name) for field in fields(TriadNoise) if field.name in si}
+    return TriadGrade(TriadNoise(**noise), **si)
+
+
+def _grade(name: str, sheet: dict[str, Any]) -> Grade:
+    force, rate = sheet["counts_per_si"]
+    return Grade(
+        name,
+        _triad(sheet["accelerometer"]),
+        _triad(sheet["gyroscope"]),
+        _amount(sheet.get("g_sensitivity", 0.0)),
+        sheet["source"],
+        tuple(sheet["assumed"]),
+        counts_per_si=(_amount(force), _amount(rate)),
+        axes=sheet.get("axes", ""),
+        C_instrument_case=np.array(sheet["C_instrument_case"], float) if "axes" in sheet else None,
+    )
+
+
+@cache
+def sheets() -> dict[str, Any]:
+    """Return what the file says, by grade."""
+    return read_yaml(Path(__file__).with_name("grades.yaml"))
+
+
+@cache
+def _grades() -> dict[str, Grade]:
+    return {name: _grade(name, sheet) for name, sheet in sheets().items()}
+
+
+GRADES: dict[str, Grade]
 """Grades by name, from the coarsest to the finest."""
+
+
+def __getattr__(name: str) -> object:
+    """Read the grades at first use.
+
+    Raises
+    ------
+    AttributeError
+        If it is another name.
+    """
+    if name != "GRADES":
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return _grades()
 
 
 def find_grade(name: str) -> Grade:
@@ -412,10 +276,11 @@ def find_grade(name: str) -> Grade:
     UsageError
         If there is none; the message lists those that there are, the nearest first.
     """
-    if name not in GRADES:
+    grades = _grades()
+    if name not in grades:
         import difflib
 
-        near = difflib.get_close_matches(name.lower(), GRADES, 1)
+        near = difflib.get_close_matches(name.lower(), grades, 1)
         meant = f" Did you mean {near[0]}?" if near else ""
-        raise UsageError(f"There is no IMU grade {name!r}; choose one of {', '.join(GRADES)}.{meant}")
-    return GRADES[name]
+        raise UsageError(f"There is no IMU grade {name!r}; choose one of {', '.join(grades)}.{meant}")
+    return grades[name]

@@ -10,7 +10,7 @@ from tumble.records import dataclass
 from tumble.sensor.gauge import change_frame, frame_rotation
 from tumble.sensor.imu import ImuModel
 from tumble.sensor.thermal import TemperatureBasis, ThermalModel
-from tumble.units import DEGREE, DEGREE_PER_HOUR, MICRO_G, MILLI_G
+from tumble.simulation.grades import amounts, find_grade, sheets
 
 # Of the change over half the span (60 K), one sigma of what bends it: quadratic and cubic in temperature.
 BEND, TWIST, HALF_SPAN = 0.3, 0.1, 60.0
@@ -119,45 +119,6 @@ _SHAPE = (
 )
 _LAG, _WIDTH = 30.0, 5.0
 
-_CONSUMER = ThermalGrade(
-    TriadDrift(
-        bias=60.0 * MILLI_G / 3.0 / 45.0,  # zero-g level change: z ±60 mg from 0 to 70 °C, 45 K from 25 °C
-        scale_factor=0.02e-2 / 3.0,  # sensitivity change ±0.02 %/°C
-        misalignment=20e-6,  # assumed
-    ),
-    TriadDrift(
-        bias=20.0 * DEGREE / 3.0 / 65.0,  # ZRO variation ±20 °/s from -40 to 85 °C, 65 K from 25 °C
-        scale_factor=0.02 / 3.0 / 65.0,  # scale factor variation ±2 % over the same
-        misalignment=20e-6,  # assumed
-    ),
-    thermometer_noise=0.05,
-    thermometer_resolution=1.0 / 340.0,  # 340 LSB/°C
-    lag=_LAG,
-    hysteresis_width=_WIDTH,
-    source="InvenSense MPU-6000/MPU-6050 Product Specification PS-MPU-6000A-00 rev. 3.4 (2013), 6.1 to 6.3, each "
-    "limit as three standard deviations",
-    assumed=("change of misalignment, 20 µrad/K", *_SHAPE),
-)
-
-
-def _assumed(
-    force: tuple[float, float, float], rate: tuple[float, float, float], noise: float, step: float
-) -> ThermalGrade:
-    return ThermalGrade(
-        TriadDrift(*force), TriadDrift(*rate), noise, step, _LAG, _WIDTH, "none", ("everything", *_SHAPE)
-    )
-
-
-THERMAL_GRADES: dict[str, ThermalGrade] = {
-    "consumer-mems": _CONSUMER,
-    "industrial-mems": _assumed((0.1 * MILLI_G, 3e-5, 3e-6), (5e-3 * DEGREE, 3e-5, 3e-6), 0.05, 1.0 / 256.0),
-    "hg1900": _assumed((0.01 * MILLI_G, 3e-6, 1e-6), (0.3 * DEGREE_PER_HOUR, 3e-6, 1e-6), 0.02, 0.01),
-    "hg1700": _assumed((0.01 * MILLI_G, 3e-6, 1e-6), (0.03 * DEGREE_PER_HOUR, 2e-6, 1e-6), 0.02, 0.01),
-    "tactical": _assumed((0.01 * MILLI_G, 3e-6, 1e-6), (0.03 * DEGREE_PER_HOUR, 2e-6, 1e-6), 0.02, 0.01),
-    "ring-laser": _assumed((1.0 * MICRO_G, 1e-6, 2e-7), (1e-4 * DEGREE_PER_HOUR, 1e-7, 2e-7), 0.01, 0.01),
-}
-"""By the name of the grade."""
-
 
 def find_thermal_grade(name: str) -> ThermalGrade:
     """Return what temperature does to units of a grade.
@@ -167,8 +128,14 @@ def find_thermal_grade(name: str) -> ThermalGrade:
     UsageError
         If nobody has said it of that grade.
     """
-    if name not in THERMAL_GRADES:
-        raise UsageError(
-            f"Nothing is known of the grade {name!r} and temperature: choose one of {', '.join(THERMAL_GRADES)}."
-        )
-    return THERMAL_GRADES[name]
+    find_grade(name)
+    sheet = sheets()[name]["thermal"]
+    return ThermalGrade(
+        TriadDrift(**amounts(sheet["accelerometer"])),
+        TriadDrift(**amounts(sheet["gyroscope"])),
+        **amounts({key: sheet[key] for key in ("thermometer_noise", "thermometer_resolution")}),
+        lag=_LAG,
+        hysteresis_width=_WIDTH,
+        source=sheet["source"],
+        assumed=(*sheet["assumed"], *_SHAPE),
+    )
