@@ -19,7 +19,6 @@ import numpy as np
 from timing import best
 
 from tumble.simulation import TriadNoise, convert_to_digital, simulate_noise
-from tumble.simulation.noise import simulate_output
 
 SAMPLES, RATE = 1_000_000, 100.0
 WHITE = TriadNoise(random_walk=0.01)
@@ -52,8 +51,6 @@ def main() -> None:
     chain = TriadNoise(random_walk=0.01, resolution=0.003, full_scale=5.0)
     in_steps = best(lambda: convert_to_digital(signal + simulate_noise(chain, SAMPLES, RATE, rng), chain))
     print(f"  {'signal, white noise, converter: step by step':<46} {in_steps / alone:6.2f}")
-    at_once = best(lambda: simulate_output(signal, chain, RATE, rng))
-    print(f"  {'signal, white noise, converter: at once':<46} {at_once / alone:6.2f}")
 
 
 if __name__ == "__main__":

@@ -71,18 +71,6 @@ def test_both_ways_have_errors_of_their_own_and_one_tilt() -> None:
     np.testing.assert_allclose(one.axis_b, other.axis_b, atol=1e-14)
 
 
-def test_errors_of_positions_have_the_rest_between_in_common() -> None:
-    angles = np.array(
-        [
-            [s.angle - s.shown for s in play(1.0, -1.0, table=TableErrors(position_sigma=1e-3), seed=k).spins]
-            for k in range(300)
-        ]
-    )
-    # Differences of independent numbers: variance twice, covariance minus once theirs; 300 of them: 8 %.
-    covariance = np.cov(angles.T) / 1e-6
-    np.testing.assert_allclose(covariance, [[2.0, -1.0], [-1.0, 2.0]], atol=0.6)
-
-
 @pytest.mark.parametrize("way", [1.0, -1.0])
 def test_after_whole_revolutions_wobble_and_ripple_have_led_home_and_rest(way: float) -> None:
     played = play(way, table=TableErrors(wobble=0.01, ripple=0.03, once=1e-3, twice=1e-3))

@@ -10,8 +10,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tumble.simulation import TriadNoise, convert_to_digital, simulate_noise
-from tumble.simulation.noise import simulate_output, simulate_wander
+from tumble.simulation import TriadNoise, simulate_noise
 from tumble.simulation.sampling import Imperfections, count_increments, drop_samples, scatter_instants
 
 RATE = 50.0
@@ -113,22 +112,6 @@ def test_white_noise_is_numpy_s_own_stream() -> None:
     drawn = simulate_noise(TriadNoise(random_walk=0.5), 1000, 4.0, ours)
     np.testing.assert_array_equal(drawn, 0.5 * 2.0 * numpys.standard_normal((1000, 3)))
     assert ours.random() == numpys.random()
-
-
-def test_the_output_at_once_is_that_step_by_step() -> None:
-    noise = TriadNoise(0.1, 0.05, 0.02, resolution=0.013, full_scale=1.1)
-    signal = np.random.default_rng(12).normal(0.0, 0.8, (600, 3))
-    before = signal.copy()
-    output, wander = simulate_output(signal, noise, RATE, np.random.default_rng(13))
-    steps = convert_to_digital(signal + simulate_noise(noise, 600, RATE, np.random.default_rng(13)), noise)
-    # the sums are taken in another order: a rounding may fall to the other side, here it does not
-    np.testing.assert_allclose(output, steps, rtol=1e-13)
-    np.testing.assert_array_equal(wander, simulate_wander(noise, 600, RATE, np.random.default_rng(13)))
-    np.testing.assert_array_equal(signal, before)
-    assert np.max(np.abs(output)) == 1.1
-
-
-# --- the chain to the file
 
 
 def test_the_rounding_of_increments_has_the_variance_of_a_carried_remainder() -> None:

@@ -29,8 +29,7 @@ from tumble.protocol.consistency import (
 )
 from tumble.protocol.steps import UP_N, HoldStep, Pose, Protocol, SpinStep, Step, TurnStep
 from tumble.records import dataclass
-from tumble.simulation.disturbances import Detours
-from tumble.simulation.motion import Motion
+from tumble.simulation.motion import Detours, Motion
 from tumble.simulation.poses import simulate_hand_poses
 from tumble.simulation.spin_shapes import directions_of, wobble_rotation
 from tumble.simulation.table import Drive, Table, TableErrors
@@ -123,7 +122,6 @@ def play_protocol(
     placement: bool = True,
     heading: float | Series | None = None,
     lever_arm_b: AnyArray | None = None,
-    table_tilt: float = 0.0,
     table: TableErrors | None = None,
 ) -> PlayedProtocol:
     """Return a motion that follows the protocol as well as its uncertainties say.
@@ -143,8 +141,6 @@ def play_protocol(
         heading that is not known is then zero. A pose of which nothing is known is drawn all the same.
     heading : rad, of every pose whose heading is not known, or one for each step; None draws them.
     lever_arm_b : (3,) m, from the centre of turns to the unit, or (3, 3) with a row for each accelerometer.
-    table_tilt : rad, one sigma of a lean of the whole fixture about north and about east, which all
-        poses and axes have in common and the protocol does not know.
     table : what is wrong with the table; None for nothing but the protocol's own uncertainties.
 
     Raises
@@ -167,7 +163,6 @@ def play_protocol(
             placement=placement,
             heading=heading,
             lever_arm_b=lever_arm_b,
-            table_tilt=table_tilt,
             table=table,
         )
         return _with_chamber(protocol, plain, played)
@@ -179,7 +174,7 @@ def play_protocol(
                 if spins
                 else "The table is to stop a spin early, and the protocol has no spin."
             )
-    fixture = _Fixture(protocol, rng, placement, heading, table_tilt, table)
+    fixture = _Fixture(protocol, rng, placement, heading, table)
     for number, step in enumerate(protocol.steps):
         if isinstance(step, HoldStep):
             fixture.hold(number, step)
@@ -226,15 +221,12 @@ class _Fixture:
         rng: np.random.Generator,
         placement: bool,
         heading: float | Series | None,
-        table_tilt: float,
         table: TableErrors | None,
     ) -> None:
         self.protocol, self.steps, self.rng, self.placement = protocol, protocol.steps, rng, placement
         self.table, self.halted, self.read = Table(table, rng, placement), False, list(protocol.steps)
         self.heading = 0.0 if heading is None and not placement else heading
-        tilt = rng.normal(0.0, table_tilt, 2) if placement and table_tilt > 0.0 else np.zeros(2)
-        self.lean = matrix_from_rotation_vector(np.array([*tilt, 0.0]))
-        # Where the unit is (up to the lean), and where it is meant to be.
+        # Where the unit is, and where it is meant to be.
         self.actual: Matrix | None = None
         self.nominal = np.eye(3)
         self.first = np.eye(3)
@@ -303,7 +295,7 @@ class _Fixture:
         self.table.zero()
         self.axes.clear()
         if not self.holds:
-            self.first = self.lean @ self.actual
+            self.first = self.actual
 
     def _misplaced(self, pose: Pose | None) -> Matrix:
         if pose is None or not self.placement or pose.sigma == 0.0:
@@ -442,7 +434,6 @@ class _Fixture:
             hold_duration=np.array([duration for duration, _ in self.holds]),
             turn_duration=np.array([move.duration for move in self.moves]),
             turn_vector_b=np.array([move.vector_b for move in self.moves]).reshape(-1, 3),
-            creep_vector_b=np.zeros((len(self.holds), 3)),
             lever_arm_b=lever_arm_b,
             spin_shapes=self.table.shapes(
                 [move.drive for move in self.moves],
@@ -453,13 +444,12 @@ class _Fixture:
         by_hand = [k for k, move in enumerate(self.moves) if np.any(move.swing)]
         if by_hand:
             moves = [self.moves[k] for k in by_hand]
-            motion = motion.disturbed(
-                Detours(
-                    holds[by_hand, 1],
-                    np.array([move.duration for move in moves]),
-                    np.array([move.swing for move in moves]),
-                )
+            detours = Detours(
+                holds[by_hand, 1],
+                np.array([move.duration for move in moves]),
+                np.array([move.swing for move in moves]),
             )
+            motion = replace(motion, detours=detours)
         edges = np.full((len(self.steps), 2), np.nan)
         for (_, number), interval in zip(self.holds, holds, strict=True):
             if number is not None:

@@ -11,7 +11,7 @@ require_compiled(__file__)
 
 import cython
 import numpy as np
-from cython.cimports.libc.math import atan2, cos, floor, rint, sin, sqrt
+from cython.cimports.libc.math import atan2, cos, floor, sin, sqrt
 
 _DRAWN = cython.declare(cython.Py_ssize_t, 4096)
 
@@ -75,29 +75,6 @@ def add_walk(rng: np.random.Generator, step: cython.double, total: cython.double
                 total[begin + i, 0] += x
                 total[begin + i, 1] += y
                 total[begin + i, 2] += z
-
-
-@cython.locals(value=cython.double)
-def add_white_and_digitise(
-    rng: np.random.Generator,
-    scale: cython.double,
-    step: cython.double,
-    limit: cython.double,
-    signal: cython.double[::1],
-) -> None:
-    """Add white noise, round to whole steps (none if zero), and stop at the limit, in one pass."""
-    buffer = np.zeros(min(_DRAWN, signal.shape[0]))
-    drawn: cython.double[::1] = buffer
-    for begin in range(0, signal.shape[0], _DRAWN):
-        count = min(_DRAWN, signal.shape[0] - begin)
-        if scale > 0.0:
-            rng.standard_normal(out=buffer[:count])
-        with cython.nogil:
-            for i in range(count):
-                value = signal[begin + i] + scale * drawn[i]
-                if step > 0.0:
-                    value = step * rint(value / step)
-                signal[begin + i] = min(max(value, -limit), limit)
 
 
 @cython.locals(remainder=cython.double, wanted=cython.double)
@@ -367,7 +344,6 @@ __all__ = [
     "add_markov",
     "add_walk",
     "add_white",
-    "add_white_and_digitise",
     "carry_remainders",
     "chain_turns",
     "fill_attitudes",

@@ -9,7 +9,6 @@ rate and acceleration are closed formulas of time; nothing is differentiated or 
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -19,7 +18,6 @@ from tumble.arrays import AnyArray, Series, Vector, Vectors
 from tumble.earth.site import Site
 from tumble.errors import UsageError
 from tumble.records import dataclass
-from tumble.simulation.disturbances import Disturbance
 from tumble.simulation.kernels import (
     chain_turns,
     fill_attitudes,
@@ -33,6 +31,43 @@ if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
 
+@dataclass(frozen=True, slots=True)
+class Detours:
+    """A hand does not turn about one fixed axis: during each of some turns the attitude leaves the path.
+
+    It goes off as the square of a sine and is back at the turn's end. The unit's acceleration on the way
+    is left out, as if it turned about itself.
+
+    Attributes
+    ----------
+    time : (turns,) s, increasing, where each begins.
+    duration : (turns,) s; each ends before the next begins.
+    swing : (turns, 3) rad, the largest excursion in b.
+    """
+
+    time: Series
+    duration: Series
+    swing: Vectors
+
+    def rotation(self, time: Series) -> Vectors:
+        """Return the extra rotation vector in b, rad."""
+        turn, angle = self._angle(time)
+        vectors, away = np.zeros((len(time), 3)), np.flatnonzero(angle)
+        vectors[away] = np.sin(angle[away])[:, None] ** 2 * self.swing[turn[away]]
+        return vectors
+
+    def rotation_rate(self, time: Series) -> Vectors:
+        """Return its time derivative, rad/s."""
+        turn, angle = self._angle(time)
+        return (np.sin(2.0 * angle) * np.pi / self.duration[turn])[:, None] * self.swing[turn]
+
+    def _angle(self, time: Series) -> tuple[np.ndarray, Series]:
+        turn = np.maximum(np.searchsorted(self.time, time, side="right") - 1, 0)
+        share = np.clip((time - self.time[turn]) / self.duration[turn], 0.0, 1.0)
+        # sin(pi) is not zero to the last digit, and a hold shall be one
+        return turn, np.where(share < 1.0, np.pi * share, 0.0)
+
+
 @dataclass(frozen=True)
 class Motion:
     """Holds and turns, one after another, beginning with a hold.
@@ -43,10 +78,9 @@ class Motion:
     hold_duration : (holds,) s.
     turn_duration : (holds - 1,) s.
     turn_vector_b : (holds - 1, 3) rad, rotation vector of each turn in b; may exceed half a turn.
-    creep_vector_b : (holds, 3) rad, rotation vector in b by which each hold creeps at a constant rate.
     lever_arm_b : m, from the centre of the turns to the unit, which gives it acceleration while turned:
         (3,), or (3, 3) with a row for each accelerometer, whose own row gives its component of the force.
-    disturbances : tremor, vibration, knocks: on top of the path, at all times.
+    detours : on top of the path; None for turns about fixed axes.
     turn_ramp : (holds - 1,) s that a spin takes to come to its constant rate and to stop from it; NaN
         for a turn without a constant part. None for no spins at all.
     spin_shapes : how spins run that are not even, instead of `turn_ramp`.
@@ -56,9 +90,8 @@ class Motion:
     hold_duration: Series
     turn_duration: AnyArray
     turn_vector_b: AnyArray
-    creep_vector_b: AnyArray
     lever_arm_b: AnyArray
-    disturbances: tuple[Disturbance, ...] = ()
+    detours: Detours | None = None
     turn_ramp: AnyArray | None = None
     spin_shapes: SpinShapes | None = None
 
@@ -68,9 +101,8 @@ class Motion:
         hold_duration: Series,
         turn_duration: AnyArray,
         *,
-        creep_vector_b: AnyArray | None = None,
         lever_arm_b: AnyArray | None = None,
-        disturbances: tuple[Disturbance, ...] = (),
+        detours: Detours | None = None,
     ) -> Motion:
         """Return the motion that goes through the poses by the shortest turns.
 
@@ -78,38 +110,28 @@ class Motion:
         ----------
         rotations_nb : one attitude per hold, at its beginning.
         hold_duration, turn_duration : (holds,) and (holds - 1,) s.
-        creep_vector_b : (holds, 3) rad, or None for holds that stay.
         lever_arm_b : (3,) or (3, 3) m, or None for turns about the unit itself.
-        disturbances : see `Motion`.
+        detours : see `Motion`.
 
         Raises
         ------
         ValueError
             If the numbers of poses and durations do not fit together.
         """
-        from scipy.spatial.transform import Rotation
-
         holds = len(rotations_nb)
-        creep = np.zeros((holds, 3)) if creep_vector_b is None else creep_vector_b
-        if len(hold_duration) != holds or len(turn_duration) != holds - 1 or len(creep) != holds:
+        if len(hold_duration) != holds or len(turn_duration) != holds - 1:
             raise ValueError(
                 f"{holds} poses take {holds} hold durations and {holds - 1} turn durations, "
                 f"not {len(hold_duration)} and {len(turn_duration)}"
             )
-        left = rotations_nb[:-1] * Rotation.from_rotvec(creep[:-1])
         return Motion(
             first_quaternion_nb=rotations_nb[0].as_quat(),
             hold_duration=hold_duration,
             turn_duration=turn_duration,
-            turn_vector_b=(left.inv() * rotations_nb[1:]).as_rotvec(),
-            creep_vector_b=creep,
+            turn_vector_b=(rotations_nb[:-1].inv() * rotations_nb[1:]).as_rotvec(),
             lever_arm_b=np.zeros(3) if lever_arm_b is None else lever_arm_b,
-            disturbances=disturbances,
+            detours=detours,
         )
-
-    def disturbed(self, *disturbances: Disturbance) -> Motion:
-        """Return the same motion with further disturbances."""
-        return replace(self, disturbances=(*self.disturbances, *disturbances))
 
     @property
     def duration(self) -> float:
@@ -126,7 +148,7 @@ class Motion:
 
     @property
     def hold_rotations_nb(self) -> Rotation:
-        """Attitude at the beginning of each hold, without disturbances."""
+        """Attitude at the beginning of each hold, without detours."""
         from scipy.spatial.transform import Rotation
 
         return Rotation.from_quat(self.hold_quaternions_nb)
@@ -141,7 +163,7 @@ class Motion:
         holds = len(self.hold_duration)
         length, vector = np.empty(2 * holds - 1), np.empty((2 * holds - 1, 3))
         length[::2], length[1::2] = self.hold_duration, self.turn_duration
-        vector[::2], vector[1::2] = self.creep_vector_b, self.turn_vector_b
+        vector[::2], vector[1::2] = 0.0, self.turn_vector_b
         ramp = np.full(holds - 1, np.nan) if self.turn_ramp is None else self.turn_ramp
         shapes = SpinShapes.even(ramp) if self.spin_shapes is None else self.spin_shapes
         shapes = shapes.between_holds()
@@ -155,7 +177,7 @@ class Motion:
         return _Steps(np.concatenate([[0.0], np.cumsum(length)]), vector, shapes, first)
 
     def rotation_nb(self, time: Series) -> Rotation:
-        """Return the attitude at each time, disturbances included.
+        """Return the attitude at each time, detours included.
 
         Parameters
         ----------
@@ -185,12 +207,12 @@ class Motion:
         vector, _ = path.rate_vectors(step, share)
         rate = vector * speed[:, None]
         added = self._added(path, step, share, time)
-        if self.disturbances:
+        if self.detours is not None:
             from scipy.spatial.transform import Rotation
 
-            shake = added[1]
-            shake_rate = np.sum([d.rotation_rate(time) for d in self.disturbances], axis=0)
-            rate = Rotation.from_rotvec(shake).inv().apply(rate) + _right_jacobian(shake, shake_rate)
+            away = added[1]
+            away_rate = self.detours.rotation_rate(time)
+            rate = Rotation.from_rotvec(away).inv().apply(rate) + _right_jacobian(away, away_rate)
         return rate + _seen(self._attitude(path, step, share, added), _earth_rate(site))
 
     def mean_angular_rate_ib_b(self, edges: Series, site: Site) -> AnyArray:
@@ -221,10 +243,10 @@ class Motion:
         return rates
 
     def _added(self, path: _Steps, step: np.ndarray, share: Series, time: Series) -> tuple[Vectors, Vectors]:
-        """Rotation vectors that a wobbling axis and then disturbances add to the path's attitude; no rows for none."""
+        """Rotation vectors that a wobbling axis and then detours add to the path's attitude; no rows for none."""
         none = np.empty((0, 3))
         wobble = path.wobble(step, share).as_rotvec() if path.shapes.wobbles else none
-        return wobble, self._shake(time) if self.disturbances else none
+        return wobble, none if self.detours is None else self.detours.rotation(time)
 
     def specific_force_b(self, time: Series, site: Site) -> Vectors:
         """Return the specific force at each instant, m/s², in b; at rest it is minus gravity.
@@ -237,8 +259,6 @@ class Motion:
         path, step, (share, speed, gain) = self._progress(time)
         added = self._added(path, step, share, time)
         force = _seen(self._attitude(path, step, share, added), np.array([0.0, 0.0, -site.gravity]))
-        for disturbance in self.disturbances:
-            force += disturbance.acceleration(time)
         if not np.any(self.lever_arm_b):
             return force
         vector, bend = path.rate_vectors(step, share)
@@ -254,14 +274,11 @@ class Motion:
         else:
             each = [acceleration_at(row)[:, axis] for axis, row in enumerate(self.lever_arm_b)]
             acceleration = np.stack(each, axis=1)
-        if self.disturbances:
+        if self.detours is not None:
             from scipy.spatial.transform import Rotation
 
             acceleration = Rotation.from_rotvec(added[1]).inv().apply(acceleration)
         return force + acceleration
-
-    def _shake(self, time: Series) -> Vectors:
-        return np.sum([d.rotation(time) for d in self.disturbances], axis=0)
 
     def _progress(self, time: Series) -> tuple[_Steps, np.ndarray, AnyArray]:
         """The steps, step number, and (3, samples) the share of it done with its first and second time derivative."""

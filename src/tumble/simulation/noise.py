@@ -111,25 +111,3 @@ def convert_to_digital(signal: Vectors, noise: TriadNoise) -> Vectors:
     if noise.resolution > 0.0:
         signal = noise.resolution * np.round(signal / noise.resolution)
     return np.clip(signal, -noise.full_scale, noise.full_scale)
-
-
-def simulate_output(
-    signal: Vectors, noise: TriadNoise, rate: float, rng: np.random.Generator
-) -> tuple[AnyArray, AnyArray]:
-    """Return what a triad gives for its raw signal, and how the bias wandered, both (samples, 3).
-
-    It is the signal with the noise of `simulate_noise`, number for number, as `convert_to_digital` gives
-    it, without copies in between.
-
-    Parameters
-    ----------
-    signal : (samples, 3) raw signal without noise, in the unit of the coefficients.
-    noise, rate, rng : as for `simulate_noise`.
-    """
-    from tumble.simulation.kernels import add_white_and_digitise
-
-    wander = simulate_wander(noise, len(signal), rate, rng)
-    output = np.ascontiguousarray(signal + wander if noise.wanders else signal.copy())
-    scale = noise.random_walk * np.sqrt(rate)
-    add_white_and_digitise(rng, scale, noise.resolution, noise.full_scale, output.reshape(-1))
-    return output, wander

@@ -12,6 +12,10 @@ if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
 
+# rad, the least angle by which gravity's direction in b moves from one pose of a hand to the next.
+SMALLEST = 0.5
+
+
 def poses_26(heading: float = 0.0) -> Rotation:
     """Return 26 attitudes in which b's up direction is a face, an edge or a corner of a cube.
 
@@ -41,34 +45,24 @@ def _turning_to(vector: np.ndarray, target: np.ndarray) -> Rotation:
     return Rotation.from_rotvec(axis / sine * np.arctan2(sine, cosine))
 
 
-def simulate_hand_poses(
-    rng: np.random.Generator, holds: int, *, smallest: float = 0.5, after: Rotation | None = None
-) -> Rotation:
+def simulate_hand_poses(rng: np.random.Generator, holds: int, *, after: Rotation | None = None) -> Rotation:
     """Draw attitudes as a hand takes them: anyhow, but each clearly different from the one before.
 
     Parameters
     ----------
     rng : source of the attitudes.
     holds : how many.
-    smallest : rad, the least angle by which gravity's direction in b moves from one to the next.
     after : attitude from which the first must differ, too.
-
-    Raises
-    ------
-    ValueError
-        If `smallest` is half a turn or more, which no next pose could reach.
     """
     from scipy.spatial.transform import Rotation
 
-    if smallest >= np.pi:
-        raise ValueError("no pose turns gravity by half a turn or more from every other")
     up_n = np.array([0.0, 0.0, -1.0])
     poses = [_anyhow(rng)] if after is None else [after]
     wanted = holds if after is None else holds + 1
     while len(poses) < wanted:
         pose = _anyhow(rng)
         cosine = float(pose.inv().apply(up_n) @ poses[-1].inv().apply(up_n))
-        if np.arccos(np.clip(cosine, -1.0, 1.0)) >= smallest:
+        if np.arccos(np.clip(cosine, -1.0, 1.0)) >= SMALLEST:
             poses.append(pose)
     return Rotation.concatenate(poses[wanted - holds :])
 

@@ -12,7 +12,6 @@ from tumble.errors import UsageError
 from tumble.protocol.steps import Protocol
 from tumble.recording.recording import Recording
 from tumble.sensor.imu import ImuModel
-from tumble.simulation.disturbances import Disturbance
 from tumble.simulation.fixtures import PlayedProtocol, TrueSpin, play_protocol
 from tumble.simulation.grades import Grade
 from tumble.simulation.magnetometer import SimulatedMagnetometer
@@ -39,10 +38,8 @@ def simulate_protocol(
     placement: bool = True,
     heading: float | Series | None = None,
     lever_arm_b: AnyArray | None = None,
-    table_tilt: float = 0.0,
     table: TableErrors | None = None,
     fixture: FixtureErrors | None = None,
-    disturbances: tuple[Disturbance, ...] = (),
     units: str = "SI",
     magnetometer: tuple[SimulatedMagnetometer, np.random.Generator] | None = None,
 ) -> tuple[Recording, Truth]:
@@ -65,10 +62,9 @@ def simulate_protocol(
     model : the sensor's errors, raw units SI; None draws them from the grade (or is exact, without one).
     noise : False leaves noise and converter away, and keeps the grade's errors.
     imperfections : what the recording chain does.
-    placement, heading, lever_arm_b, table_tilt, table : as for `play_protocol`.
+    placement, heading, lever_arm_b, table : as for `play_protocol`.
     fixture : a two-axis fixture that makes the sequences of the protocol, see `play_sequences`. Its errors
         are all that there are: `placement` and the uncertainties of the protocol then do not matter.
-    disturbances : on top of the motion, such as vibration of the place.
     units : "SI", or "counts": raw numbers times the grade's counts per m/s² and per rad/s (`Truth` says
         them), rounded to whole counts where there is noise.
     magnetometer : that is on the unit, with the source of its noise; None for none.
@@ -83,7 +79,7 @@ def simulate_protocol(
         is a table, too.
     """
     _refuse_odd(units, model)
-    played = _played(protocol, rng, placement, heading, lever_arm_b, table_tilt, table, fixture)
+    played = _played(protocol, rng, placement, heading, lever_arm_b, table, fixture)
     if model is None:
         model = ImuModel.ideal() if grade is None else grade.simulate_model(rng)
     noisy = grade if noise else None
@@ -94,7 +90,7 @@ def simulate_protocol(
         noisy = None if noisy is None else noisy.in_counts()
         imperfections = None if imperfections is None else imperfections.in_raw_unit(*counts)
     recording, truth = simulate_recording(
-        played.motion.disturbed(*disturbances),
+        played.motion,
         rate,
         rng,
         site=site,
@@ -105,7 +101,7 @@ def simulate_protocol(
     if counts is not None:
         recording = replace(recording, specific_force_unit="counts", angular_rate_unit="counts")
     if magnetometer is not None:
-        shown = magnetometer[0].record(played.motion.disturbed(*disturbances), magnetometer[1])
+        shown = magnetometer[0].record(played.motion, magnetometer[1])
         recording = replace(recording, magnetic_field=shown)
     truth = replace(
         truth,
@@ -134,7 +130,6 @@ def _played(
     placement: bool,
     heading: float | Series | None,
     lever_arm_b: AnyArray | None,
-    table_tilt: float,
     table: TableErrors | None,
     fixture: FixtureErrors | None,
 ) -> PlayedProtocol:
@@ -146,10 +141,9 @@ def _played(
             placement=placement,
             heading=heading,
             lever_arm_b=lever_arm_b,
-            table_tilt=table_tilt,
             table=table,
         )
-    if table is not None or table_tilt != 0.0:
+    if table is not None:
         raise UsageError("A unit is on a turntable or on a two-axis fixture, not on both: leave one away.")
     return play_sequences(protocol, rng, fixture, heading=heading, lever_arm_b=lever_arm_b)
 

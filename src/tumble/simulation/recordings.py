@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import field, replace
 from typing import TYPE_CHECKING
 
@@ -50,7 +50,6 @@ class Truth:
     quaternions_nb : (holds, 4) attitude at each hold's beginning, scalar last.
     specific_force_b, angular_rate_ib_b : (holds, 3) true means over the samples that lie wholly in each
         hold, m/s², rad/s; NaN for a hold of which no sample was recorded.
-    creep_angle : (holds,) rad by which each hold's attitude creeps.
     force_wander, rate_wander : (holds, 3) raw, how far each bias had wandered in each hold (its mean).
     model : the sensor's errors, raw units as in the recording, where they were drawn or a protocol was played.
     site : gravity and Earth rate.
@@ -68,7 +67,6 @@ class Truth:
     quaternions_nb: AnyArray
     specific_force_b: AnyArray
     angular_rate_ib_b: AnyArray
-    creep_angle: AnyArray
     force_wander: AnyArray
     rate_wander: AnyArray
     model: ImuModel | None
@@ -98,8 +96,6 @@ def simulate_recording(
     grade: Grade | None = None,
     distort: Distort | None = None,
     start: float = 0.0,
-    stop: float | None = None,
-    missing: Sequence[tuple[float, float]] = (),
     imperfections: Imperfections | None = None,
 ) -> tuple[Recording, Truth]:
     """Record a motion with a simulated unit.
@@ -116,8 +112,7 @@ def simulate_recording(
     grade : noise, converter and the spread of errors; None for a unit without noise.
     distort : true to raw; None draws a model of the grade (or is exact, without a grade). With it,
         noise and converter act on the raw numbers in the grade's units: raw units are then SI.
-    start, stop : s of the motion, where the recording begins and ends; a turn may be cut.
-    missing : (from, to) s of the motion, samples that the recording lost.
+    start : s of the motion, where the recording begins.
     imperfections : what the recording chain does beside: increments, scattered instants and stamps, lost
         samples.
 
@@ -128,12 +123,12 @@ def simulate_recording(
         a turn within one.
     """
     chain = imperfections or Imperfections()
-    stop = motion.duration if stop is None else stop
-    if not 0.0 < rate < np.inf or (stop - start) * rate < 1.0:
+    length = motion.duration - start
+    if not 0.0 < rate < np.inf or length * rate < 1.0:
         raise UsageError(
-            f"A recording of {stop - start:g} s at {rate:g} Hz has no sample: give a higher sampling rate."
+            f"A recording of {length:g} s at {rate:g} Hz has no sample: give a higher sampling rate."
         )
-    regular = start + np.arange(int(np.floor((stop - start) * rate)) + 1) / rate
+    regular = start + np.arange(int(np.floor(length * rate)) + 1) / rate
     middle = 0.5 * (regular[:-1] + regular[1:])
     edges = scatter_instants(regular, rate, chain.sampling_jitter, rng)
     with part(0.0, 0.3):
@@ -153,8 +148,6 @@ def simulate_recording(
     raw_rate = count_increments(raw_rate, rate, chain.angle_increment)
     stamps = scatter_stamps(middle, rate, chain.jitter, rng)
     keep = drop_samples(len(middle), chain.dropped, chain.burst, rng)
-    for first, last in missing:
-        keep &= (middle < first) | (middle >= last)
     recording = Recording(
         time=stamps[keep] - start,
         specific_force=raw_force[keep],
@@ -222,7 +215,6 @@ def _truth(
         quaternions_nb=motion.hold_quaternions_nb,
         specific_force_b=force,
         angular_rate_ib_b=angular_rate,
-        creep_angle=np.linalg.norm(motion.creep_vector_b, axis=1),
         force_wander=force_wander,
         rate_wander=rate_wander,
         model=model,

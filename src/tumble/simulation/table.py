@@ -32,8 +32,6 @@ class TableErrors:
     ----------
     angle_sigma : rad, one sigma by which each angle turned differs from what the display shows, each for
         itself; None takes the protocol's `angle_sigma` of each spin, as far as placement errors are made.
-    position_sigma : rad, one sigma by which each rest differs from where the display says it is: an angle
-        has the difference of two, and two that follow one another have one of them in common.
     once, twice : rad, amplitude of the angle's systematic error once and twice a revolution. It comes
         back after each revolution, but the rate goes up and down by it.
     axis_tilt : rad, one sigma about each axis of north, east, down by which all spins' axes lean from
@@ -50,7 +48,6 @@ class TableErrors:
     """
 
     angle_sigma: float | None = None
-    position_sigma: float = 0.0
     once: float = 0.0
     twice: float = 0.0
     axis_tilt: float = 0.0
@@ -65,7 +62,6 @@ class TableErrors:
         """Refuse what no table does."""
         amounts = {
             "angle_sigma": self.angle_sigma or 0.0,
-            "position_sigma": self.position_sigma,
             "once": self.once,
             "twice": self.twice,
             "axis_tilt": self.axis_tilt,
@@ -125,12 +121,11 @@ class Table:
         waves = np.any(self.amplitude > 0.0)
         self.phase = rng.uniform(0.0, 2.0 * np.pi, 3) if waves else np.zeros(3)
         self.wobble_phase = float(rng.uniform(0.0, 2.0 * np.pi)) if e.wobble > 0.0 else 0.0
-        self.stands, self.off, self.count = 0.0, 0.0, 0
+        self.stands, self.count = 0.0, 0
 
     def zero(self) -> None:
         """Begin anew with the unit mounted another way."""
         self.stands = 0.0
-        self.off = float(self._normal(self.errors.position_sigma, 1)[0])
 
     def drive(self, step: SpinStep, rate: float, where: str) -> Drive:
         """Return the next spin, and go there.
@@ -185,8 +180,7 @@ class Table:
         ----------
         step : of a spin.
         """
-        own = step.angle_sigma if self.errors.angle_sigma is None else self.errors.angle_sigma
-        return float(np.hypot(own, np.sqrt(2.0) * self.errors.position_sigma))
+        return step.angle_sigma if self.errors.angle_sigma is None else self.errors.angle_sigma
 
     def shapes(self, drives: list[Drive | None], axes: Vectors) -> SpinShapes:
         """Return how each turn runs.
@@ -234,8 +228,7 @@ class Table:
         """What the true angle differs from the display's, beside what is systematic."""
         own = self.errors.angle_sigma
         sigma = own if own is not None else step.angle_sigma if self.placement else 0.0
-        before, self.off = self.off, float(self._normal(self.errors.position_sigma, 1)[0])
-        return float(self._normal(sigma, 1)[0]) + self.off - before
+        return float(self._normal(sigma, 1)[0])
 
     def _normal(self, sigma: float, count: int) -> Series:
         """Draw nothing where there is nothing to be drawn: what else is drawn stays the same."""

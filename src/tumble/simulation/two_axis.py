@@ -281,7 +281,6 @@ class _Player:
             hold_duration=np.array([duration for duration, _ in self.holds]),
             turn_duration=np.array([move.duration for move in self.moves]),
             turn_vector_b=np.array([move.angle * move.axis_b for move in self.moves]).reshape(-1, 3),
-            creep_vector_b=np.zeros((len(self.holds), 3)),
             lever_arm_b=lever_arm_b,
             turn_ramp=np.array([move.ramp for move in self.moves]),
         )

@@ -15,7 +15,6 @@ from tumble.simulation import (
     poses_26,
     simulate_hand_poses,
     simulate_noise,
-    simulate_tremor,
 )
 
 
@@ -53,21 +52,6 @@ def test_a_converter_rounds_and_stops() -> None:
     np.testing.assert_array_equal(digital, [[0.0, -0.5, 2.0], [1.0, -2.0, 0.0]])
 
 
-def test_a_tremor_has_the_rms_asked_for_and_lies_in_its_band() -> None:
-    tremor = simulate_tremor(
-        np.random.default_rng(33), rate_rms=0.04, acceleration_rms=0.09, band=(8.0, 12.0)
-    )
-    time = np.arange(100_000) / 200.0
-    rate = tremor.rotation_rate(time)
-    # mean over 500 s of beating sine waves
-    np.testing.assert_allclose(np.sqrt(np.mean(rate**2, axis=0)), 0.04, rtol=0.02)
-    np.testing.assert_allclose(np.sqrt(np.mean(tremor.acceleration(time) ** 2, axis=0)), 0.09, rtol=0.02)
-    spectrum = np.abs(np.fft.rfft(rate[:, 0] * np.hanning(len(time)))) ** 2
-    frequency = np.fft.rfftfreq(len(time), 1.0 / 200.0)
-    inside = (frequency > 7.9) & (frequency < 12.1)
-    assert spectrum[inside].sum() > 0.999 * spectrum.sum()
-
-
 def test_a_grade_draws_units_of_its_spread() -> None:
     grade = find_grade("consumer-mems")
     rng = np.random.default_rng(34)
@@ -99,8 +83,6 @@ def test_the_26_poses_point_up_along_faces_edges_and_corners() -> None:
 
 
 def test_hand_poses_differ_from_one_to_the_next() -> None:
-    up_b = simulate_hand_poses(np.random.default_rng(35), 40, smallest=0.8).inv().apply([0.0, 0.0, -1.0])
+    up_b = simulate_hand_poses(np.random.default_rng(35), 40).inv().apply([0.0, 0.0, -1.0])
     angles = np.arccos(np.sum(up_b[1:] * up_b[:-1], axis=1))
-    assert angles.min() >= 0.8
-    with pytest.raises(ValueError, match="half a turn"):
-        simulate_hand_poses(np.random.default_rng(35), 4, smallest=3.2)
+    assert angles.min() >= 0.5
