@@ -13,9 +13,11 @@ import pytest
 @pytest.fixture(scope="module")
 def folder(tumble: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("strapdown") / "fixture"
+    errors = folder.parent / "errors.yaml"
+    errors.write_text("fixture_zero_mrad: 1\nfixture_mounting_mrad: 1\n", encoding="utf-8")
     answer = tumble(
         "simulate", "strapdown-rotation", "--imu", "tactical", "--sample-rate", 50, "--site", "48.1,520", "--seed", 2,
-        "--fixture-zero-mrad", 1, "--fixture-mounting-mrad", 1, "--per-step", "-o", folder,
+        "--errors", errors, "--per-step", "-o", folder,
     )  # fmt: skip
     assert answer.status == 0, answer
     return folder

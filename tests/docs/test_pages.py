@@ -33,7 +33,7 @@ EXECUTED = {
     "docs/python.md": 2,
     "docs/real-recordings.md": 2,
     "docs/reproduce.md": 1,
-    "docs/simulation.md": 3,
+    "docs/simulation.md": 2,
     "docs/targets/autopilots.md": 3,
     "docs/targets/backward.md": 6,
     "docs/targets/forward.md": 6,

@@ -180,6 +180,12 @@ def _read_intervals(file: Path, _: Case) -> None:
     read_intervals(file)
 
 
+def _read_errors(file: Path, _: Case) -> None:
+    from tumble.simulation.errors import read_errors
+
+    read_errors(file)
+
+
 def _read_options(file: Path, case: Case) -> None:
     from tests.fuzz.seeds import HEADER, rows, text
 
@@ -218,7 +224,7 @@ def _call(file: Path, case: Case) -> None:
     if not isinstance(words, list) or not all(isinstance(word, str) for word in words):
         return
     (file.parent / "hand.csv").write_text(f"{HEADER}\n{text(rows())}")
-    for kind in ("calibration", "noise", "intervals", "gnss"):
+    for kind in ("calibration", "noise", "intervals", "gnss", "errors"):
         name, content = seeds()[kind][0]
         (file.parent / name).write_bytes(content)
     _run_program(words, file.parent)
@@ -269,6 +275,7 @@ _READERS: dict[str, Callable[[Path, Case], None]] = {
     "protocol": _read_protocol,
     "gnss": _read_gnss,
     "intervals": _read_intervals,
+    "errors": _read_errors,
     "options": _read_options,
     "call": _call,
     "work": _work,

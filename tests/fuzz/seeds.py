@@ -55,6 +55,7 @@ def seeds() -> Seeds:
             "protocol": _protocols(),
             "gnss": _tracks(),
             "intervals": [("holds.csv", b"start,stop\n0.1,1.4\n1.8,3.0\n# last\n3.4 4.7\n")],
+            "errors": [("errors.yaml", ERRORS)],
             "options": [("options.json", option) for option in _options()],
             "call": [("call.json", json.dumps(call.split()).encode()) for call in CALLS],
             "work": [(f"{command}/tumbled.csv", tumbled()) for command in WORK],
@@ -331,6 +332,13 @@ def _options() -> list[bytes]:
     return [json.dumps({option: value}).encode() for option, values in known.items() for value in values]
 
 
+ERRORS = b"""jitter_ms: 1
+wander: true
+table_angle_arcsec: 5
+table_stops_percent: {1: 50, 2: 60}
+table_lever_arm_cm: [1, 2.5, -3]
+"""
+
 CALLS = (
     "calibrate hand.csv -o out --site 48.1,520 --gravity 9.81 --units m/s^2,rad/s,s --json",
     "calibrate hand.csv -o out --procedure multi-position --unknowns 6 --columns t,ax,ay,az,gx,gy,gz --rate 50",
@@ -356,11 +364,10 @@ CALLS = (
     "mount hand.csv hand.csv -c calibration.json -o mount.json --mount-mrad 1 --site 48.1",
     "noise hand.csv -o out --skip 1 --kind hadamard --taus 0.1,0.2,0.4 --fit curve --units g,deg/s",
     "noise hand.csv --remove-temperature --stream --rate 50 --json",
-    "simulate six-position -o out --sample-rate 5 --seed 3 --unit-seed 4 --jitter 1 --dropped 1 --burst 3 --axes case",
-    "simulate rest -o out --duration 10 --output-units counts --turn-on-bias 1,10 --sampling-jitter 0.1 --wander",
-    "simulate turntable-9 -o out --sample-rate 2 --table-angle-arcsec 5 --table-tilt-deg 1 --table-stops 1:50",
-    "simulate strapdown-rotation -o out --sample-rate 2 --fixture-zero-mrad 1 --fixture-ramp-s 2 --fixture-pause-s 20",
-    "simulate rate-table -o out --sample-rate 2 --table-ripple-ppm 100 --table-lever-arm-cm 1,2,3",
+    "simulate six-position -o out --sample-rate 5 --seed 3 --unit-seed 4 --errors errors.yaml --per-step",
+    "simulate rest -o out --duration 10 --output-units counts --turn-on-bias 1,10 --magnetometer lis3mdl",
+    "simulate turntable-9 -o out --sample-rate 2 --errors errors.yaml --site 48.1",
+    "simulate strapdown-rotation -o out --sample-rate 2 --errors errors.yaml --gravity 9.81",
     "plan six-position --data-sheet consumer-mems --seconds 600 --site 48.1",
     "units 60 ug/sqrt(Hz) --sample-rate 100",
     "units convert 3 deg/h rad/s",

@@ -115,24 +115,18 @@ def calibrations() -> Entries:
             9,
             "--magnetometer",
             "lis3mdl",
-            "--set",
-            "magnetic-field=49,65,4",
+            {"magnetic_field_ut": 49},
             more=(*SITE, *field),
         ),
         "hand-held-wanders": partial(
             by_hand,
             "--seed",
             10,
-            "--set",
-            "wander",
-            "--set",
-            "nonlinear",
-            "--set",
-            "asymmetry-ppm=500",
+            {"wander": True, "nonlinear": True, "asymmetry_ppm": 500},
             more=SITE,
         ),
         "hand-held-jitters": partial(
-            by_hand, "--seed", 11, "--set", "jitter=0.5", "--set", "dropped=1", "--set", "burst=3", more=SITE
+            by_hand, "--seed", 11, {"jitter_ms": 0.5, "dropped_percent": 1, "burst_samples": 3}, more=SITE
         ),
         "hand-held-monte-carlo": partial(by_hand, "--seed", 12, more=(*SITE, *drawn)),
         "hand-held-data-sheet": partial(
@@ -275,7 +269,7 @@ def noise_of(simulation: tuple[Any, ...], *arguments: object) -> Any:
 
 def noise() -> Entries:
     """Six units at rest."""
-    wandering = ("--set", "wander", "--duration", 1800, "--sample-rate", 20)
+    wandering = ({"wander": True}, "--duration", 1800, "--sample-rate", 20)
     return {
         "consumer": partial(noise_of, ("--duration", 600)),
         "consumer-wanders": partial(noise_of, wandering),
@@ -342,7 +336,7 @@ def replay(file: object, *arguments: object) -> Any:
 
 def captures() -> Entries:
     """Five replays."""
-    compass = ("--magnetometer", "lis3mdl", "--set", "magnetic-field=49,65,4")
+    compass = ("--magnetometer", "lis3mdl")
     return {
         "hand-held": partial(replayed, ("hand-held", "--seed", 21)),
         "hand-held-magnetometer": partial(replayed, ("hand-held", "--seed", 22, *compass)),
@@ -371,7 +365,7 @@ def page_of(*command: object, before: tuple[tuple[Any, ...], ...] = (), path: st
 
 def pages() -> Entries:
     """Reports of eight kinds."""
-    compass = ("--magnetometer", "lis3mdl", "--set", "magnetic-field=49,65,4")
+    compass = ("--magnetometer", "lis3mdl")
     still = ("simulate", "rest", "--seed", 5, "--duration", 300, "-o", "still", *SITE)
     return {
         "hand-held": partial(report_of, "hand-held", "--seed", 31),

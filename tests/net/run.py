@@ -46,7 +46,10 @@ def said(text: str) -> list[str]:
 
 
 def simulated(folder: str, *arguments: object) -> dict[str, Any]:
-    """Play a protocol; return the checksums of its files, so that a change of the simulator is told apart."""
+    """Play a protocol, with what is wrong as a mapping; return its files' checksums: a change there is told apart."""
+    for errors in (one for one in arguments if isinstance(one, dict)):
+        Path("errors.yaml").write_text(json.dumps(errors), encoding="utf-8")
+        arguments = (*(one for one in arguments if one is not errors), "--errors", "errors.yaml")
     answer = tumble("simulate", *arguments, "-o", folder, "-q")
     files = sorted(path for path in Path(folder).rglob("*") if path.is_file())
     # The protocol and the truth are pinned as documents where they are used: their words may change.

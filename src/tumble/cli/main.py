@@ -123,8 +123,6 @@ FORMER = {
         "--units": "--output-units",
         "--rate": "--sample-rate",
         "--turn-on": "--turn-on-bias",
-        "--noise": "--sensor-noise",
-        "--lever-arm-cm": "--table-lever-arm-cm",
     },
     "plan": {"--turn": "--turn-seconds"},
     "units": {"--rate": "--sample-rate"},

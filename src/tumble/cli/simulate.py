@@ -8,14 +8,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tumble.cli.groups import ADVANCED, FIRST, detail, in_si, option
-from tumble.cli.options import Imu, PrintOptions, Seed, SiteOptions, complete_protocol, output_option
-from tumble.cli.simulate_options import (
-    ChainOptions,
-    ErrorOptions,
-    FixtureOptions,
-    MagnetometerOptions,
-    TableOptions,
+from tumble.cli.groups import ADVANCED, FIRST, option
+from tumble.cli.options import (
+    Imu,
+    PrintOptions,
+    Seed,
+    SiteOptions,
+    TurnOnBias,
+    complete_protocol,
+    output_option,
 )
 from tumble.cli.terminal import progress, results_stand, say, say_json, say_written
 from tumble.cli.verify import turn_on_of
@@ -61,20 +62,24 @@ class SessionOptions:
             "--output-units",
         ),
     ] = "SI"
-    axes: Annotated[
-        str,
-        detail(
-            ADVANCED,
-            "unit|case",
-            "What the poses are of: the axes of the unit (default), or of its case (HG units).",
-        ),
-    ] = "unit"
     per_step: Annotated[
         bool,
         option(
             ADVANCED, "", "A file for each hold and spin, or one for all (default).", "--per-step/--one-file"
         ),
     ] = False
+    magnetometer: Annotated[
+        str | None,
+        option(ADVANCED, "GRADE", "Also record a magnetometer, in µT at its own rate: lis3mdl or rm3100."),
+    ] = None
+    errors: Annotated[
+        Path | None,
+        option(
+            ADVANCED,
+            "FILE.YAML",
+            "What else is wrong: of the chain to the file, a turntable or a two-axis fixture, the field.",
+        ),
+    ] = None
 
 
 def simulate_command(
@@ -91,12 +96,8 @@ def simulate_command(
     ],
     session: SessionOptions,
     site: SiteOptions,
-    errors: ErrorOptions,
-    magnetometer: MagnetometerOptions,
-    chain: ChainOptions,
-    table: TableOptions,
-    fixture: FixtureOptions,
     printed: PrintOptions,
+    turn_on_bias: TurnOnBias = None,
     output: Annotated[Path | None, output_option("Folder for the files (default: NAME-simulated).")] = None,
 ) -> None:
     """Play a protocol on a simulated unit: try a test before you do it, or check what a calibration finds.
@@ -110,25 +111,13 @@ def simulate_command(
     from tumble.workflows.given.site import choose_site
     from tumble.workflows.simulate import simulate
 
-    quality, azimuth = fixture.errors()
     with progress(printed.silent) as tell:
         done = simulate(
             protocol,
             output=output,
             **asdict(session),
             site=choose_site(**asdict(site)),
-            placement=errors.placement,
-            noise=errors.sensor_noise,
-            nonlinear=errors.nonlinear,
-            wander=errors.wander,
-            asymmetry=in_si(errors)["asymmetry_ppm"],
-            turn_on=(0.0, 0.0) if errors.turn_on_bias is None else turn_on_of(errors.turn_on_bias),
-            imperfections=chain.imperfections(),
-            table=table.errors(),
-            fixture=quality,
-            fixture_azimuth=azimuth,
-            lever_arm_b=table.lever_arm(),
-            **magnetometer.field(),
+            turn_on=(0.0, 0.0) if turn_on_bias is None else turn_on_of(turn_on_bias),
             progress=tell,
         )
     results_stand()

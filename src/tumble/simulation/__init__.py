@@ -1,6 +1,6 @@
 """Recordings of which the truth is known: motion, sensor errors, noise.
 
-`Motion` says what is done to the unit, `Disturbance` objects shake it, a `Grade` says what kind of unit it
+`Motion` says what is done to the unit, a `Grade` says what kind of unit it
 is, and `simulate_recording` plays it; `simulate_protocol` plays a protocol with its placement errors. Every
 random number comes from the generator that is passed in.
 """
@@ -12,36 +12,33 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from tumble.simulation.axis_angles import FixtureAngles, fixture_angles
     from tumble.simulation.chamber import Chamber, ChamberTruth, simulate_chamber
-    from tumble.simulation.disturbances import Detours, Disturbance, Knock, Oscillation, simulate_tremor
+    from tumble.simulation.errors import SessionErrors
     from tumble.simulation.fixtures import PlayedProtocol, TrueRotation, TrueSpin, play_protocol
     from tumble.simulation.grades import GRADES, Grade, TriadGrade, find_grade
-    from tumble.simulation.motion import Motion
+    from tumble.simulation.motion import Detours, Motion
     from tumble.simulation.noise import TriadNoise, convert_to_digital, simulate_noise
     from tumble.simulation.poses import poses_26, simulate_hand_poses
     from tumble.simulation.protocols import simulate_protocol
     from tumble.simulation.recordings import Distort, Truth, simulate_recording
     from tumble.simulation.sampling import Imperfections
     from tumble.simulation.table import TableErrors
-    from tumble.simulation.thermal_grades import THERMAL_GRADES, ThermalGrade, find_thermal_grade
+    from tumble.simulation.thermal_grades import ThermalGrade, find_thermal_grade
     from tumble.simulation.trajectories import SplineTrajectory, TravelledStates, drive_along, simulate_drive
     from tumble.simulation.two_axis import FixtureErrors, play_sequences
 
 __all__ = [
     "GRADES",
-    "THERMAL_GRADES",
     "Chamber",
     "ChamberTruth",
     "Detours",
     "Distort",
-    "Disturbance",
     "FixtureAngles",
     "FixtureErrors",
     "Grade",
     "Imperfections",
-    "Knock",
     "Motion",
-    "Oscillation",
     "PlayedProtocol",
+    "SessionErrors",
     "SplineTrajectory",
     "TableErrors",
     "ThermalGrade",
@@ -65,25 +62,21 @@ __all__ = [
     "simulate_noise",
     "simulate_protocol",
     "simulate_recording",
-    "simulate_tremor",
 ]
 
 _MODULES = {
     "GRADES": "grades",
-    "THERMAL_GRADES": "thermal_grades",
     "Chamber": "chamber",
     "ChamberTruth": "chamber",
-    "Detours": "disturbances",
+    "Detours": "motion",
     "Distort": "recordings",
-    "Disturbance": "disturbances",
     "FixtureAngles": "axis_angles",
     "FixtureErrors": "two_axis",
     "Grade": "grades",
     "Imperfections": "sampling",
-    "Knock": "disturbances",
     "Motion": "motion",
-    "Oscillation": "disturbances",
     "PlayedProtocol": "fixtures",
+    "SessionErrors": "errors",
     "SplineTrajectory": "trajectories",
     "TableErrors": "table",
     "ThermalGrade": "thermal_grades",
@@ -107,7 +100,6 @@ _MODULES = {
     "simulate_noise": "noise",
     "simulate_protocol": "protocols",
     "simulate_recording": "recordings",
-    "simulate_tremor": "disturbances",
 }
 
 

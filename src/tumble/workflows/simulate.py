@@ -17,6 +17,7 @@ from tumble.errors import UsageError
 from tumble.protocol.steps import SpinStep
 from tumble.records import dataclass
 from tumble.sample_rates import SampleRate
+from tumble.simulation.errors import EARTHS_FIELD, SessionErrors, read_errors
 from tumble.workflows.given.protocols import read_played
 from tumble.workflows.given.site import given_site
 from tumble.workflows.progress import public, silent
@@ -30,11 +31,10 @@ from tumble.workflows.simulated.truth import (
 )
 
 if TYPE_CHECKING:
-    from tumble.arrays import AnyArray
     from tumble.protocol import Protocol, Step
     from tumble.recording import Recording
     from tumble.sensor import ImuModel
-    from tumble.simulation import ChamberTruth, FixtureErrors, Grade, Imperfections, TableErrors, Truth
+    from tumble.simulation import ChamberTruth, FixtureErrors, Grade, Truth
     from tumble.simulation.magnetometer import SimulatedMagnetometer
 
 # What most people hold in their hands, with errors large enough for every procedure to find.
@@ -46,11 +46,8 @@ LARGEST_SAMPLES = 20_000_000
 # A unit in a chamber changes within minutes, and a test takes hours. Hz; stamps 0.1 s apart could be milliseconds.
 CHAMBER_RATE = 12.5
 UNITS = ("SI", "counts")
-# Norm (T), dip and declination (rad) where nobody says: those of central Europe, rounded.
-EARTHS_FIELD = (49e-6, math.radians(65.0), math.radians(4.0))
 # A stream of random numbers for each, by its place.
 _STREAMS = ("unit", "session", "fixture", "thermal", "turn-on", "magnetometer", "field", "current")
-AXES = ("unit", "case")
 
 
 @dataclass(slots=True)
@@ -76,22 +73,10 @@ def simulate(
     rate: float | None = None,
     duration: float | None = None,
     units: str = "SI",
-    axes: str = "unit",
     per_step: bool = False,
-    placement: bool = True,
-    noise: bool = True,
-    nonlinear: bool = False,
-    wander: bool = False,
-    asymmetry: float = 0.0,
     turn_on: tuple[float, float] = (0.0, 0.0),
-    imperfections: Imperfections | None = None,
-    table: TableErrors | None = None,
-    fixture: FixtureErrors | None = None,
-    fixture_azimuth: float | None = None,
-    lever_arm_b: AnyArray | None = None,
     magnetometer: str | None = None,
-    magnetic_field: tuple[float, float, float] = EARTHS_FIELD,
-    field_change: tuple[float, float] | None = None,
+    errors: SessionErrors | str | os.PathLike[str] | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Simulated:
     """Play a protocol on a simulated unit, and write recording, protocol and truth into one folder.
@@ -110,25 +95,10 @@ def simulate(
     rate : Hz; None takes the protocol's or the grade's usual one.
     duration : s that a unit at rest is recorded; None takes ten minutes.
     units : "SI" or "counts" of the recording.
-    axes : "unit", b is the unit's own axes, or "case", forward, right, down of its case; the protocol
-        then says how the columns, which stay the unit's own, are read.
     per_step : one file for each hold and each spin instead of one for all.
-    placement : make the placement errors that the protocol's uncertainties allow.
-    noise : add noise and converter.
-    nonlinear : draw quadratic terms of the sheet's linearity, where it states one.
-    wander : let biases wander within the run as the sheet's in-run stability says, where it states one.
-    asymmetry : one sigma of every sensor's scale-factor asymmetry.
     turn_on : m/s² and rad/s, one sigma by which biases move when the unit is switched on; drawn with the session.
-    imperfections : what the recording chain does.
-    table : what is wrong with the table; the protocol that is written then has its display's angles.
-    fixture : quality of a two-axis fixture that makes the protocol's sequences: one sigma of each error, from
-        which the session's seed draws those of one; None for no fixture.
-    fixture_azimuth : rad, where its outer axis points, clockwise from north; the protocol that is written
-        says so. None leaves it as the protocol has it.
-    lever_arm_b : m, from the table's centre to the unit, (3,), or (3, 3) with a row for each accelerometer.
     magnetometer : name of one of `tumble.simulation.magnetometer.MAGNETOMETER_GRADES`; None for a unit without one.
-    magnetic_field : norm (T), dip and declination (rad) of the field there.
-    field_change : T and s: a current that is switched on, by how much it changes the field, and when.
+    errors : what else is wrong with the session, or the YAML file that says it; None for placement and noise alone.
     progress : called with a sentence on what is being done.
 
     Raises
@@ -138,34 +108,37 @@ def simulate(
     OutputError
         If the files cannot be written; earlier ones are intact.
     """
-    from tumble.simulation import Imperfections, find_grade
+    from tumble.simulation import find_grade
     from tumble.simulation.thermal_steps import has_chamber
 
     say, began = progress or silent, time.perf_counter()
     given, chosen = read_played(protocol, duration), find_grade(grade)
-    remarks = _check_terms(chosen.name, nonlinear=nonlinear, wander=wander, axes=axes)
-    place = _place(given, site, table, remarks)
+    wrong = (
+        errors if isinstance(errors, SessionErrors) else read_errors(errors) if errors else SessionErrors()
+    )
+    remarks = _check_terms(chosen, wrong)
+    place = _place(given, site, wrong, remarks)
     hertz = rate if rate is not None else given.rate or (CHAMBER_RATE if has_chamber(given) else chosen.rate)
     if has_chamber(given):
-        _check_chamber(units, table, fixture, lever_arm_b)
+        _check_chamber(units, wrong)
     _check(units, seed, unit, hertz, given, per_step)
     folder = Path(output) if output is not None else Path(f"{given.name}-simulated")
     require_place(folder)
     say("playing the protocol")
-    drawn, own_seed = chosen.with_wandering_biases() if wander else chosen, seed if unit is None else unit
-    settings = Settings(
-        drawn, seed, own_seed, noise, placement, axes, imperfections or Imperfections(), table, lever_arm_b
-    )
-    model = _drawn_unit(chosen, settings, turn_on, nonlinear=nonlinear, asymmetry=asymmetry)
-    compass = _magnetometer(magnetometer, magnetic_field, field_change, settings)
-    played = _Played(given, hertz, place, units, None, None, compass)
-    if fixture is not None:
-        aimed, fixture = _aimed(given, fixture_azimuth), fixture.drawn(_generator(seed, "fixture"))
-        played = replace(played, protocol=aimed, fixture=fixture, azimuth=fixture_azimuth)
+    drawn = chosen.with_wandering_biases() if wrong.wander else chosen
+    settings = Settings(drawn, seed, seed if unit is None else unit, wrong)
+    model = _drawn_unit(chosen, settings, turn_on)
+    played = _Played(given, hertz, place, units, None, _magnetometer(magnetometer, settings))
+    if wrong.fixture is not None:
+        aimed, fixture = (
+            _aimed(given, wrong.fixture_azimuth),
+            wrong.fixture.drawn(_generator(seed, "fixture")),
+        )
+        played = replace(played, protocol=aimed, fixture=fixture)
     recording, truth, document = _play(played, model, chosen, settings)
     simulated = time.perf_counter()
     say("writing")
-    shown = _as_played(played, truth, chosen, axes)
+    shown = _as_played(played, truth, chosen, wrong.axes)
     files = write_simulation(folder, shown, recording, truth, document, per_step)
     seconds = {"simulating": simulated - began, "writing": time.perf_counter() - simulated}
     return Simulated(folder, files, document, remarks, seconds)
@@ -173,24 +146,23 @@ def simulate(
 
 @dataclass(frozen=True, slots=True)
 class _Played:
-    """What is played: protocol, Hz, place, units, and the fixture with where it points."""
+    """What is played: protocol, Hz, place, units, fixture, magnetometer."""
 
     protocol: Protocol
     rate: float
     site: Site
     units: str
     fixture: FixtureErrors | None
-    azimuth: float | None
-    magnetometer: SimulatedMagnetometer | None = None
+    magnetometer: SimulatedMagnetometer | None
 
 
-def _place(given: Protocol, site: Site | None, table: TableErrors | None, remarks: list[str]) -> Site:
+def _place(given: Protocol, site: Site | None, errors: SessionErrors, remarks: list[str]) -> Site:
     """Where it is played; what is assumed, or changes nothing, is remarked on."""
     place = given_site(site) or given.site
     if place is None:
         place = Site.from_latitude(DEFAULT_LATITUDE)
         remarks.append("No site was given: it is played at latitude 45°, height 0 m; --site says another.")
-    if table is not None and not any(isinstance(step, SpinStep) for step in given.steps):
+    if errors.table is not None and not any(isinstance(step, SpinStep) for step in given.steps):
         remarks.append(
             f"The protocol {given.name} has no spins: what is wrong with the table changes nothing."
         )
@@ -205,7 +177,7 @@ def _play(
     from tumble.simulation.thermal_steps import has_chamber
     from tumble.workflows.simulated.files import thermal_truth
 
-    inside = None
+    inside, errors = None, settings.errors
     if has_chamber(played.protocol):
         recording, truth, inside = _in_chamber(played, model, drawn_from, settings)
     else:
@@ -216,19 +188,19 @@ def _play(
             site=played.site,
             grade=settings.grade,
             model=model,
-            noise=settings.noise,
-            imperfections=settings.imperfections,
-            placement=settings.placement,
-            heading=played.azimuth,
-            lever_arm_b=settings.lever_arm_b,
-            table=settings.table,
+            noise=errors.noise,
+            imperfections=errors.imperfections,
+            placement=errors.placement,
+            heading=errors.fixture_azimuth,
+            lever_arm_b=errors.lever_arm_b,
+            table=errors.table,
             fixture=played.fixture,
             units=played.units,
             magnetometer=None
             if played.magnetometer is None
             else (played.magnetometer, _generator(settings.seed, "field")),
         )
-    if settings.axes == "case" and drawn_from.C_instrument_case is not None:
+    if errors.axes == "case" and drawn_from.C_instrument_case is not None:
         truth = read_in_other_axes(truth, drawn_from.C_instrument_case.T)
     document = truth_document(played.protocol, recording, truth, settings)
     if played.magnetometer is not None:
@@ -261,17 +233,15 @@ def _exact(step: Step) -> Step:
     return replace(step, sigma=0.0) if isinstance(step, SpinStep) and step.sigma is None else step
 
 
-def _check_chamber(
-    units: str, table: TableErrors | None, fixture: FixtureErrors | None, lever_arm_b: AnyArray | None
-) -> None:
+def _check_chamber(units: str, errors: SessionErrors) -> None:
     """Refuse what is not simulated in a chamber."""
     if units != "SI":
         raise UsageError(
             "--output-units counts: a unit in a chamber is simulated in SI; leave the option out."
         )
-    if table is not None or fixture is not None or lever_arm_b is not None:
+    if any(one is not None for one in (errors.table, errors.fixture, errors.lever_arm_b)):
         raise UsageError(
-            "The protocol has soaks or ramps, and there is no table in this chamber: leave its options out."
+            "The protocol has soaks or ramps, and there is no table in this chamber: take its errors out of the file."
         )
 
 
@@ -281,7 +251,7 @@ def _in_chamber(
     """Record a unit that changes with temperature; without noise its thermometer has none either."""
     from tumble.simulation import Chamber, find_thermal_grade, simulate_chamber
 
-    grade, noise = find_thermal_grade(drawn_from.name), settings.noise
+    grade, noise = find_thermal_grade(drawn_from.name), settings.errors.noise
     return simulate_chamber(
         played.protocol,
         played.rate,
@@ -293,32 +263,31 @@ def _in_chamber(
             thermometer_resolution=grade.thermometer_resolution if noise else 0.0,
         ),
         grade=settings.grade if noise else None,
-        imperfections=settings.imperfections,
-        placement=settings.placement,
+        imperfections=settings.errors.imperfections,
+        placement=settings.errors.placement,
     )
 
 
-def _magnetometer(
-    name: str | None,
-    magnetic_field: tuple[float, float, float],
-    change: tuple[float, float] | None,
-    settings: Settings,
-) -> SimulatedMagnetometer | None:
+def _magnetometer(name: str | None, settings: Settings) -> SimulatedMagnetometer | None:
     """The magnetometer of the unit, if it has one; a current changes the field in a direction of the session's own."""
+    errors = settings.errors
     if name is None:
+        if errors.magnetic_field or errors.field_change:
+            raise UsageError("The file of errors has a magnetic field: give --magnetometer, too.")
         return None
-    if settings.axes == "case":
+    if errors.axes == "case":
         raise UsageError(
-            "--axes case: a magnetometer is simulated along the axes of the unit; leave one of them out."
+            "axes: case: a magnetometer is simulated along the axes of the unit; leave one of them out."
         )
     from tumble.simulation.magnetometer import SimulatedMagnetometer, find_magnetometer
 
     grade = find_magnetometer(name)
     triad = grade.simulate_triad(_generator(settings.unit, "magnetometer"))
     direction = _generator(settings.seed, "current").standard_normal(3)
-    size, since = (0.0, math.inf) if change is None else change
+    size, since = errors.field_change or (0.0, math.inf)
     current = size * direction / np.linalg.norm(direction)
-    return SimulatedMagnetometer(grade, triad, *magnetic_field, settings.noise, current, since)
+    field = errors.magnetic_field or EARTHS_FIELD
+    return SimulatedMagnetometer(grade, triad, *field, errors.noise, current, since)
 
 
 def _generator(seed: int, what: str) -> np.random.Generator:
@@ -327,14 +296,13 @@ def _generator(seed: int, what: str) -> np.random.Generator:
     return np.random.Generator(np.random.SFC64(np.random.SeedSequence(seed, spawn_key=(number,))))
 
 
-def _drawn_unit(
-    grade: Grade, settings: Settings, turn_on: tuple[float, float], *, nonlinear: bool, asymmetry: float
-) -> ImuModel:
+def _drawn_unit(grade: Grade, settings: Settings, turn_on: tuple[float, float]) -> ImuModel:
+    errors = settings.errors
     model = grade.simulate_model(
         _generator(settings.unit, "unit"),
-        nonlinear=nonlinear,
-        case_axes=settings.axes == "case",
-        asymmetry=asymmetry,
+        nonlinear=errors.nonlinear,
+        case_axes=errors.axes == "case",
+        asymmetry=errors.asymmetry,
     )
     return _switched_on(model, turn_on, _generator(settings.seed, "turn-on"))
 
@@ -372,23 +340,18 @@ def _aimed(protocol: Protocol, azimuth: float | None) -> Protocol:
     return replace(protocol, steps=tuple(steps))
 
 
-def _check_terms(name: str, *, nonlinear: bool, wander: bool, axes: str) -> list[str]:
+def _check_terms(grade: Grade, errors: SessionErrors) -> list[str]:
     """Refuse or remark on what the grade's sheet does not state."""
-    from tumble.simulation import find_grade
-
-    grade = find_grade(name)
-    if axes not in AXES:
-        raise UsageError(f"--axes {axes}: b is the axes of the {' or of the '.join(AXES)}.")
-    if axes == "case" and grade.C_instrument_case is None:
+    if errors.axes == "case" and grade.C_instrument_case is None:
         raise UsageError(
-            f"--axes case: no source says how the axes of the grade {name} lie in its case; hg1700 and hg1900 do."
+            f"axes: case: no source says how the axes of the grade {grade.name} lie in its case; hg1700 and hg1900 do."
         )
     triads = (grade.accelerometer, grade.gyroscope)
     remarks: list[str] = []
-    if nonlinear and not any(triad.linearity for triad in triads):
-        remarks.append(f"The sheet of {name} states no linearity: --nonlinear changes nothing.")
-    if wander and not any(triad.bias_stability for triad in triads):
-        remarks.append(f"The sheet of {name} states no in-run stability: --wander changes nothing.")
+    if errors.nonlinear and not any(triad.linearity for triad in triads):
+        remarks.append(f"The sheet of {grade.name} states no linearity: nonlinear changes nothing.")
+    if errors.wander and not any(triad.bias_stability for triad in triads):
+        remarks.append(f"The sheet of {grade.name} states no in-run stability: wander changes nothing.")
     return remarks
 
 

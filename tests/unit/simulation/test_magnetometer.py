@@ -12,6 +12,7 @@ from tumble.calibration.magnetometer.estimate import Magnetometer
 from tumble.errors import UsageError
 from tumble.protocol import named_protocol
 from tumble.sensor import Triad
+from tumble.simulation.errors import SessionErrors
 from tumble.simulation.magnetometer import SimulatedMagnetometer, find_magnetometer
 from tumble.simulation.protocols import play_protocol
 from tumble.workflows.calibrate import calibrate
@@ -59,7 +60,7 @@ def test_a_calibration_recovers_the_truth_and_finds_the_change(tmp_path: Path) -
         output=tmp_path / "s",
         seed=2,
         magnetometer="lis3mdl",
-        field_change=(1.5e-6, 80.0),
+        errors=SessionErrors(field_change=(1.5e-6, 80.0)),
         site=SITE,
     )
     run = calibrate(tmp_path / "s" / "recording.csv", field="49±0.01uT,65", site=SITE)

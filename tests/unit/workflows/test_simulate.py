@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from tumble.recording import read_recording
 from tumble.sensor import ImuModel, Triad
 from tumble.sensor.conventions.savage import savage_from_model
 from tumble.simulation import FixtureErrors, Imperfections, TableErrors
+from tumble.simulation.errors import KEYS, SessionErrors, read_errors
 from tumble.workflows.calibrate import calibrate
 from tumble.workflows.simulate import Simulated, simulate
 from tumble.workflows.simulated.truth import case_columns
@@ -54,8 +56,8 @@ def raw_of(truth: dict[str, Any], force: np.ndarray, rate: np.ndarray) -> np.nda
     [
         {},
         {"units": "counts"},
-        {"grade": "hg1900", "nonlinear": True},
-        {"grade": "hg1700", "axes": "case", "nonlinear": True},
+        {"grade": "hg1900", "errors": SessionErrors(noise=False, nonlinear=True)},
+        {"grade": "hg1700", "errors": SessionErrors(noise=False, axes="case", nonlinear=True)},
     ],
     ids=str,
 )
@@ -64,9 +66,10 @@ def test_the_holds_of_the_file_are_those_of_the_truth_by_its_own_formula(
 ) -> None:
     """Attitude, gravity, Earth rate, errors and columns, end to end, from the files alone."""
     site = Site.from_latitude(np.radians(-35.0), 700.0)
-    simulate("six-position", output=tmp_path, seed=5, site=site, rate=RATE, noise=False, **options)
+    errors = options.setdefault("errors", SessionErrors(noise=False))
+    simulate("six-position", output=tmp_path, seed=5, site=site, rate=RATE, **options)
     time, raw, truth = read(tmp_path)
-    if options.get("axes") == "case":
+    if errors.axes == "case":
         # columns t,-az,ax,-ay: the file's first column is minus the case's z
         raw = np.stack([raw[:, 1], -raw[:, 2], -raw[:, 0], raw[:, 4], -raw[:, 5], -raw[:, 3]], axis=1)
     assert truth["site"]["gravity"] == site.gravity
@@ -148,8 +151,10 @@ def test_the_same_seed_gives_the_same_files_and_another_seed_others(tmp_path: Pa
 
     assert play("a", 1) == play("b", 1)
     assert play("a", 1)[0] != play("b", 2)[0]
-    chain = Imperfections(jitter=0.01, sampling_jitter=0.005, dropped=0.1, burst=3.0)
-    assert play("a", 1, imperfections=chain) == play("b", 1, imperfections=chain)
+    chain = SessionErrors(
+        imperfections=Imperfections(jitter=0.01, sampling_jitter=0.005, dropped=0.1, burst=3.0)
+    )
+    assert play("a", 1, errors=chain) == play("b", 1, errors=chain)
 
 
 def test_the_same_unit_in_another_session_has_the_same_errors_and_other_noise(tmp_path: Path) -> None:
@@ -183,12 +188,14 @@ def test_in_counts_the_numbers_are_whole_and_without_noise_they_are_not_rounded(
     assert truth["raw_units"] == {"specific_force": "counts", "angular_rate": "counts"}
     # 8192 counts a g (the sheet's range of 4 g)
     assert np.abs(raw[:, :3]).max() == pytest.approx(8192.0, rel=0.06)
-    simulate("six-position", output=tmp_path, units="counts", rate=5.0, noise=False)
+    simulate("six-position", output=tmp_path, units="counts", rate=5.0, errors=SessionErrors(noise=False))
     assert np.any(read(tmp_path)[1] != np.round(read(tmp_path)[1]))
 
 
 def test_the_truth_names_grade_source_noise_and_units(tmp_path: Path) -> None:
-    done = simulate("six-position", output=tmp_path, grade="hg1700", rate=5.0, wander=True)
+    done = simulate(
+        "six-position", output=tmp_path, grade="hg1700", rate=5.0, errors=SessionErrors(wander=True)
+    )
     truth = done.truth
     assert truth["imu"]["grade"] == "hg1700"
     assert "table 2.1" in truth["imu"]["source"]
@@ -235,8 +242,7 @@ def test_what_was_not_simulated_is_never_written_over(tmp_path: Path, name: str)
         ({"seed": -1}, "--seed -1: a seed is a whole number from 0 on"),
         ({"unit": -2}, "--unit-seed -2"),
         ({"units": "g"}, "--output-units g: a simulated recording is in SI or counts"),
-        ({"axes": "north"}, "--axes north"),
-        ({"axes": "case"}, "consumer-mems lie in its case; hg1700 and hg1900 do"),
+        ({"errors": SessionErrors(axes="case")}, "consumer-mems lie in its case; hg1700 and hg1900 do"),
     ],
 )
 def test_options_that_cannot_be_are_refused_in_a_sentence(
@@ -274,7 +280,8 @@ def test_places_that_cannot_be_written_to_are_told_before_the_work(tmp_path: Pat
 
 
 def test_terms_that_a_sheet_does_not_state_are_remarked_on(tmp_path: Path) -> None:
-    remarks = simulate("six-position", output=tmp_path, rate=5.0, nonlinear=True, wander=True).remarks
+    errors = SessionErrors(nonlinear=True, wander=True)
+    remarks = simulate("six-position", output=tmp_path, rate=5.0, errors=errors).remarks
     assert any("states no linearity" in remark for remark in remarks)
     assert any("states no in-run stability" in remark for remark in remarks)
 
@@ -286,8 +293,8 @@ def test_columns_of_a_case_by_hand() -> None:
 
 
 def test_lost_samples_and_scattered_stamps_stand_in_the_file(tmp_path: Path) -> None:
-    chain = Imperfections(jitter=0.004, dropped=0.2, burst=4.0)
-    simulate("six-position", output=tmp_path, rate=RATE, imperfections=chain)
+    chain = SessionErrors(imperfections=Imperfections(jitter=0.004, dropped=0.2, burst=4.0))
+    simulate("six-position", output=tmp_path, rate=RATE, errors=chain)
     time, _, truth = read(tmp_path)
     whole = simulate("six-position", output=tmp_path / "whole", rate=RATE).truth["samples"]
     # a fifth of some 3900 samples in bursts of four: 1.6 % standard deviation
@@ -360,8 +367,7 @@ def test_true_parameters_of_the_rotation_test_are_savage_s_in_the_mean_gyro_fram
         site=SITE,
         units=units,
         rate=5.0,
-        asymmetry=5e-4,
-        fixture=FixtureErrors(rate=0.5),
+        errors=SessionErrors(asymmetry=5e-4, fixture=FixtureErrors(rate=0.5)),
     ).truth
     model = ImuModel(
         *(
@@ -393,7 +399,7 @@ def test_true_parameters_of_the_rotation_test_are_savage_s_in_the_mean_gyro_fram
     np.testing.assert_allclose(gyro, gyro.T, atol=1e-12 * np.max(gyro))
 
 
-def spun(folder: Path, **options: Any) -> Simulated:
+def spun(folder: Path, per_step: bool = False, **errors: Any) -> Simulated:
     """Two rotations by a table about x, 13.3 turns a minute, at 20 Hz."""
     path = folder / "spun.yaml"
     rest = "  - hold: rest\n    up: z\n    uncertainty_deg: 1\n    seconds: 5\n"
@@ -402,7 +408,9 @@ def spun(folder: Path, **options: Any) -> Simulated:
     turned = "  - turn:\n    seconds: 3\n  - hold: else\n    up: y\n    seconds: 5\n"
     head = "format: tumble protocol\nprocedure: turntable\ngravity: 9.81\nsteps:\n"
     path.write_text(head + "".join(steps) + turned, encoding="utf-8")
-    return simulate(path, rate=20.0, noise=False, output=folder / "out", **options)
+    return simulate(
+        path, rate=20.0, errors=SessionErrors(noise=False, **errors), output=folder / "out", per_step=per_step
+    )
 
 
 def test_the_protocol_has_the_display_s_angles_and_the_truth_what_was_turned(tmp_path: Path) -> None:
@@ -460,7 +468,8 @@ def test_a_file_of_rotations_about_the_vertical_alone_is_read(tmp_path: Path) ->
 
 
 def test_a_table_of_a_protocol_without_spins_is_remarked_on(tmp_path: Path) -> None:
-    done = simulate("six-position", rate=5.0, table=TableErrors(wobble=1e-5), output=tmp_path / "six")
+    errors = SessionErrors(table=TableErrors(wobble=1e-5))
+    done = simulate("six-position", rate=5.0, errors=errors, output=tmp_path / "six")
     assert any("has no spins" in remark for remark in done.remarks)
 
 
@@ -476,8 +485,7 @@ def test_a_fixture_is_drawn_from_its_quality_and_stands_in_the_truth_with_what_i
             grade="tactical",
             seed=seed,
             site=SITE,
-            fixture=quality,
-            fixture_azimuth=0.25,
+            errors=SessionErrors(fixture=quality, fixture_azimuth=0.25),
         ).truth
         for seed in (1, 1, 2)
     ]
@@ -504,7 +512,12 @@ def test_a_fixture_is_drawn_from_its_quality_and_stands_in_the_truth_with_what_i
 
 def test_a_sequence_is_one_file_with_its_turns(tmp_path: Path) -> None:
     done = simulate(
-        "strapdown-rotation", output=tmp_path, rate=20.0, site=SITE, fixture=FixtureErrors(), per_step=True
+        "strapdown-rotation",
+        output=tmp_path,
+        rate=20.0,
+        site=SITE,
+        errors=SessionErrors(fixture=FixtureErrors()),
+        per_step=True,
     )
     assert len([file for file in done.files if file.suffix == ".csv"]) == 17
     protocol = read_protocol(tmp_path / "protocol.yaml")
@@ -521,7 +534,8 @@ def test_a_sequence_is_one_file_with_its_turns(tmp_path: Path) -> None:
 
 def test_asymmetry_is_drawn_last_and_named_in_the_truth(tmp_path: Path) -> None:
     plain = simulate("six-position", output=tmp_path / "a", rate=5.0, seed=4, site=SITE).truth
-    bent = simulate("six-position", output=tmp_path / "b", rate=5.0, seed=4, site=SITE, asymmetry=1e-3).truth
+    errors = SessionErrors(asymmetry=1e-3)
+    bent = simulate("six-position", output=tmp_path / "b", rate=5.0, seed=4, site=SITE, errors=errors).truth
     for triad in ("accelerometer", "gyroscope"):
         assert plain[triad]["asymmetry"] is None
         assert np.all(np.abs(bent[triad]["asymmetry"]) < 5e-3)
@@ -531,3 +545,83 @@ def test_asymmetry_is_drawn_last_and_named_in_the_truth(tmp_path: Path) -> None:
     assert named["gyro asymmetry z"] == bent["gyroscope"]["asymmetry"][2]
     fixture = {p["name"]: p["value"] for p in bent["parameters_in_fixture"]}
     assert fixture["gyro asymmetry z"] == pytest.approx(bent["gyroscope"]["asymmetry"][2])
+
+
+def told(folder: Path, text: str) -> SessionErrors:
+    path = folder / "errors.yaml"
+    path.write_text(text, encoding="utf-8")
+    return read_errors(path)
+
+
+def test_every_key_of_the_file_of_errors_moves_something(tmp_path: Path) -> None:
+    special = {"axes": "case", "table_stops_percent": {2: 60}, "table_lever_arm_cm": [5, -2, 1]}
+    plain = SessionErrors()
+    for key in KEYS:
+        switch = key in ("placement", "noise", "nonlinear", "wander")
+        value = special.get(key, not getattr(plain, key) if switch else 3)
+        made = told(tmp_path, f"{key}: {value}")
+        others = [k for k in SessionErrors.__dataclass_fields__ if k != "lever_arm_b"]
+        changed = [k for k in others if getattr(made, k) != getattr(plain, k)]
+        assert len(changed) == (
+            0 if made.lever_arm_b is not None else 2 if key == "fixture_azimuth_deg" else 1
+        )
+
+
+def test_the_file_on_the_page_has_every_key(tmp_path: Path) -> None:
+    page = Path(__file__).parents[3] / "docs" / "simulation.md"
+    found = re.search(r"```yaml\n(# errors\.yaml\n.*?)```", page.read_text(encoding="utf-8"), re.S)
+    assert found is not None
+    told(tmp_path, found[1])
+    assert sorted(re.findall(r"^(\w+):", found[1], re.M)) == sorted(KEYS)
+
+
+def test_what_the_file_of_errors_says_is_in_its_units(tmp_path: Path) -> None:
+    made = told(
+        tmp_path,
+        """
+        fixture_installation_mrad: 1
+        fixture_zero_mrad: 2
+        fixture_mounting_mrad: 3
+        fixture_azimuth_deg: -90
+        magnetic_dip_deg: 60
+        field_change_ut: 2
+        field_change_at_s: 30
+        jitter_ms: 4
+        dropped_percent: 1.5
+        """,
+    )
+    assert made.fixture == FixtureErrors(1e-3, (1e-3, 1e-3), 0.0, 2e-3, 2e-3, (3e-3, 3e-3, 3e-3))
+    assert made.fixture_azimuth == pytest.approx(-np.pi / 2.0)
+    assert made.magnetic_field == pytest.approx((49e-6, np.pi / 3.0, np.radians(4.0)))
+    assert made.field_change == pytest.approx((2e-6, 30.0))
+    assert made.imperfections == Imperfections(jitter=4e-3, dropped=0.015)
+    arms = told(tmp_path, "table_lever_arm_cm: [1, 2, 3, 4, 5, 6, 7, 8, 9]").lever_arm_b
+    np.testing.assert_allclose(arms, np.arange(1.0, 10.0).reshape(3, 3) / 100.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("dropped_percent: 80", "`dropped_percent: 80` is to be a number from 0 to 50"),
+        ("burst_samples: 0", "from 1 to"),
+        ("jitter_ms: -1", "`jitter_ms: -1` is to be a number from 0 to 1000"),
+        ("sampling_jitter_ms: .nan", "from 0 to 1000"),
+        ("jitter_ms: true", "is to be a number"),
+        ("jitter: 1", "no key `jitter`; near it are jitter_ms"),
+        ("furlongs: 1", "no key `furlongs`; there are placement, noise"),
+        ("noise: 3", "true or false"),
+        ("axes: north", "unit or case"),
+        ("table_wobble_arcsec: [1]", "from 0 to 36000"),
+        ("table_ripple_cycles: 1.5", "whole number from 1"),
+        ("table_stops_percent: 2", "such as {2: 60}"),
+        ("table_stops_percent: {0: 60}", "such as {2: 60}"),
+        ("table_stops_percent: {2: 100}", "such as {2: 60}"),
+        ("table_lever_arm_cm: [1, 2]", "three numbers in cm"),
+        ("table_lever_arm_cm: [1, 2, nan]", "three numbers in cm"),
+        ("- 1", "has no line such as"),
+        ("a: 1\na: 1", "twice"),
+    ],
+)
+def test_what_no_session_has_is_refused_with_its_key(tmp_path: Path, text: str, words: str) -> None:
+    with pytest.raises(UsageError, match=re.escape(words)):
+        told(tmp_path, text)

@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from tumble.protocol import Protocol, Step
     from tumble.recording import Recording
     from tumble.sensor import ImuModel, Triad
-    from tumble.simulation import Grade, Imperfections, TableErrors, TriadNoise, Truth
+    from tumble.simulation import Grade, TriadNoise, Truth
+    from tumble.simulation.errors import SessionErrors
     from tumble.simulation.magnetometer import SimulatedMagnetometer
 
 FORMAT = "tumble truth"
@@ -45,21 +46,13 @@ class Settings:
     ----------
     grade : what the unit was drawn from, as it was played.
     seed, unit : of the session, and of the unit.
-    noise, placement : whether there were any.
-    axes : "unit" or "case", what b is.
-    imperfections : of the chain to the file.
-    table, lever_arm_b : of the table, and m to the unit on it; None for none.
+    errors : what was wrong with the session.
     """
 
     grade: Grade
     seed: int
     unit: int
-    noise: bool
-    placement: bool
-    axes: str
-    imperfections: Imperfections
-    table: TableErrors | None = None
-    lever_arm_b: AnyArray | None = None
+    errors: SessionErrors
 
 
 def truth_document(
@@ -75,6 +68,7 @@ def truth_document(
     from tumble.document.result import BACKWARD, FORWARD
 
     assert truth.model is not None
+    errors = settings.errors
     in_gauge, mean_gyro = _in_gauge(truth.model, "accelerometer-x"), _in_gauge(truth.model, "mean-gyro")
     return {
         "format": FORMAT,
@@ -104,12 +98,12 @@ def truth_document(
         if mean_gyro is None
         else _true_mean_gyro_parameters(mean_gyro, recording, truth),
         "parameters_in_fixture": _true_fixture_parameters(truth.model, recording, truth),
-        "noise": _noise(settings.grade) if settings.noise else None,
-        "placement": settings.placement,
-        "imperfections": asdict(settings.imperfections),
-        "table": None if settings.table is None else asdict(settings.table),
+        "noise": _noise(settings.grade) if errors.noise else None,
+        "placement": errors.placement,
+        "imperfections": asdict(errors.imperfections),
+        "table": None if errors.table is None else asdict(errors.table),
         "fixture": None if truth.fixture is None else asdict(truth.fixture),
-        "lever_arm_b": _numbers(settings.lever_arm_b),
+        "lever_arm_b": _numbers(errors.lever_arm_b),
         "steps": [_step(number, step, truth) for number, step in enumerate(protocol.steps)],
     }
 
@@ -210,7 +204,7 @@ def _imu(settings: Settings) -> dict[str, Any]:
         "axes": grade.axes or None,
         "C_instrument_case": _numbers(grade.C_instrument_case),
         "b": "the unit's own axes, which are the recording's columns"
-        if settings.axes == "unit"
+        if settings.errors.axes == "unit"
         else "the case's axes: forward, right, down; raw is the columns as protocol.yaml reads them",
     }
 
