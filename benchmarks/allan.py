@@ -97,9 +97,6 @@ def main() -> None:
     gap = np.max(np.abs(found / plain(signal[:, 0], averaging) - 1.0))
     print(f"  largest relative difference from numpy: {gap:.1e}")
     print(f"  memory beyond the recording's {signal.nbytes / 2**20:.0f} MB: {grown:.0f} MB")
-    for kind in ("modified", "hadamard"):
-        other = best(lambda k=kind: allan_deviation(signal[:, :1], RATE, kind=k, taus=taus, noise=0), 1)
-        print(f"  {kind:<34}{1e9 * other * channels / work:8.3f}{other * channels / loop:9.2f}")
 
     def stream() -> None:
         collector = StreamedDeviation(RATE, channels)

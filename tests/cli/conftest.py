@@ -78,6 +78,13 @@ def tumble() -> Callable[..., Answer]:
     return run_program
 
 
+@pytest.fixture(params=["whole", "block by block"])
+def how(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
+    """How `tumble noise` reads a file, whatever its size."""
+    monkeypatch.setattr("tumble.workflows.noise.STREAMED_ABOVE", 2**60 if request.param == "whole" else -1)
+    return str(request.param)
+
+
 @pytest.fixture(scope="session")
 def rows() -> np.ndarray:
     """A good recording; tests copy it before they spoil it."""

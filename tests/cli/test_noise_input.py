@@ -15,7 +15,6 @@ N_G = 1e-4
 HEADER = "t,gx,gy,gz"
 # 20,000 samples know N to 0.5 %, of which this is five; pieces left out cost less than a third of them.
 WHITE = 0.03
-HOW = ["--whole", "--stream"]
 
 
 @pytest.fixture(scope="module")
@@ -62,7 +61,6 @@ def holed(rows: np.ndarray) -> np.ndarray:
     return rows
 
 
-@pytest.mark.parametrize("how", HOW)
 @pytest.mark.parametrize(
     ("spoil", "said", "channels"),
     [
@@ -86,11 +84,11 @@ def test_it_is_said_and_the_rest_is_analysed(
     channels: int,
 ) -> None:
     path = written(tmp_path / "spoiled.csv", spoil(still.copy()), HEADER)
-    answer = tumble("noise", path, how, "-o", tmp_path / "out")
+    answer = tumble("noise", path, "-o", tmp_path / "out")
     assert (answer.status, answer.err) == (0, "")
     assert said in answer.out
     document = json.loads((tmp_path / "out" / "noise.json").read_text(encoding="utf-8"))
-    assert document["read"] == ("block by block" if how == "--stream" else "whole")
+    assert document["read"] == how
     assert len(document["channels"]) == channels
     for name, block in document["channels"].items():
         # The doubled file has its values at half of the rate.
@@ -99,17 +97,17 @@ def test_it_is_said_and_the_rest_is_analysed(
     assert document["recorded_rate_hz"] == (pytest.approx(RATE) if spoil is doubled else None)
 
 
-@pytest.mark.parametrize("how", HOW)
+@pytest.mark.usefixtures("how")
 def test_three_seconds_give_white_noise_and_say_what_they_do_not(
-    tumble: Any, written: Any, still: np.ndarray, tmp_path: Path, how: str
+    tumble: Any, written: Any, still: np.ndarray, tmp_path: Path
 ) -> None:
-    answer = tumble("noise", written(tmp_path / "short.csv", still[:300], HEADER), how)
+    answer = tumble("noise", written(tmp_path / "short.csv", still[:300], HEADER))
     assert (answer.status, answer.err) == (0, "")
     assert "very short (3 s at rest)" in answer.out
     assert "for N to 2 % record 50 s" in answer.out
 
 
-@pytest.mark.parametrize("how", HOW)
+@pytest.mark.usefixtures("how")
 @pytest.mark.parametrize(
     ("rows", "said"),
     [
@@ -122,45 +120,33 @@ def test_nothing_is_left_and_nothing_is_written(
     written: Any,
     still: np.ndarray,
     tmp_path: Path,
-    how: str,
     rows: Callable[[np.ndarray], np.ndarray],
     said: str,
 ) -> None:
-    answer = tumble("noise", written(tmp_path / "bad.csv", rows(still), HEADER), how, "-o", tmp_path / "out")
+    answer = tumble("noise", written(tmp_path / "bad.csv", rows(still), HEADER), "-o", tmp_path / "out")
     assert answer.status == 2
     assert said in answer.err
     assert len(answer.err.splitlines()) == 1
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("how", HOW)
+@pytest.mark.usefixtures("how")
 def test_a_unit_that_never_rests_ends_in_a_sentence(
-    tumble: Any, written: Any, still: np.ndarray, tmp_path: Path, how: str
+    tumble: Any, written: Any, still: np.ndarray, tmp_path: Path
 ) -> None:
     moving = still[:6000].copy()
     moving[:, 1:] += 0.9 * np.sin(np.outer(moving[:, 0], [2.0, 3.0, 5.0]))
-    answer = tumble("noise", written(tmp_path / "moving.csv", moving, HEADER), how)
+    answer = tumble("noise", written(tmp_path / "moving.csv", moving, HEADER))
     assert answer.status == 2
     assert "never rests" in answer.err
     assert len(answer.err.splitlines()) == 1
 
 
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        (["--kind", "fancy"], "--kind fancy"),
-        (["--taus", "often"], "--taus often"),
-        (["--taus", "-1,2"], "--taus -1,2"),
-        (["--taus", "5000"], "No averaging time fits"),
-        (["--stream", "--kind", "modified"], "read block by block"),
-        (["--stream", "--taus", "all"], "octave, decade, log or a list"),
-        (["--stream", "--skip", "1e9"], "leaves nothing"),
-    ],
-)
-def test_options_that_cannot_be_end_in_a_sentence(
-    tumble: Any, written: Any, still: np.ndarray, tmp_path: Path, options: list[str], words: str
+@pytest.mark.usefixtures("how")
+def test_nothing_that_is_left_ends_in_a_sentence(
+    tumble: Any, written: Any, still: np.ndarray, tmp_path: Path
 ) -> None:
-    answer = tumble("noise", written(tmp_path / "still.csv", still[:2000], HEADER), *options)
+    answer = tumble("noise", written(tmp_path / "still.csv", still[:2000], HEADER), "--skip", "1e9")
     assert answer.status == 2
-    assert words in answer.err
+    assert "leaves nothing" in answer.err
     assert len(answer.err.splitlines()) == 1

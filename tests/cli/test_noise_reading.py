@@ -1,4 +1,4 @@
-"""Deviations of other kinds, and recordings that are read block by block, through the command."""
+"""Recordings that are read block by block, and what the document holds, through the command."""
 
 from __future__ import annotations
 
@@ -50,13 +50,19 @@ def files(rows: np.ndarray, tmp_path_factory: pytest.TempPathFactory) -> dict[st
 _FOUND: dict[tuple[object, ...], dict[str, Any]] = {}
 
 
-def document(tumble: Any, *arguments: object) -> dict[str, Any]:
-    """What `tumble noise` finds; the same question is asked once."""
-    if arguments not in _FOUND:
-        answer = tumble("noise", *arguments, "--json")
+WHOLE, BLOCKS = "whole", "block by block"
+
+
+def document(tumble: Any, how: str, *arguments: object) -> dict[str, Any]:
+    """What `tumble noise` finds in a file that is read so; the same question is asked once."""
+    asked = (how, *arguments)
+    if asked not in _FOUND:
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr("tumble.workflows.noise.STREAMED_ABOVE", 2**60 if how == WHOLE else -1)
+            answer = tumble("noise", *arguments, "--json")
         assert (answer.status, answer.err) == (0, "")
-        _FOUND[arguments] = json.loads(answer.out)
-    return _FOUND[arguments]
+        _FOUND[asked] = json.loads(answer.out)
+    return _FOUND[asked]
 
 
 @pytest.fixture
@@ -75,7 +81,7 @@ def small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
     [
         ("csv", []),
         ("parquet", []),
-        ("npy", ["--remove-temperature", "--kind", "hadamard", "--taus", "0.05,1,30"]),
+        ("npy", ["--remove-temperature"]),
     ],
 )
 def test_block_by_block_is_what_it_is_whole(
@@ -83,8 +89,8 @@ def test_block_by_block_is_what_it_is_whole(
 ) -> None:
     if kind == "npy":
         option = [*option, "--columns", ",".join(NAMES)]
-    whole = document(tumble, files[kind], "--whole", *option)
-    blocks = document(tumble, files[kind], "--stream", *option)
+    whole = document(tumble, WHOLE, files[kind], *option)
+    blocks = document(tumble, BLOCKS, files[kind], *option)
     assert (whole["read"], blocks["read"]) == ("whole", "block by block")
     assert blocks["samples_at_rest"] == whole["samples_at_rest"] == 30_000
     assert blocks["recordings"] == whole["recordings"]
@@ -109,8 +115,8 @@ def test_block_by_block_is_what_it_is_whole(
 
 
 def test_the_line_is_found_with_its_frequency_and_amplitude(tumble: Any, files: dict[str, Path]) -> None:
-    for how in ("--whole", "--stream"):
-        [line] = document(tumble, files["parquet"], how)["channels"]["gx"]["lines"]
+    for how in (WHOLE, BLOCKS):
+        [line] = document(tumble, how, files["parquet"])["channels"]["gx"]["lines"]
         assert line["frequency_hz"] == pytest.approx(
             31.0, abs=5.0 * line["frequency_standard_uncertainty"] + 1e-4
         )
@@ -127,7 +133,7 @@ def test_lost_samples_at_the_border_of_blocks_are_filled_in_there_too(
     path = tmp_path / "lost.parquet"
     # Rows before the second border of blocks and after it suffice.
     pl.DataFrame(rows[keep][:25_000], schema=NAMES).write_parquet(path)
-    whole, blocks = (document(tumble, path, how) for how in ("--whole", "--stream"))
+    whole, blocks = (document(tumble, how, path) for how in (WHOLE, BLOCKS))
     for found in (whole, blocks):
         assert any("3 lost sample(s) in 2 place(s) are filled in" in text for text in found["remarks"])
         assert found["pieces"] == [[0, 25_003]]
@@ -135,36 +141,26 @@ def test_lost_samples_at_the_border_of_blocks_are_filled_in_there_too(
     assert deviations[1] == pytest.approx(deviations[0], rel=1e-9)
 
 
-@pytest.mark.parametrize("kind", ["overlapping", "modified", "hadamard", "haar"])
-def test_each_kind_is_in_table_page_and_document(
-    tumble: Any, files: dict[str, Path], rows: np.ndarray, tmp_path: Path, kind: str
+def test_the_curve_is_in_table_page_and_document(
+    tumble: Any, files: dict[str, Path], rows: np.ndarray, tmp_path: Path
 ) -> None:
-    names = {
-        "overlapping": "Allan deviation",
-        "modified": "modified Allan deviation",
-        "hadamard": "Hadamard deviation",
-        "haar": "Haar wavelet deviation",
-    }
-    answer = tumble("noise", files["parquet"], "--kind", kind, "--taus", "0.02,0.5,20", "-o", tmp_path)
+    answer = tumble("noise", files["parquet"], "-o", tmp_path)
     assert answer.status == 0
-    assert f"\n{names[kind]}:\n" in answer.out
-    assert names[kind] in (tmp_path / "noise.html").read_text(encoding="utf-8")
+    assert "\nAllan deviation:" in answer.out
+    assert "Allan deviation" in (tmp_path / "noise.html").read_text(encoding="utf-8")
     written = json.loads((tmp_path / "noise.json").read_text(encoding="utf-8"))
     NoiseDocument.model_validate(written)
     curve = written["channels"]["gz"]["curve"]
-    assert curve["kind"] == kind
-    assert curve["tau_s"] == [0.02, 0.5, 20.0]
-    base = allan_deviation(
-        rows[:, 3], RATE, kind="overlapping" if kind == "haar" else kind, taus=[0.02, 0.5, 20.0]
-    )  # type: ignore[arg-type]
-    expected = base.deviation[:, 0] / (np.sqrt(2.0) if kind == "haar" else 1.0)
-    assert curve["deviation"] == pytest.approx(expected.tolist(), rel=1e-9)
+    base = allan_deviation(rows[:, 3], RATE, taus="log")
+    assert curve["kind"] == "overlapping"
+    assert curve["tau_s"] == pytest.approx(base.tau.tolist(), rel=1e-12)
+    assert curve["deviation"] == pytest.approx(base.deviation[:, 0].tolist(), rel=1e-9)
 
 
 def test_every_number_has_letter_unit_and_definition_and_the_covariance_is_whole(
     tumble: Any, files: dict[str, Path]
 ) -> None:
-    found = document(tumble, files["parquet"], "--whole")
+    found = document(tumble, WHOLE, files["parquet"])
     for name, channel in found["channels"].items():
         for letter, term in channel["terms"].items():
             assert term["letter"] == letter
@@ -197,7 +193,9 @@ def test_a_stop_while_blocks_are_read_leaves_nothing_behind(tmp_path: Path) -> N
         "        yield block\n"
         "npy.read_table_blocks = slow\n"
         "from tumble.cli.main import main\n"
-        "sys.argv = ['tumble', 'noise', 'still.npy', '--stream', '--rate', '100', '--units', 'counts', '-o', 'out']\n"
+        "from tumble.workflows import noise\n"
+        "noise.STREAMED_ABOVE = -1\n"
+        "sys.argv = ['tumble', 'noise', 'still.npy', '--rate', '100', '--units', 'counts', '-o', 'out']\n"
         "main()\n"
     )
     with subprocess.Popen(

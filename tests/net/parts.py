@@ -275,8 +275,8 @@ def noise() -> Entries:
         "consumer-wanders": partial(noise_of, wandering),
         "consumer-moments": partial(noise_of, wandering, "--fit", "moments"),
         "consumer-counts": partial(noise_of, ("--output-units", "counts", "--duration", 600), "--skip", 30),
-        "tactical-hadamard": partial(noise_of, ("--imu", "tactical", *wandering), "--kind", "hadamard"),
-        "ring-laser": partial(noise_of, ("--imu", "ring-laser", *wandering), "--taus", "octave"),
+        "tactical": partial(noise_of, ("--imu", "tactical", *wandering)),
+        "ring-laser": partial(noise_of, ("--imu", "ring-laser", *wandering)),
     }
 
 

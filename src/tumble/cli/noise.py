@@ -6,7 +6,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
-from tumble.cli.groups import ADVANCED, FIRST, detail, option
+from tumble.cli.groups import ADVANCED, FIRST, option
 from tumble.cli.options import (
     FiguresOption,
     FileOptions,
@@ -33,24 +33,6 @@ class AnalysisOptions:
     remove_temperature: Annotated[
         bool, option(FIRST, "", "Take a straight line in the temperature off first.", "--remove-temperature")
     ] = False
-    kind: Annotated[
-        str,
-        option(
-            ADVANCED,
-            "KIND",
-            "Which deviation is printed and drawn: overlapping (default), modified, hadamard or haar. The terms "
-            "are of the overlapping Allan deviation always.",
-        ),
-    ] = "overlapping"
-    taus: Annotated[
-        str,
-        option(
-            ADVANCED,
-            "TAUS",
-            "Its averaging times: octave, doubling; decade, 1 2 4 a decade; log, ten a decade (default); all; or "
-            "a list in s as 0.1,1,10.",
-        ),
-    ] = "log"
     fit: Annotated[
         str,
         option(
@@ -60,15 +42,6 @@ class AnalysisOptions:
             "generalized method of wavelet moments.",
         ),
     ] = "curve"
-    stream: Annotated[
-        bool | None,
-        detail(
-            ADVANCED,
-            "",
-            "Read block by block, twice, in little memory; by default above half a gigabyte of numbers.",
-            "--stream/--whole",
-        ),
-    ] = None
 
 
 def noise_command(
@@ -97,14 +70,13 @@ def noise_command(
     if printed.as_json:
         say_json(found.document, indent=1)
         return
-    from tumble.report.noise_words import KINDS, curve_lines, noise_lines, triad_lines
+    from tumble.report.noise_words import curve_lines, noise_lines, triad_lines
 
     noise, long = found.noise, not printed.quiet
     if long:
         say(*(f"• {sentence}" for sentence in noise.sentences), "")
     say(*noise_lines(noise.channels, seen_only=printed.quiet))
     if long:
-        every = "," in analysis.taus or analysis.taus in ("octave", "decade")
-        say(*triad_lines(noise.channels), f"\n{KINDS[noise.kind]}:")
-        say(*curve_lines(noise.channels, every=every), f"\n{_LETTERS}")
+        say(*triad_lines(noise.channels), "\nAllan deviation:")
+        say(*curve_lines(noise.channels), f"\n{_LETTERS}")
     say_written(files)

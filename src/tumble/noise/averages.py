@@ -11,7 +11,7 @@ from tumble.arrays import AnyArray, Series, Table, block_means
 from tumble.counting import counted
 from tumble.errors import RecordingError
 from tumble.noise.bridging import BridgedBlocks
-from tumble.noise.deviation import Deviation, Kind, Taus, allan_deviation
+from tumble.noise.deviation import Deviation, Taus, allan_deviation
 from tumble.noise.evidence import Survey
 from tumble.noise.lines import FoundLine, find_lines
 from tumble.noise.spectrum import PowerSpectrum, StreamedSpectrum, power_spectrum, segment_of
@@ -67,21 +67,19 @@ def told(recording: Recording) -> list[str]:
 # -- in memory -------------------------------------------------------------------------------------
 
 
-def average_whole(
-    recording: Recording, suitability: Suitability, factors: Series, kind: Kind, taus: Taus
-) -> Averages:
+def average_whole(recording: Recording, suitability: Suitability, factors: Series, taus: Taus) -> Averages:
     """Return what is averaged of a recording in memory.
 
     Parameters
     ----------
     recording, suitability : as read, and which stretches of it are at rest.
     factors : of its channels, to SI.
-    kind, taus : of the curves.
+    taus : of the curves.
     """
     signals = _signals(recording, suitability, factors)
     gaps = tuple(start for start, _ in suitability.pieces)
     return Averages(
-        allan_deviation(signals, recording.rate, kind=kind, taus=taus, gaps=gaps),
+        allan_deviation(signals, recording.rate, taus=taus, gaps=gaps),
         allan_deviation(signals, recording.rate, taus="octave", gaps=gaps),
         _lines(signals[slice(*_for_lines(suitability))], recording.rate),
         _spectra(signals, recording.rate, gaps, suitability.channels),
@@ -241,8 +239,6 @@ def average_blocks(
     suitability: Suitability,
     factors: Series,
     slopes: tuple[Series, float] | None,
-    kind: Kind,
-    taus: Taus,
     say: Callable[[str], None],
 ) -> Averages:
     """Return of the second reading the deviations and spectra of what is at rest.
@@ -252,13 +248,12 @@ def average_blocks(
     blocks, survey, suitability : of the recording, the first reading, and which stretches are at rest.
     factors : of its channels, to SI.
     slopes : over temperature, to be taken off, or None.
-    kind, taus : of the curves.
     say : called with a sentence on how far it is.
     """
     names = suitability.channels
     columns = [survey.names.index(name) for name in names]
     octaves = StreamedDeviation(survey.rate, len(names))
-    wanted = StreamedDeviation(survey.rate, len(names), kind, taus)
+    wanted = StreamedDeviation(survey.rate, len(names), "log")
     letters = [letter for letter in "ag" if any(name.startswith(letter) for name in names)]
     of_triad = {letter: [k for k, name in enumerate(names) if name.startswith(letter)] for letter in letters}
     segment = segment_of(suitability.longest)

@@ -48,8 +48,8 @@ class Channel:
     ----------
     name : ax to gz.
     unit : "m/s²" or "rad/s"; "counts" where the recording is in counts.
-    curve : deviation of the kind and at the averaging times that were asked for, in that unit.
-    allan : overlapping Allan deviation, averaging times an octave apart, which the model is fitted to.
+    curve : overlapping Allan deviation, ten averaging times a decade, in that unit.
+    allan : the same, averaging times an octave apart, which the model is fitted to.
     fit : the model of its noise, or None where there is none.
     terms : what the curve shows.
     floor, floor_tau : lowest point of the Allan deviation where it is known to a fifth, and its averaging time in s.
@@ -94,14 +94,10 @@ class Channel:
         return self.term("N") if part is None else Term("N", part.value, part.sigma, part.low, part.high)
 
     def fitted(self, tau: Series) -> Series:
-        """Return the deviation of the fitted model at averaging times in s; nan without one.
-
-        Of the kind of `curve`; of modified Allan and Hadamard deviations the model has none, and it is nan.
-        """
-        if self.fit is None or self.curve.kind not in ("overlapping", "haar"):
+        """Return the deviation of the fitted model at averaging times in s; nan without one."""
+        if self.fit is None:
             return np.full(tau.shape, np.nan)
-        part = 0.5 if self.curve.kind == "haar" else 1.0
-        return np.sqrt(part * self.fit.model.allan_variance(tau, self.fit.rate))
+        return np.sqrt(self.fit.model.allan_variance(tau, self.fit.rate))
 
 
 def characterise_channel(
@@ -124,11 +120,10 @@ def characterise_channel(
     method : "curve", of the logarithm of the whole curve, or "moments", of the wavelet variances.
     """
     fit, why = _fit(octaves.from_tau(shortest), lines, method)
-    # The finer curve, where it is an Allan deviation too.
-    allan = curve if curve.kind == "overlapping" and len(curve) > len(octaves) else octaves
-    known = (allan.edf[:, 0] >= _WELL_KNOWN) & (allan.tau >= shortest)
-    known = known if np.any(known) else np.ones(len(allan), dtype=bool)
-    lowest = int(np.argmin(np.where(known, allan.deviation[:, 0], np.inf)))
+    finer = curve if len(curve) > len(octaves) else octaves
+    known = (finer.edf[:, 0] >= _WELL_KNOWN) & (finer.tau >= shortest)
+    known = known if np.any(known) else np.ones(len(finer), dtype=bool)
+    lowest = int(np.argmin(np.where(known, finer.deviation[:, 0], np.inf)))
     return Channel(
         name,
         unit,
@@ -136,8 +131,8 @@ def characterise_channel(
         octaves,
         fit,
         () if fit is None else _terms(fit),
-        float(allan.deviation[lowest, 0]),
-        float(allan.tau[lowest]),
+        float(finer.deviation[lowest, 0]),
+        float(finer.tau[lowest]),
         why,
         None if fit is None else white_beyond(fit, octaves),
     )

@@ -25,18 +25,16 @@ from tumble.noise.averages import (
 )
 from tumble.noise.bridging import BridgedBlocks, bridge, say_bridged
 from tumble.noise.channel import FLOOR, Channel, Term, characterise_channel
-from tumble.noise.deviation import Deviation, Kind, Taus
+from tumble.noise.deviation import Taus
 from tumble.noise.evidence import WholeEvidence
 from tumble.noise.fitting.weighted_fit import Method
 from tumble.noise.held import Held, blocks_without_repeats, find_held, say_held, without_repeats
 from tumble.noise.spectrum import PowerSpectrum
-from tumble.noise.streaming import StreamedDeviation
 from tumble.noise.suitability import Suitability, judge_rest
 from tumble.recording import Recording, Source
 from tumble.records import dataclass
 
 _LEAST_SAMPLES = 16
-_OTHER_TAU = 0.01  # from which on another averaging time than was asked for is told
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,18 +71,12 @@ class Characterisation:
         """Everything that was found, in words."""
         return (*self.suitability.remarks, *self.remarks)
 
-    @property
-    def kind(self) -> Kind:
-        """Which deviation the channels' curves are."""
-        return self.channels[0].curve.kind
-
 
 def characterise(
     recording: Recording,
     *,
     skip: float = 0.0,
     remove_temperature: bool = False,
-    kind: Kind = "overlapping",
     taus: Taus = "log",
     method: Method = "curve",
 ) -> Characterisation:
@@ -95,8 +87,7 @@ def characterise(
     recording : as read, in any unit.
     skip : s at the start to leave out, such as warm-up.
     remove_temperature : take a straight line in the temperature off each channel first.
-    kind, taus : of the curves, as for `tumble.noise.deviation.allan_deviation`. The model is fitted to the
-        overlapping Allan deviation whatever they are.
+    taus : of the curves, as for `tumble.noise.deviation.allan_deviation`. The model is fitted at octaves.
     method : of the fit: "curve", of the logarithm of the whole curve, or "moments", of its wavelet variances.
 
     Raises
@@ -104,7 +95,7 @@ def characterise(
     RecordingError
         If nothing of it is at rest, it is too short, or it has neither triad.
     UsageError
-        If no averaging time fits, or the kind is not known.
+        If no averaging time fits.
     """
     if recording.specific_force is None and recording.angular_rate is None:
         raise RecordingError(
@@ -122,8 +113,7 @@ def characterise(
         recording = without_temperature(recording, said)
     suitability = _usable(judge_rest(WholeEvidence(recording)))
     factors, units = factors_of(recording, suitability.channels)
-    averages = average_whole(recording, suitability, factors, kind, taus)
-    said += _say_taus(taus, averages.curve)
+    averages = average_whole(recording, suitability, factors, taus)
     return _gathered(
         suitability,
         units,
@@ -142,8 +132,6 @@ def characterise_blocks(
     *,
     skip: float = 0.0,
     remove_temperature: bool = False,
-    kind: Kind = "overlapping",
-    taus: Taus = "log",
     method: Method = "curve",
     progress: Callable[[str], None] | None = None,
 ) -> Characterisation:
@@ -155,8 +143,7 @@ def characterise_blocks(
     Parameters
     ----------
     read : begins a reading; gives consecutive blocks.
-    skip, remove_temperature, kind, taus, method : as for `characterise`, without the modified deviation and without
-        all averaging times.
+    skip, remove_temperature, method : as for `characterise`.
     progress : called with a sentence on how far it is.
 
     Raises
@@ -164,11 +151,9 @@ def characterise_blocks(
     RecordingError
         If nothing of it is at rest, or it is too short.
     UsageError
-        If the deviation cannot be had from blocks, or no averaging time fits.
+        If no averaging time fits.
     """
     say = progress or _silent
-    # What cannot be had is told before anything is read.
-    StreamedDeviation(1.0, 1, kind, taus if isinstance(taus, str) else "octave")
     held = next((find_held(block) for block in read()), None)
     blocks = BridgedBlocks(read if held is None else blocks_without_repeats(read, held), skip)
     survey, said, first = survey_blocks(blocks, say)
@@ -177,8 +162,7 @@ def characterise_blocks(
     slopes = slopes_over_temperature(survey, said) if remove_temperature else None
     suitability = _usable(judge_rest(survey))
     factors, units = factors_of(first, suitability.channels)
-    averages = average_blocks(blocks, survey, suitability, factors, slopes, kind, taus, say)
-    said += _say_taus(taus, averages.curve)
+    averages = average_blocks(blocks, survey, suitability, factors, slopes, say)
     say("finding the terms")
     duration = survey.stop_time - survey.start_time
     return _gathered(
@@ -193,20 +177,6 @@ def characterise_blocks(
         method=method,
         streamed=True,
     )
-
-
-def _say_taus(wanted: Taus, curve: Deviation) -> list[str]:
-    """Say which of the averaging times that were asked for are others, or none."""
-    said: list[str] = []
-    for tau in () if isinstance(wanted, str) else wanted:
-        nearest = float(curve.tau[int(np.argmin(np.abs(curve.tau - tau)))])
-        # whole samples, and of blocks every 65th to 128th part
-        if tau > 1.01 * float(curve.tau[-1]) or tau < 0.5 / curve.rate:
-            span = f"{1.0 / curve.rate:.3g} s (one sample) to half of the longest rest"
-            said.append(f"The averaging time {tau:g} s cannot be had of this recording: from {span}.")
-        elif abs(nearest / tau - 1.0) > _OTHER_TAU:
-            said.append(f"The averaging time {tau:g} s is taken as {nearest:g} s, whole samples.")
-    return said
 
 
 def _silent(stage: str) -> None:

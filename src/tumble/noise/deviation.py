@@ -1,13 +1,12 @@
-"""Allan, modified Allan and Hadamard deviation and Haar wavelet variance of a signal at rest.
+"""Allan deviation of a signal at rest, at every overlapping place.
 
-All use every overlapping place. The signal is a rate (rad/s, m/s²): the deviation has its unit. A signal
-with gaps is a set of pieces: differences are taken within each, and their squares are pooled.
+Its square is twice the Haar wavelet variance (maximal overlap). The signal is a rate (rad/s, m/s²): the deviation has
+its unit. A signal with gaps is a set of pieces: differences are taken within each, and their squares are pooled.
 
 References
 ----------
-Riley, W. J., *Handbook of Frequency Stability Analysis*, NIST SP 1065, 2008, sections 5.2.4, 5.2.5 and
-5.2.8. IEEE Std 952-2020, annex C. Percival, D. B., *On estimation of the wavelet variance*, Biometrika 82
-(1995) 619-631.
+Riley, W. J., *Handbook of Frequency Stability Analysis*, NIST SP 1065, 2008, section 5.2.4. IEEE Std 952-2020,
+annex C. Percival, D. B., *On estimation of the wavelet variance*, Biometrika 82 (1995) 619-631.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import Literal, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -25,11 +24,7 @@ from tumble.errors import UsageError
 from tumble.noise.freedom import EXPONENTS, chi_square_interval, degrees_of_freedom
 from tumble.records import dataclass
 
-Kind: TypeAlias = Literal["overlapping", "modified", "hadamard", "haar"]
-NamedTaus: TypeAlias = Literal["octave", "decade", "log", "all"]
-Taus: TypeAlias = "NamedTaus | str | Series | Sequence[float]"
-KINDS: tuple[Kind, ...] = ("overlapping", "modified", "hadamard", "haar")
-NAMED_TAUS: tuple[NamedTaus, ...] = ("octave", "decade", "log", "all")
+Taus: TypeAlias = "str | Series | Sequence[float]"
 Pieces: TypeAlias = Sequence[tuple[int, int]]
 Integers: TypeAlias = npt.NDArray[np.int64]
 
@@ -37,19 +32,16 @@ ONE_SIGMA = 0.682689492137086
 """Probability within one standard deviation of a normal distribution."""
 
 _PER_DECADE = 10
-_MOST_WORK = 2e12  # samples times channels times averaging times: ten minutes and more
 _SLOPE_REACH = 4.2  # a slope is taken over averaging times up to two octaves away
 _LEAST_CLUSTERS = 12  # with fewer, a slope is chance
 
 
 @dataclass(frozen=True, slots=True)
 class Deviation:
-    """A deviation over averaging times, of all channels of a signal.
+    """The overlapping Allan deviation over averaging times, of all channels of a signal.
 
     Attributes
     ----------
-    kind : "overlapping" (Allan), "modified" (Allan), "hadamard", or "haar", the root of the Haar wavelet variance,
-        which is half the Allan variance.
     tau : (taus,) averaging times, s.
     averaging : (taus,) the same in samples.
     deviation : (taus, channels) in the signal's unit.
@@ -63,7 +55,6 @@ class Deviation:
     pieces : lengths of the pieces without gaps, in samples.
     """
 
-    kind: Kind
     tau: Series
     averaging: Integers
     deviation: Table
@@ -122,24 +113,20 @@ def allan_deviation(
     signal: AnyArray,
     rate: float,
     *,
-    kind: Kind | str = "overlapping",
     taus: Taus = "octave",
     gaps: Sequence[int] = (),
     noise: int | None = None,
     confidence: float = ONE_SIGMA,
 ) -> Deviation:
-    """Return a deviation of all channels of a signal, with degrees of freedom and intervals.
+    """Return the overlapping Allan deviation of all channels of a signal, with degrees of freedom and intervals.
 
     Parameters
     ----------
     signal : (samples,) or (samples, channels), any unit. Rows that are not finite are left out, and part
         the signal as a gap does.
     rate : samples a second.
-    kind : "overlapping" Allan, "modified" Allan, "hadamard" (overlapping), which does not see a ramp, or "haar",
-        the root of the Haar wavelet variance (maximal overlap).
-    taus : "octave" (1, 2, 4, ... samples), "decade" (1, 2, 4, 10, 20, 40, ...), "log" (ten a decade),
-        "all" (the time taken grows with the square of the samples), or averaging times in s, taken to the
-        next whole sample; those that do not fit into the longest piece are left out.
+    taus : "octave" (1, 2, 4, ... samples), "log" (ten a decade), or averaging times in s, taken to the next whole
+        sample; those that do not fit into the longest piece are left out.
     gaps : indices i where samples are missing between i - 1 and i.
     noise : exponent α assumed for the degrees of freedom, S(f) ~ f^α; None takes it from the slope of the
         curve about each averaging time.
@@ -157,22 +144,19 @@ def allan_deviation(
     1.4142135623730951
     """
     columns = _columns(signal)
-    which = _check(rate, kind, noise, confidence)
+    _check(rate, noise, confidence)
     pieces = find_pieces(columns, gaps)
-    order, _ = _form(which)
     longest = max((stop - start for start, stop in pieces), default=0)
-    averaging = choose_averaging(taus, rate, longest // order)
-    _refuse_endless(columns, averaging)
-    sums, counts = _pooled(columns, pieces, averaging, which)
+    averaging = choose_averaging(taus, rate, longest // 2)
+    sums, counts = _pooled(columns, pieces, averaging)
     lengths = tuple(stop - start for start, stop in pieces)
-    return finish(sums, counts, averaging, which, rate, lengths, noise, confidence)
+    return finish(sums, counts, averaging, rate, lengths, noise, confidence)
 
 
 def finish(
     sums: Table,
     counts: Integers,
     averaging: Integers,
-    kind: Kind,
     rate: float,
     lengths: tuple[int, ...],
     noise: int | None,
@@ -185,28 +169,24 @@ def finish(
     ----------
     sums : (taus, channels) sums of squares.
     counts, averaging : (taus,) differences, and samples in each averaging time.
-    kind, rate, noise, confidence : as for `allan_deviation`.
+    rate, noise, confidence : as for `allan_deviation`.
     lengths : samples of each piece.
     strides : (taus,) differences begun in each averaging time; None for one at every sample.
     """
     size = averaging.astype(np.float64)
-    # SP 1065 equations 10, 14 and 21 in units of samples
-    scale = 6.0 * size**2 if kind == "hadamard" else 2.0 * size ** (4 if kind == "modified" else 2)
-    variance = sums / (scale * counts)[:, None]
-    # the same spread, and half the size
-    part = 0.5 if kind == "haar" else 1.0
-    exponent = _assumed(variance, averaging, lengths, kind, noise)
-    edf = _freedom(exponent, averaging, lengths, kind, strides)
+    # SP 1065 equation 10 in units of samples
+    variance = sums / (2.0 * size**2 * counts)[:, None]
+    exponent = _assumed(variance, averaging, lengths, noise)
+    edf = _freedom(exponent, averaging, lengths, strides)
     low, high = chi_square_interval(variance, edf, confidence)
     return Deviation(
-        kind=kind,
         tau=size / rate,
         averaging=averaging,
-        deviation=np.sqrt(part * variance),
+        deviation=np.sqrt(variance),
         count=counts,
         edf=edf,
-        low=np.sqrt(part * low),
-        high=np.sqrt(part * high),
+        low=np.sqrt(low),
+        high=np.sqrt(high),
         exponent=exponent,
         confidence=confidence,
         rate=rate,
@@ -251,7 +231,7 @@ def choose_averaging(taus: Taus, rate: float, longest: int) -> Integers:
         If none fits, or the name is not known.
     """
     if longest < 1:
-        raise UsageError("The signal has too few samples in a row for a deviation: two at least, or three.")
+        raise UsageError("The signal has too few samples in a row for a deviation: two at least.")
     if isinstance(taus, str):
         chosen = _named(taus, longest)
     else:
@@ -271,22 +251,10 @@ def _named(name: str, longest: int) -> Integers:
     decades = int(np.log10(longest)) + 1
     if name == "octave":
         return 2 ** np.arange(int(np.log2(longest)) + 1, dtype=np.int64)
-    if name == "decade":
-        return (10 ** np.arange(decades, dtype=np.int64)[:, None] * np.array([1, 2, 4])).ravel()
     if name == "log":
         steps = np.arange(_PER_DECADE * decades + 1) / _PER_DECADE
         return np.unique(np.rint(10.0**steps).astype(np.int64))
-    if name == "all":
-        return np.arange(1, longest + 1, dtype=np.int64)
-    raise UsageError(f"{name!r} names no averaging times: octave, decade, log or all, or give them in s.")
-
-
-def _refuse_endless(signal: Table, averaging: Integers) -> None:
-    if float(averaging.size) * signal.size > _MOST_WORK:
-        raise UsageError(
-            f"{averaging.size} averaging times of {signal.shape[0]} samples would take long (ten minutes and more): "
-            "take octave or log, or give a list."
-        )
+    raise UsageError(f"{name!r} names no averaging times: octave or log, or give them in s.")
 
 
 def _columns(signal: AnyArray) -> Table:
@@ -295,68 +263,44 @@ def _columns(signal: AnyArray) -> Table:
     return np.asarray(signal, dtype=np.float64).reshape(signal.shape[0], -1)
 
 
-def _check(rate: float, kind: str, noise: int | None, confidence: float) -> Kind:
-    """The kind by its name."""
+def _check(rate: float, noise: int | None, confidence: float) -> None:
     if not (np.isfinite(rate) and rate > 0.0):
         raise UsageError(f"A sampling rate of {rate} Hz cannot be.")
-    named: dict[str, Kind] = {known: known for known in KINDS}
-    which = named.get(kind)
-    if which is None:
-        raise UsageError(f"{kind!r} is no kind of deviation: overlapping, modified, hadamard or haar.")
     if not 0.0 < confidence < 1.0:
         raise UsageError(f"A confidence of {confidence} cannot be: give a probability between 0 and 1.")
-    if noise is not None and noise not in _exponents(kind):
-        known = ", ".join(str(exponent) for exponent in _exponents(kind))
+    if noise is not None and noise not in EXPONENTS:
+        known = ", ".join(str(exponent) for exponent in EXPONENTS)
         raise UsageError(f"{noise} is no exponent of noise that this deviation can see: {known}.")
-    return which
 
 
-def _form(kind: Kind) -> tuple[int, bool]:
-    """Order of the differences, and whether they are averaged again, by kind."""
-    # A modified difference takes as many samples as one of the third order.
-    return (2, False) if kind in ("overlapping", "haar") else (3, kind == "modified")
-
-
-def _exponents(kind: str) -> tuple[int, ...]:
-    return EXPONENTS if kind == "hadamard" else EXPONENTS[:4]
-
-
-def _pooled(signal: Table, pieces: Pieces, averaging: Integers, kind: Kind) -> tuple[Table, Integers]:
+def _pooled(signal: Table, pieces: Pieces, averaging: Integers) -> tuple[Table, Integers]:
     """Sums of squares and counts of differences over all pieces, channel by channel."""
     from tumble.noise import kernels
 
-    add_squares = {
-        "modified": kernels.window_squares,
-        "hadamard": kernels.third_difference_squares,
-    }.get(kind, kernels.second_difference_squares)
-    reach, modified = _form(kind)
     sums = np.zeros((averaging.size, signal.shape[1]))
     counts = np.zeros(averaging.size, dtype=np.int64)
     longest = max(stop - start for start, stop in pieces)
     buffer = np.empty(longest + 1)
     for start, stop in pieces:
-        fits = averaging[averaging * reach <= stop - start]
-        counts[: fits.size] += stop - start + 1 - reach * fits + modified
+        fits = averaging[averaging * 2 <= stop - start]
+        counts[: fits.size] += stop - start + 1 - 2 * fits
         phase = buffer[: stop - start + 1]
         for channel in range(signal.shape[1] if fits.size else 0):
             values = signal[start:stop, channel]
             # No deviation sees the level, and without it the running sum keeps its digits.
             kernels.running_sum(values, float(values.mean()), phase)
             total = np.zeros(fits.size)
-            add_squares(phase, fits, total)
+            kernels.second_difference_squares(phase, fits, total)
             sums[: fits.size, channel] += total
     return sums, counts
 
 
-def _assumed(
-    variance: Table, averaging: Integers, lengths: tuple[int, ...], kind: Kind, noise: int | None
-) -> Integers:
+def _assumed(variance: Table, averaging: Integers, lengths: tuple[int, ...], noise: int | None) -> Integers:
     """Exponents of the noise, from the slope of the curve: var ~ tau^μ, α = -μ - 1 (or as `noise` says)."""
     if noise is not None:
         return np.full(variance.shape, noise, dtype=np.int64)
-    allowed = np.array(_exponents(kind))
-    # SP 1065 table 4; the modified variance of quantisation falls with the cube.
-    slopes = np.where(allowed == 2, -3.0 if kind == "modified" else -2.0, -allowed - 1.0)
+    allowed = np.array(EXPONENTS)
+    slopes = np.where(allowed == 2, -2.0, -allowed - 1.0)  # SP 1065 table 4
     clusters = sum(lengths) / averaging
     last = max(int(np.count_nonzero(clusters >= _LEAST_CLUSTERS)) - 1, 0)
     centre: Integers = np.minimum(np.arange(len(averaging)), last)
@@ -382,15 +326,14 @@ def _assumed(
 
 
 def _freedom(
-    exponent: Integers, averaging: Integers, lengths: tuple[int, ...], kind: Kind, strides: Integers | None
+    exponent: Integers, averaging: Integers, lengths: tuple[int, ...], strides: Integers | None
 ) -> Table:
     """Degrees of freedom of each variance: those of the pieces, added."""
-    order, modified = (3 if kind == "hadamard" else 2), kind == "modified"
     alike, repeats = np.unique(np.array(lengths, dtype=np.int64), return_counts=True)
     result = np.zeros(exponent.shape)
     for k, m in enumerate(averaging.tolist()):
         stride = None if strides is None else int(strides[k])
         for alpha in set(exponent[k].tolist()):
-            each = [degrees_of_freedom(alpha, m, n, order, modified, stride) for n in alike.tolist()]
+            each = [degrees_of_freedom(alpha, m, n, stride) for n in alike.tolist()]
             result[k, exponent[k] == alpha] = repeats @ np.array(each)
     return result

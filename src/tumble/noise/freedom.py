@@ -1,4 +1,4 @@
-"""Equivalent degrees of freedom of Allan, modified Allan and Hadamard variances, and their intervals.
+"""Equivalent degrees of freedom of Allan variances, and their intervals.
 
 A variance that is estimated from overlapping differences is spread like chi square with fewer degrees of
 freedom than there are differences. How many depends on the kind of noise, named here by the exponent α of
@@ -25,7 +25,7 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Series
 
-EXPONENTS = (2, 0, -1, -2, -3, -4)
+EXPONENTS = (2, 0, -1, -2)
 _MOST_TERMS = 256
 
 
@@ -40,28 +40,17 @@ def _kernel(t: AnyArray, exponent: int) -> AnyArray:
     return sign * size**power * np.log(np.where(size > 0.0, size, 1.0))
 
 
-def _averaged(t: AnyArray, filter_factor: float, exponent: int) -> AnyArray:
-    """Return s_x(t, F, α): after the filter of F steps; F infinite is its limit."""
-    if np.isinf(filter_factor):
-        return _kernel(t, exponent + 2)
-    step = 1.0 / filter_factor
-    rise = _kernel(t - step, exponent) + _kernel(t + step, exponent)
-    return filter_factor**2 * (2.0 * _kernel(t, exponent) - rise)
-
-
-def _differenced(t: Series, filter_factor: float, exponent: int, order: int) -> Series:
-    """Return s_z(t, F, α, d): the autocovariance of the d-th differences."""
-    lags = np.arange(-order, order + 1)
-    weights = np.array([(-1.0) ** lag * comb(2 * order, order + lag) for lag in lags.tolist()])
+def _differenced(t: Series, exponent: int) -> Series:
+    """Return s_z(t, α): the autocovariance of the second differences, F infinite."""
+    lags = np.arange(-2, 3)
+    weights = np.array([(-1.0) ** lag * comb(4, 2 + lag) for lag in lags.tolist()])
     # A sum, not a product of matrices: linear algebra would wake a thread for each core.
-    return np.sum(weights[:, None] * _averaged(t + lags[:, None], filter_factor, exponent), axis=0)
+    return np.sum(weights[:, None] * _kernel(t + lags[:, None], exponent + 2), axis=0)
 
 
-def _inverse_freedom(
-    terms: int, count: float, stride: float, filter_factor: float, exponent: int, order: int
-) -> float:
+def _inverse_freedom(terms: int, count: float, stride: float, exponent: int) -> float:
     """Return the basic sum over J terms, divided by s_z(0)² M: one over the degrees of freedom."""
-    values = _squares(terms, stride, filter_factor, exponent, order)
+    values = _squares(terms, stride, exponent)
     weights = 2.0 * (1.0 - np.arange(terms + 1) / count)
     weights[0] = 1.0
     weights[-1] *= 0.5
@@ -69,24 +58,20 @@ def _inverse_freedom(
 
 
 @lru_cache(maxsize=128)
-def _squares(terms: int, stride: float, filter_factor: float, exponent: int, order: int) -> Series:
+def _squares(terms: int, stride: float, exponent: int) -> Series:
     """Return the squared autocovariances of the sum: long averaging times have the same."""
-    return _differenced(np.arange(terms + 1) / stride, filter_factor, exponent, order) ** 2
+    return _differenced(np.arange(terms + 1) / stride, exponent) ** 2
 
 
 @lru_cache(maxsize=65_536)
-def degrees_of_freedom(
-    exponent: int, averaging: int, samples: int, order: int, modified: bool, stride: int | None = None
-) -> float:
-    """Return the equivalent degrees of freedom of a variance from overlapping differences; 0 if there are none.
+def degrees_of_freedom(exponent: int, averaging: int, samples: int, stride: int | None = None) -> float:
+    """Return the equivalent degrees of freedom of an Allan variance from overlapping differences; 0 if there are none.
 
     Parameters
     ----------
-    exponent : α of the noise assumed, 2, 0, -1, -2 (and -3, -4 with differences of order 3).
+    exponent : α of the noise assumed, 2, 0, -1 or -2.
     averaging : samples in an averaging time, m.
     samples : of the signal, without gaps.
-    order : 2 for Allan and modified Allan variance, 3 for Hadamard variance.
-    modified : whether it is the modified variance.
     stride : differences begun in each averaging time; None for one at every sample.
 
     Raises
@@ -98,36 +83,31 @@ def degrees_of_freedom(
     --------
     A single second difference has one degree of freedom, whatever the noise:
 
-    >>> degrees_of_freedom(0, 50, 100, 2, False)
+    >>> degrees_of_freedom(0, 50, 100)
     1.0
     """
-    if exponent not in EXPONENTS or exponent <= 1 - 2 * order:
-        raise ValueError(f"no degrees of freedom for noise of exponent {exponent} and differences of {order}")
+    if exponent not in EXPONENTS:
+        raise ValueError(f"no degrees of freedom for noise of exponent {exponent}")
     per_time = averaging if stride is None else min(stride, averaging)
-    reach = averaging * order + (averaging if modified else 1)
-    spare = samples + 1 - reach
+    spare = samples - 2 * averaging
     if spare < 0:
         return 0.0
     count = 1 + (per_time * spare) // averaging
-    if exponent == 2 and (not modified or averaging == 1):
-        return _of_quantisation(count, per_time, order)
-    terms = min(count, (order + 1) * per_time)
+    if exponent == 2:
+        return _of_quantisation(count, per_time)
+    terms = min(count, 3 * per_time)
     coarse = max(1.0, terms / _MOST_TERMS)
-    # With one sample, the modified variance averages nothing.
-    factor = 1.0 if modified and averaging > 1 else np.inf
-    inverse = _inverse_freedom(
-        round(terms / coarse), count / coarse, per_time / coarse, factor, exponent, order
-    )
+    inverse = _inverse_freedom(round(terms / coarse), count / coarse, per_time / coarse, exponent)
     # Fewer than one, and more than there are differences, is rounding.
     return float(np.clip(1.0 / inverse, 1.0, count))
 
 
-def _of_quantisation(count: int, per_time: int, order: int) -> float:
+def _of_quantisation(count: int, per_time: int) -> float:
     """White noise of the phase: differences agree only at whole averaging times, so the sum is short."""
     total = 1.0
-    for lag in range(1, order + 1):
+    for lag in (1, 2):
         if lag * per_time < count:
-            share = comb(2 * order, order + lag) / comb(2 * order, order)
+            share = comb(4, 2 + lag) / comb(4, 2)
             total += 2.0 * (1.0 - lag * per_time / count) * share**2
     return count / total
 

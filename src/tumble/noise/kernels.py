@@ -91,31 +91,6 @@ def _one_step(
     return (a + b) + (c + d)
 
 
-def third_difference_squares(
-    phase: cython.const[cython.double][::1],
-    steps: cython.const[cython.longlong][::1],
-    sums: cython.double[::1],
-) -> None:
-    """Add to `sums` the squares of x[i + 3m] - 3 x[i + 2m] + 3 x[i + m] - x[i], for each m of `steps`."""
-    with cython.nogil:
-        for begin in range(0, phase.shape[0], 2048):
-            for k in range(steps.shape[0]):
-                m = steps[k]
-                end = min(begin + 2048, phase.shape[0] - 3 * m)
-                if end <= begin:
-                    continue
-                quarter = (end - begin) // 4
-                a = b = c = d = 0.0
-                for i in range(begin, begin + quarter):
-                    a += _third(phase, i, m) ** 2
-                    b += _third(phase, i + quarter, m) ** 2
-                    c += _third(phase, i + 2 * quarter, m) ** 2
-                    d += _third(phase, i + 3 * quarter, m) ** 2
-                for i in range(begin + 4 * quarter, end):
-                    a += _third(phase, i, m) ** 2
-                sums[k] += (a + b) + (c + d)
-
-
 @cython.cfunc
 @cython.inline
 @cython.nogil
@@ -129,85 +104,4 @@ def _second(
     return phase[i + 2 * m] - 2.0 * phase[i + m] + phase[i]
 
 
-@cython.cfunc
-@cython.inline
-@cython.nogil
-@cython.exceptval(check=False)
-def _third(
-    phase: cython.const[cython.double][::1],
-    j: cython.Py_ssize_t,
-    m: cython.Py_ssize_t,
-) -> cython.double:
-    """Third difference at m from j on."""
-    return (phase[j + 3 * m] - phase[j]) - 3.0 * (phase[j + 2 * m] - phase[j + m])
-
-
-@cython.cfunc
-@cython.nogil
-@cython.exceptval(check=False)
-def _window(
-    phase: cython.const[cython.double][::1],
-    begin: cython.Py_ssize_t,
-    m: cython.Py_ssize_t,
-) -> cython.double:
-    """Sum of m second differences at m from `begin` on."""
-    total = 0.0
-    for i in range(begin, begin + m):
-        total += _second(phase, i, m)
-    return total
-
-
-@cython.cfunc
-@cython.nogil
-@cython.exceptval(check=False)
-def _chains(
-    phase: cython.const[cython.double][::1],
-    window: cython.p_double,
-    length: cython.Py_ssize_t,
-    m: cython.Py_ssize_t,
-) -> cython.double:
-    """Squares of `length` windows of each chain, from the chains' first windows on."""
-    total = 0.0
-    for chain in range(8):
-        total += window[chain] * window[chain]
-    for j in range(length - 1):
-        for chain in range(8):
-            window[chain] += _third(phase, j + chain * length, m)
-            total += window[chain] * window[chain]
-    return total
-
-
-def window_squares(
-    phase: cython.const[cython.double][::1],
-    steps: cython.const[cython.longlong][::1],
-    sums: cython.double[::1],
-) -> None:
-    """Add the squares of the sums of m successive second differences at m, for each m of `steps`.
-
-    A window's sum is that of the window before, plus a third difference: a chain of additions. Eight
-    chains run side by side, each begun anew, so that neither time nor rounding adds up along all samples.
-    """
-    window = cython.declare(cython.double[8])
-    with cython.nogil:
-        for k in range(steps.shape[0]):
-            m = steps[k]
-            count = phase.shape[0] - 3 * m + 1
-            if count < 1:
-                continue
-            length = count // 8
-            total = 0.0
-            if length > 0:
-                for chain in range(8):
-                    window[chain] = _window(phase, chain * length, m)
-                total += _chains(phase, window, length, m)
-            at = 8 * length
-            if at < count:
-                last = _window(phase, at, m)
-                total += last * last
-                for j in range(at, count - 1):
-                    last += (phase[j + 3 * m] - phase[j]) - 3.0 * (phase[j + 2 * m] - phase[j + m])
-                    total += last * last
-            sums[k] += total
-
-
-__all__ = ["running_sum", "second_difference_squares", "third_difference_squares", "window_squares"]
+__all__ = ["running_sum", "second_difference_squares"]

@@ -1,11 +1,10 @@
 """Deviations of a recording of any length, block by block, in memory that does not grow.
 
 The mean over m samples is also the mean of m/2 means over two: averaging pairs changes no cluster mean, so
-that Allan and Hadamard statistics of averaged data at whole multiples of the averaging are those of the
+that Allan statistics of averaged data at whole multiples of the averaging are those of the
 data themselves. Nothing aliases, as it would if every other sample were dropped. What is given up is
 overlap: at long averaging times differences begin at every 128th part of the averaging time instead of at
-every sample, which costs less than a thousandth of the degrees of freedom. The modified deviation has no
-such property (its filter's width is one sample) and is not offered.
+every sample, which costs less than a thousandth of the degrees of freedom.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Table
 from tumble.errors import UsageError
-from tumble.noise.deviation import ONE_SIGMA, Deviation, Integers, Kind, Taus, choose_averaging, finish
+from tumble.noise.deviation import ONE_SIGMA, Deviation, Integers, Taus, choose_averaging, finish
 from tumble.records import dataclass
 
 PLACES = 128
@@ -44,14 +43,13 @@ class StreamedDeviation:
     ----------
     rate : samples a second.
     channels : how many.
-    kind : "overlapping", "hadamard" or "haar".
-    taus : as for `tumble.noise.deviation.allan_deviation`, but not "all". Above 128 samples they are taken to
+    taus : as for `tumble.noise.deviation.allan_deviation`. Above 128 samples they are taken to
         the next multiple of the samples that are averaged there, which is within 0.8 %.
 
     Raises
     ------
     UsageError
-        If the kind is another, or the averaging times are all.
+        If no averaging time fits.
 
     Examples
     --------
@@ -65,7 +63,6 @@ class StreamedDeviation:
 
     rate: float
     channels: int
-    kind: Kind = "overlapping"
     taus: Taus = "octave"
     _wanted: list[list[int]] = field(default_factory=list[list[int]])
     _floors: list[_Floor] = field(default_factory=list[_Floor])
@@ -73,15 +70,6 @@ class StreamedDeviation:
     _level: AnyArray | None = None
 
     def __post_init__(self) -> None:
-        if self.kind not in ("overlapping", "hadamard", "haar"):
-            raise UsageError(
-                f"The {self.kind} deviation of averaged data is another one: it cannot be had of a recording that is "
-                "read block by block. Take overlapping, hadamard or haar."
-            )
-        if isinstance(self.taus, str) and self.taus == "all":
-            raise UsageError(
-                "All averaging times of a stream cannot be had: take octave, decade, log or a list."
-            )
         averaging = choose_averaging(self.taus, self.rate, _LONGEST)
         self._wanted = _by_floor(averaging)
 
@@ -124,21 +112,19 @@ class StreamedDeviation:
         """Add the differences that end in the new rows."""
         from tumble.noise import kernels
 
-        order = 3 if self.kind == "hadamard" else 2
-        add_squares = kernels.second_difference_squares if order == 2 else kernels.third_difference_squares
         joined = np.concatenate([floor.held, rows])
         before, total = floor.held.shape[0], np.zeros(1)
         phase = np.empty(joined.shape[0] + 1)
         for channel in range(self.channels):
             kernels.running_sum(joined[:, channel], 0.0, phase)
             for k, m in enumerate(floor.steps):
-                begin = max(0, before - order * m + 1)
+                begin = max(0, before - 2 * m + 1)
                 total[0] = 0.0
-                add_squares(phase[begin:], np.array([m]), total)
+                kernels.second_difference_squares(phase[begin:], np.array([m]), total)
                 floor.sums[k, channel] += total[0]
                 if channel == 0:
-                    floor.counts[k] += max(0, phase.size - begin - order * m)
-        reach = order * floor.steps[-1] if floor.steps else 0
+                    floor.counts[k] += max(0, phase.size - begin - 2 * m)
+        reach = 2 * floor.steps[-1] if floor.steps else 0
         floor.held = joined[max(0, joined.shape[0] - reach) :].copy()
 
     def deviation(self, *, noise: int | None = None, confidence: float = ONE_SIGMA) -> Deviation:
@@ -161,15 +147,12 @@ class StreamedDeviation:
             if floor.counts[k] > 0
         ]
         if not found:
-            raise UsageError(
-                "The signal has too few samples in a row for a deviation: two at least, or three."
-            )
+            raise UsageError("The signal has too few samples in a row for a deviation: two at least.")
         averaging, strides, sums, counts = zip(*found, strict=True)
         return finish(
             np.array(sums),
             np.array(counts, dtype=np.int64),
             np.array(averaging, dtype=np.int64),
-            self.kind,
             self.rate,
             tuple(self._lengths),
             noise,

@@ -11,7 +11,6 @@ from tumble.report.html import render_page
 from tumble.report.noise_words import (
     DEFINITIONS,
     FORMULA,
-    KINDS,
     NoiseRow,
     noise_rows,
     practical_unit,
@@ -23,13 +22,7 @@ if TYPE_CHECKING:
     from tumble.arrays import Series
     from tumble.noise.characterisation import Channel, Characterisation
 
-_DASHED = "dashed: the fitted terms together. "
-_SLOPES = {
-    "overlapping": f"{_DASHED}Slope −1/2: random walk (N); flat: B; +1/2: K.",
-    "haar": f"{_DASHED}Slope −1/2: random walk (N); flat: B; +1/2: K. It is the Allan deviation over √2.",
-    "modified": "slope −1/2: random walk (N), −3/2: quantisation (Q); flat: B; +1/2: K.",
-    "hadamard": "slope −1/2: random walk (N); flat: B; +1/2: K; a ramp is not in it.",
-}
+_SLOPES = "dashed: the fitted terms together. Slope −1/2: random walk (N); flat: B; +1/2: K."
 _TRIADS = {"g": ("Gyros", "gyro"), "a": ("Accelerometers", "accelerometer")}
 _WIDE = 150.0  # range that has powers of ten enough for an axis
 _NARROW = 8.0
@@ -100,15 +93,14 @@ def _figures(noise: Characterisation) -> list[Block]:
         if not channels:
             continue
         factor, unit = practical_unit(channels[0], "B")
-        kind = KINDS[noise.kind]
-        curves = _curves(f"allan-{letter}", f"{kind} of the {word}s", channels, factor, unit)
+        curves = _curves(f"allan-{letter}", f"Allan deviation of the {word}s", channels, factor, unit)
         band = f"Band: {100.0 * channels[0].curve.confidence:.0f} % interval"
         spectrum = _spectrum(noise, letter, channels, factor, unit)
         levels = _levels(noise, letter, channels, factor, unit)
         lines = "Triangles: lines, of a motor say; flat: √2 N."
         trend = "A trend at the start is warm-up, a step a restart."
         blocks += [
-            Figures([curves], f"{title}: {kind}. {band}; {_SLOPES[noise.kind]}"),
+            Figures([curves], f"{title}: Allan deviation. {band}; {_SLOPES}"),
             Figures([spectrum], f"{title}: root of the spectral density, one-sided. {lines}"),
             Figures([levels], f"{title}: level over time, less its mean. {trend}"),
         ]
@@ -141,7 +133,7 @@ def _curves(name: str, label: str, channels: list[Channel], factor: float, unit:
     layout = base_layout(
         430,
         xaxis=_log_axis("averaging time τ, s", channels[0].curve.tau),
-        yaxis=_log_axis(f"{KINDS[channels[0].curve.kind]}, {unit}", shown),
+        yaxis=_log_axis(f"Allan deviation, {unit}", shown),
     )
     return Figure(name, label, data, layout)
 

@@ -12,7 +12,7 @@ from pydantic import ConfigDict, Field
 import tumble
 from tumble.document.part import DocumentPart
 from tumble.report.noise_words import (
-    CURVES,
+    CURVE,
     DEFINITIONS,
     FORMULA,
     NAMES,
@@ -146,7 +146,7 @@ class FloorBlock(_Strict):
 class CurveBlock(_Strict):
     """A deviation over averaging times, in the channel's unit."""
 
-    kind: Literal["overlapping", "modified", "hadamard", "haar"]
+    kind: Literal["overlapping"]
     what: str
     unit: str
     confidence: float = Field(description="probability of each interval from low to high")
@@ -171,7 +171,7 @@ class ChannelBlock(_Strict):
     )
     lowest_allan_deviation: FloorBlock
     allan_deviation: CurveBlock = Field(description="overlapping, octaves: what the model is fitted to")
-    curve: CurveBlock = Field(description="of the kind and at the averaging times that were asked for")
+    curve: CurveBlock = Field(description="overlapping, ten averaging times a decade")
 
 
 class TriadTermBlock(_Strict):
@@ -357,8 +357,8 @@ def _line(line: FoundLine, unit: str) -> LineBlock:
 
 def _curve(curve: Deviation, unit: str) -> CurveBlock:
     return CurveBlock(
-        kind=curve.kind,
-        what=CURVES[curve.kind],
+        kind="overlapping",
+        what=CURVE,
         unit=unit,
         confidence=curve.confidence,
         tau_s=_numbers(curve.tau),

@@ -49,22 +49,8 @@ DEFINITIONS = {
 }
 FORMULA = "σ²(τ) = 3 Q²/τ² + N²/τ + (2 ln 2/π) B² + K² τ/3 + R² τ²/2"
 _COUNTS = {"Q": "counts·s", "N": "counts/√Hz", "B": "counts", "K": "counts/√s", "R": "counts/s"}
-KINDS = {
-    "overlapping": "Allan deviation",
-    "modified": "modified Allan deviation",
-    "hadamard": "Hadamard deviation",
-    "haar": "Haar wavelet deviation",
-}
-"""What each kind of curve is called."""
-
-CURVES = {
-    "overlapping": "overlapping Allan deviation: root of half the mean square of the difference of neighbouring means",
-    "modified": "modified Allan deviation: of differences averaged over another averaging time; for N it is "
-    "half of the Allan variance",
-    "hadamard": "overlapping Hadamard deviation: of third differences, divided by 6; a ramp is not in it",
-    "haar": "root of the Haar wavelet variance (maximal overlap) at the scale τ, which is half the Allan variance",
-}
-"""What each kind of curve is."""
+CURVE = "overlapping Allan deviation: root of half the mean square of the difference of neighbouring means"
+"""What the curve is."""
 
 # Where they are not seen, it is said how large they may be.
 _ASKED_FOR = "NBK"
@@ -162,16 +148,15 @@ def triad_lines(channels: tuple[Channel, ...]) -> list[str]:
     return lines
 
 
-def curve_lines(channels: tuple[Channel, ...], *, every: bool = False) -> list[str]:
-    """Return the curves as lines of plain text: averaging times down, channels across, and how well they are known.
+def curve_lines(channels: tuple[Channel, ...]) -> list[str]:
+    """Return the curves, two averaging times a decade down, channels across, and how well they are known.
 
     Parameters
     ----------
-    channels : with their curves, of one kind and at the same averaging times.
-    every : whether all averaging times are wanted; else two a decade.
+    channels : with their curves at the same averaging times.
     """
     curve = channels[0].curve
-    chosen = range(len(curve)) if every else _thinned(curve.tau)
+    chosen = _thinned(curve.tau)
     units = [practical_unit(c, "B") for c in channels]
     heads = ["τ, s", *(f"{c.name}, {unit}" for c, (_, unit) in zip(channels, units, strict=True))]
     rows = [[*heads, f"{100.0 * curve.confidence:.0f} % interval"]]

@@ -19,7 +19,6 @@ from tumble.workflows.progress import public, silent
 
 if TYPE_CHECKING:
     from tumble.noise.characterisation import Characterisation
-    from tumble.noise.deviation import Kind, Taus
     from tumble.noise.fitting.weighted_fit import Method
 
 DOCUMENT, PAGE = "noise.json", "noise.html"
@@ -52,13 +51,12 @@ def analyse_noise(
     topics: str | Sequence[str] | None = None,
     skip: float = 0.0,
     remove_temperature: bool = False,
-    kind: str = "overlapping",
-    taus: str = "log",
     fit: str = "curve",
-    stream: bool | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> NoiseAnalysis:
     """Read a recording, characterise its noise, and write noise.json and noise.html if `output` is a folder.
+
+    A file of more than half a gigabyte of numbers is read block by block, twice, in little memory.
 
     Parameters
     ----------
@@ -67,11 +65,8 @@ def analyse_noise(
     output : folder for the two files; None writes nothing.
     skip : s at the start to leave out.
     remove_temperature : take a straight line in the temperature off first.
-    kind : of the curves: "overlapping", "modified", "hadamard" or "haar".
-    taus : "octave", "decade", "log", "all", or averaging times in s with commas between.
     fit : "curve", weighted fit of the logarithm of the whole curve, or "moments", the generalized method of wavelet
         moments.
-    stream : whether to read block by block; None where the file is larger than half a gigabyte.
     progress : called with a sentence on what is being done.
 
     Raises
@@ -92,7 +87,6 @@ def analyse_noise(
         raise UsageError(f"-o {folder} is a file: give a folder.")
     method = _method(fit)
     how: dict[str, Any] = {"skip": skip, "remove_temperature": remove_temperature, "method": method}
-    how |= {"kind": _kind(kind), "taus": _taus(taus)}
     said: dict[str, Any] = {
         "columns": columns,
         "units": units,
@@ -101,13 +95,13 @@ def analyse_noise(
         "parted": True,
     }
     say = progress or silent
-    if isinstance(paths, Recording) and (columns or units or rate or topics or stream):
+    if isinstance(paths, Recording) and (columns or units or rate or topics):
         raise UsageError(
             "A Recording was read already: say columns, units, rate and topics when it is read, not afterwards."
         )
     listed = [] if isinstance(paths, Recording) else recording_inputs(paths)
     say("reading")
-    if stream or (stream is None and sum(map(_numbers_in, listed)) > STREAMED_ABOVE):
+    if sum(map(_numbers_in, listed)) > STREAMED_ABOVE:
         noise = characterise_blocks(lambda: read_blocks(listed, **said), **how, progress=say)
     else:
         recording = paths if isinstance(paths, Recording) else read_recording(listed, **said)
@@ -119,18 +113,8 @@ def analyse_noise(
     files: tuple[Path, ...] = ()
     if folder is not None:
         say("writing")
-        files = _write(folder, noise, document, _command(noise, skip, remove_temperature, kind, taus, method))
+        files = _write(folder, noise, document, _command(noise, skip, remove_temperature, method))
     return NoiseAnalysis(noise, document, files)
-
-
-def _kind(name: str) -> Kind:
-    from tumble.noise.deviation import KINDS
-
-    wanted = name.strip().lower()
-    for kind in KINDS:
-        if kind == wanted:
-            return kind
-    raise UsageError(f"--kind {name} is no kind of deviation: give {', '.join(KINDS[:-1])} or {KINDS[-1]}.")
 
 
 def _method(name: str) -> Method:
@@ -138,24 +122,6 @@ def _method(name: str) -> Method:
         if method == name.strip().lower():
             return method
     raise UsageError(f"--fit {name} is no way to fit: give curve or moments.")
-
-
-def _taus(text: str) -> Taus:
-    from tumble.noise.deviation import NAMED_TAUS
-
-    wanted = text.strip().lower()
-    for known in NAMED_TAUS:
-        if known == wanted:
-            return known
-    try:
-        seconds = [float(part) for part in text.split(",")]
-    except ValueError:
-        seconds = []
-    if not seconds or not all(np.isfinite(tau) and tau > 0.0 for tau in seconds):
-        raise UsageError(
-            f"--taus {text}: give {', '.join(NAMED_TAUS)}, or averaging times in s as 0.1,1,10,100."
-        )
-    return seconds
 
 
 def _numbers_in(path: Path | Frame) -> int:
@@ -170,15 +136,11 @@ def _numbers_in(path: Path | Frame) -> int:
         return 0
 
 
-def _command(
-    noise: Characterisation, skip: float, remove_temperature: bool, kind: str, taus: str, method: Method
-) -> str:
+def _command(noise: Characterisation, skip: float, remove_temperature: bool, method: Method) -> str:
     words = ["tumble", "noise", *(source.name for source in noise.sources)]
     words += [f"--skip {skip:g}"] if skip else []
     words += ["--remove-temperature"] if remove_temperature else []
-    words += [f"--kind {kind}"] if kind != "overlapping" else []
-    words += [f"--fit {method}"] if method != "curve" else []
-    return " ".join([*words, *([f"--taus {taus}"] if taus != "log" else [])])
+    return " ".join([*words, *([f"--fit {method}"] if method != "curve" else [])])
 
 
 def _write(folder: Path, noise: Characterisation, document: dict[str, Any], command: str) -> tuple[Path, ...]:

@@ -18,18 +18,17 @@ def signal_of(samples: int) -> np.ndarray:
     )
 
 
-def streamed(signal: np.ndarray, cuts: list[int], kind: str = "overlapping") -> StreamedDeviation:
-    collector = StreamedDeviation(100.0, signal.shape[1], kind)  # type: ignore[arg-type]
+def streamed(signal: np.ndarray, cuts: list[int]) -> StreamedDeviation:
+    collector = StreamedDeviation(100.0, signal.shape[1])
     for block in np.split(signal, cuts):
         collector.add(block)
     return collector
 
 
-@pytest.mark.parametrize("kind", ["overlapping", "hadamard"])
-def test_short_averaging_times_are_exact_wherever_the_blocks_are_cut(kind: str) -> None:
+def test_short_averaging_times_are_exact_wherever_the_blocks_are_cut() -> None:
     signal = signal_of(20_000)
-    whole = allan_deviation(signal, 100.0, kind=kind)  # type: ignore[arg-type]
-    found = streamed(signal, [1, 3, 3, 100, 101, 400, 9000, 19_999], kind).deviation()
+    whole = allan_deviation(signal, 100.0)
+    found = streamed(signal, [1, 3, 3, 100, 101, 400, 9000, 19_999]).deviation()
     assert found.tau == pytest.approx(whole.tau)
     short = found.averaging <= PLACES
     assert found.count[short].tolist() == whole.count[short].tolist()
@@ -76,11 +75,6 @@ def test_memory_does_not_grow_with_the_recording() -> None:
     collector = streamed(signal_of(50_000), list(range(1000, 50_000, 1000)))
     held = sum(floor.held.size + floor.odd.size for floor in collector._floors)
     assert held <= 2 * (2 * PLACES + 1) * 17  # seventeen levels at most, two channels
-
-
-def test_the_modified_deviation_is_refused() -> None:
-    with pytest.raises(UsageError, match="modified"):
-        StreamedDeviation(1.0, 1, "modified")
 
 
 def test_nothing_taken_is_nothing_given() -> None:

@@ -146,10 +146,8 @@ def fit_curve(
     Raises
     ------
     UsageError
-        If the deviation is of another kind, has fewer than three averaging times, or does not vary.
+        If the deviation has fewer than three averaging times, or does not vary.
     """
-    if deviation.kind != "overlapping":
-        raise UsageError(f"A {deviation.kind} deviation is not fitted: take the overlapping Allan deviation.")
     return _fit("curve", deviation, channel, letters, gauss_markov, lines, confidence)
 
 
@@ -207,10 +205,6 @@ def fit_moments_of(
     UsageError
         As `fit_curve`.
     """
-    if deviation.kind != "overlapping":
-        raise UsageError(
-            f"A {deviation.kind} deviation has no Haar wavelet variances: take the overlapping one."
-        )
     return _fit("moments", deviation, channel, letters, gauss_markov, lines, confidence)
 
 
