@@ -361,7 +361,7 @@ CALLS = (
     "compose calibration.json calibration.json -o both.json",
     "invert calibration.json -o back.json",
     "diff calibration.json calibration.json --json",
-    "mount hand.csv hand.csv -c calibration.json -o mount.json --mount-mrad 1 --site 48.1",
+    "mount hand.csv hand.csv -c calibration.json -o mount.json --mount-mrad 1",
     "noise hand.csv -o out --skip 1 --fit curve --units g,deg/s",
     "noise hand.csv --remove-temperature --rate 50 --json",
     "simulate six-position -o out --sample-rate 5 --seed 3 --unit-seed 4 --errors errors.yaml --per-step",
@@ -369,8 +369,6 @@ CALLS = (
     "simulate turntable-9 -o out --sample-rate 2 --errors errors.yaml --site 48.1",
     "simulate strapdown-rotation -o out --sample-rate 2 --errors errors.yaml --gravity 9.81",
     "plan six-position --data-sheet consumer-mems --seconds 600 --site 48.1",
-    "units 60 ug/sqrt(Hz) --sample-rate 100",
-    "units convert 3 deg/h rad/s",
 )
 """Calls of the program with as many options as go together; each is changed word by word."""
 WORK = ("calibrate", "noise", "verify", "apply", "inspect")

@@ -91,7 +91,6 @@ COMMANDS = {
         "reproduce",
         "Make the tables and figures of the papers anew, beside the printed numbers, with a verdict a row.",
     ),
-    "units": ("units", "Say what a noise figure is, and what it is in other units and files."),
     "certificate": (
         "certificate",
         "A certificate of a calibration in the form of ISO/IEC 17025: PDF/A with the calibration.json inside.",
@@ -111,7 +110,7 @@ PANELS = {
     "Use a calibration": ("verify", "apply", "convert", "diff", "mount", "certificate"),
     "Many units": ("batch", "registry"),
     "Before a test, and for papers": ("plan", "simulate", "reproduce"),
-    "Advanced": ("units", "predict", "compose", "invert"),
+    "Advanced": ("predict", "compose", "invert"),
 }
 """The commands by what they are for, in the order of the help."""
 FORMER = {
@@ -125,7 +124,6 @@ FORMER = {
         "--turn-on": "--turn-on-bias",
     },
     "plan": {"--turn": "--turn-seconds"},
-    "units": {"--rate": "--sample-rate"},
 }
 """Spellings of options before each had one meaning in all commands: still taken, no longer shown."""
 
@@ -137,11 +135,9 @@ class _Commands(Mapping[str, Any]):
         module = import_module(f"tumble.cli.{COMMANDS[name][0]}")
         if hasattr(module, "app"):  # commands of its own under one name
             return typer.main.get_command(module.app)
-        # A number below zero is to reach `units`, which says what is wrong with it.
-        settings = {"ignore_unknown_options": True} if name == "units" else {}
         kind = command_class({"--chip": "--units", **FORMER.get(name, {})})
         one = typer.Typer(add_completion=False, rich_markup_mode="rich", pretty_exceptions_enable=False)
-        one.command(name, cls=kind, context_settings=settings)(grouped(getattr(module, f"{name}_command")))
+        one.command(name, cls=kind)(grouped(getattr(module, f"{name}_command")))
         return typer.main.get_command(one)
 
     def __iter__(self) -> Iterator[str]:

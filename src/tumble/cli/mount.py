@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from tumble.cli.groups import FIRST, option
-from tumble.cli.options import FileOptions, PrintOptions, SiteOptions, output_option
+from tumble.cli.options import FileOptions, PrintOptions, output_option
 from tumble.cli.terminal import console, progress, results_stand, say_json_text, say_written, table
 
 if TYPE_CHECKING:
@@ -29,7 +28,6 @@ def mount_command(
         Path,
         option(FIRST, "CALIBRATION", "calibration.json, or the folder that holds it.", "--calibration", "-c"),
     ],
-    site: SiteOptions,
     file: FileOptions,
     printed: PrintOptions,
     output: Annotated[
@@ -50,10 +48,8 @@ def mount_command(
     A calibration corrects the sensors in the unit's own axes; what uses them knows the mount's. Level the
     mount (shims), record ten seconds; pitch it by 90° about its y axis until x is up, record ten more.
     """
-    from tumble.workflows.given.site import choose_site
     from tumble.workflows.mount import mount
 
-    place = choose_site(**asdict(site))
     with progress(printed.silent) as tell:
         done = mount(
             level,
@@ -61,7 +57,6 @@ def mount_command(
             calibration,
             output=output,
             mount_sigma=1e-3 * mount_mrad,
-            site=place,
             progress=tell,
             **file.given(),
         )

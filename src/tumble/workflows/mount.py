@@ -16,7 +16,6 @@ import tumble
 from tumble.arrays import Square, Vector
 from tumble.calibration.mount import MountAlignment, align_to_mount, check_poses, mean_covariances
 from tumble.document import Calibration, read_calibration
-from tumble.earth import Site
 from tumble.errors import CalibrationFileError, RecordingError, SegmentationError, UsageError
 from tumble.files import write_text
 from tumble.recording import read_recordings
@@ -25,7 +24,6 @@ from tumble.segmentation import find_timeline, observe_holds
 from tumble.workflows.apply import in_calibration_units, raw_factors
 from tumble.workflows.corrected.corrections import corrections_of
 from tumble.workflows.corrected.temperature import FAR_FROM_CALIBRATION, recorded_span, refuse_twice
-from tumble.workflows.given.site import given_site
 from tumble.workflows.progress import silent
 
 FORMAT = "tumble mount"
@@ -76,7 +74,6 @@ def mount(
     *,
     output: str | os.PathLike[str] | None = None,
     mount_sigma: float = 0.0,
-    site: Site | None = None,
     columns: str | None = None,
     units: str | None = None,
     rate: float | str | None = None,
@@ -92,7 +89,6 @@ def mount(
     calibration : a ``calibration.json``, its folder, or a `Calibration`.
     output : the file; ``mount.json`` by default.
     mount_sigma : rad, how well the mount was levelled, and turned about its y; one sigma of each angle.
-    site : for its gravity, which is a check alone; by default the calibration's own.
     columns, units, rate, topics : of both recordings, as for `tumble.read_recording`.
     progress : called with a sentence on what is being done.
 
@@ -128,9 +124,8 @@ def mount(
     triad = document.model.accelerometer
     assert triad is not None
     forces = [np.asarray(triad.correct(rest.mean[None, :])[0], dtype=np.float64) for rest in rests]
-    place = given_site(site)
     names = named[0].name, named[1].name
-    norms = _norm_errors(forces, document.site.gravity if place is None else place.gravity, names)
+    norms = _norm_errors(forces, document.site.gravity, names)
     check_poses(forces[0], forces[1], names)
     covariance = mean_covariances(
         triad,
