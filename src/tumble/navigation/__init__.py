@@ -6,7 +6,6 @@ the small rotation phi of ``C_nb_estimate = exp(-skew(phi)) C_nb``.
 """
 
 from tumble.navigation.alignment import Alignment, align_coarse, align_fine, align_in_motion, find_rest
-from tumble.navigation.axis_agreement import AxisAgreement, check_axes
 from tumble.navigation.drive import Drive, prepare_drive, wide_setup
 from tumble.navigation.filter import (
     FilterRun,
@@ -28,7 +27,6 @@ from tumble.navigation.trajectory import NavigationState, Trajectory, position_d
 
 __all__ = [
     "Alignment",
-    "AxisAgreement",
     "Drive",
     "FilterRun",
     "FilterSetup",
@@ -44,7 +42,6 @@ __all__ = [
     "align_coarse",
     "align_fine",
     "align_in_motion",
-    "check_axes",
     "corrected_samples",
     "covariance_from_calibration",
     "estimate_time_offset",

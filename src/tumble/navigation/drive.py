@@ -9,11 +9,10 @@ import numpy as np
 
 from tumble.arrays import Series, Vector
 from tumble.earth import curvature_radii
-from tumble.errors import RecordingError
 from tumble.navigation.alignment import Alignment, align_in_motion, find_rest
-from tumble.navigation.axis_agreement import AxisAgreement, check_axes
 from tumble.navigation.filter import FilterRun, FilterSetup, plan_filter, run_filter
 from tumble.navigation.gnss.track import GnssTrack
+from tumble.navigation.plausibility import refuse_other_motion
 from tumble.navigation.samples import InertialSamples
 from tumble.navigation.time_alignment import TimeAlignment, estimate_time_offset
 from tumble.navigation.trajectory import NavigationState
@@ -52,7 +51,6 @@ class Drive:
     start : at the beginning of the first rest; its position is the antenna's.
     alignment : of the attitude there.
     clock : by how much the track was shifted, and how well that is known.
-    axes : how the course goes with the body axes.
     """
 
     samples: InertialSamples
@@ -60,7 +58,6 @@ class Drive:
     start: NavigationState
     alignment: Alignment
     clock: TimeAlignment
-    axes: AxisAgreement
 
     def setup(self, setup: FilterSetup) -> FilterSetup:
         """Return a filter's setup with the covariance of this start."""
@@ -143,7 +140,7 @@ def prepare_drive(
     setup: FilterSetup | None = None,
     offset: float | None = None,
 ) -> Drive:
-    """Return a drive with both clocks brought together, checked for swapped axes, and aligned.
+    """Return a drive with both clocks brought together, checked to be of one motion, and aligned.
 
     The offset of the clocks is found from the course first; then the attitude at the first rest, and the offset
     at which the filter's innovations are least, in turns. (A filter with the offset among its states is
@@ -160,19 +157,17 @@ def prepare_drive(
     Raises
     ------
     RecordingError
-        If both did not see the same motion, axes are swapped or reversed, or there is no rest to align at.
+        If both did not see the same motion, or there is no rest to align at.
     """
     track = track.weakened({2: _FLOAT, 5: _FLOAT})
     clock = estimate_time_offset(samples, track) if offset is None else None
     given = clock.offset if clock is not None else float(offset or 0.0)
-    axes = check_axes(samples, track.shifted(given))
-    if axes.problem:
-        raise RecordingError(axes.problem)
+    correlation = refuse_other_motion(samples, track.shifted(given))
     found = _aligned(samples, track.shifted(given), _REST)
     if clock is None:
-        clock = TimeAlignment(given, 0.0, axes.about_vertical, 0.0, 0.0, note="; it was given")
-        return Drive(samples, track.shifted(given), *found, clock, axes)
-    drive = Drive(samples, track.shifted(given), *found, clock, axes)
+        clock = TimeAlignment(given, 0.0, correlation, 0.0, 0.0, note="; it was given")
+        return Drive(samples, track.shifted(given), *found, clock)
+    drive = Drive(samples, track.shifted(given), *found, clock)
     own = setup or wide_setup()
     known = bool(own.lever_arm_b.any())
     moved = sharpen_clock(drive, own, arm_known=known, reaches=_REACHES, rest=_REST)

@@ -152,26 +152,6 @@ def _no_match(
     )
 
 
-def best_correlation(samples: InertialSamples, track: GnssTrack) -> float:
-    """Return the highest correlation of course and gyros at any offset, 0 where there is none.
-
-    Parameters
-    ----------
-    samples : in SI.
-    track : on its own clock.
-
-    Raises
-    ------
-    RecordingError
-        If the track does not move fast enough to have a course.
-    """
-    grid, yaw_rate = rate_about_down(samples)
-    times, course_rate, weights = find_course_rate(track)
-    lags = _lags(grid, times, None, None)
-    curve = _correlation_curve(grid, yaw_rate, times, course_rate, weights, lags)
-    return float(np.nanmax(curve)) if np.isfinite(curve).any() else 0.0
-
-
 def spans_in_words(samples: InertialSamples, track: GnssTrack, offset: float = 0.0) -> str:
     """Return where both begin and end, in words, and whether they overlap as they are stamped.
 

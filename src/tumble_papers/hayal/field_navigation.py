@@ -20,7 +20,6 @@ from tumble.earth import curvature_radii
 from tumble.errors import ConvergenceError
 from tumble.navigation import (
     Alignment,
-    AxisAgreement,
     Drive,
     FilterSetup,
     InertialSamples,
@@ -190,7 +189,7 @@ def outage_errors(
     force, rate = told.model.correct(raw.specific_force_b, raw.angular_rate_ib_b)
     samples = replace(raw, specific_force_b=force, angular_rate_ib_b=rate)
     alignment = Alignment(drive.start.C_nb, np.diag(START_SIGMAS**2), "a start that was given")
-    ready = Drive(samples, drive.track, drive.start, alignment, _SAME_CLOCK, _AXES)
+    ready = Drive(samples, drive.track, drive.start, alignment, _SAME_CLOCK)
     setup = filter_setup(drive.grade, told.sigmas)
     try:
         found = outages(
@@ -202,7 +201,6 @@ def outage_errors(
 
 
 _SAME_CLOCK = TimeAlignment(0.0, 0.0, 1.0, 0.0, REST + CART, "; one clock")
-_AXES = AxisAgreement(np.array([0.0, 0.0, 1.0]), 1.0, np.array([0.0, 0.0, 1.0]), "")
 
 
 def position_sigma(errors_n: Vectors) -> float:

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import calendar
-import math
 import re
 from bisect import bisect_right
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 from functools import lru_cache
 
 from tumble.errors import RecordingError
@@ -71,9 +70,3 @@ def _seconds_of_minute(year: str, month: str, day: str, hour: str, minute: str) 
     """Seconds at the beginning of a minute; thousands of fixes have the same one after another."""
     whole = datetime(int(year), int(month), int(day), int(hour), int(minute), tzinfo=UTC)
     return (whole - GPS_EPOCH).total_seconds()
-
-
-def date_of_seconds(seconds: float) -> str:
-    """Return the date and time, to the millisecond, of s since 6 January 1980, in the same scale."""
-    rounded = math.floor(seconds * 1e3 + 0.5) / 1e3
-    return (GPS_EPOCH + timedelta(seconds=rounded)).strftime("%Y-%m-%d %H:%M:%S.%f")[:-3]

@@ -18,8 +18,6 @@ from tumble.navigation import (
     FilterRun,
     FilterSetup,
     GnssTrack,
-    check_axes,
-    estimate_time_offset,
     find_rest,
     outages,
     prepare_drive,
@@ -30,13 +28,7 @@ from tumble.navigation.drive import sharpen_clock, wide_setup
 from tumble.navigation.filter.stretches import LONGEST_BRIDGED
 from tumble.navigation.free_drift import FreeDrift, free_drift
 from tumble.navigation.gnss.outliers import fit_velocities
-from tumble.navigation.plausibility import (
-    about_clocks,
-    refuse_mirrored,
-    refuse_no_overlap,
-    refuse_wrong_scale,
-    why_no_agreement,
-)
+from tumble.navigation.time_alignment import spans_in_words
 from tumble.recording import Recording, read_recordings
 from tumble.records import dataclass
 from tumble.simulation.grades import Grade, find_grade
@@ -66,6 +58,8 @@ OUTAGES = (2.0, 10.0, 30.0, 60.0)
 TURN_ON = (0.05, 0.005)  # m/s², rad/s
 # How far biases are looked for, whatever they may have moved: more is no calibration of this unit.
 _FREE = (0.2, 0.02)  # m/s², rad/s
+# A clock that counts from its own start does not reach this (three years), s.
+_DATED = 1e8
 
 
 def verify_drive(
@@ -132,12 +126,12 @@ def verify_drive(
     parts, remarks = corrected_by_parts(document, recording, files, temperature=temperature, outside=beyond)
     given = [remark.text for remark in (*read.remarks, *track.remarks) if remark.kind != "unchecked"]
     say("comparing the clocks")
-    drive, words = _prepared(parts, track, offset, arm)
-    remarks = [*given, *remarks, *words, *about_fixes]
+    drive = prepare_drive(parts[-1].samples, track, setup=wide_setup(arm), offset=offset)
+    remarks = [*given, *remarks, *_about_clocks(drive, track), *about_fixes]
     setup, setting = drive_filter(parts[-1], grade, noise, arm)
     moved, words = _moved(turn_on, grade)
     setting.append(words)
-    task = _Task(document, parts, drive, setup, grade, moved, arm)
+    task = _Task(document, parts, drive, setup, grade, moved)
     if offset is None and known:
         task.drive = sharpen_clock(drive, _free_biases(task.knowing(parts[-1]), grade))
     found = _navigated(task, durations, say)
@@ -159,7 +153,6 @@ class _Task:
     setup: FilterSetup
     grade: Grade
     moved: tuple[float, float]
-    arm: Series
 
     def knowing(self, part: CorrectedBy, moved: tuple[float, float] | None = None) -> FilterSetup:
         """The filter that starts from what a part of the calibration knows of the sensors."""
@@ -192,8 +185,6 @@ def _navigated(
     say("with free biases")
     free = drive.run(_free_biases(own, task.grade), interval=1.0)
     lost = no_proof(free) and next(result for result in results if result.part == AT_REST).no_proof
-    if lost:
-        _refuse_swapped(parts[0], drive.track, task.arm)
     strict = _departures(free, task.knowing(whole, (0.0, 0.0)))
     return DriveVerification(
         offset=drive.clock.offset,
@@ -250,92 +241,20 @@ def _moved(turn_on: tuple[float, float] | None, grade: Grade) -> tuple[tuple[flo
     )
 
 
-def _prepared(
-    parts: Sequence[CorrectedBy], track: GnssTrack, offset: float | None, arm: Series
-) -> tuple[Drive, list[str]]:
-    """The drive by the whole calibration, its clocks, axes and units checked, and what is to be said."""
-    part = parts[-1]
-    if offset is not None:
-        refuse_no_overlap(part.samples, track, offset)
-    try:
-        drive = prepare_drive(part.samples, track, setup=wide_setup(arm), offset=offset)
-    except RecordingError as error:
-        _refuse_unit(part, track, offset)
-        reason = _why(part, track, offset)
-        if reason:
-            raise RecordingError(reason) from error
-        raise
-    refuse_wrong_scale(part.samples, drive.track)
-    try:
-        refuse_mirrored(part.samples, drive.track)
-    except RecordingError as error:
-        _refuse_swapped(parts[0], drive.track, arm, error)
-        raise
-    apart = about_clocks(drive.clock.offset, drive.clock.sigma, track, part.samples)
-    if offset is not None:
-        return drive, _beside_the_given(part, track, offset)
-    words = [f"{apart} The offset was taken out."] if apart else []
-    if drive.clock.second_best > 0.9 * drive.clock.correlation:
+def _about_clocks(drive: Drive, track: GnssTrack) -> list[str]:
+    """What is to be said of clocks that are apart, or whose offset is not the only one that fits."""
+    clock, words = drive.clock, list[str]()
+    # a clock that counts from its own start may be apart by anything
+    dated = {float(time[0]) > _DATED for time in (drive.samples.time, track.time)}
+    if abs(clock.offset) >= 1.0 and len(dated) == 1:
+        spans = spans_in_words(drive.samples, track)
+        words.append(f"{spans}; the clocks are {abs(clock.offset):.2f} s apart. The offset was taken out.")
+    if clock.second_best > 0.9 * clock.correlation:
         words.append(
             "The offset of the clocks is not the only one that fits (correlations of "
-            f"{drive.clock.correlation:.2f} and {drive.clock.second_best:.2f}): give it with --gnss-time."
+            f"{clock.correlation:.2f} and {clock.second_best:.2f}): give it with --gnss-time."
         )
-    return drive, words
-
-
-def _refuse_unit(part: CorrectedBy, track: GnssTrack, offset: float | None) -> None:
-    """Refuse gyros of another unit, whose course still determines the clock when nothing else fits."""
-    try:
-        shift = estimate_time_offset(part.samples, track).offset if offset is None else offset
-    except RecordingError:
-        return
-    if check_axes(part.samples, track.shifted(shift)).problem:
-        return
-    refuse_wrong_scale(part.samples, track.shifted(shift))
-
-
-def _refuse_swapped(part: CorrectedBy, track: GnssTrack, arm: Series, cause: Exception | None = None) -> None:
-    """Refuse uncalibrated samples whose level axes are swapped or reversed, where the drive shows it."""
-    from tumble.navigation.axis_trials import swapped_axes
-
-    first, last = find_rest(part.samples, track)
-    still = without_rest_rate(part, first, last).samples
-    words = swapped_axes(still, track, wide_setup(arm))
-    if words:
-        raise RecordingError(f"IMU and positions do not describe one motion. {words}") from cause
-
-
-def _beside_the_given(part: CorrectedBy, track: GnssTrack, offset: float) -> list[str]:
-    """A sentence where the course fits the gyros at another offset than the one that was given."""
-    try:
-        found = estimate_time_offset(part.samples, track, around=offset, reach=5.0)
-    except RecordingError:
-        return []
-    if abs(found.offset - offset) < max(3.0 * found.sigma, 0.2):
-        return []
-    return [
-        (
-            f"The course fits the gyros at {found.offset:.2f} s (standard uncertainty {found.sigma:.2f} s), and "
-            f"--gnss-time {offset:g} was given: leave it out to have the offset found."
-        )
-    ]
-
-
-def _why(part: CorrectedBy, track: GnssTrack, offset: float | None) -> str:
-    """A better reason for files that do not agree: swapped axes, or clocks that are apart."""
-    if offset is not None:
-        try:
-            found = estimate_time_offset(part.samples, track)
-        except RecordingError:
-            found = None
-        if found is not None and found.correlation > 0.8 and abs(found.offset - offset) > 0.5:
-            apart = about_clocks(found.offset, found.sigma, track, part.samples)
-            return (
-                f"With --gnss-time {offset:g} course and gyros do not agree; with {found.offset:.2f} s they do "
-                f"(correlation {found.correlation:.2f}). {apart + ' ' if apart else ''}Leave --gnss-time out to have "
-                "the offset found."
-            )
-    return why_no_agreement(part.samples, track)
+    return words
 
 
 def _lengths(drive: Drive, durations: Sequence[float] | None) -> list[float]:
