@@ -186,6 +186,15 @@ DataSheet: TypeAlias = Annotated[
         complete=complete_grade,
     ),
 ]
+Temperature: TypeAlias = Annotated[
+    float | None,
+    option(
+        FILE,
+        "CELSIUS",
+        "Temperature of the whole recording in °C, where it has no column of it.",
+        "--temperature",
+    ),
+]
 TurnOnBias: TypeAlias = Annotated[
     str | None,
     option(
@@ -308,10 +317,7 @@ class SiteOptions:
 class TemperatureOptions:
     """At which temperature a calibration is applied."""
 
-    temperature: Annotated[
-        float | None,
-        option(FILE, "CELSIUS", "Temperature of the whole recording in °C, where it has no column of it."),
-    ] = None
+    temperature: Temperature = None
     outside: Annotated[
         str,
         option(

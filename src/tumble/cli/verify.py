@@ -14,22 +14,17 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
-from tumble.cli.groups import detail, numbers, option, refuse_given
+from tumble.cli.groups import numbers, option, refuse_given
 from tumble.cli.options import (
     CalibrationArgument,
     DataSheet,
-    FiguresOption,
     FileOptions,
-    Intervals,
     Limits,
-    NoiseFile,
     PrintOptions,
     Recordings,
     SiteOptions,
-    TemperatureOptions,
+    Temperature,
     TurnOnBias,
-    check_figures,
-    draw_figures,
     output_option,
 )
 from tumble.cli.terminal import console, progress, results_stand, say_json, say_written, table
@@ -63,16 +58,13 @@ def turn_on_of(text: str) -> tuple[float, float]:
     return force * GRAVITY, math.radians(rate) / 3600.0
 
 
-def show_drive(
-    found: DriveVerification, output: Path | None, figures: str | None, printed: PrintOptions
-) -> NoReturn:
+def show_drive(found: DriveVerification, output: Path | None, printed: PrintOptions) -> NoReturn:
     """Write what was asked for, and print the rest; leaves with the verdict's status.
 
     Parameters
     ----------
     found : what was found.
     output : folder, or None.
-    figures : form of the figures for a paper, or None.
     printed : how to print.
 
     Raises
@@ -86,7 +78,6 @@ def show_drive(
     files: list[Path] = []
     if output is not None:
         files = write_drive(document, output, shlex.join(["tumble", *sys.argv[1:]]))
-        files += draw_figures(figures, files)
         results_stand()
     if printed.as_json:
         say_json(document, indent=1)
@@ -132,33 +123,14 @@ _DRIVE = "A drive with satellite positions"
 
 
 @dataclass(frozen=True)
-class HoldOptions:
-    """What only a recording of holds and turns has."""
-
-    intervals: Intervals = None
-    limits: Limits = None
-
-
-@dataclass(frozen=True)
 class DriveOptions:
     """What only a drive has."""
 
     lever_arm: Annotated[
         str | None, option(_DRIVE, "X,Y,Z", "Metres from the IMU to the antenna, in b. Without it, 0,0,0.")
     ] = None
-    gnss_time: Annotated[
-        float | None, detail(_DRIVE, "S", "Seconds to add to the positions' times; without it, found.")
-    ] = None
-    outages: Annotated[
-        str | None,
-        detail(
-            _DRIVE, "S,...", "Seconds without positions, as 2,10,30,60 (the default, as far as they fit)."
-        ),
-    ] = None
     data_sheet: DataSheet = None
     turn_on_bias: TurnOnBias = None
-    noise: NoiseFile = None
-    figures: FiguresOption = None
     output: Annotated[Path | None, output_option("With --gnss: folder for verify.json and verify.html.")] = (
         None
     )
@@ -170,10 +142,10 @@ def verify_command(
     recordings: Recordings,
     site: SiteOptions,
     file: FileOptions,
-    holds: HoldOptions,
-    temperature: TemperatureOptions,
     drive: DriveOptions,
     printed: PrintOptions,
+    limits: Limits = None,
+    temperature: Temperature = None,
     gnss: Annotated[
         Path | None,
         option(
@@ -194,21 +166,21 @@ def verify_command(
     is the calibration's own unless --site or --gravity is given. A calibration with a thermal model follows the
     recording's temperature. Exit status 0: it serves; 1: not. With --limits its parameters have to be within them.
     """
-    read = {**file.given(), **asdict(temperature)}
+    read = file.given()
     if gnss is not None:
         sentence = "{} says nothing to a drive, whose place the positions give: leave it out."
-        refuse_given(context, [SiteOptions, HoldOptions], sentence)
-        _verify_drive(calibration, recordings, gnss, drive, read, printed)
+        refuse_given(context, [SiteOptions], sentence)
+        if limits is not None:
+            raise UsageError(sentence.format("--limits"))
+        _verify_drive(calibration, recordings, gnss, drive, {**read, "temperature": temperature}, printed)
     refuse_given(context, [DriveOptions], "{} is for a drive: give its satellite positions with --gnss.")
     from tumble.workflows.given.site import choose_site
     from tumble.workflows.verify import limits_of, verify
 
     place = choose_site(**asdict(site))
-    held = None if holds.limits is None else limits_of(calibration, holds.limits)
+    held = None if limits is None else limits_of(calibration, limits)
     with progress(printed.silent) as tell:
-        results = verify(
-            calibration, recordings, site=place, progress=tell, intervals=holds.intervals, **read
-        )
+        results = verify(calibration, recordings, site=place, progress=tell, temperature=temperature, **read)
     if printed.as_json:
         told = {} if held is None else {"limits": held.model_dump(mode="json")}
         say_json([_as_dict(result) | told for result in results], indent=1)
@@ -232,29 +204,22 @@ def _verify_drive(
     read: dict[str, object],
     printed: PrintOptions,
 ) -> None:
-    check_figures(drive.figures, drive.output)
     arm = None if drive.lever_arm is None else numbers(drive.lever_arm, "--lever-arm", 3)
-    lengths = None if drive.outages is None else numbers(drive.outages, "--outages")
     moved = None if drive.turn_on_bias is None else turn_on_of(drive.turn_on_bias)
     from tumble.workflows.verification.drive import verify_drive
 
-    if drive.gnss_time is not None and not math.isfinite(drive.gnss_time):
-        raise UsageError(f"--gnss-time {drive.gnss_time}: give seconds.")
     with progress(printed.silent) as tell:
         found = verify_drive(
             calibration,
             recordings,
             gnss,
             lever_arm_b=arm,
-            offset=drive.gnss_time,
-            durations=lengths,
             data_sheet=drive.data_sheet or "consumer-mems",
             turn_on=moved,
-            noise=drive.noise,
             progress=tell,
             **read,  # pyright: ignore[reportArgumentType] (options by their names)
         )
-    show_drive(found, drive.output, drive.figures, printed)
+    show_drive(found, drive.output, printed)
 
 
 def _as_dict(result: Verification) -> dict[str, object]:

@@ -72,9 +72,7 @@ class TimeAlignment:
         )
 
 
-def estimate_time_offset(
-    samples: InertialSamples, track: GnssTrack, *, around: float | None = None, reach: float | None = None
-) -> TimeAlignment:
+def estimate_time_offset(samples: InertialSamples, track: GnssTrack) -> TimeAlignment:
     """Return the offset between the clocks of an IMU and of satellite positions.
 
     The rate of the course is compared with the gyros' rate about the vertical, which the accelerometers
@@ -87,8 +85,6 @@ def estimate_time_offset(
     ----------
     samples : in SI.
     track : with velocities, or positions close enough to make them.
-    around, reach : s; search only offsets within `reach` of `around`. None for all that let both overlap by
-        half of the shorter one.
 
     Raises
     ------
@@ -97,7 +93,7 @@ def estimate_time_offset(
     """
     grid, yaw_rate = rate_about_down(samples)
     times, course_rate, weights = find_course_rate(track)
-    lags = _lags(grid, times, around, reach)
+    lags = _lags(grid, times)
     curve = _correlation_curve(grid, yaw_rate, times, course_rate, weights, lags)
     best, second = _best_lag(curve, lags)
     # an offset that the stamps themselves nearly have is no chance
@@ -106,7 +102,7 @@ def estimate_time_offset(
         best, second = near, other
     inside = seen_by(grid, yaw_rate, times + lags[max(best, 0)]) & (weights > 0.0)
     seconds = float(np.count_nonzero(inside)) * track.interval
-    free = around is None and best != near
+    free = best != near
     least = next(value for until, value in _LEAST if seconds <= until)
     least = min(least, _least_by_chance(course_rate[inside]))
     if best < 0 or curve[best] < (least if free else 0.5) or (free and _alike(float(curve[best]), second)):
@@ -152,25 +148,22 @@ def _no_match(
     )
 
 
-def spans_in_words(samples: InertialSamples, track: GnssTrack, offset: float = 0.0) -> str:
+def spans_in_words(samples: InertialSamples, track: GnssTrack) -> str:
     """Return where both begin and end, in words, and whether they overlap as they are stamped.
 
     Parameters
     ----------
     samples, track : on their own clocks.
-    offset : s that is added to the track's times.
     """
-    first, last = float(track.time[0]) + offset, float(track.time[-1]) + offset
+    first, last = float(track.time[0]), float(track.time[-1])
     begin, end = float(samples.time[0]), float(samples.time[-1])
     both = f"The IMU's samples run from {begin:.1f} to {end:.1f} s and the fixes from {first:.1f} to {last:.1f} s"
     apart = max(first - end, begin - last)
     return f"{both}, {apart:.0f} s apart" if apart > 0.0 else both
 
 
-def _lags(grid: Series, times: Series, around: float | None, reach: float | None) -> Series:
-    if around is not None:
-        extent = 10.0 if reach is None else reach
-        return np.arange(around - extent, around + extent + STEP, STEP)
+def _lags(grid: Series, times: Series) -> Series:
+    """Offsets that let both overlap by half of the shorter one."""
     half = 0.5 * min(grid[-1] - grid[0], times[-1] - times[0])
     first, last = grid[0] + half - times[-1], grid[-1] - half - times[0]
     # as they are stamped, they may overlap by less

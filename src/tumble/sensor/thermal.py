@@ -269,7 +269,7 @@ class ThermalModel:
                 f"The sensor is at {temperature[far[0]]:.1f} °C at {time[far[0]]:.1f} s "
                 f"({temperature.min():.1f} to {temperature.max():.1f} °C here), outside the {low:.1f} "
                 f"to {high:.1f} °C that the calibration covers. Calibrate there too, or hold the "
-                "parameters of the span's end (--outside hold), or extrapolate (--outside "
+                "parameters of the span's end (tumble apply --outside hold), or extrapolate (--outside "
                 "extrapolate)."
             )
         return temperature

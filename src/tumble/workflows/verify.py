@@ -30,7 +30,6 @@ from tumble.workflows.apply import in_calibration_units, raw_factors
 from tumble.workflows.corrected.corrections import corrections_of
 from tumble.workflows.corrected.temperature import (
     about_temperature,
-    check_outside,
     needs_temperature,
     recorded_span,
     refuse_twice,
@@ -128,7 +127,6 @@ def verify(
     topics: str | Sequence[str] | None = None,
     intervals: str | os.PathLike[str] | None = None,
     temperature: float | None = None,
-    outside: str = "refuse",
     progress: Callable[[str], None] | None = None,
 ) -> list[Verification]:
     """Judge a calibration by the holds and turns of each recording.
@@ -139,14 +137,14 @@ def verify(
     paths, columns, units, rate, topics : recordings, as for `tumble.read_recording`.
     site : where they were made; by default the calibration's own site.
     intervals : file of the holds, instead of finding them.
-    temperature, outside : as for `tumble.workflows.apply.apply`.
+    temperature : as for `tumble.workflows.apply.apply`.
 
     Raises
     ------
     CalibrationFileError, RecordingError, SegmentationError, UsageError
         If an input is wrong or the recordings hold nothing to judge by.
     ThermalSpanError
-        If the temperature leaves the calibrated span and `outside` is ``refuse``.
+        If the temperature leaves the calibrated span.
     """
     say = progress or silent
     document = calibration if isinstance(calibration, Calibration) else read_calibration(calibration)
@@ -156,7 +154,6 @@ def verify(
             "accelerometers' calibration too; calibrate both triads (hand-held, modified-multi-position)."
         )
     place = given_site(site) or _site_of(document)
-    beyond = check_outside(outside)
     files = recording_inputs(paths)
     for file in files:
         refuse_twice(document, corrections_of([file], topics))
@@ -167,7 +164,7 @@ def verify(
         own_files = [files[number]] if len(recordings) == len(files) else files
         scaled = in_calibration_units(recording, raw_factors(document, recording))
         if needs_temperature(document) or document.composed_with is not None:
-            scaled, model, words = corrected_whole(document, scaled, own_files, temperature, beyond)
+            scaled, model, words = corrected_whole(document, scaled, own_files, temperature)
         else:
             model = document.model
             words = about_temperature(document, None, recorded_span(recording, temperature))

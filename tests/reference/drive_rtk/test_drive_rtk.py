@@ -27,7 +27,6 @@ def judged(recording: Path, track: Path) -> DriveVerification:
         recording,
         track,
         units="g,deg/s,ms",
-        durations=(2.0,),
         turn_on=(0.0, 0.0),
     )
 

@@ -16,7 +16,6 @@ from tumble.navigation import InertialSamples, SensorState, covariance_from_cali
 from tumble.recording import Recording
 from tumble.records import dataclass
 from tumble.sensor import ImuModel, Triad
-from tumble.sensor.thermal import Outside
 from tumble.units import angular_rate_factor, specific_force_factor
 from tumble.workflows.corrected.temperature import needs_temperature
 from tumble.workflows.verification.expected_norms import corrected_whole
@@ -71,7 +70,6 @@ def corrected_by_parts(
     files: Sequence[Path],
     *,
     temperature: float | None = None,
-    outside: Outside = "refuse",
 ) -> tuple[list[CorrectedBy], list[str]]:
     """Return the samples uncalibrated, by the accelerometers, by the gyros' biases alone, and by all.
 
@@ -83,7 +81,7 @@ def corrected_by_parts(
     document : with the accelerometers' matrix.
     recording : in the calibration's raw units.
     files : it was read from.
-    temperature, outside : as for `tumble.workflows.apply.apply`.
+    temperature : as for `tumble.workflows.apply.apply`.
 
     Raises
     ------
@@ -92,7 +90,7 @@ def corrected_by_parts(
     UsageError
         If the recording lacks a triad.
     ThermalSpanError
-        If the temperature leaves the calibrated span and `outside` is ``refuse``.
+        If the temperature leaves the calibrated span.
     """
     model = document.model
     if model.accelerometer is None or document.gyroscope is None:
@@ -125,7 +123,7 @@ def corrected_by_parts(
         )
     wholes = full.correct(force, rate)
     if needs_temperature(document):
-        corrected, _, words = corrected_whole(document, recording, files, temperature, outside)
+        corrected, _, words = corrected_whole(document, recording, files, temperature)
         remarks += words
         assert corrected.specific_force is not None
         seen = corrected.angular_rate

@@ -34,7 +34,7 @@ from tumble.records import dataclass
 from tumble.simulation.grades import Grade, find_grade
 from tumble.workflows.apply import in_calibration_units, raw_factors
 from tumble.workflows.corrected.corrections import corrections_of
-from tumble.workflows.corrected.temperature import check_outside, refuse_twice
+from tumble.workflows.corrected.temperature import refuse_twice
 from tumble.workflows.progress import silent
 from tumble.workflows.verification.calibration_parts import (
     AT_REST,
@@ -68,17 +68,13 @@ def verify_drive(
     gnss: str | os.PathLike[str],
     *,
     lever_arm_b: Sequence[float] | None = None,
-    offset: float | None = None,
-    durations: Sequence[float] | None = None,
     data_sheet: str = "consumer-mems",
     turn_on: tuple[float, float] | None = None,
-    noise: str | os.PathLike[str] | None = None,
     columns: str | None = None,
     units: str | None = None,
     rate: float | str | None = None,
     topics: Sequence[str] | None = None,
     temperature: float | None = None,
-    outside: str = "refuse",
     progress: Callable[[str], None] | None = None,
 ) -> DriveVerification:
     """Judge a calibration by a drive: what navigation is with it, with parts of it, and without.
@@ -94,28 +90,24 @@ def verify_drive(
     gnss : file of satellite positions (`tumble.navigation.read_track`).
     lever_arm_b : m, from the IMU to the antenna, in b; None where it is not known: zero is taken, and the clock is
         known the worse.
-    offset : s to add to the positions' times; None to find it.
-    durations : s of the outages; None for 2, 10, 30 and 60 s, as far as the drive has room for them.
     data_sheet : kind of unit, whose spread the uncalibrated states start with.
     turn_on : m/s² and rad/s, by how much biases may have moved since the calibration; None for a quarter of the
         data sheet's spread, at most 0.05 m/s² and 0.005 rad/s.
-    noise : what `tumble noise` wrote for this unit; None for the data sheet's.
-    temperature, outside : as for `tumble.workflows.apply.apply`.
+    temperature : as for `tumble.workflows.apply.apply`.
 
     Raises
     ------
     CalibrationFileError, RecordingError, UsageError
         If an input is wrong, files do not belong together, units, axes or clocks do not fit.
     ThermalSpanError
-        If the temperature leaves the calibrated span and `outside` is ``refuse``.
+        If the temperature leaves the calibrated span.
     """
     say = progress or silent
     document = calibration if isinstance(calibration, Calibration) else read_calibration(calibration)
     grade = find_grade(data_sheet)
-    beyond = check_outside(outside)
     known = lever_arm_b is not None
     arm = np.array(lever_arm_b if known else (0.0, 0.0, 0.0), dtype=float)
-    _refuse_bad_numbers(arm.tolist(), durations, turn_on)
+    _refuse_bad_numbers(arm.tolist(), turn_on)
     files = [Path(paths)] if isinstance(paths, str | os.PathLike) else [Path(path) for path in paths]
     for file in files:
         refuse_twice(document, corrections_of([file], topics))
@@ -123,18 +115,18 @@ def verify_drive(
     read = _one(read_recordings(paths, columns=columns, units=units, rate=rate, topics=topics))
     recording = in_calibration_units(read, raw_factors(document, read))
     track, left_out, about_fixes = _plausible_fixes(Path(gnss))
-    parts, remarks = corrected_by_parts(document, recording, files, temperature=temperature, outside=beyond)
+    parts, remarks = corrected_by_parts(document, recording, files, temperature=temperature)
     given = [remark.text for remark in (*read.remarks, *track.remarks) if remark.kind != "unchecked"]
     say("comparing the clocks")
-    drive = prepare_drive(parts[-1].samples, track, setup=wide_setup(arm), offset=offset)
+    drive = prepare_drive(parts[-1].samples, track, setup=wide_setup(arm))
     remarks = [*given, *remarks, *_about_clocks(drive, track), *about_fixes]
-    setup, setting = drive_filter(parts[-1], grade, noise, arm)
+    setup, setting = drive_filter(parts[-1], grade, arm)
     moved, words = _moved(turn_on, grade)
     setting.append(words)
     task = _Task(document, parts, drive, setup, grade, moved)
-    if offset is None and known:
+    if known:
         task.drive = sharpen_clock(drive, _free_biases(task.knowing(parts[-1]), grade))
-    found = _navigated(task, durations, say)
+    found = _navigated(task, say)
     found.track, found.setting, found.left_out = track.name, setting, left_out
     found.recording = ", ".join(source.name for source in recording.sources)
     found.remarks = remarks + found.remarks
@@ -160,14 +152,12 @@ class _Task:
         return self.setup.with_sensor_covariance(given)
 
 
-def _navigated(
-    task: _Task, durations: Sequence[float] | None, say: Callable[[str], None]
-) -> DriveVerification:
+def _navigated(task: _Task, say: Callable[[str], None]) -> DriveVerification:
     """What navigation is with each part, and what a filter that may find the biases says of them."""
     parts, drive = task.parts, task.drive
     whole, own = parts[-1], task.knowing(parts[-1])
     gaps = whole.samples.missing()
-    lengths = _lengths(drive, durations)
+    lengths = _lengths(drive)
     parts.insert(1, without_rest_rate(parts[0], *find_rest(parts[0].samples, drive.track)))
     say("smoothing")
     reference = smooth(drive.run(own, keep_covariances=True)).trajectory
@@ -252,16 +242,14 @@ def _about_clocks(drive: Drive, track: GnssTrack) -> list[str]:
     if clock.second_best > 0.9 * clock.correlation:
         words.append(
             "The offset of the clocks is not the only one that fits (correlations of "
-            f"{clock.correlation:.2f} and {clock.second_best:.2f}): give it with --gnss-time."
+            f"{clock.correlation:.2f} and {clock.second_best:.2f}): give a longer part of the drive, with turns."
         )
     return words
 
 
-def _lengths(drive: Drive, durations: Sequence[float] | None) -> list[float]:
+def _lengths(drive: Drive) -> list[float]:
     """Lengths of the outages that the drive has room for."""
     room = float(drive.track.time[-1]) - drive.start.time - _settle(drive)
-    if durations is not None:
-        return sorted(float(d) for d in durations)
     fitting = [duration for duration in OUTAGES if duration < 0.5 * room]
     if not fitting:
         raise RecordingError(
@@ -359,14 +347,10 @@ def _gap_words(gaps: Sequence[tuple[float, float]]) -> str:
     )
 
 
-def _refuse_bad_numbers(
-    lever_arm_b: Sequence[float], durations: Sequence[float] | None, turn_on: tuple[float, float] | None
-) -> None:
+def _refuse_bad_numbers(lever_arm_b: Sequence[float], turn_on: tuple[float, float] | None) -> None:
     if len(lever_arm_b) != 3 or not np.all(np.abs(lever_arm_b) < 100.0):
         raise UsageError(
             "--lever-arm takes three numbers X,Y,Z in metres, below 100 each, from the IMU to the antenna."
         )
-    if durations is not None and not (len(durations) and all(0.5 <= d <= 600.0 for d in durations)):
-        raise UsageError("--outages takes lengths in seconds from 0.5 to 600, as 2,10,30,60.")
     if turn_on is not None and not (turn_on[0] >= 0.0 and turn_on[1] >= 0.0):
         raise UsageError("--turn-on-bias takes two numbers that are not negative: mg and °/h.")

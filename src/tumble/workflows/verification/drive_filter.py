@@ -7,7 +7,6 @@ by vibration.
 from __future__ import annotations
 
 import os
-from pathlib import Path
 
 import numpy as np
 
@@ -128,7 +127,6 @@ _WANDER = 100.0
 def drive_filter(
     part: CorrectedBy,
     grade: Grade,
-    noise: str | os.PathLike[str] | None,
     lever_arm_b: Series,
 ) -> tuple[FilterSetup, list[str]]:
     """Return the filter that all variants share, and words on it.
@@ -137,19 +135,9 @@ def drive_filter(
     ----------
     part : the samples by the whole calibration.
     grade : the data sheet.
-    noise : what `tumble noise` wrote, or None for the data sheet's.
     lever_arm_b : (3,) m.
-
-    Raises
-    ------
-    UsageError
-        If the noise document is none, or of counts.
     """
     forces, rates = ([sheet_noise(triad)] * 3 for triad in (grade.accelerometer, grade.gyroscope))
-    source = f"the data sheet's ({grade.name})"
-    if noise is not None:
-        forces, rates = noise_of_document(noise)
-        source = f"those in {Path(noise).name}"
     interval = part.samples.interval
     shaken = [scatter(x, interval) for x in (part.samples.specific_force_b, part.samples.angular_rate_ib_b)]
     forces, rates = (
@@ -164,7 +152,8 @@ def drive_filter(
     words = [
         (
             f"One filter of {9 + len(setup.states)} states for all variants: the same clock, fixes at 1 Hz, lever "
-            f"arm and noise. White noise and bias walks are {source}, white noise no less than the drive's own scatter "
+            f"arm and noise. White noise and bias walks are the data sheet's ({grade.name}), white noise no less "
+            "than the drive's own scatter "
             "from sample to sample."
         ),
         (

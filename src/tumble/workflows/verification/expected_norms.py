@@ -18,7 +18,6 @@ from tumble.recording.temperature import TemperatureColumn
 from tumble.records import dataclass
 from tumble.segmentation import Timeline
 from tumble.sensor import ImuModel, Triad
-from tumble.sensor.thermal import Outside
 from tumble.workflows.corrected.temperature import (
     about_temperature,
     check_column,
@@ -42,7 +41,6 @@ def corrected_whole(
     scaled: Recording,
     files: Sequence[Path | Frame],
     temperature: float | None,
-    outside: Outside,
 ) -> tuple[Recording, ImuModel, list[str]]:
     """Return the recording corrected sample by sample, the ideal unit that it is now of, and remarks.
 
@@ -56,17 +54,17 @@ def corrected_whole(
     UsageError, RecordingError
         If there is no temperature, or it is not in degrees Celsius.
     ThermalSpanError
-        If it leaves the calibrated span and `outside` is ``refuse``.
+        If it leaves the calibrated span.
     """
     celsius = scaled.temperature if temperature is None else temperature
     told: list[str] = []
     if needs_temperature(document):
-        check_temperature(document, scaled, files, temperature, outside)
+        check_temperature(document, scaled, files, temperature, "refuse")
         if temperature is None and scaled.temperature is not None:
             column = TemperatureColumn()
             column.add(scaled.time, scaled.temperature)
             told = check_column(column)
-    corrector = Corrector(document, outside)
+    corrector = Corrector(document, "refuse")
     force, rate = corrector.correct(scaled.specific_force, scaled.angular_rate, scaled.time, celsius)
     corrected = replace(
         scaled,
