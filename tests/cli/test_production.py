@@ -34,7 +34,7 @@ def test_a_unit_goes_into_the_registry_and_gets_a_certificate(
     tolerances = tmp_path / "tolerances.yaml"
     tolerances.write_text("limits: {accelerometer bias: 50 mg}", encoding="utf-8")
     # Of a unit that was calibrated once nobody knows when it is due: it is not left out.
-    due = tumble("registry", "due", tolerances, "--before", "2030-01-01")
+    due = tumble("registry", "list", "--due", tolerances, "--before", "2030-01-01")
     assert due.status == 1
     assert "A-1" in due.out
     assert "nothing is known of the drift" in due.out
@@ -72,7 +72,8 @@ def test_wrong_calls_are_one_sentence(tumble: Any, calibrated: Path, tmp_path: P
         ("registry", "add", calibrated, "--registry", registry),
         ("registry", "list", "--registry", "postgresql://me:secret@127.0.0.1:1/none"),
         ("registry", "list", "--registry", "mysql://me:secret@host/none"),
-        ("registry", "due", tmp_path / "none.yaml", "--registry", registry),
+        ("registry", "list", "--due", tmp_path / "none.yaml", "--registry", registry),
+        ("registry", "list", "--before", "2030-01-01", "--registry", registry),
         ("certificate",),
         ("certificate", calibrated, "--language", "xx", "-o", tmp_path / "a.pdf"),
         ("certificate", calibrated, "--date", "today", "-o", tmp_path / "a.pdf"),
@@ -86,7 +87,7 @@ def test_wrong_calls_are_one_sentence(tumble: Any, calibrated: Path, tmp_path: P
     assert not (tmp_path / "a.pdf").exists()
 
 
-def test_units_over_years_are_due_differ_and_are_watched(
+def test_units_over_years_are_due_and_differ(
     tumble: Any, calibrated: Path, recording: Path, tmp_path: Path
 ) -> None:
     registry, document = tmp_path / "units.sqlite", json.loads((calibrated / "calibration.json").read_text())
@@ -101,16 +102,19 @@ def test_units_over_years_are_due_differ_and_are_watched(
                 made["accelerometer"]["bias"][row] += 0.01 * unit * (row + 1)
             made["test_vectors"] = []
             (tmp_path / "one.json").write_text(json.dumps(made), encoding="utf-8")
-            answer = tumble(
-                "registry", "add", tmp_path / "one.json", "--registry", registry, "--operator", f"O{year % 2}"
-            )
+            answer = tumble("registry", "add", tmp_path / "one.json", "--registry", registry)
             assert answer.status == 0, answer
     tolerances = tmp_path / "tolerances.yaml"
     tolerances.write_text("limits: {gyro bias: 0.01 deg/s, accelerometer bias: 5 mg}\n", encoding="utf-8")
-    due = json.loads(tumble("registry", "due", tolerances, "--registry", registry, "--json").out)
+    asked = ("registry", "list", "--due", tolerances, "--registry", registry)
+    due = json.loads(tumble(*asked, "--json").out)
     assert {one["unit"] for one in due} == {f"U{k}" for k in range(6)}
     assert all(one["calibrations"] == 4 for one in due)
-    assert tumble("registry", "due", tolerances, "--registry", registry, "--before", "2999-01-01").status == 1
+    assert tumble(*asked, "--before", "2999-01-01").status == 1
+    nobody = tumble(*asked, "--before", "2001-01-01")
+    assert nobody.status == 0
+    assert "U0" not in nobody.out
+    assert "--before soon: give a day" in tumble(*asked, "--before", "soon").err
     fleet = tumble("registry", "fleet", "--registry", registry, "-o", tmp_path / "fleet.json")
     assert fleet.status == 0, fleet
     assert "6 units" in fleet.out
@@ -123,9 +127,31 @@ def test_units_over_years_are_due_differ_and_are_watched(
     said = tumble("calibrate", recording, *another, "--data-sheet", tmp_path / "one.json")
     assert said.status == 2
     assert "is a unit's calibration and no fleet's" in said.err
-    chart = tumble("registry", "chart", "U0", "--registry", registry, "--baseline", "2")
-    assert chart.status in (0, 1)
-    parts = json.loads(tumble("registry", "study", "--registry", registry, "--json").out)["gyro bias x"][
-        "parts"
-    ]
-    assert set(parts) == {"unit", "operator", "unit x operator", "repetition"}
+
+
+def test_a_check_unit_that_changed_is_seen(tumble: Any, calibrated: Path, tmp_path: Path) -> None:
+    """Eight calibrations that agree; then one parameter jumps by ten of its uncertainties."""
+    registry, document = tmp_path / "units.sqlite", json.loads((calibrated / "calibration.json").read_text())
+    said: dict[int, Any] = {}
+    for number in range(12):
+        made = json.loads(json.dumps(document))
+        made["imu"]["serial_number"] = "CHECK-1"
+        made["created"] = f"{2014 + number}-03-01T00:00:00+00:00"
+        for at, parameter in enumerate(made["parameters"]):
+            quiet = (-1) ** number * 0.3 + 0.01 * number + (10.0 if at == 0 and number >= 8 else 0.0)
+            parameter["value"] += parameter["standard_uncertainty"] * quiet
+        made["test_vectors"] = []
+        (tmp_path / "one.json").write_text(json.dumps(made), encoding="utf-8")
+        assert tumble("registry", "add", tmp_path / "one.json", "--registry", registry).status == 0
+        if number in (4, 7, 11):
+            said[number] = json.loads(
+                tumble("registry", "history", "CHECK-1", "--registry", registry, "--json").out
+            )["signals"]
+    assert said[4] is None
+    assert said[7] == []
+    assert {one["parameter"] for one in said[11]} == {document["parameters"][0]["name"]}
+    assert all(abs(one["ewma"]) > one["limit"] for one in said[11])
+    assert (
+        "has changed since the first 5"
+        in tumble("registry", "history", "CHECK-1", "--registry", registry).out
+    )

@@ -1,7 +1,7 @@
 """What stands on a certificate (ISO/IEC 17025:2017, 7.8.2, 7.8.4 and 7.8.6), as texts in one language.
 
-There is no recall date: a certificate recommends none unless the customer agreed (7.8.4.3); `tumble registry due` says
-it. Nothing claims an accreditation: what a laboratory states stands as its own statement.
+There is no recall date: a certificate recommends none unless the customer agreed (7.8.4.3); `tumble registry
+list --due` says it. Nothing claims an accreditation: what a laboratory states stands as its own statement.
 """
 
 from __future__ import annotations

@@ -5,17 +5,14 @@ It takes vectors of parameters with their covariances, as `unit_vector` makes th
 
 from tumble.fleet.outlying import Outlying, find_outlying
 from tumble.fleet.shared import find_shared
-from tumble.fleet.twins import Twins, find_twins
 from tumble.fleet.unit_vector import Units, UnitVector, stack, unit_vector
 
 __all__ = [
     "Outlying",
-    "Twins",
     "UnitVector",
     "Units",
     "find_outlying",
     "find_shared",
-    "find_twins",
     "stack",
     "unit_vector",
 ]

@@ -200,27 +200,25 @@ def due_after(drift: Drift, tolerance: Series) -> Table:
 
 @dataclass(frozen=True, slots=True)
 class Chart:
-    """EWMA chart of a check unit.
+    """EWMA chart of a unit.
 
     Attributes
     ----------
     ewma, limit : (n, p) and (n,), in standard deviations of a single calibration.
     signals : (n, p) whether the chart is beyond its limit.
-    baseline : how many calibrations the reference is the mean of.
     """
 
     ewma: Table
     limit: Series
     signals: np.ndarray
-    baseline: int
 
 
 # Weight of the newest calibration, λ.
 _WEIGHT = 0.2
 
 
-def ewma_chart(values: Table, sigmas: Table, scatter: Series, *, baseline: int = 5) -> Chart:
-    """Return the exponentially weighted moving average of a check unit's calibrations (Roberts 1959).
+def ewma_chart(values: Table, sigmas: Table, scatter: Series, baseline: int) -> Chart:
+    """Return the exponentially weighted moving average of a unit's calibrations (Roberts 1959).
 
     Parameters
     ----------
@@ -231,11 +229,10 @@ def ewma_chart(values: Table, sigmas: Table, scatter: Series, *, baseline: int =
     from scipy.special import ndtri
 
     count, parameters = map(int, values.shape)
-    first = min(baseline, count)
     variance = sigmas**2 + scatter**2
     variance = np.where(variance > 0.0, variance, 1.0)
-    w = 1.0 / variance[:first]
-    reference = np.sum(w * values[:first], axis=0) / np.sum(w, axis=0)
+    w = 1.0 / variance[:baseline]
+    reference = np.sum(w * values[:baseline], axis=0) / np.sum(w, axis=0)
     z = (values - reference) / np.sqrt(variance)
     # Of the reference's own error all later points have the same share.
     shared = 1.0 / np.sum(w, axis=0) / np.mean(variance, axis=0)
@@ -248,5 +245,5 @@ def ewma_chart(values: Table, sigmas: Table, scatter: Series, *, baseline: int =
     own: Series = _WEIGHT / (2.0 - _WEIGHT) * (1.0 - (1.0 - _WEIGHT) ** (2 * age))
     quantile: float = -float(ndtri(0.00135 / parameters))
     limit: Series = quantile * np.sqrt(own + float(np.max(shared)))
-    signals: np.ndarray = (np.abs(ewma) > limit[:, None]) & (age > first)[:, None]
-    return Chart(ewma, limit, signals, first)
+    signals: np.ndarray = (np.abs(ewma) > limit[:, None]) & (age > baseline)[:, None]
+    return Chart(ewma, limit, signals)

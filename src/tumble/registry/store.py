@@ -55,7 +55,6 @@ class ParameterSeries:
     unit : (n,) numbers of units in `unit_names`.
     created : (n,) s since 1970.
     values, sigmas : (n, p).
-    operators : (n,).
     """
 
     names: tuple[str, ...]
@@ -65,7 +64,6 @@ class ParameterSeries:
     created: Series
     values: Table
     sigmas: Table
-    operators: tuple[str, ...]
 
 
 def document_hash(text: str) -> str:
@@ -83,10 +81,6 @@ def add(
     calibration: Calibration,
     *,
     unit: str | None = None,
-    operator: str = "",
-    remark: str = "",
-    added: float | None = None,
-    added_by: str | None = None,
 ) -> tuple[Entry, bool]:
     """Add a calibration; return its entry, and whether it is new.
 
@@ -94,8 +88,6 @@ def add(
     ----------
     registry, calibration : the one and the other.
     unit : its name; by default the document's serial number.
-    operator, remark : who measured, and what else there is to say; by default what the document notes.
-    added, added_by : when and by whom it came in; now and this user by default.
 
     Raises
     ------
@@ -115,10 +107,10 @@ def add(
         document_hash(text),
         calibration.identity,
         _seconds(calibration.created),
-        time.time() if added is None else added,
-        added_by if added_by is not None else _user(),
-        operator or calibration.notes.get("operator", "")[:200],
-        remark or calibration.notes.get("remarks", "")[:200],
+        time.time(),
+        _user(),
+        calibration.notes.get("operator", "")[:200],
+        calibration.notes.get("remarks", "")[:200],
         calibration.procedure,
         calibration.verdict.fit,
         "" if calibration.limits is None else calibration.limits.decision,
@@ -283,17 +275,13 @@ def find(registry: Registry, which: str) -> tuple[Entry, Calibration]:
         raise RegistryError(f"The calibration of {found[0].unit} in {registry.name} is damaged.") from None
 
 
-def documents(
-    registry: Registry, *, newest_only: bool = True, fit_only: bool = True, most: int | None = None
-) -> list[tuple[str, Calibration]]:
-    """Return documents with their units' names, in the order of units and time.
+def documents(registry: Registry, most: int | None = None) -> list[tuple[str, Calibration]]:
+    """Return of each unit the newest document that is fit for use, with the unit's name, in the order of names.
 
     Parameters
     ----------
     registry : to look in.
-    newest_only : of each unit the newest.
-    fit_only : those whose verdict is fit.
-    most : of so many units at most, those that were calibrated last; with `newest_only`.
+    most : of so many units at most, those that were calibrated last.
 
     Raises
     ------
@@ -303,28 +291,20 @@ def documents(
     from sqlalchemy import and_, func, select
 
     table = schema.calibrations
+    last = func.max(table.c.created).label("last")
+    newest = select(table.c.unit_id, last).where(table.c.fit).group_by(table.c.unit_id)
+    chosen = newest.order_by(last.desc()).limit(most).subquery()
     query = select(schema.units.c.name, schema.documents.c.document).select_from(table)
-    query = query.join(schema.units).join(schema.documents)
-    if newest_only:
-        last = func.max(table.c.created).label("last")
-        newest = select(table.c.unit_id, last).group_by(table.c.unit_id).order_by(last.desc()).limit(most)
-        chosen = (newest.where(table.c.fit) if fit_only else newest).subquery()
-        query = query.join(
-            chosen, and_(table.c.unit_id == chosen.c.unit_id, table.c.created == chosen.c["last"])
-        )
-    if fit_only:
-        query = query.where(table.c.fit)
+    query = query.join(schema.units).join(schema.documents).where(table.c.fit)
+    query = query.join(chosen, and_(table.c.unit_id == chosen.c.unit_id, table.c.created == chosen.c["last"]))
     with registry.reading() as connection:
         rows = connection.execute(query.order_by(schema.units.c.name, table.c.created, table.c.id)).all()
-    pairs = [(str(name), str(text)) for name, text in rows]
-    found = dict(pairs).items() if newest_only else pairs
-    return [(name, Calibration.model_validate_json(text)) for name, text in found]
+    found = {str(name): str(text) for name, text in rows}
+    return [(name, Calibration.model_validate_json(text)) for name, text in found.items()]
 
 
-def series(
-    registry: Registry, unit: str | None = None, *, fit_only: bool = True, others: int = 0
-) -> list[ParameterSeries]:
-    """Return parameters of all calibrations over time, those with the same parameters together, the most first.
+def series(registry: Registry, unit: str | None = None, *, others: int = 0) -> list[ParameterSeries]:
+    """Return parameters of calibrations fit for use over time, those with the same parameters together, the most first.
 
     A unit's calibrations whose numbers are all equal are one, the first.
 
@@ -332,7 +312,6 @@ def series(
     ----------
     registry : to look in.
     unit : only its own.
-    fit_only : those whose verdict is fit.
     others : beside the unit's, those of about so many other units, evenly chosen.
 
     Raises
@@ -343,16 +322,13 @@ def series(
     from sqlalchemy import select
 
     table = schema.calibrations
-    query = select(
-        table.c.layout_id, schema.units.c.name, table.c.created, table.c.numbers, table.c.operator
-    ).join(schema.units, table.c.unit_id == schema.units.c.id)
+    query = select(table.c.layout_id, schema.units.c.name, table.c.created, table.c.numbers)
+    query = query.join(schema.units, table.c.unit_id == schema.units.c.id).where(table.c.fit)
     if unit is not None and not others:
         query = query.where(schema.units.c.name == unit)
     elif unit is not None:
         every = max(counted(registry)[0] // others, 1)
         query = query.where((schema.units.c.name == unit) | (schema.units.c.id % every == 0))
-    if fit_only:
-        query = query.where(table.c.fit)
     with registry.reading() as connection:
         rows = connection.execute(query.order_by(schema.units.c.name, table.c.created, table.c.id)).all()
         named = connection.execute(select(schema.layouts.c.id, schema.layouts.c.names)).all()
@@ -381,7 +357,6 @@ def _series(layout: Sequence[Sequence[str]], rows: Sequence[Any]) -> ParameterSe
         np.array([row[2] for row in rows], dtype=float),
         numbers[:, 0].copy(),
         numbers[:, 1].copy(),
-        tuple(row[4] for row in rows),
     )
 
 

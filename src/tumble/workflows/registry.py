@@ -1,9 +1,9 @@
-"""What a registry is asked: what is there, how a unit changes, when it is due, how units differ, who measures how."""
+"""What a registry is asked: what is there, how a unit changes, when it is due, how units differ."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
@@ -20,16 +20,18 @@ from tumble.registry.opening import Registry, open_registry, registry_name
 
 if TYPE_CHECKING:
     from tumble.fleet.between import Between
-    from tumble.fleet.drift import Chart, Drift
-    from tumble.fleet.gauge import Gauge
+    from tumble.fleet.drift import Drift
     from tumble.registry.store import Entry, ParameterSeries
 
 SHORTEST_HISTORY = 14
 """Days from the first calibration to the newest from which a rate a year is stated: what a unit did within minutes,
 its warm-up, is no drift of years."""
 
+BASELINE = 5
+"""Calibrations whose mean is the reference of a unit's chart."""
+
 MOST_UNITS = 200
-"""Units by whose newest calibrations a fleet is known, and other units by which a check unit's scatter is: more would
+"""Units by whose newest calibrations a fleet is known, and other units by which a unit's scatter is: more would
 not tell a standard deviation better than to 5 %, which they themselves change by over the years."""
 
 
@@ -55,12 +57,7 @@ def registry_at(name: str | None, *, make: bool = False) -> Generator[Registry, 
 
 
 def add_files(
-    name: str | None,
-    paths: Sequence[Path],
-    *,
-    unit: str | None = None,
-    operator: str = "",
-    remark: str = "",
+    name: str | None, paths: Sequence[Path], *, unit: str | None = None
 ) -> list[tuple[Entry, bool]]:
     """Add calibrations; return their entries, and which are new.
 
@@ -68,7 +65,7 @@ def add_files(
     ----------
     name : of the registry, which is made where it is not there.
     paths : of the files or their folders.
-    unit, operator, remark : which unit, who measured, and what else there is to say.
+    unit : which one they are of; None for what each document says.
 
     Raises
     ------
@@ -79,15 +76,15 @@ def add_files(
 
     documents = [read_calibration(path) for path in paths]
     with registry_at(name, make=True) as registry:
-        return [add(registry, one, unit=unit, operator=operator, remark=remark) for one in documents]
+        return [add(registry, one, unit=unit) for one in documents]
 
 
-def add_calibration(name: str | None, calibration: Calibration, operator: str = "") -> Entry:
+def add_calibration(name: str | None, calibration: Calibration) -> Entry:
     """Add a calibration that was just made.
 
     Parameters
     ----------
-    name, calibration, operator : of the registry, the document, and who measured.
+    name, calibration : of the registry, and the document.
 
     Raises
     ------
@@ -97,7 +94,7 @@ def add_calibration(name: str | None, calibration: Calibration, operator: str = 
     from tumble.registry.store import add
 
     with registry_at(name, make=True) as registry:
-        return add(registry, calibration, operator=operator)[0]
+        return add(registry, calibration)[0]
 
 
 def require_registry(name: str, serial: str | None) -> None:
@@ -119,12 +116,26 @@ def require_registry(name: str, serial: str | None) -> None:
 
 
 @dataclass(frozen=True, slots=True)
+class Signal:
+    """Where the chart of a unit is beyond its limit, in standard deviations of a calibration; `time` : s since 1970."""
+
+    time: float
+    parameter: str
+    ewma: float
+    limit: float
+
+
+@dataclass(frozen=True, slots=True)
 class History:
-    """A unit over time: its parameters at each calibration, and their drift."""
+    """A unit over time: its parameters at each calibration, their drift, and where the chart signals.
+
+    `signals` is None of a unit with `BASELINE` calibrations or fewer: there is no chart of it.
+    """
 
     unit: str
     parameters: ParameterSeries
     drift: Drift
+    signals: list[Signal] | None
 
 
 def history(name: str | None, unit: str) -> History:
@@ -150,8 +161,31 @@ def history(name: str | None, unit: str) -> History:
             raise UsageError(
                 f"The registry {registry.name} has no calibration of unit {unit} that is fit for use."
             )
-    one = found[0]
-    return History(unit, one, find_drift(one.unit, one.created, one.values, one.sigmas))
+        one = found[0]
+        drift = find_drift(one.unit, one.created, one.values, one.sigmas)
+        signals = _signals(registry, unit, one) if len(one.created) > BASELINE else None
+    return History(unit, one, drift, signals)
+
+
+def _signals(registry: Registry, unit: str, parameters: ParameterSeries) -> list[Signal]:
+    """Where the EWMA chart of a unit signals; the first calibrations are its reference."""
+    from tumble.fleet.drift import ewma_chart, find_drift
+    from tumble.registry.store import series
+
+    layout = parameters.names, parameters.units
+    group = next(one for one in series(registry, unit, others=MOST_UNITS) if (one.names, one.units) == layout)
+    own = group.unit == group.unit_names.index(unit)
+    # What changes from one calibration to the next is known from the reference alone: a shift after it is to be seen.
+    first = np.flatnonzero(own)[:BASELINE]
+    keep = ~own | np.isin(np.arange(len(own)), first)
+    _, number = np.unique(group.unit[keep], return_inverse=True)
+    scatter = find_drift(number, group.created[keep], group.values[keep], group.sigmas[keep]).scatter
+    chart = ewma_chart(group.values[own], group.sigmas[own], scatter, BASELINE)
+    created: Series = group.created[own]
+    return [
+        Signal(float(created[i]), group.names[k], float(chart.ewma[i, k]), float(chart.limit[i]))
+        for i, k in np.argwhere(chart.signals).tolist()
+    ]
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,24 +206,28 @@ class Due:
     calibrations: int
 
 
-def due(name: str | None, tolerances: Path) -> list[Due]:
+def due_units(name: str | None, tolerances: Path, before: str | None = None) -> list[Due]:
     """Return when each unit is due, the first one first.
 
     Parameters
     ----------
     name : of the registry.
     tolerances : file as for limits, each with `within`: the largest change since the calibration that is allowed.
+    before : YYYY-MM-DD; units that are due later are left out, those of which nobody knows are not.
 
     Raises
     ------
     UsageError
-        If the tolerances cannot be read, or none is of a parameter in the registry.
+        If the tolerances cannot be read, none is of a parameter in the registry, or the day is none.
     RegistryError
         If the registry cannot be read.
     """
-    from tumble.fleet.drift import YEAR, due_after, find_drift
     from tumble.registry.store import series
 
+    try:
+        day = math.inf if before is None else datetime.fromisoformat(before).replace(tzinfo=UTC).timestamp()
+    except ValueError:
+        raise UsageError(f"--before {before}: give a day as 2027-03-31.") from None
     limits = read_limits(tolerances)
     with registry_at(name) as registry:
         groups = series(registry)
@@ -205,29 +243,32 @@ def due(name: str | None, tolerances: Path) -> list[Due]:
         if not np.any(np.isfinite(tolerance)):
             continue
         compared = True
-        asked = np.flatnonzero(np.isfinite(tolerance))
-        drift = find_drift(group.unit, group.created, group.values[:, asked], group.sigmas[:, asked])
-        after = due_after(drift, tolerance[asked])
-        # What nobody knows is not never: it stands before infinity, after all that is known.
-        order = np.where(np.isnan(after), 1e9, np.where(np.isinf(after), 2e9, after))
-        first = np.argmin(order, axis=1)
-        for number, unit in enumerate(group.unit_names):
-            k = int(first[number])
-            last = float(drift.last_time[number])
-            one = Due(
-                unit,
-                group.names[int(asked[k])],
-                last,
-                last + float(after[number, k]) * YEAR,
-                int(drift.count[number]),
-            )
-            if unit not in made or one.last > made[unit].last:
-                made[unit] = one
+        for one in _due_of(group, tolerance):
+            if one.unit not in made or one.last > made[one.unit].last:
+                made[one.unit] = one
     if not compared:
         raise UsageError(
             f"No tolerance of {tolerances} is of a parameter in the registry {where}, with `within`."
         )
-    return sorted(made.values(), key=lambda one: (math.isnan(one.due), one.due, one.unit))
+    found = sorted(made.values(), key=lambda one: (math.isnan(one.due), one.due, one.unit))
+    return [one for one in found if before is None or not one.due >= day]
+
+
+def _due_of(group: ParameterSeries, tolerance: Series) -> Iterator[Due]:
+    """When each unit is due of those with the same parameters."""
+    from tumble.fleet.drift import YEAR, due_after, find_drift
+
+    asked = np.flatnonzero(np.isfinite(tolerance))
+    drift = find_drift(group.unit, group.created, group.values[:, asked], group.sigmas[:, asked])
+    after = due_after(drift, tolerance[asked])
+    # What nobody knows is not never: it stands before infinity, after all that is known.
+    order = np.where(np.isnan(after), 1e9, np.where(np.isinf(after), 2e9, after))
+    first = np.argmin(order, axis=1)
+    for number, unit in enumerate(group.unit_names):
+        k = int(first[number])
+        last = float(drift.last_time[number])
+        until = last + float(after[number, k]) * YEAR
+        yield Due(unit, group.names[int(asked[k])], last, until, int(drift.count[number]))
 
 
 def fleet(name: str | None, output: Path | None = None) -> tuple[Calibration, Between]:
@@ -256,79 +297,6 @@ def fleet(name: str | None, output: Path | None = None) -> tuple[Calibration, Be
     if output is not None:
         document.write(output)
     return document, between
-
-
-def chart(name: str | None, unit: str, baseline: int = 5) -> tuple[ParameterSeries, Chart]:
-    """Return the EWMA chart of a check unit.
-
-    Parameters
-    ----------
-    name, unit : of the registry and of the unit.
-    baseline : calibrations whose mean is the reference.
-
-    Raises
-    ------
-    UsageError
-        If it has too few calibrations.
-    RegistryError
-        If the registry cannot be read.
-    """
-    from tumble.fleet.drift import ewma_chart, find_drift
-    from tumble.registry.store import series
-
-    if baseline < 2:
-        raise UsageError(f"--baseline {baseline}: give two calibrations or more.")
-    with registry_at(name) as registry:
-        found = [one for one in series(registry, unit, others=MOST_UNITS) if unit in one.unit_names]
-    if not found:
-        raise UsageError(f"The registry has no calibration of unit {unit} that is fit for use.")
-    group = found[0]
-    own = group.unit == group.unit_names.index(unit)
-    if np.sum(own) <= baseline:
-        raise UsageError(
-            f"Unit {unit} has {int(np.sum(own))} calibrations: a chart takes more than the {baseline} of its reference "
-            "(--baseline)."
-        )
-    # What changes from one calibration to the next is known from the reference alone: a shift after it is to be seen.
-    first = np.flatnonzero(own)[:baseline]
-    others = ~own
-    keep = others | np.isin(np.arange(len(own)), first)
-    _, number = np.unique(group.unit[keep], return_inverse=True)
-    scatter = find_drift(number, group.created[keep], group.values[keep], group.sigmas[keep]).scatter
-    return group, ewma_chart(group.values[own], group.sigmas[own], scatter, baseline=baseline)
-
-
-def study(name: str | None) -> dict[str, Gauge]:
-    """Return what units, operators and repetitions contribute, by parameter.
-
-    Parameters
-    ----------
-    name : of the registry; all its calibrations are the study.
-
-    Raises
-    ------
-    UsageError
-        If nothing is repeated.
-    RegistryError
-        If the registry cannot be read.
-    """
-    from tumble.fleet.gauge import gauge_study
-    from tumble.registry.store import series
-
-    with registry_at(name) as registry:
-        groups = series(registry)
-    if not groups or len(groups[0].created) < len(groups[0].unit_names) + 2:
-        raise UsageError(
-            "Nothing is repeated: a study takes several calibrations of the same units (see --operator)."
-        )
-    group = groups[0]
-    if len(group.created) > 600:
-        raise UsageError(f"{len(group.created)} calibrations are no study: keep it in a registry of its own.")
-    _, operator = np.unique(group.operators, return_inverse=True)
-    return {
-        parameter: gauge_study(group.values[:, k], group.sigmas[:, k], group.unit, operator)
-        for k, parameter in enumerate(group.names)
-    }
 
 
 def date_words(seconds: float) -> str:

@@ -1,11 +1,11 @@
-"""What only many units tell: outliers, twins and what is shared, at the stated chances, on fleets drawn anew."""
+"""What only many units tell: outliers and what is shared, at the stated chances, on fleets drawn anew."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from tumble.fleet import Units, find_outlying, find_shared, find_twins
+from tumble.fleet import Units, find_outlying, find_shared
 from tumble.fleet.outlying import loud_or_dead, robust_location_and_spread
 
 GROUPS = ("accelerometer bias", "accelerometer scale factor error", "gyro bias", "gyro scale factor error")
@@ -88,29 +88,6 @@ def test_the_robust_spread_is_the_spread() -> None:
     # A few per cent: the estimate is not unbiased for correlated columns, and the tests after it are exact.
     assert np.allclose(centre, [1.0, -2.0, 3.0], atol=0.05)
     assert np.allclose(spread, root @ root.T, atol=0.2)
-
-
-@pytest.mark.parametrize("count", [10, 60])
-def test_one_unit_under_two_names_is_found_and_no_other_pair(count: int) -> None:
-    rng = np.random.default_rng(count)
-    found = false = 0
-    for _ in range(30):
-        units = fleet(rng, count)
-        sigma = np.sqrt(np.einsum("ijj->ij", units.covariances))
-        units.values[2] = units.values[9] + rng.normal(size=DIMENSION) * np.hypot(sigma[2], sigma[9])
-        pairs = {(one.first, one.second) for one in find_twins(units)}
-        found += (2, 9) in pairs
-        false += len(pairs - {(2, 9)})
-    assert found >= 29
-    assert false == 0
-
-
-def test_a_unit_that_was_switched_on_anew_is_found_by_what_does_not_change() -> None:
-    rng = np.random.default_rng(9)
-    units = fleet(rng, 60, sigma=0.005)
-    units.values[2] = units.values[9]
-    units.values[2, :3] += 1.0  # accelerometer biases
-    assert [(one.first, one.second) for one in find_twins(units)] == [(2, 9)]
 
 
 def test_a_lot_that_all_bad_units_are_of_is_said_and_chance_is_not() -> None:

@@ -1,4 +1,4 @@
-"""Drift, due dates, spread between units, charts and gauge studies recover what was drawn, at the stated chances."""
+"""Drift, due dates, spread between units and charts recover what was drawn, at the stated chances."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import pytest
 
 from tumble.fleet.between import between_units
 from tumble.fleet.drift import YEAR, due_after, ewma_chart, find_drift
-from tumble.fleet.gauge import gauge_study
 
 
 def drawn(rng: np.random.Generator, units: int, counts: np.ndarray, scatter: float) -> tuple[np.ndarray, ...]:
@@ -165,24 +164,10 @@ def test_the_chart_signals_a_shift_and_hardly_anything_else() -> None:
     alarms = 0
     for _ in range(200):
         values = rng.normal(size=(40, 3)) * [1.0, 5.0, 0.1]
-        chart = ewma_chart(values, np.ones((40, 3)) * [1.0, 5.0, 0.1], np.zeros(3))
+        chart = ewma_chart(values, np.ones((40, 3)) * [1.0, 5.0, 0.1], np.zeros(3), 5)
         alarms += bool(np.any(chart.signals))
     assert alarms < 14  # 2.2 % of 1,000 such charts; binomial of 200: 14 or more once in ten thousand
     values = rng.normal(size=(40, 3))
     values[20:, 1] += 3.0
-    chart = ewma_chart(values, np.ones((40, 3)), np.zeros(3))
+    chart = ewma_chart(values, np.ones((40, 3)), np.zeros(3), 5)
     assert np.any(chart.signals[20:, 1])
-
-
-@pytest.mark.slow
-def test_a_gauge_study_tells_units_operators_and_repetitions_apart() -> None:
-    rng = np.random.default_rng(9)
-    unit, operator = (a.ravel() for a in np.meshgrid(np.arange(30), np.arange(12), indexing="ij"))
-    unit, operator = np.tile(unit, 2), np.tile(operator, 2)
-    known = np.full(unit.size, 0.2)
-    y = rng.normal(0, 2.0, 30)[unit] + rng.normal(0, 0.6, 12)[operator] + rng.normal(0, 0.3, unit.size)
-    found = gauge_study(y[:500] + known[:500] * rng.normal(size=500), known[:500], unit[:500], operator[:500])
-    # Standard deviations of 30 units, 12 operators, hundreds of repetitions: 13, 22 and 6 % at one sigma.
-    assert found.parts["unit"] == pytest.approx(2.0, rel=0.4)
-    assert found.parts["operator"] == pytest.approx(0.6, rel=0.6)
-    assert found.parts["repetition"] == pytest.approx(0.3, rel=0.2)

@@ -23,7 +23,7 @@ import numpy as np
 
 from tumble.counting import counted
 from tumble.files import make_folder, read_json, read_text, write_text, write_texts
-from tumble.fleet import UnitVector, find_outlying, find_shared, find_twins, stack
+from tumble.fleet import UnitVector, find_outlying, find_shared, stack
 from tumble.fleet.outcome import ACCELEROMETER, GYRO, Batch, UnitOutcome
 from tumble.fleet.outlying import FALSE_ALARM, loud_or_dead
 from tumble.recording.formats.output import write_table
@@ -303,8 +303,6 @@ def _summarised(units: list[UnitOutcome]) -> Batch:
                 f"It stands out from the other units by {one.what}: {one.worst} is {one.sigmas:+.1f} of their standard "
                 f"deviations off (a good unit is as far off with a probability of {one.chance:.1g})."
             )
-        for pair in find_twins(comparable):
-            _say_twins(units[pair.first], units[pair.second], said, "agree as no two units of this batch do")
         others = sum(vector is not None for vector in vectors) - len(comparable.which)
         if others:
             remarks.append(
@@ -327,24 +325,16 @@ def _vector(unit: UnitOutcome) -> UnitVector | None:
     return UnitVector(names, words, np.array(told["values"]), np.array(told["covariance"]))
 
 
-def _say_twins(one: UnitOutcome, two: UnitOutcome, said: dict[str, list[str]], why: str) -> None:
-    for first, second in ((one, two), (two, one)):
-        sentence = f"It is probably the same unit as {second.unit}: their {_what(why)} {why}."
-        already = said.setdefault(first.unit, [])
-        if not any(f"same unit as {second.unit}:" in words for words in already):
-            already.append(sentence)
-
-
-def _what(why: str) -> str:
-    return "recordings" if "content" in why else "parameters"
-
-
 def _say_same_files(units: list[UnitOutcome], said: dict[str, list[str]]) -> None:
     seen: dict[tuple[str, ...], UnitOutcome] = {}
     for unit in units:
         key = tuple(unit.hashes)
         if key and key in seen:
-            _say_twins(seen[key], unit, said, "have the same content")
+            for one, other in ((seen[key], unit), (unit, seen[key])):
+                words = (
+                    f"It is probably the same unit as {other.unit}: their recordings have the same content."
+                )
+                said.setdefault(one.unit, []).append(words)
         elif key:
             seen[key] = unit
 
