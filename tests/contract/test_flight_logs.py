@@ -69,7 +69,7 @@ def test_ulog_raw_sensors_are_read_where_they_are_fast(tmp_path: Path) -> None:
     assert np.array_equal(recording.angular_rate, RATE)
     assert np.array_equal(recording.time, STAMPS / 1e6)  # of the sample, not of its publication
     assert np.all(recording.temperature == 31.5)
-    assert "own calibration" not in texts(recording)
+    assert "does not state" not in texts(recording)
 
 
 def test_ulog_slow_raw_sensors_are_passed_over(tmp_path: Path) -> None:
@@ -79,7 +79,7 @@ def test_ulog_slow_raw_sensors_are_passed_over(tmp_path: Path) -> None:
     recording = read_recording(tmp_path / "a.ulg")
     assert len(recording) == 200
     assert "sensor_combined:0 is read" in texts(recording)
-    assert "own calibration (CAL_ACC*, CAL_GYRO*)" in texts(recording)
+    assert "does not state CAL_ACC*, CAL_GYRO*" in texts(recording)
 
 
 def test_ulog_an_instance_is_named_after_a_colon(tmp_path: Path) -> None:
@@ -142,42 +142,6 @@ def test_ulog_fifo_messages_hold_many_samples(tmp_path: Path) -> None:
     assert len(recording) == 198
     np.testing.assert_allclose(np.diff(recording.time), 0.001, rtol=1e-6)
     np.testing.assert_allclose(recording.specific_force, 0.0005 * counts[:198], rtol=1e-7)
-
-
-LATE = "accelerometer_timestamp_relative"
-
-
-def ulog_with_a_foreign_type(path: Path, message: str) -> Path:
-    """sensor_combined at 250 Hz and another message, one of which has a field of a type that is not described."""
-
-    def packed(kind: str, body: bytes) -> bytes:
-        return struct.pack("<HB", len(body), ord(kind)) + body
-
-    rate = "foreign" if message == "sensor_combined" else "float[3]"
-    layouts = (
-        f"sensor_combined:uint64_t timestamp;{rate} gyro_rad;float[3] accelerometer_m_s2;int32_t {LATE};",
-        "my_status:uint64_t timestamp;foreign inner;",
-    )
-    data = b"ULog\x01\x12\x35\x01" + bytes(8) + packed("B", bytes(40))
-    data += b"".join(packed("F", layout.encode()) for layout in layouts)
-    data += b"".join(
-        packed("A", struct.pack("<BH", 0, n) + layouts[n].split(":")[0].encode()) for n in (0, 1)
-    )
-    for k in range(300):
-        data += packed(
-            "D", struct.pack("<HQ6fi", 0, 4000 * k, 0.01, 0.02, 0.03, 0.1, 0.2 + 0.01 * (k % 3), 9.8, 0)
-        )
-    path.write_bytes(data + packed("D", struct.pack("<HQf", 1, 4000, 1.0)))
-    return path
-
-
-def test_ulog_a_type_that_the_log_does_not_describe_is_named(tmp_path: Path) -> None:
-    path = ulog_with_a_foreign_type(tmp_path / "a.ulg", "my_status")
-    said = texts(read_recording(path))
-    assert "a field of my_status (of 'foreign') is of a type that the log does not describe" in said
-    assert "damaged" not in said
-    with pytest.raises(RecordingError, match=r"a field of sensor_combined \(of 'foreign'\)"):
-        read_recording(ulog_with_a_foreign_type(tmp_path / "b.ulg", "sensor_combined"))
 
 
 def test_ulog_without_inertial_messages_is_refused(tmp_path: Path) -> None:
@@ -299,7 +263,7 @@ def test_dataflash_raw_sensors_and_increments(tmp_path: Path) -> None:
     assert np.array_equal(increments.angular_rate, RATE)
 
 
-def test_dataflash_the_magnetometer_and_the_offsets_that_are_in_it(tmp_path: Path) -> None:
+def test_dataflash_the_magnetometer(tmp_path: Path) -> None:
     write_dataflash(tmp_path / "a.bin")
     whole = np.round(1000.0 * MAG[::25]).astype(int)
     labels = b"TimeUS,I,MagX,MagY,MagZ,OfsX,OfsY,OfsZ,MOX,MOY,MOZ,Health,S"
@@ -317,7 +281,6 @@ def test_dataflash_the_magnetometer_and_the_offsets_that_are_in_it(tmp_path: Pat
     assert np.array_equal(field_of(recording).values, whole)
     assert np.array_equal(field_of(recording).time, STAMPS[::25] / 1e6)
     assert "COMPASS_OFS" in texts(recording)
-    assert "offsets of 12, -34 and 56 mgauss" in texts(recording)
     second = read_recording(tmp_path / "a.bin", topics=["IMU:0", "MAG:1"])
     assert np.array_equal(field_of(second).values, whole + 1)
 

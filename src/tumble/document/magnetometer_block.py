@@ -95,7 +95,8 @@ class MagnetometerBlock(DocumentPart):
     unit : of the corrected field: "T", or "local field" where nobody knows the norm: then the norm is one.
     frame : "b" for the frame of the calibration, or "magnetometer" where nothing tells how the axes lie against it.
     method : "holds and turns", "holds", "ellipsoid" (the magnetometer alone), or "imported".
-    input_corrected_by : identities of an autopilot's own parameters that its numbers were corrected by already.
+    input_corrected_by : identities of an autopilot's own parameters that its numbers were corrected by already, in a
+        file from when these were not undone on reading.
     """
 
     raw_unit: str

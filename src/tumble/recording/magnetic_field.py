@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from tumble.arrays import Series, Vectors
 from tumble.records import dataclass
@@ -43,27 +42,6 @@ class MagneticField:
         if first >= last:
             return None
         return MagneticField(self.time[first:last], self.values[first:last], self.unit)
-
-    def beside(self, time: Series, keep: npt.NDArray[np.bool_]) -> MagneticField | None:
-        """Return the samples whose nearest row of a recording is kept; None if there are none.
-
-        Parameters
-        ----------
-        time : (rows,) seconds, of the recording.
-        keep : (rows,) which of its rows are kept.
-        """
-        after = np.clip(np.searchsorted(time, self.time), 1, max(len(time) - 1, 1))
-        nearer_before = self.time - time[after - 1] <= time[np.minimum(after, len(time) - 1)] - self.time
-        kept = np.asarray(keep, dtype=bool)[
-            np.where(nearer_before, after - 1, np.minimum(after, len(time) - 1))
-        ]
-        if not kept.any():
-            return None
-        return MagneticField(self.time[kept], self.values[kept], self.unit)
-
-    def moved(self, seconds: float) -> MagneticField:
-        """Return the samples with their stamps moved by some seconds."""
-        return MagneticField(self.time + seconds, self.values, self.unit)
 
 
 def joined_fields(fields: list[MagneticField | None]) -> MagneticField | None:

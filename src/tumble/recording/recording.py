@@ -169,24 +169,3 @@ class Recording:
             return None
         begin = -np.inf if start == 0 else float(self.time[start])
         return self.magnetic_field.within(begin, np.inf if stop == len(self) else float(self.time[stop]))
-
-    def without_rows(self, keep: np.ndarray) -> Recording:
-        """Return the recording with only the rows where the boolean array `keep` is true."""
-        index = np.flatnonzero(keep)
-        moved = np.searchsorted(index, np.asarray(self.gaps, dtype=int))
-        magnetic = self.magnetic_field
-        return Recording(
-            time=self.time[index],
-            specific_force=None if self.specific_force is None else self.specific_force[index],
-            angular_rate=None if self.angular_rate is None else self.angular_rate[index],
-            specific_force_unit=self.specific_force_unit,
-            angular_rate_unit=self.angular_rate_unit,
-            rate=self.rate,
-            temperature=None if self.temperature is None else self.temperature[index],
-            sources=self.sources,
-            remarks=self.remarks,
-            gaps=tuple(int(i) for i in np.unique(moved) if 0 < i < index.size),
-            temperature_unit=self.temperature_unit,
-            said_clock=self.said_clock,
-            magnetic_field=None if magnetic is None else magnetic.beside(self.time, keep),
-        )

@@ -39,7 +39,6 @@ from tumble.workflows.magnetometer import (
     given_field,
     no_holds,
     refuse_field_of_none,
-    with_own_parameters,
 )
 from tumble.workflows.procedures import (
     add_objections,
@@ -212,7 +211,7 @@ def calibrate(
     add_magnetometer(session, estimate, magnetic)
     _draw(estimate, monte_carlo, say)
     clock.lap("solving")
-    made = with_own_parameters(_document(session, estimate, reason, imu, noted), _files_of(paths, given))
+    made = _document(session, estimate, reason, imu, noted)
     made = completed(made, corrected_by_before(paths, given, topics), acceptance)
     run = CalibrationRun(made, estimate, recording, session.timeline, session.means, reason)
     run.protocol, run.matching = told, session.matching

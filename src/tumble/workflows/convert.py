@@ -133,22 +133,22 @@ def _without_corrected_before(document: Calibration, target: Target) -> tuple[Ca
     before = document.stages[0].input_corrected_by
     if before:
         raise UsageError(
-            f"The calibration was made on numbers that were corrected before ({', '.join(before)}), by the autopilot's "
-            f"own parameters or by a calibration. {target.title} would put it in their place, and lose them. Set the "
-            "parameters to their defaults and record again, or compose the calibrations (tumble compose)."
+            f"The calibration was made on numbers that were corrected before ({', '.join(before)}), by a calibration "
+            f"or by an autopilot's own parameters. {target.title} would put it in their place, and lose them. "
+            "Calibrate the raw recording, or the autopilot's log anew: its parameters are undone when it is read."
         )
     said: list[str] = []
     if any(UNSTATED in remark for remark in document.remarks):
         said.append(
-            f"{UNSTATED[0].upper()}{UNSTATED[1:]}. Load the numbers only where the parameters had their defaults while "
-            "it was recorded."
+            "The log of the recording does not state all of the autopilot's own parameters. Load the numbers only "
+            "where these had their defaults while it was recorded."
         )
     field = document.magnetometer
     if field is None or not field.input_corrected_by or MAGNETOMETER not in target.holds:
         return document, said
     said.append(
         f"The magnetometer is left out: it was calibrated on top of the autopilot's own parameters, and {target.title} "
-        "would put it in their place. Set them to their defaults and record again."
+        "would put it in their place. Calibrate the log anew: they are undone when it is read."
     )
     return document.model_copy(update={"magnetometer": None}), said
 

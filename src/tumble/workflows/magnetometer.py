@@ -6,7 +6,6 @@ import math
 import re
 from collections.abc import Iterable
 from datetime import date
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -210,23 +209,6 @@ def field_reasons(document: Calibration) -> list[str]:
     document : with its own verdict on the magnetometer.
     """
     return [] if document.magnetometer is None else document.magnetometer.reasons_against
-
-
-def with_own_parameters(document: Calibration, files: Iterable[object]) -> Calibration:
-    """Return a calibration that says which own parameters of an autopilot had corrected its magnetometer's numbers.
-
-    Parameters
-    ----------
-    document, files : with or without a magnetometer, and what it was calibrated from.
-    """
-    from tumble.recording.formats.logs.own_parameters import field_identity_of
-
-    if document.magnetometer is None:
-        return document
-    known = [field_identity_of(one) for one in files if isinstance(one, Path) and one.is_file()]
-    marks = list(dict.fromkeys(mark for found in known for mark in found))
-    block = document.magnetometer.model_copy(update={"input_corrected_by": marks})
-    return document.model_copy(update={"magnetometer": block}) if marks else document
 
 
 def no_holds() -> tuple[Timeline, HoldMeans]:

@@ -44,17 +44,6 @@ def test_pieces_of_a_recording_share_out_the_samples_of_the_field() -> None:
     assert pieces[2].magnetic_field is None  # one row of 10 ms lies between two samples of the field
 
 
-def test_rows_left_out_leave_out_the_samples_of_the_field_beside_them() -> None:
-    whole = recording()
-    keep = (whole.time < 3.0) | (whole.time > 6.0)
-    field = whole.without_rows(keep).magnetic_field
-    assert field is not None
-    assert not np.any((field.time > 3.01) & (field.time < 5.99))
-    assert np.count_nonzero(field.time < 3.0) == np.count_nonzero(slow_field().time < 3.0)
-    assert np.count_nonzero(field.time > 6.01) == np.count_nonzero(slow_field().time > 6.01)
-    assert whole.without_rows(np.zeros(len(whole), bool)).magnetic_field is None
-
-
 def test_joined_recordings_move_the_stamps_of_the_field_with_their_own() -> None:
     first, second = recording(), recording(4.0)
     whole, spans = join_recordings(

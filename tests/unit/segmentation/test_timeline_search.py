@@ -142,7 +142,7 @@ def test_a_rest_too_short_for_a_hold_is_named_with_its_length() -> None:
     # the pose in the middle lasts 0.6 s only
     keep = np.ones(len(recording), dtype=bool)
     keep[round(8.5 * RATE) : round(10.9 * RATE)] = False
-    shorter = recording.without_rows(keep)
+    shorter = rows(recording, keep)
     shorter = replace(shorter, time=np.arange(len(shorter)) / RATE)
     timeline = find_timeline(shorter)
     assert len(timeline.holds) == 5
@@ -167,7 +167,7 @@ def test_a_turn_with_missing_samples_or_a_saturated_gyro_is_not_usable() -> None
     np.clip(recording.angular_rate, -1.5, 1.5, out=recording.angular_rate)
     keep = np.ones(len(recording), dtype=bool)
     keep[round(7.5 * RATE) : round(7.6 * RATE)] = False
-    lossy = recording.without_rows(keep)
+    lossy = rows(recording, keep)
     gap = round(7.5 * RATE)
     turns = find_timeline(replace(lossy, gaps=(gap,))).turns
     assert not turns[0].usable
@@ -187,9 +187,17 @@ def test_single_samples_that_are_missing_in_a_turn_do_not_cost_it() -> None:
     assert [turn.usable for turn in turns] == [True, False, True]
 
 
+def rows(recording: Recording, keep: np.ndarray) -> Recording:
+    """Only the rows of `keep`."""
+    assert recording.specific_force is not None
+    assert recording.angular_rate is not None
+    force, rate = recording.specific_force[keep], recording.angular_rate[keep]
+    return replace(recording, time=recording.time[keep], specific_force=force, angular_rate=rate)
+
+
 def with_gaps(recording: Recording, keep: np.ndarray) -> Recording:
     """Only the rows of `keep`, with the gaps that a file of them has."""
-    lossy = recording.without_rows(keep)
+    lossy = rows(recording, keep)
     return replace(lossy, gaps=find_gaps(lossy.time, RATE))
 
 
@@ -197,7 +205,7 @@ def test_a_gap_in_which_a_turn_can_hide_ends_the_hold() -> None:
     recording, _ = tumbled(holds=6.0, poses=3)
     keep = np.ones(len(recording), dtype=bool)
     keep[round(2.5 * RATE) : round(3.5 * RATE)] = False
-    lossy = replace(recording.without_rows(keep), gaps=(round(2.5 * RATE),))
+    lossy = replace(rows(recording, keep), gaps=(round(2.5 * RATE),))
     holds = find_timeline(lossy).holds
     assert len(holds) == 4
     assert holds[0].stop <= round(2.5 * RATE) <= holds[1].start

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -93,7 +94,11 @@ def test_turns_about_one_axis_leave_the_gyro_to_the_multi_position_procedure(tmp
     for k in range(9):
         if k > 2:
             keep &= (recording.time < 5.0 * k + 3.0) | (recording.time > 5.0 * k + 5.0)
-    path = write_recording(recording.without_rows(keep), tmp_path / "cut.csv")
+    assert recording.specific_force is not None
+    assert recording.angular_rate is not None
+    force, rate = recording.specific_force[keep], recording.angular_rate[keep]
+    cut = replace(recording, time=recording.time[keep], specific_force=force, angular_rate=rate)
+    path = write_recording(cut, tmp_path / "cut.csv")
     run = calibrate(path, site=SITE)
     assert run.calibration.procedure == "multi-position"
     assert "turns between holds can be used" in run.reason

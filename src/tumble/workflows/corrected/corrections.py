@@ -12,13 +12,10 @@ import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from tumble.errors import RecordingError, UsageError
-from tumble.files import opened
 from tumble.recording import rewriting
 from tumble.recording.columns import role_of
 from tumble.recording.formats import euroc_writing, hdf5_writing
 from tumble.recording.formats.header import header_names
-from tumble.recording.formats.logs import own_parameters, ulog
 from tumble.recording.frames import Frame, frame_names
 
 PREFIX = "corrected_by_"
@@ -50,8 +47,6 @@ def corrections_of(
 def _marks_beside(path: Path, topics: Sequence[str] | None) -> list[str]:
     """Return what formats without columns of their own say."""
     ending = path.suffix.lower()
-    if not path.is_dir() and (own := _own_parameters(path, topics)):
-        return list(own)
     if ending in hdf5_writing.ENDINGS:
         return list(hdf5_writing.corrections(path))
     if path.is_dir() or path.name == "data.csv":
@@ -63,21 +58,6 @@ def _marks_beside(path: Path, topics: Sequence[str] | None) -> list[str]:
     wanted = None if not topics else {t.strip("/") for t in topics}
     said = rewriting.corrections(path).items()
     return [m for topic, marks in said if wanted is None or topic.strip("/") in wanted for m in marks]
-
-
-def _own_parameters(path: Path, topics: Sequence[str] | None) -> tuple[str, ...]:
-    """Return what stands for the autopilot's own parameters, where they have corrected what is read of a log."""
-    try:
-        with opened(path) as file:
-            head = file.read(8)
-        if head.startswith(own_parameters.DATAFLASH):
-            return own_parameters.identity_of(path)
-        if head.startswith(own_parameters.ULOG):
-            found = own_parameters.identity_of(path)
-            return found if found and ulog.is_corrected(ulog.read_table(path, topics or ())) else ()
-    except (OSError, RecordingError, UsageError):
-        pass  # reading it says what is wrong
-    return ()
 
 
 def _names(one: Path | Frame) -> list[str]:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import mmap
 from array import array
 from collections.abc import Iterator, Sequence
-from dataclasses import field
+from dataclasses import field, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ import numpy.typing as npt
 from tumble.arrays import Series, Vectors
 from tumble.errors import RecordingError
 from tumble.recording.formats.logs.logged_streams import Stream, is_field, table_of_streams
-from tumble.recording.formats.logs.own_parameters import about_parameters
+from tumble.recording.formats.logs.own_parameters import ArduPilot, OwnParameters
 from tumble.recording.formats.streams import Units
 from tumble.recording.formats.table import RawTable, hash_file, mapped
 from tumble.recording.recording import Remark
@@ -42,9 +42,7 @@ _TYPES = {
     "q": "<i8", "Q": "<u8", "g": "<f2",
 }  # fmt: skip
 _READ = ("ACC", "GYR", "IMU", "IMT", "MAG")
-_CORRECTED = (
-    "is what the autopilot's own calibration (INS_*OFFS, INS_*SCAL) left; reset it to calibrate the sensor"
-)
+_PARAMETERS = "PARM"
 _BATCH = 200_000
 
 _Rows = npt.NDArray[Any]
@@ -74,7 +72,8 @@ def read_table(path: Path, topics: Sequence[str] = ()) -> RawTable:
     """
     data = mapped(path)
     log = _Log.of(data)
-    streams = [s for name in sorted(log.offsets, key=_order) for s in _streams(log, data, name)]
+    names = sorted(log.offsets.keys() - {_PARAMETERS}, key=_order)
+    streams = _with_parameters(log, data, [s for name in names for s in _streams(log, data, name)])
     if not streams:
         there = ", ".join(sorted(log.names)[:12])
         raise RecordingError(
@@ -87,7 +86,6 @@ def read_table(path: Path, topics: Sequence[str] = ()) -> RawTable:
         remarks.append(Remark("mended", text))
     if log.cut:
         remarks.append(Remark("mended", f"{path.name}: the last message is cut short and is left out."))
-    remarks += about_parameters(path)
     return table_of_streams(path, streams, topics, _automatic(streams), hash_file(path), remarks)
 
 
@@ -162,7 +160,8 @@ class _Log:
         )
         lengths[kind] = length
         self.names.add(name)
-        if not (name[:3] in _READ and name[3:] in ("", "1", "2", "3")) or any(c not in _TYPES for c in form):
+        read = name == _PARAMETERS or (name[:3] in _READ and name[3:] in ("", "1", "2", "3"))
+        if not read or any(c not in _TYPES for c in form):
             return
         columns = labels.split(",")
         if len(columns) != len(form):
@@ -208,14 +207,15 @@ def _stream(name: str, rows: _Rows) -> Iterator[Stream]:
         yield from _increments(name, rows, time)
         return
     if name.startswith("MAG"):
-        field = _triad(rows, "Mag")
+        field, motors = _triad(rows, "Mag"), _triad(rows, "MO")
         if field is not None:
-            samples = Samples(time, magnetic_field=field)
-            yield Stream(name, samples, Units(magnetic_field="mgauss"), _field_words(rows))
+            # The motors' field is taken out last, after the compass's own parameters.
+            samples = Samples(time, magnetic_field=field if motors is None else field - motors)
+            yield Stream(name, samples, Units(magnetic_field="mgauss"))
         return
     force, rate = _triad(rows, "Acc"), _triad(rows, "Gyr")
     if force is not None or rate is not None:
-        yield Stream(name, Samples(time, force, rate, celsius), Units(), _CORRECTED)
+        yield Stream(name, Samples(time, force, rate, celsius))
 
 
 def _increments(name: str, rows: _Rows, time: Series) -> Iterator[Stream]:
@@ -226,18 +226,27 @@ def _increments(name: str, rows: _Rows, time: Series) -> Iterator[Stream]:
     spans = [rows[c].astype(np.float64) for c in ("DelvT", "DelaT")]
     whole = (spans[0] > 0.0) & (spans[1] > 0.0)
     samples = Samples(time[whole], force[whole] / spans[0][whole, None], rate[whole] / spans[1][whole, None])
-    note = f"holds increments, which are divided by the interval that stands beside each; it {_CORRECTED}"
+    note = "holds increments, which are divided by the interval that stands beside each"
     yield Stream(name, samples, Units(), note)
 
 
-def _field_words(rows: _Rows) -> str:
-    """Say which of the autopilot's own corrections are in the magnetometer's numbers."""
-    words = "is what the autopilot's own calibration (COMPASS_OFS*, COMPASS_DIA*, COMPASS_ODI*) left"
-    offsets = _triad(rows, "Ofs")
-    if offsets is not None and offsets.any():
-        x, y, z = np.median(offsets, axis=0)
-        words += f", with offsets of {x:.4g}, {y:.4g} and {z:.4g} mgauss added"
-    return f"{words}; reset it to calibrate the sensor"
+def _with_parameters(log: _Log, data: mmap.mmap, streams: Sequence[Stream]) -> list[Stream]:
+    """Return the streams with what the autopilot's parameters did to them; the first of each name is as it began."""
+    first: dict[str, float] = {}
+    changes: list[tuple[float, str, float]] = []
+    rows = log.rows(data, _PARAMETERS) if _PARAMETERS in log.offsets else np.zeros(0, [("TimeUS", "<u8")])
+    for row in rows:
+        name, value = row["Name"].decode("ascii", "replace"), float(row["Value"])
+        if first.setdefault(name, value) != value or any(n == name for _, n, _ in changes):
+            changes.append((float(row["TimeUS"]) / 1e6, name, value))
+    warm = {s.name: (s.samples.time, s.samples.temperature) for s in streams}
+    made: list[Stream] = []
+    for stream in streams:
+        instance = stream.name.partition(":")[2]
+        time, celsius = warm.get(f"IMU:{instance}", (stream.samples.time, None))
+        formula = ArduPilot(int(instance), None if celsius is None else (time, celsius))
+        made.append(replace(stream, own=OwnParameters(first, changes, formula)))
+    return made
 
 
 def _triad(rows: _Rows, prefix: str) -> Vectors | None:

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from tumble.errors import RecordingError, UsageError
+from tumble.recording.formats.logs.own_parameters import OwnParameters
 from tumble.recording.formats.streams import Units, merge_streams, table_of_samples
 from tumble.recording.formats.table import FieldStream, RawTable
 from tumble.recording.recording import Remark, Source
@@ -30,12 +31,14 @@ class Stream:
     samples : in time order.
     units : of its triads.
     note : a sentence about its numbers, or nothing.
+    own : what the autopilot's own parameters did to them, or None.
     """
 
     name: str
     samples: Samples
     units: Units = made(default_factory=Units)
     note: str = ""
+    own: OwnParameters | None = None
 
     @property
     def rate(self) -> float:
@@ -90,6 +93,8 @@ def table_of_streams(
         raise UsageError(f"--topic names {len(named)} streams; give one, or one of each triad.")
     if not chosen and field is not None:
         chosen, field = [field], None
+    chosen = [_as_sensed(path, s, said) for s in chosen]
+    field = None if field is None else _as_sensed(path, field, said)
     verb = "is" if len(chosen) == 1 else "are"
     said.append(Remark("found", f"{path.name}: {' and '.join(s.name for s in chosen)} {verb} read."))
     said += [Remark("found", f"{path.name}: {s.name} {s.note}.") for s in chosen if s.note]
@@ -105,6 +110,15 @@ def table_of_streams(
     units = Units(force.units.specific_force, rates.units.angular_rate)
     table = table_of_samples(path, merged, units, source, [*said, *more])
     return replace(table, field=_field_stream(field))
+
+
+def _as_sensed(path: Path, stream: Stream, said: list[Remark]) -> Stream:
+    """Return a stream as its sensors gave it, the autopilot's own parameters undone."""
+    if stream.own is None:
+        return stream
+    samples, told = stream.own.undone(stream.samples, f"{path.name}: {stream.name}")
+    said += told
+    return replace(stream, samples=samples)
 
 
 def is_field(stream: Stream) -> bool:

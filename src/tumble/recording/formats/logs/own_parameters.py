@@ -1,219 +1,245 @@
-"""An autopilot's own calibration parameters, as its log states them: were they active, and which device are they of.
+"""An autopilot's own calibration parameters, undone: what its log holds becomes the sensor's own output again.
 
-What ULog's `sensor_combined` and `vehicle_imu`, and all of DataFlash's inertial messages hold, is what these
-parameters left of the sensors' output. A calibration of such numbers holds for these parameters alone.
+PX4 corrects `sensor_combined`, `vehicle_imu` and `vehicle_magnetometer`, ArduPilot all that it logs. Both compute
+``x = R S (u - o)`` with the parameters that the log states (its offsets, scale factors, thermal offsets, and how the
+board is turned), so that u follows from x. Parameters that change within the log hold from then on.
 
 References
 ----------
-PX4 user guide, *ULog File Format* (message `P`); ArduPilot developer documentation, *Logging* (message PARM).
+PX4, `sensor_calibration` (``Correct``, ``set_rotation``), `conversion/rotation.h`, ``SensorCorrection``; ArduPilot,
+`AP_InertialSensor_Backend.cpp`, `AP_InertialSensor_tempcal.cpp`, `AP_Compass_Backend.cpp`, `rotations.h`.
 """
 
 from __future__ import annotations
 
-import hashlib
-import re
-import struct
-from pathlib import Path
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import field as made
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
 
-from tumble.files import opened
-from tumble.recording.formats.table import mapped
+import numpy as np
+import numpy.typing as npt
+
+from tumble.arrays import Matrix, Series, Vector, Vectors, inverted
+from tumble.attitude.quaternions import matrix_from_angles
+from tumble.errors import RecordingError
 from tumble.recording.recording import Remark
+from tumble.recording.samples import Samples
+from tumble.records import dataclass
 
-ULOG, DATAFLASH = b"ULog\x01\x12\x35", b"\xa3\x95\x80"
-_OFFSET = re.compile(r"CAL_(ACC|GYRO)\d_[XYZ]OFF|INS_(ACC|GYR)\d?OFFS_[XYZ]|INS_GYROFFS_[XYZ]")
-_SCALE = re.compile(r"CAL_ACC\d_[XYZ]SCALE|INS_ACC\d?SCAL_[XYZ]")
-_SWITCH = re.compile(r"TC_[AG]_ENABLE|INS_TCAL\d_ENABLE")
-_CURVE = re.compile(r"TC_[AG]\d_\w+|INS_TCAL\d_\w+")
-_DEVICE = re.compile(r"CAL_(ACC|GYRO|MAG)\d_ID|INS_(ACC|GYR)\d?_ID|COMPASS_DEV_ID\d?")
-_FIELD_OFFSET = re.compile(r"CAL_MAG\d_[XYZ](OFF|ODIAG)|COMPASS_(OFS|ODI|MOT)\d?_[XYZ]")
-_FIELD_SCALE = re.compile(r"CAL_MAG\d_[XYZ]SCALE|COMPASS_DIA\d?_[XYZ]|COMPASS_SCALE\d?")
-_HEADER = 16  # bytes of a ULog
-_SHOWN = 6
-UNSTATED = "the log does not state the autopilot's own parameters, so that these may have corrected its numbers already"
-"""Said of a log whose numbers come after an autopilot's parameters, and that lacks them."""
-_FAR = 16 << 20  # bytes behind the last parameter of a DataFlash log, which begins with them
+UNSTATED = "the log does not state"
+"""Said of an autopilot's parameters that a log lacks, and that may have corrected its numbers."""
+_PARTS = {"specific_force": "ACC", "angular_rate": "GYR", "magnetic_field": "MAG"}
+# Roll, pitch and yaw of the enumeration of rotations, degrees. The two part after number 40.
+_TURNS = (
+    "0,0,0 0,0,45 0,0,90 0,0,135 0,0,180 0,0,225 0,0,270 0,0,315 180,0,0 180,0,45 180,0,90 180,0,135 0,180,0 180,0,225 "
+    "180,0,270 180,0,315 90,0,0 90,0,45 90,0,90 90,0,135 270,0,0 270,0,45 270,0,90 270,0,135 0,90,0 0,270,0 0,180,90 "
+    "0,180,270 90,90,0 180,90,0 270,90,0 90,180,0 270,180,0 90,270,0 180,270,0 270,270,0 90,180,90 90,0,270 90,68,293 "
+    "0,315,0 90,315,0"
+)
+_PX4_TURNS = f"{_TURNS} 270,0,180 270,0,270 0,90,180 0,9,180 0,45,0 270,0,225 270,0,315".split()
+_ARDUPILOT_TURNS = f"{_TURNS} 0,7,0 45,0,0 315,0,0".split()
+_REFERENCE = 35.0  # °C of ArduPilot's polynomials
+_LARGEST_SCALE = 1.5  # of a compass; ArduPilot leaves out what is larger, or smaller than its inverse
+
+Columns = Mapping[str, npt.NDArray[Any]]
 
 
-def parameters_of(path: Path) -> dict[str, float]:
-    """Return the calibration parameters that a log begins with, by name; none of what is no log.
+@dataclass(slots=True)
+class Asked:
+    """Parameters that hold at a time, which of those that were asked for change numbers, and which are missing."""
 
-    Parameters
+    stated: dict[str, float]
+    active: dict[str, dict[str, None]] = made(default_factory=dict[str, dict[str, None]])
+    missing: dict[str, None] = made(default_factory=dict[str, None])
+
+    def number(self, name: str, default: float, *idle: float) -> float:
+        """Return a parameter; `idle` are other values of it that change nothing."""
+        value = self.stated.get(name, default)
+        if value not in (default, *idle):
+            self.active.setdefault(name, {})[f"{value:.6g}"] = None
+        return value
+
+    def triad(self, name: str, default: float, *idle: float) -> Vector:
+        """Return three parameters, whose axes stand in place of the braces; any of `idle` stands for the default."""
+        names = [name.format(axis) for axis in "XYZ"]
+        if not all(n in self.stated for n in names):
+            self.missing[name.format("*")] = None
+        found = np.array([self.number(n, default, *idle) for n in names])
+        return np.where(np.isin(found, idle), default, found)
+
+
+# Of a part (ACC, GYR or MAG), parameters and times: R S, and o (times, 3), or (1, 3) where it is one.
+Formula = Callable[[str, Asked, Series], tuple[Matrix, Vectors]]
+
+
+@dataclass(frozen=True, slots=True)
+class OwnParameters:
+    """What an autopilot did to the numbers of a stream.
+
+    Attributes
     ----------
-    path : of a file.
-
-    Raises
-    ------
-    OSError
-        If it cannot be read.
+    first : its parameters by name, as the log begins.
+    changes : time in s, name and value of those that were changed later.
+    formula : what it did with them.
     """
-    with opened(path) as file:
-        head = file.read(8)
-    if head.startswith(ULOG):
-        found = _of_ulog(path)
-    elif head.startswith(DATAFLASH):
-        found = _of_dataflash(path)
-    else:
-        return {}
-    kinds = (_OFFSET, _SCALE, _SWITCH, _CURVE, _DEVICE, _FIELD_OFFSET, _FIELD_SCALE)
-    return {name: value for name, value in found.items() if any(k.fullmatch(name) for k in kinds)}
+
+    first: Mapping[str, float]
+    changes: Sequence[tuple[float, str, float]]
+    formula: Formula
+
+    def undone(self, samples: Samples, name: str) -> tuple[Samples, list[Remark]]:
+        """Return the samples as the sensor gave them, and what is said of that; `name` is of file and stream."""
+        asked = Asked(dict(self.first))
+        raw = {part: self._undone(part, samples, asked) for part in _PARTS}
+        said: list[Remark] = []
+        if asked.active:
+            told = ", ".join(f"{n} = {', then '.join(values)}" for n, values in asked.active.items())
+            text = f"{name}: the autopilot's own parameters are undone ({told}), so that the numbers are the sensor's "
+            said.append(
+                Remark("mended", f"{text}again; what `tumble convert` writes replaces these parameters.")
+            )
+        if asked.missing:
+            text = f"{name}: {UNSTATED} {', '.join(asked.missing)}, by which the autopilot may have corrected its "
+            text += "numbers; they are read as they are. If it did, record with these in the log, or at their defaults."
+            said.append(Remark("corrected", text))
+        return replace(samples, **raw), said
+
+    def _undone(self, part: str, samples: Samples, asked: Asked) -> Vectors | None:
+        values, time = getattr(samples, part), samples.time
+        if values is None:
+            return None
+        asked.stated = dict(self.first)
+        raw, steps = np.empty_like(values), [(-np.inf, "", 0.0), *sorted(self.changes), (np.inf, "", 0.0)]
+        for (since, name, value), (until, _, _) in pairwise(steps):
+            asked.stated[name] = value
+            inside = (time > since) & (time <= until)
+            if inside.any():
+                matrix, offset = self.formula(_PARTS[part], asked, time[inside])
+                raw[inside] = values[inside] @ inverted(matrix).T + offset
+        return raw
 
 
-def _of_ulog(path: Path) -> dict[str, float]:
-    """Return the parameters that stand before the first data message."""
-    data = mapped(path)
-    found: dict[str, float] = {}
-    position, stop = _HEADER, len(data)
-    while position + 3 <= stop:
-        size, kind = (
-            int.from_bytes(data[position : position + 2], "little"),
-            data[position + 2 : position + 3],
+def _turn(name: str, number: float, known: Sequence[str]) -> Matrix:
+    if not 0 <= number < len(known):
+        raise RecordingError(
+            f"The log's {name} is {number:.0f}, a rotation of its own, by which its numbers cannot be turned back: set "
+            "it to one of the list, and record again."
         )
-        body = data[position + 3 : position + 3 + size]
-        position += 3 + size
-        if kind == b"A":
-            break
-        if kind != b"P" or not body:
-            continue
-        words, value = body[1 : 1 + body[0]].decode("ascii", "replace").split(" "), body[1 + body[0] :]
-        if len(words) == 2 and len(value) >= 4:
-            form = {"float": "<f", "int32_t": "<i"}.get(words[0])
-            if form is not None:
-                found[words[1]] = float(struct.unpack_from(form, value)[0])
-    return found
+    return matrix_from_angles(np.radians([float(angle) for angle in known[int(number)].split(",")]))
 
 
-def _of_dataflash(path: Path) -> dict[str, float]:
-    """Return the first value of each parameter that a message PARM states."""
-    data = mapped(path)
-    layout: tuple[int, int, int, int] | None = None  # kind, length, places of name and value
-    lengths = {128: 89}
-    found: dict[str, float] = {}
-    position, stop, last = 0, len(data), 0
-    while position + 3 <= stop and position < last + _FAR:
-        length = lengths.get(data[position + 2], 0) if data[position : position + 2] == b"\xa3\x95" else 0
-        if not length or position + length > stop:
-            position = data.find(b"\xa3\x95", position + 1)
-            if position < 0:
-                break
-            continue
-        kind = data[position + 2]
-        if kind == 128:
-            message = data[position : position + length]
-            lengths[message[3]] = message[4]
-            if message[5:9] == b"PARM":
-                form = message[9:25].split(b"\0")[0].decode("ascii", "replace")
-                layout = _layout(message[3], message[4], form) or layout
-        elif layout is not None and kind == layout[0]:
-            name = data[position + layout[2] : position + layout[2] + 16].split(b"\0")[0]
-            (value,) = struct.unpack_from("<f", data, position + layout[3])
-            last = position
-            found.setdefault(name.decode("ascii", "replace"), float(value))
-        position += length
-    return found
+def _symmetric(diagonal: Vector, beside: Vector) -> Matrix:
+    x, y, z = beside
+    return np.diag(diagonal) + np.array([[0.0, x, y], [x, 0.0, z], [y, z, 0.0]])
 
 
-def _layout(kind: int, length: int, form: str) -> tuple[int, int, int, int] | None:
-    """Return where name and value of a message PARM stand, from its format characters."""
-    sizes = {"Q": 8, "I": 4, "N": 16, "f": 4}
-    if "Nf" not in form or any(c not in sizes for c in form):
-        return None
-    place = 3 + sum(sizes[c] for c in form[: form.index("N")])
-    return (kind, length, place, place + 16) if place + 20 <= length else None
+@dataclass(frozen=True, slots=True)
+class Px4:
+    """PX4's formula.
 
-
-def active(parameters: dict[str, float]) -> dict[str, float]:
-    """Return the parameters that change numbers: offsets that are not 0, scale factors that are not 1, curves in use.
-
-    Parameters
+    Attributes
     ----------
-    parameters : as `parameters_of` gives them.
+    devices : identities of the sensors of a stream, by part; a part that the log does not tell is not there.
+    thermal : the messages `sensor_correction`, or None.
     """
-    found = {n: v for n, v in parameters.items() if _OFFSET.fullmatch(n) and v != 0.0}
-    # A scale factor of exactly 0 is ArduPilot's for a sensor that is not there.
-    found |= {n: v for n, v in parameters.items() if _SCALE.fullmatch(n) and v not in (0.0, 1.0)}
-    switches = {n: v for n, v in parameters.items() if _SWITCH.fullmatch(n) and v != 0.0}
-    for switch in switches:
-        family = switch.removesuffix("_ENABLE")
-        found |= {n: v for n, v in parameters.items() if n.startswith(family) and _CURVE.fullmatch(n)}
-    return found | switches
 
+    devices: Mapping[str, Sequence[int]]
+    thermal: Columns | None
 
-def active_on_field(parameters: dict[str, float]) -> dict[str, float]:
-    """Return the parameters that change a magnetometer's numbers.
+    def __call__(self, part: str, asked: Asked, time: Series) -> tuple[Matrix, Vectors]:
+        """Return R S and o: see `Formula`."""
+        kind = "GYRO" if part == "GYR" else part
+        slot, device = self._slot(part, kind, asked)
+        named = f"CAL_{kind}{slot}_ROT"
+        own = asked.number(named, -1.0)
+        if own < 0.0:
+            named = "SENS_BOARD_ROT"
+            own = asked.number(named, 0.0)
+        level = [asked.number(f"SENS_BOARD_{axis}_OFF", 0.0) for axis in "XYZ"]
+        matrix = matrix_from_angles(np.radians(level)) @ _turn(named, own, _PX4_TURNS)
+        offset = np.zeros((time.size, 3))
+        if part != "MAG" and asked.number(f"TC_{part[0]}_ENABLE", 0.0):
+            offset += self._thermal("accel" if part == "ACC" else "gyro", device, time)
+        if slot is None:
+            return matrix, offset
+        scale = np.ones(3) if part == "GYR" else asked.triad(f"CAL_{kind}{slot}_{{}}SCALE", 1.0)
+        beside = np.zeros(3) if part != "MAG" else asked.triad(f"CAL_{kind}{slot}_{{}}ODIAG", 0.0)
+        return matrix @ _symmetric(scale, beside), offset + asked.triad(f"CAL_{kind}{slot}_{{}}OFF", 0.0)
 
-    Parameters
-    ----------
-    parameters : as `parameters_of` gives them.
-    """
-    found = {n: v for n, v in parameters.items() if _FIELD_OFFSET.fullmatch(n) and v != 0.0}
-    return found | {n: v for n, v in parameters.items() if _FIELD_SCALE.fullmatch(n) and v not in (0.0, 1.0)}
+    def _slot(self, part: str, kind: str, asked: Asked) -> tuple[int | None, int]:
+        """Return the number of a sensor's parameters, None without any, and its identity, 0 if it is not known."""
+        stated = {n: asked.stated.get(f"CAL_{kind}{n}_ID") for n in range(4)}
+        if not any(one is not None for one in stated.values()):
+            asked.missing[f"CAL_{kind}*"] = None
+        known = {int(one) % 2**32: n for n, one in stated.items() if one}
+        devices = self.devices.get(part) or list(known)
+        if len(devices) > 1:
+            raise RecordingError(
+                f"The log does not tell which of the sensors with CAL_{kind}n_ID {', '.join(map(str, devices))} its "
+                "numbers are of: read one by its own message (--topic vehicle_imu:0, --topic vehicle_magnetometer:0)."
+            )
+        device = devices[0] if devices else 0
+        return known.get(device), device
 
-
-def identity_of(path: Path) -> tuple[str, ...]:
-    """Return what distinguishes a log's active parameters from others: twelve hexadecimal digits; none without any.
-
-    Parameters
-    ----------
-    path : of a log whose messages these parameters have corrected.
-
-    Raises
-    ------
-    OSError
-        If it cannot be read.
-    """
-    return _identity(active(parameters_of(path)))
-
-
-def field_identity_of(path: Path) -> tuple[str, ...]:
-    """Return the same of the parameters that have corrected the magnetometer that is read of a log.
-
-    ArduPilot logs its magnetometer corrected; PX4 does in `vehicle_magnetometer`, and not in `sensor_mag`.
-
-    Parameters
-    ----------
-    path : of a file; what is no log has none.
-
-    Raises
-    ------
-    OSError
-        If it cannot be read.
-    """
-    found = active_on_field(parameters_of(path))
-    if found and any(name.startswith("CAL_") for name in found) and mapped(path).find(b"sensor_mag:") >= 0:
-        return ()
-    return _identity(found)
-
-
-def _identity(found: dict[str, float]) -> tuple[str, ...]:
-    text = "\n".join(f"{name}={found[name]:.9g}" for name in sorted(found))
-    return (hashlib.sha256(text.encode()).hexdigest()[:12],) if found else ()
-
-
-def about_parameters(path: Path) -> list[Remark]:
-    """Say which own parameters have corrected a log's numbers, and which devices they are of.
-
-    Parameters
-    ----------
-    path : of a log whose numbers are what its autopilot's parameters left.
-    """
-    known = parameters_of(path)
-    stated = any(_OFFSET.fullmatch(name) for name in known)
-    text = f"{path.name}: {UNSTATED}. Set them to their defaults before recording."
-    remarks = [] if stated else [Remark("corrected", text)]
-    found = active(known) | active_on_field(known)
-    if not found:
-        return remarks
-    told = [f"{name} = {value:.6g}" for name, value in found.items()]
-    more = f" and {len(told) - _SHOWN} more" if len(told) > _SHOWN else ""
-    devices = [f"{n} = {v:.0f}" for n, v in known.items() if _DEVICE.fullmatch(n) and v != 0.0]
-    remarks.append(
-        Remark(
-            "corrected",
-            f"{path.name}: the autopilot's own parameters were active ({', '.join(told[:_SHOWN])}{more}). A "
-            "calibration of these numbers holds on top of them, and not in their place. For numbers to load into the "
-            "autopilot set them to their defaults and record again.",
+    def _thermal(self, name: str, device: int, time: Series) -> Vectors:
+        """Return the thermal offsets that were applied, each from its message on."""
+        said = self.thermal or {}
+        for n in range(4):
+            if device in said.get(f"{name}_device_ids[{n}]", ()):
+                offsets = np.column_stack([said[f"{name}_offset_{n}[{i}]"] for i in range(3)])
+                row = np.searchsorted(said["timestamp"] / 1e6, time, side="right") - 1
+                return offsets[np.maximum(row, 0)].astype(np.float64)
+        raise RecordingError(
+            f"The log's numbers are corrected by temperature (TC_{name[0].upper()}_ENABLE), and it lacks "
+            "sensor_correction, which holds by how much: log it, or the raw sensors, or set TC_A_ENABLE and "
+            "TC_G_ENABLE to 0, and record again."
         )
-    )
-    if devices:
-        remarks.append(Remark("found", f"{path.name}: devices {', '.join(devices[:_SHOWN])}."))
-    return remarks
+
+
+@dataclass(frozen=True, slots=True)
+class ArduPilot:
+    """ArduPilot's formula.
+
+    Attributes
+    ----------
+    instance : of the sensor, from 0.
+    celsius : time in s and temperature of the unit, or None.
+    """
+
+    instance: int
+    celsius: tuple[Series, Series] | None
+
+    def __call__(self, part: str, asked: Asked, time: Series) -> tuple[Matrix, Vectors]:
+        """Return R S and o: see `Formula`. A compass is turned before it is corrected."""
+        unit = f"{self.instance + 1}" if self.instance else ""
+        if part == "MAG":
+            diagonal = asked.triad(f"COMPASS_DIA{unit}_{{}}", 1.0, 0.0)
+            scale = asked.number(f"COMPASS_SCALE{unit}", 0.0, 1.0)
+            scale = scale if 1.0 / _LARGEST_SCALE <= scale <= _LARGEST_SCALE else 1.0
+            matrix = scale * _symmetric(diagonal, asked.triad(f"COMPASS_ODI{unit}_{{}}", 0.0))
+            return matrix, -asked.triad(f"COMPASS_OFS{unit}_{{}}", 0.0)[None]
+        name = "AHRS_ORIENTATION"
+        matrix = _turn(name, asked.number(name, 0.0), _ARDUPILOT_TURNS)
+        if part == "ACC":
+            matrix = matrix * asked.triad(f"INS_ACC{unit}SCAL_{{}}", 1.0, 0.0)
+        return matrix, asked.triad(f"INS_{part}{unit}OFFS_{{}}", 0.0) + self._thermal(part, asked, time)
+
+    def _thermal(self, part: str, asked: Asked, time: Series) -> Vectors:
+        """Return P(T) - P(T of the calibration)."""
+        begin = f"INS_TCAL{self.instance + 1}_"
+        if asked.number(f"{begin}ENABLE", 0.0, 2.0) != 1.0:
+            return np.zeros((1, 3))
+        if self.celsius is None:
+            raise RecordingError(
+                f"The log's numbers are corrected by temperature ({begin}ENABLE), and it does not hold that of IMU:"
+                f"{self.instance}: log the message IMU, or set {begin}ENABLE to 0 and record again."
+            )
+        c = np.array([[asked.stated.get(f"{begin}{part}{k}_{a}", 0.0) for a in "XYZ"] for k in (1, 2, 3)])
+        low, high = (asked.stated.get(begin + name, 0.0) for name in ("TMIN", "TMAX"))
+        own = asked.stated.get(f"INS_{part}{self.instance + 1}_CALTEMP", -300.0)
+        celsius = np.append(np.interp(time, *self.celsius), own)
+        d = np.clip(celsius, low, high)[:, None] - _REFERENCE
+        effects = 1e-6 * (c[0] + (c[1] + c[2] * d) * d) * d
+        return effects[:-1] - effects[-1]

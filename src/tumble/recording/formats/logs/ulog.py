@@ -8,22 +8,22 @@ PX4 user guide, *ULog File Format*; message definitions `SensorCombined`, `Senso
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import redirect_stdout
+from dataclasses import replace
 from importlib import import_module
 from io import StringIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from tumble.arrays import Series, Vectors
 from tumble.errors import RecordingError, UsageError, install
 from tumble.files import opened
 from tumble.recording.formats.damage import foreign
 from tumble.recording.formats.logs.logged_streams import Stream, is_field, table_of_streams
-from tumble.recording.formats.logs.own_parameters import about_parameters
+from tumble.recording.formats.logs.own_parameters import Columns, OwnParameters, Px4
 from tumble.recording.formats.streams import Units, merge_streams
 from tumble.recording.formats.table import RawTable, hash_file, mapped
 from tumble.recording.recording import Remark
@@ -37,17 +37,11 @@ HAS_TOPICS = True
 _MAGIC = b"ULog\x01\x12\x35"
 _HEADER = 16  # bytes
 _LEAST_RATE = 20.0  # Hz; most logs have the raw sensors once a second only
-_PLAIN_TYPES = {f"{sign}int{bits}_t" for sign in ("", "u") for bits in (8, 16, 32, 64)} | {
-    "float", "double", "bool", "char",
-}  # fmt: skip
 _NO_STAMP = 2**31 - 1  # accelerometer_timestamp_relative of a message without an accelerometer's sample
-_CORRECTED = (
-    "is what the autopilot's own calibration (CAL_ACC*, CAL_GYRO*) left; reset it to calibrate the sensor"
-)
-
-_FIELD_CORRECTED = "is what the autopilot's own calibration (CAL_MAG*) left; reset it to calibrate the sensor"
-
-Columns = Mapping[str, npt.NDArray[Any]]
+_OWN_AXES = "is in the magnetometer's own axes, which may be turned against the autopilot's"
+_CORRECTED = ("sensor_combined", "vehicle_imu", "vehicle_magnetometer")
+_SELECTION, _THERMAL = "sensor_selection", "sensor_correction"
+_DEVICES = {"ACC": "accel_device_id", "GYR": "gyro_device_id", "MAG": "device_id"}
 
 
 def recognises(head: bytes) -> bool:
@@ -79,36 +73,22 @@ def read_table(path: Path, topics: Sequence[str] = ()) -> RawTable:
     # Opened here, for pyulog leaves a damaged file open; what it prints of damage is said by a remark.
     with foreign(path, "ULog"), opened(path) as file:
         with redirect_stdout(StringIO()):
-            log = library.ULog(file, list(_MESSAGES), disable_str_exceptions=True)
+            log = library.ULog(file, [*_MESSAGES, _SELECTION, _THERMAL], disable_str_exceptions=True)
         streams = _streams(log, path.name)
     if not streams:
-        undefined = _undefined_types(log)
-        if any(kind in _MESSAGES for kind in undefined):
-            raise RecordingError(f"{path.name}: {_undefined_words(undefined)}.")
         names = sorted({d.name for d in log.data_list} | set(log.message_formats))
         raise RecordingError(
             f"{path.name} holds none of the messages {', '.join(_MESSAGES)}; log sensor_combined at full rate. "
             f"It knows {', '.join(names[:12])}{' and more' if len(names) > 12 else ''}."
         )
     remarks = _damage(log, path)
-    table = table_of_streams(path, streams, topics, _automatic(streams), hash_file(path), remarks)
-    if is_corrected(table):
-        table.remarks += about_parameters(path)
-    return table
-
-
-def is_corrected(table: RawTable) -> bool:
-    """Whether the numbers of a log are what the autopilot's own parameters left of the sensors' output."""
-    return any(_CORRECTED in remark.text for remark in table.remarks)
+    return table_of_streams(path, streams, topics, _automatic(streams), hash_file(path), remarks)
 
 
 def _damage(log: Any, path: Path) -> list[Remark]:
     """Say what is missing of a log."""
     said: list[Remark] = []
-    undefined = _undefined_types(log) if log.file_corruption else {}
-    if undefined:
-        said.append(Remark("found", f"{path.name}: {_undefined_words(undefined)}."))
-    if _is_cut(path) or (log.file_corruption and not undefined):
+    if _is_cut(path) or log.file_corruption:
         said.append(Remark("mended", f"{path.name} is damaged or cut short; what could be read is used."))
     if log.dropouts:
         lost = sum(d.duration for d in log.dropouts) / 1000.0
@@ -116,25 +96,6 @@ def _damage(log: Any, path: Path) -> list[Remark]:
             Remark("found", f"{path.name}: the logger lost {lost:.3g} s in {len(log.dropouts)} dropout(s).")
         )
     return said
-
-
-def _undefined_types(log: Any) -> dict[str, str]:
-    """Return the messages with a field whose type the log does not describe, and that type."""
-    formats: dict[str, Any] = log.message_formats
-    missing: dict[str, str] = {}
-    for name, layout in formats.items():
-        for kind, _, _ in layout.fields:
-            if kind not in _PLAIN_TYPES and kind not in formats:
-                missing.setdefault(name, str(kind))
-    return missing
-
-
-def _undefined_words(undefined: Mapping[str, str]) -> str:
-    several = [f"{name} (of {kind!r})" for name, kind in list(undefined.items())[:6]]
-    return (
-        f"a field of {', '.join(several)} is of a type that the log does not describe, so that the message cannot be "
-        "read"
-    )
 
 
 def _is_cut(path: Path) -> bool:
@@ -152,8 +113,21 @@ def _streams(log: Any, name: str) -> list[Stream]:
     for kind, make in _MESSAGES.items():
         for data in sorted((d for d in log.data_list if d.name == kind), key=lambda d: d.multi_id):
             if len(data.data["timestamp"]) > 1:
-                streams.append(make(f"{kind}:{data.multi_id}", data.data, name))
+                stream = make(f"{kind}:{data.multi_id}", data.data, name)
+                own = _own_parameters(log, data) if kind in _CORRECTED else None
+                streams.append(replace(stream, own=own))
     return streams
+
+
+def _own_parameters(log: Any, data: Any) -> OwnParameters:
+    """Return what the autopilot's parameters did to a message's numbers, and of which sensors they are."""
+    beside: dict[str, Columns] = {d.name: d.data for d in log.data_list if d.name in (_SELECTION, _THERMAL)}
+    told = beside.get(_SELECTION, {}) if data.name == "sensor_combined" else data.data
+    known = {part: np.unique(told[field]) for part, field in _DEVICES.items() if field in told}
+    devices = {part: [int(one) for one in found if one] for part, found in known.items()}
+    changes = [(stamp / 1e6, name, float(value)) for stamp, name, value in log.changed_parameters]
+    first = {name: float(value) for name, value in log.initial_parameters.items()}
+    return OwnParameters(first, changes, Px4(devices, beside.get(_THERMAL)))
 
 
 def _automatic(streams: Sequence[Stream]) -> list[str]:
@@ -185,11 +159,11 @@ def _combined(name: str, columns: Columns, file: str) -> Stream:
     relative = np.asarray(columns["accelerometer_timestamp_relative"], dtype=np.float64)
     force, rate = _triad(columns, "accelerometer_m_s2"), _triad(columns, "gyro_rad")
     if not np.any(relative):
-        return Stream(name, Samples(time / 1e6, force, rate), Units(), _CORRECTED)
+        return Stream(name, Samples(time / 1e6, force, rate))
     there = relative != _NO_STAMP
     accelerometer = Samples((time + relative)[there] / 1e6, force[there])
     merged, _ = merge_streams(file, (name, accelerometer), (name, Samples(time / 1e6, None, rate)))
-    return Stream(name, merged, Units(), _CORRECTED)
+    return Stream(name, merged)
 
 
 def _vehicle(name: str, columns: Columns, file: str) -> Stream:
@@ -202,7 +176,7 @@ def _vehicle(name: str, columns: Columns, file: str) -> Stream:
         _triad(columns, f"delta_{what}")[whole] / span[whole, None]
         for what, span in zip(("angle", "velocity"), spans, strict=True)
     )
-    note = f"holds increments, which are divided by the interval that stands beside each; it {_CORRECTED}"
+    note = "holds increments, which are divided by the interval that stands beside each"
     return Stream(name, Samples(_seconds(columns)[whole], force, rate), Units(), note)
 
 
@@ -234,17 +208,10 @@ def _fifo(name: str, columns: Columns, file: str) -> Stream:
 
 
 def _magnetometer(name: str, columns: Columns, file: str) -> Stream:
-    """The raw sensor in its own axes, or the one that the autopilot's calibration has corrected and turned; gauss."""
-    raw = "magnetometer_ga[0]" not in columns
-    values = _triad(columns, "" if raw else "magnetometer_ga")
-    return Stream(
-        name,
-        Samples(_seconds(columns), magnetic_field=values),
-        Units(magnetic_field="gauss"),
-        "is in the magnetometer's own axes, which may be turned against the autopilot's"
-        if raw
-        else _FIELD_CORRECTED,
-    )
+    """The raw sensor, or the one that the autopilot's calibration has corrected and turned; gauss."""
+    values = _triad(columns, "magnetometer_ga" if "magnetometer_ga[0]" in columns else "")
+    samples = Samples(_seconds(columns), magnetic_field=values)
+    return Stream(name, samples, Units(magnetic_field="gauss"), _OWN_AXES)
 
 
 _MESSAGES: dict[str, Callable[[str, Columns, str], Stream]] = {
