@@ -1,4 +1,4 @@
-"""`tumble convert`, `compose`, `diff` and `invert` as a user meets them."""
+"""`tumble convert` and `diff` as a user meets them."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ TARGETS = targets()
 MATRIX = np.array([[1.01, 0.002, -0.003], [-0.001, 0.99, 0.004], [0.003, -0.002, 1.02]])
 
 
-def written(path: Path, bias: float = 0.1, **update: Any) -> Path:
+def written(path: Path, bias: float = 0.1) -> Path:
     triad = Triad(MATRIX, np.array([bias, -0.2, 0.05]))
     document = calibration_from_model(
         ImuModel(triad, triad), ("m/s^2", "rad/s"), ("fixture", "axes"), [], procedure="by hand", remarks=[]
     )
     names = [f"{t}.bias[{i}]" for t in ("accelerometer", "gyroscope") for i in range(3)]
     known = {"covariance_parameters": names, "covariance": (1e-6 * np.eye(6)).tolist()}
-    document.model_copy(update={**known, **update}).write(path)
+    document.model_copy(update=known).write(path)
     return path
 
 
@@ -101,25 +101,6 @@ def test_wrong_usage_is_one_sentence(
     assert sorted(Path.cwd().iterdir()) == before
 
 
-def test_compose_and_invert(tumble: Any, calibration: Path, tmp_path: Path) -> None:
-    first = read_calibration(calibration)
-    written(tmp_path / "second.json", 0.02, input_corrected_by=[first.identity])
-    assert tumble("compose", calibration, "second.json", "-o", "both.json").status == 0
-    assert tumble("compose", calibration, "second.json", "--merge", "-o", "one.json").status == 0
-    raw = np.array([[1.0, 2.0, 9.5]])
-    both, one = (read_calibration(name).correct(raw, raw) for name in ("both.json", "one.json"))
-    assert np.allclose(both[0], one[0], rtol=0, atol=1e-12)
-    assert tumble("invert", "one.json", "-o", "back.json").status == 0
-    assert np.allclose(read_calibration("back.json").correct(*one)[0], raw, rtol=0, atol=1e-12)
-    is_told(
-        tumble("compose", calibration, written(tmp_path / "raw.json", 0.3), "-o", "no.json"), "raw recordings"
-    )
-    is_told(tumble("compose", calibration, calibration, "-o", "no.json"), "same")
-    is_told(tumble("invert", "both.json", "-o", "no.json"), "composed")
-    is_told(tumble("invert", calibration, "-o", calibration), "one of the inputs")
-    assert not Path("no.json").exists()
-
-
 def test_diff_says_what_changed_and_whether_it_matters(
     tumble: Any, calibration: Path, tmp_path: Path
 ) -> None:
@@ -137,19 +118,6 @@ def test_diff_says_what_changed_and_whether_it_matters(
     assert same.status == 0
     assert "no more than chance" in same.out
     is_told(tumble("diff", calibration, other, "--allowed", "few"), "pair")
-
-
-def test_an_inverse_undoes_what_apply_did(tumble: Any, calibration: Path, tmp_path: Path) -> None:
-    rows = np.column_stack([np.arange(300) / 100, np.random.default_rng(3).normal(0.0, 0.02, (300, 6))])
-    rows[:, 3] += 9.8
-    text = "t,ax,ay,az,gx,gy,gz\n" + "\n".join(",".join(map(repr, r)) for r in rows.tolist()) + "\n"
-    (tmp_path / "raw.csv").write_text(text)
-    assert tumble("apply", calibration, "raw.csv", "--units", "m/s^2,rad/s", "-o", "once.csv").status == 0
-    assert tumble("invert", calibration, "-o", "back.json").status == 0
-    answer = tumble("apply", "back.json", "once.csv", "--units", "m/s^2,rad/s", "-o", "again.csv")
-    assert answer.status == 0, answer.err
-    again = np.loadtxt(tmp_path / "again.csv", delimiter=",", skiprows=1)
-    assert np.allclose(again[:, 1:7], rows[:, 1:], rtol=0, atol=1e-7)
 
 
 @pytest.mark.parametrize(

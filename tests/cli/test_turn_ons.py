@@ -68,15 +68,6 @@ def test_the_report_shows_each_turn_on(answer: Any, folder: Path) -> None:
         assert words in page
 
 
-def test_a_calibration_of_several_recordings_still_inverts_and_says_nothing_of_turn_ons(
-    tumble: Any, answer: Any, folder: Path
-) -> None:
-    assert answer.status == 0
-    done = tumble("invert", folder / "results" / "calibration.json", "-o", folder / "inverse.json")
-    assert done.status == 0, done
-    assert json.loads((folder / "inverse.json").read_text(encoding="utf-8"))["turn_ons"] is None
-
-
 def test_recordings_of_two_units_are_said_to_be(tumble: Any, folder: Path, tmp_path: Path) -> None:
     done = tumble(
         *("calibrate", folder / "monday.csv", folder / "stranger.csv", "--turn-ons", TERMS),

@@ -275,7 +275,7 @@ def test_no_command_writes_over_its_inputs(
     before = contents(tmp_path)
     for arguments in (
         ("predict", file, "-o", file),
-        ("invert", file, "-o", file),
+        ("convert", file, "--frame", "accelerometer-z", "-o", file),
         ("apply", file, raw, "-o", raw),
         ("inspect", raw, "--save", raw),
         ("convert", file, "--to", "yaml", "-o", file),
@@ -297,7 +297,7 @@ def test_no_command_replaces_a_device(
     before = place.lstat()
     for arguments in (
         ("mount", recording, recording, "-c", calibrated, "-o", place),
-        ("invert", calibrated, "-o", place),
+        ("convert", calibrated, "--frame", "accelerometer-z", "-o", place),
         ("apply", calibrated, recording, "-o", place),
         ("plan", "strapdown-rotation", "-o", place),
         ("simulate", "six-position", "-o", place),

@@ -179,18 +179,6 @@ def test_ulog_the_raw_magnetometer_has_its_own_rate_and_axes(tmp_path: Path) -> 
     assert "own axes" in texts(recording)
 
 
-def test_ulog_a_corrected_magnetometer_is_said_to_be_one(tmp_path: Path) -> None:
-    fields = (
-        "uint64_t timestamp_sample;uint32_t device_id;float[3] magnetometer_ga;uint8_t calibration_count;"
-    )
-    rows = [(int(t) + 50, int(t), 7, *m, 1) for t, m in zip(STAMPS[::5], MAG[::5], strict=True)]
-    write_ulog(tmp_path / "a.ulg", combined(), ("vehicle_magnetometer", 0, fields, "QI3fB", rows))
-    recording = read_recording(tmp_path / "a.ulg")
-    assert np.array_equal(field_of(recording).values, MAG[::5])
-    assert np.array_equal(field_of(recording).time, STAMPS[::5] / 1e6)
-    assert "CAL_MAG" in texts(recording)
-
-
 # -- ArduPilot ---------------------------------------------------------------------------------------
 
 

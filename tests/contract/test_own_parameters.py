@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from contract.test_flight_logs import FMT, described
 from tumble.document.imported import calibration_from_model
 from tumble.document.magnetometer_block import MagnetometerBlock
 from tumble.document.result import Calibration
@@ -77,15 +78,13 @@ def symmetric(diagonal: np.ndarray, beside: np.ndarray) -> np.ndarray:
     return np.array([[a, d, e], [d, b, f], [e, f, c]])
 
 
-YAW_90, YAW_270, ROLL_90 = (  # by the firmwares' own assignments to x, y and z
-    np.array(rows, float)
-    for rows in (
-        [[0, -1, 0], [1, 0, 0], [0, 0, 1]],
-        [[0, 1, 0], [-1, 0, 0], [0, 0, 1]],
-        [[1, 0, 0], [0, 0, -1], [0, 1, 0]],
-    )
-)
-TURNS = {-1: np.eye(3), 0: np.eye(3), 2: YAW_90, 6: YAW_270, 16: ROLL_90}
+# By the firmwares' own assignments to x, y and z: none, yaw by 90° and by 270°, roll by 90°.
+TURNS = {
+    0: np.eye(3),
+    2: np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]]),
+    6: np.array([[0, 1, 0], [-1, 0, 0], [0, 0, 1]]),
+    16: np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]]),
+}
 
 
 def px4(kind: str, u: np.ndarray, p: Parameters, thermal: np.ndarray) -> np.ndarray:
@@ -116,14 +115,8 @@ def ardupilot(kind: str, u: np.ndarray, p: Parameters, celsius: np.ndarray) -> n
         if p.get("INS_TCAL2_ENABLE"):
             one = one - polynomial(temperature) + polynomial(p[f"INS_{kind}2_CALTEMP"])
         scale = three(p, "INS_ACC2SCAL_{}", 1.0) if kind == "ACC" else np.ones(3)
-        made.append(
-            TURNS[int(p.get("AHRS_ORIENTATION", 0))]
-            @ ((one - three(p, f"INS_{kind}2OFFS_{{}}", 0.0)) * scale)
-        )
-    return np.array(made)
-
-
-# -- Logs --------------------------------------------------------------------------------------------
+        made.append((one - three(p, f"INS_{kind}2OFFS_{{}}", 0.0)) * scale)
+    return np.array(made) @ TURNS[int(p.get("AHRS_ORIENTATION", 0))].T
 
 
 def part(kind: bytes, body: bytes) -> bytes:
@@ -210,13 +203,6 @@ def ulog(
     return path
 
 
-def described(kind: int, name: bytes, form: bytes, labels: bytes) -> bytes:
-    length = 3 + struct.calcsize(
-        "<" + form.decode().replace("N", "16s").replace("Z", "64s").replace("n", "4s")
-    )
-    return b"\xa3\x95\x80" + struct.pack("<BB4s16s64s", kind, length, name, form, labels)
-
-
 def dataflash(
     path: Path,
     p: Parameters,
@@ -257,10 +243,10 @@ def dataflash(
     def stated(t: int, some: Parameters) -> list[bytes]:
         return [b"\xa3\x95\x40" + struct.pack("<Q16sff", t, n.encode(), v, 7.0) for n, v in some.items()]
 
-    parts = [described(128, b"FMT", b"BBnNZ", b"Type,Length,Name,Format,Columns")]
-    parts += [
-        described(number, name.encode(), form, labels) for name, (number, form, labels) in kinds.items()
-    ]
+    parts = [FMT]
+    for name, (number, form, labels) in kinds.items():
+        length = 3 + struct.calcsize("<" + form.decode().replace("N", "16s"))
+        parts.append(described(number, length, name.encode(), form, labels))
     parts += stated(900, p)
     for i, t in enumerate(stamps.tolist()):
         parts += stated(t - 1, later or {}) if i == half else []
@@ -285,9 +271,6 @@ def assert_raw(recording: Recording, tolerance: float = 2e-6) -> None:
 def _needs_pyulog(request: pytest.FixtureRequest) -> None:
     if "px4" in request.node.name:
         pytest.importorskip("pyulog", reason="the extra px4 is not installed")
-
-
-# -- One motion, both ways ---------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("message", ["sensor_combined", "vehicle_imu"])
@@ -399,9 +382,6 @@ def test_what_a_log_does_not_state_is_said_by_its_names_px4_and_ardupilot(tmp_pa
         assert sum("had their defaults while it was recorded" in text for text in done.remarks) == 1
 
 
-# -- From the log to new parameters ------------------------------------------------------------------
-
-
 def held_in_many_poses() -> Signals:
     """Stamps, raw force and raw rate of a unit whose errors an autopilot's parameters can hold."""
     accelerometer = Triad(np.diag([1.02, 0.985, 1.01]), np.array([0.2, -0.15, 0.1]))
@@ -425,30 +405,22 @@ def numbers(path: Path) -> dict[str, float]:
 @pytest.mark.parametrize("firmware", ["px4", "ardupilot"])
 def test_a_calibrated_drone_gets_the_parameters_that_a_new_one_gets(tmp_path: Path, firmware: str) -> None:
     signals = held_in_many_poses()
-    active = PX4 if firmware == "px4" else ARDUPILOT
+    write, active = (ulog, PX4) if firmware == "px4" else (dataflash, ARDUPILOT)
     found: list[dict[str, float]] = []
     for name, p in (("active", active), ("idle", at_defaults(active))):
-        if firmware == "px4":
-            path = ulog(tmp_path / f"{name}.ulg", p, signals=signals)
-        else:
-            path = dataflash(tmp_path / f"{name}.bin", p, signals=signals)
-        run = calibrate(path, site=SITE)
+        run = calibrate(write(tmp_path / f"{name}.log", p, signals=signals), site=SITE)
         assert run.calibration.input_corrected_by == []
-        out = convert_to(
-            run.calibration,
-            firmware,
-            output=tmp_path / f"{name}-{firmware}.txt",
-            instance=1,
-            largest_loss=0.1,
-        )
-        found.append(numbers(out.files[0]))
+        target = tmp_path / f"{name}-{firmware}.txt"
+        convert_to(run.calibration, firmware, output=target, largest_loss=0.1)
+        found.append(numbers(target))
     assert found[0] == pytest.approx(found[1], abs=2e-5)  # logs of single precision
     # Set into the firmware they correct the raw numbers: |f| is g at rest, and the gyros' offsets are gone.
     new, (stamps, force, rate) = found[0], signals
     if firmware == "px4":
-        new = {name.replace("CAL_GYRO1", "CAL_GYRO0"): value for name, value in new.items()}
+        new = {name.replace("CAL_ACC0", "CAL_ACC1"): value for name, value in new.items()}
         f, w = px4("ACC", force, new, np.zeros_like(force)), px4("GYRO", rate, new, np.zeros_like(rate))
     else:
+        new = {re.sub("(ACC|GYR)", r"\g<1>2", name): value for name, value in new.items()}
         f, w = (ardupilot(k, u, new, np.zeros(len(u))) for k, u in (("ACC", force), ("GYR", rate)))
     for k in range(12):
         rest = (stamps > 1e6 * (5.0 * k + 0.5)) & (stamps < 1e6 * (5.0 * k + 2.5))
@@ -457,12 +429,9 @@ def test_a_calibrated_drone_gets_the_parameters_that_a_new_one_gets(tmp_path: Pa
 
 
 def document(before: tuple[str, ...] = ()) -> Calibration:
-    model = ImuModel(
-        Triad(np.diag([1.01, 0.99, 1.005]), np.array([0.1, 0.2, -0.3])), Triad(np.eye(3), np.full(3, 0.01))
-    )
-    made = calibration_from_model(
-        model, ("m/s^2", "rad/s"), ("fixture", "axes"), [], procedure="by hand", remarks=[]
-    )
+    force = Triad(np.diag([1.01, 0.99, 1.005]), np.array([0.1, 0.2, -0.3]))
+    model, of = ImuModel(force, Triad(np.eye(3), np.full(3, 0.01))), ("fixture", "axes")
+    made = calibration_from_model(model, ("m/s^2", "rad/s"), of, [], procedure="by hand", remarks=[])
     return made.model_copy(update={"input_corrected_by": list(before)})
 
 
@@ -478,18 +447,12 @@ def test_a_calibration_of_corrected_numbers_does_not_replace_the_autopilots(
 
 
 def test_a_magnetometer_that_an_earlier_version_calibrated_on_top_is_left_out(tmp_path: Path) -> None:
-    block = MagnetometerBlock(
-        raw_unit="mgauss",
-        unit="T",
-        frame="b",
-        method="holds and turns",
-        matrix=((1.01e7, 1e5, -2e5), (1e5, 0.99e7, 3e5), (-2e5, 3e5, 1.02e7)),
-        bias=(12.0, -30.0, 7.0),
-    )
+    matrix = ((1.01e7, 1e5, -2e5), (1e5, 0.99e7, 3e5), (-2e5, 3e5, 1.02e7))
+    words: Any = {"raw_unit": "mgauss", "unit": "T", "frame": "b", "method": "holds and turns"}
+    block = MagnetometerBlock(**words, matrix=matrix, bias=(12.0, -30.0, 7.0))
     for before, written in (([], True), (["0123456789ab"], False)):
-        made = document().model_copy(
-            update={"magnetometer": block.model_copy(update={"input_corrected_by": before})}
-        )
+        on_top = block.model_copy(update={"input_corrected_by": before})
+        made = document().model_copy(update={"magnetometer": on_top})
         found = convert_to(made, "ardupilot", output=tmp_path / "out", largest_loss=0.1)
         text = "".join(file.read_text("utf-8") for file in found.files)
         assert ("COMPASS_OFS_X" in text) == written

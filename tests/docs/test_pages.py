@@ -19,7 +19,6 @@ PAGES = sorted(
 EXECUTED = {
     "README.md": 1,
     "docs/conventions.md": 10,
-    "docs/convert.md": 5,
     "docs/file-format.md": 10,
     "docs/joint.md": 4,
     "docs/magnetometer.md": 1,

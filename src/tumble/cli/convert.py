@@ -137,8 +137,7 @@ def _write(
 
 
 def _turn(calibration: Path, output: Path | None, form: FormOptions) -> Converted:
-    from tumble.workflows.algebra import turn
-    from tumble.workflows.convert import Converted
+    from tumble.workflows.convert import Converted, turn
 
     if form.frame is None:
         raise UsageError(

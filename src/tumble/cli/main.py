@@ -62,17 +62,9 @@ COMMANDS = {
         "convert",
         "Write a calibration as another tool's file, or read one. Without arguments: the list of targets.",
     ),
-    "compose": (
-        "algebra",
-        "Make one calibration of two that follow one another: the first's output is the second's input.",
-    ),
     "diff": (
-        "algebra",
+        "diff",
         "Say what changed between two calibrations or more, in sigmas, and whether it matters.",
-    ),
-    "invert": (
-        "algebra",
-        "Make the calibration that undoes another: from corrected numbers to raw ones in m/s² and rad/s.",
     ),
     "mount": (
         "mount",
@@ -110,7 +102,7 @@ PANELS = {
     "Use a calibration": ("verify", "apply", "convert", "diff", "mount", "certificate"),
     "Many units": ("batch", "registry"),
     "Before a test, and for papers": ("plan", "simulate", "reproduce"),
-    "Advanced": ("predict", "compose", "invert"),
+    "Advanced": ("predict",),
 }
 """The commands by what they are for, in the order of the help."""
 FORMER = {

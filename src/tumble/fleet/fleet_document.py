@@ -9,8 +9,8 @@ from datetime import UTC, datetime
 import numpy as np
 
 import tumble
-from tumble.document.algebra import turned_to
 from tumble.document.entries import PLACES, entry_names, model_of_vector, named_parameters, stacked
+from tumble.document.frame_change import turned_to
 from tumble.document.result import Calibration, TriadBlock, VerdictBlock
 from tumble.errors import UsageError
 from tumble.fleet.between import FEWEST, Between, between_units

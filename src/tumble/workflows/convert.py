@@ -11,6 +11,7 @@ from pathlib import Path
 
 from tumble.border import border
 from tumble.document import Calibration, read_calibration
+from tumble.document.frame_change import turned_to
 from tumble.document.imported import calibration_from_model
 from tumble.document.result import RecordingName
 from tumble.errors import UsageError
@@ -263,3 +264,25 @@ def _two_units(text: str) -> tuple[str, str]:
             f"{wrong!r} in --units is not known: give specific force and angular rate, as g,deg/s or counts."
         )
     return force, rate
+
+
+def turn(
+    calibration: str | os.PathLike[str], frame: str, output: str | os.PathLike[str]
+) -> tuple[Path, Calibration]:
+    """Write the calibration in another frame.
+
+    Raises
+    ------
+    UsageError
+        If the frame is unknown or cannot be had, or the output is the input.
+    CalibrationFileError, OutputError
+        If the file cannot be read, or the result not be written.
+    """
+    document = turned_to(read_calibration(calibration), frame)
+    file, place = (
+        Path(p) / "calibration.json" if Path(p).is_dir() else Path(p) for p in (output, calibration)
+    )
+    if file.exists() and place.exists() and file.samefile(place):
+        raise UsageError(f"{file} is the input itself: give another file with -o.")
+    document.write(file)
+    return file, document

@@ -15,7 +15,6 @@ from tumble.calibration.canonical import canonical_names
 from tumble.calibration.estimate import OverTemperature
 from tumble.calibration.evidence import Holds
 from tumble.document import Calibration, calibration_from_estimate, read_calibration
-from tumble.document.composed import compose_calibrations
 from tumble.document.corrector import Corrector
 from tumble.document.result import RecordingName
 from tumble.earth import Site
@@ -325,7 +324,7 @@ def test_a_calibration_of_one_temperature_used_at_another_is_told(tmp_path: Path
     assert not any("thermal" in remark for remark in done.remarks)
 
 
-def test_composed_calibrations_are_one_function_after_the_other(tmp_path: Path) -> None:
+def test_apply_after_apply_takes_out_both_calibrations(tmp_path: Path) -> None:
     """The second's truth is distorted by the first: both taken out, whatever their lags and functions."""
     first = DOCUMENT
     second_model = replace(
@@ -342,45 +341,16 @@ def test_composed_calibrations_are_one_function_after_the_other(tmp_path: Path) 
     truth = TRUE.specific_force, TRUE.angular_rate
     between = second_model.distort(TRUE.time, *truth, TRUE.temperature)
     raw = thermal_unit().distort(TRUE.time, *between, TRUE.temperature)
-    both = compose_calibrations(first, second)
-    both.write(tmp_path / "calibration.json")
-    both = read_calibration(tmp_path)
-    with pytest.raises(CalibrationFileError, match="composed of 2"):
-        _ = both.model
-    force, rate = both.correct(*raw, TRUE.time, TRUE.temperature)
-    assert force is not None
-    np.testing.assert_allclose(force, truth[0], atol=1e-12)
-    np.testing.assert_allclose(rate, truth[1], atol=1e-12)
-
     file = saved(replace(RAW, specific_force=raw[0], angular_rate=raw[1]), tmp_path)
-    apply(both, file, output=tmp_path / "both.parquet", **OPTIONS)
     apply(first, file, output=tmp_path / "one.parquet", **OPTIONS)
     apply(second, tmp_path / "one.parquet", output=tmp_path / "two.parquet", units="m/s^2,rad/s,s")
-    assert corrections_of([tmp_path / "both.parquet"]) == (first.identity, second.identity)
     assert corrections_of([tmp_path / "two.parquet"]) == (first.identity, second.identity)
-    np.testing.assert_allclose(
-        pl.read_parquet(tmp_path / "both.parquet")[:, 1:7].to_numpy(),
-        pl.read_parquet(tmp_path / "two.parquet")[:, 1:7].to_numpy(),
-        atol=1e-12,
-    )
+    corrected = pl.read_parquet(tmp_path / "two.parquet")[:, 1:7].to_numpy()
+    np.testing.assert_allclose(corrected, np.hstack(truth), atol=1e-12)
     with pytest.raises(UsageError, match="corrected by this calibration already"):
-        apply(both, tmp_path / "one.parquet", output=tmp_path / "x.csv")
+        apply(first, tmp_path / "one.parquet", output=tmp_path / "x.csv")
     with pytest.raises(UsageError, match="this recording is not: correct it"):
         apply(second, file, output=tmp_path / "x.csv", **OPTIONS)
-
-
-def test_calibrations_of_the_same_raw_recordings_are_not_composed() -> None:
-    second = document_of(thermal_unit(7), RAW)
-    with pytest.raises(UsageError, match="on raw recordings, as far as they say"):
-        compose_calibrations(DOCUMENT, second)
-    with pytest.raises(UsageError, match="are the same"):
-        compose_calibrations(DOCUMENT, DOCUMENT)
-    assert compose_calibrations(DOCUMENT, second, unmarked=True).stages[0] is DOCUMENT
-    counts = second.model_copy(
-        update={"raw_units": second.raw_units.model_copy(update={"specific_force": "counts"})}
-    )
-    with pytest.raises(UsageError, match="takes counts"):
-        compose_calibrations(DOCUMENT, counts, unmarked=True)
 
 
 @pytest.mark.parametrize(

@@ -33,13 +33,13 @@ UNSTATED = "the log does not state"
 _PARTS = {"specific_force": "ACC", "angular_rate": "GYR", "magnetic_field": "MAG"}
 # Roll, pitch and yaw of the enumeration of rotations, degrees. The two part after number 40.
 _TURNS = (
-    "0,0,0 0,0,45 0,0,90 0,0,135 0,0,180 0,0,225 0,0,270 0,0,315 180,0,0 180,0,45 180,0,90 180,0,135 0,180,0 180,0,225 "
-    "180,0,270 180,0,315 90,0,0 90,0,45 90,0,90 90,0,135 270,0,0 270,0,45 270,0,90 270,0,135 0,90,0 0,270,0 0,180,90 "
-    "0,180,270 90,90,0 180,90,0 270,90,0 90,180,0 270,180,0 90,270,0 180,270,0 270,270,0 90,180,90 90,0,270 90,68,293 "
-    "0,315,0 90,315,0"
+    "0,0,0;0,0,45;0,0,90;0,0,135;0,0,180;0,0,225;0,0,270;0,0,315;180,0,0;180,0,45;180,0,90;180,0,135;0,180,0;"
+    "180,0,225;180,0,270;180,0,315;90,0,0;90,0,45;90,0,90;90,0,135;270,0,0;270,0,45;270,0,90;270,0,135;0,90,0;"
+    "0,270,0;0,180,90;0,180,270;90,90,0;180,90,0;270,90,0;90,180,0;270,180,0;90,270,0;180,270,0;270,270,0;"
+    "90,180,90;90,0,270;90,68,293;0,315,0;90,315,0;"
 )
-_PX4_TURNS = f"{_TURNS} 270,0,180 270,0,270 0,90,180 0,9,180 0,45,0 270,0,225 270,0,315".split()
-_ARDUPILOT_TURNS = f"{_TURNS} 0,7,0 45,0,0 315,0,0".split()
+_PX4_TURNS = f"{_TURNS}270,0,180;270,0,270;0,90,180;0,9,180;0,45,0;270,0,225;270,0,315".split(";")
+_ARDUPILOT_TURNS = f"{_TURNS}0,7,0;45,0,0;315,0,0".split(";")
 _REFERENCE = 35.0  # °C of ArduPilot's polynomials
 _LARGEST_SCALE = 1.5  # of a compass; ArduPilot leaves out what is larger, or smaller than its inverse
 
@@ -124,8 +124,8 @@ class OwnParameters:
 def _turn(name: str, number: float, known: Sequence[str]) -> Matrix:
     if not 0 <= number < len(known):
         raise RecordingError(
-            f"The log's {name} is {number:.0f}, a rotation of its own, by which its numbers cannot be turned back: set "
-            "it to one of the list, and record again."
+            f"The log's {name} is {number:.0f}, a rotation of its own, which cannot be undone. Set it to one of the "
+            "list, and record again."
         )
     return matrix_from_angles(np.radians([float(angle) for angle in known[int(number)].split(",")]))
 
@@ -178,7 +178,7 @@ class Px4:
         if len(devices) > 1:
             raise RecordingError(
                 f"The log does not tell which of the sensors with CAL_{kind}n_ID {', '.join(map(str, devices))} its "
-                "numbers are of: read one by its own message (--topic vehicle_imu:0, --topic vehicle_magnetometer:0)."
+                "numbers are of. Read one by its own message (--topic vehicle_imu:0, --topic vehicle_magnetometer:0)."
             )
         device = devices[0] if devices else 0
         return known.get(device), device
@@ -193,7 +193,7 @@ class Px4:
                 return offsets[np.maximum(row, 0)].astype(np.float64)
         raise RecordingError(
             f"The log's numbers are corrected by temperature (TC_{name[0].upper()}_ENABLE), and it lacks "
-            "sensor_correction, which holds by how much: log it, or the raw sensors, or set TC_A_ENABLE and "
+            "sensor_correction, which holds by how much. Log it, or the raw sensors, or set TC_A_ENABLE and "
             "TC_G_ENABLE to 0, and record again."
         )
 
@@ -234,7 +234,7 @@ class ArduPilot:
         if self.celsius is None:
             raise RecordingError(
                 f"The log's numbers are corrected by temperature ({begin}ENABLE), and it does not hold that of IMU:"
-                f"{self.instance}: log the message IMU, or set {begin}ENABLE to 0 and record again."
+                f"{self.instance}. Log the message IMU, or set {begin}ENABLE to 0, and record again."
             )
         c = np.array([[asked.stated.get(f"{begin}{part}{k}_{a}", 0.0) for a in "XYZ"] for k in (1, 2, 3)])
         low, high = (asked.stated.get(begin + name, 0.0) for name in ("TMIN", "TMAX"))

@@ -1,4 +1,4 @@
-"""`tumble compose`, `tumble diff` and `tumble invert`: calibrations from calibrations."""
+"""`tumble diff`: what changed from one calibration to others."""
 
 from __future__ import annotations
 
@@ -10,58 +10,12 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 import typer
 
 from tumble.cli.groups import FIRST, option
-from tumble.cli.options import CalibrationArgument, PrintOptions, output_option
-from tumble.cli.terminal import console, results_stand, say, say_json, say_written
+from tumble.cli.options import PrintOptions, output_option
+from tumble.cli.terminal import console, results_stand, say_json, say_written
 from tumble.errors import UsageError
 
 if TYPE_CHECKING:
-    from tumble.document import Calibration
     from tumble.document.difference import Difference
-
-Output = Annotated[Path, output_option("The file, or a folder for calibration.json.", "PATH")]
-
-
-def compose_command(
-    first: Annotated[Path, typer.Argument(help="The calibration of raw numbers, such as a factory's.")],
-    second: Annotated[Path, typer.Argument(help="The one made on recordings that the first has corrected.")],
-    output: Output,
-    printed: PrintOptions,
-    merge: Annotated[
-        bool,
-        option(
-            FIRST, "", "As one matrix and bias, with the covariance of both, where that is exact.", "--merge"
-        ),
-    ] = False,
-    unmarked: Annotated[
-        bool,
-        option(
-            FIRST,
-            "",
-            "The second one's recordings were corrected by the first without saying so.",
-            "--unmarked",
-        ),
-    ] = False,
-) -> None:
-    """Make one calibration of two that follow one another: the first's output is the second's input.
-
-    One function is applied after the other, exactly, with temperature and all. A second calibration that was
-    made on raw recordings is refused: both would correct the same error.
-    """
-    from tumble.workflows.algebra import compose
-
-    file, document = compose(first, second, output, merge=merge, unmarked=unmarked)
-    _written(file, document, printed)
-
-
-def invert_command(calibration: CalibrationArgument, output: Output, printed: PrintOptions) -> None:
-    """Make the calibration that undoes another: from corrected numbers to raw ones in m/s² and rad/s.
-
-    `tumble apply` takes it for recordings that the other has corrected. Covariance is carried.
-    """
-    from tumble.workflows.algebra import invert
-
-    file, document = invert(calibration, output)
-    _written(file, document, printed)
 
 
 def diff_command(
@@ -89,7 +43,7 @@ def diff_command(
 
     tumble diff truth.json calibration.json says whether a calibration recovers a simulated unit.
     """
-    from tumble.workflows.algebra import difference, verdict
+    from tumble.workflows.difference import difference, verdict
     from tumble.workflows.simulated.recovery import is_truth
 
     first, *later = calibrations
@@ -225,13 +179,3 @@ def _print(first: Path, found: Difference, sentences: list[str], quiet: bool) ->
 
 def _percent(share: float) -> str:
     return f"{100 * share:.0f} %" if share >= 0.1 else f"{100 * share:.2g} %"
-
-
-def _written(file: Path, document: Calibration, printed: PrintOptions) -> None:
-    results_stand()
-    if printed.as_json:
-        say_json({"file": str(file.resolve()), "identity": document.identity})
-        return
-    if not printed.quiet and document.remarks:
-        say(f"• {document.remarks[-1]}")
-    say_written([file])

@@ -1,4 +1,4 @@
-"""Laws of calibrations computed from calibrations: what they correct to, and the covariance against a simulation."""
+"""Laws of a change of frame and of differences: what they correct to, and the covariance against a simulation."""
 
 from __future__ import annotations
 
@@ -7,29 +7,22 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tumble.document.algebra import inverted, merged, turned_to
-from tumble.document.composed import compose_calibrations
 from tumble.document.difference import compare_calibrations
 from tumble.document.entries import entry_names, model_of_vector, stacked, vector_of_model
+from tumble.document.frame_change import turned_to
 from tumble.document.imported import calibration_from_model
-from tumble.document.merging import merge_models
 from tumble.document.result import Calibration, UnseenBlock
 from tumble.document.thermal_block import thermal_block
 from tumble.errors import UsageError
 from tumble.sensor import FRAMES, ImuModel, Triad, change_frame
 from tumble.sensor.gauge import mean_gyro_rotation, polar_rotation
 from tumble.sensor.thermal import TemperatureBasis, ThermalModel
-from tumble.workflows.algebra import verdict
+from tumble.workflows.difference import verdict
 
 M_A = np.array([[1.012, 0.004, -0.007], [-0.009, 0.991, 0.006], [0.003, -0.012, 1.021]])
 M_G = np.array([[0.985, -0.011, 0.008], [0.006, 1.017, -0.004], [-0.013, 0.005, 1.008]])
 G = np.array([[1.1e-3, -4e-4, 2e-4], [3e-4, -9e-4, 6e-4], [-7e-4, 5e-4, 8e-4]])
 MODEL = ImuModel(Triad(M_A, np.array([0.11, -0.23, 0.34])), Triad(M_G, np.array([0.012, -0.034, 0.021])), G)
-OTHER = ImuModel(
-    Triad(M_G + 0.01 * M_A.T, np.array([-0.03, 0.05, 0.07])),
-    Triad(M_A.T.copy(), np.array([0.004, 0.001, -0.002])),
-    2 * G.T,
-)
 RAW_A = np.array([[1.0, 2.0, 9.5], [-8.0, 3.0, -4.0], [0.3, -9.9, 1.2]])
 RAW_G = np.array([[0.1, -0.2, 0.3], [-1.5, 0.7, 0.2], [0.0, 2.0, -1.0]])
 
@@ -103,44 +96,6 @@ def test_there_and_back_is_the_same() -> None:
 
 def test_the_polar_rotation_is_that_of_the_singular_values() -> None:
     assert np.allclose(polar_rotation(M_G), mean_gyro_rotation(M_G), atol=1e-14)
-
-
-def test_the_inverse_undoes_a_calibration() -> None:
-    calibration = document(MODEL)
-    inverse = inverted(calibration)
-    force, rate = calibration.correct(RAW_A, RAW_G)
-    back = inverse.correct(force, rate)
-    assert np.allclose(back[0], RAW_A, rtol=0, atol=1e-12)
-    assert np.allclose(back[1], RAW_G, rtol=0, atol=1e-12)
-    assert inverse.input_corrected_by == [calibration.identity]
-    twice = stacked(inverted(inverse.model_copy(update={"input_corrected_by": []})))
-    assert np.allclose(twice[0], stacked(calibration)[0], atol=1e-13)
-    assert np.allclose(twice[1], stacked(calibration)[1], rtol=0, atol=1e-15)
-
-
-def test_merged_calibrations_correct_as_one_after_another() -> None:
-    first = document(MODEL)
-    second = document(OTHER, 2, input_corrected_by=[first.identity])
-    composed = compose_calibrations(first, second)
-    one = merged(composed)
-    for got, wanted in zip(one.correct(RAW_A, RAW_G), composed.correct(RAW_A, RAW_G), strict=True):
-        assert np.allclose(got, wanted, rtol=0, atol=1e-12)
-    drawn = []
-    for a, b in zip(samples_of(first, 150, 5), samples_of(second, 150, 6), strict=True):
-        drawn.append(vector_of_model(merge_models(model_of_vector(a, MODEL), model_of_vector(b, OTHER))))
-    assert_covariances_agree(stacked(one)[1], np.array(drawn))
-
-
-@pytest.mark.parametrize("operation", [inverted, merged])
-def test_what_has_no_such_form_is_refused(operation: Any) -> None:
-    bent = Triad(M_A, np.zeros(3), np.array([1e-4, 0.0, 0.0]))
-    first = document(ImuModel(bent, MODEL.gyroscope))
-    calibration = first
-    if operation is merged:
-        second = document(OTHER, 2, input_corrected_by=[first.identity])
-        calibration = compose_calibrations(first, second)
-    with pytest.raises(UsageError, match="asymmetry"):
-        operation(calibration)
 
 
 def test_two_draws_of_one_unit_differ_by_chance_alone() -> None:
@@ -358,7 +313,7 @@ def test_the_covariance_of_coefficients_is_turned_with_them() -> None:
     assert np.abs(found - before).max() > 1e-3 * np.abs(before).max()
 
 
-def test_lever_arms_are_turned_with_the_frame_and_left_out_of_others() -> None:
+def test_lever_arms_are_turned_with_the_frame() -> None:
     arms = ((0.003, 0.0, 0.001), (0.0, 0.004, -0.002), (0.005, 0.0, 0.012))
     calibration = document(MODEL, lever_arms=arms)
     turned = turned_to(calibration, "accelerometer-x")
@@ -367,13 +322,10 @@ def test_lever_arms_are_turned_with_the_frame_and_left_out_of_others() -> None:
     C = np.linalg.lstsq(force, turned_force, rcond=None)[0].T
     assert turned.lever_arms is not None
     assert np.allclose(np.array(turned.lever_arms), np.array(arms) @ C.T, rtol=0, atol=1e-15)
-    inverse = inverted(calibration)
-    assert inverse.lever_arms is None
-    assert "lever arms are not in it" in inverse.remarks[-1]
 
 
 @pytest.mark.parametrize("which", ["accelerometer", "gyroscope"])
-def test_one_triad_alone_is_turned_inverted_and_merged(which: str) -> None:
+def test_one_triad_alone_is_turned(which: str) -> None:
     def alone(model: ImuModel) -> ImuModel:
         return (
             ImuModel(model.accelerometer, None)
@@ -385,25 +337,15 @@ def test_one_triad_alone_is_turned_inverted_and_merged(which: str) -> None:
     raw = {"accelerometer": (RAW_A, None), "gyroscope": (None, RAW_G)}[which]
     at = 0 if which == "accelerometer" else 1
     true = first.correct(*raw)[at]
-    back = {"accelerometer": (true, None), "gyroscope": (None, true)}[which]
-    assert np.allclose(inverted(first).correct(*back)[at], raw[at], rtol=0, atol=1e-12)
-    second = document(alone(OTHER), 2, input_corrected_by=[first.identity])
-    composed = compose_calibrations(first, second)
-    assert np.allclose(merged(composed).correct(*raw)[at], composed.correct(*raw)[at], rtol=0, atol=1e-12)
     frame = "accelerometer-x" if which == "accelerometer" else "mean-gyro"
     turned = turned_to(first, frame).correct(*raw)[at]
     assert np.allclose(np.linalg.norm(turned, axis=1), np.linalg.norm(true, axis=1), rtol=1e-12)
     other = "mean-gyro" if which == "accelerometer" else "accelerometer-z"
     with pytest.raises(UsageError, match="which is not calibrated"):
         turned_to(first, other)
-    with pytest.raises(UsageError, match="not of the same triads"):
-        compose_calibrations(first, document(OTHER, 2, input_corrected_by=[first.identity]))
-    with pytest.raises(UsageError, match="not of the same triads"):
-        merge_models(MODEL, alone(OTHER))
 
 
-def test_other_raw_units_are_undone_in_si() -> None:
-    """A unit in g and deg/s: its inverse takes SI and gives SI, so what it gives is the raw number in SI."""
+def test_one_unit_told_in_two_units_has_not_changed() -> None:
     in_g = ImuModel(
         Triad(M_A / 9.80665, np.array([0.11, -0.23, 0.34]) / 9.80665),
         Triad(np.degrees(M_G), np.degrees(np.array([0.012, -0.034, 0.021]))),
@@ -412,16 +354,9 @@ def test_other_raw_units_are_undone_in_si() -> None:
     calibration = calibration_from_model(
         in_g, ("g", "deg/s"), ("fixture", "axes"), [], procedure="by hand", remarks=[]
     )
-    force, rate = calibration.correct(RAW_A / 9.80665, np.degrees(RAW_G))
-    back = inverted(calibration).correct(force, rate)
-    assert np.allclose(back[0], RAW_A, rtol=0, atol=1e-12)
-    assert np.allclose(back[1], RAW_G, rtol=0, atol=1e-12)
     counts = calibration.model_copy(
         update={"raw_units": calibration.raw_units.model_copy(update={"angular_rate": "counts"})}
     )
-    with pytest.raises(UsageError, match="takes counts cannot be inverted"):
-        inverted(counts)
-    # The same unit told in two units is no change; and one that moved shows with its true size.
     found = compare_calibrations(document(MODEL), calibration)
     assert found.force is not None
     assert found.force.value < 1e-12
@@ -431,42 +366,12 @@ def test_other_raw_units_are_undone_in_si() -> None:
         compare_calibrations(document(MODEL), counts)
 
 
-def test_what_is_composed_or_mirrored_has_no_other_frame_and_no_inverse() -> None:
-    first = document(MODEL)
-    composed = compose_calibrations(first, document(OTHER, 2, input_corrected_by=[first.identity]))
-    with pytest.raises(UsageError, match="merge it into one first"):
-        turned_to(composed, "accelerometer-x")
-    with pytest.raises(UsageError, match="inverted stage by stage"):
-        inverted(composed)
-    with pytest.raises(UsageError, match="compared stage by stage"):
-        compare_calibrations(composed, first)
-    with pytest.raises(UsageError, match="composed already"):
-        compose_calibrations(first, composed)
+def test_a_frame_that_is_unknown_or_of_a_mirrored_triad_is_refused() -> None:
     with pytest.raises(UsageError, match="There is no frame 'accelerometer-y'"):
-        turned_to(first, "accelerometer-y")
-    with pytest.raises(UsageError, match="changes with temperature has no inverse"):
-        inverted(thermal_document())
+        turned_to(document(MODEL), "accelerometer-y")
     mirrored = ImuModel(Triad(M_A @ np.diag([1.0, -1.0, 1.0]), np.zeros(3)), MODEL.gyroscope)
     with pytest.raises(UsageError, match="left-handed: an axis is reversed"):
         turned_to(document(mirrored), "accelerometer-x")
-
-
-def test_calibrations_that_would_correct_twice_are_not_composed() -> None:
-    first, second = document(MODEL), document(OTHER, 2)
-    with pytest.raises(UsageError, match="the same correction would be applied twice"):
-        compose_calibrations(first, first)
-    with pytest.raises(UsageError, match="on raw recordings, as far as they say"):
-        compose_calibrations(first, second)
-    with pytest.raises(UsageError, match="on recordings corrected by another"):
-        compose_calibrations(first, second.model_copy(update={"input_corrected_by": ["another"]}))
-    assert compose_calibrations(first, second, unmarked=True).input_corrected_by == [first.identity]
-    in_g = second.raw_units.model_copy(update={"specific_force": "g"})
-    with pytest.raises(UsageError, match="takes g and rad/s, and the first one gives"):
-        compose_calibrations(first, second.model_copy(update={"raw_units": in_g}), unmarked=True)
-    warm = thermal_document()
-    stages = compose_calibrations(warm, second, unmarked=True)
-    with pytest.raises(UsageError, match="leave --merge out"):
-        merged(stages)
 
 
 def test_frames_that_are_fixed_from_outside_are_compared_in_one_of_the_unit_s_own() -> None:

@@ -1,73 +1,16 @@
-"""Calibrations from calibrations: composed, compared, inverted, turned to another frame."""
+"""What changed from one calibration to another, and whether it matters."""
 
 from __future__ import annotations
 
 import os
-from pathlib import Path
 
 import numpy as np
 
-from tumble.document import Calibration, read_calibration
-from tumble.document.algebra import inverted, merged, turned_to
-from tumble.document.composed import compose_calibrations
+from tumble.document import read_calibration
 from tumble.document.difference import Difference, compare_calibrations
-from tumble.errors import UsageError
 from tumble.units import STANDARD_GRAVITY
 
 PathLike = str | os.PathLike[str]
-
-
-def compose(
-    first: PathLike, second: PathLike, output: PathLike, *, merge: bool = False, unmarked: bool = False
-) -> tuple[Path, Calibration]:
-    """Write the calibration that corrects by `first` and then by `second`.
-
-    Parameters
-    ----------
-    first, second : of raw numbers; of recordings that the first has corrected.
-    output : the file, or a folder.
-    merge : as one matrix and bias a triad with the covariance of both, where that is exact.
-    unmarked : the second was made on corrected recordings that did not say so.
-
-    Raises
-    ------
-    UsageError
-        If the second is not of the first one's output, or they do not merge.
-    CalibrationFileError, OutputError
-        If a file cannot be read, or the result not be written.
-    """
-    document = compose_calibrations(read_calibration(first), read_calibration(second), unmarked=unmarked)
-    if merge:
-        document = merged(document)
-    return _write(document, output, (first, second)), document
-
-
-def invert(calibration: PathLike, output: PathLike) -> tuple[Path, Calibration]:
-    """Write the calibration that makes raw numbers of corrected ones.
-
-    Raises
-    ------
-    UsageError
-        If it has no inverse of this form.
-    CalibrationFileError, OutputError
-        If the file cannot be read, or the result not be written.
-    """
-    document = inverted(read_calibration(calibration))
-    return _write(document, output, (calibration,)), document
-
-
-def turn(calibration: PathLike, frame: str, output: PathLike) -> tuple[Path, Calibration]:
-    """Write the calibration in another frame.
-
-    Raises
-    ------
-    UsageError
-        If the frame is unknown or cannot be had.
-    CalibrationFileError, OutputError
-        If the file cannot be read, or the result not be written.
-    """
-    document = turned_to(read_calibration(calibration), frame)
-    return _write(document, output, (calibration,)), document
 
 
 def difference(first: PathLike, second: PathLike) -> Difference:
@@ -140,13 +83,3 @@ def _rate_text(value: float, sigma: float) -> str:
         f"Corrected rates at rest differ by up to {per_hour * value:.3g} deg/h ± {per_hour * sigma:.2g}, "
         f"{np.degrees(value) * 60.0:.3g}° a minute"
     )
-
-
-def _write(document: Calibration, output: PathLike, inputs: tuple[PathLike, ...]) -> Path:
-    file = Path(output) / "calibration.json" if Path(output).is_dir() else Path(output)
-    for given in inputs:
-        place = Path(given) / "calibration.json" if Path(given).is_dir() else Path(given)
-        if file.exists() and place.exists() and file.samefile(place):
-            raise UsageError(f"{file} is the input itself: give another file with -o.")
-    document.write(file)
-    return file

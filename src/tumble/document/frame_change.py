@@ -1,0 +1,172 @@
+"""A calibration in another frame; its covariance goes with it.
+
+All 45 numbers of a document (matrices, biases, asymmetries, quadratic terms, g-sensitivity) stand in one vector; the
+turn is an analytic function of it, so that the covariance is carried exactly to first order by the complex step.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from tumble.arrays import Square, Table
+from tumble.document.entries import (
+    PLACES,
+    entry_names,
+    model_of_vector,
+    named_parameters,
+    part,
+    put,
+    stacked,
+)
+from tumble.document.imported import test_vectors, triad_blocks
+from tumble.document.magnetometer_block import MagnetometerBlock
+from tumble.document.result import Calibration, FrameBlock
+from tumble.document.thermal_block import thermal_block
+from tumble.errors import UsageError
+from tumble.sensor import FRAMES, ImuModel, frame_rotation, polar_rotation, propagate
+
+Complex = npt.NDArray[Any]
+
+
+def turned_to(calibration: Calibration, frame: str) -> Calibration:
+    """Return the calibration in another frame, covariance and temperature included: nothing is lost.
+
+    Corrected vectors are turned; the turn depends on the matrix that fixes the frame, which the covariance
+    counts. Of a thermal block the coefficients are turned with it (the turn's own uncertainty is not counted
+    there). A magnetometer is turned, too; of its covariance the turn's own uncertainty is not counted.
+
+    Parameters
+    ----------
+    calibration : of one stage.
+    frame : a name of `FRAMES`.
+
+    Raises
+    ------
+    UsageError
+        If the frame is unknown, the triad that fixes it is missing or left-handed, or the document is composed.
+    CalibrationFileError
+        If the document has no matrix of either triad.
+    """
+    if calibration.composed_with is not None:
+        raise UsageError(
+            "A composed calibration has frames: merge it into one first (`tumble compose --merge`)."
+        )
+    if frame not in FRAMES:
+        raise UsageError(f"There is no frame {frame!r}: choose one of {', '.join(FRAMES)}.")
+    model = calibration.own_model
+    fixed_by = "gyroscope" if frame == "mean-gyro" else "accelerometer"
+    triad = getattr(model, fixed_by)
+    if triad is None:
+        raise UsageError(f"The frame {frame!r} is fixed by the {fixed_by}, which is not calibrated.")
+    if np.linalg.det(triad.matrix) <= 0.0:
+        raise UsageError(
+            f"The {fixed_by} matrix is left-handed: an axis is reversed; put its sign right first."
+        )
+
+    def rotation(x: Complex) -> Complex:
+        matrix = part(x, f"{fixed_by}.matrix")
+        return polar_rotation(matrix) if frame == "mean-gyro" else frame_rotation(matrix, frame)
+
+    def turn(x: Complex) -> Complex:
+        C = rotation(x)
+        moved = x.copy()
+        for name in ("accelerometer.matrix", "gyroscope.matrix", "gyroscope.g_sensitivity"):
+            put(moved, name, part(x, name) @ C.T)
+        return moved
+
+    values, covariance = stacked(calibration)
+    moved, spread = propagate(turn, values, covariance)
+    return _document(
+        calibration,
+        model_of_vector(moved, like=model),
+        spread,
+        frame=FrameBlock(name=frame, description=FRAMES[frame]),
+        thermal=_turned_thermal(
+            calibration, np.real(rotation(values.astype(complex))), model_of_vector(moved, model)
+        ),
+        remark=f"turned from the frame {calibration.frame.name} to {frame}, covariance carried",
+        lever_arms=_turned_arms(calibration, np.real(rotation(values.astype(complex)))),
+        magnetometer=None
+        if calibration.magnetometer is None
+        else calibration.magnetometer.turned(np.real(rotation(values.astype(complex)))),
+    )
+
+
+def _turned_arms(calibration: Calibration, C: Table) -> Any:
+    """The accelerometers' places along the axes of another frame."""
+    if calibration.lever_arms is None:
+        return None
+    return tuple(tuple(float(v) for v in row) for row in np.array(calibration.lever_arms) @ C.T)
+
+
+def _turned_thermal(calibration: Calibration, C: Table, reference: ImuModel) -> Any:
+    """The thermal block with coefficients of matrices turned; biases are the sensors' own."""
+    thermal = calibration.thermal_model
+    if thermal is None or calibration.thermal is None:
+        return None
+    other = replace(thermal.turned(C), reference=reference)
+    names = list(calibration.thermal.covariance_parameters)
+    effect = np.eye(len(names))
+    place = {name: at for at, name in enumerate(names)}
+    for name, at in place.items():
+        stem, _, index = name.rstrip("]").rpartition("[")
+        if ("matrix" in stem or "g_sensitivity" in stem) and index.count(",") == 2:
+            k, i, j = index.split(",")
+            effect[at, at] = 0.0
+            for m in range(3):
+                effect[at, place[f"{stem}[{k},{i},{m}]"]] = C[int(j), m]
+    covariance = effect @ np.array(calibration.thermal.covariance) @ effect.T
+    return thermal_block(other, names, covariance)
+
+
+def _document(
+    calibration: Calibration,
+    model: ImuModel,
+    spread: Square,
+    *,
+    frame: FrameBlock,
+    remark: str,
+    thermal: Any,
+    lever_arms: Any,
+    magnetometer: MagnetometerBlock | None,
+) -> Calibration:
+    """The document with another model and covariance; what is told of a triad that was told before."""
+    units = calibration.raw_units
+    names = entry_names()
+    sigma = np.sqrt(np.maximum(np.diag(spread), 0.0))
+    kept = [
+        at
+        for term, (place, _) in PLACES.items()
+        for at in range(place.start, place.stop)
+        if _has(model, term) and np.any(sigma[place] > 0.0)
+    ]
+    accelerometer, gyroscope = triad_blocks(model)
+    return calibration.model_copy(
+        update={
+            "frame": frame,
+            "accelerometer": accelerometer,
+            "gyroscope": gyroscope,
+            "parameters": named_parameters(model, spread, units),
+            "limits": None,
+            "covariance_parameters": [names[at] for at in kept],
+            "covariance": (0.5 * (spread + spread.T))[np.ix_(kept, kept)].tolist(),
+            "test_vectors": test_vectors(model, (units.specific_force, units.angular_rate)),
+            "remarks": [*calibration.remarks, remark[0].upper() + remark[1:] + "."],
+            "thermal": thermal,
+            "lever_arms": lever_arms,
+            "magnetometer": magnetometer,
+            "turn_ons": None,
+        }
+    )
+
+
+def _has(model: ImuModel, term: str) -> bool:
+    if term == "gyroscope.g_sensitivity":
+        return model.g_sensitivity is not None
+    kind, _, name = term.partition(".")
+    triad = getattr(model, kind)
+    return triad is not None and getattr(triad, name) is not None
