@@ -34,7 +34,6 @@ PROMISED = (
     "plan",
     "simulate",
     "reproduce",
-    "units",
     "registry",
     "certificate",
     "demo",
