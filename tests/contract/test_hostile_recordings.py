@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-import bz2
 import gzip
-import lzma
 import os
 import struct
 import tempfile
-import tracemalloc
 import zipfile
-import zlib
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +15,7 @@ import pytest
 
 from tumble.errors import OutputError, RecordingError, UsageError
 from tumble.recording import read_recording
-from tumble.recording.formats import compressed, compression, find_format, read_table
-from tumble.recording.formats.bags.mcap import McapFile
+from tumble.recording.formats import compressed, find_format, read_table
 from tumble.recording.formats.header import header_names
 from tumble.recording.reading import read_blocks
 
@@ -47,14 +41,6 @@ def refused(file: Path, words: str) -> None:
     for read in (read_recording, lambda path: list(read_blocks(path))):
         with pytest.raises(RecordingError, match=words):
             read(file)
-
-
-@pytest.fixture
-def small(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Limits of a hundredth, so that the files need not be large."""
-    monkeypatch.setattr(compression, "_LARGEST_RATIO", 50)
-    monkeypatch.setattr(compression, "_ALWAYS", 1 << 19)
-    monkeypatch.setattr(compression, "_ANY_CHUNK", 1 << 19)
 
 
 # -- text ------------------------------------------------------------------------------------------
@@ -106,41 +92,6 @@ def test_a_rate_that_is_none_is_refused(tmp_path: Path, rate: float) -> None:
 # -- what is packed --------------------------------------------------------------------------------
 
 
-def zeros(size: int, pack: Callable[[], Any]) -> bytes:
-    """Zeros packed piece by piece."""
-    packer = pack()
-    return b"".join(packer.compress(bytes(1 << 20)) for _ in range(size >> 20)) + packer.flush()
-
-
-@pytest.mark.parametrize(
-    ("ending", "pack"),
-    [
-        (".gz", lambda: zlib.compressobj(9, zlib.DEFLATED, 31)),
-        (".xz", lzma.LZMACompressor),
-        (".bz2", bz2.BZ2Compressor),
-    ],
-)
-@pytest.mark.parametrize("begins", [b"", GOOD.encode()])
-@pytest.mark.usefixtures("small")
-def test_what_unpacks_beyond_measure_is_refused(
-    tmp_path: Path, ending: str, pack: Callable[[], Any], begins: bytes
-) -> None:
-    file = tmp_path / f"hand.csv{ending}"
-    packer = pack()
-    head = packer.compress(begins)
-    line = b"0,0,0,0,0,0,0\n" * 75_000 if begins else bytes(1 << 20)
-    file.write_bytes(head + b"".join(packer.compress(line) for _ in range(8)) + packer.flush())
-    refused(file, "unpacks to|line of more than")
-
-
-@pytest.mark.usefixtures("small")
-def test_zstd_that_unpacks_beyond_measure_is_refused(tmp_path: Path) -> None:
-    library = pytest.importorskip("zstandard")
-    file = tmp_path / "hand.csv.zst"
-    file.write_bytes(zeros(8 << 20, lambda: library.ZstdCompressor().compressobj()))
-    refused(file, "unpacks to")
-
-
 def test_a_full_disk_is_not_taken_for_a_file_cut_short(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -160,33 +111,6 @@ def test_a_full_disk_is_not_taken_for_a_file_cut_short(
         compressed.read_table(file)
 
 
-def mcap_of(chunks: list[bytes]) -> bytes:
-    """An MCAP file without an index of chunks that say that each unpacks to 1 GB."""
-    content = b"\x89MCAP0\r\n"
-    for data in chunks:
-        body = (
-            struct.pack("<QQQI", 0, 1, 1 << 30, 0)
-            + struct.pack("<I", 4)
-            + b"zstd"
-            + struct.pack("<Q", len(data))
-        )
-        content += struct.pack("<BQ", 6, len(body) + len(data)) + body + data
-    return content
-
-
-def test_chunks_of_an_mcap_that_say_that_they_are_huge_are_left_out(tmp_path: Path) -> None:
-    library = pytest.importorskip("zstandard")
-    file = tmp_path / "drive.mcap"
-    data = zeros(64 << 20, lambda: library.ZstdCompressor().compressobj())
-    file.write_bytes(mcap_of([data] * 3))
-    tracemalloc.start()
-    bag = McapFile(file)
-    assert tracemalloc.get_traced_memory()[1] < MOST_MEMORY
-    tracemalloc.stop()
-    assert "1024 MB" in bag.remarks[-1].text
-    refused(file, "holds no message that could be read")
-
-
 def test_a_size_that_lies_takes_no_memory(tmp_path: Path) -> None:
     file = tmp_path / "drive.mcap"
     file.write_bytes(b"\x89MCAP0\r\n" + struct.pack("<BQ", 6, 1 << 62) + b"abc")
@@ -204,7 +128,6 @@ def test_hdf5_whose_numbers_are_elsewhere_is_refused(tmp_path: Path) -> None:
     refused(outside, "stand in another file")
 
 
-@pytest.mark.usefixtures("small")
 # -- headers that lie ------------------------------------------------------------------------------
 
 

@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from tumble.errors import OutputError, RecordingError
-from tumble.files import opened, size_of, temporary_folder
+from tumble.files import opened, temporary_folder
 from tumble.recording.formats import text
-from tumble.recording.formats.compression import ZSTD_MAGIC, Measured, ZstdStream
+from tumble.recording.formats.compression import ZSTD_MAGIC, ZstdStream
 from tumble.recording.formats.table import RawTable, hash_file, row_words
 from tumble.recording.recording import Remark
 
@@ -140,10 +140,9 @@ def unpacked(path: Path) -> Generator[tuple[Path, list[Remark]]]:
             file.seek(0)
             opener = next((o for magic, o in _OPENERS.items() if start.startswith(magic)), None)
             stream = ZstdStream(file, path.name) if opener is None else opener(file)
-            measured = Measured(stream, size_of(path), path.name)
             while True:
                 try:
-                    piece = measured.read(_PIECE)
+                    piece = stream.read(_PIECE)
                 except (EOFError, OSError, zlib.error, lzma.LZMAError) as error:
                     if not target.tell():
                         raise RecordingError(f"{path.name} is compressed and damaged ({error}).") from error

@@ -29,13 +29,15 @@ def foreign(path: Path, format_: str, mend: str = "") -> Generator[None]:
     """
     try:
         yield
-    except (TumbleError, OSError):
+    except TumbleError:
         raise
     except MemoryError as error:
         raise RecordingError(
             f"{path.name} is a damaged or too large {format_}: what it says that it holds does not fit into memory."
         ) from error
     except Exception as error:
+        if isinstance(error, OSError) and error.errno is not None:
+            raise  # the disk's; bz2 has one without a number for damaged bytes
         words = " ".join(str(error).split())[:80].rstrip(".") or type(error).__name__
         more = f" {mend}." if mend else ""
         raise RecordingError(f"{path.name} is a damaged or unsupported {format_} ({words}).{more}") from error

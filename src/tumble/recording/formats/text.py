@@ -19,7 +19,6 @@ from tumble.arrays import Series
 from tumble.counting import counted
 from tumble.errors import RecordingError
 from tumble.files import opened, size_of
-from tumble.recording.formats.compression import Measured
 from tumble.recording.formats.table import RawTable, hash_file
 from tumble.recording.formats.text_layout import (
     COMMENTS,
@@ -41,7 +40,7 @@ _IN_MEMORY = 32 * 1024 * 1024
 """Bytes of a file that is read as a whole; a larger one is read piece by piece."""
 _PIECE = 2 * 1024 * 1024  # of which the numbers stay in the cache until they are in their places
 _PACKED_IN_MEMORY = 1 << 20
-"""Bytes of a packed file that is unpacked in memory, to 300 MB at most; a larger one is unpacked to the disk."""
+"""Bytes of a packed file that is unpacked in memory; a larger one is unpacked to the disk."""
 _CHUNK = 16 * 1024 * 1024
 LONGEST_LINE = 1 << 20
 """Bytes of a line: a thousand columns of numbers with all digits have 25 kB."""
@@ -89,8 +88,7 @@ def _read_all(path: Path) -> tuple[bytes, list[Remark]]:
     parts: list[bytes] = []
     try:
         with opener(path) as file:
-            measured = Measured(file, size_of(path), path.name)
-            while part := measured.read(1 << 20):
+            while part := file.read(1 << 20):
                 parts.append(part)
     except (EOFError, lzma.LZMAError, zlib.error, OSError) as error:
         if not parts:
@@ -311,9 +309,7 @@ def read_table_blocks(path: Path) -> Iterator[RawTable]:
     """
     opener = _opener(path) or _open_plain
     try:
-        with opener(path) as stream:
-            # What is packed may grow beyond measure; what is not is the file itself.
-            file = stream if opener is _open_plain else Measured(stream, size_of(path), path.name)
+        with opener(path) as file:
             head = file.read(_CHUNK)
             if head.startswith(_MARKS[:2]) or b"\n" not in head:
                 # UTF-16 and lone carriage returns cannot be cut at a line feed.

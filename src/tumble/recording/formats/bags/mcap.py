@@ -9,7 +9,7 @@ from __future__ import annotations
 import struct
 import zlib
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import nullcontext
 from dataclasses import field, replace
 from io import BytesIO
@@ -20,7 +20,7 @@ from tumble.errors import RecordingError
 from tumble.files import opened, size_of
 from tumble.recording.formats.bags.bag import Topic, bag_readers
 from tumble.recording.formats.bags.ros_messages import plain_type
-from tumble.recording.formats.compression import decompress_lz4, decompress_zstd, largest_chunk, needed
+from tumble.recording.formats.compression import needed
 from tumble.recording.formats.damage import Damage
 from tumble.recording.recording import Remark
 from tumble.records import dataclass
@@ -35,7 +35,6 @@ _FOOTER_SIZE = 37  # bytes, of the footer and the magic after it
 _MESSAGE = 0x05
 _RECORD = struct.Struct("<BQ")
 _MESSAGE_HEAD = struct.Struct("<HIQQ")
-_UNPACK = {"lz4": decompress_lz4, "zstd": decompress_zstd}
 
 
 def recognises(head: bytes) -> bool:
@@ -148,6 +147,7 @@ class McapFile:
                 whole, emit_chunks=True, record_size_limit=size
             )
             records = iter(stream.records)
+            unpack = library("stream_reader", self.path).get_chunk_data_stream
             for number in range(size):
                 try:
                     record = next(records)
@@ -159,29 +159,14 @@ class McapFile:
                     self._unfinished = True
                     return
                 if isinstance(record, made.Chunk):
-                    try:
-                        unpacked = replace(record, compression="", data=self._unpacked(record))
-                    except (RecordingError, RuntimeError) as error:
-                        self._damage.note(number, error)
+                    content = _unpacked(record, unpack)
+                    if content is None:
+                        words = "a chunk is damaged: its content is not what it says"
+                        self._damage.note(number, RecordingError(words))
                         continue
-                    self.compression, record = record.compression, unpacked
+                    self.compression = record.compression
+                    record = replace(record, compression="", data=content)
                 yield number, record
-
-    def _unpacked(self, chunk: Any) -> bytes:
-        """Return the records of a chunk, decompressed and checked."""
-        size, name, data = chunk.uncompressed_size, self.path.name, chunk.data
-        if chunk.compression:
-            if size > largest_chunk(data):
-                raise RecordingError(f"{name}: a chunk unpacks to {size >> 20} MB, which no recorder writes.")
-            if chunk.compression not in _UNPACK:
-                raise RecordingError(
-                    f"{name}: a chunk is compressed as {chunk.compression[:16]!r}, which is not known; known are lz4 "
-                    "and zstd."
-                )
-            data = _UNPACK[chunk.compression](data, name, size)
-        if len(data) != size or (chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc):
-            raise RecordingError(f"{name}: a chunk is damaged: its content does not agree with its checksum.")
-        return data
 
     def records(self) -> Iterator[Any]:
         """Yield the library's records of the data section, those in chunks, too."""
@@ -211,6 +196,16 @@ class McapFile:
                     yield from _messages_in(piece.data, topics)
                 except struct.error as error:
                     self._damage.note(number, error)
+
+
+def _unpacked(chunk: Any, unpack: Callable[..., tuple[Any, int]]) -> bytes | None:
+    """Return the records of a chunk, unpacked and checked by the library; None of a damaged one."""
+    try:
+        content, size = unpack(chunk, validate_crc=True)
+    except Exception:  # noqa: BLE001 - whatever the library makes of damaged bytes
+        return None
+    data: bytes = content.read(size)
+    return data if size == chunk.uncompressed_size else None
 
 
 def _messages_in(body: bytes, topics: dict[int, str]) -> Iterator[tuple[str, int, bytes]]:

@@ -6,13 +6,12 @@ from collections import Counter
 from collections.abc import Generator, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import field
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 from tumble.recording.formats.bags.bag import Topic, bag_readers
 from tumble.recording.formats.bags.ros_messages import plain_type
-from tumble.recording.formats.compression import decompress_bz2, decompress_lz4, needed
+from tumble.recording.formats.compression import needed
 from tumble.recording.formats.damage import foreign
 from tumble.recording.recording import Remark
 from tumble.records import dataclass
@@ -21,9 +20,6 @@ NAME = "ROS 1 bag"
 ENDINGS = (".bag",)
 SUMMARY = "ROS 1 bag: topics of sensor_msgs/Imu, also split ones (with the extra `ros`)"
 HAS_TOPICS = True
-
-# The library's own take as much memory as a chunk says.
-_BOUNDED = {"bz2": decompress_bz2, "lz4": decompress_lz4}
 
 
 def recognises(head: bytes) -> bool:
@@ -69,11 +65,8 @@ class Rosbag1:
             rate = (count - 1) / span if span > 0.0 and count > 1 else None
             self.topics.append(Topic(name, kind, count, cdr=False, rate=rate))
         known = {d: n for n, d in needed("rosbags.rosbag1.reader", "").decompressors.items()}
-        for place, chunk in self.reader.chunks.items():
-            if bounded := _BOUNDED.get(known[chunk.decompressor]):
-                self.compression = self.compression or known[chunk.decompressor]
-                unpack = partial(bounded, file=self.path.name)
-                self.reader.chunks[place] = chunk._replace(decompressor=unpack)
+        packed = (known[chunk.decompressor] for chunk in self.reader.chunks.values())
+        self.compression = next((name for name in packed if name != "none"), None)
 
     def messages(self, names: Iterable[str]) -> Iterator[tuple[str, int, bytes]]:
         """Yield topic, time of recording in ns, and bytes of the messages of some topics."""
