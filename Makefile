@@ -94,7 +94,6 @@ docs: $(DEV) bytecode  ## Build the documentation's site into build/site; a warn
 figures: $(DEV) bytecode  ## Simulate and draw the figures of the procedures' pages anew (some minutes)
 	$(BIN)/python docs/figures/expected_uncertainty.py
 	$(BIN)/python docs/figures/classical_uncertainty.py
-	$(BIN)/python docs/figures/norm_sensitivity.py
 	$(BIN)/python docs/figures/noise_other_tools.py
 	$(BIN)/python docs/figures/doors.py
 

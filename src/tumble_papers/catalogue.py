@@ -7,7 +7,6 @@ from functools import partial
 from importlib.resources import files
 
 from tumble.reproduction.items import Item, measured_costs
-from tumble_papers.hayal.contradictions import reproduce_contradictions
 from tumble_papers.hayal.estimators import reproduce_convergence, reproduce_norm_bias
 from tumble_papers.hayal.figures import reproduce_figure
 from tumble_papers.hayal.position_figures import reproduce_outage_figure, reproduce_scenario_figure
@@ -16,7 +15,6 @@ from tumble_papers.hayal.scenarios import TABLES, reproduce_scenario_table
 from tumble_papers.hayal.tables import reproduce_table
 from tumble_papers.published import hayal, savage, zhang
 from tumble_papers.savage.accuracy import reproduce_accuracy
-from tumble_papers.savage.contradictions import reproduce_contradictions as reproduce_savage_contradictions
 from tumble_papers.savage.formulas import reproduce_equation_12
 from tumble_papers.savage.formulas import reproduce_table_1 as reproduce_savage_table_1
 from tumble_papers.savage.formulas import reproduce_table_2 as reproduce_savage_table_2
@@ -28,7 +26,7 @@ from tumble_papers.savage.section_9 import (
 )
 from tumble_papers.zhang.comparison import reproduce_figure as reproduce_norm_errors
 from tumble_papers.zhang.comparison import reproduce_table_6
-from tumble_papers.zhang.contradictions import reproduce_contradictions as reproduce_zhang_contradictions
+from tumble_papers.zhang.formulas import reproduce_formulas
 from tumble_papers.zhang.navigation import reproduce_measurements, reproduce_positions
 from tumble_papers.zhang.sensitivity import reproduce_designs, reproduce_sensitivity
 from tumble_papers.zhang.tables import reproduce_scatter_table, reproduce_table_2, reproduce_table_5
@@ -69,16 +67,7 @@ def _hayal_items() -> list[Item]:
         )
         for t in TABLES
     ]
-    items += _position_items()
-    items.append(
-        Item(
-            "hayal-contradictions",
-            "what the thesis says against its own tables",
-            reproduce_contradictions,
-            None,
-        )
-    )
-    return items
+    return items + _position_items()
 
 
 def _position_items() -> list[Item]:
@@ -150,12 +139,7 @@ def _zhang_items() -> list[Item]:
             reproduce_designs,
             500,
         ),
-        Item(
-            "zhang-contradictions",
-            "the formulas tried, and what the paper says against its own tables",
-            reproduce_zhang_contradictions,
-            None,
-        ),
+        Item("zhang-formulas", "the formulas tried, right and slipped", reproduce_formulas, None),
     ]
     return items
 
@@ -190,12 +174,6 @@ def _savage_items() -> list[Item]:
             "accuracy of the test: three grades, ways to evaluate it, play-backs",
             reproduce_accuracy,
             200,
-        ),
-        Item(
-            "savage-contradictions",
-            "the slips of the paper, each with its check",
-            reproduce_savage_contradictions,
-            None,
         ),
     ]
 

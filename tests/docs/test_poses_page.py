@@ -1,37 +1,51 @@
-"""The page on poses: its table is what the library predicts, and its maps show what they say."""
+"""The page on poses: its table is what Zhang's sensitivities predict."""
 
 from __future__ import annotations
 
-import re
-from importlib.util import module_from_spec, spec_from_file_location
+from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
 
+from tumble.attitude.directions import twenty_six_directions
 from tumble.calibration.poses import norm_rows
-from tumble.design.pose_sets import paper_nine, predict_sigma
 from tumble.units import STANDARD_GRAVITY
+from tumble_papers.zhang.optimal_sets import find_best_on_sphere, find_best_subset
+from tumble_papers.zhang.pose_sets import chatfield_orientations, paper_nine, predict_sigma
 
-DOCS = Path(__file__).resolve().parents[2] / "docs"
-
-
-@pytest.fixture(scope="module")
-def script() -> ModuleType:
-    spec = spec_from_file_location("norm_sensitivity", DOCS / "figures" / "norm_sensitivity.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "poses.md"
 
 
-def test_the_table_is_what_the_library_predicts(script: ModuleType) -> None:
-    page = (DOCS / "poses.md").read_text(encoding="utf-8")
+def tabled_sets() -> dict[str, np.ndarray]:
+    """The sets of the page's table, by name."""
+    directions = twenty_six_directions()
+    faces, edges, corners = directions[:6], directions[6:18], directions[18:]
+    # A corner and its three neighbours.
+    four = corners[np.sum(corners > 0.0, axis=1) >= 2]
+
+    def found(search: Callable[..., np.ndarray], count: int, criterion: str) -> np.ndarray:
+        return search(count, np.random.default_rng(0), criterion=criterion)
+
+    return {
+        "the paper's nine: faces, an edge in each plane": paper_nine(),
+        "nine on the sphere, minimax": found(find_best_on_sphere, 9, "minimax"),
+        "nine of the 26, average": found(find_best_subset, 9, "average"),
+        "nine on the sphere, average": found(find_best_on_sphere, 9, "average"),
+        "ten: faces, a corner and its three neighbours": np.vstack([faces, four]),
+        "twelve edges": edges,
+        "fourteen: faces and corners": np.vstack([faces, corners]),
+        "eighteen: faces and edges": chatfield_orientations(),
+        "18 on the sphere, average": found(find_best_on_sphere, 18, "average"),
+        "all 26": directions,
+    }
+
+
+def test_the_table_is_what_the_library_predicts() -> None:
+    page = PAGE.read_text(encoding="utf-8")
     table = page.partition("<!-- sets -->")[2].partition("<!-- /sets -->")[0]
     rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in table.strip().splitlines()[2:]]
-    sets = script.tabled_sets()
+    sets = tabled_sets()
     assert [row[0] for row in rows] == list(sets)
     for (_, count, *cells), directions in zip(rows, sets.values(), strict=True):
         assert int(count) == len(directions)
@@ -42,44 +56,6 @@ def test_the_table_is_what_the_library_predicts(script: ModuleType) -> None:
         # Printed to two digits and to one behind the point; a search ends a little elsewhere on another machine.
         np.testing.assert_allclose(shown[:3], expected, atol=0.006)
         np.testing.assert_allclose(shown[3:], expected * np.array([50.0, 50e-6 * seconds, 50.0]), atol=0.15)
-
-
-def test_both_halves_show_every_direction_once_and_equal_areas(script: ModuleType) -> None:
-    halves = [script.Hemisphere(side * script.FRONT, 0.0, 0.0) for side in (1.0, -1.0)]
-    rng = np.random.default_rng(8)
-    drawn = rng.standard_normal((20000, 3))
-    drawn /= np.linalg.norm(drawn, axis=1)[:, None]
-    places = [[half.at(up) for up in drawn] for half in halves]
-    assert all((a is None) != (b is None) for a, b in zip(*places, strict=True))
-    reach = np.array([np.hypot(*place) / script.RADIUS for place in places[0] if place is not None])
-    # Of equal areas the share within r is r²: three binomial sigmas of 10,000.
-    for r in (0.3, 0.6, 0.9):
-        assert abs(np.mean(reach < r) - r * r) < 0.015
-    # Where a direction is drawn, its shade is sampled.
-    for half in halves:
-        radius, turn = np.array([0.2, 0.5, 0.99]), np.array([0.4, 2.5, 5.0])
-        for up, r, t in zip(half.directions(radius, turn), radius, turn, strict=True):
-            x, y = half.at(up)
-            np.testing.assert_allclose(
-                [x, -y], script.RADIUS * r * np.array([np.cos(t), np.sin(t)]), atol=1e-9
-            )
-
-
-def test_the_published_map_marks_the_nine_where_they_are(script: ModuleType) -> None:
-    text = (DOCS / "figures" / "norm-sensitivity.svg").read_text(encoding="utf-8")
-    marks = re.findall(r'<circle cx="([\d.]+)" cy="([\d.]+)" r="7.5"', text)
-    # Nine in each of three maps, none on both halves.
-    assert len(marks) == 27
-    first = {(float(x), float(y)) for x, y in marks[:9]}
-    radius = script.RADIUS
-    halves = [
-        script.Hemisphere(side * script.FRONT, 16 + radius + shift, 92 + radius)
-        for side, shift in ((1.0, 0.0), (-1.0, 2 * radius + 14))
-    ]
-    expected = {place for half in halves for up in paper_nine() if (place := half.at(up)) is not None}
-    assert len(expected) == 9
-    for x, y in expected:
-        assert min(np.hypot(x - a, y - b) for a, b in first) < 0.1
 
 
 def test_the_worst_poses_after_a_calibration_are_as_the_page_says() -> None:

@@ -159,9 +159,24 @@ def reproduce_equation_12(repetitions: int, seed: int) -> Outcome:
         "noise, no Earth rate, an exact fixture",
         notes=[
             "The last block of (12) is taken; the three lines with Δa x8 before it are debris of the scan.",
+            *_OTHER_SLIPS,
         ],
         seed=seed,
     )
+
+
+_OTHER_SLIPS = (
+    (
+        "Table 1: in 4, 5, 6, 13 and 14 the unit's axis lies against the outer axis, and +180 y is −180 of it. (1), "
+        "â + g as down: û · â + g. (2), second formula: its left side is the derivative of Ĉ. (7): λ LinScal is "
+        "missing, and λ yyy is meant in λ Asym."
+    ),
+    (
+        "(13), λ iii: −(end − start + 2 λ i) / 2g. Section 7: g υ and λ/g go over into λ x, λ y and λ iii, not the "
+        "halves of υ and λ. (17): its left side is the derivative of φ. (18), first line: α at the start; the second "
+        "line is the error at the end."
+    ),
+)
 
 
 def _rounded(value: float) -> float:

@@ -4,9 +4,6 @@ Five samples a second stand for a hundred: white noise of the same density, and 
 so that nothing is lost but time. Each dwell is a recording of its own, and each axis with its two rotations:
 nobody carries the attitude from one to the next. Before, between and after the rotations the table rests for less
 than a second, which tells little by itself.
-
-On request biases wander as 1/f noise. The unit stays switched on and is set up anew in no time: one wander goes
-through all dwells and rotations, fifty minutes of it.
 """
 
 from __future__ import annotations
@@ -15,22 +12,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Matrix, Series, Square, Table, Vector, Vectors
+from tumble.arrays import AnyArray, Matrix, Series, Vector, Vectors
 from tumble.attitude.rotations import matrices_from_rotation_vectors, rotation_between
-from tumble.calibration.equations.adjustment import JointAdjustment
-from tumble.calibration.equations.imu_unknowns import LAYOUT, PLAIN, imu_unknowns, unknowns_of
+from tumble.calibration.equations.imu_unknowns import PLAIN, imu_unknowns, unknowns_of
 from tumble.calibration.equations.observed import Observed, TableRotation, observe, table_rotation
 from tumble.calibration.equations.rotation_equations import LEAST_WOBBLE
 from tumble.calibration.equations.turn import HoldsAndTurns
-from tumble.calibration.recording_influences import recording_influences
 from tumble.calibration.start import start_adjustment
-from tumble.counting import counted
 from tumble.earth import EARTH_RATE, Site
-from tumble.estimation.solve import linearise, solve
-from tumble.sensor import ImuModel, Triad, propagate
+from tumble.estimation.solve import solve
+from tumble.sensor import ImuModel, Triad
 from tumble.sensor.conventions.shin import matrix_from_shin
 from tumble.sensor.gauge import inverse, lower_factor
-from tumble.simulation.noise import TriadNoise, simulate_wander
 from tumble_papers.zhang.turntable_simulation import GRAVITY, Setting
 
 STEP = 0.2  # s: at 2 degrees a step the Earth rate goes round finely enough for an axis that is exact
@@ -76,27 +69,20 @@ class TruePlan:
     pieces : dwells first, then the rotations, both ways about each axis in turn.
     site : gravity and latitude.
     truth : all of the unit's unknowns.
-    latitude_sigma : rad, by which the site's latitude is another one in each run than the estimator is told.
-    instability : (6,) of the biases, B of the density B² / (2 pi f), counts; zero where none wanders.
     """
 
     setting: Setting
     pieces: tuple[Piece, ...]
     site: Site
     truth: Series
-    latitude_sigma: float
-    instability: Series
 
 
-def true_plan(setting: Setting, *, latitude_sigma: float = 0.0, white_until: float = np.inf) -> TruePlan:
+def true_plan(setting: Setting) -> TruePlan:
     """Return the true motion of a study.
 
     Parameters
     ----------
     setting : see `table_setting`.
-    latitude_sigma : rad, see `TruePlan`.
-    white_until : s over which white noise is averaged until its Allan deviation is no more than the floor of the
-        biases' 1/f noise; infinite for biases that stay.
     """
     still = np.zeros(round(setting.dwell / STEP))
     pieces = [Piece(rotation_between(up, UP), np.zeros(3), still) for up in setting.up]
@@ -108,23 +94,18 @@ def true_plan(setting: Setting, *, latitude_sigma: float = 0.0, white_until: flo
         Triad(unit.force_matrix, unit.force_bias), Triad(unit.rate_matrix @ unit.rotation, unit.rate_bias)
     )
     site = Site(GRAVITY, 0.0, setting.latitude)
-    white = setting.sigma / np.sqrt(setting.sampling * white_until)
-    instability = white / np.sqrt(2.0 * np.log(2.0) / np.pi)
-    return TruePlan(setting, tuple(pieces), site, unknowns_of(model), latitude_sigma, instability)
+    return TruePlan(setting, tuple(pieces), site, unknowns_of(model))
 
 
-def _simulated_data(plan: TruePlan, rng: np.random.Generator) -> tuple[Observed, Series]:
-    """Return one run's observations, and the true unknowns, biases as they are on average."""
+def _simulated_data(plan: TruePlan, rng: np.random.Generator) -> Observed:
+    """Return one run's observations."""
     setting, unit = plan.setting, plan.setting.unit
     raw_force: list[AnyArray] = []
     raw_rate: list[AnyArray] = []
     holds: list[tuple[int, int]] = []
     turns: list[tuple[int, int, float]] = []
     at, ratio = 0, np.sqrt(STEP * setting.sampling)
-    latitude = setting.latitude
-    if plan.latitude_sigma > 0.0:
-        latitude += plan.latitude_sigma * rng.standard_normal()
-    earth = EARTH_RATE * np.array([np.cos(latitude), 0.0, -np.sin(latitude)])
+    earth = EARTH_RATE * np.array([np.cos(setting.latitude), 0.0, -np.sin(setting.latitude)])
     for piece in plan.pieces:
         turning = piece.speed != 0.0
         # The table turns by what it is told and its error.
@@ -145,19 +126,9 @@ def _simulated_data(plan: TruePlan, rng: np.random.Generator) -> tuple[Observed,
         else:
             holds.append((at, at + samples))
         at += samples
-    truth = plan.truth.copy()
-    made_force, made_rate = np.concatenate(raw_force), np.concatenate(raw_rate)
-    if np.any(plan.instability > 0.0):
-        for signal, instability, own in (
-            (made_force, plan.instability[:3], LAYOUT["force.bias"]),
-            (made_rate, plan.instability[3:], LAYOUT["gyro.bias"]),
-        ):
-            wander = instability * simulate_wander(TriadNoise(bias_instability=1.0), at, 1.0 / STEP, rng)
-            signal += wander
-            truth[own] += wander.mean(axis=0)
-    base = _base(plan, made_force, made_rate, holds, turns)
+    base = _base(plan, np.concatenate(raw_force), np.concatenate(raw_rate), holds, turns)
     spins = [_spin(plan, base, hold, start, speed) for hold, start, speed in turns]
-    return observe(base, imu_unknowns(plan.truth), spins), truth
+    return observe(base, imu_unknowns(plan.truth), spins)
 
 
 def _base(
@@ -176,17 +147,14 @@ def _base(
     for hold, _, _ in turns:
         start[hold], stop[hold] = holds[hold][1] - 1, holds[hold + 1][0] + 1
     means = [np.array([signal[a:b].mean(axis=0) for a, b in holds]) for signal in (raw_force, raw_rate)]
-    # What no averaging takes away of each hold's mean: 1/f noise between one over the recording and one over the hold.
-    floors = plan.instability**2 / np.pi * np.log(len(raw_force) / count)[:, None]
-    floor = np.median(floors, axis=0)
     return HoldsAndTurns(
         time=STEP * np.arange(len(raw_force), dtype=np.float64),
         raw_force=raw_force,
         raw_rate=raw_rate,
         force_mean=means[0],
-        force_covariance=(force_variance / count[:, None] + floors[:, :3])[:, :, None] * np.eye(3),
+        force_covariance=(force_variance / count[:, None])[:, :, None] * np.eye(3),
         rate_mean=means[1],
-        rate_covariance=(rate_variance / count[:, None] + floors[:, 3:])[:, :, None] * np.eye(3),
+        rate_covariance=(rate_variance / count[:, None])[:, :, None] * np.eye(3),
         hold_samples=count,
         head=np.array([(a, a + n) for (a, _), n in zip(holds, edge, strict=True)]),
         tail=np.array([(b - n, b) for (_, b), n in zip(holds, edge, strict=True)]),
@@ -194,8 +162,8 @@ def _base(
         turn_stop=stop,
         force_sample_variance=force_variance,
         rate_random_walk=rate_variance * STEP,
-        force_floor=floor[:3],
-        rate_floor=floor[3:],
+        force_floor=np.zeros(3),
+        rate_floor=np.zeros(3),
     )
 
 
@@ -218,69 +186,22 @@ def _spin(plan: TruePlan, base: HoldsAndTurns, hold: int, start: int, speed: flo
     return replace(spin, force_covariance=np.diag(turning)[None] / count[:, None, None])
 
 
-def estimate_run(plan: TruePlan, rng: np.random.Generator) -> tuple[Series, Series]:
-    """Simulate one run and return its 21 parameters in the paper's order, and their stated sigmas.
+def estimate_run(plan: TruePlan, rng: np.random.Generator) -> Series:
+    """Simulate one run and return its 21 parameters in the paper's order.
 
     Parameters
     ----------
     plan, rng : the true motion, and the noise.
     """
-    data, _ = _simulated_data(plan, rng)
-    task = _started(plan, data, rng)
-    solution = solve(task)
-    values, covariance = _parameters(task.unknowns.values, solution.cofactor)
-    return values, np.sqrt(np.diag(covariance))
-
-
-def _started(plan: TruePlan, data: Observed, rng: np.random.Generator) -> JointAdjustment:
-    """Return the adjustment with a start as the paper's estimator gives it: off by ten times its own errors."""
+    data = _simulated_data(plan, rng)
+    # A start as the paper's estimator gives it: off by ten times its own errors.
     start = plan.truth.copy()
     start[PLAIN] *= 1.0 + 1e-4 * rng.standard_normal(PLAIN.size)
-    return _task(plan, data, start)
-
-
-def coloured_run(plan: TruePlan, rng: np.random.Generator) -> tuple[Series, Square]:
-    """Simulate one run and return the errors of its 21 parameters, and their covariance as `calibrate_joint` states it.
-
-    Parameters
-    ----------
-    plan, rng : the true motion, with biases that wander, and the noise.
-    """
-    data, truth = _simulated_data(plan, rng)
-    task = _started(plan, data, rng)
-    told = solve(task).unit_weight * recording_influences(task).covariance
-    values, covariance = _parameters(task.unknowns.values, told)
-    return values - np.real(_in_paper(truth[PLAIN])), covariance
-
-
-def bound(plan: TruePlan, rng: np.random.Generator) -> Series:
-    """Return the Cramér-Rao bound of the 21 parameters, one sigma.
-
-    Parameters
-    ----------
-    plan : the true motion.
-    rng : for one set of data, at whose true parameters the information is taken.
-    """
-    data, _ = _simulated_data(plan, rng)
-    task = _task(plan, data, plan.truth)
-    # Attitudes have to be where they belong; the shared unknowns stay the true ones.
-    solve(task)
-    task.unknowns = imu_unknowns(plan.truth)
-    _, normal, _ = linearise(task)
-    cofactor = np.asarray(np.linalg.inv(normal), dtype=np.float64)
-    return np.sqrt(np.diag(_parameters(plan.truth, cofactor)[1]))
-
-
-def _task(plan: TruePlan, data: Observed, start: Series) -> JointAdjustment:
     task = start_adjustment(data, imu_unknowns(start), plan.site)
     # The simulated table rests without swaying, and its axis does not wobble.
     task.noise.factors["axis"] = dict.fromkeys(data.rotations, (EXACT_AXIS / LEAST_WOBBLE) ** 2)
-    return task
-
-
-def _parameters(unknowns: Series, cofactor: AnyArray) -> tuple[Series, Square]:
-    values, spread = propagate(_in_paper, unknowns[PLAIN], cofactor)
-    return np.real(values), spread
+    solve(task)
+    return np.real(_in_paper(task.unknowns.values[PLAIN]))
 
 
 def _in_paper(plain: AnyArray) -> AnyArray:
@@ -304,28 +225,3 @@ def _vector(C: AnyArray) -> AnyArray:
     axial = 0.5 * np.array([C[2, 1] - C[1, 2], C[0, 2] - C[2, 0], C[1, 0] - C[0, 1]])
     square = axial @ axial
     return axial * (1.0 + square / 6.0 + 3.0 * square * square / 40.0)
-
-
-def paper_truth(plan: TruePlan) -> Series:
-    """Return the true 21 parameters in the same form.
-
-    Parameters
-    ----------
-    plan : the true motion.
-    """
-    return np.real(_in_paper(plan.truth[PLAIN]))
-
-
-def study_runs(plan: TruePlan, runs: int, seed: int) -> tuple[Table, Table]:
-    """Return (runs, 21) errors and stated sigmas.
-
-    Parameters
-    ----------
-    plan, runs, seed : what is simulated, how often, from where.
-    """
-    truth = paper_truth(plan)
-    errors, sigmas = np.zeros((runs, truth.size)), np.zeros((runs, truth.size))
-    for run in counted(range(runs), runs):
-        values, sigma = estimate_run(plan, np.random.default_rng([seed, run]))
-        errors[run], sigmas[run] = values - truth, sigma
-    return errors, sigmas

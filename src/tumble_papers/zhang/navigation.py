@@ -71,9 +71,7 @@ def calibrate_units(units: int, seed: int) -> dict[str, AnyArray]:
     setting = paper_setting()
     ours, theirs = np.random.Generator(np.random.SFC64([seed, 7])).spawn(2)
     plan = true_plan(setting)
-    joint = [
-        estimate_run(plan, np.random.default_rng([seed, unit]))[0] for unit in counted(range(units), units)
-    ]
+    joint = [estimate_run(plan, np.random.default_rng([seed, unit])) for unit in counted(range(units), units)]
     return {
         TRADITIONAL: calibrate_in_laboratory(setting, units, theirs).parameters(),
         PROPOSED: evaluate(simulate(setting, units, ours, sampled=False)).parameters(),

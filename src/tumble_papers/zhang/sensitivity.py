@@ -8,24 +8,24 @@ from tumble.arrays import Series, Table, Vector, Vectors
 from tumble.attitude.directions import twenty_six_directions
 from tumble.calibration.closed_forms.separate_norms import ellipsoid_from_norms
 from tumble.calibration.poses import describe_direction
-from tumble.design.optimal_sets import find_best_on_sphere, find_best_subset
-from tumble.design.pose_sets import (
+from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED, Outcome, Row
+from tumble.sensor.conventions.zhang import matrix_from_zhang
+from tumble.units import ARCSECOND
+from tumble_papers.published import zhang
+from tumble_papers.zhang.norm_sensitivity import (
+    GROUPS,
+    approximate_norm_sensitivity,
+    most_sensitive_directions,
+    norm_sensitivity,
+)
+from tumble_papers.zhang.optimal_sets import find_best_on_sphere, find_best_subset
+from tumble_papers.zhang.pose_sets import (
     OTHER_EDGE_NUMBERS,
     chatfield_orientations,
     explain_pose_set,
     paper_nine,
     predict_sigma,
 )
-from tumble.design.sensitivity import (
-    GROUPS,
-    approximate_norm_sensitivity,
-    most_sensitive_directions,
-    norm_sensitivity,
-)
-from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED, Outcome, Row
-from tumble.sensor.conventions.zhang import matrix_from_zhang
-from tumble.units import ARCSECOND
-from tumble_papers.published import zhang
 
 GRAVITY = 9.8  # what the paper's µg and counts are of
 PRINTED_RUNS = 500

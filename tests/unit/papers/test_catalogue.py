@@ -1,4 +1,4 @@
-"""Every item can be found and runs; figures, field tables and contradictions say what they should."""
+"""Every item can be found and runs; figures and field tables say what they should."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from tumble.reproduction.items import find_items, run_item
 from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED, Outcome, Row
 from tumble.simulation import find_grade
 from tumble_papers.catalogue import ITEMS
-from tumble_papers.hayal.contradictions import reproduce_contradictions
 from tumble_papers.hayal.estimators import reproduce_convergence
 from tumble_papers.hayal.figures import NOISES, RATES, reproduce_figure
 from tumble_papers.hayal.scenarios import ABSURD, TABLES, reproduce_scenario_table, simulate_field_means
@@ -22,7 +21,7 @@ from tumble_papers.published import hayal, zhang
 def test_the_catalogue_has_every_table_and_figure_of_the_thesis_studies() -> None:
     expected = {f"hayal-{table}" for table in (*hayal()["tables"], *hayal()["position_tables"])}
     expected |= {f"hayal-figure-{figure}" for figure in ("4.2", "4.3", "5.5", "5.6", "5.7", "5.8")}
-    extra = {"hayal-convergence", "hayal-norm-bias", "hayal-5.7-wandering", "hayal-contradictions"}
+    extra = {"hayal-convergence", "hayal-norm-bias", "hayal-5.7-wandering"}
     found = {item.name for item in find_items("hayal")}
     assert found == expected | extra
 
@@ -192,97 +191,6 @@ def test_estimates_that_no_unit_has_are_named() -> None:
 
 def test_every_field_table_is_simulated() -> None:
     assert set(TABLES) == {t for t in hayal()["tables"] if not t.startswith("4.")}
-
-
-def claims() -> dict[str, Row]:
-    return {row.label: row for row in reproduce_contradictions(1, 0).rows}
-
-
-def claim(beginning: str) -> Row:
-    (found,) = [row for label, row in claims().items() if label.startswith(beginning)]
-    return found
-
-
-# What the thesis' own tables give, worked out by hand from the printed numbers.
-CONTRADICTED = [
-    # (0.27299 - 0.22062) / 0.27299 = 19.18 %; (0.26772 - 0.25578) / 0.26772 = 4.46 %
-    ("HG1700: accuracy improved", 19.8, 19.2),
-    ("HG1900: accuracy improved", 17.8, 4.5),
-    ("HG1700, scenario 3.3", "0.27249", "0.2749"),
-    ('HG1900, scenario 4, "standard deviation increased', 4.5, -4.5),
-    # 21.72845 - 0.01848, a mean and no standard deviation
-    ("HG1900, scenario 4, 1 min: mean", 31.2, 21.7),
-    ("HG1900, scenario 4, 1 min: because", "as large", "0.26"),
-    ('"HG1900 provided more accurate estimates for" 10 s', "HG1900 better", "HG1700 2.74, HG1900 6.785"),
-    ('"HG1900 provided more accurate estimates for" 30 s', "HG1900 better", "HG1700 14.87, HG1900 21.22"),
-    # the original's 2.9097, 16.2178 and 183.4135 m are the largest of their lines, and 92.3565 m of its
-    ("HG1700: nine gyro parameters give the worst", "always", "0 of 3"),
-    ("HG1900: nine gyro parameters give the worst", "always", "2 of 3"),
-    ("HG1900, scenario 4, 5 minutes: 1 + s y", "a unit's scale factor", -1.641),
-    ("HG1700, θ zx", "18873 ± 1275", "108 ± 112"),
-    ('"Scenario 3 provided', "always", "3 of 4 times"),
-    # all three axes in A.1, A.2, A.5 at 1 minute and in 5.3 at 3 minutes
-    ("HG1700's gyro biases", "72 of 72", "60 of 72"),
-    # 5.30 < 6.73, 5.49 < 6.53, 4.06 < 6.26 (e-7 rad/s) of tables 5.3 and 5.2 at 5 minutes
-    ("HG1700: nine parameters give smaller", "3 cases", "4 cases"),
-    # 3.43 > 2.98 (e-6 rad/s), b y at 5 minutes
-    ("HG1900: nine parameters give smaller", "3 cases", "2 cases"),
-    # θ zx: 346.20 / 18.09 = 19.1; θ zy: 26.06 / 18.84 = 1.38
-    ("HG1700's accelerometers", "9 of 9", "7 of 9"),
-    ("HG1900's accelerometers", "9 of 9", "7 of 9"),
-    ("accelerometers of table 5.4", "most", "9 of 27"),
-    ("non-orthogonality of both", 100.0, 50.0),
-    ("attitudes that are enough", "9 attitudes", "0 left"),
-    ("date of the field test", "06 June 2010", "June 06, 2009"),
-]
-BORNE_OUT = [
-    ("HG1700, scenario 4, 1 min, 9", 19.2),
-    # (0.29263 - 0.27299) / 0.27299
-    ("HG1700, scenario 4, 1 min, 3", 7.2),
-    # 31.48215 - 0.25734
-    ("HG1900, scenario 4, 1 min: standard", 31.2),
-    # (14.8938 - 14.8698) / 16.2178
-    ("HG1700: gyro biases, too, make the position after 30 s", 0.15),
-    ("HG1700: gyro biases, too, make the position after 60 s", -0.39),
-    ("HG1900: the most accurate gyro bias of the 3", "scenario 1, 1 min"),
-    ("HG1700: the most accurate gyro bias of the 9", "scenario 3, 5 min"),
-]
-
-
-@pytest.mark.parametrize(("label", "said", "found"), CONTRADICTED)
-def test_what_the_tables_contradict_is_outside(label: str, said: float | str, found: float | str) -> None:
-    row = claim(label)
-    assert row.cells == (said, found)
-    assert row.verdict == OUTSIDE
-    assert row.reason
-
-
-@pytest.mark.parametrize(("label", "found"), BORNE_OUT)
-def test_what_the_tables_bear_out_is_inside(label: str, found: float | str) -> None:
-    row = claim(label)
-    assert row.cells[1] == found
-    assert row.verdict == INSIDE
-
-
-def test_reasons_of_the_contradictions_have_the_numbers() -> None:
-    assert reproduce_contradictions(1, 0).counts == (10, 33)
-    # (183.4135 - 147.1561) / 183.4135 = 19.77 %, (92.3565 - 75.9497) / 92.3565 = 17.76 %
-    assert "19.8 % is the best of 60 s" in claim("HG1700: accuracy improved").reason
-    assert "17.8 % is the best of 60 s" in claim("HG1900: accuracy improved").reason
-    # (18873 - 108) / hypot(1275, 112) = 14.7
-    assert "15 standard deviations" in claim("HG1700, θ zx").reason
-    assert "19.1 times smaller in scenario 4, 5 min" in claim("HG1700's accelerometers").reason
-    # 2 x 0.273 / 4 = 0.1365, over 0.00980665
-    assert claim("HG1700, 0.27 m").cells == (0.0098, pytest.approx(0.1365, abs=6e-4))
-    assert "14 times the sheet's 1 mg" in claim("HG1700, 0.27 m").reason
-
-
-def test_a_claim_that_the_tables_bear_out_is_inside() -> None:
-    """The check can come out either way: with the tables' own figure in the abstract it does."""
-    from tumble_papers.hayal.contradictions import _abstract
-
-    document = {**hayal(), "abstract_improvement_percent": {"HG1700": 19.2, "HG1900": 4.5}}
-    assert [row.verdict for row in _abstract(document)] == [INSIDE, INSIDE]
 
 
 def test_rows_are_plain_data() -> None:

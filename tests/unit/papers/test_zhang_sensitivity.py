@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tumble.design.pose_sets import chatfield_orientations, paper_nine
 from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED, Outcome
 from tumble_papers.published import zhang
 from tumble_papers.zhang import sensitivity as zhang_sensitivity
+from tumble_papers.zhang.pose_sets import chatfield_orientations, paper_nine
 from tumble_papers.zhang.sensitivity import pose_sets, reproduce_designs, reproduce_sensitivity
 
 

@@ -10,7 +10,11 @@ import pytest
 from tumble.attitude.directions import twenty_six_directions
 from tumble.calibration.closed_forms.separate_norms import ellipsoid_from_norms
 from tumble.calibration.poses import find_two_planes, find_untold, norm_rows
-from tumble.design.pose_sets import (
+from tumble.errors import ObservabilityError
+from tumble.sensor.conventions.zhang import matrix_from_zhang, zhang_from_matrix
+from tumble.units import STANDARD_GRAVITY
+from tumble_papers.zhang.norm_sensitivity import norm_sensitivity
+from tumble_papers.zhang.pose_sets import (
     OTHER_EDGE_NUMBERS,
     chatfield_orientations,
     explain_pose_set,
@@ -18,10 +22,6 @@ from tumble.design.pose_sets import (
     paper_nine,
     predict_sigma,
 )
-from tumble.design.sensitivity import norm_sensitivity
-from tumble.errors import ObservabilityError
-from tumble.sensor.conventions.zhang import matrix_from_zhang, zhang_from_matrix
-from tumble.units import STANDARD_GRAVITY
 
 SECOND = np.pi / 648000.0
 MICRO_G = 1e-6 * STANDARD_GRAVITY

@@ -15,7 +15,7 @@ import numpy as np
 
 from tumble.arrays import Series, Square, Table, Vectors, inverted
 from tumble.attitude.directions import twenty_six_directions
-from tumble.design.pose_sets import information, paper_nine
+from tumble_papers.zhang.pose_sets import information, paper_nine
 
 CRITERIA = ("average", "minimax")
 # Ratios near the largest count as it: the 24-norm of nine is at most 10 % above the largest.

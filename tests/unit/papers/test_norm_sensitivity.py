@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from tumble.attitude.directions import twenty_six_directions
-from tumble.design.sensitivity import (
+from tumble.sensor.conventions.zhang import matrix_from_zhang
+from tumble.sensor.propagation import jacobian
+from tumble_papers.zhang.norm_sensitivity import (
     GROUPS,
     approximate_norm_sensitivity,
     most_sensitive_directions,
     norm_sensitivity,
     squared_norm,
 )
-from tumble.sensor.conventions.zhang import matrix_from_zhang
-from tumble.sensor.propagation import jacobian
 
 # No two alike, and angles so large that a forgotten product of two of them shows.
 SCALE = np.array([95.0, 104.0, 112.0])
