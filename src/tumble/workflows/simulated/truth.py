@@ -92,12 +92,10 @@ def truth_document(
         "inverse_formula": BACKWARD,
         **_blocks(truth.model, truth),
         "in_frame_accelerometer_x": None if in_gauge is None else _blocks(in_gauge, truth),
-        "parameters": [] if in_gauge is None else _true_parameters(in_gauge, recording, truth),
+        "parameters": _true_parameters(truth, recording, "accelerometer-x"),
         "in_frame_mean_gyro": None if mean_gyro is None else _blocks(mean_gyro, truth),
-        "parameters_in_mean_gyro": []
-        if mean_gyro is None
-        else _true_mean_gyro_parameters(mean_gyro, recording, truth),
-        "parameters_in_fixture": _true_fixture_parameters(truth.model, recording, truth),
+        "parameters_in_mean_gyro": _true_parameters(truth, recording, "mean-gyro"),
+        "parameters_in_fixture": _true_parameters(truth, recording, "fixture"),
         "noise": _noise(settings.grade) if errors.noise else None,
         "placement": errors.placement,
         "imperfections": asdict(errors.imperfections),
@@ -262,149 +260,44 @@ def _blocks(model: ImuModel, truth: Truth) -> dict[str, Any]:
     }
 
 
-def _true_parameters(model: ImuModel, recording: Recording, truth: Truth) -> list[dict[str, Any]]:
-    """Return name, value and unit of each parameter, named as ``calibration.json`` names them.
+def _true_parameters(truth: Truth, recording: Recording, frame: str) -> list[dict[str, Any]]:
+    """Return name, value and unit of each parameter as the joint estimator names them in that frame.
 
     A bias has a ``session_value``, too: the one that this recording's holds had on average.
     """
-    from tumble.sensor.conventions.shin import shin_from_matrix
-    from tumble.sensor.gauge import inverse, lower_factor
-    from tumble.units import angular_rate_factor, specific_force_factor
-
-    rows: list[dict[str, Any]] = []
-
-    def add(names: list[str], values: AnyArray, unit: str) -> None:
-        rows.extend(
-            {"name": name, "value": float(np.real(value)), "unit": unit}
-            for name, value in zip(names, np.ravel(values), strict=True)
-        )
-
-    def triad(
-        prefix: str, own: AnyArray, biases: tuple[Vector, Vector], unit: str, factor: float | None, si: str
-    ) -> None:
-        scale, angles = shin_from_matrix(own)
-        bias, wander = biases
-        add([f"{prefix} bias {axis}" for axis in "xyz"], bias, unit)
-        for row, session in zip(rows[-3:], bias + wander, strict=True):
-            row["session_value"] = float(session)
-        if factor is None:
-            add([f"{prefix} scale factor {axis}" for axis in "xyz"], scale, f"{unit}/({si})")
-        else:
-            add([f"{prefix} scale factor error {axis}" for axis in "xyz"], scale * factor - 1.0, "1")
-        add([f"{prefix} non-orthogonality {angle}" for angle in ("yz", "zx", "zy")], angles, "rad")
-
-    force, gyro = model.accelerometer, model.gyroscope
-    force_wander, rate_wander = _mean_wander(truth)
-    assert force is not None
-    assert gyro is not None
-    unit = recording.specific_force_unit
-    triad(
-        "accelerometer", force.matrix, (force.bias, force_wander), unit, specific_force_factor(unit), "m/s²"
-    )
-    if force.asymmetry is not None:
-        add([f"accelerometer asymmetry {axis}" for axis in "xyz"], force.asymmetry, "1")
-    if force.quadratic is not None:
-        add([f"accelerometer quadratic {axis}" for axis in "xyz"], force.quadratic, f"1/({unit})")
-    own = np.real(lower_factor(gyro.matrix))
-    unit = recording.angular_rate_unit
-    triad("gyro", own, (gyro.bias, rate_wander), unit, angular_rate_factor(unit), "rad/s")
     from tumble.attitude.rotations import rotation_vector_from_matrix
+    from tumble.calibration.equations.imu_unknowns import LAYOUT, unknowns_of
+    from tumble.calibration.outcome.description import named_function
+    from tumble.calibration.terms import TERMS
+    from tumble.units import angular_rate_factor, specific_force_factor
 
-    between = rotation_vector_from_matrix(np.real(inverse(own) @ gyro.matrix))
-    if gyro.asymmetry is not None:
-        add([f"gyro asymmetry {axis}" for axis in "xyz"], gyro.asymmetry, "1")
-    add([f"rotation between the triads {axis}" for axis in "xyz"], between, "rad")
-    return rows + _g_sensitivity_rows(model, unit)
-
-
-def _g_sensitivity_rows(model: ImuModel, unit: str) -> list[dict[str, Any]]:
-    if model.g_sensitivity is None:
+    assert truth.model is not None
+    own = _in_gauge(truth.model, "accelerometer-x")
+    if own is None:
         return []
-    names = [f"g-sensitivity of gyro {a} to force {b}" for a in "xyz" for b in "xyz"]
+    assert own.accelerometer is not None
+    assert truth.model.accelerometer is not None
+    unknowns = unknowns_of(own)
+    C_bf = np.linalg.solve(own.accelerometer.matrix, truth.model.accelerometer.matrix)
+    unknowns[LAYOUT["fixture"]] = rotation_vector_from_matrix(C_bf.astype(np.float64))
+    terms = {"g_sensitivity"} if own.g_sensitivity is not None else set[str]()
+    for term in TERMS.values():
+        curve = getattr(getattr(own, term.of), term.curve) if term.curve else None
+        # Savage's parameters have asymmetries, be they zero.
+        if curve is not None or (frame == "mean-gyro" and term.curve == "asymmetry"):
+            terms.add(term.name)
+            unknowns[LAYOUT[term.block.name]] = 0.0 if curve is None else curve
+    units = recording.specific_force_unit, recording.angular_rate_unit
+    factors = specific_force_factor(units[0]), angular_rate_factor(units[1])
+    labels, named = named_function(frozenset(terms), "full", frame, units, factors)
+    session = unknowns.copy()
+    session[LAYOUT["force.bias"]] += _mean_wander(truth)[0]
+    session[LAYOUT["gyro.bias"]] += _mean_wander(truth)[1]
     return [
-        {"name": name, "value": float(value), "unit": f"{unit}/(m/s²)"}
-        for name, value in zip(names, np.ravel(model.g_sensitivity), strict=True)
+        {"name": name, "value": float(value), "unit": unit}
+        | ({"session_value": float(moved)} if " bias " in name else {})
+        for (name, unit), value, moved in zip(labels, named(unknowns), named(session), strict=True)
     ]
-
-
-def _true_fixture_parameters(model: ImuModel, recording: Recording, truth: Truth) -> list[dict[str, Any]]:
-    """Return the same as procedures name it that answer in the frame ``fixture``."""
-    from tumble.calibration.canonical import FIXTURE_UNKNOWNS, describe_fixture_triad
-    from tumble.units import angular_rate_factor, specific_force_factor
-
-    force_unit, rate_unit = recording.specific_force_unit, recording.angular_rate_unit
-    of_triads = (
-        ("accelerometer", model.accelerometer, force_unit, specific_force_factor(force_unit)),
-        ("gyroscope", model.gyroscope, rate_unit, angular_rate_factor(rate_unit)),
-    )
-    rows: list[dict[str, Any]] = []
-    for (kind, triad, unit, factor), wander in zip(of_triads, _mean_wander(truth), strict=True):
-        assert triad is not None
-        nothing = np.zeros(3)
-        terms = {"asymmetry": triad.asymmetry, "quadratic": triad.quadratic}
-        told = describe_fixture_triad(
-            kind,
-            np.concatenate(
-                [triad.matrix.ravel(), triad.bias, *(nothing if t is None else t for t in terms.values())]
-            ),
-            np.zeros((FIXTURE_UNKNOWNS, FIXTURE_UNKNOWNS)),
-            known=np.ones((3, 3), dtype=bool),
-            unit=unit,
-            factor=factor,
-            terms=frozenset(name for name, term in terms.items() if term is not None),
-        )
-        of_triad = [{"name": p.name, "value": p.value, "unit": p.unit} for p in told.parameters]
-        for row, session in zip(of_triad[:3], triad.bias + wander, strict=True):
-            row["session_value"] = float(session)
-        rows += of_triad
-    return rows + _g_sensitivity_rows(model, rate_unit)
-
-
-def _true_mean_gyro_parameters(model: ImuModel, recording: Recording, truth: Truth) -> list[dict[str, Any]]:
-    """Return the same as the strapdown rotation test names it, in the frame ``mean-gyro``."""
-    from tumble.sensor.conventions.savage import OFF_DIAGONAL, PAIRS
-    from tumble.units import angular_rate_factor, specific_force_factor
-
-    force_unit, rate_unit = recording.specific_force_unit, recording.angular_rate_unit
-    rows: list[dict[str, Any]] = []
-
-    def add(name: str, axes: list[str], values: list[float], unit: str) -> None:
-        rows.extend(
-            {"name": f"{name} {axis}", "value": float(value), "unit": unit}
-            for axis, value in zip(axes, values, strict=True)
-        )
-
-    for short, triad, unit, factor, si, wander in (
-        (
-            "accelerometer",
-            model.accelerometer,
-            force_unit,
-            specific_force_factor(force_unit),
-            "m/s²",
-            _mean_wander(truth)[0],
-        ),
-        ("gyro", model.gyroscope, rate_unit, angular_rate_factor(rate_unit), "rad/s", _mean_wander(truth)[1]),
-    ):
-        assert triad is not None
-        add(f"{short} bias", [*"xyz"], [*triad.bias], unit)
-        for row, session in zip(rows[-3:], triad.bias + wander, strict=True):
-            row["session_value"] = float(session)
-        scale = np.diag(triad.matrix)
-        if factor is None:
-            add(f"{short} scale factor", [*"xyz"], [*scale], f"{unit}/({si})")
-        else:
-            add(f"{short} scale factor error", [*"xyz"], [*(scale * factor - 1.0)], "1")
-        # Of counts each sensor's angle is against its own scale factor.
-        angles = (triad.matrix.T / (scale if factor is None else 1.0 / factor)).T
-        if short == "gyro":
-            values = [angles[i, j] + angles[j, i] for i, j in PAIRS]
-            add("gyro non-orthogonality", ["xyz"[i] + "xyz"[j] for i, j in PAIRS], values, "rad")
-        else:
-            values = [angles[i, j] for i, j in OFF_DIAGONAL]
-            add("accelerometer misalignment", ["xyz"[i] + "xyz"[j] for i, j in OFF_DIAGONAL], values, "rad")
-        asymmetry = np.zeros(3) if triad.asymmetry is None else triad.asymmetry
-        add(f"{short} asymmetry", [*"xyz"], [*asymmetry], "1")
-    return rows + _g_sensitivity_rows(model, rate_unit)
 
 
 def _noise(grade: Grade) -> dict[str, Any]:
