@@ -145,6 +145,12 @@ def test_a_track_in_the_earth_frame_is_read_too(tmp_path: Path) -> None:
     assert track.position_covariance_n[0] == pytest.approx(np.diag([9.0, 4.0, 1.0]))
 
 
+def test_a_row_that_was_cut_while_it_was_written_is_left_out_of_any_table(tmp_path: Path) -> None:
+    track = read_track(write(tmp_path, "a.csv", "time,lat,lon,height\n1,2,3,4\n2,2,3,4,\n3,2,3\n"))
+    assert list(track.time) == [1.0, 2.0]
+    assert any("1 row of a.csv without its columns" in remark.text for remark in track.remarks)
+
+
 @pytest.mark.parametrize(
     ("name", "content", "words"),
     [
@@ -155,7 +161,7 @@ def test_a_track_in_the_earth_frame_is_read_too(tmp_path: Path) -> None:
         ("a.pos", HEADER + ROW.format(18.0, 40.0, "north", 0.0), "no number"),
         ("a.pos", HEADER + ROW.format(18.0, 140.0, -105.0, 0.0), "beyond the poles"),
         ("a.csv", "when,where\n1,2\n", "does not name"),
-        ("a.csv", "time,lat,lon,height\n1,2,3\n", "Line 2"),
+        ("a.csv", "time,lat,lon,height\n1,2,3\n", "1 of 1 rows .* 4 columns"),
         ("a.csv", "time,lat,lon,height\n", "no row"),
         ("a.csv", "time,lat,lon,height\n1,2,3,1e9\n", "height"),
         ("a.nmea", sentence("GNGGA,193400.00,4005.7,N,10508.8,W,4,21,0.6,1618.4,M,-17.0,M,,"), "no date"),

@@ -10,17 +10,9 @@ import numpy as np
 from tumble.errors import RecordingError
 from tumble.files import opened, reading
 from tumble.navigation.gnss.nmea import read_nmea
-from tumble.navigation.gnss.rtklib import read_rtklib
-from tumble.navigation.gnss.text import read_text_track
+from tumble.navigation.gnss.tables import read_table
 from tumble.navigation.gnss.track import GnssTrack
 from tumble.navigation.gnss.ubx import read_ubx
-
-FORMATS = {
-    "rtklib": "RTKLIB's solution (.pos), geodetic or Earth-frame",
-    "nmea": "NMEA 0183: GGA with RMC, GST and ZDA",
-    "ubx": "u-blox UBX: NAV-PVT, with NAV-COV where it is (needs the extra `gnss`)",
-    "csv": "a table with a header that names time, latitude, longitude, height and their units",
-}
 
 
 def read_track(path: str | os.PathLike[str]) -> GnssTrack:
@@ -40,7 +32,7 @@ def read_track(path: str | os.PathLike[str]) -> GnssTrack:
         head = file.read(4096)
     if not head.strip():
         raise RecordingError(f"{path.name} is empty.")
-    reader = {"ubx": read_ubx, "nmea": read_nmea, "rtklib": read_rtklib, "csv": read_text_track}[_kind(head)]
+    reader = {"ubx": read_ubx, "nmea": read_nmea, "table": read_table}[_kind(head)]
     # What overflows is refused with its fix.
     with reading(path, "a GNSS track", RecordingError), np.errstate(all="ignore"):
         return reader(path)
@@ -54,4 +46,4 @@ def _kind(head: bytes) -> str:
         return "ubx"
     if nmea:
         return "nmea"
-    return "rtklib" if head.lstrip().startswith(b"%") else "csv"
+    return "table"
