@@ -5,7 +5,7 @@ space. Latitude is geodetic, height above the ellipsoid of WGS 84. Errors are es
 the small rotation phi of ``C_nb_estimate = exp(-skew(phi)) C_nb``.
 """
 
-from tumble.navigation.alignment import Alignment, align_coarse, align_fine, align_in_motion, find_rest
+from tumble.navigation.alignment import Alignment, align_coarse, align_in_motion, find_rest
 from tumble.navigation.drive import Drive, prepare_drive, wide_setup
 from tumble.navigation.filter import (
     FilterRun,
@@ -20,7 +20,7 @@ from tumble.navigation.filter import (
 )
 from tumble.navigation.gnss import GnssTrack, read_track
 from tumble.navigation.mechanisation import navigate
-from tumble.navigation.outages import OutageErrors, corrected_samples, outages
+from tumble.navigation.outages import OutageErrors, outages
 from tumble.navigation.samples import InertialSamples
 from tumble.navigation.time_alignment import TimeAlignment, estimate_time_offset
 from tumble.navigation.trajectory import NavigationState, Trajectory, position_differences
@@ -40,9 +40,7 @@ __all__ = [
     "Trajectory",
     "TriadSpread",
     "align_coarse",
-    "align_fine",
     "align_in_motion",
-    "corrected_samples",
     "covariance_from_calibration",
     "estimate_time_offset",
     "find_rest",

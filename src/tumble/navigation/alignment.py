@@ -9,16 +9,13 @@ rate the Earth's; errors ``df``, ``dw`` of the two, in n, make
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from tumble.arrays import Matrix, Series, Table, Vector
 from tumble.attitude.quaternions import angles_from_matrices, matrix_from_angles
 from tumble.earth import EARTH_RATE, normal_gravity
 from tumble.errors import ObservabilityError, RecordingError
-from tumble.navigation.filter import FilterRun, FilterSetup, run_filter
-from tumble.navigation.gnss.track import GnssTrack, make_track
+from tumble.navigation.gnss.track import GnssTrack
 from tumble.navigation.mechanisation import navigate
 from tumble.navigation.samples import InertialSamples
 from tumble.navigation.trajectory import NavigationState
@@ -120,58 +117,6 @@ def align_coarse(
     covariance = accelerometer_sigma**2 * (jacobian @ jacobian.T)
     covariance[2, 2] += (gyroscope_sigma / level_rate) ** 2
     return Alignment(C_nb, covariance, "levelling and gyrocompassing")
-
-
-def align_fine(
-    samples: InertialSamples,
-    coarse: Alignment,
-    position: tuple[float, float, float],
-    setup: FilterSetup,
-    *,
-    velocity_sigma: float = 0.002,
-    position_sigma: float = 0.01,
-) -> tuple[NavigationState, FilterSetup, FilterRun]:
-    """Refine an alignment at rest with the filter, which is told each second that nothing moves.
-
-    Parameters
-    ----------
-    samples : at rest all along.
-    coarse : from `align_coarse`.
-    position : latitude and longitude (rad), height (m): where it rests.
-    setup : of the filter that is to navigate from here.
-    velocity_sigma, position_sigma : m/s and m, by how much a body at rest moves, such as in wind.
-
-    Returns
-    -------
-    state : at the end of the rest.
-    setup : with the covariance of all states there, correlations included.
-    run : whose last sensor states belong to it (``run_filter(..., sensors=run.sensors[-1])``).
-
-    Raises
-    ------
-    RecordingError
-        If the rest is shorter than two seconds.
-    """
-    first, last = float(samples.time[0]), float(samples.time[-1])
-    if last - first < 2.0:
-        raise RecordingError(
-            f"A rest of {last - first:.2f} s is too short for a fine alignment: it takes two seconds at the least."
-        )
-    time = np.arange(first + 1.0, last + 1e-9, 1.0)
-    count = len(time)
-    still = make_track(
-        time,
-        (np.full(count, position[0]), np.full(count, position[1]), np.full(count, position[2])),
-        np.full((count, 3), position_sigma),
-        velocity_n=np.zeros((count, 3)),
-        velocity_sigmas=np.full((count, 3), velocity_sigma),
-    )
-    begin = NavigationState(first, *position, np.zeros(3), coarse.C_nb)
-    own = replace(setup, lever_arm_b=np.zeros(3)).with_start(position_sigma, velocity_sigma, 0.0)
-    own.navigation_covariance[6:, 6:] = coarse.covariance
-    run = run_filter(samples, still, begin, own, velocities=True, keep_covariances=True)
-    found = replace(setup, whole_covariance=run.covariances[-1].copy())
-    return run.trajectory.state(-1), found, run
 
 
 def align_in_motion(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 
 import numpy as np
 
@@ -14,7 +13,6 @@ from tumble.navigation.drive import Drive
 from tumble.navigation.filter import FilterRun, FilterSetup, run_filter
 from tumble.navigation.filter.run import unpacked
 from tumble.navigation.filter.stretches import LONGEST_BRIDGED
-from tumble.navigation.samples import InertialSamples
 from tumble.navigation.trajectory import position_differences
 from tumble.records import dataclass
 
@@ -131,36 +129,6 @@ def outages(
     _refuse_lost(run)
     chosen = _spaced(run, first, every, _settling(drive))
     return [one.clear_of(missing) for one in _slide(drive, run, chosen, durations, last)]
-
-
-def corrected_samples(samples: InertialSamples, setup: FilterSetup, estimates: Series) -> InertialSamples:
-    """Return samples with a filter's estimates of its sensor states taken out.
-
-    Parameters
-    ----------
-    samples : as the filter had them.
-    setup : of the filter.
-    estimates : (states,) of its sensor states.
-    """
-    force_matrix, rate_matrix, coupling = np.eye(3), np.eye(3), np.zeros((3, 3))
-    force_bias, rate_bias = np.zeros(3), np.zeros(3)
-    for state, value in zip(setup.states, estimates, strict=True):
-        if state.kind == "g-sensitivity":
-            coupling[state.row, state.column] += value
-        elif state.kind in ("accelerometer", "gyroscope"):
-            accelerometer = state.kind == "accelerometer"
-            if state.column < 0:
-                (force_bias if accelerometer else rate_bias)[state.row] += value
-            else:
-                (force_matrix if accelerometer else rate_matrix)[state.row, state.column] += value
-    force = np.linalg.solve(force_matrix, (samples.specific_force_b - force_bias).T).T
-    rate = samples.angular_rate_ib_b - rate_bias - force @ coupling.T
-    rate = np.linalg.solve(rate_matrix, rate.T).T
-    return replace(
-        samples,
-        specific_force_b=np.ascontiguousarray(force, dtype=np.float64),
-        angular_rate_ib_b=np.ascontiguousarray(rate, dtype=np.float64),
-    )
 
 
 def _slide(

@@ -16,9 +16,7 @@ from tumble.navigation import (
     Trajectory,
     TriadSpread,
     align_coarse,
-    align_fine,
     align_in_motion,
-    corrected_samples,
     estimate_time_offset,
     find_rest,
     navigate,
@@ -208,35 +206,6 @@ def test_a_good_unit_at_rest_finds_north_and_a_poor_one_says_that_it_cannot() ->
     assert given.roll_pitch_yaw == pytest.approx([0.2, -0.3, 2.1], abs=1e-4)
 
 
-def test_a_fine_alignment_learns_biases_and_leaves_their_correlations() -> None:
-    rng = np.random.default_rng(3)
-    body = SplineTrajectory.at_rest(HERE, np.array([0.02, -0.03, 2.1]), 60.0)
-    time = np.arange(0.0, 60.0, 0.02)
-    states = body.states(time)
-    bias = np.array([2e-3, -1e-3, 3e-3])
-    samples = InertialSamples(
-        time,
-        states.specific_force_b + np.array([0.03, -0.02, 0.0]) + rng.normal(0.0, 0.02, (len(time), 3)),
-        states.angular_rate_ib_b + bias + rng.normal(0.0, 2e-3, (len(time), 3)),
-    )
-    coarse = align_coarse(
-        samples, HERE[0], accelerometer_sigma=0.05, gyroscope_sigma=5e-3, heading=2.1, heading_sigma=0.02
-    )
-    state, setup, run = align_fine(samples, coarse, HERE, SETUP)
-    names = [s.name for s in setup.states]
-    for axis, value in zip("xyz", bias, strict=True):
-        found, sigma = run.sensor(f"gyroscope bias {axis}")
-        assert found == pytest.approx(value, abs=4.0 * sigma)
-    # a horizontal accelerometer bias cannot be told from a tilt: they stay correlated
-    P = setup.covariance
-    at = 9 + names.index("accelerometer bias x")
-    tilt = P[6:8, at] / np.sqrt(np.diag(P)[6:8] * P[at, at])
-    assert np.abs(tilt).max() > 0.8
-    assert np.abs(state.velocity_n).max() < 0.01
-    with pytest.raises(RecordingError, match="too short"):
-        align_fine(samples.between(0.0, 1.0), coarse, HERE, SETUP)
-
-
 def test_outages_grow_with_their_length_and_say_how_well_they_are_known(field: Field) -> None:
     drive = prepare_drive(field.samples, field.track, offset=-1000.4)
     found = outages(drive, SETUP, (2.0, 10.0, 30.0), settle=90.0, every=2.0)
@@ -261,36 +230,6 @@ def test_an_outage_is_the_free_run_of_the_filter_s_state(field: Field) -> None:
     row = int(np.argmin(np.abs(lost.time[lost.fix_events] - begin - 10.0)))
     # the filter applies its decay-free states alike; the difference is in how samples are cut
     assert lost.innovations[row, :3] == pytest.approx(one.errors_n[0], abs=1e-4)
-
-
-def test_estimates_are_taken_out_of_samples_as_the_model_says() -> None:
-    rng = np.random.default_rng(6)
-    force, rate = rng.normal(size=(20, 3)), rng.normal(size=(20, 3))
-    setup = plan_filter(
-        NoiseModel(),
-        NoiseModel(),
-        accelerometer=TriadSpread(1.0, 1.0, 1.0),
-        gyroscope=TriadSpread(1.0, 1.0, misalignment=1.0),
-        g_sensitivity=1.0,
-    )
-    values = 0.1 * rng.standard_normal(len(setup.states))
-    E, b = (
-        {"accelerometer": np.eye(3), "gyroscope": np.eye(3), "g-sensitivity": np.zeros((3, 3))},
-        np.zeros((2, 3)),
-    )
-    for state, value in zip(setup.states, values, strict=True):
-        if state.column < 0:
-            b[int(state.kind == "gyroscope"), state.row] += value
-        else:
-            E[state.kind][state.row, state.column] += value
-    seen = InertialSamples(
-        np.arange(20.0),
-        force @ E["accelerometer"].T + b[0],
-        rate @ E["gyroscope"].T + force @ E["g-sensitivity"].T + b[1],
-    )
-    back = corrected_samples(seen, setup, values)
-    assert back.specific_force_b == pytest.approx(force, abs=1e-12)
-    assert back.angular_rate_ib_b == pytest.approx(rate, abs=1e-12)
 
 
 def test_free_navigation_of_a_drive_starts_between_samples(field: Field) -> None:

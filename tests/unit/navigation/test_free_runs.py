@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from tumble.navigation import InertialSamples, NavigationState, TriadSpread, navigate, plan_filter
+from tumble.navigation import (
+    FilterSetup,
+    InertialSamples,
+    NavigationState,
+    TriadSpread,
+    navigate,
+    plan_filter,
+)
 from tumble.navigation.filter.kernels import gather_sensors
 from tumble.navigation.free_runs import navigate_from_each
-from tumble.navigation.outages import corrected_samples
 from tumble.noise.terms import NoiseModel
 
 START = NavigationState.from_angles(
@@ -20,6 +28,29 @@ def made(means: bool) -> InertialSamples:
     rng = np.random.default_rng(3)
     rate, force = 0.2 * rng.standard_normal((500, 3)), rng.normal([0.3, 1.0, -9.0], 1.0, (500, 3))
     return InertialSamples(np.cumsum(rng.uniform(0.005, 0.02, 500)), force, rate, means)
+
+
+def corrected_samples(samples: InertialSamples, setup: FilterSetup, estimates: np.ndarray) -> InertialSamples:
+    """Samples with a filter's estimates of its sensor states taken out."""
+    force_matrix, rate_matrix, coupling = np.eye(3), np.eye(3), np.zeros((3, 3))
+    force_bias, rate_bias = np.zeros(3), np.zeros(3)
+    for state, value in zip(setup.states, estimates, strict=True):
+        if state.kind == "g-sensitivity":
+            coupling[state.row, state.column] += value
+        elif state.kind in ("accelerometer", "gyroscope"):
+            accelerometer = state.kind == "accelerometer"
+            if state.column < 0:
+                (force_bias if accelerometer else rate_bias)[state.row] += value
+            else:
+                (force_matrix if accelerometer else rate_matrix)[state.row, state.column] += value
+    force = np.linalg.solve(force_matrix, (samples.specific_force_b - force_bias).T).T
+    rate = samples.angular_rate_ib_b - rate_bias - force @ coupling.T
+    rate = np.linalg.solve(rate_matrix, rate.T).T
+    return replace(
+        samples,
+        specific_force_b=np.ascontiguousarray(force, dtype=np.float64),
+        angular_rate_ib_b=np.ascontiguousarray(rate, dtype=np.float64),
+    )
 
 
 @pytest.mark.parametrize("means", [False, True])

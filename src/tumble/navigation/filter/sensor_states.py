@@ -68,7 +68,6 @@ def sensor_states(
     *,
     accelerometer_noise: Sequence[NoiseModel],
     gyroscope_noise: Sequence[NoiseModel],
-    flicker_span: float = 0.0,
     g_sensitivity: float = 0.0,
     lever_arm: float = 0.0,
     time_offset: float = 0.0,
@@ -79,9 +78,7 @@ def sensor_states(
     ----------
     accelerometer, gyroscope : what is known at the start.
     accelerometer_noise, gyroscope_noise : of each axis (three), whose rate random walk drives the bias. Each of
-        its Gauss-Markov processes becomes a state.
-    flicker_span : s; above zero the bias instability becomes Gauss-Markov states too, a decade apart, from this
-        correlation time down to ten seconds. Without, it is left out.
+        its Gauss-Markov processes becomes a state; bias instability is left out.
     g_sensitivity : (rad/s)/(m/s²), one sigma of nine states, or zero for none.
     lever_arm : m, one sigma of three states, or zero for none.
     time_offset : s, one sigma of a state, or zero for none.
@@ -98,7 +95,7 @@ def sensor_states(
             raise UsageError(
                 f"A triad has three axes, and noise was given of {len(noise)}: give one model each."
             )
-        states += _triad_states(kind, spread, noise, flicker_span)
+        states += _triad_states(kind, spread, noise)
     for r in range(3):
         for c in range(3):
             name = f"g-sensitivity {AXES[r]}{AXES[c]}"
@@ -120,8 +117,6 @@ def covariance_from_calibration(
     model: ImuModel,
     names: Sequence[str],
     covariance: Table,
-    *,
-    since: Table | None = None,
 ) -> Table:
     """Return the covariance of a filter's states at its start, as a calibration leaves them.
 
@@ -134,8 +129,6 @@ def covariance_from_calibration(
     states : of the filter.
     model : with which the samples are corrected.
     names, covariance : as `calibration.json` has them: "accelerometer.matrix[0,1]", "gyroscope.bias[2]", ...
-    since : (states, states) what may have changed since the calibration, added: such as the biases'
-        repeatability from turn-on to turn-on. None for nothing.
 
     Raises
     ------
@@ -159,7 +152,7 @@ def covariance_from_calibration(
     result = derivatives @ covariance @ derivatives.T
     own = covariance_of(states)
     result[~known, ~known] = np.diag(own)[~known]
-    return result if since is None else result + since
+    return result
 
 
 def _entries_of(state: SensorState, model: ImuModel) -> list[tuple[str, float]]:
@@ -178,15 +171,14 @@ def _entries_of(state: SensorState, model: ImuModel) -> list[tuple[str, float]]:
     return [(f"{word}.{what}[{k},{state.column}]", float(slopes[k])) for k in range(3)]
 
 
-def _triad_states(
-    kind: str, spread: TriadSpread, noise: Sequence[NoiseModel], flicker_span: float
-) -> list[SensorState]:
+def _triad_states(kind: str, spread: TriadSpread, noise: Sequence[NoiseModel]) -> list[SensorState]:
     states: list[SensorState] = []
     for r in range(3):
         walk = noise[r].rate_random_walk
         states.append(SensorState(kind, r, -1, spread.bias, 0.0, walk**2, f"{kind} bias {AXES[r]}"))
     for r in range(3):
-        for time, sigma in _markov_parts(noise[r], flicker_span):
+        for process in noise[r].gauss_markov:
+            time, sigma = process.correlation_time, process.sigma
             name = f"{kind} bias {AXES[r]}, {time:.3g} s"
             states.append(SensorState(kind, r, -1, sigma, 1.0 / time, 2.0 * sigma**2 / time, name))
     for r in range(3):
@@ -197,16 +189,3 @@ def _triad_states(
     word = "misalignment" if full else "non-orthogonality"
     states += [SensorState(kind, r, c, sigma, name=f"{kind} {word} {AXES[r]}{AXES[c]}") for r, c in pairs]
     return states
-
-
-def _markov_parts(noise: NoiseModel, flicker_span: float) -> list[tuple[float, float]]:
-    """Correlation time and sigma of each Gauss-Markov process that stands for a model's wandering."""
-    parts = [(g.correlation_time, g.sigma) for g in noise.gauss_markov]
-    if flicker_span > 0.0 and noise.bias_instability > 0.0:
-        only = NoiseModel(bias_instability=noise.bias_instability)
-        system = only.continuous(span=flicker_span, fastest=0.1 / (2.0 * np.pi), ratio=10.0)
-        parts += [
-            (float(-1.0 / system.F[k, k]), float(np.sqrt(system.start[k, k])))
-            for k in range(len(system.states))
-        ]
-    return parts

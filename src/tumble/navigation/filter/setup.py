@@ -108,18 +108,17 @@ def plan_filter(
     lever_arm_sigma: float = 0.0,
     time_offset_sigma: float = 0.0,
     g_sensitivity: float = 0.0,
-    flicker_span: float = 0.0,
 ) -> FilterSetup:
     """Return a filter's setup from what is known of the unit's noise and errors.
 
     Parameters
     ----------
     accelerometer_noise, gyroscope_noise : of whose terms white noise, rate random walk, Gauss-Markov processes
-        and, with `flicker_span`, bias instability are used.
+        are used.
     accelerometer, gyroscope : what is known of each triad at the start; None for no states of its matrix, and a
         bias only where the noise drives one.
     lever_arm_b : (3,) m from the IMU to the antenna; None for zero.
-    lever_arm_sigma, time_offset_sigma, g_sensitivity, flicker_span : as for `sensor_states`.
+    lever_arm_sigma, time_offset_sigma, g_sensitivity : as for `sensor_states`.
 
     Raises
     ------
@@ -135,7 +134,6 @@ def plan_filter(
         gyroscope or TriadSpread(),
         accelerometer_noise=forces,
         gyroscope_noise=rates,
-        flicker_span=flicker_span,
         g_sensitivity=g_sensitivity,
         lever_arm=lever_arm_sigma,
         time_offset=time_offset_sigma,
