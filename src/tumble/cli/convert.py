@@ -117,22 +117,18 @@ def convert_command(
 def _write(
     calibration: Path | None, target: str, output: Path | None, form: FormOptions, noise: NoiseOptions
 ) -> Converted:
-    from tumble.export.subject import Wishes
     from tumble.workflows.convert import convert_to
 
-    wishes = Wishes(
-        frame=form.frame,
-        temperature=form.at_temperature,
-        largest_loss=1e-6 * form.largest_loss,
-        topic=form.ros_topic,
-    )
     return convert_to(
         calibration,
         target,
         output=output,
         noise=noise.noise,
         rate=noise.consumer_rate,
-        wishes=wishes,
+        largest_loss=1e-6 * form.largest_loss,
+        frame=form.frame,
+        temperature=form.at_temperature,
+        topic=form.ros_topic,
     )
 
 

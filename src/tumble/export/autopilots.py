@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -52,10 +53,7 @@ def read_px4(path: Path) -> Imported:
         else:
             others[words[2]] = value
 
-    def curve_of(kind: str, number: str, triad: Triad, remarks: list[str]) -> Curve | None:
-        return _px4_curve(others, kind, number, triad, remarks, path)
-
-    return _from_parameters(found, path, "PX4", curve_of)
+    return _from_parameters(found, path, "PX4", partial(_px4_curve, others, path=path))
 
 
 def _px4_curve(
@@ -113,10 +111,7 @@ def read_ardupilot(path: Path) -> Imported:
         else:
             others[name] = value
 
-    def curve_of(kind: str, number: str, triad: Triad, remarks: list[str]) -> Curve | None:
-        return _ardupilot_curve(others, kind, number, triad, remarks, path)
-
-    return _from_parameters(found, path, "ArduPilot", curve_of)
+    return _from_parameters(found, path, "ArduPilot", partial(_ardupilot_curve, others, path=path))
 
 
 def _ardupilot_curve(
@@ -211,8 +206,6 @@ def _first(kind: str, entries: dict[tuple[str, str, str], float], path: Path) ->
         if missing:
             raise CalibrationFileError(f"{path} lacks the {kind}'s {what} of axis {', '.join(missing)}.")
         rows[what] = np.array([entries[number, axis, what] for axis in "XYZ"])
-    if not (all(np.all(np.isfinite(values)) for values in rows.values()) and np.all(rows["scale"] > 0.0)):
-        raise CalibrationFileError(
-            f"{path} has a scale of the {kind} that is not positive, or no finite number."
-        )
+    if not np.all(rows["scale"] > 0.0):
+        raise CalibrationFileError(f"{path} has a scale of the {kind} that is not positive.")
     return Triad(np.diag(1.0 / rows["scale"]), rows["offset"])

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from tumble.arrays import Matrix
+from tumble.arrays import Matrix, Vectors
+from tumble.attitude.directions import twenty_six_directions
 from tumble.records import dataclass
 from tumble.sensor import ImuModel, Triad
-from tumble.sensor.thermal import ThermalModel
 from tumble.units import STANDARD_GRAVITY
 
+Pairs = Sequence[tuple[ImuModel, ImuModel]]
+"""True models, and what stands in their place."""
+_ROUND_OFF = 1e-9  # m/s² and rad/s, of a correction and its inverse
 _DEG_PER_H = 180.0 / np.pi * 3600.0
 
 
@@ -43,6 +48,68 @@ def of_matrix(triad: Triad, kept: Matrix, name: str, what: str) -> list[Loss]:
         return []
     where = f"{1e6 * size:.0f} µg in 1 g" if name == "accelerometers" else f"{size:.2g} rad/s at 1 rad/s"
     return [Loss(f"the {name}' {what} are left out: up to {1e6 * size:.0f} ppm, {where}", size)]
+
+
+def of_bias(triad: Triad, name: str) -> list[Loss]:
+    """Return the loss of a bias."""
+    size = float(np.linalg.norm(np.linalg.solve(triad.matrix, triad.bias)))
+    if size == 0.0:
+        return []
+    unit = "m/s²" if name == "accelerometers" else "rad/s"
+    return [Loss(f"the {name}' biases are left out: {size:.3g} {unit}")]
+
+
+def of_temperature(pairs: Pairs, celsius: float, span: str) -> Loss:
+    """Return the loss of everything that changes with temperature.
+
+    Parameters
+    ----------
+    pairs : the true models over the calibrated span, each with that of one temperature.
+    celsius : that temperature.
+    span : in words.
+    """
+    force, rate = _worst(pairs)
+    return Loss(
+        f"what changes with temperature is left out, the numbers hold at {celsius:g} °C: up to "
+        f"{1e6 * force / STANDARD_GRAVITY:.0f} µg and {_DEG_PER_H * rate:.3g} deg/h{span}"
+    )
+
+
+def in_all(pairs: Pairs, span: str, *, corrects: bool) -> list[Loss]:
+    """Return how far corrected vectors are off if they are corrected by a file alone, with all that it does not hold.
+
+    Parameters
+    ----------
+    pairs : the true model, and what the file has in its place.
+    span : of temperature, in words.
+    corrects : whether the file holds anything that corrects.
+    """
+    force, rate = _worst(pairs)
+    if not force and not rate:
+        return []
+    what = "in all, what this file corrects is" if corrects else "this file corrects nothing: raw numbers are"
+    return [
+        Loss(
+            f"{what} off by up to {force:.3g} m/s² and {np.degrees(rate):.3g} deg/s, over 26 directions each of 1 g "
+            f"and of 1 rad/s{span}"
+        )
+    ]
+
+
+def _worst(pairs: Pairs) -> tuple[float, float]:
+    """The largest errors, m/s² and rad/s, over 26 directions each of 1 g and of 1 rad/s."""
+    directions = twenty_six_directions()
+    force: Vectors = np.repeat(STANDARD_GRAVITY * directions, len(directions), axis=0)
+    rate: Vectors = np.tile(directions, (len(directions), 1))
+    off = np.zeros(2)
+    for true, kept in pairs:
+        got_force, got_rate = kept.correct(*true.distort(force, rate))
+        here = [
+            np.linalg.norm(got_force - force, axis=1).max(),
+            np.linalg.norm(got_rate - rate, axis=1).max(),
+        ]
+        off = np.maximum(off, here)
+    return tuple(np.where(off > _ROUND_OFF, off, 0.0).tolist())
 
 
 def of_g_sensitivity(gyroscope: Triad, sensitivity: Matrix) -> Loss:
@@ -79,27 +146,3 @@ def of_lever_arms(lever_arms: Matrix) -> Loss:
         f"the accelerometers' lever arms are left out: they are up to {1e3 * apart:.2g} mm apart, which is "
         f"{1e3 * apart:.2g} mm/s² at 1 rad/s"
     )
-
-
-def of_temperature(thermal: ThermalModel, there: ImuModel, celsius: float) -> Loss:
-    """Return the loss of everything that changes with temperature, over the calibrated span."""
-    low, high = thermal.span_celsius
-    force = rate = 0.0
-    for other in np.linspace(low, high, 9).tolist():
-        for state in (-1.0, 1.0):
-            model = thermal.at(other, 0.0, state)
-            force = max(force, _moved(model.accelerometer, there.accelerometer, STANDARD_GRAVITY))
-            rate = max(rate, _moved(model.gyroscope, there.gyroscope, 0.0))
-    return Loss(
-        f"what changes with temperature is left out, the numbers hold at {celsius:g} °C: "
-        f"over {low:g} to {high:g} °C up to {1e6 * force / STANDARD_GRAVITY:.0f} µg and {_DEG_PER_H * rate:.3g} deg/h"
-    )
-
-
-def _moved(one: Triad | None, other: Triad | None, at: float) -> float:
-    """How far a corrected vector of length `at` is off if one triad is corrected as the other."""
-    if one is None or other is None:
-        return 0.0
-    bias = np.linalg.norm(np.linalg.solve(other.matrix, one.bias - other.bias))
-    matrix = np.linalg.norm(np.linalg.solve(other.matrix, one.matrix) - np.eye(3), 2) * at
-    return float(bias + matrix)

@@ -73,7 +73,7 @@ class FieldCorrection:
         )
 
 
-def field_correction(calibration: Calibration | None, frame: str) -> FieldCorrection | None:
+def field_correction(calibration: Calibration, frame: str) -> FieldCorrection | None:
     """Return the magnetometer's correction, x in µT where the norm is known; None without one.
 
     Parameters
@@ -81,7 +81,7 @@ def field_correction(calibration: Calibration | None, frame: str) -> FieldCorrec
     calibration : of one stage or several; of several the magnetometer is not written.
     frame : of corrected vectors.
     """
-    if calibration is None or calibration.composed_with is not None or calibration.magnetometer is None:
+    if calibration.composed_with is not None or calibration.magnetometer is None:
         return None
     block, triad = calibration.magnetometer, calibration.magnetometer.triad
     if triad is None:
@@ -188,14 +188,11 @@ def field_lines(made: FieldCorrection, formula: str) -> list[str]:
     formula : in the tool's own names.
     """
     raw, true = made.vectors()
+    unit = "units of the local field" if made.unit == LOCAL else made.unit
     return [
-        f"magnetometer: {formula}; raw in {made.raw_unit}, corrected in {_words(made.unit)} along the axes {made.axes}",
+        f"magnetometer: {formula}; raw in {made.raw_unit}, corrected in {unit} along the axes {made.axes}",
         f"test vector: raw magnetic field {_row(raw[2])} corrected to {_row(true[2])}",
     ]
-
-
-def _words(unit: str) -> str:
-    return "units of the local field" if unit == LOCAL else unit
 
 
 def _row(values: Sequence[float] | Vector) -> str:

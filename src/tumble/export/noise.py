@@ -27,7 +27,6 @@ class TriadNoise:
     density, walk : worst axis.
     densities : (3,) axis by axis.
     walk_is_limit : the walk is not seen in the recording; `walk` is the upper limit.
-    instability : B, worst axis, or None.
     missed : of the letters that are passed on, by channel and letter, the factor by which the fitted curve misses the
         measured one where the letter makes most of it.
     """
@@ -36,7 +35,6 @@ class TriadNoise:
     walk: float
     densities: Vector
     walk_is_limit: bool = False
-    instability: float | None = None
     missed: dict[tuple[str, str], float] = field(default_factory=dict[tuple[str, str], float])
 
 
@@ -146,7 +144,6 @@ def _triad(document: dict[str, Any], name: str, letter: str, file: Path) -> Tria
             for letter, term in channel["terms"].items()
             if letter in "NBK" and (term.get("curve_missed_by") or 1.0) > MISSED
         }
-        unstable = [number_of(c["terms"]["B"]["value"]) for c in channel_list if "B" in c["terms"]]
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise UsageError(f"{file} is damaged: {type(error).__name__} at {error}.") from error
     if not walks and not limits:
@@ -160,6 +157,5 @@ def _triad(document: dict[str, Any], name: str, letter: str, file: Path) -> Tria
         walk=walk,
         densities=densities,
         walk_is_limit=not walks,
-        instability=max(unstable) if unstable else None,
         missed=missed,
     )

@@ -39,6 +39,14 @@ class Polynomials:
     reference: float
     span: tuple[float, float]
 
+    def at(self, celsius: float, model: ImuModel) -> ImuModel:
+        """Return a model with the biases of a temperature, where they change."""
+        for name, used, rows in zip(_NAMES, self.used, self.coefficients, strict=True):
+            if used:
+                bias = (celsius - self.reference) ** np.arange(_ORDER + 1) @ rows
+                model = replace(model, **{name: replace(getattr(model, name), bias=bias)})
+        return model
+
     def about(self, other: float, number: int) -> AnyArray:
         """Return a triad's polynomial about another temperature, °C."""
         return Curve(self.coefficients[number], self.reference, self.span).about(other)
@@ -77,18 +85,11 @@ def polynomials_of(thermal: ThermalModel) -> tuple[Polynomials, list[Loss]]:
     made = Polynomials(
         (fitted[0], fitted[1]), (used[0], used[1]), reference, (float(span[0]), float(span[1]))
     )
-    return made, [*_misfits(wrong), *_rest(thermal)]
-
-
-def _misfits(wrong: list[float]) -> list[Loss]:
-    if not any(wrong):
-        return []
-    return [
-        Loss(
-            "the curves of temperature are cubic polynomials here: off by up to "
-            f"{1e6 * wrong[0] / STANDARD_GRAVITY:.0f} µg and {np.degrees(wrong[1]) * 3600:.3g} deg/h"
-        )
-    ]
+    lost = _rest(thermal)
+    if any(wrong):
+        off = f"{1e6 * wrong[0] / STANDARD_GRAVITY:.0f} µg and {np.degrees(wrong[1]) * 3600:.3g} deg/h"
+        lost.insert(0, Loss(f"the curves of temperature are cubic polynomials here: off by up to {off}"))
+    return made, lost
 
 
 def _rest(thermal: ThermalModel) -> list[Loss]:
@@ -109,22 +110,17 @@ def _rest(thermal: ThermalModel) -> list[Loss]:
                 size,
             )
         )
-    force = thermal.hysteresis.get("accelerometer.bias")
-    rate = thermal.hysteresis.get("gyroscope.bias")
-    if force is not None or rate is not None:
+    sizes = [float(np.max(np.abs(thermal.hysteresis.get(f"{name}.bias", 0.0)))) for name in _NAMES]
+    if thermal.hysteresis:
         lost.append(
             Loss(
                 "hysteresis of temperature is left out: up to "
-                f"{_largest(force) * 1e6 / STANDARD_GRAVITY:.0f} µg and {np.degrees(_largest(rate)) * 3600:.3g} deg/h"
+                f"{sizes[0] * 1e6 / STANDARD_GRAVITY:.0f} µg and {np.degrees(sizes[1]) * 3600:.3g} deg/h"
             )
         )
     if thermal.rate_coefficients or thermal.lag > 0.0:
         lost.append(Loss("the dependence on the rate of temperature and the thermometer's lag are left out"))
     return lost
-
-
-def _largest(values: AnyArray | None) -> float:
-    return 0.0 if values is None else float(np.max(np.abs(values)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,17 +162,10 @@ def thermal_of(
     Raises
     ------
     CalibrationFileError
-        If a curve is not finite, or its span is none.
+        If the span is none.
     """
     if not curves:
         return None, []
-    for name, curve in curves.items():
-        if not (
-            np.all(np.isfinite(curve.coefficients)) and np.all(np.isfinite((curve.reference, *curve.span)))
-        ):
-            raise CalibrationFileError(
-                f"{path}: the {name}'s temperature compensation holds no finite number."
-            )
     low, high = max(c.span[0] for c in curves.values()), min(c.span[1] for c in curves.values())
     if not low < high:
         raise CalibrationFileError(

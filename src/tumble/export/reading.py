@@ -23,7 +23,7 @@ _SCALES = (0.1, 10.0)
 _LARGEST_BIAS = 1e3
 
 # Readers multiply up to three numbers of a file.
-LARGEST_NUMBER = 1e60
+_LARGEST_NUMBER = 1e60
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,22 +117,30 @@ def invertible(value: Any, name: str, path: Path) -> Matrix:
     return matrix
 
 
-def vector_of(value: Any, name: str, path: Path, size: int = 3) -> Vector:
-    """Return `size` numbers.
+def vector_of(value: Any, name: str, path: Path) -> Vector:
+    """Return three numbers.
 
     Raises
     ------
     CalibrationFileError
-        If they are not that many finite numbers.
+        If they are not three finite numbers.
     """
-    return _numbers(value, name, path, size)
+    return _numbers(value, name, path, 3)
 
 
 def _numbers(value: Any, name: str, path: Path, size: int) -> Any:
     entries = _flat(value.tolist() if isinstance(value, np.ndarray) else value)
     if len(entries) != size:
         raise CalibrationFileError(f"{name} in {path} is {len(entries)} numbers, not {size}.")
-    return np.array([finite(entry, name, path) for entry in entries])
+    try:
+        numbers = np.array([number_of(entry) for entry in entries])
+    except ValueError as error:
+        raise CalibrationFileError(f"{name} in {path} cannot be used: {error}.") from None
+    if np.abs(numbers).max() > _LARGEST_NUMBER:
+        raise CalibrationFileError(
+            f"{name} in {path} is {np.abs(numbers).max():g}: it is no calibration's number."
+        )
+    return numbers
 
 
 def _flat(value: Any) -> list[Any]:
@@ -140,28 +148,6 @@ def _flat(value: Any) -> list[Any]:
     if not isinstance(value, list | tuple):
         return [value]
     return [entry for part in cast("list[Any]", value) for entry in _flat(part)]
-
-
-def finite(value: Any, name: str, path: Path) -> float:
-    """Return a finite number of a file, of a size whose products are finite too.
-
-    Parameters
-    ----------
-    value : a number, or a word of the file.
-    name : what it is called in the sentence.
-
-    Raises
-    ------
-    CalibrationFileError
-        If it is none.
-    """
-    try:
-        number = number_of(value)
-    except ValueError as error:
-        raise CalibrationFileError(f"{name} in {path} cannot be used: {error}.") from None
-    if abs(number) > LARGEST_NUMBER:
-        raise CalibrationFileError(f"{name} in {path} is {number:g}: it is no calibration's number.")
-    return number
 
 
 def check_plausible(model: ImuModel, units: tuple[str, str], path: Path) -> None:

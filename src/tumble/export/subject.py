@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import field, replace
+from itertools import product
 
 import numpy as np
 
-from tumble.arrays import Vectors
+from tumble.arrays import Matrix, Vectors
 from tumble.document.merging import merge_models
 from tumble.document.result import Calibration
 from tumble.errors import UsageError
@@ -16,7 +17,7 @@ from tumble.export.losses import Loss
 from tumble.export.magnetometer import FieldCorrection, field_for
 from tumble.export.noise import SensorNoise
 from tumble.export.polynomials import NO_CURVES, Polynomials, polynomials_of
-from tumble.export.target import G_SENSITIVITY, MATRIX, NONLINEAR, SCALE, Target
+from tumble.export.target import BIAS, G_SENSITIVITY, MATRIX, NONLINEAR, SCALE, Target
 from tumble.records import dataclass
 from tumble.sensor import FRAMES, ImuModel, Triad, change_frame
 from tumble.sensor.thermal import ThermalModel
@@ -107,13 +108,12 @@ class Subject:
         """Return three raw specific forces and angular rates in `units`, round numbers, and both corrected (SI)."""
         force = np.array([[1.0, 0.0, 0.0], [0.0, 2.0, -1.0], [3.0, -4.0, 9.0]])
         rate = np.array([[0.1, 0.0, 0.0], [0.0, 0.2, -0.1], [0.3, -0.4, 0.5]])
-        raw_force, raw_rate = self.model.distort(force, rate)
-        raw_force, raw_rate = rounded(raw_force), rounded(raw_rate)
+        raw_force, raw_rate = (_rounded(raw) for raw in self.model.distort(force, rate))
         force, rate = self.model.correct(raw_force, raw_rate)
         return raw_force, raw_rate, force, rate
 
 
-def rounded(values: Vectors) -> Vectors:
+def _rounded(values: Vectors) -> Vectors:
     """Return numbers of four digits, which a person can type."""
     return np.array([[float(f"{v:.4g}") for v in row] for row in values])
 
@@ -151,37 +151,35 @@ def prepare(
             raise UsageError(f"{target.title} holds a calibration: name its calibration.json first.")
         return Subject(ImuModel.ideal(), ("m/s^2", "rad/s"), "", "", None, wishes, noise=noise)
     found: list[Loss] = []
-    model, thermal, said = _one_model(calibration, target, wishes, found)
+    model, thermal, celsius, said = _one_model(calibration, target, wishes)
     arms = [stage.lever_arms for stage in calibration.stages if stage.lever_arms is not None]
-    if arms and MATRIX in target.holds:
+    if arms and target.accelerometer:
         found.append(losses.of_lever_arms(np.array(arms[-1], dtype=np.float64)))
-    model, thermal, units = _in_units(model, thermal, calibration, target)
-    model = _both_triads(model, found, units)
-    model, thermal, frame = _in_frame(model, thermal, calibration, target, wishes)
+    scale, units = _in_units(model, calibration, target)
+    model = _both_triads(scaled(model, scale), units, found)
+    whole, frame = _in_frame(model, thermal, calibration, target, wishes)
     if frame != calibration.frame.name:
         said.append(
             f"corrected vectors are in the frame {frame}, not in the calibration's {calibration.frame.name}"
         )
-    model = _without_terms(model, target, found)
-    magnetometer, of_field = field_for(calibration, frame, target, wishes.largest_loss)
-    early = target.magnetometer is None or (
-        calibration.magnetometer is not None and calibration.magnetometer.unfit
-    )
-    if early:
-        found += of_field
-    if not target.corrects:
-        # What it has no place for is no loss.
-        found.clear()
     curves = NO_CURVES
     if thermal is not None:
-        curves, lost = polynomials_of(thermal)
+        curves, lost = polynomials_of(_scaled_thermal(thermal, scale))
         found += lost
-    model = _projected(model, target, units, found)
-    found += [Loss(text) for text in target.loses]
-    if not early:
-        found += of_field
+    kept = _projected(whole, target, units, found)
+    magnetometer, of_field = field_for(calibration, frame, target, wishes.largest_loss)
+    found += [*(Loss(text) for text in target.loses), *of_field]
+    if not target.corrects:
+        # Of all that has no place in it, the whole is stated.
+        found = of_field
+    there, span = _there(calibration, model, whole, scale, units)
+    if celsius is not None and target.corrects:
+        found.insert(0, losses.of_temperature([(true, whole) for _, true in there], celsius, span))
+    if target.corrects or None not in (specific_force_factor(units[0]), angular_rate_factor(units[1])):
+        pairs = [(true, curves.at(warm, kept)) for warm, true in there] or [(whole, kept)]
+        found[:0] = losses.in_all(pairs, span, corrects=target.corrects)
     subject = Subject(
-        model,
+        kept,
         units,
         frame,
         FRAMES.get(frame, calibration.frame.description),
@@ -198,33 +196,60 @@ def prepare(
 
 
 def _projected(model: ImuModel, target: Target, units: tuple[str, str], found: list[Loss]) -> ImuModel:
-    """Keep of the matrices what the target holds, and note what that loses."""
-    if target.needs_noise or not target.corrects:
-        return model
+    """Keep what the target holds, take nominal numbers for the rest, and note what that loses."""
+    sensitivity = model.g_sensitivity
     triads: list[Triad] = []
     for name, triad, holds, factor in (
         ("accelerometers", model.accelerometer, target.accelerometer, specific_force_factor(units[0])),
         ("gyros", model.gyroscope, target.gyroscope, angular_rate_factor(units[1])),
     ):
         assert triad is not None
-        kept, what = triad.matrix, ""
+        if NONLINEAR not in holds:
+            found += losses.of_nonlinearity(triad, name)
+            triad = Triad(triad.matrix, triad.bias)
+        if sensitivity is not None and name == "gyros" and G_SENSITIVITY not in holds:
+            found.append(losses.of_g_sensitivity(triad, sensitivity))
+            sensitivity = None
+        matrix, bias = triad.matrix, triad.bias
         if SCALE in holds:
-            kept, what = np.diag(np.diag(triad.matrix)), "misalignments (off-diagonals)"
+            matrix = np.diag(np.diag(triad.matrix))
+            found += losses.of_matrix(triad, matrix, name, "misalignments (off-diagonals)")
         elif MATRIX not in holds:
-            kept, what = np.eye(3) / (factor or 1.0), "scale factors and misalignments"
-        if what:
-            found += losses.of_matrix(triad, kept, name, what)
-        triads.append(replace(triad, matrix=kept))
-    return ImuModel(triads[0], triads[1], model.g_sensitivity)
+            matrix = np.eye(3) / (factor or 1.0)
+            found += losses.of_matrix(triad, matrix, name, "scale factors and misalignments")
+        if BIAS not in holds:
+            bias = np.zeros(3)
+            found += losses.of_bias(triad, name)
+        triads.append(replace(triad, matrix=matrix, bias=bias))
+    return ImuModel(triads[0], triads[1], sensitivity)
+
+
+def _there(
+    calibration: Calibration, model: ImuModel, whole: ImuModel, scale: Sequence[float], units: tuple[str, str]
+) -> tuple[list[tuple[float, ImuModel]], str]:
+    """The true models at temperatures of a calibration with temperature, turned as `model` was to be `whole`."""
+    thermal = calibration.stages[0].thermal_model if len(calibration.stages) == 1 else None
+    if thermal is None:
+        return [], ""
+    assert model.accelerometer is not None
+    assert whole.accelerometer is not None
+    turned = np.linalg.solve(model.accelerometer.matrix, whole.accelerometer.matrix)
+    turn: Matrix = np.asarray(turned.T, dtype=np.float64)
+    low, high = thermal.span_celsius
+    found: list[tuple[float, ImuModel]] = []
+    for celsius, state in product(np.linspace(low, high, 9).tolist(), (-1.0, 1.0)):
+        true = _both_triads(scaled(thermal.at(celsius, 0.0, state), scale), units, [])
+        found.append((celsius, true.turned(turn)))
+    return found, f", from {low:g} to {high:g} °C"
 
 
 def _one_model(
-    calibration: Calibration, target: Target, wishes: Wishes, found: list[Loss]
-) -> tuple[ImuModel, ThermalModel | None, list[str]]:
-    """One model of all stages; what changes with temperature is kept for targets that hold it."""
+    calibration: Calibration, target: Target, wishes: Wishes
+) -> tuple[ImuModel, ThermalModel | None, float | None, list[str]]:
+    """One model of all stages; what changes with temperature for targets that hold it, else the one temperature."""
     models: list[ImuModel] = []
-    said: list[str] = []
     kept: ThermalModel | None = None
+    celsius: float | None = None
     for stage in calibration.stages:
         thermal = stage.thermal_model
         if thermal is None:
@@ -241,28 +266,27 @@ def _one_model(
                 f"The calibration is of {low:g} to {high:g} °C: it cannot be taken at {celsius:g} °C "
                 "(--at-temperature)."
             )
-        there = thermal.at(celsius)
-        models.append(there)
-        found.append(losses.of_temperature(thermal, there, celsius))
+        models.append(thermal.at(celsius))
     model = models[0]
     for later in models[1:]:
         model = merge_models(model, later)
-    if len(models) > 1:
-        said.append(f"{len(models)} calibrations one after another, as one matrix and bias")
-    return model, kept, said
+    if len(models) == 1:
+        return model, kept, celsius, []
+    return model, kept, celsius, [f"{len(models)} calibrations one after another, as one matrix and bias"]
 
 
 def _in_units(
-    model: ImuModel, thermal: ThermalModel | None, calibration: Calibration, target: Target
-) -> tuple[ImuModel, ThermalModel | None, tuple[str, str]]:
+    model: ImuModel, calibration: Calibration, target: Target
+) -> tuple[list[float], tuple[str, str]]:
+    """What raw numbers are to be multiplied by, and the units that they then have."""
     given = calibration.stages[0].raw_units
     # As the units are called here, for the document may have another spelling, and the names go into programs.
     own = (
         find_unit("specific force", given.specific_force) or given.specific_force,
         find_unit("angular rate", given.angular_rate) or given.angular_rate,
     )
-    if target.units is None:
-        return model, thermal, own
+    if target.units is None or not target.corrects:
+        return [1.0, 1.0], own
     ours = (specific_force_factor(own[0]), angular_rate_factor(own[1]))
     theirs = (specific_force_factor(target.units[0]), angular_rate_factor(target.units[1]))
     scale: list[float] = []
@@ -276,7 +300,7 @@ def _in_units(
                 "and say how many counts the driver takes for one unit, as --units '16384 LSB/g,131 LSB/(deg/s)'."
             )
         scale.append((from_si or 1.0) / to_si)
-    return scaled(model, scale), None if thermal is None else _scaled_thermal(thermal, scale), target.units
+    return scale, target.units
 
 
 def scaled(model: ImuModel, scale: Sequence[float]) -> ImuModel:
@@ -301,7 +325,7 @@ def _scaled_thermal(thermal: ThermalModel, scale: Sequence[float]) -> ThermalMod
     )
 
 
-def _both_triads(model: ImuModel, found: list[Loss], units: tuple[str, str]) -> ImuModel:
+def _both_triads(model: ImuModel, units: tuple[str, str], found: list[Loss]) -> ImuModel:
     """A triad that is not calibrated is nominal: one raw unit is one unit."""
     accelerometer, gyroscope = model.accelerometer, model.gyroscope
     if accelerometer is None:
@@ -317,19 +341,19 @@ def _both_triads(model: ImuModel, found: list[Loss], units: tuple[str, str]) -> 
 
 def _in_frame(
     model: ImuModel, thermal: ThermalModel | None, calibration: Calibration, target: Target, wishes: Wishes
-) -> tuple[ImuModel, ThermalModel | None, str]:
+) -> tuple[ImuModel, str]:
     frame = target.frame or wishes.frame or calibration.frame.name
     if target.frame is not None and wishes.frame not in (None, target.frame):
         raise UsageError(
             f"{target.title} can only be in the frame {target.frame}, not in {wishes.frame}: leave --frame out."
         )
     if frame == calibration.frame.name:
-        return model, thermal, frame
+        return model, frame
     if thermal is not None:
         raise UsageError(
             f"A calibration with temperature is written in its own frame: leave --frame {frame} out."
         )
-    return _with_zeros(change_frame(model, frame), frame), thermal, frame
+    return _with_zeros(change_frame(model, frame), frame), frame
 
 
 def _with_zeros(model: ImuModel, frame: str) -> ImuModel:
@@ -340,25 +364,6 @@ def _with_zeros(model: ImuModel, frame: str) -> ImuModel:
     return replace(
         model, accelerometer=replace(model.accelerometer, matrix=triangle(model.accelerometer.matrix))
     )
-
-
-def _without_terms(model: ImuModel, target: Target, found: list[Loss]) -> ImuModel:
-    """Take out what the target does not hold, and note its size."""
-    accelerometer, gyroscope = model.accelerometer, model.gyroscope
-    assert accelerometer is not None
-    assert gyroscope is not None
-    sensitivity = model.g_sensitivity
-    if not target.corrects:
-        return model
-    if NONLINEAR not in target.holds:
-        found += losses.of_nonlinearity(accelerometer, "accelerometers")
-        found += losses.of_nonlinearity(gyroscope, "gyros")
-        accelerometer = Triad(accelerometer.matrix, accelerometer.bias)
-        gyroscope = Triad(gyroscope.matrix, gyroscope.bias)
-    if sensitivity is not None and G_SENSITIVITY not in target.holds:
-        found.append(losses.of_g_sensitivity(gyroscope, sensitivity))
-        sensitivity = None
-    return ImuModel(accelerometer, gyroscope, sensitivity)
 
 
 def _refuse_large(subject: Subject, target: Target) -> None:

@@ -49,6 +49,7 @@ class Target:
     units : raw units of specific force and angular rate that the tool works in; None takes the calibration's.
     output : names and factors from SI of the units that a test vector's corrected numbers are in.
     frame : that the form's zeros ask for, or None: any.
+    replaces : whether its numbers go where others stand that may have been active while the unit was recorded.
     comment : what begins a comment line, empty where the format has none; `template.escaped` knows each.
     formula : lines, in the tool's own names.
     loses : further losses, in words.
@@ -70,6 +71,7 @@ class Target:
     comment: str = "#"
     formula: tuple[str, ...] = ()
     loses: tuple[str, ...] = ()
+    replaces: bool = False
 
     @property
     def holds(self) -> tuple[str, ...]:

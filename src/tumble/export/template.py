@@ -6,7 +6,7 @@ import json
 import re
 import struct
 from collections.abc import Callable, Iterable, Sequence
-from functools import cache, reduce
+from functools import cache, partial, reduce
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -188,27 +188,17 @@ def head(subject: Subject, target: Target) -> list[str]:
     lines += [f"note: {remark}" for remark in subject.remarks]
     if subject.noise is not None:
         lines += [f"note: {remark}" for remark in subject.noise.remarks]
-    return lines + losses_of(subject)
-
-
-def losses_of(subject: Subject) -> list[str]:
-    """Return the losses as a comment has them."""
-    return [f"loss: {loss.text}" for loss in subject.losses]
+    return [*lines, *(f"loss: {loss.text}" for loss in subject.losses)]
 
 
 def _example(subject: Subject, target: Target) -> list[str]:
     """A test vector: raw in, corrected out in the tool's units."""
-    if not target.corrects or target.needs_noise:
+    if not target.corrects:
         return []
-    if target.name == "mpu6050":
-        bias = row(subject.accelerometer.bias), row(subject.gyroscope.bias)
-        return [f"example: at a bias of {bias[0]} g and {bias[1]} deg/s"]
     raw_force, raw_rate, force, rate = subject.vectors()
     scale = [1.0 / STANDARD_GRAVITY, DEGREES] if target.output == ("g", "deg/s") else [1.0, 1.0]
     curves = subject.curves
-    at = ""
-    if target.name == "px4" and any(curves.used):
-        at = f" at {curves.reference:g} degrees Celsius"
+    at = f" at {curves.reference:g} degrees Celsius" if any(curves.used) else ""
     return [
         f"test vector: raw specific force {row(raw_force[2])}, raw angular rate {row(raw_rate[2])}{at}",
         f"  corrected to {row(scale[0] * force[2])}, {row(scale[1] * rate[2])} ({', '.join(target.output)})",
@@ -256,7 +246,6 @@ def _environment() -> Environment:
         "number": number,
         "row": row,
         "rows": _rows,
-        "nine": _nine,
         "single": _single,
         "numbers": _numbers,
         "braces": _braces,
@@ -273,15 +262,11 @@ def _environment() -> Environment:
     return made
 
 
-def _norms(matrix: Matrix) -> Vector:
-    return np.linalg.norm(matrix, axis=1)
-
-
 _KNOWN: dict[str, Any] = {
     "diag": np.diag,
     "sqrt": np.sqrt,
     "triu": np.triu,
-    "norms": _norms,
+    "norms": partial(np.linalg.norm, axis=1),
     "DEGREES": DEGREES,
     "DEGREE": DEGREE,
     "PI": np.pi,
@@ -311,7 +296,7 @@ def filled(target: Target, subject: Subject, file: str) -> str:
         "head": comment(said),
         "head_lines": said,
         "commented": comment,
-        "losses": losses_of(subject),
+        "losses": [f"loss: {loss.text}" for loss in subject.losses],
         "accelerometer": Form(subject.accelerometer),
         "gyroscope": Form(subject.gyroscope),
         "g_sensitivity": np.zeros((3, 3)) if sensitivity is None else np.asarray(sensitivity),

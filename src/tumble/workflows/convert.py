@@ -18,7 +18,7 @@ from tumble.errors import UsageError
 from tumble.export.noise import read_noise
 from tumble.export.readers import read_file
 from tumble.export.reading import check_plausible
-from tumble.export.subject import Subject, Wishes, prepare
+from tumble.export.subject import LARGEST_LOSS, Subject, Wishes, prepare
 from tumble.export.target import MAGNETOMETER, MATRIX, NOISE, SCALE, Target, find_target, targets
 from tumble.files import write_texts
 from tumble.recording.formats.logs.own_parameters import UNSTATED
@@ -69,10 +69,10 @@ def convert_to(
     output: str | os.PathLike[str] | None = None,
     noise: str | os.PathLike[str] | None = None,
     rate: float | None = None,
-    largest_loss: float | None = None,
+    largest_loss: float = LARGEST_LOSS,
     frame: str | None = None,
     temperature: float | None = None,
-    wishes: Wishes | None = None,
+    topic: str | None = None,
 ) -> Converted:
     """Write a calibration in another tool's form.
 
@@ -83,10 +83,10 @@ def convert_to(
     output : the file, or the folder of a target of several files; by default the target's own name for it.
     noise : a ``noise.json``, for targets that hold noise.
     rate : Hz that the consumer samples at, where it is not the recording's.
-    largest_loss : of the true vector's length, beyond which nothing is written; 0.02 by default.
+    largest_loss : of the true vector's length, beyond which nothing is written.
     frame : of corrected vectors, where the target leaves it open.
     temperature : °C to take a thermal calibration at.
-    wishes : all of these together, and what else there is; what is given by its own name goes before.
+    topic : of ROS, where the form names one; by default the recording's, or else /imu0.
 
     Raises
     ------
@@ -97,7 +97,7 @@ def convert_to(
     OutputError
         If the file cannot be written; an earlier one is intact.
     """
-    chosen = find_target(target)
+    chosen, wishes = find_target(target), Wishes(frame, temperature, largest_loss, topic)
     if rate is not None and not 0.0 < rate < math.inf:
         raise UsageError(f"--consumer-rate {rate:g}: give Hz, more than 0.")
     if noise is not None and NOISE not in chosen.holds:
@@ -108,15 +108,9 @@ def convert_to(
     if document is not None and not isinstance(document, Calibration):
         document = read_calibration(document)
     left_out: list[str] = []
-    if document is not None and chosen.name in ("px4", "ardupilot"):
+    if document is not None and chosen.replaces:
         document, left_out = _without_corrected_before(document, chosen)
     coefficients = None if noise is None else read_noise(Path(noise), rate=rate)
-    own = {
-        "largest_loss": largest_loss,
-        "frame": frame,
-        "temperature": temperature,
-    }
-    wishes = replace(wishes or Wishes(), **{name: value for name, value in own.items() if value is not None})
     subject = prepare(document, chosen, wishes, coefficients)
     texts = chosen.write(subject)
     files = _places(

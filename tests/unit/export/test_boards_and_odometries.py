@@ -14,7 +14,6 @@ import yaml
 from tumble.document.imported import calibration_from_model
 from tumble.document.result import Calibration, RecordingName
 from tumble.errors import UsageError
-from tumble.export.noise import SensorNoise, TriadNoise
 from tumble.export.subject import Wishes, prepare
 from tumble.export.target import targets
 from tumble.sensor import ImuModel, Triad
@@ -52,18 +51,6 @@ def test_dlio_s_matrix_is_by_rows_and_its_biases_come_after_it() -> None:
     turned = np.array(yaml.safe_load(text_of("dlio", ImuModel(Triad(M_A.T.copy(), B_A), Triad(np.eye(3), B_G))))
                       ["dlio"]["imu"]["intrinsics"]["accel"]["sm"])  # fmt: skip
     assert np.abs(turned - sm.ravel()).max() > 5e-3
-
-
-def test_dlio_says_that_it_loses_the_gyros_matrix() -> None:
-    model = ImuModel(Triad(M_A, B_A), Triad(M_G, B_G), G)
-    size = np.linalg.svd(M_G - np.eye(3))[1][0]
-    text = text_of("dlio", model)
-    assert (
-        f"loss: the gyros' scale factors and misalignments are left out: up to {1e6 * size:.0f} ppm" in text
-    )
-    assert "g-sensitivity is left out" in text
-    with pytest.raises(UsageError, match="--largest-loss"):
-        text_of("dlio", model, largest_loss=0.9 * size)
 
 
 def test_the_topic_is_the_recording_s_unless_another_is_asked_for() -> None:
@@ -112,9 +99,8 @@ def test_mpu6050_s_registers_take_the_bias_out_in_any_range(full: int, counts: i
     assert np.all(add * bias_g < 0.0)
 
 
-def test_mpu6050_loses_scale_and_refuses_what_no_register_holds() -> None:
+def test_mpu6050_refuses_what_no_register_holds() -> None:
     text = text_of("mpu6050", ImuModel(Triad(M_A, B_A), Triad(M_G, B_G)), largest_loss=0.05)
-    assert "loss: the accelerometers' scale factors and misalignments are left out" in text
     assert "loss: biases are rounded to the registers" in text
     with pytest.raises(UsageError, match="does not fit into the MPU-6050's registers"):
         text_of("mpu6050", ImuModel(Triad(np.eye(3), 1000 * B_A), Triad(np.eye(3), B_G)), largest_loss=0.05)
@@ -165,20 +151,3 @@ def test_the_headers_compile_and_correct(name: str, compiler: str, tmp_path: Pat
             register_after(-2735, int(add[0])),
             register_after(1184, int(add[1])),
         ]
-
-
-def test_fast_lio_s_covariances_make_the_noise_that_the_samples_have() -> None:
-    """Its prediction by hand: after one second the variance of an angle is N², that of a bias K²."""
-    noise = SensorNoise(
-        TriadNoise(2e-3, 3e-5, np.full(3, 2e-3)),
-        TriadNoise(1.7e-4, 2e-6, np.full(3, 1.7e-4)),
-        200.0,
-        "noise.json",
-    )
-    target = TARGETS["fast-lio"]
-    d = yaml.safe_load(next(iter(target.write(prepare(None, target, None, noise)).values())))["mapping"]
-    dt = 1 / noise.rate
-    angle = sum(dt**2 * d["gyr_cov"] for _ in range(200))
-    bias = sum(dt**2 * d["b_gyr_cov"] for _ in range(200))
-    assert angle == pytest.approx(noise.gyroscope.density**2)
-    assert bias == pytest.approx(noise.gyroscope.walk**2)

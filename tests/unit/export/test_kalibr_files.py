@@ -10,8 +10,7 @@ import pytest
 import yaml
 
 from tumble.document import read_calibration
-from tumble.errors import CalibrationFileError, UsageError
-from tumble.export.target import find_target
+from tumble.errors import CalibrationFileError
 from tumble.workflows.convert import convert_from
 
 M_A = [[1.012, 0.0, 0.0], [-0.009, 0.991, 0.0], [0.003, -0.012, 1.021]]
@@ -90,21 +89,3 @@ def test_what_is_no_calibration_of_kalibr_is_refused(tmp_path: Path, document: A
     with pytest.raises(CalibrationFileError, match=words):
         convert_from(path, "kalibr", output=tmp_path / "a.json")
     assert not (tmp_path / "a.json").exists()
-
-
-@pytest.mark.parametrize("name", ["kalibr", "ardupilot", "px4"])
-def test_a_file_that_is_not_there_or_no_text_is_one_sentence(tmp_path: Path, name: str) -> None:
-    with pytest.raises((CalibrationFileError, UsageError), match=r"[Nn]o file|not there|is no "):
-        convert_from(tmp_path / "nothing", name, output=tmp_path / "a.json")
-    (tmp_path / "picture").write_bytes(b"\x89PNG\r\n\xff\xfe\x00\x01" * 40)
-    with pytest.raises((CalibrationFileError, UsageError), match="picture"):
-        convert_from(tmp_path / "picture", name, output=tmp_path / "a.json")
-
-
-def test_a_target_that_is_written_only_is_not_read() -> None:
-    with pytest.raises(
-        UsageError, match=r"C header is written only\. Read are .*kalibr.* imu-tk takes any matrix"
-    ):
-        find_target("c", reading=True)
-    with pytest.raises(UsageError, match="There is no target 'kalibur'"):
-        find_target("kalibur", reading=False)
