@@ -55,7 +55,6 @@ class CaptureOrder:
     protocol : a protocol's file or name, whose steps are gone through in order; "rest" is a unit that lies still, for
         its noise.
     resume : go on with what the folder holds.
-    go_on : do not end by itself when it is enough.
     unit : (model, serial number) to note in the calibration.
     notes : what else to note in it, by name.
     """
@@ -70,7 +69,6 @@ class CaptureOrder:
     imu: str | None = "consumer-mems"
     protocol: str | None = None
     resume: bool = False
-    go_on: bool = False
     unit: tuple[str | None, str | None] = (None, None)
     notes: Mapping[str, str] = field(default_factory=dict[str, str])
 
@@ -267,7 +265,7 @@ class _UnderWay:
             for part in samples.parts(max(LOOK, float(samples.time[-1] - samples.time[0]) / LOOKS)):
                 events += self._capture.feed(part)
         self._say(events)
-        if any(e.kind == "enough" for e in events) and self._order.source.live and not self._order.go_on:
+        if any(e.kind == "enough" for e in events) and self._order.source.live:
             raise _Stop
 
     def _quiet(self, now: float) -> None:

@@ -38,13 +38,12 @@ class SourceOptions:
 
     Attributes
     ----------
-    columns, units, rate, topics : what the stream does not say itself, as for a recording.
+    columns, units, rate : what the stream does not say itself, as for a recording.
     """
 
     columns: str | None = None
     units: str | None = None
     rate: float | None = None
-    topics: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

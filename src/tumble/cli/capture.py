@@ -23,13 +23,14 @@ from rich.text import Text
 
 from tumble.capture.events import BELLS, Event
 from tumble.capture.targets import groups_of
-from tumble.cli.groups import ADVANCED, FIRST, PRINTED, detail, option
+from tumble.cli.groups import ADVANCED, FIRST, option
 from tumble.cli.options import (
-    FileOptions,
     Imu,
     NoteOption,
+    PrintOptions,
     RegistryName,
     SiteOptions,
+    StreamOptions,
     UnitOptions,
     complete_protocol,
     output_option,
@@ -178,38 +179,15 @@ class CaptureOptions:
     resume: Annotated[bool, option(ADVANCED, "", "Go on with the capture that is in DIR.", "--resume")] = (
         False
     )
-    go_on: Annotated[
-        bool, option(ADVANCED, "", "Do not end by itself when it is enough: Ctrl-C ends it.", "--go-on")
-    ] = False
     web: Annotated[bool, option(FIRST, "", "Show it in a browser on this machine.", "--web")] = False
-    web_at: Annotated[
-        str,
-        detail(
-            ADVANCED,
-            "HOST:PORT",
-            "Where the page is served; beyond this machine (0.0.0.0:8080) with a token in its address.",
-            "--web-at",
-        ),
-    ] = ""
-
-
-@dataclass(frozen=True)
-class CapturePrintOptions:
-    """How it is said what happens."""
-
-    plain: Annotated[
-        bool, option(PRINTED, "", "Print a line for each event, for screen readers and logs.", "--plain")
-    ] = False
-    as_json: Annotated[bool, option(PRINTED, "", "Print each event as a line of JSON.", "--json")] = False
-    quiet: Annotated[bool, option(PRINTED, "", "Print the verdict only.", "--quiet", "-q")] = False
 
 
 def capture_command(
     what: CaptureOptions,
-    file: FileOptions,
+    file: StreamOptions,
     place: SiteOptions,
     unit: UnitOptions,
-    printed: CapturePrintOptions,
+    printed: PrintOptions,
     source: Annotated[
         str | None,
         typer.Argument(
@@ -247,9 +225,7 @@ def capture_command(
     raise typer.Exit(status)
 
 
-def _run(
-    order: CaptureOrder, what: CaptureOptions, printed: CapturePrintOptions, registry: str | None
-) -> int:
+def _run(order: CaptureOrder, what: CaptureOptions, printed: PrintOptions, registry: str | None) -> int:
     """Capture, print what came of it, and return the exit status."""
     from tumble.capture.run import run_capture
 
@@ -271,14 +247,14 @@ def _run(
 @contextmanager
 def _page(order: CaptureOrder, what: CaptureOptions, *, quiet: bool) -> Generator[Hub | None, None, None]:
     """Serve the page while a capture goes on, if it was asked for."""
-    if not (what.web or what.web_at):
+    if not what.web:
         yield None
         return
     from tumble.web.hub import Hub
-    from tumble.web.server import PageServer, read_web_address
+    from tumble.web.server import PageServer
 
     hub = Hub(order.targets)
-    server = PageServer(hub, order.folder, *read_web_address(what.web_at))
+    server = PageServer(hub, order.folder)
     server.start()
     if not quiet:
         say(f"Open {server.address}")
@@ -300,9 +276,9 @@ def _wait_for_viewers(*, quiet: bool) -> None:
 
 
 @contextmanager
-def _terminal(order: CaptureOrder, printed: CapturePrintOptions) -> Generator[Listener, None, None]:
+def _terminal(order: CaptureOrder, printed: PrintOptions) -> Generator[Listener, None, None]:
     """Show what happens: as a live view where somebody looks at a terminal, else as lines."""
-    if sys.stdout.isatty() and not (printed.plain or printed.as_json or printed.quiet):
+    if sys.stdout.isatty() and not (printed.as_json or printed.quiet):
         with LiveView(order.targets) as view:
             yield view
     else:
@@ -310,7 +286,7 @@ def _terminal(order: CaptureOrder, printed: CapturePrintOptions) -> Generator[Li
 
 
 def _order(
-    source: str, what: CaptureOptions, file: FileOptions, place: SiteOptions, output: Path
+    source: str, what: CaptureOptions, file: StreamOptions, place: SiteOptions, output: Path
 ) -> CaptureOrder:
     from tumble.capture.run import CaptureOrder, require_hold
     from tumble.capture.source import SourceOptions, find_source
@@ -327,9 +303,8 @@ def _order(
     kind, address = find_source(source)
     options = SourceOptions(
         file.columns,
-        file.given()["units"],
+        file.units,
         None if file.rate is None else sample_rate(file.rate),
-        tuple(file.topics or ()),
     )
     return CaptureOrder(
         kind,
@@ -342,7 +317,6 @@ def _order(
         imu=what.imu,
         protocol=what.protocol,
         resume=what.resume,
-        go_on=what.go_on,
     )
 
 
@@ -379,7 +353,7 @@ class _Lines:
             sys.stdout.flush()
 
 
-def _print_end(run: CaptureRun, printed: CapturePrintOptions) -> int:
+def _print_end(run: CaptureRun, printed: PrintOptions) -> int:
     """Print what came of it, and return the exit status."""
     done = run.calibration
     if run.noise is not None:

@@ -254,8 +254,8 @@ def output_option(help: str, metavar: str = "DIR") -> object:
 
 
 @dataclass(frozen=True)
-class FileOptions:
-    """What a recording's file does not say itself."""
+class StreamOptions:
+    """What samples do not say themselves."""
 
     units: Annotated[
         str | None,
@@ -282,6 +282,12 @@ class FileOptions:
             "Sampling rate, for a file without time stamps; with its standard uncertainty, as 100±0.1, for any.",
         ),
     ] = None
+
+
+@dataclass(frozen=True)
+class FileOptions(StreamOptions):
+    """What a recording's file does not say itself."""
+
     topics: Annotated[
         list[str] | None,
         option(

@@ -1,12 +1,10 @@
-"""The server of the page: one socket a viewer, the first of whom leads; on this machine unless asked otherwise."""
+"""The server of the page: one socket a viewer, the first of whom leads; on this machine alone."""
 
 from __future__ import annotations
 
 import asyncio
-import hmac
 import ipaddress
 import json
-import secrets
 import socket
 import threading
 import time
@@ -33,6 +31,7 @@ _REPORT_POLICY = (
     "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval'; style-src 'unsafe-inline'; img-src data: blob:; "
     "font-src data:; worker-src blob:; frame-ancestors 'none'"
 )
+HOST = "127.0.0.1"
 Send = Callable[[dict[str, Any]], Awaitable[None]]
 
 
@@ -43,15 +42,14 @@ class PageServer:
     ----------
     hub : what is shown.
     folder : of the capture, whose report is shown at the end.
-    host, port : where to listen; port 0 takes a free one.
 
     Raises
     ------
     UsageError
-        If the extra is not installed, or the port is taken.
+        If the extra is not installed, or nothing can be served.
     """
 
-    def __init__(self, hub: Hub, folder: Path, host: str = "127.0.0.1", port: int = 0) -> None:
+    def __init__(self, hub: Hub, folder: Path) -> None:
         try:
             import starlette  # noqa: F401  # pyright: ignore[reportUnusedImport]
             import uvicorn
@@ -59,18 +57,13 @@ class PageServer:
         except ImportError:
             raise UsageError(f"--web needs the extra `web`: {install('web')}.") from None
         self._hub, self._folder = hub, folder
-        self._local = _is_local(host)
-        self.token = "" if self._local else secrets.token_urlsafe(18)
-        family = socket.AF_INET6 if ":" in host else socket.AF_INET
-        self._socket = socket.socket(family, socket.SOCK_STREAM)
-        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         try:
-            self._socket.bind((host, port))
+            self._socket.bind((HOST, 0))
         except OSError as error:
             self._socket.close()
-            raise UsageError(f"--web {host}:{port} cannot be opened: {error.strerror or error}.") from error
+            raise UsageError(f"--web cannot serve at {HOST}: {error.strerror or error}.") from error
         self.port = int(self._socket.getsockname()[1])
-        self._host = host
         self._viewers: list[object] = []
         config = uvicorn.Config(
             self._application(), log_level="critical", lifespan="off", ws="websockets-sansio", ws_max_size=LONGEST,
@@ -82,9 +75,7 @@ class PageServer:
     @property
     def address(self) -> str:
         """What to open in a browser."""
-        host = "127.0.0.1" if self._local else _reachable(self._host)
-        shown = f"[{host}]" if ":" in host else host
-        return f"http://{shown}:{self.port}/" + (f"?token={self.token}" if self.token else "")
+        return f"http://{HOST}:{self.port}/"
 
     def start(self) -> None:
         """Begin to serve."""
@@ -111,10 +102,8 @@ class PageServer:
         from starlette.websockets import WebSocket
 
         async def page(request: Request) -> Response:
-            host, token = request.headers.get("host", ""), request.query_params.get("token", "")
             name = request.path_params.get("name", "index.html")
-            # What the page itself asks for has no token.
-            if refusal := self._refusal(host, token, None, open_to_all=name not in ("index.html", "report")):
+            if refusal := _refusal(request.headers.get("host", ""), None):
                 return PlainTextResponse(refusal, 403)
             if name == "favicon.ico":
                 return Response(status_code=204)
@@ -131,8 +120,7 @@ class PageServer:
             return Response(content, media_type=kind, headers=_headers(policy))
 
         async def watch(viewer: WebSocket) -> None:
-            host, token = viewer.headers.get("host", ""), viewer.query_params.get("token", "")
-            refused = self._refusal(host, token, viewer.headers.get("origin", ""))
+            refused = _refusal(viewer.headers.get("host", ""), viewer.headers.get("origin", ""))
             if refused or len(self._viewers) >= MOST_VIEWERS:
                 await viewer.close(1008)
                 return
@@ -145,27 +133,6 @@ class PageServer:
                 Route("/{name}", page),
             ]
         )
-
-    def _refusal(self, host: str, token: str, origin: str | None, *, open_to_all: bool = False) -> str:
-        """Why a request is not served; nothing if it is. `origin` is None for a page, which has none."""
-        if not self._host_is_ours(host):
-            return "This address is not the page's: open the one that tumble printed."
-        if origin is not None and origin not in (f"http://{host}", f"https://{host}"):
-            return "Another page may not ask."
-        if self.token and not open_to_all and not hmac.compare_digest(token.encode(), self.token.encode()):
-            return "The address lacks its token: open the one that tumble printed."
-        return ""
-
-    def _host_is_ours(self, host: str) -> bool:
-        """Whether a request names this machine by number: a name could be anybody's (DNS rebinding)."""
-        name = host.rsplit(":", 1)[0].strip("[]") if not host.endswith("]") else host.strip("[]")
-        if name == "localhost":
-            return True
-        try:
-            number = ipaddress.ip_address(name)
-        except ValueError:
-            return False
-        return number.is_loopback if self._local else True
 
     async def _serve(self, viewer: Any) -> None:
         await viewer.accept()
@@ -236,42 +203,19 @@ def _page_files() -> dict[str, bytes]:
     return {file.name: file.read_bytes() for file in room.iterdir() if Path(file.name).suffix in _TYPES}
 
 
-def _is_local(host: str) -> bool:
+def _refusal(host: str, origin: str | None) -> str:
+    """Why a request is not served; nothing if it is. `origin` is None for a page, which has none."""
+    if not _is_here(host):
+        return "This address is not the page's: open the one that tumble printed."
+    if origin is not None and origin not in (f"http://{host}", f"https://{host}"):
+        return "Another page may not ask."
+    return ""
+
+
+def _is_here(host: str) -> bool:
+    """Whether a request names this machine by number: a name could be anybody's (DNS rebinding)."""
+    name = host.rsplit(":", 1)[0].strip("[]") if not host.endswith("]") else host.strip("[]")
     try:
-        return host == "localhost" or ipaddress.ip_address(host).is_loopback
+        return name == "localhost" or ipaddress.ip_address(name).is_loopback
     except ValueError:
         return False
-
-
-def _reachable(host: str) -> str:
-    """A number of this machine that others can reach, where all of them are listened to."""
-    if host not in ("0.0.0.0", "::"):
-        return host
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        try:
-            probe.connect(("192.0.2.1", 9))  # sends nothing
-            return str(probe.getsockname()[0])
-        except OSError:
-            return "127.0.0.1"
-
-
-def read_web_address(text: str) -> tuple[str, int]:
-    """Return host and port of ``--web``: nothing or a port is this machine alone.
-
-    Parameters
-    ----------
-    text : "", "8080", or "0.0.0.0:8080".
-
-    Raises
-    ------
-    UsageError
-        If it is none.
-    """
-    host, _, port = text.rpartition(":")
-    if not text:
-        return "127.0.0.1", 0
-    if not port.isdigit() or not 0 <= int(port) < 65536:
-        raise UsageError(
-            f"--web {text}: give a port, or HOST:PORT with the number of an interface, as 0.0.0.0:8080."
-        )
-    return host.strip("[]") or "127.0.0.1", int(port)

@@ -216,7 +216,7 @@ def test_a_full_disk_keeps_whole_lines(tmp_path: Path, monkeypatch: pytest.Monke
 def test_a_full_disk_ends_a_capture_with_a_sentence_and_whole_lines(recorded: Path, tmp_path: Path) -> None:
     """The system lets no file grow beyond 50 kB."""
     limited = f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, 50_000)); {RUN}"
-    command = ["capture", f"replay:{recorded}@0", "--plain", "-o", str(tmp_path / "out")]
+    command = ["capture", f"replay:{recorded}@0", "-o", str(tmp_path / "out")]
     ended = subprocess.run(
         [sys.executable, "-c", limited, *command], capture_output=True, text=True, check=False
     )

@@ -56,7 +56,6 @@ def replay(address: str, options: SourceOptions) -> Iterator[Piece]:
         columns=options.columns,
         units=options.units,
         rate=options.rate,
-        topics=options.topics,
     ):
         if block.specific_force is None and block.angular_rate is None:
             raise RecordingError(
