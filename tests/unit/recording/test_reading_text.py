@@ -5,7 +5,6 @@ from __future__ import annotations
 import bz2
 import gzip
 import lzma
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -350,22 +349,3 @@ def test_whole_numbers_with_a_time_of_day_are_no_halves(tmp_path: Path) -> None:
     recording = read_recording(file, columns="-,-,ax,ay,az,gx,gy,gz", rate=50.0, units="counts")
     assert recording.angular_rate is not None
     assert recording.angular_rate[0].tolist() == [16384.0, 5.0, 0.0]
-
-
-@pytest.mark.parametrize(
-    ("ending", "pack"), [(".gz", gzip.compress), (".bz2", bz2.compress), (".xz", lzma.compress)]
-)
-def test_a_large_packed_text_is_unpacked_to_the_disk_and_read_alike(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ending: str, pack: Callable[[bytes], bytes]
-) -> None:
-    file = tmp_path / f"hand.csv{ending}"
-    file.write_bytes(
-        pack(("t,ax,ay,az,gx,gy,gz\n" + "".join(",".join(map(str, r)) + "\n" for r in HALVED)).encode())
-    )
-    in_memory = read_recording(file)
-    monkeypatch.setattr(text, "_PACKED_IN_MEMORY", 10)
-    on_disk = read_recording(file)
-    assert on_disk.specific_force is not None
-    assert in_memory.specific_force is not None
-    np.testing.assert_array_equal(on_disk.specific_force, in_memory.specific_force)
-    assert on_disk.sources == in_memory.sources

@@ -1,4 +1,4 @@
-"""Any other format, compressed as a whole with gzip, bzip2, xz or zstd: unpacked to a temporary file first."""
+"""Any format, compressed as a whole with gzip, bzip2, xz or zstd: unpacked to a temporary file first."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ import tempfile
 import zlib
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO
 
 from tumble.errors import OutputError, RecordingError
 from tumble.files import opened, temporary_folder
-from tumble.recording.formats import text
 from tumble.recording.formats.compression import ZSTD_MAGIC, ZstdStream
 from tumble.recording.formats.table import RawTable, hash_file, row_words
 from tumble.recording.recording import Remark
@@ -34,18 +34,7 @@ _OPENERS: dict[bytes, Callable[[BinaryIO], Any]] = {
 
 def recognises(head: bytes) -> bool:
     """Say whether a file that begins so is compressed and holds something else than text."""
-    if head.startswith(ZSTD_MAGIC):
-        return True
-    try:
-        if head.startswith(b"\x1f\x8b"):
-            inside = zlib.decompressobj(31).decompress(head)
-        elif head.startswith(b"\xfd7zXZ"):
-            inside = lzma.LZMADecompressor().decompress(head)
-        else:
-            return False
-    except (zlib.error, lzma.LZMAError):
-        return False
-    return bool(inside) and not text.recognises(inside)
+    return head.startswith((ZSTD_MAGIC, *_OPENERS))
 
 
 def read_table(path: Path, topics: Sequence[str] = ()) -> RawTable:
@@ -69,10 +58,17 @@ def read_table(path: Path, topics: Sequence[str] = ()) -> RawTable:
 
     with unpacked(path) as (inside, remarks):
         table = read_file(inside, topics)
-    # The file inside is gone when somebody asks for the place of a row.
-    table.path, table.source, table.place = path, hash_file(path), row_words
+    # The file inside is gone when somebody asks for the place of a row: it is unpacked again.
+    table.path, table.source, table.place = path, hash_file(path), partial(_place, path, topics)
     table.remarks += remarks
     return table
+
+
+def _place(path: Path, topics: Sequence[str], row: int) -> str:
+    from tumble.recording.formats import read_table as read_file
+
+    with unpacked(path) as (inside, _):
+        return read_file(inside, topics).place(row)
 
 
 def read_table_blocks(path: Path, topics: Sequence[str] = ()) -> Iterator[RawTable]:

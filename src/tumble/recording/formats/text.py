@@ -1,19 +1,15 @@
-"""Text: CSV and its relatives, any delimiter, with or without header, compressed or not.
+"""Text: CSV and its relatives, any delimiter, with or without header.
 
 Small files are read into memory, large ones piece by piece.
 """
 
 from __future__ import annotations
 
-import bz2
-import gzip
 import io
-import lzma
-import zlib
 from collections.abc import Callable, Generator, Iterator
 from contextlib import closing
 from pathlib import Path
-from typing import Protocol, runtime_checkable
+from typing import BinaryIO
 
 from tumble.arrays import Series
 from tumble.counting import counted
@@ -31,72 +27,31 @@ from tumble.recording.formats.text_parsing import Piece, gather, name_bad_cell, 
 from tumble.recording.recording import Remark, Source
 
 NAME = "text"
-ENDINGS = (".csv", ".txt", ".tsv", ".dat", ".log", ".mat", ".gz", ".bz2", ".xz")
+ENDINGS = (".csv", ".txt", ".tsv", ".dat", ".log", ".mat")
 ASKED = 2  # almost anything is text
-SUMMARY = "text with any delimiter, with or without header, also compressed (.gz, .bz2, .xz)"
+SUMMARY = "text with any delimiter, with or without header"
 
 _HEAD = 64 * 1024
 _IN_MEMORY = 32 * 1024 * 1024
 """Bytes of a file that is read as a whole; a larger one is read piece by piece."""
 _PIECE = 2 * 1024 * 1024  # of which the numbers stay in the cache until they are in their places
-_PACKED_IN_MEMORY = 1 << 20
-"""Bytes of a packed file that is unpacked in memory; a larger one is unpacked to the disk."""
 _CHUNK = 16 * 1024 * 1024
 LONGEST_LINE = 1 << 20
 """Bytes of a line: a thousand columns of numbers with all digits have 25 kB."""
 _FEWEST_LINES = 4  # that the head has, so that a wide table is recognised
 _MARKS = (b"\xff\xfe", b"\xfe\xff", b"\xef\xbb\xbf")  # UTF-16 of either order, UTF-8
-_OPENERS: dict[bytes, Callable[[Path], io.BufferedIOBase]] = {
-    b"\x1f\x8b": lambda path: gzip.GzipFile(path),
-    b"BZh": lambda path: bz2.BZ2File(path),
-    b"\xfd7zXZ": lambda path: lzma.LZMAFile(path),  # noqa: SIM115
-}
-
-
-@runtime_checkable
-class Readable(Protocol):
-    """What bytes are read from."""
-
-    def read(self, size: int, /) -> bytes:
-        """Return the next bytes, none at the end."""
-        ...
 
 
 def recognises(head: bytes) -> bool:
-    """Say whether a file that begins so is text (or compressed, which may hold text)."""
-    if head.startswith((*_OPENERS, b"\xff\xfe", b"\xfe\xff")):
+    """Say whether a file that begins so is text."""
+    if head.startswith(_MARKS):
         return True
     return b"\0" not in head and sum(b < 9 or 13 < b < 32 for b in head[:1024]) == 0
 
 
-def _open_plain(path: Path) -> io.BufferedIOBase:
-    return opened(path)
-
-
-def _opener(path: Path) -> Callable[[Path], io.BufferedIOBase] | None:
+def _read_all(path: Path) -> bytes:
     with opened(path) as file:
-        magic = file.read(6)
-    return next((opener for start, opener in _OPENERS.items() if magic.startswith(start)), None)
-
-
-def _read_all(path: Path) -> tuple[bytes, list[Remark]]:
-    """Return a file's bytes, decompressed; a compressed file that is cut short gives what is there."""
-    opener = _opener(path)
-    if opener is None:
-        with opened(path) as file:
-            return file.read(), []
-    parts: list[bytes] = []
-    try:
-        with opener(path) as file:
-            while part := file.read(1 << 20):
-                parts.append(part)
-    except (EOFError, lzma.LZMAError, zlib.error, OSError) as error:
-        if not parts:
-            raise RecordingError(f"{path.name} is compressed and damaged ({error}).") from error
-        return b"".join(parts), [
-            Remark("mended", f"{path.name}: the compressed file is cut short; what could be read is used.")
-        ]
-    return b"".join(parts), []
+        return file.read()
 
 
 def _plain(body: bytes) -> bytes:
@@ -125,7 +80,7 @@ def _layout_of(body: bytes, name: str) -> TextLayout:
     if len(body) > len(head) and b"\n" in head:
         head = head[: head.rindex(b"\n") + 1]
     if b"\0" in head:
-        raise RecordingError(f"{name} is binary, not text, once decompressed; see the formats page.")
+        raise RecordingError(f"{name} is binary, not text; see the formats page.")
     return find_layout(_decoded(head), name)
 
 
@@ -175,7 +130,7 @@ def _line_finder(path: Path, layout: TextLayout) -> Callable[[int], str]:
     """Return a function from a row's number to its line in the file."""
 
     def place(row: int) -> str:
-        with io.BytesIO(_plain(_read_all(path)[0])) as file:
+        with io.BytesIO(_plain(_read_all(path))) as file:
             for number, line in enumerate(file, start=1):
                 text = line.strip()
                 if (
@@ -223,12 +178,7 @@ def read_table(path: Path) -> RawTable:
     OSError
         If the file cannot be read.
     """
-    packed = _opener(path) is not None
-    if packed and size_of(path) > _PACKED_IN_MEMORY:
-        from tumble.recording.formats.compressed import read_table as read_unpacked
-
-        return read_unpacked(path)
-    if path.stat().st_size > _IN_MEMORY and not packed:
+    if path.stat().st_size > _IN_MEMORY:
         with opened(path) as file:
             head = file.read(_HEAD)
         if not head.startswith(_MARKS) and b"\n" in head:
@@ -237,9 +187,9 @@ def read_table(path: Path) -> RawTable:
 
 
 def _read_body(path: Path) -> RawTable:
-    """Read a file into memory as a whole, decompress and decode it, and parse it."""
-    raw, remarks = _read_all(path)
-    body = _plain(raw)
+    """Read a file into memory as a whole, decode it, and parse it."""
+    remarks: list[Remark] = []
+    body = _plain(_read_all(path))
     _refuse_long_lines(body, path.name)
     layout = _layout_of(body, path.name)
     start = _body_start(body, layout.first_line)
@@ -283,7 +233,7 @@ def _parsed(path: Path, layout: TextLayout) -> Generator[Piece | None]:
             yield parse_piece(body, layout)
 
 
-def _pieces(file: Readable, rest: bytes, name: str, size: int) -> Iterator[tuple[bytes, bool]]:
+def _pieces(file: BinaryIO, rest: bytes, name: str, size: int) -> Iterator[tuple[bytes, bool]]:
     """Yield pieces of whole lines, and with each whether it is the last one."""
     while rest:
         more = file.read(size)
@@ -307,31 +257,24 @@ def read_table_blocks(path: Path) -> Iterator[RawTable]:
     OSError
         If the file cannot be read.
     """
-    opener = _opener(path) or _open_plain
-    try:
-        with opener(path) as file:
-            head = file.read(_CHUNK)
-            if head.startswith(_MARKS[:2]) or b"\n" not in head:
-                # UTF-16 and lone carriage returns cannot be cut at a line feed.
-                yield _read_body(path)
-                return
-            head = _plain(head)
-            layout = _layout_of(head, path.name)
-            place = _line_finder(path, layout)
-            rest = head[_body_start(head, layout.first_line) :]
-            row = 0
-            pieces = _pieces(file, rest, path.name, _CHUNK)
-            if opener is _open_plain:
-                pieces = counted(pieces, size_of(path), lambda piece: len(piece[0]))
-            for body, last in pieces:
-                table = _block(path, layout, body, last)
-                table.remarks += [] if row else _layout_remarks(path, layout)
-                table.place = lambda r, start=row: place(r + start)
-                row += len(table)
-                yield table
-    except (EOFError, lzma.LZMAError, zlib.error, gzip.BadGzipFile) as error:
-        message = f"{path.name} is compressed and cut short ({error}); decompress it first."
-        raise RecordingError(message) from error
+    with opened(path) as file:
+        head = file.read(_CHUNK)
+        if head.startswith(_MARKS[:2]) or b"\n" not in head:
+            # UTF-16 and lone carriage returns cannot be cut at a line feed.
+            yield _read_body(path)
+            return
+        head = _plain(head)
+        layout = _layout_of(head, path.name)
+        place = _line_finder(path, layout)
+        rest = head[_body_start(head, layout.first_line) :]
+        row = 0
+        pieces = _pieces(file, rest, path.name, _CHUNK)
+        for body, last in counted(pieces, size_of(path), lambda piece: len(piece[0])):
+            table = _block(path, layout, body, last)
+            table.remarks += [] if row else _layout_remarks(path, layout)
+            table.place = lambda r, start=row: place(r + start)
+            row += len(table)
+            yield table
 
 
 def _block(path: Path, layout: TextLayout, body: bytes, last: bool) -> RawTable:
@@ -342,7 +285,7 @@ def _block(path: Path, layout: TextLayout, body: bytes, last: bool) -> RawTable:
         remarks.append(Remark("mended", f"{path.name}: {cut}."))
     columns = parse(body, layout)
     if columns is None:
-        with (_opener(path) or _open_plain)(path) as file:
+        with opened(path) as file:
             raise RecordingError(name_bad_cell(file, layout, path.name))
     return RawTable(path, _names_of(layout), columns, Source(path.name, ""), remarks)
 
