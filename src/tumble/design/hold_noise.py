@@ -74,7 +74,6 @@ def predict_covariance(
     rows: Table,
     directions: Vectors,
     covariance: Table,
-    assumed: Series | None = None,
     known: Square | None = None,
 ) -> Square:
     """Return the covariance of what least squares makes of the norms of holds, whose noise is not independent.
@@ -83,9 +82,8 @@ def predict_covariance(
     ----------
     rows : (holds, p) what each norm says of the parameters, in the unit of the noise.
     directions : (holds, 3) unit vectors up: two holds share noise as far as they point alike.
-    covariance : (holds, holds) of one axis' means, see `hold_covariance`.
-    assumed : (holds,) variances by which the adjustment weighs; None for the diagonal of `covariance`, as a
-        calibration does that looks at each hold's own scatter and at their wander.
+    covariance : (holds, holds) of one axis' means, see `hold_covariance`; its diagonal weighs, as in a calibration
+        that looks at each hold's own scatter and at their wander.
     known : (p, p) information that is there already, exact in what it says.
 
     Raises
@@ -93,8 +91,7 @@ def predict_covariance(
     numpy.linalg.LinAlgError
         If the holds do not tell the parameters.
     """
-    variances = np.diag(covariance) if assumed is None else assumed
-    weighted = rows / variances[:, None]
+    weighted = rows / np.diag(covariance)[:, None]
     information = rows.T @ weighted + (0.0 if known is None else known)
     cofactor = inverted(information)
     true = (directions @ directions.T) * covariance

@@ -14,13 +14,12 @@ from __future__ import annotations
 import numpy as np
 
 from tumble.arrays import Series, Square, Vectors, inverted
-from tumble.calibration.poses import describe_mending, describe_untold, norm_rows
+from tumble.calibration.poses import describe_mending, describe_untold
+from tumble.design.candidates import pose_rows
 from tumble.errors import ObservabilityError
 from tumble.records import dataclass
 from tumble.units import STANDARD_GRAVITY
 
-# Unknowns of `norm_rows` in the order scale, misalignment yz, zy, zx, bias; its angles have the other sign.
-_ORDER = (3, 4, 5, 6, 8, 7, 0, 1, 2)
 EDGE_PLANES = ((0, 1), (0, 2), (1, 2))
 NINE_NUMBERS = (1, 2, 3, 4, 5, 6, 7, 9, 11)
 """Chatfield's numbers of the nine poses of Zhang et al. (2010)."""
@@ -108,9 +107,8 @@ def information(
         seconds has d / sqrt(T).
     gravity : m/s².
     """
-    rows = norm_rows(directions)[:, _ORDER]
+    rows = pose_rows(directions)
     rows[:, :6] *= gravity
-    rows[:, 3:6] *= -1.0
     weighted = rows / np.broadcast_to(np.asarray(sigma, dtype=float), directions.shape[:1])[:, None]
     return weighted.T @ weighted
 
