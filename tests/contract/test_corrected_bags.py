@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import shutil
 import sqlite3
 from collections.abc import Iterator
@@ -324,34 +323,6 @@ def test_triads_with_a_topic_each_are_corrected_each(tmp_path: Path) -> None:
         apply(UNIT, path, output=tmp_path / "c.bag")
 
 
-def noise_file(folder: Path) -> Path:
-    channels = {
-        name: {"unit": unit, "terms": {"N": {"value": n}, "K": {"value": 1e-5}}, "upper_limits_of_unseen": {}}
-        for name, unit, n in (
-            ("ax", "m/s^2", 1e-3),
-            ("ay", "m/s^2", 2e-3),
-            ("az", "m/s^2", 3e-3),
-            ("gx", "rad/s", 1e-4),
-            ("gy", "rad/s", 2e-4),
-            ("gz", "rad/s", 4e-4),
-        )
-    }
-    text = json.dumps({"format": "tumble noise", "version": 1, "rate_hz": 50.0, "channels": channels})
-    (folder / "noise.json").write_text(text)
-    return folder / "noise.json"
-
-
-def test_covariances_are_those_of_the_noise_at_the_bag_s_rate(tmp_path: Path) -> None:
-    path = ros2(tmp_path / "a", {"/imu": "both"})
-    apply(UNIT, path, output=tmp_path / "b", noise=noise_file(tmp_path))
-    (made, *_) = numbers(read_back(tmp_path / "b")[0]["/imu"], 2)[2]
-    assert made.linear_acceleration_covariance == pytest.approx(np.diag([1e-6, 4e-6, 9e-6]).ravel() * 128)
-    assert made.angular_velocity_covariance == pytest.approx(np.diag([1e-8, 4e-8, 16e-8]).ravel() * 128)
-    assert np.array_equal(made.orientation_covariance, np.arange(9.0))
-    with pytest.raises(UsageError, match="has no place for them"):
-        apply(UNIT, path, output=tmp_path / "b.csv", noise=tmp_path / "noise.json")
-
-
 def lagging(seconds: float) -> Calibration:
     said = ParameterBlock(
         name="lag of the accelerometer behind the gyro", value=seconds, standard_uncertainty=1e-4, unit="s"
@@ -554,7 +525,6 @@ def test_the_commands_of_the_page_are_run(tmp_path: Path, monkeypatch: pytest.Mo
     assert len(commands) == 6
     monkeypatch.chdir(tmp_path)
     UNIT.write(tmp_path / "calibrated" / "calibration.json")
-    noise_file(tmp_path)
     ros1(tmp_path / "drive.bag", {"/imu": "both"}, count=60)
     mcap_file(tmp_path / "drive.mcap", "ZSTD")
     ros2(tmp_path / "drive", {"/imu": "both"}, count=60)

@@ -10,7 +10,6 @@ from tumble.cli.groups import ADVANCED, option
 from tumble.cli.options import (
     CalibrationArgument,
     FileOptions,
-    NoiseFile,
     PrintOptions,
     Recordings,
     TemperatureOptions,
@@ -39,7 +38,6 @@ def apply_command(
             ADVANCED, "", "Take out the lag between the triads that the calibration states.", "--shift-lag"
         ),
     ] = False,
-    noise: NoiseFile = None,
 ) -> None:
     """Correct a recording: specific force in m/s², angular rate in rad/s, in the calibration's frame b.
 
@@ -61,7 +59,6 @@ def apply_command(
             recordings,
             output=output,
             shift_lag=shift_lag,
-            noise=noise,
             progress=lambda samples: tell(f"{samples:,} samples corrected"),
             **file.given(),
             **asdict(temperature),

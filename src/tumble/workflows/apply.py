@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import field, replace
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -40,9 +39,6 @@ from tumble.workflows.corrected.temperature import (
 )
 from tumble.workflows.progress import public
 
-if TYPE_CHECKING:
-    from tumble.export.noise import SensorNoise
-
 
 @dataclass(frozen=True, slots=True)
 class Applied:
@@ -66,7 +62,6 @@ def apply(
     temperature: float | None = None,
     outside: str = "refuse",
     shift_lag: bool = False,
-    noise: str | os.PathLike[str] | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Applied:
     """Correct a recording and write it in m/s² and rad/s, frame b.
@@ -86,7 +81,6 @@ def apply(
     outside : where the sensor's temperature leaves the span that was calibrated: ``refuse``, ``hold`` the
         parameters of the span's end, or ``extrapolate``.
     shift_lag : whether the lag between the triads that the calibration states is taken out.
-    noise : ``noise.json`` of the unit: of bags the covariances, of EuRoC's form the densities.
     progress : is given the number of samples done.
 
     Raises
@@ -105,7 +99,6 @@ def apply(
     goal = destination(output, files)
     _refuse_inputs(goal.path, files, calibration)
     lag = lag_of(document) if shift_lag else None
-    spread = _noise_for(goal, noise)
     done_before = corrections_of(files, topics)
     refuse_twice(document, done_before)
     blocks = iter(read_blocks(paths, columns=columns, units=units, rate=rate, topics=topics))
@@ -123,16 +116,14 @@ def apply(
     if goal.form == "bag":
         if columns is not None:
             raise UsageError("--columns is for columns, and a bag has messages: leave it out, or write .csv.")
-        task = BagCorrection(
-            document, beyond, temperature, factors, lag, _densities(spread), first.rate, marks, progress
-        )
+        task = BagCorrection(document, beyond, temperature, factors, lag, marks, progress)
         first, blocks = None, None
         done = task.write(files[0], goal.path, topics or ())
         return Applied(goal.path, done, list(dict.fromkeys([*remarks, *task.told])))
     work = _Blocks(document, beyond, factors, temperature, progress, magnetometer)
     shift = None if lag is None else ForceShift(lag)
     corrected = work.corrected(chain([first], blocks))
-    _write(goal, corrected if shift is None else shifted(corrected, shift), marks, files, spread)
+    _write(goal, corrected if shift is None else shifted(corrected, shift), marks, files)
     remarks += [] if shift is None else shift.remarks()
     return Applied(goal.path, work.done, [*remarks, *work.remarks()])
 
@@ -180,7 +171,6 @@ def _write(
     blocks: Iterable[Recording],
     marks: Sequence[str],
     files: Sequence[Path],
-    noise: SensorNoise | None,
 ) -> None:
     """Write corrected blocks in the form that is wanted."""
     if goal.form == "table":
@@ -190,37 +180,7 @@ def _write(
         write_hdf5(blocks, goal.path, marks)
     else:
         like = files[0] if len(files) == 1 and files[0].is_dir() else None
-        write_euroc(blocks, goal.path, marks, like=like, noise=None if noise is None else _euroc_keys(noise))
-
-
-def _euroc_keys(noise: SensorNoise) -> dict[str, float]:
-    return {
-        "gyroscope_noise_density": noise.gyroscope.density,
-        "gyroscope_random_walk": noise.gyroscope.walk,
-        "accelerometer_noise_density": noise.accelerometer.density,
-        "accelerometer_random_walk": noise.accelerometer.walk,
-    }
-
-
-def _densities(noise: SensorNoise | None) -> dict[str, Series] | None:
-    """Return white noise axis by axis, by triad."""
-    if noise is None:
-        return None
-    return {"accelerometer": noise.accelerometer.densities, "gyroscope": noise.gyroscope.densities}
-
-
-def _noise_for(goal: Destination, noise: str | os.PathLike[str] | None) -> SensorNoise | None:
-    """Return the unit's noise, where the form that is written has a place for it."""
-    if noise is None:
-        return None
-    if goal.form not in ("bag", "euroc"):
-        raise UsageError(
-            f"--noise gives a bag its covariances and EuRoC's folder its densities; {goal.path.name} has no place for "
-            "them: leave it out."
-        )
-    from tumble.export.noise import read_noise
-
-    return read_noise(Path(noise))
+        write_euroc(blocks, goal.path, marks, like=like)
 
 
 def _about_missing_triads(document: Calibration, goal: Destination) -> list[str]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from itertools import chain
 from pathlib import Path
 
@@ -49,7 +49,6 @@ def write_euroc(
     marks: Sequence[str] = (),
     *,
     like: Path | None = None,
-    noise: Mapping[str, float] | None = None,
 ) -> None:
     """Write consecutive blocks as the IMU of an EuRoC folder; other sensors that are there stay.
 
@@ -58,7 +57,6 @@ def write_euroc(
     blocks, target : pieces of one recording in time order with both triads, SI, and the folder.
     marks : identities of the calibrations that the recording went through.
     like : an EuRoC folder, whose stamps and `sensor.yaml` are kept.
-    noise : numbers by key of `sensor.yaml`, in place of those there.
 
     Raises
     ------
@@ -86,7 +84,7 @@ def write_euroc(
                     _write_rows(file, block, exact)
                 file.flush()
                 os.fsync(file.fileno())
-            put_text(folder / "sensor.yaml", _sensor(source, first.rate, noise or {}, marks))
+            put_text(folder / "sensor.yaml", _sensor(source, first.rate, marks))
     except OSError as error:
         raise OutputError(f"{place} could not be written: {error.strerror or error}.") from error
 
@@ -128,16 +126,14 @@ def _nanoseconds(time: Series, exact: npt.NDArray[np.int64] | None) -> npt.NDArr
     return np.where(np.abs(nearest - made) < 1e9 * _NEAR, nearest, made)
 
 
-def _sensor(source: Path | None, rate: float, noise: Mapping[str, float], marks: Sequence[str]) -> str:
+def _sensor(source: Path | None, rate: float, marks: Sequence[str]) -> str:
     """Return `sensor.yaml`: that of the source with what changes, or a new one."""
     given = None if source is None else source.with_name("sensor.yaml")
     if given is not None and given.is_file():
         lines = given.read_text("utf-8", errors="replace").splitlines()
     else:
         lines = [*_SENSOR.splitlines(), f"rate_hz: {rate:.6g}"]
-    replaced = {**{key: f"{value:.6g}" for key, value in noise.items()}}
-    if marks:
-        replaced[_MARK] = f"[{', '.join(marks)}]"
+    replaced = {_MARK: f"[{', '.join(marks)}]"} if marks else {}
     kept = [line for line in lines if line.partition(":")[0].strip() not in replaced]
     return "\n".join([*kept, *(f"{key}: {value}" for key, value in replaced.items())]) + "\n"
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import field, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import field
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from tumble.arrays import Vectors
 from tumble.document import Calibration
@@ -34,8 +33,6 @@ class BagCorrection:
     calibration, outside, temperature : as `apply` takes them.
     factors : from the messages' numbers to the calibration's raw units.
     lag : s, of the accelerometer behind the gyro, which is taken out, or None.
-    densities : white noise of accelerometer and gyro, axis by axis, per √Hz, or None.
-    rate : Hz, of the recording.
     marks : identities that the corrected topics get.
     progress : is given the number of messages done.
     told : sentences for the user.
@@ -46,8 +43,6 @@ class BagCorrection:
     temperature: float | None
     factors: tuple[float, float]
     lag: float | None
-    densities: Mapping[str, npt.NDArray[np.float64]] | None
-    rate: float
     marks: Sequence[str]
     progress: Callable[[int], None] | None = None
     told: list[str] = field(default_factory=list[str])
@@ -221,15 +216,6 @@ class _Work:
         self, line: _Line, messages: list[bytes], force: Vectors | None, rate: Vectors | None
     ) -> list[bytes]:
         put = Substitute(force, rate, shift=self._stamps_shift(line))
-        densities = self._task.densities
-        if densities is not None:
-            rate_of = line.topic.rate or self._task.rate
-            samples = self._task.rate if line.force and line.rates else rate_of
-            put = replace(
-                put,
-                force_covariance=None if force is None else _covariance(densities["accelerometer"], samples),
-                rate_covariance=None if rate is None else _covariance(densities["gyroscope"], samples),
-            )
         return substituted(line.topic.kind, messages, put, cdr=line.topic.cdr)
 
     def _stamps_shift(self, line: _Line) -> int:
@@ -237,11 +223,6 @@ class _Work:
         if self._task.lag is None or self._shift is not None or not line.force:
             return 0
         return -round(1e9 * self._task.lag)
-
-
-def _covariance(densities: npt.NDArray[np.float64], rate: float) -> npt.NDArray[np.float64]:
-    """Return the variances of one sample, N² rate, as a matrix by rows."""
-    return np.diag(densities**2 * rate).ravel()
 
 
 def _batches(messages: Iterator[_Message]) -> Iterator[list[_Message]]:

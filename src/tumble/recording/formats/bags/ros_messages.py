@@ -25,7 +25,6 @@ _VECTOR = "geometry_msgs/Vector3Stamped"
 FIELD = "sensor_msgs/MagneticField"
 """The type of a magnetometer's messages: a vector in T, and its covariance."""
 _LAYOUTS = {_IMU: (37, 25, 13), _VECTOR: (3, 0, 0), FIELD: (12, 0, 0)}
-_FORCE_COVARIANCE, _RATE_COVARIANCE = 28, 16
 READABLE = (_IMU, _VECTOR)
 """The types of message that are read as accelerometer and gyro."""
 
@@ -149,23 +148,21 @@ class Substitute:
     Attributes
     ----------
     force, rate : (n, 3) m/s² and rad/s; None leaves what is there.
-    force_covariance, rate_covariance : (9,) by rows, of one sample; None leaves what is there.
     shift : ns that stamps of headers are moved by; those of zero, which are none, stay.
     """
 
     force: npt.NDArray[np.float64] | None = None
     rate: npt.NDArray[np.float64] | None = None
-    force_covariance: npt.NDArray[np.float64] | None = None
-    rate_covariance: npt.NDArray[np.float64] | None = None
     shift: int = 0
 
     def fields(self, kind: str) -> list[tuple[int, npt.NDArray[np.float64]]]:
         """Return where among the numbers of a message of this type which others go."""
         _, force, rate = _LAYOUTS[kind]
-        placed = [(force, self.force), (rate, self.rate)]
-        if kind == _IMU:
-            placed += [(_FORCE_COVARIANCE, self.force_covariance), (_RATE_COVARIANCE, self.rate_covariance)]
-        return [(place, values) for place, values in placed if values is not None]
+        return [
+            (place, values)
+            for place, values in ((force, self.force), (rate, self.rate))
+            if values is not None
+        ]
 
 
 def substituted(kind: str, messages: list[bytes], put: Substitute, *, cdr: bool) -> list[bytes]:
@@ -187,9 +184,7 @@ def substituted(kind: str, messages: list[bytes], put: Substitute, *, cdr: bool)
         rows = rows.reshape(len(numbers), length).copy()
         begin = _numbers_begin(int(rows[0, 12:16].copy().view(order + "u4")[0]), cdr=cdr)
         for place, values in put.fields(kind):
-            some = (
-                values[numbers] if values.ndim == 2 else np.broadcast_to(values, (len(numbers), values.size))
-            )
+            some = values[numbers]
             size = 8 * some.shape[1]
             packed = np.ascontiguousarray(some, dtype=order + "f8").view(np.uint8)
             rows[:, begin + 8 * place : begin + 8 * place + size] = packed
