@@ -157,7 +157,6 @@ def test_a_protocol_file_of_one_s_own_is_played(tumble: Any, tmp_path: Path) -> 
         (["six-position", "--seed", "-1"], ["--seed -1", "whole number"]),
         (["six-position", "--seed", "1.5"], ["--seed", "integer"]),
         (["six-position", "--errors", "none.yaml"], ["no file of errors none.yaml"]),
-        (["six-position", "--output-units", "g"], ["SI or counts"]),
         (["six-position", "--site", "95"], ["beyond the poles"]),
         (["hand-held", "--per-step"], ["needs the turns"]),
         (["six-position", "--duration", "60"], ["--duration is for a unit at rest"]),

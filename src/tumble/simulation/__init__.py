@@ -14,7 +14,14 @@ if TYPE_CHECKING:
     from tumble.simulation.chamber import Chamber, ChamberTruth, simulate_chamber
     from tumble.simulation.errors import SessionErrors
     from tumble.simulation.fixtures import PlayedProtocol, TrueRotation, TrueSpin, play_protocol
-    from tumble.simulation.grades import GRADES, Grade, TriadGrade, find_grade
+    from tumble.simulation.grades import (
+        GRADES,
+        Grade,
+        ThermalGrade,
+        TriadGrade,
+        find_grade,
+        find_thermal_grade,
+    )
     from tumble.simulation.motion import Detours, Motion
     from tumble.simulation.noise import TriadNoise, convert_to_digital, simulate_noise
     from tumble.simulation.poses import poses_26, simulate_hand_poses
@@ -22,7 +29,6 @@ if TYPE_CHECKING:
     from tumble.simulation.recordings import Distort, Truth, simulate_recording
     from tumble.simulation.sampling import Imperfections
     from tumble.simulation.table import TableErrors
-    from tumble.simulation.thermal_grades import ThermalGrade, find_thermal_grade
     from tumble.simulation.trajectories import SplineTrajectory, TravelledStates, drive_along, simulate_drive
     from tumble.simulation.two_axis import FixtureErrors, play_sequences
 
@@ -79,7 +85,7 @@ _MODULES = {
     "SessionErrors": "errors",
     "SplineTrajectory": "trajectories",
     "TableErrors": "table",
-    "ThermalGrade": "thermal_grades",
+    "ThermalGrade": "grades",
     "TravelledStates": "trajectories",
     "TriadGrade": "grades",
     "TriadNoise": "noise",
@@ -89,7 +95,7 @@ _MODULES = {
     "convert_to_digital": "noise",
     "drive_along": "trajectories",
     "find_grade": "grades",
-    "find_thermal_grade": "thermal_grades",
+    "find_thermal_grade": "grades",
     "fixture_angles": "axis_angles",
     "play_protocol": "fixtures",
     "play_sequences": "two_axis",

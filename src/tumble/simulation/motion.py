@@ -81,9 +81,7 @@ class Motion:
     lever_arm_b : m, from the centre of the turns to the unit, which gives it acceleration while turned:
         (3,), or (3, 3) with a row for each accelerometer, whose own row gives its component of the force.
     detours : on top of the path; None for turns about fixed axes.
-    turn_ramp : (holds - 1,) s that a spin takes to come to its constant rate and to stop from it; NaN
-        for a turn without a constant part. None for no spins at all.
-    spin_shapes : how spins run that are not even, instead of `turn_ramp`.
+    spin_shapes : how spins come to their constant rate, and run; None for no spins at all.
     """
 
     first_quaternion_nb: Series
@@ -92,7 +90,6 @@ class Motion:
     turn_vector_b: AnyArray
     lever_arm_b: AnyArray
     detours: Detours | None = None
-    turn_ramp: AnyArray | None = None
     spin_shapes: SpinShapes | None = None
 
     @staticmethod
@@ -164,9 +161,7 @@ class Motion:
         length, vector = np.empty(2 * holds - 1), np.empty((2 * holds - 1, 3))
         length[::2], length[1::2] = self.hold_duration, self.turn_duration
         vector[::2], vector[1::2] = 0.0, self.turn_vector_b
-        ramp = np.full(holds - 1, np.nan) if self.turn_ramp is None else self.turn_ramp
-        shapes = SpinShapes.even(ramp) if self.spin_shapes is None else self.spin_shapes
-        shapes = shapes.between_holds()
+        shapes = (self.spin_shapes or SpinShapes.even(np.full(holds - 1, np.nan))).between_holds()
         wobble = np.empty((0, 3))
         if shapes.wobbles:
             axis, angle = directions_of(vector)

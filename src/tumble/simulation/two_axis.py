@@ -26,6 +26,7 @@ from tumble.records import dataclass
 from tumble.simulation.axis_angles import fixture_angles, unit
 from tumble.simulation.fixtures import PlayedProtocol, TrueRotation
 from tumble.simulation.motion import Motion
+from tumble.simulation.spin_shapes import SpinShapes
 
 _HALF_TURN, _QUARTER = np.pi, 0.5 * np.pi
 # Between sequences, and where nothing else is said, the fixture turns so fast.
@@ -282,7 +283,7 @@ class _Player:
             turn_duration=np.array([move.duration for move in self.moves]),
             turn_vector_b=np.array([move.angle * move.axis_b for move in self.moves]).reshape(-1, 3),
             lever_arm_b=lever_arm_b,
-            turn_ramp=np.array([move.ramp for move in self.moves]),
+            spin_shapes=SpinShapes.even(np.array([move.ramp for move in self.moves])),
         )
         holds = motion.hold_edges
         edges = np.full((len(self.protocol.steps), 2), np.nan)

@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from tumble.earth import Site
 from tumble.errors import UsageError
 from tumble.simulation import Detours, Motion, poses_26, simulate_hand_poses
+from tumble.simulation.spin_shapes import SpinShapes
 
 SITE = Site.from_latitude(np.radians(-33.0))
 STILL = Site.from_gravity(9.79)
@@ -142,7 +143,7 @@ def test_half_a_turn_between_two_samples_is_refused() -> None:
         np.array([4.0]),
         np.array([[0.0, 0.0, 20.0]]),
         np.zeros(3),
-        turn_ramp=np.array([0.5]),
+        spin_shapes=SpinShapes.even(np.array([0.5])),
     )
     motion.mean_angular_rate_ib_b(np.arange(0.0, 6.01, 0.5), STILL)
     with pytest.raises(UsageError, match="Between 2 s and 3 s the unit turns by 327 degrees"):
@@ -156,7 +157,7 @@ def test_a_spin_s_rate_and_its_change_are_derivatives_of_its_angle() -> None:
         np.array([6.0]),
         np.array([[0.0, 0.0, -7.0]]),
         np.array([1.0, 0.0, 0.0]),
-        turn_ramp=np.array([1.5]),
+        spin_shapes=SpinShapes.even(np.array([1.5])),
     )
     time = np.array([1.2, 2.0, 2.45, 2.6, 4.0, 5.4, 6.2, 6.9])
     h = 1e-4
