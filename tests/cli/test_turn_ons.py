@@ -13,7 +13,6 @@ import pytest
 from tumble.document import read_calibration
 
 GRAVITY = 9.81
-TERMS = "--no-optional-terms"
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +35,7 @@ def folder(
 @pytest.fixture(scope="module")
 def answer(tumble: Any, folder: Path) -> Any:
     return tumble(
-        *("calibrate", folder / "monday.csv", folder / "tuesday.csv", "--turn-ons", TERMS),
+        *("calibrate", folder / "monday.csv", folder / "tuesday.csv", "--turn-ons"),
         *("--gravity", GRAVITY, "-o", folder / "results"),
     )
 
@@ -70,7 +69,7 @@ def test_the_report_shows_each_turn_on(answer: Any, folder: Path) -> None:
 
 def test_recordings_of_two_units_are_said_to_be(tumble: Any, folder: Path, tmp_path: Path) -> None:
     done = tumble(
-        *("calibrate", folder / "monday.csv", folder / "stranger.csv", "--turn-ons", TERMS),
+        *("calibrate", folder / "monday.csv", folder / "stranger.csv", "--turn-ons"),
         *("--gravity", GRAVITY, "-o", tmp_path / "none"),
     )
     assert done.status == 2
@@ -122,9 +121,7 @@ def test_what_does_not_go_together_is_said_in_a_sentence(
         if name in makers:
             written(tmp_path / name, makers[name]())
     paths = [folder / name if (folder / name).exists() else tmp_path / name for name in names]
-    done = tumble(
-        "calibrate", *paths, "--turn-ons", TERMS, "--gravity", GRAVITY, "-o", tmp_path / "none", *options
-    )
+    done = tumble("calibrate", *paths, "--turn-ons", "--gravity", GRAVITY, "-o", tmp_path / "none", *options)
     assert done.status == 2, done
     assert words in done.err, done.err
     assert len(done.err.strip().splitlines()) == 1
@@ -171,7 +168,7 @@ def test_an_earlier_calibration_counts_once_and_a_strangers_is_objected_to(
     tumble: Any, answer: Any, folder: Path, tmp_path: Path
 ) -> None:
     assert answer.status == 0
-    both = (folder / "monday.csv", folder / "tuesday.csv", "--turn-ons", TERMS, "--gravity", GRAVITY)
+    both = (folder / "monday.csv", folder / "tuesday.csv", "--turn-ons", "--gravity", GRAVITY)
     again = tumble("calibrate", *both, "--prior", folder / "results", "-o", tmp_path / "again")
     assert again.status == 0, again
     sigmas = [

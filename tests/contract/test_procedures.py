@@ -123,7 +123,7 @@ class TestRecord:
     ) -> None:
         if "unknowns" not in record.takes:
             with pytest.raises(
-                UsageError, match="--unknowns is for the multi-position procedure: add --procedure"
+                UsageError, match="unknowns is for the multi-position procedure: add --procedure"
             ):
                 check_procedure(record.name, Options(unknowns=6), has_protocol=True)
 

@@ -341,10 +341,10 @@ table_lever_arm_cm: [1, 2.5, -3]
 
 CALLS = (
     "calibrate hand.csv -o out --site 48.1,520 --gravity 9.81 --units m/s^2,rad/s,s --json",
-    "calibrate hand.csv -o out --procedure multi-position --unknowns 6 --columns t,ax,ay,az,gx,gy,gz --rate 50",
+    "calibrate hand.csv -o out --procedure multi-position --columns t,ax,ay,az,gx,gy,gz --rate 50",
     "calibrate hand.csv -o out --procedure joint --monte-carlo 100 --data-sheet consumer-mems -v --confirm-scale",
     "calibrate hand.csv -o out --prior calibration.json --noise noise.json --intervals holds.csv --imu-model X",
-    "calibrate hand.csv -o out --protocol rate-table --no-optional-terms --imu-serial 7 -q",
+    "calibrate hand.csv -o out --protocol rate-table --imu-serial 7 -q",
     "calibrate hand.csv -o out --protocol laboratory --site 48.1",
     "calibrate hand.csv -o out --protocol strapdown-rotation --site -33.9,10",
     "calibrate hand.csv hand.csv -o out --turn-ons --topic /imu",

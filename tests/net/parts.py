@@ -71,7 +71,7 @@ def turn_ons() -> Any:
     moved = ("--unit-seed", 100, "--turn-on-bias", "2,200", *SITE)
     files = [simulated(f"day-{n}", "hand-held", *moved, "--seed", n) for n in (1, 2, 3)]
     days = [f"day-{n}/recording.csv" for n in (1, 2, 3)]
-    return {"simulated": files, **calibrated(*days, "--turn-ons", *SITE, light=False)}
+    return {"simulated": files, **calibrated(*days, "--turn-ons", *SITE)}
 
 
 def with_prior() -> Any:

@@ -63,10 +63,9 @@ def document(path: str | Path) -> Any:
     return pinned(json.loads(path.read_text(encoding="utf-8"))) if path.is_file() else None
 
 
-def calibrated(*arguments: object, output: str = "out", light: bool = True) -> dict[str, Any]:
+def calibrated(*arguments: object, output: str = "out") -> dict[str, Any]:
     """Calibrate; return what was printed and the document."""
-    report = ("--report", "light") if light else ()
-    answer = tumble("calibrate", *arguments, "-o", output, *report)
+    answer = tumble("calibrate", *arguments, "-o", output)
     return {"calibrate": answer, "calibration.json": document(Path(output) / "calibration.json")}
 
 

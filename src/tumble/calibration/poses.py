@@ -172,8 +172,8 @@ def _serves(held: Vectors, needed: int) -> str:
     options: list[str] = []
     if not describe_untold(held, 6):
         options.append(
-            "--procedure multi-position --unknowns 6 takes the non-orthogonalities as nominal and gives biases and "
-            "scale factors"
+            "multi-position with unknowns=6, from Python, takes the non-orthogonalities as nominal and gives biases "
+            "and scale factors"
         )
     if np.all(np.max(held @ twenty_six_directions()[:6].T, axis=0) > np.cos(FACE_ANGLE)):
         options.append("--procedure six-position gives these and believes that the faces were levelled")

@@ -32,14 +32,12 @@ class Options:
     Attributes
     ----------
     optional_terms : try g-sensitivity, quadratic terms and the like.
-    noise_correction : take the noise's own square out of the norm of gyros on the Earth's rate.
     data_sheet : grade or fleet whose spreads are a prior; None for none.
     unknowns : of a triad; None for all nine.
     confirm_scale : the user knows that the scale factors are beyond what units have.
     """
 
     optional_terms: bool = True
-    noise_correction: bool = True
     data_sheet: Grade | FleetSheet | None = None
     unknowns: int | None = None
     confirm_scale: bool = False

@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tumble.cli.groups import ADVANCED, FIRST, RECORD, detail, option
+from tumble.cli.groups import ADVANCED, FIRST, option
 from tumble.cli.options import (
     DataSheet,
     FileOptions,
     Limits,
-    NoiseFile,
     NoteOption,
     PrintOptions,
     Protocol,
@@ -68,24 +67,7 @@ class UnitsOptions:
             "Of which units a report.html is written: none, failed (all that are not accepted; the default), all.",
         ),
     ] = "failed"
-    prior: Annotated[
-        Path | None,
-        option(ADVANCED, "CALIBRATION", "A calibration whose non-orthogonalities are believed beforehand."),
-    ] = None
     data_sheet: DataSheet = None
-    noise: NoiseFile = None
-    imu_model: Annotated[str | None, option(RECORD, "MODEL", "Model of the units, noted in the files.")] = (
-        None
-    )
-    optional_terms: Annotated[
-        bool,
-        detail(
-            ADVANCED,
-            "",
-            "Try g-sensitivity and quadratic terms (default).",
-            "--optional-terms/--no-optional-terms",
-        ),
-    ] = True
     confirm_scale: Annotated[
         bool,
         option(
@@ -127,9 +109,7 @@ def batch_command(
 
     given = asdict(which) | asdict(site) | file.given()
     given["topics"] = tuple(given["topics"] or ())
-    given["model"] = given.pop("imu_model")
-    for name in ("limits", "prior", "noise"):
-        given[name] = None if given[name] is None else str(given[name])
+    given["limits"] = None if which.limits is None else str(which.limits)
     options = BatchOptions(**given, notes=tuple(notes or ()))
     state["stopped"] = "Stopped; the units that were done are kept, and the same call does the rest."
     with progress(printed.silent) as tell:

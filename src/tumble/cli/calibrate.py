@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
-from tumble.cli.groups import ADVANCED, FIRST, detail, option, refuse_given
+from tumble.cli.groups import ADVANCED, FIRST, option, refuse_given
 from tumble.cli.options import (
     DataSheet,
     FiguresOption,
@@ -67,10 +67,6 @@ class OneOptions:
 
     data_sheet: DataSheet = None
     intervals: Intervals = None
-    unknowns: Annotated[
-        int | None,
-        detail(ADVANCED, "N", "For multi-position: 9 a triad, 6 (no non-orthogonality) or 3 (bias alone)."),
-    ] = None
     noise: NoiseFile = None
     field: Annotated[
         str | None,
@@ -90,24 +86,6 @@ class OneOptions:
             "stated intervals hold.",
         ),
     ] = None
-    report: Annotated[
-        str,
-        option(
-            ADVANCED,
-            "full|light",
-            "light: the report uses plotly.min.js of its folder, or of the one around it, instead of holding 5 MB of "
-            "it.",
-        ),
-    ] = "full"
-    noise_correction: Annotated[
-        bool,
-        detail(
-            ADVANCED,
-            "",
-            "Take the noise's own square out of the norm of gyros on the Earth's rate (default).",
-            "--noise-correction/--no-noise-correction",
-        ),
-    ] = True
 
 
 @dataclass(frozen=True)
@@ -145,15 +123,6 @@ class EstimateOptions:
             "An earlier calibration.json of this unit: its non-orthogonalities are kept, and six poses suffice.",
         ),
     ] = None
-    optional_terms: Annotated[
-        bool,
-        detail(
-            ADVANCED,
-            "",
-            "Try g-sensitivity and quadratic terms, and keep them if the data want them (default).",
-            "--optional-terms/--no-optional-terms",
-        ),
-    ] = True
     confirm_scale: Annotated[
         bool,
         option(
@@ -215,7 +184,6 @@ def calibrate_command(
         require_registry(registry, unit.imu_serial)
     shared: dict[str, Any] = {**file.given(), "site": choose_site(**asdict(site)), "limits": limits}
     shared |= {"notes": notes_of(notes), "confirm_scale": estimate.confirm_scale}
-    shared["optional_terms"] = estimate.optional_terms
     shared |= {
         "output": output or _default_folder(given, done_to_it.protocol),
         "protocol": done_to_it.protocol,

@@ -134,7 +134,6 @@ def calibrate(
     intervals: str | os.PathLike[str] | None = None,
     optional_terms: bool = True,
     confirm_scale: bool = False,
-    noise_correction: bool = True,
     unknowns: int | None = None,
     noise: str | os.PathLike[str] | None = None,
     monte_carlo: int | None = None,
@@ -142,7 +141,6 @@ def calibrate(
     notes: Notes = None,
     limits: str | os.PathLike[str] | None = None,
     field: str | None = None,
-    report: str = "full",
     progress: Callable[[str], None] | None = None,
 ) -> CalibrationRun:
     """Calibrate the IMU of one or several recordings.
@@ -164,7 +162,6 @@ def calibrate(
     intervals : file of the holds' start and stop in seconds, instead of finding them.
     optional_terms : try g-sensitivity and quadratic terms.
     confirm_scale : scale factors beyond what units have are really the unit's, and no reason against its calibration.
-    noise_correction : take the noise's own square out of the norm of gyros on the Earth's rate.
     unknowns : 9, 6 or 3 a triad, for the multi-position procedure only.
     noise : noise.json of the unit: its models instead of the holds' scatter say how well their means are known.
     monte_carlo : draws for the propagation of distributions (JCGM 101), for the joint estimator only.
@@ -172,7 +169,6 @@ def calibrate(
     notes : what else to note by name: operator, place, instrument, remarks.
     limits : file of acceptance limits, which the calibration is held against.
     field : the magnetic field at the site, see `given_field`; None where it is not known.
-    report : "full"; "light" lets it use ``plotly.min.js`` of its folder or of the one around it instead of a copy.
     progress : called with a sentence on what is being done.
 
     Raises
@@ -187,9 +183,9 @@ def calibrate(
     say = progress or silent
     site, noted = given_site(site), notes_of(notes)
     sheet = None if data_sheet is None else find_sheet(data_sheet)
-    options = Options(optional_terms, noise_correction, sheet, unknowns, confirm_scale)
+    options = Options(optional_terms, sheet, unknowns, confirm_scale)
     check_procedure(procedure, options, has_protocol=protocol is not None)
-    _refuse_odd(monte_carlo, report)
+    _refuse_odd(monte_carlo)
     folder = writable_folder(output)
     acceptance = None if limits is None else read_limits(Path(limits))
     clock = Clock()
@@ -207,7 +203,7 @@ def calibrate(
     except (SegmentationError, ObservabilityError) as error:
         if recording.magnetic_field is None or procedure is not None or told is not None or intervals:
             raise
-        return finish_run(_field_run(session, magnetic, error, imu, clock), folder, clock, say, report)
+        return finish_run(_field_run(session, magnetic, error, imu, clock), folder, clock, say)
     add_magnetometer(session, estimate, magnetic)
     _draw(estimate, monte_carlo, say)
     clock.lap("solving")
@@ -216,7 +212,7 @@ def calibrate(
     run = CalibrationRun(made, estimate, recording, session.timeline, session.means, reason)
     run.protocol, run.matching = told, session.matching
     run.predicted = {} if given is None else given.predicted()
-    return finish_run(run, folder, clock, say, report)
+    return finish_run(run, folder, clock, say)
 
 
 def _read_consistent(protocol: str | os.PathLike[str]) -> GivenProtocol:
@@ -314,7 +310,6 @@ def finish_run(
     folder: Path | None,
     clock: Clock,
     say: Callable[[str], None],
-    report: str = "full",
 ) -> CalibrationRun:
     """Write the files of a run, if a folder is named, and return it with what each stage took.
 
@@ -323,12 +318,11 @@ def finish_run(
     run, folder : what was made, and where it goes; None writes nothing.
     clock : of the stages.
     say : is told what is done.
-    report : as for `calibrate`.
     """
     run.seconds = clock.seconds
     if folder is not None:
         say("writing the report")
-        write_run(run, folder, report)
+        write_run(run, folder)
         clock.lap("reporting")
     return run
 
@@ -350,11 +344,9 @@ def _field_run(
     return CalibrationRun(document, estimate, session.recording, *no_holds(), reason)
 
 
-def _refuse_odd(runs: int | None, report: str) -> None:
+def _refuse_odd(runs: int | None) -> None:
     if runs is not None and not FEWEST_DRAWS <= runs <= MOST_DRAWS:
         raise UsageError(f"--monte-carlo {runs}: give a number of draws from {FEWEST_DRAWS} to {MOST_DRAWS}.")
-    if report not in ("full", "light"):
-        raise UsageError(f"--report {report}: give full or light.")
 
 
 def _draw(estimate: Estimate, runs: int | None, say: Callable[[str], None]) -> None:
@@ -588,7 +580,7 @@ def read_prior(prior: str | os.PathLike[str], serial: str | None = None) -> Stab
     return replace(known, of_fleet=earlier.procedure == PROCEDURE)
 
 
-def write_run(run: CalibrationRun, folder: Path, form: str = "full") -> None:
+def write_run(run: CalibrationRun, folder: Path) -> None:
     """Write both files beside their places, then rename both.
 
     An earlier calibration there, of other recordings, is kept as ``calibration-before-IDENTITY.json``.
@@ -596,7 +588,6 @@ def write_run(run: CalibrationRun, folder: Path, form: str = "full") -> None:
     Parameters
     ----------
     run, folder : what was made, and where it goes; the run is told its files.
-    form : "full"; "light" lets the report use a plotting library that lies in the folder, or in the one around it.
 
     Raises
     ------
@@ -604,16 +595,9 @@ def write_run(run: CalibrationRun, folder: Path, form: str = "full") -> None:
         If the folder cannot be made or written to.
     """
     from tumble.files import write_texts
-    from tumble.report.html import LIBRARY, plotting_library
 
     kept = _of_other_recordings(folder / "calibration.json", run.calibration)
-    library = None
-    if form == "light":
-        own, shared = folder / LIBRARY, folder.parent / LIBRARY
-        library = LIBRARY if own.is_file() or not shared.is_file() else f"../{LIBRARY}"
-        if library == LIBRARY and not own.is_file():
-            kept[own] = plotting_library()
-    report = report_of(run, library)
+    report = report_of(run)
     run.files = write_texts(
         {folder / "calibration.json": run.calibration.to_json(), folder / "report.html": report} | kept
     )

@@ -37,10 +37,10 @@ def check_procedure(procedure: str | None, options: Options, *, has_protocol: bo
         If the name is unknown, or an option does not go with it.
     """
     found = None if procedure is None else find_procedure(procedure)
-    for option in ("unknowns", "data_sheet"):
+    for option, spelled in (("unknowns", "unknowns"), ("data_sheet", "--data-sheet")):
         if getattr(options, option) is not None and (found is None or option not in found.takes):
             takers = [one.name for one in all_procedures() if option in one.takes]
-            named = f"--{option.replace('_', '-')} is for the {' or '.join(takers)} procedure"
+            named = f"{spelled} is for the {' or '.join(takers)} procedure"
             raise UsageError(f"{named}: add --procedure {takers[0]}, or leave it out.")
     if found is not None and found.example and not has_protocol:
         raise UsageError(

@@ -140,7 +140,7 @@ def test_six_faces_by_hand_are_refused_with_the_options_that_serve() -> None:
     session = tumbled([0, 1, 2, 3, 4, 5])
     with pytest.raises(ObservabilityError) as refused:
         run_procedure(session, None)
-    assert "--unknowns 6" in str(refused.value)
+    assert "unknowns=6, from Python," in str(refused.value)
     assert "--procedure six-position" in str(refused.value)
     for name in ("six-position",):
         assert run_procedure(session, name)[0].procedure == name

@@ -173,7 +173,6 @@ def calibrate_multi_position(
     *,
     prior: StableKnowledge | None = None,
     data_sheet: Grade | FleetSheet | None = None,
-    noise_correction: bool = True,
     unknowns: int = 9,
     progress: Callable[[str], None] | None = None,
 ) -> Estimate:
@@ -187,8 +186,6 @@ def calibrate_multi_position(
     prior : non-orthogonalities of an earlier calibration; six poses then suffice.
     data_sheet : spreads of a grade, or a fleet's mean and spread, as a prior of all nine unknowns of both triads
         (P of Hayal 3.38); a grade's for raw numbers in a known unit. Six poses then suffice.
-    noise_correction : take the noise's own square out of the gyros' norm (K² + 2σ² for K²); for
-        accelerometers it is below 0.1 ppm, and left alone.
     unknowns : of a triad: 9 (bias, scale factor, non-orthogonality), 6 (without non-orthogonality) or
         3 (bias alone); what is not estimated is nominal, or the prior's.
 
@@ -228,7 +225,7 @@ def calibrate_multi_position(
     )
     say("gyros")
     specific_force_b = triad_from_unknowns(force.unknowns).correct(means.specific_force)
-    gyro = _fit_gyro(recording, means, specific_force_b, site, unknowns, data_sheet, noise_correction)
+    gyro = _fit_gyro(recording, means, specific_force_b, site, unknowns, data_sheet)
     estimate = _estimate(recording, means, site, force, gyro)
     if data_sheet is not None and constraint is not None:
         said = about_sheet(
@@ -258,23 +255,23 @@ def _constraint(
     return None if prior is None else _angle_prior(prior, 9)
 
 
-def _reference(norm: float, covariance: Matrices, start: Series, corrected: bool) -> Series:
-    """Return each hold's reference: K, or the root of K² + 2σ² that takes the noise's square into account.
+def _reference(norm: float, covariance: Matrices, start: Series) -> Series:
+    """Return each hold's reference, the root of K² + 2σ²: for accelerometers the second is below 0.1 ppm.
 
     Of E|y|² = K² + 3σ² the adjustment takes the part along y out of the observations by itself; what
     remains across it makes every norm too large.
     """
     noise = np.einsum("kaa,a->k", covariance, start[SCALE] ** -2) / 3.0
-    return np.sqrt(norm**2 + (2.0 * noise if corrected else 0.0 * noise))
+    return np.sqrt(norm**2 + 2.0 * noise)
 
 
 def _check_unknowns(unknowns: int, factor: float | None) -> None:
     if unknowns not in (3, 6, 9):
         raise UsageError(
-            f"--unknowns {unknowns}: it is 9 (bias, scale factor, non-orthogonality), 6 or 3 a triad."
+            f"unknowns={unknowns}: it is 9 (bias, scale factor, non-orthogonality), 6 or 3 a triad."
         )
     if unknowns == 3 and factor is None:
-        raise UsageError("--unknowns 3 takes the scale factors as known, and those of raw counts are not.")
+        raise UsageError("unknowns=3 takes the scale factors as known, and those of raw counts are not.")
 
 
 def _angle_prior(prior: StableKnowledge, size: int) -> Prior:
@@ -291,7 +288,6 @@ def _fit_gyro(
     site: Site,
     unknowns: int,
     data_sheet: Grade | FleetSheet | None,
-    noise_correction: bool,
 ) -> _GyroFit | None:
     """Take the largest solution on the Earth rate that the noise allows."""
     if means.angular_rate is None or means.angular_rate_covariance is None:
@@ -310,7 +306,7 @@ def _fit_gyro(
         # With a prior of everything the Earth's rate may tell as little as it does.
         if not _earth_rate_tells(observed, covariance, start, 3 if sheet is not None else count):
             continue
-        reference = _reference(EARTH_RATE, covariance, start, noise_correction)
+        reference = _reference(EARTH_RATE, covariance, start)
         try:
             fit = fit_norms(
                 observed,
@@ -501,7 +497,6 @@ def _run(session: Session) -> Estimate:
         session.site,
         prior=session.prior,
         data_sheet=options.data_sheet,
-        noise_correction=options.noise_correction,
         unknowns=options.unknowns or 9,
         progress=session.say,
     )

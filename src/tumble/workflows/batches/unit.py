@@ -57,13 +57,9 @@ class BatchOptions:
     units: str | None = None
     rate: float | None = None
     topics: tuple[str, ...] = ()
-    prior: str | None = None
     data_sheet: str | None = None
-    noise: str | None = None
     limits: str | None = None
-    model: str | None = None
     notes: tuple[str, ...] = ()
-    optional_terms: bool = True
     confirm_scale: bool = False
     reports: str = "failed"
 
@@ -92,9 +88,7 @@ def check_options(options: BatchOptions) -> None:
     from tumble.calibration.procedure import find_procedure
     from tumble.limits import read_limits
     from tumble.recording.declared import read_units_option
-    from tumble.workflows.calibrate import read_prior
     from tumble.workflows.given.data_sheet import find_sheet
-    from tumble.workflows.given.noise_models import read_noise_models
     from tumble.workflows.given.protocols import read_given_protocol
     from tumble.workflows.given.site import choose_site
 
@@ -106,9 +100,7 @@ def check_options(options: BatchOptions) -> None:
         (options.protocol, read_given_protocol),
         (options.limits, lambda name: read_limits(Path(name))),
         (options.data_sheet, find_sheet),
-        (options.prior, read_prior),
         (options.units, read_units_option),
-        (options.noise, lambda name: read_noise_models(Path(name))),
     )
     for given, read in checks:
         if given is not None and not is_url(given):
@@ -298,13 +290,12 @@ def _calibrated(task: UnitTask, options: BatchOptions) -> CalibrationRun:
         units=told.get("units", options.units),
         rate=float(told["rate"]) if "rate" in told else options.rate,
         topics=topics or None,
-        prior=told.get("prior", options.prior),
-        noise=told.get("noise", options.noise),
+        prior=told.get("prior"),
+        noise=told.get("noise"),
         intervals=told.get("intervals"),
         data_sheet=options.data_sheet,
-        optional_terms=options.optional_terms,
         confirm_scale=options.confirm_scale,
-        imu=(told.get("model", options.model), task.unit),
+        imu=(told.get("model"), task.unit),
         notes=_notes(task, options),
         limits=options.limits,
     )
