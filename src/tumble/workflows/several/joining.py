@@ -278,7 +278,9 @@ def _concatenated(recordings: list[Recording]) -> tuple[Recording, list[Span]]:
         gaps += [samples + gap for gap in recording.gaps] + ([samples] if number else [])
         times.append(moved)
         field = recording.magnetic_field
-        magnetic.append(None if field is None else field.moved(float(moved[0] - recording.time[0])))
+        magnetic.append(
+            None if field is None else replace(field, time=field.time + float(moved[0] - recording.time[0]))
+        )
         end, samples = float(moved[-1]), samples + len(recording)
         spans.append((float(moved[0]), end))
 
