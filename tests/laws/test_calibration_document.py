@@ -350,3 +350,10 @@ def test_an_estimate_that_can_be_none_becomes_no_document(part: str) -> None:
         ConvergenceError, match=r"came to no usable numbers: .* record more poses and longer holds"
     ):
         document_of(EXAMPLE, terms=TERMS, **changed)
+
+
+def test_a_file_of_two_calibrations_is_refused_in_one_sentence(example: Calibration, tmp_path: Path) -> None:
+    held = json.loads(example.to_json())
+    (tmp_path / "calibration.json").write_text(json.dumps({**held, "composed_with": held}))
+    with pytest.raises(CalibrationFileError, match=r"no longer read\. Apply the two files"):
+        read_calibration(tmp_path)

@@ -72,8 +72,8 @@ def test_a_change_of_frame_turns_corrected_vectors_and_nothing_else(frame: str) 
     assert np.allclose(before_rate @ C.T, rate, atol=1e-12)
     expected = change_frame(MODEL, frame)
     assert expected.gyroscope is not None
-    assert turned.own_model.gyroscope is not None
-    assert np.allclose(turned.own_model.gyroscope.matrix, expected.gyroscope.matrix, atol=1e-12)
+    assert turned.model.gyroscope is not None
+    assert np.allclose(turned.model.gyroscope.matrix, expected.gyroscope.matrix, atol=1e-12)
 
 
 @pytest.mark.parametrize("frame", FRAMES)

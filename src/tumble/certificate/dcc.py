@@ -150,7 +150,7 @@ def entries_in_si(calibration: Calibration) -> tuple[list[str], list[str], np.nd
     calibration : with a covariance.
     """
     order = {name: at for at, name in enumerate(entry_names())}
-    values = vector_of_model(calibration.own_model)
+    values = vector_of_model(calibration.model)
     names: list[str] = []
     units: list[str] = []
     factors: list[float] = []

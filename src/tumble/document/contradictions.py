@@ -53,7 +53,7 @@ def contradiction_in(calibration: Calibration) -> str | None:
         if found is not None:
             return found
     if calibration.thermal is not None:
-        found = thermal_contradiction(calibration.thermal, calibration.own_model)
+        found = thermal_contradiction(calibration.thermal, calibration.model)
         if found is not None:
             return found
     return _false_vector(calibration)
@@ -97,7 +97,7 @@ def _false_vector(calibration: Calibration) -> str | None:
 
 def _model_of(calibration: Calibration) -> ImuModel | None:
     blocks = (calibration.accelerometer, calibration.gyroscope)
-    return None if all(block is None or block.matrix is None for block in blocks) else calibration.own_model
+    return None if all(block is None or block.matrix is None for block in blocks) else calibration.model
 
 
 def _corrected(model: ImuModel, vector: TestVector) -> tuple[Vectors | None, Vectors | None]:

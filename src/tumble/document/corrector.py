@@ -23,7 +23,7 @@ NO_TEMPERATURE = (
 
 
 class Corrector:
-    """Corrects block after block by a calibration and those that it is composed with.
+    """Corrects block after block by a calibration.
 
     Lag, rate and hysteresis of the sensor's temperature are carried from one block to the next, and so is the last
     angular rate, of which lever arms make an acceleration: blocks
@@ -31,7 +31,7 @@ class Corrector:
 
     Attributes
     ----------
-    warmest, coldest : °C of the sensor so far, by the last stage with a thermal model; NaN without.
+    warmest, coldest : °C of the sensor so far; NaN without a thermal model.
     fastest : K/s, largest rate of change of it so far.
     """
 
@@ -46,11 +46,9 @@ class Corrector:
         self.outside: Outside = outside
         self.warmest = self.coldest = float("nan")
         self.fastest = 0.0
-        stages = calibration.stages
-        self._thermal = [stage.thermal_model for stage in stages]
-        self._models = [stage.own_model for stage in stages]
-        self._states: list[ThermalState | None] = [None] * len(stages)
-        self._arms = [LeverArms.of(stage.lever_arms, stage.own_model) for stage in stages]
+        self._thermal, self._model = calibration.thermal_model, calibration.model
+        self._state: ThermalState | None = None
+        self._arms = LeverArms.of(calibration.lever_arms, calibration.model)
 
     def correct(
         self,
@@ -84,38 +82,34 @@ class Corrector:
         )
         raw_force, raw_rate = force, rate
         with np.errstate(over="ignore", invalid="ignore"):  # what overflows is refused below
-            force, rate = self._by_stages(force, rate, time, temperature_celsius)
+            force, rate = self._calibrated(force, rate, time, temperature_celsius)
         _refuse_not_finite("specific force", force, raw_force, raw_rate)
         _refuse_not_finite("angular rate", rate, raw_force, raw_rate)
         return force, rate
 
-    def _by_stages(
+    def _calibrated(
         self,
         force: Vectors | None,
         rate: Vectors | None,
         time: Series | None,
         temperature_celsius: Series | float | None,
     ) -> tuple[Vectors | None, Vectors | None]:
-        """Correct by one calibration after another."""
-        for number, (model, thermal) in enumerate(zip(self._models, self._thermal, strict=True)):
-            lacks_force = force is None or model.accelerometer is None
-            if model.g_sensitivity is not None and rate is not None and lacks_force:
-                raise CalibrationFileError(
-                    "The calibration's gyro has a g-sensitivity, which acts on the specific force: "
-                    "angular rates cannot be corrected without it."
-                )
-            if thermal is None:
-                force, rate = _corrected(model, force, rate)
-            else:
-                force, rate = self._along(number, thermal, force, rate, time, temperature_celsius)
-            arms = self._arms[number]
-            if arms is not None and force is not None and rate is not None:
-                force = arms.taken_out(force, rate, time)
+        lacks_force = force is None or self._model.accelerometer is None
+        if self._model.g_sensitivity is not None and rate is not None and lacks_force:
+            raise CalibrationFileError(
+                "The calibration's gyro has a g-sensitivity, which acts on the specific force: "
+                "angular rates cannot be corrected without it."
+            )
+        if self._thermal is None:
+            force, rate = _corrected(self._model, force, rate)
+        else:
+            force, rate = self._along(self._thermal, force, rate, time, temperature_celsius)
+        if self._arms is not None and force is not None and rate is not None:
+            force = self._arms.taken_out(force, rate, time)
         return force, rate
 
     def _along(
         self,
-        number: int,
         thermal: ThermalModel,
         force: Vectors | None,
         rate: Vectors | None,
@@ -125,16 +119,16 @@ class Corrector:
         samples = next((part.shape[0] for part in (force, rate) if part is not None), 0)
         if samples == 0:
             return force, rate
-        given = _given_temperature(temperature, samples, begun=self._states[number] is not None)
+        given = _given_temperature(temperature, samples, begun=self._state is not None)
         if time is None:
             if np.ptp(given) > 0.0:
                 raise UsageError(
                     "The temperature changes, and there is no time: rate, lag and hysteresis need it."
                 )
             time = np.zeros(samples)
-        path = thermal.path(np.asarray(time, dtype=float), given, self._states[number])
+        path = thermal.path(np.asarray(time, dtype=float), given, self._state)
         corrected = thermal.correct_along(path, time, force, rate, outside=self.outside)
-        self._states[number] = path.end
+        self._state = path.end
         self.coldest = float(np.fmin(self.coldest, path.temperature.min()))
         self.warmest = float(np.fmax(self.warmest, path.temperature.max()))
         self.fastest = max(self.fastest, float(np.abs(path.rate).max()))

@@ -112,22 +112,18 @@ def compare_calibrations(first: Calibration, second: Calibration) -> Difference:
     Raises
     ------
     UsageError
-        If a frame or the units cannot be matched, they are composed, or have no triad in common.
+        If a frame or the units cannot be matched, or they have no triad in common.
     CalibrationFileError
         If one has no matrix of either triad.
     """
     remarks: list[str] = []
-    if first.composed_with is not None or second.composed_with is not None:
-        raise UsageError(
-            "Composed calibrations are compared stage by stage, or merged first (`tumble compose --merge`)."
-        )
     first, second = _same_frame(first, second, remarks)
     scale = _unit_factors(first, second)
     one, spread_one = stacked(first)
     two, spread_two = stacked(second)
     change = _scaling(scale)
     two, spread_two = change * two, spread_two * np.outer(change, change)
-    models = (model_of_vector(one, first.own_model), model_of_vector(two, second.own_model))
+    models = (model_of_vector(one, first.model), model_of_vector(two, second.model))
     for kind in ("accelerometer", "gyroscope"):
         if (getattr(models[0], kind) is None) != (getattr(models[1], kind) is None):
             remarks.append(f"Only one of the two has a calibrated {kind}: it is left out.")

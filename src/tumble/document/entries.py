@@ -47,7 +47,7 @@ def stacked(calibration: Calibration) -> tuple[Series, Table]:
     CalibrationFileError
         If the document has no matrix of either triad.
     """
-    values, covariance = vector_of_model(calibration.own_model), np.zeros((SIZE, SIZE))
+    values, covariance = vector_of_model(calibration.model), np.zeros((SIZE, SIZE))
     order = {name: at for at, name in enumerate(entry_names())}
     known = [k for k, name in enumerate(calibration.covariance_parameters) if name in order]
     at = [order[calibration.covariance_parameters[k]] for k in known]

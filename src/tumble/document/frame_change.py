@@ -41,23 +41,19 @@ def turned_to(calibration: Calibration, frame: str) -> Calibration:
 
     Parameters
     ----------
-    calibration : of one stage.
+    calibration : with a matrix of the triad that fixes the frame.
     frame : a name of `FRAMES`.
 
     Raises
     ------
     UsageError
-        If the frame is unknown, the triad that fixes it is missing or left-handed, or the document is composed.
+        If the frame is unknown, the triad that fixes it is missing or left-handed.
     CalibrationFileError
         If the document has no matrix of either triad.
     """
-    if calibration.composed_with is not None:
-        raise UsageError(
-            "A composed calibration has frames: merge it into one first (`tumble compose --merge`)."
-        )
     if frame not in FRAMES:
         raise UsageError(f"There is no frame {frame!r}: choose one of {', '.join(FRAMES)}.")
-    model = calibration.own_model
+    model = calibration.model
     fixed_by = "gyroscope" if frame == "mean-gyro" else "accelerometer"
     triad = getattr(model, fixed_by)
     if triad is None:

@@ -66,14 +66,14 @@ def answers(
 
     Parameters
     ----------
-    calibration : not composed of several.
+    calibration : with uncertainties.
     seconds : s without aiding, up to ten minutes each.
     grade : a kind of unit, for what its data sheet promises without calibration.
 
     Raises
     ------
     CalibrationFileError
-        If it is composed of several calibrations, has no matrix, or states no uncertainties.
+        If it has no matrix, or states no uncertainties.
     ValueError
         If a time is out of bounds.
     """

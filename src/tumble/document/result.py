@@ -29,7 +29,7 @@ from tumble.sensor.triad import CURVES
 FORMAT = "tumble calibration"
 VERSION = 1
 LARGEST = 32 << 20
-"""Bytes of a document; one of ten composed calibrations with a hundred turn-ons has one megabyte."""
+"""Bytes of a document; one with a hundred turn-ons has a tenth of a megabyte."""
 FORWARD = (
     "raw = u + asymmetry * |u| + quadratic * u^2 + g_sensitivity * f + bias, u = matrix * true; "
     "true in m/s^2 and rad/s in frame b, f the true specific force in b (gyroscope only); "
@@ -232,7 +232,6 @@ class Calibration(DocumentPart):
     turn_ons : what several recordings of the unit tell, if it was made from several turn-ons, or None.
     input_corrected_by : identities of the calibrations that its raw numbers were corrected by already, first
         one first: it is right for such recordings only.
-    composed_with : a calibration to correct by first, with temperature and all; this one takes its output.
     """
 
     format: Literal["tumble calibration"] = FORMAT
@@ -265,14 +264,13 @@ class Calibration(DocumentPart):
     magnetometer: MagnetometerBlock | None = None
     turn_ons: TurnOnsBlock | None = None
     input_corrected_by: list[str] = Field(default_factory=list)
-    composed_with: Calibration | None = None
 
     @property
     def identity(self) -> str:
         """Twelve hexadecimal digits of what it corrects by: equal numbers, equal identity.
 
         The numbers of the triads, their temperature dependence, the raw units and the frame count; date,
-        covariance and words do not, nor do the calibrations that it is composed with.
+        covariance and words do not.
         """
         told = self.model_dump(
             mode="json",
@@ -298,11 +296,6 @@ class Calibration(DocumentPart):
         return [*self.parameters, *(ParameterBlock(**one.model_dump()) for one in named)]
 
     @property
-    def stages(self) -> tuple[Calibration, ...]:
-        """The calibrations to correct by, one after another: itself last."""
-        return (*(() if self.composed_with is None else self.composed_with.stages), self)
-
-    @property
     def thermal_model(self) -> ThermalModel | None:
         """The sensor model with what changes with temperature, None without a `thermal` block.
 
@@ -311,29 +304,13 @@ class Calibration(DocumentPart):
         CalibrationFileError
             If the document has no matrix of either triad.
         """
-        return None if self.thermal is None else self.thermal.model(self.own_model)
+        return None if self.thermal is None else self.thermal.model(self.model)
 
     @property
     def model(self) -> ImuModel:
         """The sensor model; a triad whose matrix is not known is None in it.
 
         With a `thermal` block it is the unit at the reference temperature.
-
-        Raises
-        ------
-        CalibrationFileError
-            If the document has no matrix of either triad, or is composed of several calibrations.
-        """
-        if self.composed_with is not None:
-            raise CalibrationFileError(
-                f"The calibration is composed of {len(self.stages)}, which no single matrix and bias can say: correct "
-                "recordings with it (`tumble apply`)."
-            )
-        return self.own_model
-
-    @property
-    def own_model(self) -> ImuModel:
-        """The sensor model of this calibration without those before it; a triad of unknown matrix is None in it.
 
         Raises
         ------
@@ -392,8 +369,7 @@ class Calibration(DocumentPart):
 
         Parameters
         ----------
-        raw_specific_force, raw_angular_rate : (samples, 3) in `raw_units`; of a composed calibration in those
-            of the first one.
+        raw_specific_force, raw_angular_rate : (samples, 3) in `raw_units`.
         time : (samples,) s; a calibration with a thermal block needs it wherever the temperature changes, and one with
             lever arms for the angular acceleration.
         temperature_celsius : (samples,) as recorded, or one for all; needed by a thermal block.
@@ -422,29 +398,12 @@ class Calibration(DocumentPart):
 
         Parameters
         ----------
-        raw_magnetic_field : (samples, 3) in the magnetometer's raw unit; of a composed calibration in that of the
-            first one.
-
-        Raises
-        ------
-        CalibrationFileError
-            If it is composed of calibrations of which some have a magnetometer and others none.
+        raw_magnetic_field : (samples, 3) in the magnetometer's raw unit.
         """
-        stages = [stage.magnetometer for stage in self.stages]
-        known = [block is not None and block.triad is not None for block in stages]
-        if not any(known):
+        block = self.magnetometer
+        if block is None or block.triad is None:
             return None
-        if not all(known):
-            raise CalibrationFileError(
-                "The calibration is composed of some with a magnetometer and some without: correct the magnetic field "
-                "with one of them."
-            )
-        field = np.asarray(raw_magnetic_field, dtype=float)
-        for block in stages:
-            assert block is not None
-            assert block.triad is not None
-            field = block.triad.correct(field)
-        return field
+        return block.triad.correct(np.asarray(raw_magnetic_field, dtype=float))
 
     def __repr__(self) -> str:
         verdict = "fit for use" if self.verdict.fit else "NOT fit for use"
@@ -519,24 +478,23 @@ def read_calibration(path: str | os.PathLike[str]) -> Calibration:
         raise CalibrationFileError(
             f"{file} is of version {version!r} and this tumble reads up to {VERSION}: update tumble."
         )
+    if cast("dict[str, Any]", document).get("composed_with") is not None:
+        raise CalibrationFileError(
+            f"{file} holds a calibration after another (composed_with), which is no longer read. Apply the two files "
+            "that it was made of, one after the other."
+        )
     try:
         calibration = Calibration.model_validate(document)
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(shown(str(part)) for part in first["loc"])
         raise CalibrationFileError(f"{file} is damaged: {where}: {first['msg']}.") from error
-    for number, stage in enumerate(calibration.stages, 1):
-        contradiction = contradiction_in(stage)
-        if contradiction is not None:
-            which = (
-                f"calibration {number} of {len(calibration.stages)}: " if calibration.composed_with else ""
-            )
-            raise CalibrationFileError(f"{file} is damaged: {which}{contradiction}.")
+    contradiction = contradiction_in(calibration)
+    if contradiction is not None:
+        raise CalibrationFileError(f"{file} is damaged: {contradiction}.")
     return calibration
 
 
 def calibration_schema() -> dict[str, Any]:
     """Return the JSON schema of the document."""
-    schema = Calibration.model_json_schema()
-    # A document may hold another one (composed_with): its keys are told at the top as well.
-    return {**schema["$defs"]["Calibration"], "$defs": schema["$defs"]}
+    return Calibration.model_json_schema()

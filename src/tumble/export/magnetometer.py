@@ -78,10 +78,10 @@ def field_correction(calibration: Calibration, frame: str) -> FieldCorrection | 
 
     Parameters
     ----------
-    calibration : of one stage or several; of several the magnetometer is not written.
+    calibration : with or without one.
     frame : of corrected vectors.
     """
-    if calibration.composed_with is not None or calibration.magnetometer is None:
+    if calibration.magnetometer is None:
         return None
     block, triad = calibration.magnetometer, calibration.magnetometer.triad
     if triad is None:
@@ -90,7 +90,7 @@ def field_correction(calibration: Calibration, frame: str) -> FieldCorrection | 
     if block.frame == "b":
         axes = f"of the frame {frame}"
         if frame != calibration.frame.name:
-            turned = change_frame(replace(calibration.own_model, magnetometer=triad), frame).magnetometer
+            turned = change_frame(replace(calibration.model, magnetometer=triad), frame).magnetometer
             assert turned is not None
             triad = turned
     known = block.unit == "T"

@@ -9,7 +9,6 @@ from itertools import product
 import numpy as np
 
 from tumble.arrays import Matrix, Vectors
-from tumble.document.merging import merge_models
 from tumble.document.result import Calibration
 from tumble.errors import UsageError
 from tumble.export import losses
@@ -151,10 +150,10 @@ def prepare(
             raise UsageError(f"{target.title} holds a calibration: name its calibration.json first.")
         return Subject(ImuModel.ideal(), ("m/s^2", "rad/s"), "", "", None, wishes, noise=noise)
     found: list[Loss] = []
-    model, thermal, celsius, said = _one_model(calibration, target, wishes)
-    arms = [stage.lever_arms for stage in calibration.stages if stage.lever_arms is not None]
-    if arms and target.accelerometer:
-        found.append(losses.of_lever_arms(np.array(arms[-1], dtype=np.float64)))
+    said: list[str] = []
+    model, thermal, celsius = _at_temperature(calibration, target, wishes)
+    if calibration.lever_arms is not None and target.accelerometer:
+        found.append(losses.of_lever_arms(np.array(calibration.lever_arms, dtype=np.float64)))
     scale, units = _in_units(model, calibration, target)
     model = _both_triads(scaled(model, scale), units, found)
     whole, frame = _in_frame(model, thermal, calibration, target, wishes)
@@ -228,7 +227,7 @@ def _there(
     calibration: Calibration, model: ImuModel, whole: ImuModel, scale: Sequence[float], units: tuple[str, str]
 ) -> tuple[list[tuple[float, ImuModel]], str]:
     """The true models at temperatures of a calibration with temperature, turned as `model` was to be `whole`."""
-    thermal = calibration.stages[0].thermal_model if len(calibration.stages) == 1 else None
+    thermal = calibration.thermal_model
     if thermal is None:
         return [], ""
     assert model.accelerometer is not None
@@ -243,43 +242,27 @@ def _there(
     return found, f", from {low:g} to {high:g} °C"
 
 
-def _one_model(
+def _at_temperature(
     calibration: Calibration, target: Target, wishes: Wishes
-) -> tuple[ImuModel, ThermalModel | None, float | None, list[str]]:
-    """One model of all stages; what changes with temperature for targets that hold it, else the one temperature."""
-    models: list[ImuModel] = []
-    kept: ThermalModel | None = None
-    celsius: float | None = None
-    for stage in calibration.stages:
-        thermal = stage.thermal_model
-        if thermal is None:
-            models.append(stage.own_model)
-            continue
-        if target.temperature and len(calibration.stages) == 1 and wishes.temperature is None:
-            kept = thermal
-            models.append(stage.own_model)
-            continue
-        celsius = thermal.basis.reference_celsius if wishes.temperature is None else wishes.temperature
-        low, high = thermal.span_celsius
-        if not low - 2.0 <= celsius <= high + 2.0:
-            raise UsageError(
-                f"The calibration is of {low:g} to {high:g} °C: it cannot be taken at {celsius:g} °C "
-                "(--at-temperature)."
-            )
-        models.append(thermal.at(celsius))
-    model = models[0]
-    for later in models[1:]:
-        model = merge_models(model, later)
-    if len(models) == 1:
-        return model, kept, celsius, []
-    return model, kept, celsius, [f"{len(models)} calibrations one after another, as one matrix and bias"]
+) -> tuple[ImuModel, ThermalModel | None, float | None]:
+    """The model; what changes with temperature for targets that hold it, else the one temperature."""
+    thermal = calibration.thermal_model
+    if thermal is None or (target.temperature and wishes.temperature is None):
+        return calibration.model, thermal, None
+    celsius = thermal.basis.reference_celsius if wishes.temperature is None else wishes.temperature
+    low, high = thermal.span_celsius
+    if not low - 2.0 <= celsius <= high + 2.0:
+        raise UsageError(
+            f"The calibration is of {low:g} to {high:g} °C: it cannot be taken at {celsius:g} °C (--at-temperature)."
+        )
+    return thermal.at(celsius), None, celsius
 
 
 def _in_units(
     model: ImuModel, calibration: Calibration, target: Target
 ) -> tuple[list[float], tuple[str, str]]:
     """What raw numbers are to be multiplied by, and the units that they then have."""
-    given = calibration.stages[0].raw_units
+    given = calibration.raw_units
     # As the units are called here, for the document may have another spelling, and the names go into programs.
     own = (
         find_unit("specific force", given.specific_force) or given.specific_force,

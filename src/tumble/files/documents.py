@@ -14,7 +14,7 @@ from tumble.files.text import shown
 LARGEST_JSON = 64 << 20
 LARGEST_YAML = 1 << 20
 DEEPEST = 64
-"""Levels of a document: those of tumble have eight at most, and a calibration for each one it is composed with."""
+"""Levels of a document: those of tumble have eight at most."""
 MOST_DIGITS = 310
 """Digits of a whole number; a larger one is no 64-bit float."""
 MOST_ENTRIES = 200_000

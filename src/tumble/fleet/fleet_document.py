@@ -47,7 +47,7 @@ def fleet_document(calibrations: Sequence[Calibration]) -> tuple[Calibration, Be
     # With those that the frame holds, whose variance is zero.
     common = set[str].intersection(*(set(one.covariance_parameters) for one in chosen))
     told = [k for k in places if names[k] in common]
-    like = chosen[0].own_model
+    like = chosen[0].model
     values = pairs[0][0].copy()
     for term in PLACES:
         if term not in _TERMS:
@@ -93,7 +93,7 @@ def _comparable(calibrations: Sequence[Calibration]) -> list[Calibration]:
     chosen = [
         turned_to(one, FRAME) if one.frame.name != FRAME else one
         for one in calibrations
-        if one.frame.name in FRAMES and one.composed_with is None and one.covariance_parameters
+        if one.frame.name in FRAMES and one.covariance_parameters
     ]
     kinds = [
         (str(one.raw_units), one.gyroscope is not None and one.gyroscope.matrix is not None) for one in chosen

@@ -65,7 +65,7 @@ def unit_vector(calibration: Calibration) -> UnitVector | None:
     ----------
     calibration : with a covariance; of a thermal one the parameters at its reference temperature.
     """
-    if not calibration.covariance_parameters or calibration.composed_with is not None:
+    if not calibration.covariance_parameters:
         return None
     if calibration.frame.name != FRAME and calibration.frame.name in FRAMES:
         try:
@@ -76,7 +76,7 @@ def unit_vector(calibration: Calibration) -> UnitVector | None:
         values, covariance = stacked(calibration)
     except TumbleError:
         return None
-    labels, values, spread = parameter_vector(calibration.own_model, covariance, calibration.raw_units)
+    labels, values, spread = parameter_vector(calibration.model, covariance, calibration.raw_units)
     raw = {
         calibration.raw_units.specific_force: (
             specific_force_factor(calibration.raw_units.specific_force),

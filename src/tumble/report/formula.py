@@ -177,7 +177,7 @@ def _array_lines(name: str, rows: Any) -> list[str]:
 
 def python_snippet(calibration: Calibration) -> str:
     """Return a few lines of Python that correct raw samples (rows of three); with a temperature where it matters."""
-    if calibration.thermal is not None and calibration.composed_with is None:
+    if calibration.thermal is not None:
         return thermal_snippet(calibration)
     force, gyro = calibration.accelerometer, calibration.gyroscope
     lines = ["import numpy as np"]

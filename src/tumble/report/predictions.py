@@ -94,7 +94,7 @@ _GROUPS = {
 
 
 def predictions(subject: Subject) -> list[Block]:
-    """Return the predicted errors; nothing for a composed calibration.
+    """Return the predicted errors.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ def predictions(subject: Subject) -> list[Block]:
     from tumble.document.predictions import answers
 
     calibration = subject.calibration
-    told = [] if calibration.composed_with is not None else answers(calibration)
+    told = answers(calibration)
     if not told:
         return []
     note = FOOTNOTE if calibration.turn_ons is None else OF_SEVERAL

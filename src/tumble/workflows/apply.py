@@ -112,7 +112,7 @@ def apply(
     remarks += magnetometer.remarks
     celsius = first.temperature if temperature is None else temperature
     remarks += find_steps_of_two(_corrected(Corrector(document, beyond), first, factors, celsius))
-    marks = [*done_before, *(s.identity for s in document.stages)]
+    marks = [*done_before, document.identity]
     if goal.form == "bag":
         if columns is not None:
             raise UsageError("--columns is for columns, and a bag has messages: leave it out, or write .csv.")
@@ -208,30 +208,29 @@ def raw_factors(document: Calibration, recording: Recording) -> tuple[float, flo
     UsageError
         If one is in counts and the other is not, or the recording lacks what the calibration corrects.
     """
-    taken = document.stages[0]
     force = 1.0
-    if _knows(taken.accelerometer):
+    if _knows(document.accelerometer):
         if recording.specific_force is None:
             raise UsageError("The recording has no accelerometer columns: there is nothing to correct.")
         force = _ratio(
             specific_force_factor(recording.specific_force_unit),
-            specific_force_factor(taken.raw_units.specific_force),
+            specific_force_factor(document.raw_units.specific_force),
             "specific force",
             recording.specific_force_unit,
-            taken.raw_units.specific_force,
+            document.raw_units.specific_force,
         )
     elif recording.angular_rate is None and not corrects_field(document, recording):
         raise UsageError(
             "The calibration is of the gyro alone, and the recording has no angular rate to correct."
         )
-    if recording.angular_rate is None or not _knows(taken.gyroscope):
+    if recording.angular_rate is None or not _knows(document.gyroscope):
         return force, 1.0
     return force, _ratio(
         angular_rate_factor(recording.angular_rate_unit),
-        angular_rate_factor(taken.raw_units.angular_rate),
+        angular_rate_factor(document.raw_units.angular_rate),
         "angular rate",
         recording.angular_rate_unit,
-        taken.raw_units.angular_rate,
+        document.raw_units.angular_rate,
     )
 
 

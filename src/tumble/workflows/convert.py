@@ -125,7 +125,7 @@ def _without_corrected_before(document: Calibration, target: Target) -> tuple[Ca
 
     Where that is the magnetometer alone it is left out, and said.
     """
-    before = document.stages[0].input_corrected_by
+    before = document.input_corrected_by
     if before:
         raise UsageError(
             f"The calibration was made on numbers that were corrected before ({', '.join(before)}), by a calibration "

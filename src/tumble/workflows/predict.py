@@ -70,7 +70,7 @@ def predict(
     UsageError
         If a number is out of bounds, or there is no such grade.
     CalibrationFileError
-        If the file is no calibration, is composed of several, or states no uncertainties.
+        If the file is no calibration, or states no uncertainties.
     """
     for t in seconds:
         if not _SHORTEST <= t <= LONGEST:

@@ -163,7 +163,7 @@ def verify(
     for number, recording in enumerate(recordings):
         own_files = [files[number]] if len(recordings) == len(files) else files
         scaled = in_calibration_units(recording, raw_factors(document, recording))
-        if needs_temperature(document) or document.composed_with is not None:
+        if needs_temperature(document):
             scaled, model, words = corrected_whole(document, scaled, own_files, temperature)
         else:
             model = document.model

@@ -219,7 +219,7 @@ def test_the_header_compiles_and_corrects_the_field(name: str, tmp_path: Path) -
 def test_another_frame_turns_the_field_with_the_other_triads() -> None:
     made = document()
     found = by_matlab(written("matlab", made, frame="accelerometer-z"))
-    turned = change_frame(made.own_model, "accelerometer-z")
+    turned = change_frame(made.model, "accelerometer-z")
     assert turned.magnetometer is not None
     np.testing.assert_allclose(found, 1e6 * turned.magnetometer.correct(RAW), rtol=1e-9)
     assert np.abs(found - TRUE).max() > 0.05

@@ -189,9 +189,7 @@ def test_single_samples_that_are_missing_in_a_turn_do_not_cost_it() -> None:
 
 def rows(recording: Recording, keep: np.ndarray) -> Recording:
     """Only the rows of `keep`."""
-    assert recording.specific_force is not None
-    assert recording.angular_rate is not None
-    force, rate = recording.specific_force[keep], recording.angular_rate[keep]
+    force, rate = (np.asarray(part)[keep] for part in (recording.specific_force, recording.angular_rate))
     return replace(recording, time=recording.time[keep], specific_force=force, angular_rate=rate)
 
 

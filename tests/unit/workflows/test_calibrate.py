@@ -94,9 +94,7 @@ def test_turns_about_one_axis_leave_the_gyro_to_the_multi_position_procedure(tmp
     for k in range(9):
         if k > 2:
             keep &= (recording.time < 5.0 * k + 3.0) | (recording.time > 5.0 * k + 5.0)
-    assert recording.specific_force is not None
-    assert recording.angular_rate is not None
-    force, rate = recording.specific_force[keep], recording.angular_rate[keep]
+    force, rate = (np.asarray(part)[keep] for part in (recording.specific_force, recording.angular_rate))
     cut = replace(recording, time=recording.time[keep], specific_force=force, angular_rate=rate)
     path = write_recording(cut, tmp_path / "cut.csv")
     run = calibrate(path, site=SITE)

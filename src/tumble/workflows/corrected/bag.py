@@ -83,13 +83,13 @@ class BagCorrection:
         if choice.force == choice.rates:
             return
         both = choice.force is not None and choice.rates is not None
-        stages = self.calibration.stages
+        gyroscope = self.calibration.gyroscope
         if self.lag is not None and not both:
             raise UsageError(NEEDS_BOTH)
         what = None
-        if any(s.gyroscope is not None and s.gyroscope.g_sensitivity is not None for s in stages):
+        if gyroscope is not None and gyroscope.g_sensitivity is not None:
             what = "a g-sensitivity of the gyro, which takes the specific force at the gyro's instants"
-        elif any(s.lever_arms is not None for s in stages):
+        elif self.calibration.lever_arms is not None:
             what = "lever arms of the accelerometers, which take the angular rate at their instants"
         if what is not None:
             raise UsageError(

@@ -32,7 +32,7 @@ def corrects_field(document: Calibration, recording: Recording) -> bool:
     ----------
     document, recording : as read.
     """
-    block = document.stages[0].magnetometer
+    block = document.magnetometer
     return recording.magnetic_field is not None and block is not None and block.triad is not None
 
 
@@ -73,7 +73,7 @@ class CorrectedField:
         if field is None or form == "bag":
             return CorrectedField(None)
         if not corrects_field(document, recording):
-            block = document.stages[0].magnetometer
+            block = document.magnetometer
             why = (
                 "The calibration's magnetometer is not fit for use"
                 if block is not None
@@ -84,16 +84,16 @@ class CorrectedField:
             return CorrectedField(
                 None, remarks=("The magnetic field is written to tables (.csv, .parquet) only.",)
             )
-        first, last = document.stages[0].magnetometer, document.stages[-1].magnetometer
-        assert first is not None
-        ours, theirs = magnetic_field_factor(field.unit), magnetic_field_factor(first.raw_unit)
+        block = document.magnetometer
+        assert block is not None
+        ours, theirs = magnetic_field_factor(field.unit), magnetic_field_factor(block.raw_unit)
         if (ours is None) != (theirs is None):
             raise UsageError(
-                f"The recording's magnetic field is in {field.unit}, and the calibration is for {first.raw_unit}: "
+                f"The recording's magnetic field is in {field.unit}, and the calibration is for {block.raw_unit}: "
                 "declare the recording's units with --units, or use the calibration of this unit and format."
             )
         raw = 1.0 if ours is None or theirs is None else ours / theirs
-        if last is not None and last.unit == "T":
+        if block.unit == "T":
             return CorrectedField(document, raw, "uT", 1.0 / MICROTESLA)
         said = (
             "The corrected magnetic field is in units of the local field: its norm was not given (--field)."

@@ -26,8 +26,8 @@ LONGEST_GAP = 600.0  # s
 
 
 def needs_temperature(calibration: Calibration) -> bool:
-    """Return whether a calibration, or one that it is composed with, changes with temperature."""
-    return any(stage.thermal is not None for stage in calibration.stages)
+    """Return whether a calibration changes with temperature."""
+    return calibration.thermal is not None
 
 
 def check_outside(outside: str) -> Outside:
@@ -55,13 +55,13 @@ def refuse_twice(calibration: Calibration, corrected_by: Sequence[str]) -> None:
     UsageError
         If the correction would be applied twice, or one is missing before it.
     """
-    again = [stage.identity for stage in calibration.stages if stage.identity in corrected_by]
-    if again:
+    own = calibration.identity
+    if own in corrected_by:
         raise UsageError(
-            f"The recording is corrected by this calibration already (its mark corrected_by_{again[0]} says so): "
+            f"The recording is corrected by this calibration already (its mark corrected_by_{own} says so): "
             "correcting it again would add the same errors with the other sign. Give the raw recording."
         )
-    wanted = list(calibration.stages[0].input_corrected_by)
+    wanted = list(calibration.input_corrected_by)
     if list(corrected_by) == wanted:
         return
     if wanted and not corrected_by:
@@ -198,33 +198,31 @@ def about_temperature(
                 "calibrate --procedure thermal`."
             )
         return words
-    if corrector is None:
+    thermal = calibration.thermal
+    if corrector is None or thermal is None:
         return []
-    for stage in calibration.stages:
-        if stage.thermal is None:
-            continue
-        first, last = stage.thermal.span_celsius
-        if corrector.coldest < first - SPAN_MARGIN or corrector.warmest > last + SPAN_MARGIN:
-            done = "held at the span's ends" if corrector.outside == "hold" else "extrapolated"
-            words.append(
-                f"The sensor was at {corrector.coldest:.1f} to {corrector.warmest:.1f} °C and was calibrated at "
-                f"{first:.1f} to {last:.1f} °C: beyond it the parameters are {done}, with unknown uncertainty."
-            )
-        largest = stage.thermal.largest_rate
-        if largest is not None and corrector.fastest > 2.0 * largest:
-            of_rate = stage.thermal.rate_coefficients
-            pair = (of_rate.accelerometer_bias, of_rate.gyroscope_bias)
-            knows = stage.thermal.lag > 0.0 or any(row is not None and np.any(row) for row in pair)
-            told = (
-                "what depends on the rate is extrapolated there."
-                if knows
-                else "it knows neither a lag of the sensor nor what a rate does to the biases, and "
-                "corrects as if settled, off by an unknown amount."
-            )
-            words.append(
-                f"The temperature changed by up to {60 * corrector.fastest:.2g} K/min, in the calibration by at most "
-                f"{60 * largest:.2g} K/min: {told}"
-            )
+    first, last = thermal.span_celsius
+    if corrector.coldest < first - SPAN_MARGIN or corrector.warmest > last + SPAN_MARGIN:
+        done = "held at the span's ends" if corrector.outside == "hold" else "extrapolated"
+        words.append(
+            f"The sensor was at {corrector.coldest:.1f} to {corrector.warmest:.1f} °C and was calibrated at "
+            f"{first:.1f} to {last:.1f} °C: beyond it the parameters are {done}, with unknown uncertainty."
+        )
+    largest = thermal.largest_rate
+    if largest is not None and corrector.fastest > 2.0 * largest:
+        of_rate = thermal.rate_coefficients
+        pair = (of_rate.accelerometer_bias, of_rate.gyroscope_bias)
+        knows = thermal.lag > 0.0 or any(row is not None and np.any(row) for row in pair)
+        told = (
+            "what depends on the rate is extrapolated there."
+            if knows
+            else "it knows neither a lag of the sensor nor what a rate does to the biases, and "
+            "corrects as if settled, off by an unknown amount."
+        )
+        words.append(
+            f"The temperature changed by up to {60 * corrector.fastest:.2g} K/min, in the calibration by at most "
+            f"{60 * largest:.2g} K/min: {told}"
+        )
     return words
 
 
@@ -244,8 +242,8 @@ def _scale_of(
     """Return the name of another scale that the numbers must be in, or None."""
     if low < ABSOLUTE_ZERO or high > 1000.0:
         return "counts, or a fraction of a degree"
-    spans = [stage.thermal.span_celsius for stage in calibration.stages if stage.thermal is not None]
-    span = (min(first for first, _ in spans), max(last for _, last in spans))
+    assert calibration.thermal is not None
+    span = calibration.thermal.span_celsius
 
     def inside(celsius: float) -> bool:
         return span[0] - 10.0 <= celsius <= span[1] + 10.0

@@ -86,7 +86,7 @@ def corrected_by_parts(
     Raises
     ------
     CalibrationFileError
-        If the calibration is not of both triads, or is composed of several.
+        If the calibration is not of both triads.
     UsageError
         If the recording lacks a triad.
     ThermalSpanError
@@ -184,7 +184,7 @@ def in_b(document: Calibration) -> ImuModel:
     Raises
     ------
     CalibrationFileError
-        If the accelerometers or the gyros are not calibrated, or it is composed of several.
+        If the accelerometers or the gyros are not calibrated.
     """
     model = document.model
     if model.accelerometer is None or document.gyroscope is None:

@@ -160,7 +160,7 @@ def _weights(document: Calibration, force: Vectors, at: HoldConditions | None) -
     thermal = document.thermal_model
     weights = np.empty_like(unit)
     for k in range(unit.shape[0]):
-        model = document.own_model if thermal is None or at is None else thermal.at(float(at.temperature[k]))
+        model = document.model if thermal is None or at is None else thermal.at(float(at.temperature[k]))
         assert model.accelerometer is not None
         weights[k] = unit[k] @ np.linalg.inv(model.accelerometer.matrix)
     return weights

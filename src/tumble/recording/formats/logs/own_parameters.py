@@ -177,7 +177,7 @@ class Px4:
         devices = self.devices.get(part) or list(known)
         if len(devices) > 1:
             raise RecordingError(
-                f"The log does not tell which of the sensors with CAL_{kind}n_ID {', '.join(map(str, devices))} its "
+                f"The log does not state which of the sensors with CAL_{kind}n_ID {', '.join(map(str, devices))} its "
                 "numbers are of. Read one by its own message (--topic vehicle_imu:0, --topic vehicle_magnetometer:0)."
             )
         device = devices[0] if devices else 0
