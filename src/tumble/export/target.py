@@ -118,7 +118,7 @@ def parts_of(name: str) -> tuple[str, str]:
 def _target(name: str) -> Target:
     import yaml
 
-    record = cast("dict[str, Any]", yaml.safe_load(parts_of(name)[0]))
+    record: dict[str, Any] = yaml.load(parts_of(name)[0], getattr(yaml, "CSafeLoader", yaml.SafeLoader))
     made: dict[str, Any] = {"tool": record["title"], **record, "name": name}
     for key, value in record.items():
         if isinstance(value, list):
