@@ -112,32 +112,6 @@ def test_every_command_stands_in_one_panel_of_the_help() -> None:
     assert sorted(name for names in PANELS.values() for name in names) == sorted(COMMANDS)
 
 
-def test_a_detail_is_set_by_its_name(tumble: Any, tmp_path: Path) -> None:
-    calibration = Path(__file__).parents[1] / "reference" / "drive_rtk" / "calibration.json"
-    call = ("convert", calibration, "--to", "px4", "--largest-loss", 1e6)
-    for name, words in (
-        ("a", ("--set", "instance=1")),
-        ("b", ("--set=instance=1",)),
-        ("c", ("--instance", "1")),
-        ("d", ()),
-    ):
-        assert tumble(*call, *words, "-o", tmp_path / f"{name}.params").status == 0
-    a, b, c, d = ((tmp_path / f"{name}.params").read_bytes() for name in "abcd")
-    assert a == b == c
-    assert a != d
-    answer = tumble("calibrate", "--set", "list")
-    assert answer.status == 0
-    assert "unknowns=N" in answer.out
-    assert max(map(len, answer.out.splitlines())) <= 80
-    for wrong, said in (("tilt=1", "no detail 'tilt'"), ("instance", "instance=…")):
-        answer = tumble(*call, "--set", wrong)
-        assert answer.status == 2
-        assert said in answer.err
-    answer = tumble("calibrate", "some.csv", "--set", "optional-terms=1")
-    assert answer.status == 2
-    assert "no value" in answer.err
-
-
 def test_a_chip_is_a_kind_of_units(tumble: Any, tmp_path: Path) -> None:
     path = tmp_path / "counts.csv"
     rows = [
