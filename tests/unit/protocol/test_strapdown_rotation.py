@@ -43,9 +43,8 @@ def test_every_row_starts_as_table_1_says_which_axis_is_down_and_which_along_the
         np.testing.assert_allclose(start_down(row), np.eye(3)["xyz".index(row.down)], atol=1e-15)
 
 
-@pytest.mark.parametrize("azimuth", [0.5 * np.pi, 0.3, np.pi, -2.0])
-def test_the_poses_are_those_of_the_fixture_wherever_its_outer_axis_points(azimuth: float) -> None:
-    holds = [s for s in strapdown_rotation_steps(azimuth) if isinstance(s, HoldStep)]
+def test_the_poses_are_those_of_the_fixture_whose_outer_axis_points_east() -> None:
+    holds = [s for s in strapdown_rotation_steps() if isinstance(s, HoldStep)]
     assert len(holds) == 34
     for row, *pair in zip(SEQUENCES, holds[::2], holds[1::2], strict=True):
         for hold, at in zip(pair, (0, -1), strict=True):
@@ -54,7 +53,7 @@ def test_the_poses_are_those_of_the_fixture_wherever_its_outer_axis_points(azimu
             C_tb = fixture_rotation(*row.fixture_angles()[at])
             outer_n = (C_nb * C_tb.inv()).apply(Y)
             # 1e-12: rounding of a heading
-            np.testing.assert_allclose(outer_n, [np.cos(azimuth), np.sin(azimuth), 0.0], atol=1e-12)
+            np.testing.assert_allclose(outer_n, [0.0, 1.0, 0.0], atol=1e-12)
 
 
 def test_the_sequences_are_found_again_by_name_also_from_a_file(tmp_path: Path) -> None:
