@@ -42,17 +42,8 @@ def command_page(name: str, command: Any) -> str:
     context = typer.Context(command, info_name=f"tumble {name}")
     usage = " ".join([f"tumble {name}", *command.collect_usage_pieces(context)])
     lines = [f"# tumble {name}", "", "```", usage, "```", "", _prose(command.help or ""), ""]
-    kinds = (
-        ("Arguments", "argument", False),
-        ("Options", "option", False),
-        ("Details of --set", "option", True),
-    )
-    for title, kind, hidden in kinds:
-        rows = [
-            _row(p, context)
-            for p in command.params
-            if p.param_type_name == kind and getattr(p, "hidden", False) == hidden
-        ]
+    for title, kind in (("Arguments", "argument"), ("Options", "option")):
+        rows = [_row(p, context) for p in command.params if p.param_type_name == kind]
         if rows:
             lines += [f"## {title}", "", f"| {kind} | what it is |", "|---|---|", *rows, ""]
     return "\n".join(lines)

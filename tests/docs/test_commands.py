@@ -8,13 +8,8 @@ import subprocess
 import sys
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import pytest
-import typer
-
-from tumble.cli.groups import Command
-from tumble.cli.main import app
 
 ROOT = Path(__file__).resolve().parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -72,14 +67,6 @@ def options_of(command: str) -> set[str]:
     return {option for row in rows for option in OPTION.findall(row)} - {"--help"}
 
 
-@cache
-def details_of(command: str) -> set[str]:
-    """What the command's `--set` takes, as the options that they are, too."""
-    program: Any = typer.main.get_command(app)
-    found = program.commands[command]
-    return {f"--{name}" for name in found.details()} if isinstance(found, Command) else set()
-
-
 def sections() -> dict[str, str]:
     """The text of each command's section on the page of commands."""
     parts = re.split(r"^## tumble ([a-z-]+)$", COMMANDS, flags=re.M)
@@ -102,7 +89,7 @@ def common_options() -> set[str]:
 @pytest.mark.parametrize("command", sorted(sections()))
 def test_every_documented_option_exists(command: str) -> None:
     written = set(OPTION.findall(sections()[command]))
-    assert written <= options_of(command) | details_of(command), "documented, but not there"
+    assert written <= options_of(command), "documented, but not there"
 
 
 def test_the_site_has_every_option_of_every_command() -> None:

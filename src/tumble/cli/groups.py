@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import fields, is_dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, TypeAlias, cast, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, cast, get_args, get_origin, get_type_hints
 
 import typer
 from typer.core import TyperCommand, TyperGroup
@@ -50,20 +50,6 @@ def option(
         metavar=metavar,
         show_default=show_default,
         autocompletion=complete,
-    )
-
-
-def detail(panel: str, metavar: str, help: str, *names: str, show_default: bool = False) -> Any:
-    """Declare what few people need: `--set NAME=VALUE` takes it, and `--set list` shows it.
-
-    Its own spelling is taken, too, and not shown.
-
-    Parameters
-    ----------
-    panel, metavar, help, names, show_default : as of `option`.
-    """
-    return typer.Option(
-        *names, help=help, rich_help_panel=panel, metavar=metavar, show_default=show_default, hidden=True
     )
 
 
@@ -188,15 +174,10 @@ def grouped(command: Callable[..., None]) -> Callable[..., None]:
             flat += _options_of(hint)
         else:
             flat.append(parameter.replace(annotation=hint, kind=inspect.Parameter.KEYWORD_ONLY))
-    if any(_is_detail(parameter.annotation) for parameter in flat):
-        flat.append(
-            inspect.Parameter("details", inspect.Parameter.KEYWORD_ONLY, default=None, annotation=_Details)
-        )
 
     def run(**given: Any) -> None:
         from tumble.files import check_target, inputs_kept
 
-        given.pop("details", None)
         with inputs_kept(_inputs(given)):
             if isinstance(output := given.get("output"), Path) and not output.is_dir():
                 check_target(output)
@@ -210,21 +191,6 @@ def grouped(command: Callable[..., None]) -> Callable[..., None]:
     run.__signature__ = inspect.Signature(flat)  # type: ignore[attr-defined]
     run.__annotations__ = {parameter.name: parameter.annotation for parameter in flat}
     return run
-
-
-_Details: TypeAlias = Annotated[
-    list[str] | None,
-    option(
-        ADVANCED,
-        "NAME=VALUE",
-        "Set a detail; `--set list` shows which there are. Repeat for several.",
-        "--set",
-    ),
-]
-
-
-def _is_detail(hint: Any) -> bool:
-    return any(getattr(one, "hidden", False) for one in getattr(hint, "__metadata__", ()))
 
 
 def _inputs(given: dict[str, Any]) -> list[Path]:
@@ -347,7 +313,7 @@ class Group(_Helped, TyperGroup):
 
 
 class Command(_Helped, TyperCommand):
-    """A command with details, which still takes its options' former spellings without showing them.
+    """A command, which still takes its options' former spellings without showing them.
 
     Attributes
     ----------
@@ -371,7 +337,7 @@ class Command(_Helped, TyperCommand):
             )
         self._refuse_what_left(ctx, [(name, value) for name, _, value in words])
         today = [self.former.get(name, name) + equals + value for name, equals, value in words]
-        return super().parse_args(ctx, self._with_details(ctx, today) + args[stop:])
+        return super().parse_args(ctx, today + args[stop:])
 
     def _refuse_what_left(self, ctx: Any, words: list[tuple[str, str]]) -> None:
         taken = {name for one in self.get_params(ctx) for name in (*one.opts, *one.secondary_opts)}
@@ -381,37 +347,6 @@ class Command(_Helped, TyperCommand):
             known = name in taken or not name.startswith("--")
             if not known and (left := what_left()["options"].get(_words_of(ctx), {}).get(name)):
                 raise UsageError(left)
-
-    def details(self) -> dict[str, Any]:
-        """Return what `--set` takes, by name."""
-        hidden = [one for one in self.params if getattr(one, "hidden", False)]
-        return {name.lstrip("-"): one for one in hidden for name in [*one.opts, *one.secondary_opts]}
-
-    def _with_details(self, ctx: Any, args: list[str]) -> list[str]:
-        """Arguments with each `--set NAME=VALUE` as the option of that name."""
-        names, rest = self.details(), iter(args)
-        made: list[str] = []
-        for word in rest:
-            if not names or word.partition("=")[0] != "--set":
-                made.append(word)
-                continue
-            said = word.partition("=")[2] or next(rest, "list")
-            name, equals, value = said.partition("=")
-            if name == "list" and not ctx.resilient_parsing:
-                from tumble.cli.help import print_details
-
-                print_details(self)
-                raise typer.Exit
-            if name not in names:
-                raise UsageError(
-                    f"--set {said}: there is no detail {name!r}; `{ctx.command_path} --set list` shows all."
-                )
-            if bool(equals) == bool(getattr(names[name], "is_flag", False)):
-                raise UsageError(
-                    f"--set {said}: {f'give its value, as {name}=…' if not equals else 'it takes no value'}."
-                )
-            made += [f"--{name}", value] if equals else [f"--{name}"]
-        return made
 
 
 def command_class(former: dict[str, str]) -> type[Command]:

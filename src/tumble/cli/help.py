@@ -45,31 +45,12 @@ def print_help(command: Any, context: Any) -> None:
             _print_row(screen, f"  {_spelled(parameter)}", _words(parameter))
 
 
-def print_details(command: Any) -> None:
-    """Print what a command's ``--set`` takes.
-
-    Parameters
-    ----------
-    command : with details.
-    """
-    from rich.text import Text
-
-    screen = console()
-    hidden = sorted((one for one in command.params if getattr(one, "hidden", False)), key=_panel)
-    for title, parameters in groupby(hidden, key=_panel):
-        screen.print(Text(f"\n{title}", "bold"))
-        for one in parameters:
-            names = " or ".join(name.lstrip("-") for name in [*one.opts, *one.secondary_opts])
-            _print_row(screen, f"  {names}={one.metavar}" if one.metavar else f"  {names}", _words(one))
-
-
 def _ordered(parameters: list[Any]) -> list[Any]:
     """Arguments, what people need first, what is the command's own, and what all commands have."""
     seen = [_panel(parameter) for parameter in parameters]
     own = [title for title in dict.fromkeys(seen) if title not in ("Arguments", *_NEEDED, *_LAST)]
     order = ["Arguments", *_NEEDED, *own, *_LAST]
-    shown = [parameter for parameter in parameters if not getattr(parameter, "hidden", False)]
-    return sorted(shown, key=lambda parameter: order.index(_panel(parameter)))
+    return sorted(parameters, key=lambda parameter: order.index(_panel(parameter)))
 
 
 def _panel(parameter: Any) -> str:
