@@ -20,7 +20,7 @@ RELATIVE = 1e-9
 OF_SIGMA = 1e-7
 """A value may move by this part of the standard uncertainty that stands beside it."""
 SMALLEST = 1e-15
-UNTOLD = ("created", "software", "computed_in_s", "seconds_taken")
+UNTOLD = ("created", "software", "computed_in_s", "seconds", "seconds_taken")
 SUMS = ("count", "first", "last", "sum", "squares", "cosine")
 LINES = 20
 
@@ -84,6 +84,7 @@ def pinned(value: Any) -> Any:
             return {"by name": {str(item["name"]): pinned(item) for item in value}}
         return [pinned(item) for item in value]
     if isinstance(value, str):
+        value = re.sub(r"(\d runs?, seed \d+), [\d.]+ s\.", r"\1.", value)
         return value.splitlines() if "\n" in value else value
     if value is None or isinstance(value, bool):
         return value
