@@ -68,11 +68,7 @@ def gyros() -> str:
     )
 
 
-def sources() -> str:
-    return table("source | assumed", {n: [g.source, "; ".join(g.assumed)] for n, g in GRADES.items()})
-
-
-TABLES = {"accelerometers": accelerometers, "gyros": gyros, "sources": sources}
+TABLES = {"accelerometers": accelerometers, "gyros": gyros}
 
 
 @pytest.mark.parametrize("name", TABLES)
