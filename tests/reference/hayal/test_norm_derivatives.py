@@ -96,25 +96,6 @@ def test_nine_parameters_have_the_derivatives_3_63_to_3_74() -> None:
         assert linear.misclosure[k, 0] == pytest.approx(condition(UNKNOWNS, Y), rel=1e-12)
 
 
-def test_six_parameters_have_the_derivatives_3_80_to_3_82() -> None:
-    unknowns = UNKNOWNS.copy()
-    unknowns[6:9] = 0.0
-    conditions, linear = linearised(unknowns, 6)
-    s = 1.0 + SCALE_ERROR
-    by_bias = -2 * (OBSERVED - BIAS) / s**2  # 3.80
-    by_scale = -2 * (OBSERVED - BIAS) ** 2 / s**3  # 3.81
-    by_observed = 2 * (OBSERVED - BIAS) / s**2  # 3.82
-    np.testing.assert_allclose(linear.design[:, 0], np.hstack([by_bias, by_scale]) / (2 * K), rtol=1e-13)
-    np.testing.assert_allclose(conditions._by_observed, by_observed / (2 * K), rtol=1e-13)
-
-
-def test_three_parameters_have_the_derivatives_3_88_and_3_89() -> None:
-    unknowns = np.concatenate([BIAS, np.ones(3), np.zeros(6)])
-    conditions, linear = linearised(unknowns, 3)
-    np.testing.assert_allclose(linear.design[:, 0], -2 * (OBSERVED - BIAS) / (2 * K), rtol=1e-14)
-    np.testing.assert_allclose(conditions._by_observed, 2 * (OBSERVED - BIAS) / (2 * K), rtol=1e-14)
-
-
 def complex_step(function: Any, values: Array) -> Array:
     columns = []
     for k in range(values.size):

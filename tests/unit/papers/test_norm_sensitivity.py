@@ -42,14 +42,6 @@ def test_the_exact_formulas_are_the_derivatives_of_the_squared_norm() -> None:
     np.testing.assert_allclose(found, differentiated(directions, GRAVITY), atol=1e-12 * GRAVITY**2)
 
 
-def test_the_formula_of_the_y_scale_factor_as_printed_is_not() -> None:
-    """(30) prints s_x^a where s_y^a belongs."""
-    directions = some_directions()
-    seen_x = GRAVITY * directions[:, 0]
-    printed = -2.0 / SCALE[1] * seen_x * GRAVITY * (directions[:, 1] - ANGLES[2] * directions[:, 2])
-    assert np.max(np.abs(printed - differentiated(directions, GRAVITY)[:, 1])) > 0.5 * GRAVITY**2 / SCALE[1]
-
-
 def test_the_formulas_without_small_terms_miss_by_the_order_of_the_angles() -> None:
     directions = some_directions()
     for factor in (1e-2, 1e-4):

@@ -159,19 +159,6 @@ def test_what_is_left_of_the_eighteen_is_refused_or_not_by_the_signs_of_the_thre
         assert np.all(nine.scale < 10.0 * twelve.scale)
 
 
-def test_six_directions_in_any_plane_and_three_elsewhere_are_singular() -> None:
-    """Three directions always lie in some plane: the product of two planes is a quadric."""
-    rng = np.random.default_rng(3)
-    for _ in range(20):
-        normal, *three = (v / np.linalg.norm(v) for v in rng.standard_normal((4, 3)))
-        first, second = np.linalg.svd(normal[None])[2][1:]
-        height, turns = 0.6 * rng.uniform(-1.0, 1.0), rng.uniform(0.0, 2.0 * np.pi, 6)
-        ring = np.cos(turns)[:, None] * first + np.sin(turns)[:, None] * second
-        directions = np.vstack([height * normal + np.sqrt(1.0 - height**2) * ring, three])
-        values = np.linalg.svd(norm_rows(directions), compute_uv=False)
-        assert values[-1] < 1e-12
-
-
 def test_the_pose_that_is_named_mends_the_set() -> None:
     nine = without(np.array([[1, 1, 0], [1, 0, 1], [0, 1, 1]]) / np.sqrt(2.0))
     assert explain_pose_set(nine).endswith("Add corner of +x, +y and +z up.")

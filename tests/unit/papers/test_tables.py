@@ -94,12 +94,6 @@ def test_in_complete_models_the_scatter_is_the_stated_sigma(
     assert np.all(np.abs(ratio - 1.0) < 0.13)
 
 
-def test_a_reproduced_table_is_the_same_twice() -> None:
-    first, second = reproduce_table("4.4", 30, 1), reproduce_table("4.4", 30, 1)
-    assert first.rows == second.rows
-    assert first.rows != reproduce_table("4.4", 30, 2).rows
-
-
 def test_one_run_shows_the_first_of_many() -> None:
     """What one run shows is a member of the range that many show."""
     one, many = reproduce_table("4.5", 1, 0), reproduce_table("4.5", 50, 0)
@@ -126,17 +120,6 @@ def test_of_72_rows_one_is_outside(outcomes: dict[str, Outcome]) -> None:
     outside = [row for o in outcomes.values() for row in o.rows if row.verdict == OUTSIDE]
     assert [(row.label, row.cells[1]) for row in outside] == [("θ yz", 32.018)]
     assert all(row.reason for row in outside)
-
-
-def test_the_thesis_numbers_are_inside_where_they_are_said_to_be(outcomes: dict[str, Outcome]) -> None:
-    for outcome in outcomes.values():
-        columns = outcome.columns
-        for row in outcome.rows:
-            value = dict(zip(columns, row.cells, strict=True))
-            if row.verdict == INSIDE and "round-off" not in row.reason:
-                printed = value["thesis: sigma"]
-                assert isinstance(printed, float)
-                assert float(str(value["sigma: lowest"])) <= printed <= float(str(value["sigma: highest"]))
 
 
 def test_of_one_run_sigma_and_difference_are_judged_roughly() -> None:

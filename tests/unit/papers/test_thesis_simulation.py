@@ -46,18 +46,6 @@ def test_noise_of_the_samples_is_table_3_1_s() -> None:
     assert pytest.approx(2.6180e-5, rel=2e-4) == RATE_NOISE_HG1900
 
 
-def test_the_means_scatter_as_means_of_so_many_samples() -> None:
-    setting = table_setting("4.5", 2)
-    means = simulate_means(setting, 400, rng(5))
-    # the same state draws the same attitudes first, and the noise after them
-    quiet = simulate_means(replace(setting, noise=0.0), 400, rng(5))
-    noise = means - quiet
-    expected = FORCE_NOISE / np.sqrt(SAMPLES)
-    # 31,200 numbers: their deviation is known to 0.4 %, five times that
-    assert noise.std() == pytest.approx(expected, rel=0.02)
-    assert abs(noise.mean()) < 5.0 * expected / np.sqrt(noise.size)
-
-
 def test_the_means_are_the_true_vectors_through_the_errors_of_table_4_1() -> None:
     setting = replace(table_setting("4.5", 2), noise=0.0)
     true, means = simulate_true(setting, 3, rng(6)), simulate_means(setting, 3, rng(6))
