@@ -77,14 +77,6 @@ def test_a_constant_rate_is_integrated_exactly_whatever_the_steps() -> None:
     assert turns.duration[0] == time[-1] - time[0]
 
 
-def test_the_matrix_leads_from_the_end_to_the_start() -> None:
-    time = np.linspace(0.0, 1.0, 11)
-    quarter = np.tile([0.0, 0.0, np.pi / 2], (11, 1))
-    C = integrated(time, quarter).C_start_end[0]
-    # After a quarter turn about z, what lies along x at the end lay along y as seen from the start.
-    np.testing.assert_allclose(C @ [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], atol=1e-14)
-
-
 def test_ranges_are_half_open_and_turns_are_independent() -> None:
     time = np.arange(50) / 10.0
     rate, force = wobble(time)

@@ -28,12 +28,6 @@ def test_skew_is_the_cross_product() -> None:
     assert np.array_equal(skew(a) @ b, np.cross(a, b))
 
 
-def test_a_quarter_turn_about_z_carries_x_to_y_and_not_back() -> None:
-    C = matrix_from_rotation_vector(np.array([0.0, 0.0, np.pi / 2]))
-    np.testing.assert_allclose(C @ [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], atol=ROUND_OFF)
-    np.testing.assert_allclose(C @ [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], atol=ROUND_OFF)
-
-
 @pytest.mark.parametrize("angle", [0.0, 1e-9, 0.99e-4, 1.01e-4, 1e-3, 1.0, 3.0, np.pi, 5.0])
 def test_the_exponential_agrees_with_scipy_on_both_sides_of_the_series(angle: float) -> None:
     vector = angle * np.array([2.0, -3.0, 6.0]) / 7.0

@@ -137,13 +137,6 @@ def test_a_prior_makes_up_for_what_observations_do_not_tell(linear_model: Model)
     assert known.redundancy == 3 + 1 - 2
 
 
-def test_a_parameter_that_nothing_depends_on_is_not_determined(linear_model: Model) -> None:
-    design = np.zeros((3, 1, 2))
-    design[:, :, 0] = 1.0
-    with pytest.raises(ObservabilityError, match="not determined by the observations at all"):
-        adjust(linear_model(design, np.ones((3, 1)), np.ones((3, 1, 1))), np.zeros(2))
-
-
 def test_as_many_conditions_as_unknowns_say_nothing_of_the_noise(linear_model: Model) -> None:
     model = linear_model(
         np.array([[[1.0, 2.0]], [[3.0, -1.0]]]), np.array([[5.0], [1.0]]), np.ones((2, 1, 1))

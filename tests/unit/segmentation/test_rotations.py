@@ -77,14 +77,6 @@ def test_the_integral_from_rest_to_rest_is_the_angle_whatever_the_ramps(spread: 
         np.testing.assert_allclose(rotation.integral, expected, rtol=0, atol=1e-11)
 
 
-def test_uneven_ramps_do_not_matter_but_the_mean_rate_would_be_wrong() -> None:
-    """What the old way, rate times time, would make of the same table: the two differ by the ramps."""
-    told = protocol()
-    recording, _ = played(told, table=TableErrors(ramp_spread=0.4))
-    seconds = [rotation.seconds for rotation in observed(told, recording)]
-    assert abs(seconds[0] - seconds[1]) > 0.2
-
-
 def test_the_earth_rate_across_goes_round_with_the_angle() -> None:
     """`cosine` and `sine` say what it adds up to, over part of a turn as over a whole one."""
     told = protocol(turns=1.25)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tumble.sensor import ImuModel, Triad, change_frame, frame_rotation
-from tumble.sensor.conventions.imu_tk import MISALIGNMENTS, imu_tk_from_matrix, matrix_from_imu_tk
+from tumble.sensor.conventions.imu_tk import MISALIGNMENTS, matrix_from_imu_tk
 
 # Far from the biases on every axis, by different amounts: a transposed or swapped term shows.
 RAW_FORCE = (34500.0, 31200.0, 35100.0)
@@ -90,11 +90,3 @@ def test_scales_of_different_frames_are_not_to_be_compared_265_ppm_on_z(printed:
     assert ppm == pytest.approx(265.0, abs=5.0)
     # The length of the forward row is the sensor's own in any frame.
     assert np.linalg.norm(ours.matrix[2]) * printed["acc.scaleZ"] == pytest.approx(1.0, rel=1e-12)
-
-
-@pytest.mark.parametrize("kind", ["acc", "gyro"])
-def test_the_parameters_come_back_from_the_matrix(printed: dict[str, float], kind: str) -> None:
-    misalignments, scale = imu_tk_from_matrix(triad(printed, kind).matrix)
-    expected = [printed[f"{kind}.{name}"] for name in MISALIGNMENTS]
-    np.testing.assert_allclose(misalignments, expected, atol=1e-15)
-    np.testing.assert_allclose(scale, [printed[f"{kind}.scale{axis}"] for axis in "XYZ"], rtol=1e-13)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tumble.errors import UsageError
-from tumble.simulation import GRADES, find_grade, simulate_noise
+from tumble.simulation import GRADES, find_grade
 from tumble.simulation.noise import simulate_wander
 from tumble.units import STANDARD_GRAVITY
 
@@ -37,13 +37,6 @@ def test_the_random_walks_are_the_thesis_standard_deviations(name: str, force: f
     assert grade.accelerometer.noise.random_walk * np.sqrt(HOUR) == pytest.approx(0.22, rel=1e-12)
     after_an_hour = grade.gyroscope.noise.random_walk * np.sqrt(HOUR) / DEGREE
     assert after_an_hour == pytest.approx({"hg1700": 0.125, "hg1900": 0.09}[name], rel=1e-12)
-
-
-@pytest.mark.parametrize(("hertz", "factor"), [(1.0, 1.0), (100.0, 10.0)])
-def test_at_100_hz_a_sample_s_noise_is_ten_times_that_at_1_hz(hertz: float, factor: float) -> None:
-    signal = simulate_noise(find_grade("hg1700").gyroscope.noise, 40_000, hertz, np.random.default_rng(41))
-    # 120,000 numbers: 0.2 % standard deviation, four and a half of them
-    assert np.std(signal) == pytest.approx(factor * 3.6361e-5, rel=0.01)
 
 
 def test_the_sheet_s_other_numbers_of_the_hg_units() -> None:

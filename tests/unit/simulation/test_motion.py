@@ -35,17 +35,6 @@ def test_holds_and_turns_follow_one_another(motion: Motion) -> None:
     assert motion.duration == pytest.approx(9.5)
 
 
-def test_each_hold_begins_in_its_pose(motion: Motion) -> None:
-    calm = Motion.between_poses(
-        poses_26(0.7)[[0, 9, 22, 4]],
-        motion.hold_duration,
-        motion.turn_duration,
-    )
-    there = calm.rotation_nb(calm.hold_edges[:, 0])
-    away = (there.inv() * poses_26(0.7)[[0, 9, 22, 4]]).magnitude()
-    np.testing.assert_allclose(away, 0.0, atol=1e-14)
-
-
 def test_increments_chain_to_the_attitude(motion: Motion) -> None:
     edges = np.linspace(0.0, motion.duration, 951)
     rate = motion.mean_angular_rate_ib_b(edges, STILL)
@@ -64,19 +53,6 @@ def test_the_instantaneous_rate_is_the_limit_of_the_increments(motion: Motion) -
         mean = motion.mean_angular_rate_ib_b(np.array([t - step, t + step]), SITE)[0]
         # truncation: third derivative of the attitude (some 1e3 /s³ in a detour) times step²
         np.testing.assert_allclose(mean, exact, atol=3e-5)
-
-
-def test_at_rest_the_specific_force_is_minus_gravity_and_the_rate_is_earth_rate() -> None:
-    tilted = Rotation.from_euler("ZYX", [0.3, -0.5, 1.1])
-    motion = Motion.between_poses(Rotation.concatenate([tilted]), np.array([2.0]), np.empty(0))
-    time = np.array([0.5, 1.5])
-    C_nb = tilted.as_matrix()
-    # gravity is (0, 0, g) in north, east, down; C_nb is not symmetric
-    expected = -(C_nb.T @ [0.0, 0.0, SITE.gravity])
-    np.testing.assert_allclose(motion.specific_force_b(time, SITE), [expected, expected], rtol=1e-14)
-    np.testing.assert_allclose(
-        motion.angular_rate_ib_b(time, SITE), [C_nb.T @ SITE.earth_rate_n] * 2, rtol=1e-12
-    )
 
 
 def test_a_lever_arm_feels_the_centripetal_acceleration() -> None:
