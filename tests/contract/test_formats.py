@@ -7,7 +7,7 @@ import json
 import struct
 import tempfile
 import zipfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from contract.test_flight_logs import FMT, described, write_ulog
 from tumble.errors import RecordingError, UsageError
 from tumble.recording import read_blocks, read_recording
 from tumble.recording.formats import (
@@ -111,86 +112,48 @@ def write_matlab_struct(path: Path, rows: np.ndarray) -> None:
         savemat(file, {"imu": {"t": rows[:, 0], "acc": rows[:, 1:4], "gyr": rows[:, 4:]}})
 
 
-def ros_messages(rows: np.ndarray, store: Any) -> Iterator[tuple[int, Any]]:
-    """Stamps in ns and messages of sensor_msgs/Imu, made by the library `rosbags`."""
-    kinds = store.types
-    header, vector = kinds["std_msgs/msg/Header"], kinds["geometry_msgs/msg/Vector3"]
-    nothing = np.zeros(9)
-    for number, row in enumerate(rows.tolist()):
-        nanoseconds = round(row[0] * 1e9)
-        time = kinds["builtin_interfaces/msg/Time"](*divmod(nanoseconds, 10**9))
-        more = {"seq": number} if "seq" in header.__dataclass_fields__ else {}
-        yield (
-            nanoseconds,
-            kinds["sensor_msgs/msg/Imu"](
-                header=header(stamp=time, frame_id="imu_link", **more),
-                orientation=kinds["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0),
-                orientation_covariance=nothing,
-                angular_velocity=vector(*row[4:]),
-                angular_velocity_covariance=nothing,
-                linear_acceleration=vector(*row[1:4]),
-                linear_acceleration_covariance=nothing,
-            ),
-        )
-
-
 def write_rosbag1(path: Path, rows: np.ndarray) -> None:
-    library = pytest.importorskip("rosbags.rosbag1")
-    store = pytest.importorskip("rosbags.typesys").get_typestore(rosbags_stores().ROS1_NOETIC)
-    with library.Writer(path) as writer:
-        connection = writer.add_connection("/imu", "sensor_msgs/msg/Imu", typestore=store)
-        for nanoseconds, message in ros_messages(rows, store):
-            writer.write(connection, nanoseconds, store.serialize_ros1(message, connection.msgtype))
+    bags = ros_bags()
+    with bags.rosbag1.Writer(path) as writer:
+        connection = writer.add_connection("/imu", bags.IMU, typestore=bags.STORE1)
+        for t, *row in rows.tolist():
+            made = bags.STORE1.serialize_ros1(bags.message(bags.STORE1, t, row[:3], row[3:]), bags.IMU)
+            writer.write(connection, round(t * 1e9), made)
 
 
-def rosbags_stores() -> Any:
-    return pytest.importorskip("rosbags.typesys").Stores
+def ros_bags() -> Any:
+    """The tests of bags, whose messages are written here too; they are passed over without `rosbags`."""
+    from contract import test_bags
+
+    return test_bags
 
 
 def write_rosbag2(storage: str) -> Callable[[Path, np.ndarray], None]:
     def write(path: Path, rows: np.ndarray) -> None:
-        library = pytest.importorskip("rosbags.rosbag2")
-        store = pytest.importorskip("rosbags.typesys").get_typestore(rosbags_stores().ROS2_HUMBLE)
-        folder = path.with_name("bag")
-        with library.Writer(
-            folder, version=8, storage_plugin=getattr(library.StoragePlugin, storage)
-        ) as writer:
-            connection = writer.add_connection("/imu", "sensor_msgs/msg/Imu", typestore=store)
-            for nanoseconds, message in ros_messages(rows, store):
-                writer.write(connection, nanoseconds, store.serialize_cdr(message, connection.msgtype))
+        bags, folder = ros_bags(), path.with_name("bag")
+        plugin = getattr(bags.rosbag2.StoragePlugin, storage)
+        with bags.rosbag2.Writer(folder, version=8, storage_plugin=plugin) as writer:
+            connection = writer.add_connection("/imu", bags.IMU, typestore=bags.STORE)
+            for t, *row in rows.tolist():
+                made = bags.STORE.serialize_cdr(bags.message(bags.STORE, t, row[:3], row[3:]), bags.IMU)
+                writer.write(connection, round(t * 1e9), made)
         (database,) = [*folder.glob("*.db3"), *folder.glob("*.mcap")]
         database.rename(path)
 
     return write
 
 
-def write_ulog(path: Path, rows: np.ndarray) -> None:
-    """Definitions, a subscription and data, each with its size and type before it; pyulog reads it."""
-
-    def message(kind: bytes, body: bytes) -> bytes:
-        return struct.pack("<H", len(body)) + kind + body
-
-    fields = "uint64_t timestamp;float[3] gyro_rad;uint32_t gyro_integral_dt;"
+def write_px4(path: Path, rows: np.ndarray) -> None:
+    fields = "float[3] gyro_rad;uint32_t gyro_integral_dt;"
     fields += "int32_t accelerometer_timestamp_relative;float[3] accelerometer_m_s2;"
-    parts = [b"ULog\x01\x12\x35\x01" + bytes(8), message(b"B", bytes(40))]
-    parts.append(message(b"F", f"sensor_combined:{fields}".encode()))
-    parts.append(message(b"A", b"\0" + struct.pack("<H", 7) + b"sensor_combined"))
-    for row in rows.tolist():
-        body = struct.pack("<HQ3fIi3f", 7, round(row[0] * 1e6), *row[4:], 15625, 0, *row[1:4])
-        parts.append(message(b"D", body))
-    path.write_bytes(b"".join(parts))
+    made = [(round(t * 1e6), *row[3:], 15625, 0, *row[:3]) for t, *row in rows.tolist()]
+    write_ulog(path, ("sensor_combined", 0, fields, "3fIi3f", made))
 
 
-def write_dataflash(path: Path, rows: np.ndarray) -> None:
-    """A description of the descriptions, one of IMU, and the messages."""
-
-    def described(kind: int, length: int, name: bytes, form: bytes, labels: bytes) -> bytes:
-        return b"\xa3\x95\x80" + struct.pack("<BB4s16s64s", kind, length, name, form, labels)
-
-    parts = [described(128, 89, b"FMT", b"BBnNZ", b"Type,Length,Name,Format,Columns")]
-    parts.append(described(9, 36, b"IMU", b"QBffffff", b"TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ"))
-    for row in rows.tolist():
-        parts.append(b"\xa3\x95\x09" + struct.pack("<QB6f", round(row[0] * 1e6), 0, *row[4:], *row[1:4]))
+def write_ardupilot(path: Path, rows: np.ndarray) -> None:
+    parts = [FMT, described(9, 36, b"IMU", b"QBffffff", b"TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ")]
+    for t, *row in rows.tolist():
+        parts.append(b"\xa3\x95\x09" + struct.pack("<QB6f", round(t * 1e6), 0, *row[3:], *row[:3]))
     path.write_bytes(b"".join(parts))
 
 
@@ -235,8 +198,8 @@ MEMBERS = {
     "ROS 1 bag": (rosbag1, write_rosbag1),
     "ROS 2 bag": (rosbag2, write_rosbag2("SQLITE3")),
     "MCAP": (mcap, write_rosbag2("MCAP")),
-    "ULog": (ulog, write_ulog),
-    "DataFlash": (dataflash, write_dataflash),
+    "ULog": (ulog, write_px4),
+    "DataFlash": (dataflash, write_ardupilot),
     "HDF5": (hdf5, write_hdf5),
     "Xsens": (xsens, write_xsens),
     "zip": (archive, write_zip),

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.fuzz.seeds import HEADER, rows, seeds, text
+from tests.fuzz.seeds import HEADER, calibrations, rows, text
 from typer.main import get_command
 
 from tumble.cli.main import app
@@ -50,7 +50,7 @@ BOMB = "format: tumble protocol\na0: &a0 [x, x, x, x, x, x, x, x, x, x]\n" + "".
 def refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], str]:
     """What the program says of a call in a folder with sound files, and that it writes nothing."""
     (tmp_path / "hand.csv").write_text(f"{HEADER}\n{text(rows())}")
-    (tmp_path / "calibration.json").write_bytes(seeds()["calibration"][0][1])
+    (tmp_path / "calibration.json").write_bytes(calibrations()[0][1])
     monkeypatch.chdir(tmp_path)
 
     def call(words: str) -> str:

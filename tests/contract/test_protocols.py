@@ -173,13 +173,6 @@ def test_the_ten_poses_miss_the_non_orthogonality_that_the_description_names() -
     assert "y and z is not seen" in PROTOCOLS["multi-position-10"]
 
 
-def test_faces_and_four_corners_that_are_no_neighbours_tell_all_nine() -> None:
-    corners = np.array([[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]]) / np.sqrt(
-        3.0
-    )
-    assert rank(norm_design(np.vstack((ups(named_protocol("six-position")), corners)))) == 9
-
-
 def test_nine_poses_leave_nothing_over() -> None:
     assert norm_design(ups(named_protocol("multi-position-9"))).shape == (9, 9)
     assert "nothing checks the result" in PROTOCOLS["multi-position-9"]

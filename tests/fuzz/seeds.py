@@ -49,7 +49,7 @@ def seeds() -> Seeds:
         found: Seeds = {
             "text": _texts(),
             "recording": [*_arrays(place), *_bags(place), *_logs(place), *_exports()],
-            "calibration": _calibrations(),
+            "calibration": calibrations(),
             "foreign": _foreign(),
             "noise": [("noise.json", _noise())],
             "protocol": _protocols(),
@@ -212,7 +212,7 @@ def _exports() -> list[tuple[str, bytes]]:
     return [("mt.txt", (head + body).encode())]
 
 
-def _calibrations() -> list[tuple[str, bytes]]:
+def calibrations() -> list[tuple[str, bytes]]:
     from tumble.document.imported import calibration_from_model
     from tumble.sensor import ImuModel, Triad
     from tumble.sensor.thermal import ThermalModel

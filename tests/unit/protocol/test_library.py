@@ -22,14 +22,6 @@ def test_multi_position_takes_the_first_of_the_cube_s_directions(count: int) -> 
     np.testing.assert_array_equal(poses(f"multi-position-{count}"), twenty_six_directions()[:count])
 
 
-def test_eighteen_are_faces_and_edges_and_nine_are_faces_and_one_edge_in_each_plane() -> None:
-    parts = np.count_nonzero(poses("multi-position-18"), axis=1)
-    assert parts.tolist() == [1] * 6 + [2] * 12
-    nine = poses("multi-position-9")
-    assert np.count_nonzero(nine, axis=1).tolist() == [1] * 6 + [2] * 3
-    assert sorted(np.flatnonzero(row == 0.0).item() for row in nine[6:]) == [0, 1, 2]
-
-
 def test_six_position_has_each_axis_up_and_down_on_a_level() -> None:
     assert np.sum(poses("six-position"), axis=0).tolist() == [0.0, 0.0, 0.0]
     assert np.abs(poses("six-position")).sum(axis=0).tolist() == [2.0, 2.0, 2.0]

@@ -123,20 +123,6 @@ def test_an_earlier_file_is_replaced_as_a_whole(tmp_path: Path) -> None:
     assert os.listdir(tmp_path) == ["p.yaml"]
 
 
-def test_a_disk_that_fails_leaves_the_earlier_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = tmp_path / "p.yaml"
-    path.write_text("earlier", encoding="utf-8")
-
-    def full(_: int) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(OutputError, match=r"p\.yaml could not be written: No space left on device\."):
-        write_protocol(replace(named_protocol("six-position"), site=SITE), path)
-    assert path.read_text(encoding="utf-8") == "earlier"
-    assert os.listdir(tmp_path) == ["p.yaml"]
-
-
 def test_a_folder_that_is_not_there_is_told(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="No such file or directory"):
         write_protocol(replace(named_protocol("six-position"), site=SITE), tmp_path / "none" / "p.yaml")

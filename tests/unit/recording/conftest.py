@@ -27,42 +27,38 @@ class Tumbled:
 def tumble_by_hand(*, holds: int = 12, rate: float = RATE, seed: int = 5) -> Tumbled:
     """Hold for 2 s, turn for 1.5 s about an axis of chance by 40 to 120 degrees, and so on.
 
-    The rotation is stepped exactly with Rodrigues' formula over each sample, so that the specific
-    force obeys df/dt = -omega x f up to the noise.
+    The rate of a sample is the mean over it; the force stands at its middle, so that df/dt = -omega x f up to
+    the noise.
     """
     rng = np.random.default_rng(seed)
     still, turning = round(2.0 * rate), round(1.5 * rate)
-    rates = [np.zeros((still, 3))]
+    now = np.array([1.0, -2.0, 9.0])
+    now *= GRAVITY / np.linalg.norm(now)
+    rates, forces = [np.zeros((still, 3))], [np.tile(now, (still, 1))]
+    shape = np.sin(np.pi * (np.arange(turning) + 0.5) / turning) ** 2
     for _ in range(holds - 1):
         axis = rng.normal(size=3)
         axis /= np.linalg.norm(axis)
-        angle = np.radians(rng.uniform(40.0, 120.0))
-        shape = np.sin(np.pi * (np.arange(turning) + 0.5) / turning) ** 2
-        rates += [np.outer(shape / shape.sum() * rate, axis) * angle, np.zeros((still, 3))]
-    omega = np.vstack(rates)
-    force = np.empty_like(omega)
-    now = np.array([1.0, -2.0, 9.0])
-    now *= GRAVITY / np.linalg.norm(now)
-    for k, w in enumerate(omega):
-        step = w / rate
-        half = _turned(now, step / 2.0)
-        force[k] = half  # the rate of a sample is the mean over it; the force stands at its middle
-        now = _turned(half, step / 2.0)
+        steps = shape / shape.sum() * np.radians(rng.uniform(40.0, 120.0))
+        turned = np.cumsum(steps)
+        rates += [np.outer(steps * rate, axis), np.zeros((still, 3))]
+        forces.append(_seen(now, axis, turned - 0.5 * steps))
+        now = _seen(now, axis, turned[-1:])[0]
+        forces.append(np.tile(now, (still, 1)))
+    omega, force = np.vstack(rates), np.vstack(forces)
     time = np.arange(len(omega)) / rate
     force += 0.02 * rng.normal(size=force.shape)
     omega = omega + np.array([0.01, -0.02, 0.015]) + 0.001 * rng.normal(size=omega.shape)
     return Tumbled(time, force, omega)
 
 
-def _turned(f: np.ndarray, angles: np.ndarray) -> np.ndarray:
-    """Body coordinates of a fixed vector after the body has turned by small `angles`."""
-    angle = float(np.linalg.norm(angles))
-    if angle == 0.0:
-        return f
-    axis = -angles / angle
-    return (
-        f * np.cos(angle) + np.cross(axis, f) * np.sin(angle) + axis * float(axis @ f) * (1.0 - np.cos(angle))
+def _seen(f: np.ndarray, axis: np.ndarray, angles: np.ndarray) -> np.ndarray:
+    """Body coordinates of a fixed vector after the body has turned by `angles` about an axis: Rodrigues' formula."""
+    across, along = (
+        np.outer(np.sin(angles), np.cross(axis, f)),
+        np.outer(1.0 - np.cos(angles), axis * (axis @ f)),
     )
+    return np.outer(np.cos(angles), f) - across + along
 
 
 @pytest.fixture(scope="session")

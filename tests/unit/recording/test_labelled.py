@@ -242,13 +242,6 @@ def test_json_without_samples_is_refused(tmp_path: Path, content: str, words: st
         read_recording(tmp_path / "a.json")
 
 
-def test_plain_tables_are_still_read_as_such(tmp_path: Path) -> None:
-    lines = [",".join(map(str, r)) for r in np.column_stack([TIME, FORCE, TURN]).tolist()]
-    recording = read_recording(written(tmp_path, ["t,ax,ay,az,gx,gy,gz", *lines]))
-    assert np.array_equal(recording.specific_force, FORCE)
-    assert not said(recording, "mended")
-
-
 @pytest.mark.parametrize(
     ("line", "values"),
     [

@@ -219,20 +219,6 @@ def test_an_empty_file_is_refused(tmp_path) -> None:
     assert "is empty" in sentence(path)
 
 
-def test_a_header_alone_is_refused(tmp_path) -> None:
-    path = tmp_path / "a.csv"
-    path.write_text("t,ax,ay,az,gx,gy,gz\n")
-    assert "header but no rows" in sentence(path)
-
-
-def test_prose_is_refused(tmp_path) -> None:
-    path = tmp_path / "letter.txt"
-    path.write_text(
-        "Dear all,\nthe unit arrived on the 3rd of May, and 2 of 3 screws are missing.\nYours\n" * 20
-    )
-    assert "text without rows of numbers" in sentence(path)
-
-
 def test_binary_is_refused(tmp_path) -> None:
     path = tmp_path / "firmware.bin"
     path.write_bytes(np.random.default_rng(1).bytes(5000))
@@ -331,15 +317,6 @@ def test_decimal_commas_between_commas_are_asked_about(tmp_path: Path, header: s
     file.write_text(header + "".join(",".join(row) + "\n" for row in cells))
     with pytest.raises(RecordingError, match="has decimal commas, and commas between its columns too"):
         read_recording(file, rate=50.0)
-
-
-@pytest.mark.parametrize("between", [";", "\t", " "])
-def test_decimal_commas_between_other_signs_are_read(tmp_path: Path, between: str) -> None:
-    file = tmp_path / "comma.csv"
-    file.write_text("".join(between.join(f"{v:.4f}".replace(".", ",") for v in row) + "\n" for row in HALVED))
-    force = read_recording(file).specific_force
-    assert force is not None
-    np.testing.assert_allclose(force[:, 2], 9.8066)
 
 
 def test_whole_numbers_with_a_time_of_day_are_no_halves(tmp_path: Path) -> None:

@@ -92,13 +92,6 @@ def test_jitter_is_no_gap() -> None:
     assert find_gaps(time, 100.0) == ()
 
 
-def test_no_stamps_need_a_rate(tumbled, csv) -> None:
-    path = csv(tumbled.rows()[:, 1:], header=None)
-    with pytest.raises(RecordingError, match="no column of time stamps; give the sampling rate with --rate"):
-        read_recording(path)
-    assert read_recording(path, rate=100.0).time[1] == 0.01
-
-
 def test_a_rate_that_the_stamps_contradict_is_refused(tumbled, csv) -> None:
     with pytest.raises(RecordingError, match="give 100 Hz, but 130 Hz was declared"):
         read_recording(csv(tumbled.rows()), rate=130.0)

@@ -108,19 +108,6 @@ def test_removed_gravity_is_refused_where_a_unit_is_declared(tumbled, csv) -> No
         read_recording(csv(rows), units="m/s^2,rad/s")
 
 
-def test_increments_are_recognised_refused_and_converted(tumbled, csv) -> None:
-    rows = tumbled.rows() / np.array([1, 100, 100, 100, 100, 100, 100])
-    path = csv(rows, decimals=12)
-    with pytest.raises(RecordingError, match=r"look like velocity increments .* give --units m/s,rad"):
-        read_recording(path)
-    recording = read_recording(path, units="m/s,rad")
-    assert (recording.specific_force_unit, recording.angular_rate_unit) == ("m/s^2", "rad/s")
-    # Written to 12 decimals and multiplied by 100, by a rate that is exact to 1e-12.
-    assert np.abs(recording.specific_force - tumbled.specific_force).max() < 1e-9
-    assert np.abs(recording.angular_rate - tumbled.angular_rate).max() < 1e-9
-    assert sum(r.kind == "mended" and "increments" in r.text for r in recording.remarks) == 2
-
-
 def test_rates_declared_as_increments_are_refused(tumbled, csv) -> None:
     with pytest.raises(RecordingError, match="are no velocity increments"):
         read_recording(csv(tumbled.rows()), units="m/s,rad")

@@ -46,23 +46,6 @@ def test_an_unknown_ending_or_a_missing_folder_writes_nothing(tumbled, tmp_path)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_disk_that_fails_leaves_the_earlier_file(tumbled, tmp_path, monkeypatch) -> None:
-    import os
-
-    recording = Recording(tumbled.time, tumbled.specific_force, None, "m/s^2", "counts", 100.0)
-    path = tmp_path / "out.csv"
-    path.write_text("earlier")
-
-    def full(_: int) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(OutputError, match="No space left on device"):
-        write_recording(recording, path)
-    assert path.read_text() == "earlier"
-    assert list(tmp_path.iterdir()) == [path]
-
-
 def test_a_saved_parquet_file_is_not_judged_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its units were judged when it was written; the numbers, the gaps and the units are the same."""
     from tumble.recording import content
@@ -97,14 +80,3 @@ def test_what_a_user_declares_of_a_saved_file_is_judged(tmp_path: Path) -> None:
     write_recording(read_recording(tmp_path / "a.txt"), tmp_path / "a.parquet")
     with pytest.raises(RecordingError):
         read_recording(tmp_path / "a.parquet", units="g")
-
-
-def test_a_note_that_is_no_note_is_passed_over(tmp_path: Path) -> None:
-    import polars as pl
-
-    frame = pl.DataFrame(
-        {"t": [0.0, 0.01, 0.02], "ax": [0.0, 0.1, 0.0], "ay": [0.0] * 3, "az": [9.8, 9.7, 9.8]}
-    )
-    for note in ("{", "[1]", "7"):
-        frame.write_parquet(tmp_path / "a.parquet", metadata={"tumble.units": note})
-        assert read_recording(tmp_path / "a.parquet").specific_force_unit == "m/s^2"
