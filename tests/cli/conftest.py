@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import io
+import os
+import re
+import subprocess
 import sys
 from collections.abc import Callable
 from contextlib import redirect_stderr, redirect_stdout
@@ -18,6 +21,11 @@ from tumble.simulation import Motion, find_grade, poses_26, simulate_recording
 
 GRAVITY = 9.81
 RATE = 50.0
+# What the installed program runs: it says that it is ready when a stop is heard, not before.
+PROGRAM = (
+    "import sys, tumble.cli as c, tumble.cli.main as m; sys.argv[0] = 'tumble'; exec({before!r}); begin = m.main; "
+    "m.main = lambda: (print('ready', flush=True), begin()); c.program()"
+)
 HEADER = "t,ax,ay,az,gx,gy,gz"
 
 
@@ -28,6 +36,15 @@ class Answer:
     status: int
     out: str
     err: str
+
+    def is_told(self, status: int, *words: str) -> None:
+        """It ended with this status and one sentence on stderr alone, no fault of the program, with these words."""
+        assert self.status == status, self
+        assert self.out == ""
+        assert re.fullmatch(r"tumble: .*[.?]\n", self.err), self.err
+        assert "fault of tumble" not in self.err
+        for word in words:
+            assert word in self.err or re.search(word, self.err), (word, self.err)
 
 
 def run_program(*arguments: object) -> Answer:
@@ -71,6 +88,25 @@ def write_rows(path: Path, rows: np.ndarray, header: str | None = HEADER) -> Pat
     lines += [",".join(f"{value:.7g}" for value in row) for row in rows]
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return path
+
+
+def start_program(*arguments: object, before: str = "") -> subprocess.Popen[str]:
+    """Start `tumble ARGUMENTS` in a process of its own, with Python code run before it, and wait until it is ready."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", PROGRAM.format(before=before), *map(str, arguments)],
+        env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline() == "ready\n"
+    return process
+
+
+@pytest.fixture(scope="session")
+def start() -> Callable[..., subprocess.Popen[str]]:
+    return start_program
 
 
 @pytest.fixture(scope="session")

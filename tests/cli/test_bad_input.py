@@ -14,20 +14,6 @@ import pytest
 Change = Callable[[np.ndarray], None]
 
 
-def one_sentence(answer: Any, status: int, *words: str) -> None:
-    """One line on stderr that names the program and says `words`; no traceback, nothing on stdout."""
-    assert answer.status == status, answer
-    assert answer.out == ""
-    lines = answer.err.splitlines()
-    assert len(lines) == 1, answer.err
-    assert lines[0].startswith("tumble: ")
-    assert lines[0].rstrip().endswith((".", "?"))
-    assert "Traceback" not in answer.err
-    assert "fault of tumble" not in answer.err
-    for word in words:
-        assert re.search(word, answer.err), (word, answer.err)
-
-
 def spoiled(change: Change) -> Callable[[np.ndarray], np.ndarray]:
     def spoil(rows: np.ndarray) -> np.ndarray:
         changed = rows.copy()
@@ -116,7 +102,7 @@ def test_a_recording_that_contradicts_itself_is_refused(
 ) -> None:
     path = written(tmp_path / "spoiled.csv", spoiled(change)(rows))
     answer = tumble("calibrate", path, "--gravity", 9.81, "-o", tmp_path / "results", *options)
-    one_sentence(answer, 2, *words)
+    answer.is_told(2, *words)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["spoiled.csv"]
 
 
@@ -157,7 +143,7 @@ def test_what_is_no_recording_is_refused_by_every_command(
     path.write_bytes(content)
     output = tmp_path / ("results" if command == "calibrate" else "corrected.csv")
     answer = tumble(*call(command, calibrated, path, output))
-    one_sentence(answer, 2, "input.csv", *words)
+    answer.is_told(2, "input.csv", *words)
     assert [p.name for p in tmp_path.iterdir()] == ["input.csv"]
 
 
@@ -172,9 +158,9 @@ def test_a_folder_and_a_missing_file_are_told_apart(
 ) -> None:
     folder = tmp_path / "a-folder"
     folder.mkdir()
-    one_sentence(tumble(*call(command, calibrated, folder, tmp_path / "out.csv")), 2, "is a folder")
-    one_sentence(
-        tumble(*call(command, calibrated, tmp_path / "absent.csv", tmp_path / "out.csv")), 2, "does not exist"
+    tumble(*call(command, calibrated, folder, tmp_path / "out.csv")).is_told(2, "is a folder")
+    tumble(*call(command, calibrated, tmp_path / "absent.csv", tmp_path / "out.csv")).is_told(
+        2, "does not exist"
     )
     assert [p.name for p in tmp_path.iterdir()] == ["a-folder"]
 
@@ -190,7 +176,7 @@ def test_text_in_a_cell_is_refused_with_line_and_column(
     path = tmp_path / "input.csv"
     path.write_text("\n".join(lines) + "\n")
     answer = tumble(*call(command, calibrated, path, tmp_path / "out.csv"))
-    one_sentence(answer, 2, "line 501", "'ay'", "'oops'")
+    answer.is_told(2, "line 501", "'ay'", "'oops'")
     assert [p.name for p in tmp_path.iterdir()] == ["input.csv"]
 
 
@@ -235,7 +221,7 @@ def test_one_pose_is_refused_with_the_poses_that_are_needed(
 ) -> None:
     still = np.column_stack([np.arange(3000) / 50.0, rows[np.arange(3000) % 100, 1:]])
     answer = tumble("calibrate", written(tmp_path / "still.csv", still), "-o", tmp_path / "results")
-    one_sentence(answer, 2, "1 different pose was found", "9 are needed")
+    answer.is_told(2, "1 different pose was found", "9 are needed")
     assert not (tmp_path / "results").exists()
 
 
@@ -245,7 +231,7 @@ def test_six_poses_for_nine_unknowns_are_refused_and_serve_with_a_prior(
     """The refusal names --prior; with the earlier calibration of the same unit the six poses serve."""
     six = written(tmp_path / "six.csv", sessions(5, faces_only=True))
     refused = tumble("calibrate", six, "--gravity", 9.81, "-o", tmp_path / "results")
-    one_sentence(refused, 2, "6 different poses", "9 are needed", "--prior")
+    refused.is_told(2, "6 different poses", "9 are needed", "--prior")
     assert not (tmp_path / "results").exists()
     answer = tumble(
         "calibrate", six, "--gravity", 9.81, "-o", tmp_path / "results", "--prior", calibrated, "--json"
@@ -274,12 +260,12 @@ def test_a_prior_that_states_no_uncertainty_is_refused(
     prior = tmp_path / "prior.json"
     prior.write_text(json.dumps(document))
     answer = tumble("calibrate", recording, "-o", tmp_path / "results", "--prior", prior)
-    one_sentence(answer, 2, "covariance", "--prior")
+    answer.is_told(2, "covariance", "--prior")
     document = json.loads((calibrated / "calibration.json").read_text())
     document["covariance"] = (0.0 * np.array(document["covariance"])).tolist()
     prior.write_text(json.dumps(document))
     answer = tumble("calibrate", recording, "-o", tmp_path / "results", "--prior", prior)
-    one_sentence(answer, 2, "no uncertainty")
+    answer.is_told(2, "no uncertainty")
     assert not (tmp_path / "results").exists()
 
 
@@ -312,7 +298,7 @@ def test_a_prior_that_states_no_uncertainty_is_refused(
 def test_a_wrong_option_is_one_sentence_and_nothing_is_written(
     tumble: Any, recording: Path, tmp_path: Path, arguments: list[str], words: list[str]
 ) -> None:
-    one_sentence(tumble("calibrate", recording, "-o", tmp_path / "results", *arguments), 2, *words)
+    tumble("calibrate", recording, "-o", tmp_path / "results", *arguments).is_told(2, *words)
     assert not list(tmp_path.iterdir())
 
 
@@ -320,7 +306,7 @@ def test_a_wrong_option_is_one_sentence_and_nothing_is_written(
     "arguments", [["calibrate"], ["wrong"], ["apply", "only-one"], ["verify", "only-one"], ["demo", "extra"]]
 )
 def test_a_wrong_call_is_one_sentence(tumble: Any, arguments: list[str]) -> None:
-    one_sentence(tumble(*arguments), 2, "--help")
+    tumble(*arguments).is_told(2, "--help")
 
 
 @pytest.mark.parametrize("command", ["apply", "verify"])
@@ -343,7 +329,7 @@ def test_what_is_no_calibration_is_refused(
     if content is not None:
         path.write_bytes(content)
     output = ["-o", tmp_path / "out.csv"] if command == "apply" else []
-    one_sentence(tumble(command, path, recording, *output), 2, "calibration.json", *words)
+    tumble(command, path, recording, *output).is_told(2, "calibration.json", *words)
     assert not (tmp_path / "out.csv").exists()
 
 
@@ -358,7 +344,7 @@ def test_a_text_without_motion_has_no_holds_to_calibrate_from(
     )
     shaken = np.column_stack([time, force, 2.0 * rng.standard_normal((2000, 3))])
     answer = tumble("calibrate", written(tmp_path / "shaken.csv", shaken), "-o", tmp_path / "results")
-    one_sentence(answer, 2)
+    answer.is_told(2)
     assert not (tmp_path / "results").exists()
 
 

@@ -36,14 +36,6 @@ def calibration(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return written(tmp_path / "calibration.json")
 
 
-def is_told(answer: Any, *words: str) -> None:
-    assert answer.status == 2, answer
-    assert len(answer.err.splitlines()) == 1, answer.err
-    assert "fault of tumble" not in answer.err
-    for word in words:
-        assert word in answer.err
-
-
 def test_without_arguments_all_targets_are_listed(tumble: Any) -> None:
     answer = tumble("convert", "--json")
     rows = {row["name"]: row for row in json.loads(answer.out)}
@@ -97,7 +89,7 @@ def test_wrong_usage_is_one_sentence(
     tumble: Any, calibration: Path, arguments: tuple[str, ...], words: tuple[str, ...]
 ) -> None:
     before = sorted(Path.cwd().iterdir())
-    is_told(tumble("convert", *arguments), *words)
+    tumble("convert", *arguments).is_told(2, *words)
     assert sorted(Path.cwd().iterdir()) == before
 
 
@@ -117,7 +109,7 @@ def test_diff_says_what_changed_and_whether_it_matters(
     same = tumble("diff", calibration, calibration)
     assert same.status == 0
     assert "no more than chance" in same.out
-    is_told(tumble("diff", calibration, other, "--allowed", "few"), "pair")
+    tumble("diff", calibration, other, "--allowed", "few").is_told(2, "pair")
 
 
 @pytest.mark.parametrize(
@@ -152,8 +144,8 @@ def test_diff_with_the_truth_says_whether_it_is_recovered(tumble: Any, tmp_path:
     assert other.status == 1
     assert other.out.startswith("Not recovered: ")
     (tmp_path / "bad.json").write_text('{"format": "tumble truth", "raw_units": [5]}', encoding="utf-8")
-    is_told(tumble("diff", tmp_path / "bad.json", made), "no truth.json")
-    is_told(tumble("diff", truth, made, "--allowed", "5,5"), "--allowed")
+    tumble("diff", tmp_path / "bad.json", made).is_told(2, "no truth.json")
+    tumble("diff", truth, made, "--allowed", "5,5").is_told(2, "--allowed")
 
 
 def test_diff_of_several_dates_has_a_table_and_a_page_with_figures(tumble: Any, tmp_path: Path) -> None:

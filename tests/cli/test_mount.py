@@ -46,14 +46,6 @@ def files(tmp_path: Path, written: Any, monkeypatch: pytest.MonkeyPatch) -> tupl
     )
 
 
-def is_told(answer: Any, status: int, *words: str) -> None:
-    assert answer.status == status, answer
-    assert len(answer.err.splitlines()) == 1, answer.err
-    assert "fault of tumble" not in answer.err
-    for word in words:
-        assert word in answer.err
-
-
 def test_the_rotation_is_found_within_its_uncertainty(
     tumble: Any, files: tuple[Path, Path], calibrated: Path
 ) -> None:
@@ -102,14 +94,14 @@ def test_wrong_recordings_are_refused_in_one_sentence(
     tumble: Any, files: tuple[Path, Path], calibrated: Path, written: Any, tmp_path: Path, recording: Path
 ) -> None:
     level, pitched = files
-    is_told(tumble("mount", pitched, level, "-c", calibrated), 2, "swapped", "pitched.csv has x up")
-    is_told(tumble("mount", level, level, "-c", calibrated), 2, "given twice")
+    tumble("mount", pitched, level, "-c", calibrated).is_told(2, "swapped", "pitched.csv has x up")
+    tumble("mount", level, level, "-c", calibrated).is_told(2, "given twice")
     moving = written(tmp_path / "moving.csv", rest(LEVEL_UP, 3, shaken=True))
-    is_told(tumble("mount", moving, pitched, "-c", calibrated), 2, "moving.csv")
-    is_told(tumble("mount", recording, pitched, "-c", calibrated), 2, "tumbled.csv", "rests in", "apart")
+    tumble("mount", moving, pitched, "-c", calibrated).is_told(2, "moving.csv")
+    tumble("mount", recording, pitched, "-c", calibrated).is_told(2, "tumbled.csv", "rests in", "apart")
     on_side = written(tmp_path / "side.csv", rest(np.array([0.0, 1.0, 0.0]), 6))
-    is_told(tumble("mount", on_side, pitched, "-c", calibrated), 2, "side.csv has y up")
-    is_told(tumble("mount", level, pitched, "-c", tmp_path / "none.json"), 2, "none.json")
-    is_told(tumble("mount", level, pitched, "-c", calibrated, "-o", level), 2, "one of the inputs")
-    is_told(tumble("mount", level, pitched, "-c", calibrated, "--mount-mrad", -1), 2, "--mount-mrad")
+    tumble("mount", on_side, pitched, "-c", calibrated).is_told(2, "side.csv has y up")
+    tumble("mount", level, pitched, "-c", tmp_path / "none.json").is_told(2, "none.json")
+    tumble("mount", level, pitched, "-c", calibrated, "-o", level).is_told(2, "one of the inputs")
+    tumble("mount", level, pitched, "-c", calibrated, "--mount-mrad", -1).is_told(2, "--mount-mrad")
     assert not Path("mount.json").exists()

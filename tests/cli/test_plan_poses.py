@@ -18,14 +18,6 @@ steps:
 """
 
 
-def is_told(answer: Any, status: int, *words: str) -> None:
-    assert answer.status == status, answer
-    assert len(answer.err.splitlines()) == 1, answer.err
-    assert "fault of tumble" not in answer.err
-    for word in words:
-        assert word in answer.err, answer.err
-
-
 def jig(path: Path, *ups: str) -> Path:
     steps = "".join(f"  - hold: stop {k}\n    up: {up}\n    seconds: 10\n" for k, up in enumerate(ups, 1))
     path.write_text(JIG + steps, encoding="utf-8")
@@ -104,9 +96,9 @@ def test_wrong_input_is_refused_in_one_sentence(tumble: Any, tmp_path: Path) -> 
         (("--reach", "sphere"), ("--reach has left",)),
         (("--set", "criterion=D"), ("--criterion has left",)),
     ):
-        is_told(tumble(*COMMAND, *options), 2, *words)
-    is_told(tumble("plan", "six-position", "--poses", 9), 2, "six faces")
+        tumble(*COMMAND, *options).is_told(2, *words)
+    tumble("plan", "six-position", "--poses", 9).is_told(2, "six faces")
     file = tmp_path / "file"
     file.write_text("mine", encoding="utf-8")
-    is_told(tumble(*COMMAND, "-o", file), 2, "is a file")
+    tumble(*COMMAND, "-o", file).is_told(2, "is a file")
     assert file.read_text(encoding="utf-8") == "mine"

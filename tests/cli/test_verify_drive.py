@@ -79,16 +79,6 @@ def verify(tumble: Callable[..., Any], calibrated: Path) -> Callable[..., Any]:
     return run
 
 
-def sentence(answer: Any, *words: str) -> None:
-    """One sentence on stderr, exit status 2, nothing else."""
-    assert answer.status == 2, answer
-    assert answer.out == ""
-    assert len(answer.err.splitlines()) == 1, answer.err
-    for word in ("^tumble: ", *words):
-        assert re.search(word, answer.err), (word, answer.err)
-    assert "fault of tumble" not in answer.err
-
-
 def test_a_drive_tells_what_a_calibration_is_worth(files: Files, verify: Callable[..., Any]) -> None:
     """With an outlier among the positions and a second of missing samples, which are told and do no harm."""
     gnss = files.gnss.copy()
@@ -160,7 +150,7 @@ def test_positions_of_another_drive_are_refused(files: Files, verify: Callable[.
     gnss = files.gnss.copy()
     gnss[:, 1:4], gnss[:, 7:10] = gnss[::-1, 1:4], -gnss[::-1, 7:10]
     recording, track = files.write(gnss=gnss)
-    sentence(verify(recording, track), "same motion|go with the course|against the course")
+    verify(recording, track).is_told(2, "same motion|go with the course|against the course")
 
 
 def swapped(columns: list[int], order: list[int]) -> Callable[[np.ndarray], np.ndarray]:
@@ -195,7 +185,7 @@ def test_gyros_that_do_not_turn_with_the_course_and_another_gravity_are_refused(
     files: Files, verify: Callable[..., Any], change: Callable[[np.ndarray], np.ndarray]
 ) -> None:
     recording, track = files.write(change(files.imu))
-    sentence(verify(recording, track, "--units", "m/s^2,rad/s,s"), "motion|gravity")
+    verify(recording, track, "--units", "m/s^2,rad/s,s").is_told(2, "motion|gravity")
 
 
 @pytest.mark.parametrize(
@@ -215,12 +205,12 @@ def test_with_level_axes_swapped_a_drive_is_no_proof(
 def test_positions_that_are_none_or_in_radians_are_told(files: Files, verify: Callable[..., Any]) -> None:
     gnss = files.gnss.copy()
     recording, track = files.write(gnss=gnss[:1])
-    sentence(verify(recording, track), "has 1 position: a drive takes some minutes")
+    verify(recording, track).is_told(2, "has 1 position: a drive takes some minutes")
     gnss[:, 1:3] = np.radians(gnss[:, 1:3])
-    sentence(verify(*files.write(gnss=gnss)), "look like radians", "latitude_rad")
+    verify(*files.write(gnss=gnss)).is_told(2, "look like radians", "latitude_rad")
     gnss = files.gnss.copy()
     gnss[:, 1] = np.nan
-    sentence(verify(*files.write(gnss=gnss)), "None of the 300 rows|None of the 301 rows", "no fix")
+    verify(*files.write(gnss=gnss)).is_told(2, "None of the 300 rows|None of the 301 rows", "no fix")
 
 
 def test_outliers_among_the_positions_are_left_out_and_counted(
@@ -258,11 +248,11 @@ def test_options_that_cannot_be_are_refused(
     files: Files, verify: Callable[..., Any], options: tuple[str, ...], words: str
 ) -> None:
     recording, track = files.write()
-    sentence(verify(recording, track, *options), words)
+    verify(recording, track, *options).is_told(2, words)
 
 
 def test_options_of_a_drive_take_a_drive(
     tumble: Callable[..., Any], calibrated: Path, recording: Path
 ) -> None:
-    sentence(tumble("verify", calibrated, recording, "--lever-arm", "1,2,3"), "--lever-arm is for a drive")
-    sentence(tumble("verify", calibrated, recording, "--gnss", "none.pos"), "none.pos")
+    tumble("verify", calibrated, recording, "--lever-arm", "1,2,3").is_told(2, "--lever-arm is for a drive")
+    tumble("verify", calibrated, recording, "--gnss", "none.pos").is_told(2, "none.pos")

@@ -13,7 +13,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tumble.earth import EARTH_RATE, Site
-from tumble.errors import OutputError, RecordingError, UsageError
+from tumble.errors import RecordingError, UsageError
 from tumble.protocol import PROTOCOLS, HoldStep, SpinStep, read_protocol, sequence_steps
 from tumble.protocol.strapdown_rotation import SEQUENCES
 from tumble.recording import read_recording
@@ -253,30 +253,9 @@ def test_options_that_cannot_be_are_refused_in_a_sentence(
     assert not (tmp_path / "new").exists()
 
 
-def test_protocols_that_are_not_there_are_answered_with_the_nearest_name(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match=r"give a protocol file, or one of .*\. Did you mean rate-table\?"):
-        simulate("rate-tabel", output=tmp_path / "new")
-    with pytest.raises(UsageError, match=r"There is no protocol file .*mine\.yaml"):
-        simulate(tmp_path / "mine.yaml", output=tmp_path / "new")
-
-
 def test_more_samples_than_a_machine_holds_are_refused_before_they_are_made(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="at most 20,000,000 are simulated; give a lower --sample-rate"):
         simulate("rate-table", output=tmp_path, rate=20_000.0)
-
-
-def test_turns_that_a_procedure_needs_are_not_cut_away(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="needs the turns between the holds"):
-        simulate("hand-held", output=tmp_path, per_step=True)
-
-
-def test_places_that_cannot_be_written_to_are_told_before_the_work(tmp_path: Path) -> None:
-    file = tmp_path / "file"
-    file.write_text("precious")
-    with pytest.raises(UsageError, match="is a file: give a folder"):
-        simulate("six-position", output=file)
-    with pytest.raises(OutputError, match="file is a file"):
-        simulate("six-position", output=file / "below")
 
 
 def test_terms_that_a_sheet_does_not_state_are_remarked_on(tmp_path: Path) -> None:
