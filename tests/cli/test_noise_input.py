@@ -94,6 +94,8 @@ def test_it_is_said_and_the_rest_is_analysed(
         # The doubled file has its values at half of the rate.
         rate = np.sqrt(2.0) if spoil is doubled else 1.0
         assert block["terms"]["N"]["value"] == pytest.approx(rate * N_G, rel=WHITE), name
+    if spoil is reset:
+        assert document["pieces"] == [[0, 12_000], [12_000, 20_000]]
     assert document["recorded_rate_hz"] == (pytest.approx(RATE) if spoil is doubled else None)
 
 
@@ -105,15 +107,26 @@ def test_three_seconds_give_white_noise_and_say_what_they_do_not(
     assert (answer.status, answer.err) == (0, "")
     assert "very short (3 s at rest)" in answer.out
     assert "for N to 2 % record 50 s" in answer.out
+    assert "for K" not in answer.out  # of what is far from being seen, no length is advised
+
+
+def never_still(rows: np.ndarray) -> np.ndarray:
+    moving = rows[:6000].copy()
+    moving[:, 1:] += 0.9 * np.sin(np.outer(moving[:, 0], [2.0, 3.0, 5.0]))
+    return moving
 
 
 @pytest.mark.usefixtures("how")
 @pytest.mark.parametrize(
-    ("rows", "said"),
+    ("rows", "options", "said"),
     [
-        (lambda rows: rows[:12], "No stretch at rest of 16 samples"),
-        (lambda rows: rows[:100] * [1, 0, 0, 0], "all zeros"),
+        (lambda rows: rows[:12], [], "No stretch at rest of 16 samples"),
+        (lambda rows: rows[:100] * [1, 0, 0, 0], [], "all zeros"),
+        (lambda rows: rows[:1000] * [1, 0, 0, 0] + [0, 0.1, 0.2, 0.3], [], "No channel ever changes (gx 0.1"),
+        (never_still, [], "never rests"),
+        (lambda rows: rows[:2000], ["--skip", "1e9"], "leaves nothing"),
     ],
+    ids=["twelve samples", "zeros", "dead", "never still", "all skipped"],
 )
 def test_nothing_is_left_and_nothing_is_written(
     tumble: Any,
@@ -121,32 +134,9 @@ def test_nothing_is_left_and_nothing_is_written(
     still: np.ndarray,
     tmp_path: Path,
     rows: Callable[[np.ndarray], np.ndarray],
+    options: list[str],
     said: str,
 ) -> None:
-    answer = tumble("noise", written(tmp_path / "bad.csv", rows(still), HEADER), "-o", tmp_path / "out")
-    assert answer.status == 2
-    assert said in answer.err
-    assert len(answer.err.splitlines()) == 1
+    path = written(tmp_path / "bad.csv", rows(still), HEADER)
+    tumble("noise", path, "-o", tmp_path / "out", *options).is_told(2, said)
     assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.usefixtures("how")
-def test_a_unit_that_never_rests_ends_in_a_sentence(
-    tumble: Any, written: Any, still: np.ndarray, tmp_path: Path
-) -> None:
-    moving = still[:6000].copy()
-    moving[:, 1:] += 0.9 * np.sin(np.outer(moving[:, 0], [2.0, 3.0, 5.0]))
-    answer = tumble("noise", written(tmp_path / "moving.csv", moving, HEADER))
-    assert answer.status == 2
-    assert "never rests" in answer.err
-    assert len(answer.err.splitlines()) == 1
-
-
-@pytest.mark.usefixtures("how")
-def test_nothing_that_is_left_ends_in_a_sentence(
-    tumble: Any, written: Any, still: np.ndarray, tmp_path: Path
-) -> None:
-    answer = tumble("noise", written(tmp_path / "still.csv", still[:2000], HEADER), "--skip", "1e9")
-    assert answer.status == 2
-    assert "leaves nothing" in answer.err
-    assert len(answer.err.splitlines()) == 1
