@@ -79,3 +79,8 @@ def test_the_paper_s_sets_are_the_eighteen_s_parts() -> None:
     assert {tuple(up) for name in ("1-7, 9, 11", "8, 10, 12-18") for up in sets[name]} == {
         tuple(up) for up in sets["1-18"]
     }
+
+
+def test_a_single_run_has_errors() -> None:
+    rows = reproduce_designs(1, 5).rows
+    assert all(row.cells[2] == "refused" or float(row.cells[2] or 0.0) > 0.0 for row in rows)

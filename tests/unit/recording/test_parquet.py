@@ -11,7 +11,7 @@ import polars as pl
 import pytest
 
 from tumble.errors import RecordingError
-from tumble.recording import Recording, read_blocks, read_recording, write_recording
+from tumble.recording import Recording, read_blocks, read_recording
 from tumble.recording.formats.header import header_names
 from tumble.recording.formats.parquet import UNITS_KEY
 
@@ -38,16 +38,6 @@ def saved(path: Path, **changed: Any) -> Path:
     return path
 
 
-def test_what_was_saved_is_read_again_bit_by_bit(recording: Recording, tmp_path: Path) -> None:
-    path = write_recording(recording, tmp_path / "a.parquet")
-    back = read_recording(path)
-    assert np.array_equal(back.time, recording.time)
-    assert np.array_equal(back.specific_force, recording.specific_force)
-    assert np.array_equal(back.angular_rate, recording.angular_rate)
-    assert back.sources[0].sha256
-    assert header_names(path) == list(DATA)
-
-
 @pytest.mark.parametrize(
     "changed",
     [
@@ -67,6 +57,7 @@ def test_any_pages_and_types_hold_the_same_numbers(
 ) -> None:
     path = saved(tmp_path / "a.parquet", **changed)
     assert np.array_equal(read_recording(path).angular_rate, recording.angular_rate)
+    assert header_names(path)[: len(DATA)] == list(DATA)
 
 
 def test_a_row_with_a_missing_value_is_left_out(tmp_path: Path) -> None:
