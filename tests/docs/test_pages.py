@@ -26,7 +26,7 @@ EXECUTED = {
     "docs/plan.md": 2,
     "docs/noise.md": 3,
     "docs/noise-models.md": 12,
-    "docs/noise-other-tools.md": 5,
+    "docs/noise-other-tools.md": 2,
     "docs/poses.md": 6,
     "docs/procedures/multi-position.md": 2,
     "docs/python.md": 2,
