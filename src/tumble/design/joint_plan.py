@@ -135,7 +135,6 @@ class JointPlan:
     noise_sigmas : (30,) without these two.
     spread : (30,) the largest sigma of a performance over the smallest.
     told : (30,) of bool: whether it is known better than from the data sheet.
-    without_g : (30,) sigmas if a g-sensitivity is taken to be nothing.
     g_sigmas : (9,) of the g-sensitivity, were it estimated.
     weak : what stays open.
     """
@@ -148,7 +147,6 @@ class JointPlan:
     noise_sigmas: Series
     spread: Series
     told: np.ndarray
-    without_g: Series
     g_sigmas: Series
     weak: list[Weakness] = field(default_factory=list[Weakness])
 
@@ -202,10 +200,7 @@ def _plan(
     scale = GROUPS["accelerometer scale"]
     total[scale] = np.hypot(noise[scale], task.site.gravity_sigma / task.site.gravity)
     total = np.sqrt(total**2 + clock_variances(task, information))
-    bare, full = (
-        np.sqrt(np.diag(replace(task, g_sensitivity=with_g).covariance(information)))
-        for with_g in (False, True)
-    )
+    full = np.sqrt(np.diag(replace(task, g_sensitivity=True).covariance(information)))
     low, high = np.sqrt(variances.min(axis=0)), np.sqrt(variances.max(axis=0))
     spread = np.where(low > 0.0, high / np.where(low > 0.0, low, 1.0), 1.0)
     plan = JointPlan(
@@ -217,7 +212,6 @@ def _plan(
         noise,
         spread,
         told,
-        np.asarray(bare, dtype=np.float64),
         np.asarray(full[GROUPS["g-sensitivity"]], dtype=np.float64),
     )
     # Of several performances the one that determines least says what may stay open.

@@ -79,49 +79,6 @@ def seconds_for(model: NoiseModel, letter: str, rate: float, accuracy: float = 0
     return seconds
 
 
-def too_short_to_see(fit: NoiseFit, unit: str, accuracy: float = 0.1) -> tuple[str, ...]:
-    """Return a sentence for each of B and K that a recording is too short to see, or to know well.
-
-    Parameters
-    ----------
-    fit : of one channel.
-    unit : of the signal, for the words.
-    accuracy : relative, one sigma, that the advice is for.
-    """
-    span = max(fit.lengths) / fit.rate
-    words: list[str] = []
-    for letter in ("B", "K"):
-        name = f"{letter} ({_NAMES[letter]})"
-        of_unit = unit if letter == "B" else f"{unit}/√s"
-        if letter in fit.limits:
-            limit = fit.limits[letter]
-            model = NoiseModel.from_coefficients(
-                {**fit.model.coefficients, letter: limit}, fit.model.gauss_markov
-            )
-            need = seconds_for(model, letter, fit.rate, accuracy)
-            words.append(
-                f"{name} is not seen in {_length(span)}: it is below {limit:.3g} {of_unit} "
-                f"({100 * fit.confidence:.0f} %). If it is as large as that, record {_length(need)} to know it "
-                f"to ± {100 * accuracy:.0f} %."
-            )
-        elif letter in fit.chosen:
-            known = _relative_uncertainty(fit.model, letter, span, fit.rate)
-            if known > accuracy:
-                need = seconds_for(fit.model, letter, fit.rate, accuracy)
-                words.append(
-                    f"{name} is known to ± {100 * known:.0f} %: for ± {100 * accuracy:.0f} % record {_length(need)}."
-                )
-    return tuple(words)
-
-
-def _length(seconds: float) -> str:
-    if not np.isfinite(seconds):
-        return "longer than anyone will"
-    if seconds < 120.0:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60.0:.0f} min" if seconds < 7200.0 else f"{seconds / 3600.0:.2g} h"
-
-
 _SHORT = 5000  # samples, of which N is known to 2 %
 _MOST_LINES = 3  # of a channel that are told
 _MORE = 1.2  # times N, from which what a slower process adds is told

@@ -61,7 +61,7 @@ class DiscreteNoise:
 
 
 def continuous_noise(model: NoiseModel, *, span: float, fastest: float, ratio: float) -> ContinuousNoise:
-    """Return the system of a model; parameters as in `NoiseModel.continuous`.
+    """Return the system of a model; parameters as in `NoiseModel.discrete`, flicker up to `fastest`, Hz.
 
     Quantisation is left out: it is an error of the signal's integral, of variance Q², and of no density.
     """

@@ -23,7 +23,7 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Series, Square
 from tumble.noise.flicker import flicker_recursions
-from tumble.noise.state_space import ContinuousNoise, DiscreteNoise, continuous_noise, discrete_noise
+from tumble.noise.state_space import DiscreteNoise, discrete_noise
 from tumble.noise.variances import (
     LETTERS,
     allan_variance_of,
@@ -228,27 +228,15 @@ class NoiseModel:
             + self.ramp**2 * np.outer(middle, middle)
         )
 
-    def continuous(
-        self, *, span: float = 86_400.0, fastest: float = 100.0, ratio: float = 4.0
-    ) -> ContinuousNoise:
-        """Return the model as a linear system driven by white noise, for a filter in continuous time.
-
-        Parameters
-        ----------
-        span : s, over which flicker is to wander as flicker; slower the model has none.
-        fastest : Hz, up to where it is to.
-        ratio : between the corners of the Gauss-Markov processes that stand for flicker: at 4 their
-            Allan variance is within 0.1 % of flicker's, at 10, with 0.6 times as many states, within 2 %.
-        """
-        return continuous_noise(self, span=span, fastest=fastest, ratio=ratio)
-
     def discrete(self, interval: float, *, span: float = 86_400.0, ratio: float = 4.0) -> DiscreteNoise:
-        """Return the model as a recursion from sample to sample, exactly that of `continuous` sampled.
+        """Return the model as a recursion from sample to sample, exactly the continuous system sampled.
 
         Parameters
         ----------
         interval : s between samples.
-        span, ratio : as for `continuous`.
+        span : s, over which flicker is to wander as flicker; slower the model has none.
+        ratio : between the corners of the Gauss-Markov processes that stand for flicker: at 4 their
+            Allan variance is within 0.1 % of flicker's, at 10, with 0.6 times as many states, within 2 %.
         """
         return discrete_noise(self, interval, span=span, ratio=ratio)
 

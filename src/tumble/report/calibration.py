@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 from itertools import groupby
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tumble.calibration.magnetometer.estimate import Magnetometer
@@ -73,24 +71,6 @@ FIRST = (ThermalCurves,)
 # More recordings than this are counted, as one a step often are.
 MOST_FILES_NAMED = 4
 HEADS = ("parameter", "value ± standard uncertainty", "95 % interval", "in other units")
-
-
-def write_report(path: str | os.PathLike[str], **made: Any) -> None:
-    """Write the report beside `path`, then rename it there: never half a file.
-
-    Parameters
-    ----------
-    path : of the page.
-    made : what a `Subject` has.
-
-    Raises
-    ------
-    OutputError
-        If it cannot be written; what was at `path` is intact.
-    """
-    from tumble.files import write_text
-
-    write_text(Path(path), render_report(**made))
 
 
 def render_report(*, library: str | None = None, **made: Any) -> str:

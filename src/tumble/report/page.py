@@ -1,14 +1,14 @@
 """A page described once: a title and blocks that say what stands on it, not how it looks.
 
-`report.html` makes a file of it that works offline, `report.terminal` prints it, and `as_data` is it as JSON. Text is
-plain here: what stands between backticks is code, and only the templates escape.
+`report.html` makes a file of it that works offline, `report.terminal` prints it. Text is plain here: what stands
+between backticks is code, and only the templates escape.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import field, fields, is_dataclass
-from typing import Any, Literal, cast
+from dataclasses import field
+from typing import Any, Literal
 
 from tumble.records import dataclass
 
@@ -196,24 +196,3 @@ def _flat(blocks: Iterable[Block | Iterable[Block]]) -> Iterator[Block]:
             yield from _flat(block)
         elif not (isinstance(block, Sentences) and not block.sentences):
             yield block
-
-
-def as_data(page: Page) -> dict[str, Any]:
-    """Return the page as plain values for JSON, each block with its kind.
-
-    Parameters
-    ----------
-    page : to be described.
-    """
-    return cast("dict[str, Any]", _plain(page))
-
-
-def _plain(value: Any) -> Any:
-    if is_dataclass(value) and not isinstance(value, type):
-        own = {one.name: _plain(getattr(value, one.name)) for one in fields(value)}
-        return own if isinstance(value, Page) else {"block": type(value).__name__.lower(), **own}
-    if isinstance(value, Mapping):
-        return {str(key): _plain(one) for key, one in cast("Mapping[Any, Any]", value).items()}
-    if isinstance(value, list | tuple):
-        return [_plain(one) for one in cast("Sequence[Any]", value)]
-    return value

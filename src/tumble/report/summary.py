@@ -31,7 +31,7 @@ from tumble.report.parameters import (
     plain_unit,
 )
 from tumble.report.rounding import with_uncertainty
-from tumble.report.terminal import aligned, print_blocks
+from tumble.report.terminal import print_blocks
 from tumble.report.words import (
     left_out_sentences,
     quality_sentences,
@@ -288,14 +288,3 @@ def _of_magnetometer(calibration: Calibration) -> str:
     if block is None or block.verdict is None or block.verdict.use == "fit":
         return ""
     return f" {magnetometer_sentences(block)[0]}"
-
-
-def parameter_text(calibration: Calibration) -> str:
-    """Return the parameters as plain text with aligned columns, for files and pipes.
-
-    Parameters
-    ----------
-    calibration : the document.
-    """
-    table = parameter_table(parameter_rows(calibration), calibration.quality.coverage_factor)
-    return "\n".join(aligned([table.heads, *table.rows])) + "\n"

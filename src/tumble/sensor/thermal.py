@@ -305,20 +305,6 @@ class ThermalModel:
             parts += [group[name] for name in BIASES if name in group]
         return np.concatenate(parts) if parts else np.zeros(0)
 
-    def with_vector(self, values: Series) -> ThermalModel:
-        """Return the model with other numbers for its thermal parameters, in the order of `names`."""
-        used = 0
-
-        def taken(old: AnyArray) -> AnyArray:
-            nonlocal used
-            used += old.size
-            return values[used - old.size : used].reshape(old.shape).copy()
-
-        coefficients = {n: taken(self.coefficients[n]) for n in SHAPES if n in self.coefficients}
-        rates = {n: taken(self.rate_coefficients[n]) for n in BIASES if n in self.rate_coefficients}
-        loops = {n: taken(self.hysteresis[n]) for n in BIASES if n in self.hysteresis}
-        return replace(self, coefficients=coefficients, rate_coefficients=rates, hysteresis=loops)
-
     def _sum(self, functions: Series, name: str) -> AnyArray:
         terms = self.coefficients.get(name)
         if terms is None:

@@ -144,15 +144,8 @@ class Motion:
         return 2 * np.arange(len(self.hold_duration))[:, None] + np.arange(2)
 
     @property
-    def hold_rotations_nb(self) -> Rotation:
-        """Attitude at the beginning of each hold, without detours."""
-        from scipy.spatial.transform import Rotation
-
-        return Rotation.from_quat(self.hold_quaternions_nb)
-
-    @property
     def hold_quaternions_nb(self) -> AnyArray:
-        """The same, (holds, 4), scalar last."""
+        """Attitude at the beginning of each hold, without detours: (holds, 4), scalar last."""
         return self._steps.quaternions_nb[::2]
 
     @cached_property

@@ -8,7 +8,6 @@ import json
 import socket
 import threading
 import time
-from collections.abc import Awaitable, Callable
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, cast
@@ -32,7 +31,6 @@ _REPORT_POLICY = (
     "font-src data:; worker-src blob:; frame-ancestors 'none'"
 )
 HOST = "127.0.0.1"
-Send = Callable[[dict[str, Any]], Awaitable[None]]
 
 
 class PageServer:

@@ -18,10 +18,7 @@ The bias itself is in none of them: it shifts the raw reading and the correction
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-import numpy.typing as npt
 
 from tumble.arrays import Series, Table, Vector, Vectors
 from tumble.records import dataclass
@@ -50,23 +47,6 @@ class NormSensitivity:
         """Return (n, 9): scale, misalignment, bias beside each other; (n, 6) without biases."""
         parts = [self.scale, self.misalignment]
         return np.hstack(parts if self.bias is None else [*parts, self.bias])
-
-
-def squared_norm(
-    raw: npt.NDArray[Any], scale: npt.NDArray[Any], angles: npt.NDArray[Any], bias: npt.NDArray[Any]
-) -> npt.NDArray[Any]:
-    """Return the squared norm of corrected readings, (27); analytic in all arguments.
-
-    Parameters
-    ----------
-    raw : (n, 3).
-    scale : (3,) raw per SI unit.
-    angles : (3,) yz, zy, zx, rad, as printed in (3).
-    bias : (3,) raw.
-    """
-    matrix = matrix_from_zhang(scale, angles, "small-angle")
-    true = np.linalg.solve(matrix, (raw - bias).T).T
-    return np.sum(true * true, axis=1)
 
 
 def norm_sensitivity(

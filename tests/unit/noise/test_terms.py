@@ -8,6 +8,7 @@ from scipy.integrate import quad
 from scipy.linalg import expm
 
 from tumble.noise.flicker import flicker_corners, flicker_variance
+from tumble.noise.state_space import continuous_noise
 from tumble.noise.terms import GaussMarkov, Line, NoiseModel
 from tumble.noise.variances import LETTERS, allan_variance_of, markov_allan_variance
 
@@ -210,7 +211,7 @@ def test_wandering_means_are_found_by_segmentation_too(model: NoiseModel, tolera
 def test_the_recursion_is_the_solution_of_the_continuous_system() -> None:
     """Phi = exp(F Δt) and Q_d by Van Loan's matrix exponential; quantisation has no continuous form."""
     interval = 0.05
-    continuous = ALL.continuous(span=100.0, fastest=0.5 / interval)
+    continuous = continuous_noise(ALL, span=100.0, fastest=0.5 / interval, ratio=4.0)
     discrete = ALL.discrete(interval, span=100.0)
     n = len(continuous.states)
     assert continuous.left_out == ("quantisation",)

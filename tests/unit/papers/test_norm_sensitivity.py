@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+import numpy.typing as npt
 import pytest
 
 from tumble.attitude.directions import twenty_six_directions
@@ -13,7 +16,6 @@ from tumble_papers.zhang.norm_sensitivity import (
     approximate_norm_sensitivity,
     most_sensitive_directions,
     norm_sensitivity,
-    squared_norm,
 )
 
 # No two alike, and angles so large that a forgotten product of two of them shows.
@@ -27,6 +29,13 @@ def some_directions() -> np.ndarray:
     rng = np.random.default_rng(5)
     drawn = rng.standard_normal((20, 3))
     return np.vstack([twenty_six_directions(), drawn / np.linalg.norm(drawn, axis=1)[:, None]])
+
+
+def squared_norm(
+    raw: npt.NDArray[Any], scale: npt.NDArray[Any], angles: npt.NDArray[Any], bias: npt.NDArray[Any]
+) -> Any:
+    true = np.linalg.solve(matrix_from_zhang(scale, angles, "small-angle"), (raw - bias).T).T
+    return np.sum(true * true, axis=1)
 
 
 def differentiated(directions: np.ndarray, norm: float) -> np.ndarray:

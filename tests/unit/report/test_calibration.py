@@ -6,14 +6,13 @@ import html as markup
 import json
 import re
 from html.parser import HTMLParser
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from tumble.document import Calibration
-from tumble.report.calibration import render_report, title, write_report
+from tumble.report.calibration import render_report, title
 from tumble.report.formula import formula_text, python_snippet
 from tumble.report.parameters import parameter_rows
 from tumble.report.words import component_words
@@ -218,13 +217,6 @@ def check_snippet(snippet: str, calibration: Any) -> None:
 )
 def test_variance_components_are_told_in_words(name: str, sigma: float, words: str) -> None:
     assert component_words(name, sigma) == words
-
-
-def test_the_report_is_written_whole(hand_held: dict[str, Any], tmp_path: Path) -> None:
-    path = tmp_path / "report.html"
-    write_report(path, **hand_held)
-    assert path.read_text(encoding="utf-8") == render_report(**hand_held)
-    assert [file.name for file in tmp_path.iterdir()] == ["report.html"]
 
 
 def test_of_many_recordings_the_title_names_the_first_and_the_last(calibration: Calibration) -> None:

@@ -8,9 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from tumble.sensor import propagate
-from tumble.sensor.conventions.imu_tk import imu_tk_from_matrix
 from tumble.sensor.conventions.shin import matrix_from_shin
-from tumble.sensor.gauge import frame_rotation
+from tumble.sensor.gauge import frame_rotation, inverse
 from tumble.sensor.propagation import jacobian
 
 Complex = npt.NDArray[Any]
@@ -26,11 +25,11 @@ def covariance(relative: float) -> npt.NDArray[np.float64]:
 
 
 def to_imu_tk(p: Complex) -> Complex:
-    """Nine numbers of imu_tk and a row of the gyro's matrix, which the change of frame turns along."""
+    """Six numbers in imu_tk's frame and a row of the gyro's matrix, which the change of frame turns along."""
     matrix = matrix_from_shin(p[:3], p[3:])
     C_zx = frame_rotation(matrix, "accelerometer-z")
-    misalignments, scale = imu_tk_from_matrix(matrix @ C_zx.T)
-    return np.concatenate([misalignments[:3], scale, (GYRO @ C_zx.T)[0]])
+    corrected = inverse(matrix @ C_zx.T)
+    return np.concatenate([corrected[np.triu_indices(3)], (GYRO @ C_zx.T)[0]])
 
 
 def test_the_jacobian_has_a_row_per_result_and_a_column_per_value() -> None:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from tumble.earth import Site
 from tumble.errors import ProtocolError, UsageError
@@ -92,7 +93,7 @@ def test_the_table_s_protocols_are_played_from_rest_to_rest_in_whole_turns(name:
         assert spin.stop - spin.start == pytest.approx(178.0, abs=1e-3)
         level = abs(spin.axis_n[2])
         assert (level < 0.4) if name == "turntable-9" else (level > 0.999)
-    attitudes = played.motion.hold_rotations_nb
+    attitudes = Rotation.from_quat(played.motion.hold_quaternions_nb)
     for k, move in enumerate(played.motion.turn_duration):
         if move > 100.0:
             # The table's errors are 2e-5 rad at most.

@@ -58,7 +58,7 @@ def play(
 
 
 def attitude(played: PlayedProtocol, step: int) -> np.ndarray:
-    return played.motion.hold_rotations_nb[played.hold_steps.index(step)].as_matrix()
+    return Rotation.from_quat(played.motion.hold_quaternions_nb)[played.hold_steps.index(step)].as_matrix()
 
 
 def only(*names: str) -> Protocol:
@@ -124,7 +124,7 @@ def test_the_attitude_is_continuous_and_each_axis_turns_about_a_line_fixed_in_th
     # At rest on one side, on the other a ramp that has hardly begun: 1e-12 rad; rounding of 1e-8 in a magnitude.
     assert np.max((before.inv() * after).magnitude()) < 1e-7
     middle = motion.rotation_nb(0.5 * (motion.hold_edges[:-1, 1] + motion.hold_edges[1:, 0]))
-    half = (motion.hold_rotations_nb[:-1].inv() * middle).as_matrix()
+    half = (Rotation.from_quat(motion.hold_quaternions_nb)[:-1].inv() * middle).as_matrix()
     for k, vector in enumerate(motion.turn_vector_b):
         np.testing.assert_allclose(half[k], Rotation.from_rotvec(0.5 * vector).as_matrix(), atol=1e-12)
 
@@ -158,7 +158,7 @@ def test_each_error_moves_the_unit_s_axes_its_own_way(
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_the_axes_of_the_rotations_are_not_orthogonal_by_what_is_said(sign: float) -> None:
     played = play(FixtureErrors(orthogonality=sign * 0.02, mounting=(0.01, -0.03, 0.02), tilt=(0.01, 0.0)))
-    rotations = played.motion.hold_rotations_nb
+    rotations = Rotation.from_quat(played.motion.hold_quaternions_nb)
     axes = [(r.axis, rotations[k].apply(r.axis_b)) for k, r in enumerate(played.rotations)]
     outer = [axis_n for name, axis_n in axes if name == "outer"]
     # The outer axis does not move, and is not level by the tilt alone; 1e-12: rounding.
@@ -292,7 +292,7 @@ def test_poses_without_headings_are_reached_with_the_outer_axis_wherever_it_poin
             for played in (anyhow, turned):
                 np.testing.assert_allclose(attitude(played, number)[2], -step.pose.up_b, atol=1e-9)
     outer = next(r for r in turned.rotations if r.axis == "outer")
-    axis_n = turned.motion.hold_rotations_nb[0].apply(outer.axis_b)
+    axis_n = Rotation.from_quat(turned.motion.hold_quaternions_nb)[0].apply(outer.axis_b)
     np.testing.assert_allclose(np.abs(axis_n), [np.cos(1.0), np.sin(1.0), 0.0], atol=1e-9)
 
 
@@ -303,7 +303,7 @@ def test_holds_without_rotations_and_rests_in_one_place_are_played() -> None:
     played = play(protocol=Protocol("own", "strapdown-rotation", steps))
     np.testing.assert_allclose(attitude(played, 3)[2], [0.0, 0.0, -1.0], atol=1e-12)
     np.testing.assert_allclose(
-        played.motion.hold_rotations_nb[-1].as_matrix()[2], [0.0, 0.0, -1.0], atol=1e-12
+        Rotation.from_quat(played.motion.hold_quaternions_nb)[-1].as_matrix()[2], [0.0, 0.0, -1.0], atol=1e-12
     )
     assert np.all(np.isfinite(played.step_edges))
     assert len(played.motion.hold_duration) == len(played.motion.turn_duration) + 1

@@ -10,7 +10,6 @@ from tumble.arrays import Series, Square, Table, inverted
 from tumble.calibration.closed_forms.rotation_sequences import SequenceModel, across_down
 from tumble.errors import ObservabilityError
 from tumble.records import dataclass
-from tumble.sensor.conventions.savage import NAMES
 
 X, Y, Z, START, END = range(5)
 WITHOUT_ASYMMETRY = ("1a", "2a", "3a")
@@ -192,14 +191,3 @@ def _weighed(
         roots.append(root)
         sigmas.append(np.sqrt(np.diag(noise)))
     return rows, told, roots, sigmas
-
-
-def undetermined_words(determined: np.ndarray, *, asymmetry: bool = True) -> list[str]:
-    """Return what the sequences do not tell, by name.
-
-    Parameters
-    ----------
-    determined : (24,) of bool.
-    asymmetry : whether the gyros' was asked for.
-    """
-    return [name for k, name in enumerate(NAMES) if not determined[k] and (asymmetry or not 3 <= k < 6)]

@@ -59,7 +59,6 @@ from tumble.units import ARCSECOND, angular_rate_factor, specific_force_factor
 
 AXES_NEEDED = 3
 # A face is up if it is so within half a degree.
-_FACE_COSINE = float(np.cos(np.radians(0.5)))
 PASSES = 3
 _ALL = np.ones((3, 3), dtype=bool)
 _SITS = (

@@ -33,11 +33,3 @@ def matrix_from_imu_tk(misalignments: Complex, scale: Complex) -> Complex:
     one = yz * 0.0 + 1.0
     T = np.array([[one, -yz, zy], [xz, one, -zx], [-xy, yx, one]])
     return inverse(T * scale[None, :])
-
-
-def imu_tk_from_matrix(matrix: Complex) -> tuple[Complex, Complex]:
-    """Return (misalignments, scale) of a forward matrix in the frame ``accelerometer-z``."""
-    corrected = inverse(matrix)
-    scale = np.array([corrected[0, 0], corrected[1, 1], corrected[2, 2]])
-    T = corrected / scale[None, :]
-    return np.array([-T[0, 1], T[0, 2], -T[1, 2], T[1, 0], -T[2, 0], T[2, 1]]), scale

@@ -19,9 +19,6 @@ import numpy.typing as npt
 
 Complex = npt.NDArray[Any]
 
-NAMES = ("bias x", "bias y", "bias z", "scale factor x", "scale factor y", "scale factor z")
-ANGLES = ("non-orthogonality yz", "non-orthogonality zx", "non-orthogonality zy")
-
 
 def matrix_from_shin(scale_factor: Complex, angles: Complex) -> Complex:
     """Return the lower-triangular matrix for scale factors and angles (yz, zx, zy) in rad."""

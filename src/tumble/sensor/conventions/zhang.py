@@ -34,8 +34,6 @@ READINGS = ("exact", "small-angle")
 FORMS = ("rotation-vector", "small-angle", "euler")
 """How R is read: exponential of [θ×], I + [θ×] as (6) prints it, or turns about x, then y, then z."""
 
-ANGLES = ("yz", "zy", "zx")
-
 
 def matrix_from_zhang(scale: Complex, angles: Complex, reading: str = "exact") -> Complex:
     """Return K T, lower triangular.

@@ -35,7 +35,7 @@ from tumble.workflows.planning.words import (
 from tumble.workflows.progress import silent
 
 if TYPE_CHECKING:
-    from tumble.arrays import Series, Square, Vectors
+    from tumble.arrays import Square, Vectors
     from tumble.design.next_pose import NextPose
     from tumble.design.pose_plan import PosePlan, PoseTask
     from tumble.protocol import Protocol
@@ -169,7 +169,6 @@ class PosesPlanned:
     protocol: Protocol
     given: list[str] = field(default_factory=list[str])
     following: list[NextPose] = field(default_factory=list[Any])
-    sigmas_given: Series | None = None
     stop: bool = False
     remarks: list[str] = field(default_factory=list[str])
     files: list[Path] = field(default_factory=list[Path])
@@ -221,7 +220,6 @@ def plan_poses(
     made, predicted = _protocol(order, plan, place), predict(plan, place)
     done = PosesPlanned(order.procedure, grade, place, task, plan, predicted, schemes, made)
     done.given, done.following, done.stop = known.said, known.following, known.stop
-    done.sigmas_given = known.sigmas
     done.remarks = [*remarks, *assumed, *describe_poses(done), *_unmet(plan, place, wished)]
     if order.procedure == "hand-held" and order.given is None:
         from tumble.workflows.planning.protocol import judge_protocol, of_clock
@@ -243,7 +241,6 @@ class Known:
     information: Square | None = None
     following: list[NextPose] = field(default_factory=list[Any])
     stop: bool = False
-    sigmas: Series | None = None
 
 
 def predict(plan: PosePlan, place: Site) -> list[Predicted]:
@@ -399,7 +396,7 @@ def _with_given(task: PoseTask, order: PoseOrder, targets: dict[str, float]) -> 
     following = find_next_poses(known, _directions(order), sigma, task.wanted)
     so_far = sigmas_so_far(known)
     stop, said = judge_stop(so_far, following, targets, task.noise, task.gravity, task.wanted)
-    return Known([*words, *said], known, following, stop, so_far)
+    return Known([*words, *said], known, following, stop)
 
 
 def _directions(order: PoseOrder) -> Vectors:
