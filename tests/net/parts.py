@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import json
+import re
 import tempfile
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -322,7 +323,7 @@ def replayed(simulation: tuple[Any, ...], *arguments: object) -> Any:
 
 def replay(file: object, *arguments: object) -> Any:
     """Play a recording as if it came now: what the guide said, and what came of it."""
-    answer = tumble("capture", f"replay:{file}@0", "-o", "out", "--plain", *arguments)
+    answer = tumble("capture", f"replay:{file}@0", "-o", "out", *arguments)
     events = Path("out/session.jsonl").read_text().splitlines() if Path("out/session.jsonl").is_file() else []
     kept = [pinned(json.loads(line)) for line in events]
     return {
@@ -392,6 +393,7 @@ FEW = 3
 def reproduced(item: str, repetitions: int) -> Any:
     """Make an item of the papers anew."""
     answer = tumble("reproduce", item, "--repetitions", repetitions, "--seed", 1, "-o", "out")
+    answer["out"] = [re.sub(r"(, seed 1), .* (s|min)\.$", r"\1.", line) for line in answer["out"]]
     return {"answer": answer, "document": document(f"out/{item}.json")}
 
 

@@ -84,7 +84,6 @@ def pinned(value: Any) -> Any:
             return {"by name": {str(item["name"]): pinned(item) for item in value}}
         return [pinned(item) for item in value]
     if isinstance(value, str):
-        value = re.sub(r"(\d runs?, seed \d+), [\d.]+ s\.", r"\1.", value)
         return value.splitlines() if "\n" in value else value
     if value is None or isinstance(value, bool):
         return value
@@ -114,7 +113,7 @@ def page(path: Path) -> dict[str, Any]:
     data = re.findall(r'<script type="application/json" id="([\w-]+)">(.*?)</script>', html, re.S)
     text = re.sub(r"<(script|style)\b.*?</\1>", "", html, flags=re.S)
     lines = [" ".join(unescape(line).split()) for line in re.split(r"<[^>]+>", text)]
-    said = [re.sub(r"^\d{4}-\d\d-\d\dT[\d:+]+ by tumble.*", "made", line) for line in lines if line]
+    said = [re.sub(r"\d{4}-\d\d-\d\dT[\d:+]+( by tumble.*)?", "made", line) for line in lines if line]
     figures = {name: json.loads(content) for name, content in data if name != "calibration"}
     for name, drawn in figures.items():
         if isinstance(drawn, list):
