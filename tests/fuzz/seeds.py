@@ -358,8 +358,6 @@ CALLS = (
     "convert calibration.json --to px4 -o made.params --largest-loss 500",
     "convert calibration.json --to kf-gins -o made.yaml --noise noise.json",
     "convert calibration.json --to c -o made.h --at-temperature 20 --consumer-rate 100",
-    "compose calibration.json calibration.json -o both.json",
-    "invert calibration.json -o back.json",
     "diff calibration.json calibration.json --json",
     "mount hand.csv hand.csv -c calibration.json -o mount.json --mount-mrad 1",
     "noise hand.csv -o out --skip 1 --fit curve --units g,deg/s",
@@ -368,7 +366,7 @@ CALLS = (
     "simulate rest -o out --duration 10 --output-units counts --turn-on-bias 1,10 --magnetometer lis3mdl",
     "simulate turntable-9 -o out --sample-rate 2 --errors errors.yaml --site 48.1",
     "simulate strapdown-rotation -o out --sample-rate 2 --errors errors.yaml --gravity 9.81",
-    "plan six-position --data-sheet consumer-mems --seconds 600 --site 48.1",
+    "plan six-position --data-sheet consumer-mems --hold 60 --site 48.1",
 )
 """Calls of the program with as many options as go together; each is changed word by word."""
 WORK = ("calibrate", "noise", "verify", "apply", "inspect")
