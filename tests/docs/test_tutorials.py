@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contract.test_formats import write_dataflash, write_rosbag1
+from contract.test_formats import write_ardupilot, write_rosbag1
 from tumble.workflows.simulate import simulate
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
@@ -45,7 +45,7 @@ def words_of(text: str) -> str:
 
 def write_recordings(folder: Path, commands: str) -> None:
     """Write what a page takes for granted: a simulated session by hand, as a bag or as an autopilot's log."""
-    for name, write in (("robot.bag", write_rosbag1), ("flight.bin", write_dataflash)):
+    for name, write in (("robot.bag", write_rosbag1), ("flight.bin", write_ardupilot)):
         if name in commands:
             write(folder / name, session_by_hand(folder / "session"))
 
