@@ -11,8 +11,7 @@ import pytest
 from tumble.calibration.equations.adjustment import balance_recording
 from tumble.calibration.equations.hold_equations import Swing
 from tumble.calibration.equations.imu_unknowns import imu_unknowns, unknowns_of
-from tumble.calibration.equations.observed import observe
-from tumble.calibration.equations.swing import hold_swings
+from tumble.calibration.equations.observed import hold_swings, observe
 from tumble.calibration.equations.turn import HoldsAndTurns
 from tumble.calibration.start import start_adjustment
 
