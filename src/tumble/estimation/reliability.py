@@ -1,11 +1,18 @@
-"""Tests of single groups of conditions against gross errors (data snooping, Baarda 1968)."""
+"""Reliability: tests of single groups against gross errors, how large one may go unnoticed, and what it does then.
+
+Data snooping is Baarda's (1968). His (A testing procedure for use in geodetic networks, Netherlands Geodetic
+Commission 2 (1968)) minimal detectable bias: the error whose test, at false-alarm rate alpha, finds it with the power
+stated. An observation here is a few numbers, with an error in any direction; of all directions the one that moves a
+parameter most while it stays at the edge of being found is taken, which is ``M^-1 g`` for the test's matrix M
+and the parameter's gain g (for one number it is Baarda's own formula).
+"""
 
 from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
 
-from tumble.arrays import AnyArray
+from tumble.arrays import AnyArray, Series, Square, Table
 from tumble.estimation.gauss_helmert import Adjustment
 from tumble.records import dataclass
 
@@ -100,3 +107,87 @@ def critical_value(degrees: int, groups: int, false_alarm: float = 0.01) -> floa
 
     single: float = 1.0 - (1.0 - false_alarm) ** (1.0 / max(groups, 1))
     return float(chdtri(degrees, single))
+
+
+ALPHA, POWER = 0.001, 0.8
+# Of the size of the largest: a direction less checked than this is not checked.
+UNCHECKED = 1e-7
+# A direction that adds less than this to no parameter's variance does no harm, checked or not.
+HARMLESS = 1e-6
+# Of the squared harm: what a direction must add to be part of the error that is told.
+WORTH_IT = 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class Undetected:
+    """The largest error that may go unnoticed.
+
+    Attributes
+    ----------
+    redundancy : of the observation's numbers, how much the others check.
+    size : length of the most harmful error; infinite if nothing checks it.
+    parameter, effect : which parameter it moves most, and by how many of its standard uncertainties.
+    """
+
+    redundancy: float
+    size: float
+    parameter: int
+    effect: float
+
+
+def noncentrality(alpha: float = ALPHA, power: float = POWER) -> float:
+    """Return by how many sigmas an error must stand out to be found: 4.13 for 0.001 and 0.8.
+
+    Parameters
+    ----------
+    alpha, power : of a two-sided test of one number.
+    """
+    from scipy.special import ndtri
+
+    return float(ndtri(1.0 - 0.5 * alpha) + ndtri(power))
+
+
+def undetected(
+    left: Square,
+    directions: Table,
+    gain: Table,
+    sigma: Series,
+    *,
+    alpha: float = ALPHA,
+    power: float = POWER,
+) -> Undetected:
+    """Return the largest error of one observation that may go unnoticed.
+
+    Parameters
+    ----------
+    left : (m, m) covariance of the residuals over that of the observation, whitened: identity less what the
+        adjustment takes.
+    directions : (m, d) whitened, of the errors looked at, per unit of error.
+    gain : (parameters, m) by how much whitened errors move each parameter.
+    sigma : (parameters,) standard uncertainties.
+    alpha, power : of the test.
+    """
+    needed = noncentrality(alpha, power)
+    relative = (gain @ directions) / np.where(sigma > 0.0, sigma, np.inf)[:, None]
+    test = directions.T @ left @ directions
+    # In units in which the observation's own noise is one, whatever the directions' units are.
+    own = np.sqrt(np.diag(directions.T @ directions))
+    values, vectors = np.linalg.eigh(test / np.outer(own, own))
+    along = (relative / own) @ vectors
+    seen = values > UNCHECKED * np.maximum(values.max(initial=0.0), 1e-3)
+    redundancy = float(np.trace(left))
+    harm = along[:, ~seen] ** 2
+    if harm.size and float(harm.max()) > HARMLESS:
+        return Undetected(redundancy, float("inf"), int(np.argmax(harm.max(axis=1))), float("inf"))
+    inverse = np.where(seen, 1.0 / np.where(seen, values, 1.0), 0.0)
+    harms = along**2 * inverse
+    worst = int(np.argmax(harms.sum(axis=1)))
+    # A direction that hardly adds to the harm would only make the error look large.
+    matters = harms[worst] > WORTH_IT * harms[worst].sum()
+    inverse = np.where(matters, inverse, 0.0)
+    effects = needed * np.sqrt(np.sum(along**2 * inverse, axis=1))
+    norm = float(np.sqrt(np.sum(along[worst] ** 2 * inverse)))
+    if norm <= 0.0:
+        return Undetected(redundancy, needed / float(np.sqrt(max(values.max(), 1e-300))), worst, 0.0)
+    error = needed * (vectors @ (inverse * along[worst])) / norm / own
+    return Undetected(redundancy, float(np.linalg.norm(error)), worst, float(effects[worst]))

@@ -11,7 +11,7 @@ from tumble.calibration.checks.uncertainty_statement import (
     effective_degrees,
 )
 from tumble.calibration.outcome.draws import numerical_tolerance, shortest_intervals
-from tumble.estimation.undetected import noncentrality, undetected
+from tumble.estimation.reliability import noncentrality, undetected
 
 
 def test_the_end_gauge_of_the_gum_has_16_effective_degrees_of_freedom() -> None:

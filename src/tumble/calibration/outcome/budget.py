@@ -39,8 +39,8 @@ from tumble.calibration.recording_influences import recording_influences, with_c
 from tumble.calibration.terms import TERMS
 from tumble.estimation.equations import Tests
 from tumble.estimation.influence import PRIOR, Influences
+from tumble.estimation.reliability import ALPHA, POWER, undetected
 from tumble.estimation.solve import solve
-from tumble.estimation.undetected import ALPHA, POWER, undetected
 from tumble.recording.temperature import mean_celsius
 from tumble.records import dataclass
 from tumble.sensor.propagation import Function, jacobian
