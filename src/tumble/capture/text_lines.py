@@ -4,13 +4,27 @@ from __future__ import annotations
 
 import math
 from binascii import crc_hqx
+from collections import Counter
+from dataclasses import replace
 from functools import reduce
+from pathlib import Path
 
-from tumble.capture.rows import Rows
+import numpy as np
+
+from tumble.arrays import Series, Vectors
+from tumble.capture.samples import Channels
 from tumble.capture.source import Piece, SourceOptions
-from tumble.recording.columns import plan_from_names
+from tumble.capture.stamps import ArrivalClock
+from tumble.errors import RecordingError
+from tumble.recording.columns import ColumnPlan, plan_from_names
+from tumble.recording.declared import DeclaredUnits, read_units_option
 from tumble.recording.formats.lines import COMMENTS, LONGEST_LINE, Row, row_of, without_clock, words_of
 from tumble.recording.formats.sentences import names_of_sentence
+from tumble.recording.formats.table import RawTable
+from tumble.recording.interpretation import Interpretation, choose_columns, interpret
+from tumble.recording.recording import Remark, Source
+from tumble.recording.samples import Samples
+from tumble.units import COUNTS, time_factor
 
 
 class TextLines:
@@ -91,3 +105,200 @@ def _of_sentence(text: str) -> Row | None:
     except ValueError:
         return None
     return Row(names[1:], values, "sentence") if all(map(math.isfinite, values)) else None
+
+
+# s, and rows, after which it is decided what the columns are; of a file that is there at once the rows alone.
+LONG_ENOUGH, FEWEST_ROWS, ENOUGH_ROWS = 1.0, 20, 400
+
+Shape = tuple[str, ...] | int
+
+
+class Rows:
+    """Rows in, channels and samples out.
+
+    Parameters
+    ----------
+    options, name : what the rows do not say themselves, and what the stream is called.
+    """
+
+    def __init__(self, options: SourceOptions, name: str) -> None:
+        self._options, self._name = options, name
+        self._waiting: list[tuple[Shape, tuple[float, ...]]] = []
+        self._arrivals: list[float] = []
+        self._latest = 0.0
+        self._begun: float | None = None
+        self._shape: Shape | None = None
+        self._plan: ColumnPlan | None = None
+        self._decided: Interpretation | None = None
+        self._clock = ArrivalClock(options.rate)
+
+    @property
+    def decided(self) -> bool:
+        """Whether the columns are known."""
+        return self._decided is not None
+
+    def add(self, names: tuple[str, ...] | None, values: tuple[float, ...]) -> bool:
+        """Take a row, and return whether it is one like the others.
+
+        Parameters
+        ----------
+        names : of its numbers, if it says them.
+        values : the numbers.
+        """
+        shape: Shape = len(values) if names is None else names
+        if self._shape is not None and shape != self._shape:
+            # Names that were said later, or not said again, are those of as many numbers.
+            if isinstance(shape, tuple) == isinstance(self._shape, tuple) or len(values) != _width(
+                self._shape
+            ):
+                return False
+            shape = self._shape
+        self._waiting.append((shape, values))
+        return True
+
+    def flush(self, arrived: float) -> list[Piece]:
+        """Return what the rows so far come to.
+
+        Parameters
+        ----------
+        arrived : s on the host's clock, of the rows since the last call.
+
+        Raises
+        ------
+        RecordingError
+            If they can be no recording; the message says why.
+        """
+        self._latest = arrived
+        self._arrivals += [arrived] * (len(self._waiting) - len(self._arrivals))
+        if not self._waiting:
+            return []
+        if self._begun is None:
+            self._begun = arrived
+        if self._decided is None:
+            count = len(self._waiting)
+            if count < FEWEST_ROWS or (arrived - self._begun < LONG_ENOUGH and count < ENOUGH_ROWS):
+                return []
+            return self._decide()
+        return self._samples()
+
+    def end(self) -> list[Piece]:
+        """Return what is left when nothing follows.
+
+        Raises
+        ------
+        RecordingError
+            If the rows can be no recording.
+        """
+        # A last line without its end comes in here, behind the last time that anything arrived.
+        self._arrivals += [self._latest] * (len(self._waiting) - len(self._arrivals))
+        if not self._waiting:
+            return []
+        return self._samples() if self._decided is not None else self._decide()
+
+    def _decide(self) -> list[Piece]:
+        """Find out what the columns are, as for a file."""
+        named = {len(shape): shape for shape, _ in self._waiting if isinstance(shape, tuple)}
+        # The names of the columns may come after the first rows.
+        self._waiting = [
+            (named.get(shape, shape) if isinstance(shape, int) else shape, values)
+            for shape, values in self._waiting
+        ]
+        self._shape = Counter(shape for shape, _ in self._waiting).most_common(1)[0][0]
+        table = self._table()
+        units, rate = read_units_option(self._options.units), self._options.rate
+        plan, remarks = choose_columns(table, self._options.columns, units, rate)
+        if plan.specific_force is None and plan.angular_rate is None:
+            raise RecordingError(
+                f"{table.path.name} has a magnetometer alone, and neither accelerometer nor gyro: there is nothing to "
+                "guide. If its columns are the accelerometer's, say so with --columns."
+            )
+        if plan.time is None:
+            table.columns.append(self._arrival_stamps())
+            table.names = None if table.names is None else (*table.names, "t [s]")
+            plan = replace(plan, time=len(table.columns) - 1, time_unit="s")
+            # Stamps of arrival are as late as the line is: the rate is checked later, over two seconds.
+            rate = None
+        decided, _ = interpret(table, plan, units, rate, (table.source,), remarks)
+        self._plan = plan
+        decided = _without_guesses(decided, units)
+        channels = Channels(
+            None if plan.specific_force is None else decided.specific_force_unit,
+            None if plan.angular_rate is None else decided.angular_rate_unit,
+            self._options.rate or decided.rate,
+            plan.temperature is not None,
+            tuple(remark.text for remark in decided.remarks),
+            # Nothing but the whole recording shows a unit that nobody says.
+            None if plan.magnetic_field is None else units.magnetic_field or plan.magnetic_field_unit or "",
+        )
+        self._decided = decided
+        made = self._made(table.columns)
+        self._waiting.clear()
+        self._arrivals.clear()
+        return [channels, made]
+
+    def _table(self) -> RawTable:
+        rows = [
+            (values, at)
+            for (shape, values), at in zip(self._waiting, self._arrivals, strict=True)
+            if shape == self._shape
+        ]
+        self._waiting = [(self._shape or 0, values) for values, _ in rows]
+        self._arrivals = [at for _, at in rows]
+        columns = list(np.array([values for values, _ in rows], dtype=float).T)
+        names = self._shape if isinstance(self._shape, tuple) else None
+        return RawTable(Path(self._name), names, columns, Source(self._name, ""))
+
+    def _arrival_stamps(self) -> Series:
+        """Stamps of rows that bring none, batch by batch as they arrived."""
+        stamps: list[np.ndarray] = []
+        start = 0
+        for stop in range(1, len(self._arrivals) + 1):
+            if stop == len(self._arrivals) or self._arrivals[stop] != self._arrivals[start]:
+                stamps.append(self._clock.stamp(stop - start, self._arrivals[start]))
+                start = stop
+        return np.concatenate(stamps)
+
+    def _samples(self) -> list[Piece]:
+        table = self._table()
+        if not len(table):
+            return []
+        assert self._plan is not None
+        if self._plan.time == len(table.columns):
+            table.columns.append(self._arrival_stamps())
+        self._waiting.clear()
+        self._arrivals.clear()
+        return [self._made(table.columns)]
+
+    def _made(self, columns: list[Series]) -> Samples:
+        plan, decided = self._plan, self._decided
+        assert plan is not None
+        assert decided is not None
+        assert plan.time is not None
+
+        def triad(which: tuple[tuple[int, float], ...] | None, factor: float) -> Vectors | None:
+            if which is None:
+                return None
+            return np.column_stack([sign * factor * columns[index] for index, sign in which])
+
+        return Samples(
+            columns[plan.time] * time_factor(decided.time_unit or "s"),
+            triad(plan.specific_force, decided.force_factor),
+            triad(plan.angular_rate, decided.rate_factor),
+            None if plan.temperature is None else columns[plan.temperature],
+            triad(plan.magnetic_field, 1.0),
+        )
+
+
+def _width(shape: Shape) -> int:
+    return shape if isinstance(shape, int) else len(shape)
+
+
+def _without_guesses(decided: Interpretation, units: DeclaredUnits) -> Interpretation:
+    """Take a gyro's unit that nobody stated as counts: at rest nothing shows it, and a wrong one in a file is worse."""
+    stated = units.angular_rate or units.angle_increment or decided.plan.angular_rate_unit
+    unchecked = any(r.kind == "unchecked" and r.text.startswith("The gyro's unit") for r in decided.remarks)
+    if stated or not unchecked or decided.angular_rate_unit == COUNTS:
+        return decided
+    text = "Nobody says the gyro's unit, and at rest nothing shows it: it is taken as counts (say it with --units)."
+    kept = [r for r in decided.remarks if not r.text.startswith(("Angular rate is taken", "The gyro's unit"))]
+    return replace(decided, angular_rate_unit=COUNTS, remarks=(*kept, Remark("assumed", text)))

@@ -14,8 +14,8 @@ from tumble.capture.machine import Capture
 from tumble.capture.rest_coach import RestCoach
 from tumble.capture.run import CaptureOrder, run_capture
 from tumble.capture.samples import Channels
-from tumble.capture.simulated_person import SimulatedPerson
 from tumble.capture.source import SourceOptions, sources
+from tumble.capture.sources.simulated import SimulatedPerson
 from tumble.capture.steps_coach import StepsCoach, step_phrase
 from tumble.earth import Site
 from tumble.protocol.library import PROTOCOLS, named_protocol

@@ -13,7 +13,7 @@ from tumble.capture.live_blocks import LiveBlocks
 from tumble.capture.live_holds import LiveHolds
 from tumble.capture.machine import Capture
 from tumble.capture.samples import Channels
-from tumble.capture.simulated_person import Flaws, SimulatedPerson
+from tumble.capture.sources.simulated import Flaws, SimulatedPerson
 from tumble.recording import Recording, read_recording
 from tumble.recording.samples import Samples
 from tumble.segmentation import find_timeline

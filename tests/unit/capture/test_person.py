@@ -10,8 +10,8 @@ import pytest
 
 from tumble.attitude.directions import twenty_six_directions
 from tumble.capture.run import CaptureOrder, run_capture
-from tumble.capture.simulated_person import Flaws, SimulatedPerson
 from tumble.capture.source import Source, SourceOptions, find_source
+from tumble.capture.sources.simulated import Flaws, SimulatedPerson
 from tumble.design.joint_information import NAMES
 from tumble.earth import Site
 from tumble.errors import UsageError
