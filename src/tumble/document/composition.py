@@ -16,6 +16,7 @@ from tumble.calibration.magnetometer.estimate import Magnetometer
 from tumble.calibration.magnetometer.verdict import judge_magnetometer
 from tumble.calibration.verdict import judge
 from tumble.document.magnetometer_block import MagnetometerBlock, magnetometer_block
+from tumble.document.part import rows_of
 from tumble.document.result import (
     Calibration,
     FrameBlock,
@@ -32,7 +33,6 @@ from tumble.document.result import (
     UnseenBlock,
     VerdictBlock,
 )
-from tumble.document.rows import rows_of
 from tumble.document.soundness import covariance_fault, not_finite
 from tumble.document.thermal_block import ThermalBlock, thermal_block
 from tumble.earth import EARTH_RATE, Site

@@ -8,8 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from tumble.arrays import Matrix
-from tumble.document.part import DocumentPart
-from tumble.document.rows import Row, Rows, row_of, rows_of
+from tumble.document.part import DocumentPart, Row, Rows, row_of, rows_of
 from tumble.sensor import Triad
 from tumble.units import magnetic_field_factor
 

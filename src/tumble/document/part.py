@@ -1,7 +1,12 @@
-"""What every part of a document is: a model that refuses what is no number, and passes over what it does not know."""
+"""What every part of a document is: a model that refuses what is no number, and passes over what it does not know.
+
+Vectors and matrices of three are tuples of numbers in it.
+"""
 
 from __future__ import annotations
 
+import numpy as np
+from numpy.typing import ArrayLike
 from pydantic import BaseModel, ConfigDict
 
 
@@ -9,3 +14,19 @@ class DocumentPart(BaseModel):
     """A part of a document; its validator is built when it is first needed, as most are within another's."""
 
     model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False, defer_build=True)
+
+
+Row = tuple[float, float, float]
+Rows = tuple[Row, Row, Row]
+
+
+def row_of(vector: ArrayLike) -> Row:
+    """Return three numbers as a document has them."""
+    x, y, z = np.asarray(vector, dtype=float).tolist()
+    return x, y, z
+
+
+def rows_of(matrix: ArrayLike) -> Rows:
+    """Return a (3, 3) matrix as a document has it."""
+    a, b, c = np.asarray(matrix, dtype=float)
+    return row_of(a), row_of(b), row_of(c)

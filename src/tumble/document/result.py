@@ -16,8 +16,7 @@ from tumble.border import border
 from tumble.document.contradictions import contradiction_in
 from tumble.document.limits_block import LimitsBlock
 from tumble.document.magnetometer_block import MagnetometerBlock
-from tumble.document.part import DocumentPart
-from tumble.document.rows import Row, Rows, row_of, rows_of
+from tumble.document.part import DocumentPart, Row, Rows, row_of, rows_of
 from tumble.document.thermal_block import ThermalBlock
 from tumble.document.turn_ons_block import TurnOnsBlock
 from tumble.errors import CalibrationFileError

@@ -9,9 +9,8 @@ a device or a pipe.
 """
 
 from tumble.files.documents import read_json, read_yaml
-from tumble.files.numbers import number_of
 from tumble.files.opening import opened, read_text, reading, size_of
-from tumble.files.text import HIDDEN, lines_of, shown, without_password
+from tumble.files.text import HIDDEN, lines_of, number_of, shown, without_password
 from tumble.files.writing import (
     GrowingFile,
     check_target,
