@@ -3,8 +3,7 @@
 It takes vectors of parameters with their covariances, as `unit_vector` makes them of calibrations, and knows no files.
 """
 
-from tumble.fleet.outlying import Outlying, find_outlying
-from tumble.fleet.shared import find_shared
+from tumble.fleet.outlying import Outlying, find_outlying, find_shared
 from tumble.fleet.unit_vector import Units, UnitVector, stack, unit_vector
 
 __all__ = [

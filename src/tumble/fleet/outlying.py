@@ -14,7 +14,7 @@ the spread: one that is known worse than the others may be farther off.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -24,7 +24,7 @@ from tumble.fleet.unit_vector import Units, groups_of
 from tumble.records import dataclass
 
 FALSE_ALARM = 0.01
-"""Chance that a fleet without a faulty unit has any unit named."""
+"""Chance that a fleet without a faulty unit has any unit named, or a column that bad ones share."""
 FEWEST = 8
 """Units below which nothing is said to stand out."""
 _ROUNDS = 20
@@ -235,3 +235,42 @@ def loud_or_dead(
         named = _outlying(one, "noise", [0], level)
         found += [(which[out.unit], channel, float(column[out.unit] / middle)) for out in named]
     return found
+
+
+# Of a column with more values than this, none is a lot.
+_MOST_VALUES = 50
+
+
+def find_shared(bad: Sequence[bool], columns: Mapping[str, Sequence[str]]) -> list[str]:
+    """Return sentences about values of columns that bad units have more often than by chance.
+
+    Fisher's exact test, one side, over all values that two bad units share (Bonferroni).
+
+    Parameters
+    ----------
+    bad : (n,) whether each unit failed or stands out.
+    columns : what the manifest says of each unit, by the column's name.
+    """
+    from scipy.stats import hypergeom
+
+    flags = np.asarray(bad, dtype=bool)
+    total, count = len(flags), int(np.sum(flags))
+    cases: list[tuple[str, str, int, int]] = []
+    for column, values in columns.items():
+        known = {value for value in values if value}
+        if 1 < len(known) <= _MOST_VALUES or (len(known) == 1 and "" in values):
+            for value in sorted(known):
+                has = np.array([one == value for one in values])
+                both = int(np.sum(has & flags))
+                if both >= 2:
+                    cases.append((column, value, both, int(np.sum(has))))
+    said: list[tuple[float, str]] = []
+    for column, value, both, has in cases:
+        chance = float(hypergeom.sf(both - 1, total, has, count))
+        if chance < FALSE_ALARM / len(cases):
+            words = (
+                f"Of the {count} units that are not accepted or stand out {both} have {column} {value!r}, as "
+                f"{has} of all {total} have (probability by chance {chance:.1g})."
+            )
+            said.append((chance, words))
+    return [words for _, words in sorted(said)]

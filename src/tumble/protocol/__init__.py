@@ -4,9 +4,8 @@ The room is low in the house: simulation plays a protocol, segmentation matches 
 calibration interprets it, and none of them knows the others.
 """
 
-from tumble.protocol.file import protocol_to_yaml, read_protocol, write_protocol
+from tumble.protocol.file import protocol_schema, protocol_to_yaml, read_protocol, write_protocol
 from tumble.protocol.library import PROTOCOLS, named_protocol
-from tumble.protocol.schema import protocol_schema
 from tumble.protocol.steps import HoldStep, Pose, Protocol, RampStep, SoakStep, SpinStep, Step, TurnStep
 from tumble.protocol.strapdown_rotation import SequenceSteps, sequence_steps, strapdown_rotation_steps
 

@@ -10,8 +10,8 @@ import pytest
 from tumble.errors import RecordingError
 from tumble.navigation import GnssTrack, InertialSamples, estimate_time_offset, prepare_drive
 from tumble.navigation.course import slowest_course
+from tumble.navigation.drive import refuse_other_motion
 from tumble.navigation.gnss import make_track
-from tumble.navigation.plausibility import refuse_other_motion
 from tumble.simulation import simulate_drive
 from tumble.simulation.field_campaign import cart_trajectory
 
