@@ -315,24 +315,21 @@ def describe_fixture_triad(
     return DescribedTriad(triad, names, covariance[np.ix_(at, at)], named, spread)
 
 
-def describe_bias(
-    kind: str, bias: Series, covariance: Square, *, unit: str, nominal: float
-) -> DescribedTriad:
-    """Return a triad of which only the bias is known; its matrix is the `nominal` raw per SI unit.
+def describe_bias(bias: Series, covariance: Square, *, unit: str, nominal: float) -> DescribedTriad:
+    """Return gyros of which only the bias is known; their matrix is the `nominal` raw per SI unit.
 
     Parameters
     ----------
-    kind, unit : as for `describe_fixture_triad`.
     bias, covariance : (3,), (3, 3) raw.
+    unit : as for `describe_fixture_triad`.
     """
-    short = "accelerometer" if kind == "accelerometer" else "gyro"
     sigmas = np.sqrt(np.diag(covariance))
     named = [
-        NamedValue(f"{short} bias {axis}", float(value), float(sigma), unit)
+        NamedValue(f"gyro bias {axis}", float(value), float(sigma), unit)
         for axis, value, sigma in zip("xyz", bias, sigmas, strict=True)
     ]
     triad = Triad(nominal * np.eye(3), bias.copy())
-    return DescribedTriad(triad, _axes(f"{kind}.bias"), covariance, named, covariance)
+    return DescribedTriad(triad, _axes("gyroscope.bias"), covariance, named, covariance)
 
 
 def gravity_covariance(unknowns: Series, site: Site) -> Square:

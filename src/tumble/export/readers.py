@@ -50,7 +50,7 @@ def read_kalibr(path: Path) -> Imported:
     CalibrationFileError
         If it is none, or of the model ``calibrated`` or ``scale-misalignment-size-effect`` without matrices.
     """
-    document = yaml_of(path, "Kalibr")
+    document = yaml_of(path)
     if "imu0" not in document:
         if "accelerometer_noise_density" in document:
             raise CalibrationFileError(f"{path} holds Kalibr's noise parameters and no calibration.")
@@ -67,7 +67,7 @@ def read_kalibr(path: Path) -> Imported:
     M_g = invertible(entry(document, "imu0.gyroscopes.M", path), "gyroscopes.M", path)
     A = matrix_of(entry(document, "imu0.gyroscopes.A", path), "gyroscopes.A", path)
     C = matrix_of(entry(document, "imu0.gyroscopes.C_gyro_i", path), "gyroscopes.C_gyro_i", path)
-    check_rotation(C, "gyroscopes.C_gyro_i", path)
+    check_rotation(C, path)
     remarks: list[str] = []
     biases: list[np.ndarray] = []
     for name in ("accelerometers", "gyroscopes"):

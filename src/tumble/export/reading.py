@@ -61,18 +61,18 @@ def text_of(path: Path) -> str:
         return read_text(path, LARGEST)
 
 
-def yaml_of(path: Path, tool: str) -> dict[str, Any]:
-    """Return a YAML mapping; OpenCV's first line ``%YAML:1.0`` is let pass.
+def yaml_of(path: Path) -> dict[str, Any]:
+    """Return the YAML mapping of a Kalibr file; OpenCV's first line ``%YAML:1.0`` is let pass.
 
     Raises
     ------
     CalibrationFileError
         If the file is none.
     """
-    with reading(path, f"a {tool} file", CalibrationFileError):
+    with reading(path, "a Kalibr file", CalibrationFileError):
         document: Any = read_yaml(path)
     if not isinstance(document, dict):
-        raise CalibrationFileError(f"{path} holds no keys, as {tool}'s file does.")
+        raise CalibrationFileError(f"{path} holds no keys, as Kalibr's file does.")
     return cast("dict[str, Any]", document)
 
 
@@ -187,8 +187,8 @@ def check_plausible(model: ImuModel, units: tuple[str, str], path: Path) -> None
             )
 
 
-def check_rotation(matrix: Matrix, name: str, path: Path) -> Matrix:
-    """Return a matrix that is a rotation.
+def check_rotation(matrix: Matrix, path: Path) -> Matrix:
+    """Return the gyros' matrix C_gyro_i that is a rotation.
 
     Raises
     ------
@@ -202,5 +202,5 @@ def check_rotation(matrix: Matrix, name: str, path: Path) -> Matrix:
         or not np.allclose(matrix @ matrix.T, np.eye(3), atol=1e-3)
         or np.linalg.det(matrix) < 0.0
     ):
-        raise CalibrationFileError(f"{name} in {path} is no rotation.")
+        raise CalibrationFileError(f"gyroscopes.C_gyro_i in {path} is no rotation.")
     return matrix

@@ -476,7 +476,7 @@ def _gyro_bias(
     why = "without a latitude the Earth's rotation is no reference"
     if site.latitude is not None:
         why = "the Earth's rotation is not seen well enough"
-    told = describe_bias("gyroscope", bias, spread, unit=recording.angular_rate_unit, nominal=nominal)
+    told = describe_bias(bias, spread, unit=recording.angular_rate_unit, nominal=nominal)
     return _Gyro(
         told,
         "The six poses determine only the bias of the gyro." + seen,
