@@ -96,9 +96,9 @@ class OwnParameters:
         said: list[Remark] = []
         if asked.active:
             told = ", ".join(f"{n} = {', then '.join(values)}" for n, values in asked.active.items())
-            text = f"{name}: the autopilot's own parameters are undone ({told}), so that the numbers are the sensor's "
+            text = f"{name}: the autopilot's own parameters are undone ({told}). What `tumble convert` writes replaces "
             said.append(
-                Remark("mended", f"{text}again; what `tumble convert` writes replaces these parameters.")
+                Remark("mended", f"{text}their offsets and scale factors; how the board is turned stays.")
             )
         if asked.missing:
             text = f"{name}: {UNSTATED} {', '.join(asked.missing)}, by which the autopilot may have corrected its "
@@ -153,7 +153,7 @@ class Px4:
         kind = "GYRO" if part == "GYR" else part
         slot, device = self._slot(part, kind, asked)
         named = f"CAL_{kind}{slot}_ROT"
-        own = asked.number(named, -1.0)
+        own = asked.number(named, -1.0, 0.0)
         if own < 0.0:
             named = "SENS_BOARD_ROT"
             own = asked.number(named, 0.0)
