@@ -52,7 +52,7 @@ test-all: test test-slow  ## Run every test
 COVERED := src/tumble/files,src/tumble/recording/formats,src/tumble/export,src/tumble/document
 COVERING := tests/contract/test_bags.py tests/contract/test_f*.py tests/contract/test_h*.py tests/contract/test_t*.py \
             tests/unit/files tests/unit/recording tests/unit/document tests/unit/export tests/fuzz \
-            tests/laws/test_calibration_document.py tests/laws/test_calibration_algebra.py \
+            tests/laws/test_calibration_document.py \
             tests/cli/test_convert.py tests/cli/test_predict.py tests/cli/test_mount.py \
             tests/unit/workflows/test_thermal_apply.py tests/laws/test_thermal_model.py tests/faults/test_disks_that_fail.py
 

@@ -19,6 +19,8 @@ from tumble.document.result import Calibration
 from tumble.earth import Site
 from tumble.errors import RecordingError, UsageError
 from tumble.recording import Recording, read_recording
+from tumble.recording.formats.logs.own_parameters import ArduPilot, OwnParameters, Px4
+from tumble.recording.samples import Samples
 from tumble.sensor import ImuModel, Triad
 from tumble.simulation import Motion, find_grade, poses_26, simulate_recording
 from tumble.workflows.calibrate import calibrate
@@ -455,3 +457,17 @@ def test_a_magnetometer_that_an_earlier_version_calibrated_on_top_is_left_out(tm
         text = "".join(file.read_text("utf-8") for file in found.files)
         assert ("COMPASS_OFS_X" in text) == written
         assert any("on top of the autopilot's own parameters" in r for r in found.remarks) != written
+
+
+def test_of_two_changes_at_one_time_the_last_holds() -> None:
+    time = np.array([0.0, 1.0])
+    made = OwnParameters({}, [(0.5, "INS_GYROFFS_X", 2.0), (0.5, "INS_GYROFFS_X", 1.0)], ArduPilot(0, None))
+    samples, _ = made.undone(Samples(time, angular_rate=np.zeros((2, 3))), "log")
+    np.testing.assert_allclose(samples.angular_rate, [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
+
+
+def test_what_a_scale_factor_of_zero_made_zero_is_refused() -> None:
+    stated = {f"CAL_ACC0_{axis}SCALE": 0.0 for axis in "XYZ"} | {"CAL_ACC0_ID": 7.0}
+    made = OwnParameters(stated, [], Px4({"specific_force": [7]}, None))
+    with pytest.raises(RecordingError, match="scale factor of ACC in the log is 0"):
+        made.undone(Samples(np.zeros(2), specific_force=np.ones((2, 3))), "log")

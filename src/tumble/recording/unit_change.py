@@ -14,11 +14,8 @@ _TOLERANCE = 0.15  # of a ratio of units, as a logarithm; an uncalibrated MEMS i
 _FORCE_RATIOS = (9.80665, 1000.0 / 9.80665, 1000.0, 32.174, 3.28084)
 _LEAST_SECONDS = 20
 _LEAST_SHARE = 0.04  # of the seconds, in either unit
-_RATE_RATIOS = (
-    180.0 / np.pi,
-    1000.0,
-    1000.0 * np.pi / 180.0,
-)  # deg/s, mrad/s and mdeg/s against rad/s and deg/s
+# Of deg/s, mrad/s and mdeg/s against rad/s and deg/s.
+_RATE_RATIOS = (180.0 / np.pi, 1000.0, 1000.0 * np.pi / 180.0)
 _WINDOW = 0.3  # s
 _LEAST_TURN = 0.1  # rad that gravity turns over a window that determines
 _LEAST_WINDOWS = 6  # on either side

@@ -235,7 +235,8 @@ def _with_parameters(log: _Log, data: mmap.mmap, streams: Sequence[Stream]) -> l
     first: dict[str, float] = {}
     changes: list[tuple[float, str, float]] = []
     rows = log.rows(data, _PARAMETERS) if _PARAMETERS in log.offsets else np.zeros(0, [("TimeUS", "<u8")])
-    for row in rows:
+    # Without these it is damaged, or of a firmware of long ago: its parameters count as not stated.
+    for row in rows if {"TimeUS", "Name", "Value"} <= set(rows.dtype.names or ()) else ():
         name, value = row["Name"].decode("ascii", "replace"), float(row["Value"])
         if first.setdefault(name, value) != value or any(n == name for _, n, _ in changes):
             changes.append((float(row["TimeUS"]) / 1e6, name, value))

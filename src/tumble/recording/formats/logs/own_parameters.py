@@ -110,13 +110,20 @@ class OwnParameters:
         values, time = getattr(samples, part), samples.time
         if values is None:
             return None
-        asked.stated = dict(self.first)
-        raw, steps = np.empty_like(values), [(-np.inf, "", 0.0), *sorted(self.changes), (np.inf, "", 0.0)]
+        asked.stated = {name: value for name, value in self.first.items() if np.isfinite(value)}
+        # Changes of one time stay in their order: the last holds.
+        changes = sorted((c for c in self.changes if np.isfinite(c[2])), key=lambda change: change[0])
+        raw, steps = np.empty_like(values), [(-np.inf, "", 0.0), *changes, (np.inf, "", 0.0)]
         for (since, name, value), (until, _, _) in pairwise(steps):
             asked.stated[name] = value
             inside = (time > since) & (time <= until)
             if inside.any():
                 matrix, offset = self.formula(_PARTS[part], asked, time[inside])
+                if not np.linalg.det(matrix):
+                    raise RecordingError(
+                        f"A scale factor of {_PARTS[part]} in the log is 0, and what it made 0 cannot be undone. "
+                        "Set it to 1, and record again."
+                    )
                 raw[inside] = values[inside] @ inverted(matrix).T + offset
         return raw
 

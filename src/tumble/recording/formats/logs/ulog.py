@@ -92,9 +92,8 @@ def _damage(log: Any, path: Path) -> list[Remark]:
         said.append(Remark("mended", f"{path.name} is damaged or cut short; what could be read is used."))
     if log.dropouts:
         lost = sum(d.duration for d in log.dropouts) / 1000.0
-        said.append(
-            Remark("found", f"{path.name}: the logger lost {lost:.3g} s in {len(log.dropouts)} dropout(s).")
-        )
+        text = f"{path.name}: the logger lost {lost:.3g} s in {len(log.dropouts)} dropout(s)."
+        said.append(Remark("found", text))
     return said
 
 
@@ -189,9 +188,8 @@ def _lone(name: str, columns: Columns, file: str) -> Stream:
 
 
 def _of_one_triad(name: str, time: Series, values: Vectors, celsius: Series | None = None) -> Stream:
-    if "accel" in name:
-        return Stream(name, Samples(time, values, None, celsius), Units())
-    return Stream(name, Samples(time, None, values, celsius), Units())
+    triads = (values, None) if "accel" in name else (None, values)
+    return Stream(name, Samples(time, *triads, celsius))
 
 
 def _fifo(name: str, columns: Columns, file: str) -> Stream:
