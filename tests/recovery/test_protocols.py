@@ -18,7 +18,7 @@ from tumble.earth import Site
 from tumble.procedure_names import KNOWN_PROCEDURES
 from tumble.protocol import named_protocol, write_protocol
 from tumble.sensor import change_frame
-from tumble.simulation import GRADES, TriadNoise, find_grade
+from tumble.simulation import GRADES, SessionErrors, TriadNoise, find_grade
 from tumble.workflows.calibrate import calibrate
 from tumble.workflows.simulate import simulate
 
@@ -70,8 +70,7 @@ def played(
         grade="white",
         seed=seed,
         units=units,
-        noise=noise,
-        placement=noise,
+        errors=SessionErrors(noise=noise, placement=noise),
     )
     asked = None if jointly else procedure
     return done.truth, calibrate(protocol=folder / "sim" / "protocol.yaml", procedure=asked).calibration
