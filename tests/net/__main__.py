@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 BASELINE = Path(__file__).parent / "baseline"
+sys.path.append(str(Path(__file__).parents[1]))  # as the tests are imported
 SETTINGS = {
     "OPENBLAS_NUM_THREADS": "1",
     "OMP_NUM_THREADS": "1",
