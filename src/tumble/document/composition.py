@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from datetime import UTC, datetime
-from typing import Literal
 
 import numpy as np
 
 import tumble
-from tumble.arrays import Vectors
 from tumble.calibration.estimate import Estimate
 from tumble.calibration.evidence import Budget
 from tumble.calibration.magnetometer.estimate import Magnetometer
 from tumble.calibration.magnetometer.verdict import judge_magnetometer
 from tumble.calibration.verdict import judge
+from tumble.document.imported import test_vectors
 from tumble.document.magnetometer_block import MagnetometerBlock, magnetometer_block
-from tumble.document.part import rows_of
+from tumble.document.part import finite, part_of, rows_of
 from tumble.document.result import (
     Calibration,
     FrameBlock,
@@ -28,7 +28,6 @@ from tumble.document.result import (
     RecordingName,
     SiteBlock,
     TermBlock,
-    TestVector,
     TriadBlock,
     UnseenBlock,
     VerdictBlock,
@@ -40,10 +39,9 @@ from tumble.errors import ConvergenceError
 from tumble.files import shown
 from tumble.recording.recording import Recording
 from tumble.recording.temperature import mean_celsius
-from tumble.sensor import FRAMES, ImuModel, Triad
-from tumble.units import angular_rate_factor, specific_force_factor
+from tumble.sensor import FRAMES
+from tumble.units import angular_rate_factor
 
-_KINDS: dict[str, Literal["hold", "turn", "spin"]] = {"hold": "hold", "turn": "turn", "spin": "spin"}
 FRAME_WORDS = {
     **FRAMES,
     "fixture": (
@@ -84,10 +82,10 @@ def calibration_from_estimate(
     return Calibration(
         created=(created or datetime.now(UTC)).isoformat(timespec="seconds"),
         software=f"tumble {tumble.__version__}",
-        imu=Imu(model=_name(imu[0]), serial_number=_name(imu[1])),
+        imu=Imu(model=name_of(imu[0]), serial_number=name_of(imu[1])),
         notes=dict(notes or {}),
         procedure=estimate.procedure,
-        recordings=[RecordingName(name=s.name, sha256=s.sha256, topic=s.topic) for s in recording.sources],
+        recordings=[part_of(RecordingName, source) for source in recording.sources],
         site=site_block(site),
         temperature_celsius=temperature,
         frame=FrameBlock(name=estimate.frame, description=FRAME_WORDS[estimate.frame]),
@@ -98,13 +96,7 @@ def calibration_from_estimate(
         accelerometer=None if model.accelerometer is None else TriadBlock.of(model.accelerometer),
         gyroscope=gyroscope,
         parameters=[
-            ParameterBlock(
-                name=p.name,
-                value=p.value,
-                standard_uncertainty=p.standard_uncertainty,
-                unit=p.unit,
-                coverage_factor=factor,
-            )
+            part_of(ParameterBlock, p, coverage_factor=factor)
             for p, factor in zip(estimate.parameters, _factors(estimate), strict=True)
         ],
         covariance_parameters=list(estimate.names),
@@ -112,7 +104,10 @@ def calibration_from_estimate(
         quality=_quality(estimate),
         verdict=VerdictBlock(fit=judgement.fit, reasons=judgement.reasons),
         remarks=[*estimate.remarks, *remarks],
-        test_vectors=_test_vectors(model, recording, gyroscope),
+        test_vectors=test_vectors(
+            model if known or nominal else replace(model, gyroscope=None),
+            (recording.specific_force_unit, recording.angular_rate_unit),
+        ),
         thermal=thermal,
         lever_arms=None if estimate.lever_arms is None else rows_of(estimate.lever_arms),
         magnetometer=_magnetometer(estimate, site),
@@ -188,10 +183,6 @@ def _quality(estimate: Estimate) -> QualityBlock:
     out = [left.index for left in estimate.left_out if left.kind == "turn"]
     angles = estimate.turns.angles
     turns = angles[np.isfinite(angles) & ~np.isin(np.arange(angles.size), out)]
-
-    def finite(value: float) -> float | None:
-        return value if np.isfinite(value) else None
-
     return QualityBlock(
         sigma0=finite(estimate.sigma0),
         sigma0_with_variance_components=finite(estimate.sigma0_final),
@@ -204,59 +195,20 @@ def _quality(estimate: Estimate) -> QualityBlock:
         turns=estimate.turns.found.size,
         spins=int(estimate.spins.rates.size),
         variance_components=estimate.variance_components,
-        left_out=[
-            LeftOutBlock(kind=_KINDS[o.kind], number=o.index + 1, reason=o.reason) for o in estimate.left_out
-        ],
+        left_out=[part_of(LeftOutBlock, left, number=left.index + 1) for left in estimate.left_out],
         optional_terms=[
-            TermBlock(
-                name=t.name,
-                kept=t.kept,
-                f_statistic=t.statistic,
-                degrees_of_freedom=t.degrees,
-                probability=t.probability,
-                limit=t.limit,
-            )
+            part_of(TermBlock, t, f_statistic=t.statistic, degrees_of_freedom=t.degrees)
             for t in estimate.terms
         ],
         unseen=[
-            UnseenBlock(
-                source=one.source,
-                relative_standard_uncertainty=one.sigma,
-                because=one.because,
-                nominal_rate_hz=one.nominal_rate,
+            part_of(
+                UnseenBlock, one, relative_standard_uncertainty=one.sigma, nominal_rate_hz=one.nominal_rate
             )
             for one in estimate.unseen
         ],
     )
 
 
-def _name(text: str | None) -> str | None:
+def name_of(text: str | None) -> str | None:
     """Return a name as a document may hold it."""
     return None if text is None else shown(text)
-
-
-def _test_vectors(model: ImuModel, recording: Recording, gyroscope: TriadBlock | None) -> list[TestVector]:
-    """Return round raw numbers near the recording's own and what they become."""
-    raw_force, raw_rate, force, rate = None, None, None, None
-    if model.accelerometer is not None:
-        round_numbers = np.array([[1.0, 0.0, 0.0], [0.0, 2.0, -1.0], [3.0, -4.0, 5.0]])
-        factor = specific_force_factor(recording.specific_force_unit)
-        raw_force = _raw_numbers(model.accelerometer, round_numbers, factor)
-        force = model.accelerometer.correct(raw_force)
-    if model.gyroscope is not None and gyroscope is not None and gyroscope.matrix is not None:
-        round_numbers = np.array([[0.1, 0.0, 0.0], [0.0, 0.2, -0.1], [0.3, -0.4, 0.5]])
-        raw_rate = _raw_numbers(
-            model.gyroscope, round_numbers, angular_rate_factor(recording.angular_rate_unit)
-        )
-        seen = raw_rate
-        if model.g_sensitivity is not None and force is not None:
-            seen = raw_rate - force @ model.g_sensitivity.T
-        rate = model.gyroscope.correct(seen)
-    return TestVector.of(raw_force, raw_rate, force, rate)
-
-
-def _raw_numbers(triad: Triad, true: Vectors, factor: float | None) -> Vectors:
-    """Return raw numbers for about these true ones; of counts whole ones about the bias."""
-    if factor is not None:
-        return true * (1.0 / factor)
-    return np.round(triad.bias + true * np.abs(np.diag(triad.matrix)))

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tumble.arrays import Vectors
-from tumble.document.soundness import covariance_fault
+from tumble.document.part import Row
+from tumble.document.soundness import is_invertible, stated_covariance_fault
 from tumble.document.thermal_block import contradiction as thermal_contradiction
 from tumble.errors import TumbleError
 from tumble.files import HIDDEN
@@ -15,20 +16,15 @@ from tumble.sensor import ImuModel
 from tumble.units import angular_rate_factor, specific_force_factor
 
 if TYPE_CHECKING:
-    from tumble.document.result import Calibration, TestVector
+    from tumble.document.result import Calibration
 
-# Of sensing axes as unit vectors; three within a degree of one plane have 0.017.
-SMALLEST_DETERMINANT = 1e-6
 # Of the corrected vector: the numbers are written with all digits, and a corrector's round-off is 1e-12 or so.
 _SAME = 1e-6
 
 
 def contradiction_in(calibration: Calibration) -> str | None:
     """Return what in a document contradicts itself, in words that begin with the key, or None."""
-    size = len(calibration.covariance_parameters)
-    if len(calibration.covariance) != size or any(len(row) != size for row in calibration.covariance):
-        return f"covariance: it is not {size} by {size}, as covariance_parameters has it"
-    if fault := covariance_fault(calibration.covariance_matrix, calibration.covariance_parameters):
+    if fault := stated_covariance_fault(calibration.covariance, calibration.covariance_parameters):
         return f"covariance: {fault}"
     for key in ("model", "serial_number"):
         if HIDDEN.search(getattr(calibration.imu, key) or ""):
@@ -48,24 +44,13 @@ def contradiction_in(calibration: Calibration) -> str | None:
         angular_rate_factor(calibration.raw_units.angular_rate)
     except TumbleError as error:
         return f"raw_units: {str(error).rstrip('.')}"
-    if calibration.magnetometer is not None:
-        found = calibration.magnetometer.contradiction()
-        if found is not None:
-            return found
-    if calibration.thermal is not None:
-        found = thermal_contradiction(calibration.thermal, calibration.model)
-        if found is not None:
-            return found
+    if calibration.magnetometer is not None and (found := calibration.magnetometer.contradiction()):
+        return found
+    if calibration.thermal is not None and (
+        found := thermal_contradiction(calibration.thermal, calibration.model)
+    ):
+        return found
     return _false_vector(calibration)
-
-
-def is_invertible(matrix: np.ndarray) -> bool:
-    """Say whether three sensing axes, the rows of a finite matrix, are not in one plane."""
-    with np.errstate(over="ignore", under="ignore", invalid="ignore", divide="ignore"):
-        length = np.linalg.norm(matrix, axis=1, keepdims=True)
-        if not (np.all(np.isfinite(length)) and np.all(length > 0.0)):
-            return False
-        return abs(float(np.linalg.det(matrix / length))) >= SMALLEST_DETERMINANT
 
 
 def _false_vector(calibration: Calibration) -> str | None:
@@ -77,7 +62,7 @@ def _false_vector(calibration: Calibration) -> str | None:
         if model is None:
             return None
         with np.errstate(all="ignore"):
-            force, rate = _corrected(model, vector)
+            force, rate = corrected(model, _one(vector.raw_specific_force), _one(vector.raw_angular_rate))
         for name, found, told in (
             ("accelerometer", force, vector.specific_force),
             ("gyroscope", rate, vector.angular_rate),
@@ -95,20 +80,29 @@ def _false_vector(calibration: Calibration) -> str | None:
     return None
 
 
+def _one(row: Row | None) -> Vectors | None:
+    return None if row is None else np.array([row], dtype=float)
+
+
 def _model_of(calibration: Calibration) -> ImuModel | None:
     blocks = (calibration.accelerometer, calibration.gyroscope)
     return None if all(block is None or block.matrix is None for block in blocks) else calibration.model
 
 
-def _corrected(model: ImuModel, vector: TestVector) -> tuple[Vectors | None, Vectors | None]:
-    """Correct one test vector, each triad that the model and the vector have."""
+def corrected(
+    model: ImuModel, raw_force: Vectors | None, raw_rate: Vectors | None
+) -> tuple[Vectors | None, Vectors | None]:
+    """Return both triads corrected by one model; None for a triad that it lacks, or of which there are no numbers.
+
+    Parameters
+    ----------
+    model, raw_force, raw_rate : without a specific force beside it the gyros' g-sensitivity is left alone.
+    """
     force = rate = None
-    if model.accelerometer is not None and vector.raw_specific_force is not None:
-        force = model.accelerometer.correct(np.array([vector.raw_specific_force], dtype=float))
-    if model.gyroscope is not None and vector.raw_angular_rate is not None:
-        raw = np.array([vector.raw_angular_rate], dtype=float)
-        if model.g_sensitivity is not None:
-            # Without a specific force beside it the g-sensitivity was left alone.
-            raw = raw if force is None else raw - force @ model.g_sensitivity.T
-        rate = model.gyroscope.correct(raw)
+    if model.accelerometer is not None and raw_force is not None:
+        force = model.accelerometer.correct(raw_force)
+    if model.gyroscope is not None and raw_rate is not None:
+        if model.g_sensitivity is not None and force is not None:
+            raw_rate = raw_rate - force @ model.g_sensitivity.T
+        rate = model.gyroscope.correct(raw_rate)
     return force, rate

@@ -8,8 +8,8 @@ import numpy as np
 
 from tumble.arrays import Series, Vectors
 from tumble.calibration.terms.lever_arms import LeverArms
+from tumble.document.contradictions import corrected
 from tumble.errors import CalibrationFileError, UsageError
-from tumble.sensor import ImuModel
 from tumble.sensor.thermal import Outside, ThermalModel
 from tumble.sensor.thermal_path import ThermalState
 
@@ -101,7 +101,7 @@ class Corrector:
                 "angular rates cannot be corrected without it."
             )
         if self._thermal is None:
-            force, rate = _corrected(self._model, force, rate)
+            force, rate = corrected(self._model, force, rate)
         else:
             force, rate = self._along(self._thermal, force, rate, time, temperature_celsius)
         if self._arms is not None and force is not None and rate is not None:
@@ -186,18 +186,3 @@ def _refuse_not_finite(what: str, corrected: Vectors | None, *raw: Vectors | Non
             f"The corrected {what} of sample {int(np.argmax(wrong)) + 1} is not finite: the recording's raw numbers "
             "are not in the units of this calibration, or one of the two files is damaged."
         )
-
-
-def _corrected(
-    model: ImuModel, force: Vectors | None, rate: Vectors | None
-) -> tuple[Vectors | None, Vectors | None]:
-    """Return both triads corrected by one model; a triad that it lacks is None."""
-    true_force = true_rate = None
-    if model.accelerometer is not None and force is not None:
-        true_force = model.accelerometer.correct(force)
-    if model.gyroscope is not None and rate is not None:
-        if model.g_sensitivity is not None:
-            assert true_force is not None
-            rate = rate - true_force @ model.g_sensitivity.T
-        true_rate = model.gyroscope.correct(rate)
-    return true_force, true_rate

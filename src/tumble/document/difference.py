@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tumble.arrays import AnyArray, Series, Square, Table
+from tumble.attitude.directions import twenty_six_directions
 from tumble.calibration.magnetometer.estimate import NAMES
 from tumble.calibration.magnetometer.parameters import nearest_axes
 from tumble.document.entries import PLACES, SIZE, model_of_vector, named_parameters, part, stacked
@@ -432,14 +433,6 @@ def _group(name: str, moved: Series, spread: Table, size: float) -> GroupChange 
     return GroupChange(name, statistic, count, float(chi2.sf(statistic, count)))
 
 
-def _directions() -> Table:
-    """26 directions: axes, edges and corners of a cube."""
-    grid = np.array(
-        [[x, y, z] for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if (x, y, z) != (0, 0, 0)]
-    )
-    return grid / np.linalg.norm(grid, axis=1, keepdims=True)
-
-
 def _raw(x: Complex, kind: str, true: AnyArray) -> tuple[Complex, Complex]:
     """Return what a triad reads for a true vector, and its sensors' own inputs."""
     own = part(x, f"{kind}.matrix") @ true
@@ -481,7 +474,7 @@ def _rate_change(x: Complex, direction: AnyArray) -> Complex:
 
 def _worst(name: str, change: Any, both: Series, joint: Table) -> Effect:
     """The largest change over directions, with the uncertainty of its component along itself."""
-    directions = _directions()
+    directions = twenty_six_directions()
     changes = [np.real(change(both.astype(complex), direction)) for direction in directions]
     sizes = [float(np.linalg.norm(vector)) for vector in changes]
     at = int(np.argmax(sizes))

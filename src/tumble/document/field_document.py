@@ -7,19 +7,19 @@ from datetime import UTC, datetime
 import tumble
 from tumble.calibration.magnetometer.estimate import Magnetometer
 from tumble.calibration.magnetometer.verdict import FieldVerdict
-from tumble.document.composition import site_block
+from tumble.document.composition import name_of, site_block
+from tumble.document.imported import NO_QUALITY
 from tumble.document.magnetometer_block import magnetometer_block
+from tumble.document.part import part_of
 from tumble.document.result import (
     Calibration,
     FrameBlock,
     Imu,
-    QualityBlock,
     RawUnits,
     RecordingName,
     VerdictBlock,
 )
 from tumble.earth import Site
-from tumble.files import shown
 from tumble.recording.recording import Recording
 from tumble.recording.temperature import mean_celsius
 from tumble.units import COUNTS
@@ -55,9 +55,9 @@ def field_document(
     return Calibration(
         created=datetime.now(UTC).isoformat(timespec="seconds"),
         software=f"tumble {tumble.__version__}",
-        imu=Imu(model=_name(imu[0]), serial_number=_name(imu[1])),
+        imu=Imu(model=name_of(imu[0]), serial_number=name_of(imu[1])),
         procedure=FIELD_ALONE,
-        recordings=[RecordingName(name=s.name, sha256=s.sha256, topic=s.topic) for s in recording.sources],
+        recordings=[part_of(RecordingName, source) for source in recording.sources],
         site=site_block(site),
         temperature_celsius=mean_celsius(recording.temperature),
         frame=FrameBlock(name=FIELD_ALONE, description=_FRAME),
@@ -70,26 +70,9 @@ def field_document(
         parameters=[],
         covariance_parameters=[],
         covariance=[],
-        quality=QualityBlock(
-            sigma0=None,
-            sigma0_with_variance_components=None,
-            degrees_of_freedom=0,
-            largest_normalised_residual=0.0,
-            coverage_factor=found.coverage_factor,
-            rms_hold_norm=None,
-            rms_turn_angle=None,
-            holds=0,
-            turns=0,
-            variance_components={},
-            left_out=[],
-            optional_terms=[],
-        ),
+        quality=NO_QUALITY.model_copy(update={"coverage_factor": found.coverage_factor}),
         verdict=VerdictBlock(fit=verdict.fit, reasons=[alone, *verdict.reasons]),
         remarks=list(remarks),
         test_vectors=[],
         magnetometer=magnetometer_block(found, verdict),
     )
-
-
-def _name(text: str | None) -> str | None:
-    return None if text is None else shown(text)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from tumble.arrays import Square, Table
+from tumble.arrays import Table
 from tumble.document.entries import (
     PLACES,
     entry_names,
@@ -23,7 +23,7 @@ from tumble.document.entries import (
     stacked,
 )
 from tumble.document.imported import test_vectors, triad_blocks
-from tumble.document.magnetometer_block import MagnetometerBlock
+from tumble.document.part import rows_of
 from tumble.document.result import Calibration, FrameBlock
 from tumble.document.thermal_block import thermal_block
 from tumble.errors import UsageError
@@ -76,27 +76,34 @@ def turned_to(calibration: Calibration, frame: str) -> Calibration:
 
     values, covariance = stacked(calibration)
     moved, spread = propagate(turn, values, covariance)
-    return _document(
-        calibration,
-        model_of_vector(moved, like=model),
-        spread,
-        frame=FrameBlock(name=frame, description=FRAMES[frame]),
-        thermal=_turned_thermal(
-            calibration, np.real(rotation(values.astype(complex))), model_of_vector(moved, model)
-        ),
-        remark=f"turned from the frame {calibration.frame.name} to {frame}, covariance carried",
-        lever_arms=_turned_arms(calibration, np.real(rotation(values.astype(complex)))),
-        magnetometer=None
-        if calibration.magnetometer is None
-        else calibration.magnetometer.turned(np.real(rotation(values.astype(complex)))),
+    C, turned = np.real(rotation(values.astype(complex))), model_of_vector(moved, like=model)
+    kept = [
+        at
+        for term, (place, _) in PLACES.items()
+        for at in range(place.start, place.stop)
+        if _has(turned, term) and np.any(np.diag(spread)[place] > 0.0)
+    ]
+    names, units = entry_names(), calibration.raw_units
+    accelerometer, gyroscope = triad_blocks(turned)
+    remark = f"Turned from the frame {calibration.frame.name} to {frame}, covariance carried."
+    field, arms = calibration.magnetometer, calibration.lever_arms
+    return calibration.model_copy(
+        update={
+            "frame": FrameBlock(name=frame, description=FRAMES[frame]),
+            "accelerometer": accelerometer,
+            "gyroscope": gyroscope,
+            "parameters": named_parameters(turned, spread, units),
+            "limits": None,
+            "covariance_parameters": [names[at] for at in kept],
+            "covariance": (0.5 * (spread + spread.T))[np.ix_(kept, kept)].tolist(),
+            "test_vectors": test_vectors(turned, (units.specific_force, units.angular_rate)),
+            "remarks": [*calibration.remarks, remark],
+            "thermal": _turned_thermal(calibration, C, turned),
+            "lever_arms": None if arms is None else rows_of(np.array(arms) @ C.T),
+            "magnetometer": None if field is None else field.turned(C),
+            "turn_ons": None,
+        }
     )
-
-
-def _turned_arms(calibration: Calibration, C: Table) -> Any:
-    """The accelerometers' places along the axes of another frame."""
-    if calibration.lever_arms is None:
-        return None
-    return tuple(tuple(float(v) for v in row) for row in np.array(calibration.lever_arms) @ C.T)
 
 
 def _turned_thermal(calibration: Calibration, C: Table, reference: ImuModel) -> Any:
@@ -117,47 +124,6 @@ def _turned_thermal(calibration: Calibration, C: Table, reference: ImuModel) -> 
                 effect[at, place[f"{stem}[{k},{i},{m}]"]] = C[int(j), m]
     covariance = effect @ np.array(calibration.thermal.covariance) @ effect.T
     return thermal_block(other, names, covariance)
-
-
-def _document(
-    calibration: Calibration,
-    model: ImuModel,
-    spread: Square,
-    *,
-    frame: FrameBlock,
-    remark: str,
-    thermal: Any,
-    lever_arms: Any,
-    magnetometer: MagnetometerBlock | None,
-) -> Calibration:
-    """The document with another model and covariance; what is told of a triad that was told before."""
-    units = calibration.raw_units
-    names = entry_names()
-    sigma = np.sqrt(np.maximum(np.diag(spread), 0.0))
-    kept = [
-        at
-        for term, (place, _) in PLACES.items()
-        for at in range(place.start, place.stop)
-        if _has(model, term) and np.any(sigma[place] > 0.0)
-    ]
-    accelerometer, gyroscope = triad_blocks(model)
-    return calibration.model_copy(
-        update={
-            "frame": frame,
-            "accelerometer": accelerometer,
-            "gyroscope": gyroscope,
-            "parameters": named_parameters(model, spread, units),
-            "limits": None,
-            "covariance_parameters": [names[at] for at in kept],
-            "covariance": (0.5 * (spread + spread.T))[np.ix_(kept, kept)].tolist(),
-            "test_vectors": test_vectors(model, (units.specific_force, units.angular_rate)),
-            "remarks": [*calibration.remarks, remark[0].upper() + remark[1:] + "."],
-            "thermal": thermal,
-            "lever_arms": lever_arms,
-            "magnetometer": magnetometer,
-            "turn_ons": None,
-        }
-    )
 
 
 def _has(model: ImuModel, term: str) -> bool:

@@ -7,6 +7,8 @@ from datetime import UTC, datetime
 import numpy as np
 
 import tumble
+from tumble.arrays import Vectors
+from tumble.document.contradictions import corrected
 from tumble.document.result import (
     Calibration,
     FrameBlock,
@@ -20,7 +22,7 @@ from tumble.document.result import (
 )
 from tumble.document.thermal_block import thermal_block
 from tumble.earth import EARTH_RATE
-from tumble.sensor import ImuModel
+from tumble.sensor import ImuModel, Triad
 from tumble.sensor.thermal import ThermalModel
 from tumble.units import STANDARD_GRAVITY, angular_rate_factor, specific_force_factor
 
@@ -105,22 +107,23 @@ def triad_blocks(model: ImuModel) -> tuple[TriadBlock | None, TriadBlock | None]
 
 
 def test_vectors(model: ImuModel, units: tuple[str, str]) -> list[TestVector]:
-    """Return three raw samples, round numbers, and what they become."""
+    """Return round raw numbers for about three true samples, and what they become.
+
+    Parameters
+    ----------
+    model, units : the sensors and their raw units.
+    """
     true_force = np.array([[1.0, 0.0, 0.0], [0.0, 2.0, -1.0], [3.0, -4.0, 5.0]])
     true_rate = np.array([[0.1, 0.0, 0.0], [0.0, 0.2, -0.1], [0.3, -0.4, 0.5]])
-    raw_force = raw_rate = force = rate = None
-    if model.accelerometer is not None:
-        raw_force = _round(model.accelerometer.distort(true_force), specific_force_factor(units[0]) is None)
-        force = model.accelerometer.correct(raw_force)
-    if model.gyroscope is not None and (model.g_sensitivity is None or force is not None):
-        raw_rate = _round(model.gyroscope.distort(true_rate), angular_rate_factor(units[1]) is None)
-        seen = raw_rate
-        if model.g_sensitivity is not None and force is not None:
-            seen = raw_rate - force @ model.g_sensitivity.T
-        rate = model.gyroscope.correct(seen)
-    return TestVector.of(raw_force, raw_rate, force, rate)
+    raw_force = _raw_numbers(model.accelerometer, true_force, specific_force_factor(units[0]))
+    raw_rate = _raw_numbers(model.gyroscope, true_rate, angular_rate_factor(units[1]))
+    return TestVector.of(raw_force, raw_rate, *corrected(model, raw_force, raw_rate))
 
 
-def _round(values: np.ndarray, whole: bool) -> np.ndarray:
-    """Return whole counts, or numbers of four digits."""
-    return np.round(values) if whole else np.array([[float(f"{v:.4g}") for v in line] for line in values])
+def _raw_numbers(triad: Triad | None, true: Vectors, factor: float | None) -> Vectors | None:
+    """Return raw numbers for about these true ones; of counts whole ones about the bias."""
+    if triad is None:
+        return None
+    if factor is not None:
+        return true * (1.0 / factor)
+    return np.round(triad.bias + true * np.abs(np.diag(triad.matrix)))

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from tumble.arrays import Matrix
-from tumble.document.part import DocumentPart, Row, Rows, row_of, rows_of
+from tumble.document.part import DocumentPart, Row, Rows, finite, part_of, row_of, rows_of
 from tumble.sensor import Triad
 from tumble.units import magnetic_field_factor
 
@@ -174,24 +174,19 @@ class MagnetometerBlock(DocumentPart):
 
     def contradiction(self) -> str | None:
         """Return what in the block contradicts itself, in words that begin with the key, or None."""
-        from tumble.document.soundness import covariance_fault
+        from tumble.document.soundness import is_invertible, stated_covariance_fault
         from tumble.errors import TumbleError
 
         try:
             magnetic_field_factor(self.raw_unit)
         except TumbleError as error:
             return f"magnetometer.raw_unit: {str(error).rstrip('.')}"
-        size = len(self.covariance_parameters)
-        if len(self.covariance) != size or any(len(row) != size for row in self.covariance):
-            return f"magnetometer.covariance: it is not {size} by {size}, as covariance_parameters has it"
-        if fault := covariance_fault(
-            np.array(self.covariance).reshape(size, size), self.covariance_parameters
-        ):
+        if fault := stated_covariance_fault(self.covariance, self.covariance_parameters):
             return f"magnetometer.covariance: {fault}"
         triad = self.triad
         if triad is None:
             return None
-        if not abs(np.linalg.det(triad.matrix / np.linalg.norm(triad.matrix, axis=1, keepdims=True))) > 1e-6:
+        if not is_invertible(triad.matrix):
             return "magnetometer.matrix: it cannot be inverted"
         for number, one in enumerate(self.test_vectors, 1):
             found = triad.correct(np.array([one.raw_magnetic_field]))[0]
@@ -225,12 +220,7 @@ def magnetometer_block(made: Magnetometer, verdict: FieldVerdict) -> Magnetomete
         method=made.method,
         matrix=None if triad is None else rows_of(triad.matrix),
         bias=None if triad is None else row_of(triad.bias),
-        parameters=[
-            FieldParameter(
-                name=p.name, value=p.value, standard_uncertainty=p.standard_uncertainty, unit=p.unit
-            )
-            for p in (made.parameters if found else ())
-        ],
+        parameters=[part_of(FieldParameter, p) for p in (made.parameters if found else ())],
         covariance_parameters=list(made.names) if written else [],
         covariance=(0.5 * (made.covariance + made.covariance.T)).tolist() if written else [],
         field=FieldBlock(
@@ -238,8 +228,8 @@ def magnetometer_block(made: Magnetometer, verdict: FieldVerdict) -> Magnetomete
             norm_standard_uncertainty=made.norm_sigma,
             norm_given=made.norm_known,
             source=source,
-            dip_deg=_degrees(made.dip),
-            dip_standard_uncertainty_deg=_degrees(made.dip_sigma),
+            dip_deg=finite(np.degrees(made.dip)),
+            dip_standard_uncertainty_deg=finite(np.degrees(made.dip_sigma)),
         )
         if found
         else None,
@@ -252,17 +242,13 @@ def magnetometer_block(made: Magnetometer, verdict: FieldVerdict) -> Magnetomete
 
 
 def _quality(made: Magnetometer) -> FieldQuality:
-    return FieldQuality(
-        scatter=made.scatter,
-        uncertainty=made.uncertainty,
-        norm_scatter_before=_finite(made.before),
-        norm_scatter_after=_finite(made.after),
-        degrees_of_freedom=made.degrees_of_freedom,
-        coverage_factor=made.coverage_factor,
+    return part_of(
+        FieldQuality,
+        made,
+        norm_scatter_before=finite(made.before),
+        norm_scatter_after=finite(made.after),
         holds=[
-            FieldHoldBlock(
-                number=h.hold + 1, norm=h.norm, dip_deg=float(np.degrees(h.dip)), left_out=h.left_out
-            )
+            part_of(FieldHoldBlock, h, number=h.hold + 1, dip_deg=float(np.degrees(h.dip)))
             for h in made.holds
         ],
         left_out=[f"Hold {o.index + 1}: {o.reason}." for o in made.left_out],
@@ -278,11 +264,3 @@ def _vectors(triad: Triad, norm: float) -> list[FieldVector]:
         FieldVector(raw_magnetic_field=row_of(one), magnetic_field=row_of(true))
         for one, true in zip(raw, triad.correct(raw), strict=True)
     ]
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
-
-
-def _degrees(angle: float) -> float | None:
-    return float(np.degrees(angle)) if np.isfinite(angle) else None

@@ -5,6 +5,8 @@ Vectors and matrices of three are tuples of numbers in it.
 
 from __future__ import annotations
 
+from typing import Any, TypeVar
+
 import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import BaseModel, ConfigDict
@@ -16,8 +18,22 @@ class DocumentPart(BaseModel):
     model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False, defer_build=True)
 
 
+Part = TypeVar("Part", bound=DocumentPart)
+
+
+def part_of(kind: type[Part], record: object, **others: Any) -> Part:
+    """Return the part of a record: what is not given beside it are the record's fields of the same names."""
+    same = {name: getattr(record, name) for name in kind.model_fields if name not in others}
+    return kind(**same, **others)
+
+
 Row = tuple[float, float, float]
 Rows = tuple[Row, Row, Row]
+
+
+def finite(value: float) -> float | None:
+    """Return a number as a document has it: null where there is none."""
+    return float(value) if np.isfinite(value) else None
 
 
 def row_of(vector: ArrayLike) -> Row:

@@ -10,6 +10,21 @@ from tumble.arrays import AnyArray, Square, Table
 
 ROUND_OFF = 1e-8
 """Half of a float's digits: how far a covariance may be from symmetric, and its correlations below zero."""
+# Of sensing axes as unit vectors; three within a degree of one plane have 0.017.
+SMALLEST_DETERMINANT = 1e-6
+
+
+def stated_covariance_fault(rows: Sequence[Sequence[float]], names: Sequence[str]) -> str | None:
+    """Return what is wrong with a covariance that was read, None if it can be one.
+
+    Parameters
+    ----------
+    rows, names : as the document has them.
+    """
+    size = len(names)
+    if len(rows) != size or any(len(row) != size for row in rows):
+        return f"it is not {size} by {size}, as its covariance_parameters has it"
+    return covariance_fault(np.array(rows, dtype=float).reshape(size, size), names)
 
 
 def covariance_fault(covariance: Table, names: Sequence[str]) -> str | None:
@@ -75,3 +90,12 @@ def not_finite(what: str, numbers: AnyArray, names: Sequence[str] = ()) -> str |
         return None
     where = f" at {names[int(bad[0][0])]}" if names else ""
     return f"{what} holds numbers that are not finite{where}"
+
+
+def is_invertible(matrix: np.ndarray) -> bool:
+    """Say whether three sensing axes, the rows of a finite matrix, are not in one plane."""
+    with np.errstate(over="ignore", under="ignore", invalid="ignore", divide="ignore"):
+        length = np.linalg.norm(matrix, axis=1, keepdims=True)
+        if not (np.all(np.isfinite(length)) and np.all(length > 0.0)):
+            return False
+        return abs(float(np.linalg.det(matrix / length))) >= SMALLEST_DETERMINANT

@@ -8,7 +8,7 @@ import numpy as np
 
 from tumble.arrays import Series, Square, Table
 from tumble.document.part import DocumentPart
-from tumble.document.soundness import covariance_fault
+from tumble.document.soundness import stated_covariance_fault
 from tumble.sensor import ImuModel
 from tumble.sensor.thermal import SPAN_MARGIN, TemperatureBasis, ThermalModel
 from tumble.sensor.thermal_basis import KINDS
@@ -207,12 +207,7 @@ def thermal_block(model: ThermalModel, names: list[str], covariance: Square) -> 
 
 def contradiction(block: ThermalBlock, reference: ImuModel) -> str | None:
     """Return what is wrong with a block that was read, or None."""
-    size = len(block.covariance_parameters)
-    if len(block.covariance) != size or any(len(row) != size for row in block.covariance):
-        return f"thermal.covariance: it is not {size} by {size}, as its covariance_parameters has it"
-    if size and (
-        fault := covariance_fault(np.array(block.covariance, dtype=float), block.covariance_parameters)
-    ):
+    if fault := stated_covariance_fault(block.covariance, block.covariance_parameters):
         return f"thermal.covariance: {fault}"
     if not block.span_celsius[0] <= block.span_celsius[1]:
         return "thermal.span_celsius: its first temperature is above its second"

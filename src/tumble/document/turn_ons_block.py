@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from tumble.arrays import Series
-from tumble.calibration.turn_ons.biases import Agreement, BiasScatter, RecordingOfUnit, TurnOns
-from tumble.document.part import DocumentPart
+from tumble.calibration.turn_ons.biases import Agreement, BiasScatter, TurnOns
+from tumble.document.part import DocumentPart, finite, part_of
 
 Each = list[float | None]
 
@@ -88,64 +86,43 @@ def turn_ons_block(told: TurnOns) -> TurnOnsBlock:
     ----------
     told : see there.
     """
-    return TurnOnsBlock(
-        recordings=[_recording(recording) for recording in told.recordings],
+    return part_of(
+        TurnOnsBlock,
+        told,
+        recordings=[
+            part_of(TurnOnBlock, one, rate_hz=one.rate, sigma0=finite(one.sigma0)) for one in told.recordings
+        ],
         biases=[_bias(bias) for bias in told.biases],
         stable=[_stable(agreement) for agreement in told.agreements],
-        chi_square=told.chi_square,
         degrees_of_freedom=told.degrees,
-        probability=told.probability,
-    )
-
-
-def _recording(recording: RecordingOfUnit) -> TurnOnBlock:
-    return TurnOnBlock(
-        name=recording.name,
-        holds=recording.holds,
-        turns=recording.turns,
-        spins=recording.spins,
-        seconds=recording.seconds,
-        rate_hz=recording.rate,
-        sigma0=recording.sigma0 if np.isfinite(recording.sigma0) else None,
-        variance_components=recording.variance_components,
     )
 
 
 def _bias(bias: BiasScatter) -> BiasBlock:
-    return BiasBlock(
-        parameter=bias.parameter,
-        unit=bias.unit,
+    return part_of(
+        BiasBlock,
+        bias,
         values=_each(bias.values),
         standard_uncertainties=_each(bias.sigmas),
-        mean=bias.mean,
         mean_standard_uncertainty=bias.mean_sigma,
-        scatter=bias.scatter,
         scatter_standard_uncertainty=bias.scatter_sigma,
         expected_scatter=bias.measurement,
         turn_on_scatter=bias.turn_on,
         next_standard_uncertainty=bias.next_sigma,
-        coverage_factor=bias.coverage_factor,
         degrees_of_freedom=bias.degrees,
-        chi_square=bias.chi_square,
-        probability=bias.probability,
     )
 
 
 def _stable(agreement: Agreement) -> StableBlock:
-    return StableBlock(
-        parameter=agreement.parameter,
-        unit=agreement.unit,
+    return part_of(
+        StableBlock,
+        agreement,
         values=_each(agreement.values),
         standard_uncertainties=_each(agreement.sigmas),
-        value=agreement.value,
-        chi_square=agreement.chi_square,
         degrees_of_freedom=agreement.degrees,
-        probability=agreement.probability,
-        limit=agreement.limit,
-        agrees=agreement.agrees,
         enlarged_by=agreement.enlarged,
     )
 
 
 def _each(values: Series) -> Each:
-    return [float(value) if np.isfinite(value) else None for value in values]
+    return [finite(value) for value in values]

@@ -8,7 +8,7 @@ from typing import Any, cast
 import numpy as np
 
 from tumble.arrays import Matrix, Vector
-from tumble.document.contradictions import is_invertible
+from tumble.document.soundness import is_invertible
 from tumble.errors import CalibrationFileError
 from tumble.files import number_of, read_text, read_yaml, reading
 from tumble.records import dataclass
