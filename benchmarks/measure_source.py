@@ -79,10 +79,18 @@ class Module:
         return parts[1] if len(parts) > 2 or (len(parts) == 2 and self.is_package) else "root"
 
 
+def statements_of(node: ast.AST) -> Iterator[ast.AST]:
+    """Yield a module and all statements in it: no expression holds an import, a function or a docstring."""
+    yield node
+    for part in ("body", "orelse", "finalbody", "handlers", "cases"):
+        for inner in getattr(node, part, []):
+            yield from statements_of(inner)
+
+
 def docstring_lines(tree: ast.AST) -> set[int]:
     """Return the numbers of the lines that are docstrings."""
     lines: set[int] = set()
-    for node in ast.walk(tree):
+    for node in statements_of(tree):
         if (
             isinstance(node, ast.Module | ast.ClassDef | Function)
             and ast.get_docstring(node, clean=False) is not None
@@ -111,7 +119,7 @@ def code_lines(text: str, tree: ast.AST) -> int:
 def functions_of(name: str, tree: ast.AST) -> list[tuple[int, str]]:
     """Return lines and name of every function."""
     found = []
-    for node in ast.walk(tree):
+    for node in statements_of(tree):
         if isinstance(node, Function):
             lines = (node.end_lineno or node.lineno) - node.lineno + 1
             if ast.get_docstring(node, clean=False) is not None:
@@ -122,7 +130,7 @@ def functions_of(name: str, tree: ast.AST) -> list[tuple[int, str]]:
 
 def imports_of(tree: ast.AST) -> Iterator[ast.Import | ast.ImportFrom]:
     """Yield all imports, those inside functions and for type checkers too."""
-    yield from (node for node in ast.walk(tree) if isinstance(node, ast.Import | ast.ImportFrom))
+    yield from (node for node in statements_of(tree) if isinstance(node, ast.Import | ast.ImportFrom))
 
 
 def targets_of(node: ast.Import | ast.ImportFrom, module: Module, names: set[str]) -> Iterator[str]:

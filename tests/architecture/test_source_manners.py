@@ -53,20 +53,15 @@ def statements_of(function: type_of_function) -> Iterator[ast.AST]:
     while pending:
         node = pending.pop()
         yield node
-        if not isinstance(node, type_of_function | ast.Lambda | ast.ClassDef):
-            pending.extend(ast.iter_child_nodes(node))
+        if not isinstance(node, type_of_function | ast.ClassDef):
+            for part in ("body", "orelse", "finalbody", "handlers", "cases"):
+                pending += getattr(node, part, [])
 
 
 def has_silent_raise(function: type_of_function) -> bool:
     """Whether the function raises and its docstring has no Raises section."""
     raises = any(isinstance(node, ast.Raise) for node in statements_of(function))
     return raises and not re.search(r"^\s*Raises\n\s*------\s*$", ast.get_docstring(function) or "", re.M)
-
-
-def wears_other_s_docstring(function: type_of_function) -> bool:
-    """Whether the function is an overload, a setter or an override: its docstring stands elsewhere."""
-    names = {ast.unparse(decorator).rpartition(".")[2] for decorator in function.decorator_list}
-    return bool(names & {"overload", "setter", "deleter", "override"})
 
 
 def file_models_of(tree: ast.Module) -> set[str]:
@@ -112,29 +107,10 @@ def functions_that_raise_in_silence(tree: ast.Module) -> list[str]:
     return [name for name, function in functions_of(tree) if has_silent_raise(function)]
 
 
-def bare_names(tree: ast.Module) -> list[str]:
-    """What is public and has no docstring."""
-    bare = [] if ast.get_docstring(tree) else ["the module"]
-    bare += [
-        node.name
-        for node in tree.body
-        if isinstance(node, ast.ClassDef) and not node.name.startswith("_") and not ast.get_docstring(node)
-    ]
-    return bare + [
-        name
-        for name, function in functions_of(tree)
-        if not ast.get_docstring(function) and not wears_other_s_docstring(function)
-    ]
-
-
 def test_every_public_function_that_raises_says_so() -> None:
     # A command's docstring is its help text; what it raises is its exit status.
     outside = [path for path in MODULES if "cli" not in path.relative_to(SOURCE).parts]
     assert not faults_of(functions_that_raise_in_silence, among=outside)
-
-
-def test_everything_public_has_a_docstring() -> None:
-    assert not faults_of(bare_names)
 
 
 def test_the_core_names_no_unit_that_is_not_si() -> None:
@@ -150,17 +126,12 @@ def test_no_module_is_a_drawer_for_anything() -> None:
 # What follows shows that the checks above can fail.
 
 
-def test_a_raise_without_its_section_is_found() -> None:
-    tree = ast.parse('def find(x):\n    """Find."""\n    if x:\n        raise ValueError\n')
-    assert [name for name, function in functions_of(tree) if has_silent_raise(function)] == ["find"]
-
-
-def test_a_raise_with_its_section_or_in_an_inner_function_is_let_through() -> None:
-    section = "Raises\n    ------\n    OSError\n        Always."
-    said = f'def f():\n    """F.\n\n    {section}\n    """\n    raise OSError\n'
+def test_a_raise_without_its_section_is_found_and_one_of_an_inner_function_is_let_through() -> None:
+    silent = 'def f(x):\n    """F."""\n    if x:\n        raise ValueError\n'
+    said = 'def f():\n    """F.\n\n    Raises\n    ------\n    OSError\n        Always.\n    """\n    raise OSError\n'
     inner = 'def f():\n    """F."""\n    def g():\n        raise ValueError\n    return g\n'
-    for source in (said, inner):
-        assert not [name for name, function in functions_of(ast.parse(source)) if has_silent_raise(function)]
+    found = [functions_that_raise_in_silence(ast.parse(source)) for source in (silent, said, inner)]
+    assert found == [["f"], [], []]
 
 
 @pytest.mark.parametrize("name", ["latitude_deg", "bias_mg", "noise_g", "rate_deg_per_h", "drift_per_hour"])

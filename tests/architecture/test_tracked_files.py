@@ -14,6 +14,7 @@ INDEX = re.compile(
 )
 
 
+@pytest.fixture(scope="module")
 def tracked_texts(root: Path) -> dict[str, str]:
     """The text of every tracked file, binary ones left out."""
     listing = subprocess.run(["git", "ls-files", "-z"], cwd=root, capture_output=True, text=True, check=False)
@@ -27,15 +28,9 @@ def tracked_texts(root: Path) -> dict[str, str]:
     return texts
 
 
-def test_no_tracked_file_names_a_path_of_a_machine(root: Path) -> None:
-    found = [name for name, text in tracked_texts(root).items() if HOME.search(text)]
-    assert not found
-
-
-def test_no_tracked_file_names_a_package_index(root: Path) -> None:
-    texts = tracked_texts(root)
-    assert "uv.lock" not in texts
-    assert not [name for name, text in texts.items() if INDEX.search(text)]
+def test_no_tracked_file_names_a_path_of_a_machine_or_a_package_index(tracked_texts: dict[str, str]) -> None:
+    assert "uv.lock" not in tracked_texts
+    assert not [name for name, text in tracked_texts.items() if HOME.search(text) or INDEX.search(text)]
 
 
 def test_the_locks_hold_hashes_and_no_address(root: Path) -> None:
