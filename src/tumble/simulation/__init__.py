@@ -10,10 +10,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from tumble.simulation.axis_angles import FixtureAngles, fixture_angles
+    from tumble.simulation.axis_angles import fixture_angles
     from tumble.simulation.chamber import Chamber, ChamberTruth, simulate_chamber
     from tumble.simulation.errors import SessionErrors
-    from tumble.simulation.fixtures import PlayedProtocol, TrueRotation, TrueSpin, play_protocol
+    from tumble.simulation.fixtures import PlayedProtocol, play_protocol
     from tumble.simulation.grades import (
         GRADES,
         Grade,
@@ -22,11 +22,11 @@ if TYPE_CHECKING:
         find_grade,
         find_thermal_grade,
     )
-    from tumble.simulation.motion import Detours, Motion
+    from tumble.simulation.motion import Motion
     from tumble.simulation.noise import TriadNoise, convert_to_digital, simulate_noise
-    from tumble.simulation.poses import poses_26, simulate_hand_poses
+    from tumble.simulation.poses import poses_26
     from tumble.simulation.protocols import simulate_protocol
-    from tumble.simulation.recordings import Distort, Truth, simulate_recording
+    from tumble.simulation.recordings import Truth, simulate_recording
     from tumble.simulation.sampling import Imperfections
     from tumble.simulation.table import TableErrors
     from tumble.simulation.trajectories import SplineTrajectory, TravelledStates, drive_along, simulate_drive
@@ -36,9 +36,6 @@ __all__ = [
     "GRADES",
     "Chamber",
     "ChamberTruth",
-    "Detours",
-    "Distort",
-    "FixtureAngles",
     "FixtureErrors",
     "Grade",
     "Imperfections",
@@ -51,8 +48,6 @@ __all__ = [
     "TravelledStates",
     "TriadGrade",
     "TriadNoise",
-    "TrueRotation",
-    "TrueSpin",
     "Truth",
     "convert_to_digital",
     "drive_along",
@@ -64,49 +59,29 @@ __all__ = [
     "poses_26",
     "simulate_chamber",
     "simulate_drive",
-    "simulate_hand_poses",
     "simulate_noise",
     "simulate_protocol",
     "simulate_recording",
 ]
 
-_MODULES = {
-    "GRADES": "grades",
-    "Chamber": "chamber",
-    "ChamberTruth": "chamber",
-    "Detours": "motion",
-    "Distort": "recordings",
-    "FixtureAngles": "axis_angles",
-    "FixtureErrors": "two_axis",
-    "Grade": "grades",
-    "Imperfections": "sampling",
-    "Motion": "motion",
-    "PlayedProtocol": "fixtures",
-    "SessionErrors": "errors",
-    "SplineTrajectory": "trajectories",
-    "TableErrors": "table",
-    "ThermalGrade": "grades",
-    "TravelledStates": "trajectories",
-    "TriadGrade": "grades",
-    "TriadNoise": "noise",
-    "TrueRotation": "fixtures",
-    "TrueSpin": "fixtures",
-    "Truth": "recordings",
-    "convert_to_digital": "noise",
-    "drive_along": "trajectories",
-    "find_grade": "grades",
-    "find_thermal_grade": "grades",
-    "fixture_angles": "axis_angles",
-    "play_protocol": "fixtures",
-    "play_sequences": "two_axis",
-    "poses_26": "poses",
-    "simulate_chamber": "chamber",
-    "simulate_drive": "trajectories",
-    "simulate_hand_poses": "poses",
-    "simulate_noise": "noise",
-    "simulate_protocol": "protocols",
-    "simulate_recording": "recordings",
+# What each module has that others may use.
+_NAMES = {
+    "axis_angles": "fixture_angles",
+    "chamber": "Chamber ChamberTruth simulate_chamber",
+    "errors": "SessionErrors",
+    "fixtures": "PlayedProtocol play_protocol",
+    "grades": "GRADES Grade ThermalGrade TriadGrade find_grade find_thermal_grade",
+    "motion": "Motion",
+    "noise": "TriadNoise convert_to_digital simulate_noise",
+    "poses": "poses_26",
+    "protocols": "simulate_protocol",
+    "recordings": "Truth simulate_recording",
+    "sampling": "Imperfections",
+    "table": "TableErrors",
+    "trajectories": "SplineTrajectory TravelledStates drive_along simulate_drive",
+    "two_axis": "FixtureErrors play_sequences",
 }
+_MODULES = {name: module for module, names in _NAMES.items() for name in names.split()}
 
 
 def __getattr__(name: str) -> object:

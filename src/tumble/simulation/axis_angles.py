@@ -49,11 +49,9 @@ def fixture_angles(protocol: Protocol) -> FixtureAngles:
     here: tuple[float, float] | None = None
     for number, step in enumerate(protocol.steps):
         if isinstance(step, SpinStep):
-            raise UsageError(f"{_where(number, step)} is a spin, which the two-axis fixture does not make.")
+            raise UsageError(f"{where(number, step)} is a spin, which the two-axis fixture does not make.")
         if isinstance(step, SoakStep | RampStep):
-            raise UsageError(
-                f"{_where(number, step)} needs a chamber, in which there is no two-axis fixture."
-            )
+            raise UsageError(f"{where(number, step)} needs a chamber, in which there is no two-axis fixture.")
         if isinstance(step, TurnStep):
             if step.axis_b is None or step.angle is None:
                 here = None
@@ -61,7 +59,7 @@ def fixture_angles(protocol: Protocol) -> FixtureAngles:
                 continue
             if here is None:
                 raise UsageError(
-                    f"{_where(number, step)} begins where nothing is known: put a hold with a pose before it."
+                    f"{where(number, step)} begins where nothing is known: put a hold with a pose before it."
                 )
             here = _turned(number, step, here)
         elif number == 0 or here is None or isinstance(protocol.steps[number - 1], HoldStep):
@@ -113,7 +111,7 @@ def _named_turns(protocol: Protocol, number: int) -> Iterator[TurnStep]:
 def _placed(protocol: Protocol, number: int, step: HoldStep, azimuth: float | None) -> tuple[float, float]:
     """The angles that bring the unit into the pose of a hold."""
     if step.pose is None:
-        raise UsageError(f"{_where(number, step)} has no pose: say where the fixture shall bring the unit.")
+        raise UsageError(f"{where(number, step)} has no pose: say where the fixture shall bring the unit.")
     if step.pose.heading is None or azimuth is None:
         # Whatever the heading is, the outer axis is level and across z.
         outer_b = _outer_axis_b(protocol, number, step.pose)[0]
@@ -126,7 +124,7 @@ def _placed(protocol: Protocol, number: int, step: HoldStep, azimuth: float | No
         inner, off = float(np.arctan2(C_tb[1, 0], C_tb[1, 1])), abs(float(C_tb[1, 2]))
     if off > SAME_POSE:
         raise UsageError(
-            f"{_where(number, step)}: a fixture with a level outer axis and the unit's z along its "
+            f"{where(number, step)}: a fixture with a level outer axis and the unit's z along its "
             "inner axis cannot bring the unit there. z would have to lie "
             f"{np.degrees(np.arcsin(min(off, 1.0))):.1f} degrees off the plane that the inner axis "
             "sweeps."
@@ -144,13 +142,14 @@ def _turned(number: int, step: TurnStep, here: tuple[float, float]) -> tuple[flo
     along = float((matrix_from_turn(_Z, inner) @ axis_b)[1])
     if abs(along) < 1.0 - SAME_POSE:
         raise UsageError(
-            f"{_where(number, step)} turns about an axis of the unit that then lies along neither axis of the "
+            f"{where(number, step)} turns about an axis of the unit that then lies along neither axis of the "
             "fixture: the inner one is along z, the outer one level and across it."
         )
     return inner, outer + float(np.sign(along)) * step.angle
 
 
-def _where(number: int, step: Step) -> str:
+def where(number: int, step: Step) -> str:
+    """Return a step of a protocol as the user knows it."""
     return f"Step {number + 1}" + (f" ({step.name})" if step.name else "")
 
 

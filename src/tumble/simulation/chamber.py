@@ -16,6 +16,7 @@ from tumble.simulation.fixtures import PlayedProtocol, play_protocol
 from tumble.simulation.grades import Grade
 from tumble.simulation.recordings import Truth, simulate_recording
 from tumble.simulation.sampling import Imperfections
+from tumble.simulation.thermal_steps import has_chamber
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,15 +150,11 @@ def simulate_chamber(
     # Lost samples have no temperature either: stamps are the middles of the samples, jitter less than one.
     kept = np.clip(np.floor(recording.time * rate).astype(int), 0, time.size - 1)
     recording = replace(recording, temperature=shown[kept])
-    truth = replace(
-        truth,
-        model=thermal.reference,
-        step_edges=played.step_edges,
-        hold_steps=played.hold_steps,
-        spins=played.spins,
-        steps=played.steps,
+    return (
+        recording,
+        truth.of_played(played, thermal.reference),
+        ChamberTruth(thermal, chamber, time, around, unit),
     )
-    return recording, truth, ChamberTruth(thermal, chamber, time, around, unit)
 
 
 def _temperatures(
@@ -166,7 +163,7 @@ def _temperatures(
     """Return time of every sample, and what its surroundings and the unit have then."""
     samples = int(np.floor(played.motion.duration * rate))
     time: Series = (np.arange(samples, dtype=np.float64) + 0.5) / rate
-    if any(isinstance(step, SoakStep | RampStep) for step in protocol.steps):
+    if has_chamber(protocol):
         around = chamber.surroundings(protocol, played.step_edges, time)
     else:
         around = np.full(samples, celsius)

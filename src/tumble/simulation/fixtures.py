@@ -29,8 +29,9 @@ from tumble.protocol.consistency import (
 )
 from tumble.protocol.steps import UP_N, HoldStep, Pose, Protocol, SpinStep, Step, TurnStep
 from tumble.records import dataclass
+from tumble.simulation.axis_angles import unit, where
 from tumble.simulation.motion import Detours, Motion
-from tumble.simulation.poses import simulate_hand_poses
+from tumble.simulation.poses import simulate_hand_pose
 from tumble.simulation.spin_shapes import directions_of, wobble_rotation
 from tumble.simulation.table import Drive, Table, TableErrors
 from tumble.simulation.thermal_steps import PlainSteps, has_chamber, without_chamber
@@ -257,19 +258,19 @@ class _Fixture:
         if step.axis_b is None or step.angle is None:
             self.waiting = number
             return
-        vector = step.angle * _unit(step.axis_b)
+        vector = step.angle * unit(step.axis_b)
         angle = step.angle + self._error(step.sigma)
         self.doubt = float(np.hypot(self.doubt, step.sigma))
         self.axes.clear()
-        self._move(_Move(step.duration, angle * self._in_b(_unit(step.axis_b)), step=number), vector)
+        self._move(_Move(step.duration, angle * self._in_b(unit(step.axis_b)), step=number), vector)
 
     def spin(self, number: int, step: SpinStep) -> None:
         # A table that nothing is said of stands level.
-        self._settle(None if step.axis_b is None else Pose(_unit(step.axis_b)))
+        self._settle(None if step.axis_b is None else Pose(unit(step.axis_b)))
         # A simulated table of which nobody says how it turns is exact.
         rate = step.rate * (1.0 + self._error(step.sigma or 0.0))
         axis, axis_b = self._spin_axes(step)
-        drive = self.table.drive(step, rate, f"Step {number + 1}{_named(step)}")
+        drive = self.table.drive(step, rate, where(number, step))
         self.halted |= drive.halted
         if step.angle is not None or self.table.is_given:
             sigma = self.table.shown_sigma(step)
@@ -341,7 +342,7 @@ class _Fixture:
 
     def _spin_axes(self, step: SpinStep) -> tuple[Vector, Vector]:
         """A spin's axis where it is meant to be in b, and where it is."""
-        axis = UP_N @ self.nominal if step.axis_b is None else _unit(step.axis_b)
+        axis = UP_N @ self.nominal if step.axis_b is None else unit(step.axis_b)
         assert self.actual is not None
         for known, axis_b in self.axes:
             # While it wobbles the unit's attitude does not tell the axis, but it stays where it was.
@@ -402,7 +403,7 @@ class _Fixture:
         from scipy.spatial.transform import Rotation
 
         after = None if self.actual is None else Rotation.from_matrix(self.actual)
-        return simulate_hand_poses(self.rng, 1, after=after)[0].as_matrix()
+        return simulate_hand_pose(self.rng, after).as_matrix()
 
     def _told_later(self, number: int, headed: bool) -> Matrix | None:
         """The attitude in which named turns from this hold lead to a later one whose pose is known."""
@@ -487,30 +488,22 @@ class _Fixture:
 
 
 def _check(number: int, step: Step) -> None:
-    where = f"Step {number + 1}{_named(step)}"
+    here = where(number, step)
     if not 0.0 < step.duration < np.inf:
-        raise ProtocolError(f"{where} lasts {step.duration:g} s: give it a duration above zero.")
+        raise ProtocolError(f"{here} lasts {step.duration:g} s: give it a duration above zero.")
     axis = step.axis_b if isinstance(step, TurnStep | SpinStep) else None
     if axis is not None and not 0.0 < float(np.linalg.norm(axis)) < np.inf:
-        raise ProtocolError(f"{where} has an axis of no direction: give three numbers, not all zero.")
+        raise ProtocolError(f"{here} has an axis of no direction: give three numbers, not all zero.")
     if isinstance(step, SpinStep):
         if not 0.0 < abs(step.rate) < np.inf:
-            raise ProtocolError(f"{where} spins at {step.rate:g} rad/s: give it a rate that is not zero.")
+            raise ProtocolError(f"{here} spins at {step.rate:g} rad/s: give it a rate that is not zero.")
         if not 0.0 <= step.ramp < np.inf:
-            raise ProtocolError(f"{where} has a ramp of {step.ramp:g} s: give zero or more.")
+            raise ProtocolError(f"{here} has a ramp of {step.ramp:g} s: give zero or more.")
         if step.angle is not None and not 0.0 < step.angle * step.rate < np.inf:
             raise ProtocolError(
-                f"{where} shows an angle of {np.degrees(step.angle):g} degrees against its rate: "
+                f"{here} shows an angle of {np.degrees(step.angle):g} degrees against its rate: "
                 "give both the same sign."
             )
-
-
-def _named(step: Step) -> str:
-    return f" ({step.name})" if step.name else ""
-
-
-def _unit(vector: Vector) -> Vector:
-    return np.asarray(vector, dtype=np.float64) / np.linalg.norm(vector)
 
 
 def _nearest_turn(vector: Vector, named: Vector) -> Vector:
@@ -530,7 +523,7 @@ def _nearest_turn(vector: Vector, named: Vector) -> Vector:
 
 def _angle_to(nominal: Matrix, pose: Pose, axis: Vector) -> float | None:
     """The angle about an axis in b that leads to a pose; None if none does."""
-    up_b, wanted = UP_N @ nominal, _unit(pose.up_b)
+    up_b, wanted = UP_N @ nominal, unit(pose.up_b)
     if abs(float(axis @ (up_b - wanted))) > SAME_POSE:
         return None
     across = up_b - (axis @ up_b) * axis

@@ -45,26 +45,22 @@ def _turning_to(vector: np.ndarray, target: np.ndarray) -> Rotation:
     return Rotation.from_rotvec(axis / sine * np.arctan2(sine, cosine))
 
 
-def simulate_hand_poses(rng: np.random.Generator, holds: int, *, after: Rotation | None = None) -> Rotation:
-    """Draw attitudes as a hand takes them: anyhow, but each clearly different from the one before.
+def simulate_hand_pose(rng: np.random.Generator, after: Rotation | None = None) -> Rotation:
+    """Draw an attitude as a hand takes it: anyhow, but clearly different from the one before.
 
     Parameters
     ----------
-    rng : source of the attitudes.
-    holds : how many.
-    after : attitude from which the first must differ, too.
+    rng : source of the attitude.
+    after : attitude before, if there is one.
     """
-    from scipy.spatial.transform import Rotation
-
     up_n = np.array([0.0, 0.0, -1.0])
-    poses = [_anyhow(rng)] if after is None else [after]
-    wanted = holds if after is None else holds + 1
-    while len(poses) < wanted:
+    while True:
         pose = _anyhow(rng)
-        cosine = float(pose.inv().apply(up_n) @ poses[-1].inv().apply(up_n))
+        if after is None:
+            return pose
+        cosine = float(pose.inv().apply(up_n) @ after.inv().apply(up_n))
         if np.arccos(np.clip(cosine, -1.0, 1.0)) >= SMALLEST:
-            poses.append(pose)
-    return Rotation.concatenate(poses[wanted - holds :])
+            return pose
 
 
 def _anyhow(rng: np.random.Generator) -> Rotation:

@@ -103,18 +103,7 @@ def simulate_protocol(
     if magnetometer is not None:
         shown = magnetometer[0].record(played.motion, magnetometer[1])
         recording = replace(recording, magnetic_field=shown)
-    truth = replace(
-        truth,
-        model=model,
-        step_edges=played.step_edges,
-        hold_steps=played.hold_steps,
-        spins=played.spins,
-        steps=played.steps,
-        counts_per_si=counts,
-        rotations=played.rotations,
-        fixture=fixture,
-    )
-    return recording, truth
+    return recording, replace(truth.of_played(played, model), counts_per_si=counts, fixture=fixture)
 
 
 def _refuse_odd(units: str, model: ImuModel | None) -> None:

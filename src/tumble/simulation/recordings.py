@@ -17,7 +17,7 @@ from tumble.recording.clock import exact_clock
 from tumble.recording.recording import Recording
 from tumble.records import dataclass
 from tumble.sensor.imu import ImuModel
-from tumble.simulation.fixtures import TrueRotation, TrueSpin
+from tumble.simulation.fixtures import PlayedProtocol, TrueRotation, TrueSpin
 from tumble.simulation.grades import Grade
 from tumble.simulation.motion import Motion
 from tumble.simulation.noise import TriadNoise, convert_to_digital, simulate_noise, simulate_wander
@@ -78,6 +78,18 @@ class Truth:
     counts_per_si: tuple[float, float] | None = None
     rotations: tuple[TrueRotation, ...] = ()
     fixture: FixtureErrors | None = None
+
+    def of_played(self, played: PlayedProtocol, model: ImuModel | None) -> Truth:
+        """Return the truth of a recording in which a protocol was played by a unit of this model."""
+        return replace(
+            self,
+            model=model,
+            step_edges=played.step_edges,
+            hold_steps=played.hold_steps,
+            spins=played.spins,
+            steps=played.steps,
+            rotations=played.rotations,
+        )
 
     @property
     def rotations_nb(self) -> Rotation:

@@ -11,13 +11,10 @@ import numpy as np
 import numpy.typing as npt
 
 from tumble.arrays import Series, Vectors
-from tumble.errors import UsageError
 from tumble.records import dataclass
 
 # Stamps of one clock do not overtake one another: a scatter is cut at this share of the interval.
 LARGEST_SHIFT = 0.45
-# More than half lost is no recording any more.
-LARGEST_SHARE = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,10 +32,6 @@ class Imperfections:
     angle_increment, velocity_increment : rad and m/s, the steps of a unit that sends whole numbers of
         increments and carries the remainder over to the next sample; zero for none.
 
-    Raises
-    ------
-    UsageError
-        If a number is outside of what it can be.
     """
 
     jitter: float = 0.0
@@ -47,18 +40,6 @@ class Imperfections:
     burst: float = 1.0
     angle_increment: float = 0.0
     velocity_increment: float = 0.0
-
-    def __post_init__(self) -> None:
-        for name in ("jitter", "sampling_jitter", "angle_increment", "velocity_increment"):
-            value = float(getattr(self, name))
-            if not 0.0 <= value < float("inf"):
-                raise UsageError(f"{name} is {value:g}: give zero or a positive number.")
-        if not 0.0 <= self.dropped <= LARGEST_SHARE:
-            raise UsageError(
-                f"The share of dropped samples is {self.dropped:g}: give a number from 0 to {LARGEST_SHARE}."
-            )
-        if not 1.0 <= self.burst < float("inf"):
-            raise UsageError(f"A burst of {self.burst:g} dropped samples cannot be: give 1 or more.")
 
     def in_raw_unit(self, force_factor: float, rate_factor: float) -> Imperfections:
         """Return the same chain for raw numbers so many times as large, such as counts instead of SI.

@@ -11,7 +11,7 @@ import numpy as np
 
 from tumble.arrays import Series, Vector, Vectors
 from tumble.attitude.rotations import matrix_from_rotation_vector
-from tumble.errors import ProtocolError, UsageError
+from tumble.errors import ProtocolError
 from tumble.protocol.steps import SpinStep
 from tumble.records import dataclass
 from tumble.simulation.spin_shapes import SpinShapes
@@ -57,30 +57,6 @@ class TableErrors:
     ramp_spread: float = 0.0
     shake: float = 0.0
     stops_early: tuple[tuple[int, float], ...] = ()
-
-    def __post_init__(self) -> None:
-        """Refuse what no table does."""
-        amounts = {
-            "angle_sigma": self.angle_sigma or 0.0,
-            "once": self.once,
-            "twice": self.twice,
-            "axis_tilt": self.axis_tilt,
-            "wobble": self.wobble,
-            "ripple": self.ripple,
-            "ramp_spread": self.ramp_spread,
-            "shake": self.shake,
-        }
-        for name, amount in amounts.items():
-            if not 0.0 <= amount < 1.0:
-                raise UsageError(f"A table's {name} is {amount:g}: give a number from 0 to below 1.")
-        if self.ripple_cycles < 1:
-            raise UsageError(f"A ripple of {self.ripple_cycles} cycles a revolution is none: give 1 or more.")
-        for _, share in self.stops_early:
-            if not 0.0 < share < 1.0:
-                raise UsageError(
-                    f"A spin that stops after {share:g} of its angle does not stop early: "
-                    "give a share between 0 and 1."
-                )
 
 
 @dataclass(frozen=True, slots=True)

@@ -31,16 +31,12 @@ from tumble.simulation.spin_shapes import SpinShapes
 _HALF_TURN, _QUARTER = np.pi, 0.5 * np.pi
 # Between sequences, and where nothing else is said, the fixture turns so fast.
 MOVING_RATE = 1.0  # rad/s
-# No fixture is off by more, rad: beyond it a unit was mounted another way.
-LARGEST_ERROR = 0.5
 # Half a turn goes the positive way, whatever rounding says.
 _TIE = 1e-9
 # A turn takes some time even where it has no ramps and nowhere to go.
 _SHORTEST = 0.01  # s
 AXES = ("inner", "outer")
 """Of the fixture, in the order in which they move between sequences."""
-
-_SPREADS = ("heading", "tilt", "orthogonality", "inner_zero", "outer_zero", "mounting")
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,10 +55,6 @@ class FixtureErrors:
     ramp : s to come to the rate, and to stop.
     pause : s that it rests between rotations of one sequence, and between its axes' moves.
 
-    Raises
-    ------
-    UsageError
-        If a number is not one that a fixture has.
     """
 
     heading: float = 0.0
@@ -75,28 +67,6 @@ class FixtureErrors:
     rate: float | None = None
     ramp: float = 0.5
     pause: float = 1.0
-
-    def __post_init__(self) -> None:
-        """Refuse what no fixture does."""
-        for name in (*_SPREADS, "execution"):
-            for value in np.ravel(getattr(self, name)):
-                if not abs(value) <= LARGEST_ERROR:
-                    raise UsageError(
-                        f"A fixture's {name} is {value:g} rad: give at most {LARGEST_ERROR:g} either way."
-                    )
-        if self.execution < 0.0:
-            raise UsageError(
-                f"A fixture's execution is {self.execution:g} rad: give zero or a positive number."
-            )
-        if self.rate is not None and not 0.0 < self.rate < 100.0:
-            raise UsageError(
-                f"A fixture's rate is {self.rate:g} rad/s: give a number from above 0 to below 100."
-            )
-        for name in ("ramp", "pause"):
-            if not 0.0 <= getattr(self, name) < 3600.0:
-                raise UsageError(
-                    f"A fixture's {name} is {getattr(self, name):g} s: give a number from 0 to 3600."
-                )
 
     def drawn(self, rng: np.random.Generator) -> FixtureErrors:
         """Return one fixture of this quality: each error drawn with what stands here as its one sigma.

@@ -8,7 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from tumble.earth import Site
 from tumble.errors import UsageError
-from tumble.simulation import Detours, Motion, poses_26, simulate_hand_poses
+from tumble.simulation import Motion, poses_26
+from tumble.simulation.motion import Detours
 from tumble.simulation.spin_shapes import SpinShapes
 
 SITE = Site.from_latitude(np.radians(-33.0))
@@ -102,14 +103,6 @@ def test_a_detour_s_rate_is_the_derivative_of_its_rotation_and_holds_are_free_of
     resting = np.array([0.0, 0.99, 3.0, 4.2, 5.5, 9.0])
     assert not detours.rotation(resting).any()
     assert not detours.rotation_rate(resting).any()
-
-
-def test_hand_poses_can_differ_from_one_before_them() -> None:
-    before = poses_26(0.4)[7]
-    for seed in range(30):
-        pose = simulate_hand_poses(np.random.default_rng(seed), 1, after=before)[0]
-        up_before, up_now = (p.inv().apply([0.0, 0.0, -1.0]) for p in (before, pose))
-        assert np.arccos(up_before @ up_now) > 0.5
 
 
 def test_half_a_turn_between_two_samples_is_refused() -> None:

@@ -6,14 +6,10 @@ import numpy as np
 import pytest
 
 from tumble.attitude.directions import twenty_six_directions
-from tumble.errors import UsageError
 from tumble.simulation import (
-    GRADES,
     TriadNoise,
     convert_to_digital,
-    find_grade,
     poses_26,
-    simulate_hand_poses,
     simulate_noise,
 )
 
@@ -52,37 +48,8 @@ def test_a_converter_rounds_and_stops() -> None:
     np.testing.assert_array_equal(digital, [[0.0, -0.5, 2.0], [1.0, -2.0, 0.0]])
 
 
-def test_a_grade_draws_units_of_its_spread() -> None:
-    grade = find_grade("consumer-mems")
-    rng = np.random.default_rng(34)
-    models = [grade.simulate_model(rng) for _ in range(300)]
-    biases = np.array([m.gyroscope.bias for m in models if m.gyroscope is not None])
-    # 900 numbers: 2.4 %, four of them
-    assert np.std(biases) == pytest.approx(np.radians(20.0) / 3.0, rel=0.1)
-
-
-def test_the_noise_of_a_grade_is_its_data_sheet_s() -> None:
-    """HG1700: 0.125 deg/√h is 0.125 deg after one hour."""
-    gyro = GRADES["tactical"].gyroscope.noise
-    assert gyro.random_walk * np.sqrt(3600.0) == pytest.approx(np.radians(0.125), rel=1e-12)
-
-
-def test_an_unknown_grade_is_refused_with_those_that_there_are() -> None:
-    with pytest.raises(
-        UsageError,
-        match="'best'; choose one of consumer-mems, industrial-mems, hg1900, hg1700, tactical, ring-laser",
-    ):
-        find_grade("best")
-
-
 def test_the_26_poses_point_up_along_faces_edges_and_corners() -> None:
     directions = twenty_six_directions()
     up_b = poses_26(0.3).inv().apply([0.0, 0.0, -1.0])
     np.testing.assert_allclose(up_b, directions, atol=1e-14)
     assert [int(np.count_nonzero(np.abs(d) > 0.1)) for d in directions] == [1] * 6 + [2] * 12 + [3] * 8
-
-
-def test_hand_poses_differ_from_one_to_the_next() -> None:
-    up_b = simulate_hand_poses(np.random.default_rng(35), 40).inv().apply([0.0, 0.0, -1.0])
-    angles = np.arccos(np.sum(up_b[1:] * up_b[:-1], axis=1))
-    assert angles.min() >= 0.5

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tumble.errors import UsageError
 from tumble.simulation import Imperfections
 from tumble.simulation.sampling import count_increments, drop_samples, scatter_instants, scatter_stamps
 
@@ -70,23 +69,6 @@ def test_the_first_and_the_last_sample_arrive() -> None:
         assert keep[0]
         assert keep[-1]
     assert drop_samples(7, 0.0, 1.0, np.random.default_rng(1)).all()
-
-
-@pytest.mark.parametrize(
-    ("numbers", "words"),
-    [
-        ({"dropped": 0.6}, "share of dropped samples is 0.6: give a number from 0 to 0.5"),
-        ({"dropped": -0.1}, "share of dropped samples"),
-        ({"dropped": float("nan")}, "share of dropped samples"),
-        ({"burst": 0.5}, "burst of 0.5"),
-        ({"jitter": -1e-3}, "jitter is -0.001"),
-        ({"sampling_jitter": float("inf")}, "sampling_jitter is inf"),
-        ({"angle_increment": float("nan")}, "angle_increment is nan"),
-    ],
-)
-def test_a_chain_that_cannot_be_is_refused(numbers: dict[str, float], words: str) -> None:
-    with pytest.raises(UsageError, match=words):
-        Imperfections(**numbers)
 
 
 def test_in_counts_the_increments_are_counts_times_seconds() -> None:

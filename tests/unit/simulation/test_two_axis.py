@@ -21,15 +21,12 @@ from tumble.protocol import (
     sequence_steps,
 )
 from tumble.protocol.strapdown_rotation import SEQUENCES
-from tumble.recording import Recording
 from tumble.segmentation import find_timeline, observe_holds
 from tumble.segmentation.matching import match_protocol
-from tumble.sensor import ImuModel, Triad
 from tumble.simulation import (
     FixtureErrors,
     PlayedProtocol,
     TableErrors,
-    Truth,
     find_grade,
     fixture_angles,
     play_sequences,
@@ -173,7 +170,7 @@ def test_the_axes_of_the_rotations_are_not_orthogonal_by_what_is_said(sign: floa
 def test_errors_of_execution_belong_to_stops_and_do_not_add_up() -> None:
     """Each stop of each axis has its own; angles are differences of two, and a whole test is off by as much."""
     turned = []
-    for seed in range(40):
+    for seed in range(12):
         played = play(FixtureErrors(execution=1e-3), seed=seed)
         inner = [r.angle for r in played.rotations if r.axis == "inner"]
         outer = [r.angle for r in played.rotations if r.axis == "outer"]
@@ -181,9 +178,10 @@ def test_errors_of_execution_belong_to_stops_and_do_not_add_up() -> None:
             off = np.array(angles) - np.round(np.array(angles) / (0.5 * np.pi)) * 0.5 * np.pi
             turned.append((off.std(), off.sum()))
     spread, total = np.array(turned).T
-    # √2 sigmas, from some twenty angles in each of 80: 2 %, five of them. The sum has two errors: 8 %, four of them.
-    assert np.sqrt(np.mean(spread**2)) == pytest.approx(np.sqrt(2.0) * 1e-3, rel=0.1)
-    assert np.std(total) == pytest.approx(np.sqrt(2.0) * 1e-3, rel=0.32)
+    # √2 sigmas, from some twenty angles in each of 24: 3.5 %, four of them. The sum has two errors: 15 %, four of them;
+    # were errors added up, it would be three times as large.
+    assert np.sqrt(np.mean(spread**2)) == pytest.approx(np.sqrt(2.0) * 1e-3, rel=0.14)
+    assert np.std(total) == pytest.approx(np.sqrt(2.0) * 1e-3, rel=0.6)
 
 
 def test_the_gyro_samples_of_a_sequence_chain_to_its_rotation_exactly() -> None:
@@ -206,34 +204,6 @@ def test_the_gyro_samples_of_a_sequence_chain_to_its_rotation_exactly() -> None:
     assert len(truth.rotations) == 8
     assert [r.step for r in truth.rotations] == list(range(1, 9))
     assert truth.fixture == WRONG
-
-
-@pytest.mark.parametrize(("name", "sign"), [("1", 1.0), ("1a", -1.0)])
-def test_an_asymmetric_gyro_reads_a_whole_turn_differently_by_its_sign(name: str, sign: float) -> None:
-    model = ImuModel(
-        Triad(np.eye(3), np.zeros(3)), Triad(np.eye(3), np.zeros(3), asymmetry=np.array([3e-3, 1e-3, 2e-3]))
-    )
-    recording, _ = simulate_protocol(
-        only(name), 100.0, np.random.default_rng(2), site=STILL, model=model, fixture=FixtureErrors()
-    )
-    assert recording.angular_rate is not None
-    turned = recording.angular_rate.sum(axis=0) / 100.0
-    # 1e-9: the motion ends between two samples at rest; rounding
-    np.testing.assert_allclose(turned, [0.0, 2.0 * np.pi * (sign + 1e-3), 0.0], atol=1e-9)
-
-
-@pytest.mark.parametrize(("name", "axis", "sign"), [("1", 2, -1.0), ("11", 2, -1.0), ("8", 2, -1.0)])
-def test_an_asymmetric_accelerometer_reads_up_and_down_differently(name: str, axis: int, sign: float) -> None:
-    """Minus gravity at the start; after half a turn plus."""
-    asymmetry = np.array([3e-3, 1e-3, 2e-3])
-    model = ImuModel(Triad(np.eye(3), np.zeros(3), asymmetry=asymmetry), Triad(np.eye(3), np.zeros(3)))
-    recording, _ = simulate_protocol(
-        only(name), 100.0, np.random.default_rng(2), site=STILL, model=model, fixture=FixtureErrors()
-    )
-    assert recording.specific_force is not None
-    start, end = recording.specific_force[0, axis], recording.specific_force[-1, axis]
-    assert start == pytest.approx(9.81 * (sign + 2e-3), abs=1e-12)
-    assert end == pytest.approx(9.81 * ((sign if name == "1" else -sign) + 2e-3), abs=1e-12)
 
 
 def test_rate_ramp_and_pause_are_those_that_are_asked_for() -> None:
@@ -323,29 +293,13 @@ def test_a_quality_is_drawn_with_one_sigma_each_and_keeps_its_profile() -> None:
         pause=3.0,
     )
     rng = np.random.default_rng(5)
-    drawn = [quality.drawn(rng) for _ in range(400)]
+    drawn = [quality.drawn(rng) for _ in range(100)]
     values = np.array(
         [[d.heading, *d.tilt, d.orthogonality, d.inner_zero, d.outer_zero, *d.mounting] for d in drawn]
     )
-    # 400 numbers: 3.5 %, four of them
-    np.testing.assert_allclose(values.std(axis=0), 1e-3 * np.arange(1.0, 10.0), rtol=0.14)
+    # 100 numbers: 7 %, four of them
+    np.testing.assert_allclose(values.std(axis=0), 1e-3 * np.arange(1.0, 10.0), rtol=0.28)
     assert {(d.execution, d.rate, d.ramp, d.pause) for d in drawn} == {(1e-4, 2.0, 0.2, 3.0)}
-
-
-@pytest.mark.parametrize(
-    ("errors", "words"),
-    [
-        ({"heading": 1.0}, "heading is 1 rad"),
-        ({"mounting": (0.0, float("nan"), 0.0)}, "mounting is nan"),
-        ({"execution": -1e-3}, "execution is -0.001 rad: give zero or a positive number"),
-        ({"rate": 0.0}, "rate is 0 rad/s"),
-        ({"ramp": -1.0}, "ramp is -1 s"),
-        ({"pause": float("inf")}, "pause is inf s"),
-    ],
-)
-def test_what_no_fixture_has_is_refused(errors: dict[str, Any], words: str) -> None:
-    with pytest.raises(UsageError, match=words):
-        FixtureErrors(**errors)
 
 
 UP = HoldStep(5.0, Pose(-Z, 0.0))
@@ -388,8 +342,10 @@ def test_a_turn_that_contradicts_the_next_pose_and_a_table_beside_the_fixture_ar
         simulate_protocol(TEST, 50.0, rng, site=STILL, table=TableErrors(), fixture=FixtureErrors())
 
 
-def recorded(grade: str, pause: float) -> tuple[Recording, Truth]:
-    return simulate_protocol(
+@pytest.mark.parametrize(("grade", "pause"), [("industrial-mems", 1.0), ("tactical", 3.0), ("tactical", 0.0)])
+def test_every_rest_of_a_recording_is_found_and_all_34_holds_at_their_time(grade: str, pause: float) -> None:
+    """A pause is a rest, and none of the holds, nor one of them done again."""
+    recording, truth = simulate_protocol(
         TEST,
         100.0,
         np.random.default_rng(3),
@@ -398,29 +354,14 @@ def recorded(grade: str, pause: float) -> tuple[Recording, Truth]:
         fixture=replace(WRONG, pause=pause),
         lever_arm_b=np.array([0.05, -0.02, 0.01]),
     )
-
-
-@pytest.mark.parametrize("pause", [1.0, 3.0])
-@pytest.mark.parametrize("grade", ["industrial-mems", "tactical"])
-def test_every_hold_and_every_pause_of_a_recording_is_found_as_a_rest(grade: str, pause: float) -> None:
-    recording, truth = recorded(grade, pause)
-    rests = [
-        (recording.time[rest.start], recording.time[rest.stop - 1]) for rest in find_timeline(recording).holds
-    ]
-    # A rest is cut a little inside, and a ramp begins gently.
-    np.testing.assert_allclose(rests, truth.hold_edges, atol=0.5)
-
-
-@pytest.mark.parametrize("pause", [0.0, 1.0, 3.0])
-@pytest.mark.parametrize("grade", ["industrial-mems", "tactical"])
-def test_all_34_holds_are_found_again_at_their_time(grade: str, pause: float) -> None:
-    """A pause is none of them, and no hold done again."""
-    recording, truth = recorded(grade, pause)
     timeline = find_timeline(recording)
+    rests = np.array([(recording.time[r.start], recording.time[r.stop - 1]) for r in timeline.holds])
+    # A rest is cut a little inside, and a ramp begins gently.
+    if pause:
+        np.testing.assert_allclose(rests, truth.hold_edges, atol=0.5)
     matching = match_protocol(TEST, recording, timeline, observe_holds(recording, timeline))
     assert (matching.missing, matching.extra, matching.remarks) == ((), (), [])
     assert len(matching.holds) == 34
-    for matched in matching.holds:
-        hold = timeline.holds[matched.hold]
-        start, stop = recording.time[hold.start], recording.time[hold.stop - 1]
-        np.testing.assert_allclose([start, stop], truth.step_edges[matched.step], atol=0.5)
+    found = rests[[matched.hold for matched in matching.holds]]
+    wanted = truth.step_edges[[matched.step for matched in matching.holds]]
+    np.testing.assert_allclose(found, wanted, atol=0.5)
