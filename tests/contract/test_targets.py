@@ -2,8 +2,6 @@
 
 Its own formula, read from its source's documentation and written here by hand, gives the calibration's corrected
 numbers from the file; what it reads back corrects alike; what is damaged is refused in a sentence.
-
-The matrices are asymmetric, so that a transposed or an inverted one fails.
 """
 
 from __future__ import annotations
@@ -19,9 +17,9 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from tests.unit.export.a_unit import B_A, B_G, M_A, M_G, RAW_A, RAW_G, G, document
 
 from tumble.document import read_calibration
-from tumble.document.imported import calibration_from_model
 from tumble.document.magnetometer_block import MagnetometerBlock
 from tumble.document.result import Calibration
 from tumble.document.thermal_block import thermal_block
@@ -36,12 +34,6 @@ from tumble.workflows.convert import convert_from, convert_to
 TARGETS = targets()
 
 GRAVITY_UNIT = 9.80665
-M_A = np.array([[1.012, 0.004, -0.007], [-0.009, 0.991, 0.006], [0.003, -0.012, 1.021]])
-M_G = np.array([[0.985, -0.011, 0.008], [0.006, 1.017, -0.004], [-0.013, 0.005, 1.008]])
-B_A, B_G = np.array([0.11, -0.23, 0.34]), np.array([0.012, -0.034, 0.021])
-G = np.array([[1.1e-3, -4e-4, 2e-4], [3e-4, -9e-4, 6e-4], [-7e-4, 5e-4, 8e-4]])
-RAW_A = np.array([[1.0, 2.0, 9.5], [-8.0, 3.0, -4.0], [0.3, -9.9, 1.2], [5.0, 5.0, 5.0]])
-RAW_G = np.array([[0.1, -0.2, 0.3], [-1.5, 0.7, 0.2], [0.0, 2.0, -1.0], [0.4, 0.4, 0.4]])
 RATE = 200.0
 NOISE_NUMBERS = SensorNoise(
     TriadNoise(2e-3, 3e-5, np.array([1.8e-3, 1.9e-3, 2e-3])),
@@ -49,12 +41,6 @@ NOISE_NUMBERS = SensorNoise(
     RATE,
     "noise.json",
 )
-
-
-def document(model: ImuModel, units: tuple[str, str] = ("m/s^2", "rad/s")) -> Calibration:
-    return calibration_from_model(
-        model, units, ("fixture", "the axes of the fixture"), [], procedure="by hand", remarks=[]
-    )
 
 
 def model_for(target: Target) -> ImuModel:
@@ -280,23 +266,6 @@ def by_python(texts: Texts) -> Evaluated:
     return np.array([p[0] for p in pairs]), np.array([p[1] for p in pairs])
 
 
-def by_arduino(texts: Texts) -> Evaluated:
-    """Arrays of floats, worked out by the formula of the comment."""
-    text = texts["tumble_arduino.h"]
-
-    def values(name: str) -> np.ndarray:
-        found = re.search(rf"TUMBLE_{name}(?:\[3\])+ =?\s*(\{{.*?\}});", text, re.S)
-        assert found
-        parts = re.findall(r"[-+\d.e]+f", found[1])
-        return np.array([np.float32(p[:-1]) for p in parts], dtype=float)
-
-    M_f, b_f = values("FORCE_MATRIX").reshape(3, 3), values("FORCE_BIAS")
-    M_w, b_w = values("RATE_MATRIX").reshape(3, 3), values("RATE_BIAS")
-    K = values("G_SENSITIVITY").reshape(3, 3)
-    f = np.array([M_f @ (a - b_f) for a in RAW_A])
-    return f, np.array([M_w @ (g - b_w - K @ x) for g, x in zip(RAW_G, f, strict=True)])
-
-
 # Single precision of parameters, and nine digits of text: 6e-8 of 10 m/s² and of offsets.
 SINGLE = 3e-6
 EVALUATORS: dict[str, tuple[Callable[[Texts], Evaluated], float]] = {
@@ -306,7 +275,6 @@ EVALUATORS: dict[str, tuple[Callable[[Texts], Evaluated], float]] = {
     "openicc": (by_openicc, 1e-12),
     "px4": (by_px4, SINGLE),
     "ardupilot": (by_ardupilot, SINGLE),
-    "arduino": (by_arduino, SINGLE),
     "python": (by_python, 1e-12),
     "basalt": (by_basalt, 1e-12),
     "kf-gins": (by_kf_gins, 1e-12),
@@ -317,7 +285,7 @@ EVALUATORS: dict[str, tuple[Callable[[Texts], Evaluated], float]] = {
     "realsense": (by_realsense, 1e-12),
     "ikalibr": (by_ikalibr, 1e-12),
 }
-COMPILED = ("c", "cpp")  # tests/unit/export/test_source_code.py compiles them
+COMPILED = ("c", "cpp", "arduino")  # tests/unit/export/test_source_code.py compiles them
 FIELD_ONLY = ("motioncal",)  # tests/unit/export/test_magnetometer.py
 APART = ("dlio", "mpu6050")  # tests/unit/export/test_boards_and_odometries.py
 NOISE_ONLY = ("kalibr-noise", "ros", "vins", "gvins", "lio-sam", "fast-lio", "okvis", "svo")

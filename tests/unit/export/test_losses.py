@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
+from tests.unit.export.a_unit import B_A, B_G, M_A, M_G, document
 
-from tumble.document.imported import calibration_from_model
 from tumble.document.result import Calibration
 from tumble.document.thermal_block import thermal_block
 from tumble.errors import UsageError
@@ -18,22 +16,15 @@ from tumble.sensor.thermal import TemperatureBasis, ThermalModel
 
 TARGETS = targets()
 
-M_A = np.array([[1.012, 0.004, -0.007], [-0.009, 0.991, 0.006], [0.003, -0.012, 1.021]])
-M_G = np.array([[0.985, -0.011, 0.008], [0.006, 1.017, -0.004], [-0.013, 0.005, 1.008]])
-G = np.array([[1.1e-3, -4e-4, 2e-4], [3e-4, -9e-4, 6e-4], [-7e-4, 5e-4, 8e-4]])
-ACCELEROMETER = Triad(M_A, np.array([0.11, -0.23, 0.34]))
-GYROSCOPE = Triad(M_G, np.array([0.012, -0.034, 0.021]))
+ACCELEROMETER = Triad(M_A, B_A)
+GYROSCOPE = Triad(M_G, B_G)
 STANDARD_GRAVITY = 9.80665
-
-
-def document(model: ImuModel, units: tuple[str, str] = ("m/s^2", "rad/s"), **update: Any) -> Calibration:
-    bare = calibration_from_model(model, units, ("fixture", "axes"), [], procedure="by hand", remarks=[])
-    return bare.model_copy(update=update)
 
 
 def thermal_document(model: ThermalModel) -> Calibration:
     block = thermal_block(model, model.names, 1e-12 * np.eye(len(model.names)))
-    return document(model.reference, thermal=block, temperature_celsius=model.basis.reference_celsius)
+    update = {"thermal": block, "temperature_celsius": model.basis.reference_celsius}
+    return document(model.reference).model_copy(update=update)
 
 
 def losses(subject: Subject) -> str:
