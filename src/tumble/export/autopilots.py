@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -18,8 +17,6 @@ from tumble.sensor import ImuModel, Triad
 
 _REFERENCE = 35.0  # °C that ArduPilot's polynomials are about
 _ABSOLUTE_ZERO = 273.15  # below it CALTEMP is not set
-Found = dict[str, dict[tuple[str, str, str], float]]
-"""By triad: values by number of the unit, axis, and ``offset`` or ``scale``."""
 
 
 def read_px4(path: Path) -> Imported:
@@ -30,34 +27,13 @@ def read_px4(path: Path) -> Imported:
     CalibrationFileError
         If it is no parameter file, or has no calibration in it.
     """
-    found: Found = {"accelerometer": {}, "gyroscope": {}}
-    others: dict[str, float] = {}
-    for line_number, line in enumerate(text_of(path).splitlines(), 1):
-        if not line.strip() or line.lstrip().startswith("#"):
-            continue
-        words = line.split()
-        if len(words) != 5:
-            raise CalibrationFileError(
-                f"{path}, line {line_number}, has {len(words)} words: a line of PX4's is vehicle, component, name, "
-                "value, type."
-            )
-        try:
-            value = number_of(words[3])
-        except ValueError:
-            raise CalibrationFileError(
-                f"{path}, line {line_number}: {shown(words[3][:40])} is no number."
-            ) from None
-        if match := re.fullmatch(r"CAL_(ACC|GYRO)(\d)_([XYZ])(OFF|SCALE)", words[2]):
-            kind = "accelerometer" if match[1] == "ACC" else "gyroscope"
-            found[kind][match[2], match[3], "offset" if match[4] == "OFF" else "scale"] = value
-        else:
-            others[words[2]] = value
-
-    return _from_parameters(found, path, "PX4", partial(_px4_curve, others, path=path))
+    values = _values(path, "PX4", ("vehicle", "component", "name", "value", "type"))
+    names = r"CAL_(?P<kind>ACC|GYRO)(?P<number>\d)_(?P<axis>[XYZ])(?P<what>OFF|SCALE)"
+    return _from_parameters(values, names, path, "PX4", _px4_curve)
 
 
 def _px4_curve(
-    values: dict[str, float], kind: str, number: str, triad: Triad, remarks: list[str], path: Path
+    values: dict[str, float], path: Path, kind: str, number: str, triad: Triad, remarks: list[str]
 ) -> Curve | None:
     """Return a sensor's bias over temperature: what TC holds about TREF, and the offset beside it."""
     letter, calibrated = (
@@ -92,30 +68,29 @@ def read_ardupilot(path: Path) -> Imported:
     CalibrationFileError
         If it is no parameter file, or has no calibration in it.
     """
-    found: Found = {"accelerometer": {}, "gyroscope": {}}
-    others: dict[str, float] = {}
-    for line_number, line in enumerate(text_of(path).splitlines(), 1):
-        line = line.partition("#")[0].strip()
-        if not line:
-            continue
-        words = line.replace(",", " ").split()
-        try:
-            name, value = words[0], number_of(words[1])
-        except (IndexError, ValueError):
-            raise CalibrationFileError(
-                f"{path}, line {line_number}: a line of ArduPilot's is NAME,VALUE, not {line[:40]!r}."
-            ) from None
-        if match := re.fullmatch(r"INS_(ACC|GYR)(\d?)(OFFS|SCAL)_([XYZ])", name):
-            kind = "accelerometer" if match[1] == "ACC" else "gyroscope"
-            found[kind][match[2] or "1", match[4], "offset" if match[3] == "OFFS" else "scale"] = value
-        else:
-            others[name] = value
+    values = _values(path, "ArduPilot", ("name", "value"))
+    names = r"INS_(?P<kind>ACC|GYR)(?P<number>\d?)(?P<what>OFF|SCAL)S?_(?P<axis>[XYZ])"
+    return _from_parameters(values, names, path, "ArduPilot", _ardupilot_curve)
 
-    return _from_parameters(found, path, "ArduPilot", partial(_ardupilot_curve, others, path=path))
+
+def _values(path: Path, tool: str, form: tuple[str, ...]) -> dict[str, float]:
+    """Return the parameters of a file, whose lines are of a form."""
+    values: dict[str, float] = {}
+    for number, line in enumerate(text_of(path).splitlines(), 1):
+        words = line.partition("#")[0].replace(",", " ").split()
+        try:
+            if words:
+                named = dict(zip(form, words, strict=True))
+                values[named["name"]] = number_of(named["value"])
+        except ValueError:
+            raise CalibrationFileError(
+                f"{path}, line {number}: a line of {tool}'s is {', '.join(form)}, not {shown(line[:40])!r}."
+            ) from None
+    return values
 
 
 def _ardupilot_curve(
-    values: dict[str, float], kind: str, number: str, triad: Triad, remarks: list[str], path: Path
+    values: dict[str, float], path: Path, kind: str, number: str, triad: Triad, remarks: list[str]
 ) -> Curve | None:
     """Return a sensor's bias over temperature: the offset at CALTEMP, and how P differs from what it is there."""
     what = f"INS_TCAL{number}_ENABLE"
@@ -138,16 +113,18 @@ def _ardupilot_curve(
 
 
 def _from_parameters(
-    found: Found,
+    values: dict[str, float],
+    names: str,
     path: Path,
     tool: str,
-    curve_of: Callable[[str, str, Triad, list[str]], Curve | None],
+    curve_of: Callable[[dict[str, float], Path, str, str, Triad, list[str]], Curve | None],
 ) -> Imported:
     """Return the first unit of an autopilot's parameters.
 
     Parameters
     ----------
-    found : both triads.
+    values : by name.
+    names : pattern of the names of offsets and scale factors.
     path, tool : for the sentences.
     curve_of : returns the bias over temperature of a triad, given its kind, its number and what it is without; it
         adds to the remarks.
@@ -157,6 +134,12 @@ def _from_parameters(
     CalibrationFileError
         If nothing of a calibration is in it, an axis is missing, or a number is none that a calibration has.
     """
+    found: dict[str, dict[tuple[str, str, str], float]] = {"accelerometer": {}, "gyroscope": {}}
+    for name, value in values.items():
+        if match := re.fullmatch(names, name):
+            kind = "accelerometer" if match["kind"] == "ACC" else "gyroscope"
+            what = "offset" if match["what"] == "OFF" else "scale"
+            found[kind][match["number"] or "1", match["axis"], what] = value
     if not any(found.values()):
         raise CalibrationFileError(f"{path} has no calibration parameters of {tool}.")
     remarks: list[str] = []
@@ -167,7 +150,7 @@ def _from_parameters(
         if len({number for number, _, _ in entries}) > 1:
             remarks.append(f"the file has several {kind}s: the first one was read")
         if triad is not None:
-            curve = curve_of(kind, min(key[0] for key in entries), triad, remarks)
+            curve = curve_of(values, path, kind, min(key[0] for key in entries), triad, remarks)
             if curve is not None:
                 curves[kind] = curve
     model = ImuModel(triads["accelerometer"], triads["gyroscope"])
