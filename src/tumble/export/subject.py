@@ -165,7 +165,7 @@ def prepare(
     if thermal is not None:
         curves, lost = polynomials_of(_scaled_thermal(thermal, scale))
         found += lost
-    kept = _projected(whole, target, units, found)
+    kept = curves.at(curves.reference, _projected(whole, target, units, found))
     magnetometer, of_field = field_for(calibration, frame, target, wishes.largest_loss)
     found += [*(Loss(text) for text in target.loses), *of_field]
     if not target.corrects:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -52,12 +54,12 @@ def truth(calibration: Calibration, celsius: float) -> tuple[np.ndarray, np.ndar
     return force[0], rate[0]
 
 
-def by_px4(text: str, celsius: float) -> tuple[np.ndarray, np.ndarray]:
+def by_px4(text: str, celsius: float, force: np.ndarray = RAW_A) -> tuple[np.ndarray, np.ndarray]:
     """TemperatureCompensation.h: offset by Horner in the clipped difference; then offset and scale."""
     p = {w[2]: float(w[3]) for line in text.splitlines() if len(w := line.split("\t")) == 5}
     assert p["TC_A_ENABLE"] == p["TC_G_ENABLE"] == 1
     out = []
-    for letter, raw, off, scale in (("A", RAW_A, "CAL_ACC0", True), ("G", RAW_G, "CAL_GYRO0", False)):
+    for letter, raw, off, scale in (("A", force, "CAL_ACC0", True), ("G", RAW_G, "CAL_GYRO0", False)):
         t = min(max(celsius, p[f"TC_{letter}0_TMIN"]), p[f"TC_{letter}0_TMAX"]) - p[f"TC_{letter}0_TREF"]
         x = [np.array([p[f"TC_{letter}0_X{k}_{axis}"] for axis in range(3)]) for k in range(4)]
         offset = ((x[3] * t + x[2]) * t + x[1]) * t + x[0]
@@ -66,12 +68,12 @@ def by_px4(text: str, celsius: float) -> tuple[np.ndarray, np.ndarray]:
     return out[0], out[1]
 
 
-def by_ardupilot(text: str, celsius: float) -> tuple[np.ndarray, np.ndarray]:
+def by_ardupilot(text: str, celsius: float, force: np.ndarray = RAW_A) -> tuple[np.ndarray, np.ndarray]:
     """AP_InertialSensor_tempcal.cpp: v -= P(T - 35), v += P(T_cal - 35), P(d) = (c1 + (c2 + c3 d) d) d 1e-6."""
     p = {n: float(v) for n, v in (line.split(",") for line in text.splitlines() if not line.startswith("#"))}
     assert p["INS_TCAL1_ENABLE"] == 1
     out = []
-    for kind, raw, off in (("ACC", RAW_A, "INS_ACCOFFS"), ("GYR", RAW_G, "INS_GYROFFS")):
+    for kind, raw, off in (("ACC", force, "INS_ACCOFFS"), ("GYR", RAW_G, "INS_GYROFFS")):
         c = [np.array([p[f"INS_TCAL1_{kind}{k}_{axis}"] for axis in "XYZ"]) for k in (1, 2, 3)]
 
         def P(T: float, c: list[np.ndarray] = c) -> np.ndarray:
@@ -85,14 +87,17 @@ def by_ardupilot(text: str, celsius: float) -> tuple[np.ndarray, np.ndarray]:
     return out[0], out[1]
 
 
+by_each = pytest.mark.parametrize(("name", "evaluate"), [("px4", by_px4), ("ardupilot", by_ardupilot)])
+
+
 @pytest.mark.parametrize("celsius", [-20.0, 3.0, 22.0, 41.0, 60.0])
-@pytest.mark.parametrize(("name", "evaluate"), [("px4", by_px4), ("ardupilot", by_ardupilot)])
-def test_the_autopilot_s_polynomials_follow_the_model(name: str, evaluate: object, celsius: float) -> None:
+@by_each
+def test_the_autopilot_s_polynomials_follow_the_model(name: str, evaluate: Any, celsius: float) -> None:
     """Single precision of parameters: 6e-8 of terms up to 10 m/s² (scale) and of their sums."""
     calibration = cubic()
     target = TARGETS[name]
     text = "".join(target.write(prepare(calibration, target)).values())
-    force, rate = evaluate(text, celsius)  # type: ignore[operator]
+    force, rate = evaluate(text, celsius)
     expected = truth(calibration, celsius)
     assert np.allclose(force, expected[0], rtol=0, atol=3e-6)
     assert np.allclose(rate, expected[1], rtol=0, atol=1e-7)
@@ -113,14 +118,24 @@ def test_hysteresis_rate_and_lag_are_said_to_be_left_out() -> None:
     assert "lag are left out" in text
 
 
-def test_lines_are_fitted_by_a_cubic_whose_misfit_is_said() -> None:
+@by_each
+def test_lines_are_fitted_by_a_cubic_whose_misfit_is_said(name: str, evaluate: Any) -> None:
+    """What is said of it, and the test vector, are those of the file's own numbers in the firmware's formula."""
     basis = TemperatureBasis("linear", 20.0, np.array([-20.0, 20.0, 60.0]))
-    terms = {"accelerometer.bias": np.array([[0.1, 0.0, 0.0], [0.1, 0.0, 0.0]])}
+    lines = np.array([[0.1, 0.0, 0.0], [0.1, 0.0, 0.0]])
+    terms = {"accelerometer.bias": lines, "gyroscope.bias": 1e-3 * lines}
     calibration = document(ThermalModel(REFERENCE, basis, terms, span_celsius=(-20.0, 60.0)))
-    text = "".join(TARGETS["ardupilot"].write(prepare(calibration, TARGETS["ardupilot"])).values())
+    text = "".join(TARGETS[name].write(prepare(calibration, TARGETS[name])).values())
     found = text.partition("cubic polynomials here: off by up to ")[2].partition(" µg")[0]
     # |t| on [-1, 1] by a parabola in least squares: 15/16 t² + 3/16, off by 3/16 at the kink.
     assert abs(float(found) - 0.1 * 3 / 16 / 9.80665 * 1e6) < 60
+    off = max(abs(evaluate(text, c)[0] - truth(calibration, c)[0]).max() for c in np.linspace(-20, 60, 81))
+    assert 1.01 * off * 1e6 / 9.80665 == pytest.approx(float(found), abs=1.0)  # in whole µg
+    raw, true = (
+        json.loads(text.partition(f" {what} ")[2].partition("],")[0] + "]")
+        for what in ("raw specific force", "corrected to")
+    )
+    assert np.allclose(evaluate(text, 20.0, np.array(raw))[0], true, rtol=0, atol=3e-6)
 
 
 @pytest.mark.parametrize("name", ["px4", "ardupilot"])
