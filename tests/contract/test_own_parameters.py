@@ -19,6 +19,7 @@ from tumble.document.result import Calibration
 from tumble.earth import Site
 from tumble.errors import RecordingError, UsageError
 from tumble.recording import Recording, read_recording
+from tumble.recording.doctor import inspect_recording
 from tumble.recording.formats.logs.own_parameters import ArduPilot, OwnParameters, Px4
 from tumble.recording.samples import Samples
 from tumble.sensor import ImuModel, Triad
@@ -35,7 +36,7 @@ FIELD = np.array([210.0, -30.0, 430.0]) + 40.0 * RNG.normal(size=(300, 3))  # mg
 CELSIUS = 24.0 + 0.05 * np.arange(300)
 SITE = Site.from_gravity(9.81)
 Parameters = Mapping[str, float]
-Signals = tuple[np.ndarray, np.ndarray, np.ndarray]
+Signals = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 PX4: Parameters = {
     "CAL_ACC0_ID": 77, "CAL_ACC0_XOFF": 9.0, "CAL_ACC0_YOFF": 9.0, "CAL_ACC0_ZOFF": 9.0,
@@ -141,6 +142,7 @@ LAYOUTS = {
     "uint16_t delta_angle_dt;uint16_t delta_velocity_dt;",
     "sensor_accel": "uint64_t timestamp_sample;float x;float y;float z;float temperature;",
     "sensor_gyro": "uint64_t timestamp_sample;float x;float y;float z;float temperature;",
+    "sensor_mag": "uint64_t timestamp_sample;uint32_t device_id;float x;float y;float z;",
     "vehicle_magnetometer": "uint64_t timestamp_sample;uint32_t device_id;float[3] magnetometer_ga;",
     "sensor_selection": "uint32_t accel_device_id;uint32_t gyro_device_id;",
     "sensor_correction": "".join(TEMPERED),
@@ -155,10 +157,10 @@ def ulog(
     later: Parameters | None = None,
     thermal: bool = False,
     selected: tuple[int, ...] = (1310988,),
-    signals: Signals = (STAMPS, FORCE, RATE),
+    signals: Signals = (STAMPS, FORCE, RATE, FIELD),
 ) -> Path:
     """Write what PX4 logs of a motion; `later` are parameters that are set half way."""
-    stamps, force, rate = signals
+    stamps, force, rate, field = signals
     half = len(stamps) // 2
     steps = np.where(
         np.arange(len(stamps))[:, None] < half, [[0.0] * 6], [[0.3, 0.2, -0.1, 0.02, 0.01, -0.03]]
@@ -171,18 +173,19 @@ def ulog(
         )
         for kind, u, o in (("ACC", force, steps[:, :3]), ("GYRO", rate, steps[:, 3:]))
     )
-    m = px4("MAG", 1e-3 * FIELD, p, np.zeros((300, 3)))
+    m = px4("MAG", 1e-3 * field, p, np.zeros_like(field))
     rows: dict[str, Callable[[int, int], bytes]] = {
         "sensor_combined": lambda i, t: struct.pack("<Q3fi3f", t, *w[i], 0, *f[i]),
         "vehicle_imu": lambda i, t: struct.pack(
             "<QII6fHH", t, 1310988, 2310988, *(w[i] * 0.004), *(f[i] * 0.004), 4000, 4000
         ),
         "vehicle_magnetometer": lambda i, t: struct.pack("<QQI3f", t, t, 97539, *m[i]),
+        "sensor_mag": lambda i, t: struct.pack("<QQI3f", t, t, 97539, *(1e-3 * field[i])),
         "sensor_accel": lambda i, t: struct.pack("<QQ4f", t, t, *force[i], 30.0),
         "sensor_gyro": lambda i, t: struct.pack("<QQ4f", t, t, *rate[i], 30.0),
     }  # fmt: skip
     names = [n for n in LAYOUTS if n.startswith((message, "sensor_selection", "sensor_correction"))]
-    names += ["vehicle_magnetometer"] if len(stamps) == 300 else []
+    names += ["vehicle_magnetometer"]
     parts = [b"ULog\x01\x12\x35\x01" + bytes(8), part(b"B", bytes(40))]
     parts += [part(b"F", f"{name}:uint64_t timestamp;{LAYOUTS[name]}".encode()) for name in names]
     parts += [parameter(*pair) for pair in p.items()]
@@ -211,10 +214,10 @@ def dataflash(
     *,
     message: str = "IMU",
     later: Parameters | None = None,
-    signals: Signals = (STAMPS, FORCE, RATE),
+    signals: Signals = (STAMPS, FORCE, RATE, FIELD),
 ) -> Path:
     """Write what ArduPilot logs of a motion; `later` are parameters that are set half way."""
-    stamps, force, rate = signals
+    stamps, force, rate, field = signals
     half = len(stamps) // 2
     celsius = np.resize(CELSIUS, len(stamps))
     halves = slice(half), slice(half, None)
@@ -223,7 +226,7 @@ def dataflash(
         np.vstack([ardupilot(kind, u[s], q, celsius[s]) for q, s in zip(now, halves, strict=True)])
         for kind, u in (("ACC", force), ("GYR", rate))
     )
-    m = ardupilot("MAG", FIELD, p, CELSIUS) + np.array([3.0, -2.0, 5.0])
+    m = ardupilot("MAG", field, p, celsius) + np.array([3.0, -2.0, 5.0])
     kinds = {
         "IMU": (9, b"QBfffffff", b"TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ,T"),
         "ACC": (20, b"QBQfff", b"TimeUS,I,SampleUS,AccX,AccY,AccZ"),
@@ -239,8 +242,7 @@ def dataflash(
         "IMT": lambda i, t: struct.pack("<QB9f", t, 1, 0.25, 0.25, 0.5, *(w[i] / 2), *(f[i] / 4)),
         "MAG": lambda i, t: struct.pack("<QB6f", t, 1, *m[i], 3.0, -2.0, 5.0),
     }
-    logged = {"ACC": ("IMU", "ACC", "GYR"), "IMT": ("IMU", "IMT")}.get(message, ("IMU",))
-    logged += ("MAG",) if len(stamps) == 300 else ()
+    logged = ("MAG", *{"ACC": ("IMU", "ACC", "GYR"), "IMT": ("IMU", "IMT")}.get(message, ("IMU",)))
 
     def stated(t: int, some: Parameters) -> list[bytes]:
         return [b"\xa3\x95\x40" + struct.pack("<Q16sff", t, n.encode(), v, 7.0) for n, v in some.items()]
@@ -383,18 +385,19 @@ def test_what_a_log_does_not_state_is_said_by_its_names_px4_and_ardupilot(tmp_pa
         assert sum("had their defaults while it was recorded" in text for text in done.remarks) == 1
 
 
-def held_in_many_poses() -> Signals:
-    """Stamps, raw force and raw rate of a unit whose errors an autopilot's parameters can hold."""
+def held_in_many_poses(holds: int = 12) -> Signals:
+    """Stamps, raw force and raw rate of a unit whose errors an autopilot's parameters can hold; the true field."""
     accelerometer = Triad(np.diag([1.02, 0.985, 1.01]), np.array([0.2, -0.15, 0.1]))
     model = ImuModel(accelerometer, Triad(np.eye(3), np.array([0.02, -0.01, 0.015])))
     rng = np.random.default_rng(4)
-    order = rng.permutation(26)[:12]
-    headings = Rotation.from_rotvec(np.outer(rng.uniform(0.0, 6.28, 12), [0.0, 0.0, 1.0]))
-    motion = Motion.between_poses(headings * poses_26()[order], np.full(12, 3.0), np.full(11, 2.0))
+    order = rng.permutation(26)[:holds]
+    headings = Rotation.from_rotvec(np.outer(rng.uniform(0.0, 6.28, holds), [0.0, 0.0, 1.0]))
+    motion = Motion.between_poses(headings * poses_26()[order], np.full(holds, 3.0), np.full(holds - 1, 2.0))
     grade = find_grade("consumer-mems")
     recording, _ = simulate_recording(motion, 50.0, rng, site=SITE, grade=grade, distort=model.distort)
     force, rate = (np.asarray(part) for part in (recording.specific_force, recording.angular_rate))
-    return np.round(recording.time * 1e6).astype(int), force, rate
+    field = motion.rotation_nb(recording.time).inv().apply([210.0, 30.0, 430.0])
+    return np.round(recording.time * 1e6).astype(int), force, rate, field
 
 
 def numbers(path: Path) -> dict[str, float]:
@@ -415,7 +418,7 @@ def test_a_calibrated_drone_gets_the_parameters_that_a_new_one_gets(tmp_path: Pa
         found.append(numbers(target))
     assert found[0] == pytest.approx(found[1], abs=2e-5)  # logs of single precision
     # Set into the firmware they correct the raw numbers: |f| is g at rest, and the gyros' offsets are gone.
-    new, (stamps, force, rate) = found[0], signals
+    new, (stamps, force, rate, _) = found[0], signals
     if firmware == "px4":
         new = {name.replace("CAL_ACC0", "CAL_ACC1"): value for name, value in new.items()}
         f, w = px4("ACC", force, new, np.zeros_like(force)), px4("GYRO", rate, new, np.zeros_like(rate))
@@ -426,6 +429,37 @@ def test_a_calibrated_drone_gets_the_parameters_that_a_new_one_gets(tmp_path: Pa
         rest = (stamps > 1e6 * (5.0 * k + 0.5)) & (stamps < 1e6 * (5.0 * k + 2.5))
         assert np.linalg.norm(f[rest].mean(0)) == pytest.approx(9.81, abs=0.01)  # of 0.3 m/s² before
         assert np.abs(w[rest].mean(0)).max() < 1e-3  # of 0.02 rad/s before
+
+
+@pytest.mark.parametrize("message", ["sensor_", "sensor_combined", "IMU"])
+def test_a_turned_compass_of_px4_or_ardupilot_gets_numbers_that_are_right_in_its_firmware(
+    tmp_path: Path, message: str
+) -> None:
+    """The compass stands in other axes than the IMU: PX4's by a rotation of its own, ArduPilot's by the board's."""
+    stamps, force, rate, true = held_in_many_poses(18)
+    soft, hard = symmetric(np.array([1.03, 0.98, 1.02]), np.array([0.02, -0.03, 0.01])), [40.0, -90.0, 25.0]
+    level = Rotation.from_euler("ZYX", [0.0, -0.5, 1.5], degrees=True).as_matrix()
+    board, own = (TURNS[16], np.eye(3)) if message == "IMU" else (level @ TURNS[2], level @ TURNS[6])
+    raw = true @ board.T @ own @ soft + hard
+    write, active, firmware = (dataflash, ARDUPILOT, "ardupilot") if message == "IMU" else (ulog, PX4, "px4")
+    path = write(tmp_path / "a.log", active, message=message, signals=(stamps, force, rate, raw))
+    run = calibrate(path, site=SITE, field=f"{1e-3 * np.linalg.norm(true[0]):.6f}gauss,63.7")
+    told = convert_to(run.calibration, firmware, output=tmp_path / f"{firmware}.txt")
+    new = numbers(told.files[0])
+    if firmware == "px4":
+        found = 1e3 * px4("MAG", 1e-3 * raw, {**active, **new}, np.zeros_like(raw))
+    else:
+        new = {re.sub("(OFS|DIA|ODI|SCALE)", r"\g<1>2", name): value for name, value in new.items()}
+        found = ardupilot("MAG", raw, new, np.zeros(len(raw)))
+    np.testing.assert_allclose(found, true @ board.T, atol=1.0)  # mgauss, of 479: the accelerometer's noise
+    other = convert_to(run.calibration, {"px4": "ardupilot"}.get(firmware, "px4"), output=tmp_path / "other")
+    assert any(
+        "magnetometer is left out" in remark for remark in other.remarks
+    )  # it turns a compass otherwise
+    seen = inspect_recording(read_recording(path)).magnetic_field
+    assert seen is not None
+    assert seen.axes is None
+    assert not seen.warnings
 
 
 def document(before: tuple[str, ...] = ()) -> Calibration:

@@ -37,6 +37,7 @@ from tumble.document.thermal_block import ThermalBlock, thermal_block
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ConvergenceError
 from tumble.files import shown
+from tumble.recording.magnetic_field import MagneticField
 from tumble.recording.recording import Recording
 from tumble.recording.temperature import mean_celsius
 from tumble.sensor import FRAMES
@@ -110,14 +111,18 @@ def calibration_from_estimate(
         ),
         thermal=thermal,
         lever_arms=None if estimate.lever_arms is None else rows_of(estimate.lever_arms),
-        magnetometer=_magnetometer(estimate, site),
+        magnetometer=_magnetometer(estimate, site, recording.magnetic_field),
     )
 
 
-def _magnetometer(estimate: Estimate, site: Site) -> MagnetometerBlock | None:
+def _magnetometer(estimate: Estimate, site: Site, field: MagneticField | None) -> MagnetometerBlock | None:
     """The block of a magnetometer, judged by itself; None without one."""
     found = estimate.shown(Magnetometer)
-    return None if found is None else magnetometer_block(found, judge_magnetometer(found, site.latitude))
+    if found is None:
+        return None
+    turn = None if field is None or field.turn is None else rows_of(field.turn)
+    made = magnetometer_block(found, judge_magnetometer(found, site.latitude))
+    return made.model_copy(update={"turn": turn})
 
 
 def _refuse_unsound(estimate: Estimate) -> None:

@@ -94,6 +94,7 @@ class MagnetometerBlock(DocumentPart):
     unit : of the corrected field: "T", or "local field" where nobody knows the norm: then the norm is one.
     frame : "b" for the frame of the calibration, or "magnetometer" where nothing tells how the axes lie against it.
     method : "holds and turns", "holds", "ellipsoid" (the magnetometer alone), or "imported".
+    turn : rotation from the raw axes to the accelerometers' that the autopilot makes by parameters of its own.
     input_corrected_by : identities of an autopilot's own parameters that its numbers were corrected by already, in a
         file from when these were not undone on reading.
     """
@@ -113,6 +114,7 @@ class MagnetometerBlock(DocumentPart):
     verdict: FieldVerdictBlock | None = None
     not_determined: list[str] = Field(default_factory=list[str])
     remarks: list[str] = Field(default_factory=list[str])
+    turn: Rows | None = None
     input_corrected_by: list[str] = Field(default_factory=list[str])
     test_vectors: list[FieldVector] = Field(default_factory=list[FieldVector])
 

@@ -105,7 +105,7 @@ def field_correction(calibration: Calibration, frame: str) -> FieldCorrection | 
     )
 
 
-def without_rotation(made: FieldCorrection, title: str) -> tuple[FieldCorrection, list[Loss]]:
+def without_rotation(made: FieldCorrection, title: str, own: Matrix) -> tuple[FieldCorrection, list[Loss]]:
     """Return the correction with a symmetric matrix, and what that loses: the rotation to the other sensors' axes.
 
     The norm of the field stays as it is: ``S = R K`` with K symmetric, and K is written.
@@ -114,10 +114,12 @@ def without_rotation(made: FieldCorrection, title: str) -> tuple[FieldCorrection
     ----------
     made : with any matrix.
     title : of the tool.
+    own : (3, 3) the part of R that the tool makes by itself, which is not lost.
     """
     turn = np.real(polar_rotation(made.soft_iron.T)).T
     kept = turn.T @ made.soft_iron
-    angle = float(np.degrees(np.arccos(np.clip(0.5 * (np.trace(turn) - 1.0), -1.0, 1.0))))
+    cosine = 0.5 * (np.trace(turn @ own.T) - 1.0)
+    angle = float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
     symmetric = replace(made, soft_iron=0.5 * (kept + kept.T), axes="of the magnetometer itself")
     if angle < 1e-4:
         return symmetric, []
@@ -172,7 +174,11 @@ def field_for(
                 "field's norm: say the unit with --units when you calibrate."
             )
         return None, [Loss(_NOT_WRITTEN.format(title=target.tool, unit=unit.replace("mgauss", "milligauss")))]
-    field, lost = without_rotation(field, target.tool)
+    block = calibration.magnetometer
+    assert block is not None
+    # The raw unit tells whose log it was: another firmware turns a compass otherwise.
+    own = None if (known.raw_unit, block.frame) != (unit, "b") else block.turn
+    field, lost = without_rotation(field, target.tool, np.eye(3) if own is None else np.array(own))
     beyond = [loss for loss in lost if loss.size is not None and loss.size > limit]
     if beyond and not target.needs_magnetometer:
         return None, [Loss(f"the magnetometer is left out (--largest-loss PPM writes it): {beyond[0].text}")]

@@ -189,16 +189,16 @@ def _angle_to_gravity(recording: Recording, field: MagneticField, rests: QuietSt
     fits = [(p, *_constant_angle(up, seen, p)) for p in _proper_permutations()]
     # One length for all, so that axes with a great hard iron do not seem better.
     size = _size(seen)
-    own = next(f for f in fits if np.array_equal(f[0], np.eye(3)))
+    own = _constant_angle(up, seen, np.eye(3) if field.turn is None else field.turn)
     ranked = sorted(fits, key=lambda f: f[2])
     best = ranked[0][0] if ranked[0][1] <= 0.0 else -ranked[0][0]
-    sine = np.clip(-own[1] / size, -1.0, 1.0)
-    spread = own[2] / size / max(np.sqrt(1.0 - sine**2), 0.1)
+    sine = np.clip(-own[0] / size, -1.0, 1.0)
+    spread = own[1] / size / max(np.sqrt(1.0 - sine**2), 0.1)
     return _Angle(
         float(np.degrees(np.arcsin(sine))),
         float(np.degrees(spread)),
         best,
-        own[2] / size,
+        own[1] / size,
         ranked[0][2] / size,
         ranked[1][2] / size,
     )

@@ -88,7 +88,7 @@ def field_beside(table: RawTable, raw: Series | None, time: Series, unit: str) -
         moved = time - raw
         stamps = stamps + np.interp(stamps, raw, moved) if np.any(moved) else stamps
     keep = np.concatenate([[True], np.diff(np.maximum.accumulate(stamps)) > 0.0])
-    return MagneticField(stamps[keep], stream.values[keep], unit)
+    return MagneticField(stamps[keep], stream.values[keep], unit, stream.turn)
 
 
 def decide_field_unit(

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from tumble.arrays import Series, Vectors
+from tumble.arrays import Matrix, Series, Vectors
 from tumble.records import dataclass
 
 NOTHING_MADE = "so nothing is made of it."
@@ -22,11 +24,13 @@ class MagneticField:
     time : (samples,) seconds, strictly increasing, on the recording's own time axis.
     values : (samples, 3) raw, in `unit`, finite.
     unit : name that `tumble.units` knows of a magnetic field ("uT", "gauss" ...), or "counts".
+    turn : (3, 3) from its axes to the accelerometers', as an autopilot's log says; None where nothing says or turns.
     """
 
     time: Series
     values: Vectors
     unit: str
+    turn: Matrix | None = None
 
     def __len__(self) -> int:
         return int(self.time.shape[0])
@@ -41,7 +45,7 @@ class MagneticField:
         first, last = (int(i) for i in np.searchsorted(self.time, (start, stop)))
         if first >= last:
             return None
-        return MagneticField(self.time[first:last], self.values[first:last], self.unit)
+        return replace(self, time=self.time[first:last], values=self.values[first:last])
 
 
 def joined_fields(fields: list[MagneticField | None]) -> MagneticField | None:
@@ -49,8 +53,5 @@ def joined_fields(fields: list[MagneticField | None]) -> MagneticField | None:
     there = [field for field in fields if field is not None]
     if not there or len(there) < len(fields) or len({field.unit for field in there}) > 1:
         return None
-    return MagneticField(
-        np.concatenate([field.time for field in there]),
-        np.concatenate([field.values for field in there]),
-        there[0].unit,
-    )
+    joined = {name: np.concatenate([getattr(field, name) for field in there]) for name in ("time", "values")}
+    return replace(there[0], **joined)

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from tumble.arrays import Series, Vectors
+from tumble.arrays import Matrix, Series, Vectors
 from tumble.counting import counted
 from tumble.files import opened, shown, size_of
 from tumble.recording.recording import Remark, Source
@@ -38,6 +38,7 @@ class FieldStream:
     values : (samples, 3) raw, finite.
     unit : as the file says, or None.
     note : a sentence's end about the numbers, as what the device has already taken out; or nothing.
+    turn : (3, 3) from its axes to the accelerometers', as the file says, or None.
     """
 
     name: str
@@ -45,6 +46,7 @@ class FieldStream:
     values: Vectors
     unit: str | None = None
     note: str = ""
+    turn: Matrix | None = None
 
     def within(self, start: float, stop: float) -> FieldStream:
         """Return the samples from time `start` up to, without, time `stop`."""

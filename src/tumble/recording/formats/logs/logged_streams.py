@@ -136,7 +136,12 @@ def _field_stream(stream: Stream | None) -> FieldStream | None:
     values = stream.samples.magnetic_field
     there = np.isfinite(values).all(axis=1)
     return FieldStream(
-        stream.name, stream.samples.time[there], values[there], stream.units.magnetic_field, stream.note
+        stream.name,
+        stream.samples.time[there],
+        values[there],
+        stream.units.magnetic_field,
+        stream.note,
+        None if stream.own is None else stream.own.turn(),
     )
 
 

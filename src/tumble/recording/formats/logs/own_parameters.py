@@ -12,7 +12,7 @@ PX4, `sensor_calibration` (``Correct``, ``set_rotation``), `conversion/rotation.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import field as made
 from dataclasses import replace
 from itertools import pairwise
@@ -70,10 +70,6 @@ class Asked:
         return np.where(np.isin(found, idle), default, found)
 
 
-# Of a part (ACC, GYR or MAG), parameters and times: R S, and o (times, 3), or (1, 3) where it is one.
-Formula = Callable[[str, Asked, Series], tuple[Matrix, Vectors]]
-
-
 @dataclass(frozen=True, slots=True)
 class OwnParameters:
     """What an autopilot did to the numbers of a stream.
@@ -82,15 +78,25 @@ class OwnParameters:
     ----------
     first : its parameters by name, as the log begins.
     changes : time in s, name and value of those that were changed later.
-    formula : what it did with them.
+    formula : what it does with them.
+    raw : whether it has not done it to these.
     """
 
     first: Mapping[str, float]
     changes: Sequence[tuple[float, str, float]]
-    formula: Formula
+    formula: Px4 | ArduPilot
+    raw: bool = False
+
+    def turn(self) -> Matrix | None:
+        """Return the rotation from a magnetometer's raw axes to the accelerometers', None for none."""
+        stated = dict(self.first) | {name: value for _, name, value in self.changes}
+        turn = self.formula.turn(Asked({n: v for n, v in stated.items() if np.isfinite(v)}))
+        return None if np.allclose(turn, np.eye(3)) else turn
 
     def undone(self, samples: Samples, name: str) -> tuple[Samples, list[Remark]]:
         """Return the samples as the sensor gave them, and what is said of that; `name` is of file and stream."""
+        if self.raw:
+            return samples, []
         asked = Asked(dict(self.first))
         raw = {part: self._undone(part, samples, asked) for part in _PARTS}
         said: list[Remark] = []
@@ -156,16 +162,11 @@ class Px4:
     thermal: Columns | None
 
     def __call__(self, part: str, asked: Asked, time: Series) -> tuple[Matrix, Vectors]:
-        """Return R S and o: see `Formula`."""
+        """Return R S and o, of a part (ACC, GYR or MAG) at times: (3, 3) and (times, 3)."""
         kind = "GYRO" if part == "GYR" else part
         slot, device = self._slot(part, kind, asked)
-        named = f"CAL_{kind}{slot}_ROT"
-        own = asked.number(named, -1.0, 0.0)
-        if own < 0.0:
-            named = "SENS_BOARD_ROT"
-            own = asked.number(named, 0.0)
         level = [asked.number(f"SENS_BOARD_{axis}_OFF", 0.0) for axis in "XYZ"]
-        matrix = matrix_from_angles(np.radians(level)) @ _turn(named, own, _PX4_TURNS)
+        matrix = matrix_from_angles(np.radians(level)) @ self._turn(kind, slot, asked)
         offset = np.zeros((time.size, 3))
         if part != "MAG" and asked.number(f"TC_{part[0]}_ENABLE", 0.0):
             offset += self._thermal("accel" if part == "ACC" else "gyro", device, time)
@@ -174,6 +175,20 @@ class Px4:
         scale = np.ones(3) if part == "GYR" else asked.triad(f"CAL_{kind}{slot}_{{}}SCALE", 1.0)
         beside = np.zeros(3) if part != "MAG" else asked.triad(f"CAL_{kind}{slot}_{{}}ODIAG", 0.0)
         return matrix @ _symmetric(scale, beside), offset + asked.triad(f"CAL_{kind}{slot}_{{}}OFF", 0.0)
+
+    def turn(self, asked: Asked) -> Matrix:
+        """Return the rotation from a magnetometer's raw axes to the accelerometers': see `OwnParameters.turn`."""
+        board = self._turn("ACC", None, asked)
+        return board.T @ self._turn("MAG", self._slot("MAG", "MAG", asked)[0], asked)
+
+    def _turn(self, kind: str, slot: int | None, asked: Asked) -> Matrix:
+        """Return the rotation of a sensor, before the level is adjusted."""
+        named = f"CAL_{kind}{slot}_ROT"
+        own = asked.number(named, -1.0, 0.0)
+        if own < 0.0:
+            named = "SENS_BOARD_ROT"
+            own = asked.number(named, 0.0)
+        return _turn(named, own, _PX4_TURNS)
 
     def _slot(self, part: str, kind: str, asked: Asked) -> tuple[int | None, int]:
         """Return the number of a sensor's parameters, None without any, and its identity, 0 if it is not known."""
@@ -219,7 +234,7 @@ class ArduPilot:
     celsius: tuple[Series, Series] | None
 
     def __call__(self, part: str, asked: Asked, time: Series) -> tuple[Matrix, Vectors]:
-        """Return R S and o: see `Formula`. A compass is turned before it is corrected."""
+        """Return R S and o, as of PX4. A compass is turned before it is corrected."""
         unit = f"{self.instance + 1}" if self.instance else ""
         if part == "MAG":
             diagonal = asked.triad(f"COMPASS_DIA{unit}_{{}}", 1.0, 0.0)
@@ -227,11 +242,15 @@ class ArduPilot:
             scale = scale if 1.0 / _LARGEST_SCALE <= scale <= _LARGEST_SCALE else 1.0
             matrix = scale * _symmetric(diagonal, asked.triad(f"COMPASS_ODI{unit}_{{}}", 0.0))
             return matrix, -asked.triad(f"COMPASS_OFS{unit}_{{}}", 0.0)[None]
-        name = "AHRS_ORIENTATION"
-        matrix = _turn(name, asked.number(name, 0.0), _ARDUPILOT_TURNS)
+        matrix = self.turn(asked).T
         if part == "ACC":
             matrix = matrix * asked.triad(f"INS_ACC{unit}SCAL_{{}}", 1.0, 0.0)
         return matrix, asked.triad(f"INS_{part}{unit}OFFS_{{}}", 0.0) + self._thermal(part, asked, time)
+
+    def turn(self, asked: Asked) -> Matrix:
+        """Return the rotation from a magnetometer's raw axes, which are the vehicle's: see `OwnParameters.turn`."""
+        name = "AHRS_ORIENTATION"
+        return _turn(name, asked.number(name, 0.0), _ARDUPILOT_TURNS).T
 
     def _thermal(self, part: str, asked: Asked, time: Series) -> Vectors:
         """Return P(T) - P(T of the calibration)."""

@@ -40,6 +40,7 @@ _LEAST_RATE = 20.0  # Hz; most logs have the raw sensors once a second only
 _NO_STAMP = 2**31 - 1  # accelerometer_timestamp_relative of a message without an accelerometer's sample
 _OWN_AXES = "is in the magnetometer's own axes, which may be turned against the autopilot's"
 _CORRECTED = ("sensor_combined", "vehicle_imu", "vehicle_magnetometer")
+_TURNED = (*_CORRECTED, "sensor_mag")
 _SELECTION, _THERMAL = "sensor_selection", "sensor_correction"
 _DEVICES = {"ACC": "accel_device_id", "GYR": "gyro_device_id", "MAG": "device_id"}
 
@@ -113,7 +114,7 @@ def _streams(log: Any, name: str) -> list[Stream]:
         for data in sorted((d for d in log.data_list if d.name == kind), key=lambda d: d.multi_id):
             if len(data.data["timestamp"]) > 1:
                 stream = make(f"{kind}:{data.multi_id}", data.data, name)
-                own = _own_parameters(log, data) if kind in _CORRECTED else None
+                own = _own_parameters(log, data) if kind in _TURNED else None
                 streams.append(replace(stream, own=own))
     return streams
 
@@ -126,7 +127,7 @@ def _own_parameters(log: Any, data: Any) -> OwnParameters:
     devices = {part: [int(one) for one in found if one] for part, found in known.items()}
     changes = [(stamp / 1e6, name, float(value)) for stamp, name, value in log.changed_parameters]
     first = {name: float(value) for name, value in log.initial_parameters.items()}
-    return OwnParameters(first, changes, Px4(devices, beside.get(_THERMAL)))
+    return OwnParameters(first, changes, Px4(devices, beside.get(_THERMAL)), data.name not in _CORRECTED)
 
 
 def _automatic(streams: Sequence[Stream]) -> list[str]:
