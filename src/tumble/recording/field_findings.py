@@ -74,11 +74,6 @@ class FieldFindings:
     warnings: tuple[str, ...]
 
 
-def _field_channels(field: MagneticField) -> dict[str, Series]:
-    """Return the channels of a magnetometer by name, mx to mz."""
-    return {"m" + axis: field.values[:, i] for i, axis in enumerate("xyz")}
-
-
 def inspect_field(recording: Recording, rests: QuietStretches) -> FieldFindings | None:
     """Examine the magnetometer of a recording, None if it has none.
 
@@ -90,7 +85,7 @@ def inspect_field(recording: Recording, rests: QuietStretches) -> FieldFindings 
     field = recording.magnetic_field
     if field is None:
         return None
-    channels = _field_channels(field)
+    channels = dict(zip(_COLUMNS, field.values.T, strict=True))
     rate = field.rate or recording.rate
     floor = find_quiet_stretches(field.values, rate).floor
     floors = {name: float(value) for name, value in zip(channels, floor, strict=True)}

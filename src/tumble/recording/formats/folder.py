@@ -90,7 +90,10 @@ def read_table(path: Path, topics: Sequence[str] = ()) -> RawTable:
     if (euroc := _euroc(path)) is not None:
         return text.read_table(euroc)
     if phone.is_phone_log(files):
-        streams, chosen = phone.phone_streams(files)
+        sensors = phone.find_sensors(files)
+        streams, chosen = phone.streams_of_tables(
+            {n: (f.stem, text.read_table(f)) for n, f in sensors.items()}
+        )
         return table_of_streams(path, streams, topics, chosen, source(path))
     return read_file(_only(path, files), topics)
 

@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 from tumble.arrays import Series, Vectors
 from tumble.errors import RecordingError
-from tumble.recording.formats.logs.logged_streams import Stream, is_field, table_of_streams
+from tumble.recording.formats.logs.logged_streams import Stream, automatic, of_increments, table_of_streams
 from tumble.recording.formats.logs.own_parameters import ArduPilot, OwnParameters
 from tumble.recording.formats.streams import Units
 from tumble.recording.formats.table import RawTable, hash_file, mapped
@@ -72,7 +72,7 @@ def read_table(path: Path, topics: Sequence[str] = ()) -> RawTable:
     """
     data = mapped(path)
     log = _Log.of(data)
-    names = sorted(log.offsets.keys() - {_PARAMETERS}, key=_order)
+    names = [name for kind in _READ for name in sorted(log.offsets) if name.startswith(kind)]
     streams = _with_parameters(log, data, [s for name in names for s in _streams(log, data, name)])
     if not streams:
         there = ", ".join(sorted(log.names)[:12])
@@ -86,26 +86,9 @@ def read_table(path: Path, topics: Sequence[str] = ()) -> RawTable:
         remarks.append(Remark("mended", text))
     if log.cut:
         remarks.append(Remark("mended", f"{path.name}: the last message is cut short and is left out."))
-    return table_of_streams(path, streams, topics, _automatic(streams), hash_file(path), remarks)
-
-
-def _order(name: str) -> tuple[int, str]:
-    return next(i for i, kind in enumerate(_READ) if name.startswith(kind)), name
-
-
-def _automatic(streams: Sequence[Stream]) -> list[str]:
-    """Return the raw pair of the first unit where there is one, else the first that has both triads."""
-    inertial = [s for s in streams if not is_field(s)] or list(streams)
-    names = [s.name for s in inertial]
-    pair = [next((n for n in names if n.startswith(kind + ":")), None) for kind in ("ACC", "GYR")]
-    if None not in pair:
-        return [str(n) for n in pair]
-    both = [
-        s.name
-        for s in inertial
-        if s.samples.specific_force is not None and s.samples.angular_rate is not None
-    ]
-    return (both or names)[:1]
+    return table_of_streams(
+        path, streams, topics, automatic(streams, [("ACC", "GYR")]), hash_file(path), remarks
+    )
 
 
 @dataclass(slots=True)
@@ -219,15 +202,10 @@ def _stream(name: str, rows: _Rows) -> Iterator[Stream]:
 
 
 def _increments(name: str, rows: _Rows, time: Series) -> Iterator[Stream]:
-    """Increments are divided by the interval that each was summed over: the mean rate, exactly."""
     force, rate = _triad(rows, "DelV"), _triad(rows, "DelA")
     if force is None or rate is None or not {"DelvT", "DelaT"} <= set(rows.dtype.names or ()):
         return
-    spans = [rows[c].astype(np.float64) for c in ("DelvT", "DelaT")]
-    whole = (spans[0] > 0.0) & (spans[1] > 0.0)
-    samples = Samples(time[whole], force[whole] / spans[0][whole, None], rate[whole] / spans[1][whole, None])
-    note = "holds increments, which are divided by the interval that stands beside each"
-    yield Stream(name, samples, Units(), note)
+    yield of_increments(name, time, force, rate, [rows[c].astype(np.float64) for c in ("DelvT", "DelaT")])
 
 
 def _with_parameters(log: _Log, data: mmap.mmap, streams: Sequence[Stream]) -> list[Stream]:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from tumble.arrays import Series, Vectors
 from tumble.errors import RecordingError, UsageError
 from tumble.recording.formats.logs.own_parameters import OwnParameters
 from tumble.recording.formats.streams import Units, merge_streams, table_of_samples
@@ -19,6 +20,7 @@ from tumble.recording.samples import Samples
 from tumble.records import dataclass
 
 _LISTED = 16
+_LEAST_RATE = 20.0  # Hz; most logs of PX4 have the raw sensors once a second only
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,15 +49,12 @@ class Stream:
         span = float(time[-1] - time[0]) if len(time) > 1 else 0.0
         return (len(time) - 1) / span if span > 0.0 else 0.0
 
-    def words(self) -> str:
-        """Return name, number and rate in words."""
-        return f"{self.name} ({len(self.samples)} samples, {self.rate:.4g} Hz)"
-
 
 def _list_streams(streams: Sequence[Stream]) -> str:
     """Return the streams in words."""
     more = f" and {len(streams) - _LISTED} more" if len(streams) > _LISTED else ""
-    return ", ".join(s.words() for s in streams[:_LISTED]) + more
+    words = (f"{s.name} ({len(s.samples)} samples, {s.rate:.4g} Hz)" for s in streams[:_LISTED])
+    return ", ".join(words) + more
 
 
 def table_of_streams(
@@ -100,16 +99,30 @@ def table_of_streams(
     said += [Remark("found", f"{path.name}: {s.name} {s.note}.") for s in chosen if s.note]
     if field is not None:
         said.append(Remark("found", f"{path.name}: {field.name} is read as the magnetometer."))
-    if len(chosen) == 1:
-        table = table_of_samples(path, chosen[0].samples, chosen[0].units, source, said)
-        return replace(table, field=_field_stream(field))
-    force, rates = _triads(path, chosen)
-    merged, more = merge_streams(
-        path.name, (force.name, _only_force(force)), (rates.name, _only_rates(rates))
-    )
-    units = Units(force.units.specific_force, rates.units.angular_rate)
-    table = table_of_samples(path, merged, units, source, [*said, *more])
-    return replace(table, field=_field_stream(field))
+    samples, units = chosen[0].samples, chosen[0].units
+    if len(chosen) == 2:
+        force, rates = _triads(path, chosen)
+        samples, more = merge_streams(path.name, (force.name, force.samples), (rates.name, rates.samples))
+        units, said = Units(force.units.specific_force, rates.units.angular_rate), [*said, *more]
+    return replace(table_of_samples(path, samples, units, source, said), field=_field_stream(field))
+
+
+def automatic(streams: Sequence[Stream], pairs: Sequence[tuple[str, str]]) -> list[str]:
+    """Return the names of those that are read without an option, of what was logged at a useful rate.
+
+    Parameters
+    ----------
+    streams : all of the log.
+    pairs : messages of raw accelerometers and gyros, the best first; without any, the first stream with both is read.
+    """
+    inertial = [s for s in streams if not is_field(s)] or list(streams)
+    useful = [s for s in inertial if s.rate >= _LEAST_RATE] or inertial
+    for pair in pairs:
+        found = [next((s.name for s in useful if s.name.startswith(p + ":")), None) for p in pair]
+        if None not in found:
+            return [str(n) for n in found]
+    whole = [s for s in useful if s.samples.specific_force is not None and s.samples.angular_rate is not None]
+    return [(whole or useful)[0].name]
 
 
 def _as_sensed(path: Path, stream: Stream, said: list[Remark]) -> Stream:
@@ -123,10 +136,23 @@ def _as_sensed(path: Path, stream: Stream, said: list[Remark]) -> Stream:
 
 def is_field(stream: Stream) -> bool:
     """Say whether a stream is a magnetometer's alone."""
-    samples = stream.samples
-    return (
-        samples.specific_force is None and samples.angular_rate is None and samples.magnetic_field is not None
-    )
+    return stream.samples.magnetic_field is not None
+
+
+def of_increments(name: str, time: Series, force: Vectors, rate: Vectors, spans: list[Series]) -> Stream:
+    """Return increments as the mean rates over the intervals that each was summed over, exactly.
+
+    Parameters
+    ----------
+    name : of the stream.
+    time : (samples,) s.
+    force, rate : (samples, 3) m/s and rad.
+    spans : of both, (samples,) s; rows without one are left out.
+    """
+    whole = (spans[0] > 0.0) & (spans[1] > 0.0)
+    means = [v[whole] / span[whole, None] for v, span in zip((force, rate), spans, strict=True)]
+    note = "holds increments, which are divided by the interval that stands beside each"
+    return Stream(name, Samples(time[whole], *means), Units(), note)
 
 
 def _field_stream(stream: Stream | None) -> FieldStream | None:
@@ -143,14 +169,6 @@ def _field_stream(stream: Stream | None) -> FieldStream | None:
         stream.note,
         None if stream.own is None else stream.own.turn(),
     )
-
-
-def _only_force(stream: Stream) -> Samples:
-    return Samples(stream.samples.time, stream.samples.specific_force)
-
-
-def _only_rates(stream: Stream) -> Samples:
-    return Samples(stream.samples.time, None, stream.samples.angular_rate, stream.samples.temperature)
 
 
 def _named(path: Path, streams: Sequence[Stream], name: str) -> Stream:

@@ -14,7 +14,6 @@ import numpy as np
 
 from tumble.arrays import Vectors
 from tumble.errors import RecordingError
-from tumble.recording.formats import text
 from tumble.recording.formats.logs.logged_streams import Stream
 from tumble.recording.formats.streams import Units
 from tumble.recording.formats.table import RawTable
@@ -46,34 +45,14 @@ def _plain(name: str) -> str:
 
 def find_sensors(files: list[Path]) -> dict[str, Path]:
     """Return the files of a folder that are named after a sensor that is read, or gravity, by plain name."""
-    known = {*_ACCELEROMETERS, *_GYROS, *_MAGNETOMETERS, _GRAVITY}
-    return {
-        _plain(f.stem): f for f in files if f.suffix.lower() in (".csv", ".txt") and _plain(f.stem) in known
-    }
+    named = {f: is_sensor(f.stem) for f in files if f.suffix.lower() in (".csv", ".txt")}
+    return {name: f for f, name in named.items() if name}
 
 
 def is_phone_log(files: list[Path]) -> bool:
     """Say whether the files of a folder are a phone's log: one of an accelerometer, one of a gyro."""
     sensors = find_sensors(files)
     return any(n in sensors for n in _ACCELEROMETERS) and any(n in sensors for n in _GYROS)
-
-
-def phone_streams(files: list[Path]) -> tuple[list[Stream], list[str]]:
-    """Return the streams of a phone's log, and the names of those that are read without an option.
-
-    The accelerometer without corrections goes before the one with gravity, and that before the one whose
-    gravity was taken out and stands in a file of its own.
-
-    Raises
-    ------
-    RecordingError
-        If a file has no time and three axes.
-    OSError
-        If a file cannot be read.
-    """
-    return streams_of_tables(
-        {name: (path.stem, text.read_table(path)) for name, path in find_sensors(files).items()}
-    )
 
 
 def is_sensor(name: str) -> str | None:
@@ -107,7 +86,10 @@ def rank_sensor(name: str) -> tuple[str, int] | None:
 
 
 def streams_of_tables(tables: dict[str, tuple[str, RawTable]]) -> tuple[list[Stream], list[str]]:
-    """Return the streams of a log by `phone_streams`' rules.
+    """Return the streams of a phone's log, and the names of those that are read without an option.
+
+    The accelerometer without corrections goes before the one with gravity, and that before the one whose
+    gravity was taken out and stands in a file of its own.
 
     Parameters
     ----------

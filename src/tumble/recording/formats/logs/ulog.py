@@ -22,7 +22,7 @@ from tumble.arrays import Series, Vectors
 from tumble.errors import RecordingError, UsageError, install
 from tumble.files import opened
 from tumble.recording.formats.damage import foreign
-from tumble.recording.formats.logs.logged_streams import Stream, is_field, table_of_streams
+from tumble.recording.formats.logs.logged_streams import Stream, automatic, of_increments, table_of_streams
 from tumble.recording.formats.logs.own_parameters import Columns, OwnParameters, Px4
 from tumble.recording.formats.streams import Units, merge_streams
 from tumble.recording.formats.table import RawTable, hash_file, mapped
@@ -36,11 +36,10 @@ HAS_TOPICS = True
 
 _MAGIC = b"ULog\x01\x12\x35"
 _HEADER = 16  # bytes
-_LEAST_RATE = 20.0  # Hz; most logs have the raw sensors once a second only
+_RAW = (("sensor_accel_fifo", "sensor_gyro_fifo"), ("sensor_accel", "sensor_gyro"))
 _NO_STAMP = 2**31 - 1  # accelerometer_timestamp_relative of a message without an accelerometer's sample
 _OWN_AXES = "is in the magnetometer's own axes, which may be turned against the autopilot's"
 _CORRECTED = ("sensor_combined", "vehicle_imu", "vehicle_magnetometer")
-_TURNED = (*_CORRECTED, "sensor_mag")
 _SELECTION, _THERMAL = "sensor_selection", "sensor_correction"
 _DEVICES = {"ACC": "accel_device_id", "GYR": "gyro_device_id", "MAG": "device_id"}
 
@@ -83,7 +82,7 @@ def read_table(path: Path, topics: Sequence[str] = ()) -> RawTable:
             f"It knows {', '.join(names[:12])}{' and more' if len(names) > 12 else ''}."
         )
     remarks = _damage(log, path)
-    return table_of_streams(path, streams, topics, _automatic(streams), hash_file(path), remarks)
+    return table_of_streams(path, streams, topics, automatic(streams, _RAW), hash_file(path), remarks)
 
 
 def _damage(log: Any, path: Path) -> list[Remark]:
@@ -114,8 +113,7 @@ def _streams(log: Any, name: str) -> list[Stream]:
         for data in sorted((d for d in log.data_list if d.name == kind), key=lambda d: d.multi_id):
             if len(data.data["timestamp"]) > 1:
                 stream = make(f"{kind}:{data.multi_id}", data.data, name)
-                own = _own_parameters(log, data) if kind in _TURNED else None
-                streams.append(replace(stream, own=own))
+                streams.append(replace(stream, own=_own_parameters(log, data)))
     return streams
 
 
@@ -128,18 +126,6 @@ def _own_parameters(log: Any, data: Any) -> OwnParameters:
     changes = [(stamp / 1e6, name, float(value)) for stamp, name, value in log.changed_parameters]
     first = {name: float(value) for name, value in log.initial_parameters.items()}
     return OwnParameters(first, changes, Px4(devices, beside.get(_THERMAL)), data.name not in _CORRECTED)
-
-
-def _automatic(streams: Sequence[Stream]) -> list[str]:
-    """Return the raw sensors of the first instance if they were logged at a useful rate, else what there is."""
-    inertial = [s for s in streams if not is_field(s)] or list(streams)
-    useful = [s for s in inertial if s.rate >= _LEAST_RATE] or inertial
-    for pair in (("sensor_accel_fifo", "sensor_gyro_fifo"), ("sensor_accel", "sensor_gyro")):
-        found = [next((s.name for s in useful if s.name.startswith(p + ":")), None) for p in pair]
-        if None not in found:
-            return [str(n) for n in found]
-    whole = [s for s in useful if s.samples.specific_force is not None and s.samples.angular_rate is not None]
-    return [(whole or useful)[0].name]
 
 
 def _seconds(columns: Columns) -> Series:
@@ -167,17 +153,10 @@ def _combined(name: str, columns: Columns, file: str) -> Stream:
 
 
 def _vehicle(name: str, columns: Columns, file: str) -> Stream:
-    """Increments are divided by the interval that each was summed over: the mean rate, exactly."""
-    spans = [
-        np.asarray(columns[f"delta_{what}_dt"], dtype=np.float64) / 1e6 for what in ("angle", "velocity")
-    ]
-    whole = (spans[0] > 0.0) & (spans[1] > 0.0)
-    rate, force = (
-        _triad(columns, f"delta_{what}")[whole] / span[whole, None]
-        for what, span in zip(("angle", "velocity"), spans, strict=True)
-    )
-    note = "holds increments, which are divided by the interval that stands beside each"
-    return Stream(name, Samples(_seconds(columns)[whole], force, rate), Units(), note)
+    kinds = ("delta_velocity", "delta_angle")
+    force, rate = (_triad(columns, kind) for kind in kinds)
+    spans = [np.asarray(columns[f"{kind}_dt"], dtype=np.float64) / 1e6 for kind in kinds]
+    return of_increments(name, _seconds(columns), force, rate, spans)
 
 
 def _lone(name: str, columns: Columns, file: str) -> Stream:
