@@ -8,58 +8,28 @@ import pytest
 from tumble.recording import read_recording
 from tumble.recording.columns import plan_from_names, role_of
 
+
+def header(time: str, force: str, rate: str, axes: str = "xyz") -> tuple[str, ...]:
+    """Names of seven columns: those of the triads with an axis in place of the braces."""
+    return (time, *(name.format(axis) for name in (force, rate) for axis in axes))
+
+
 HEADERS = {
-    "plain": ("t", "ax", "ay", "az", "gx", "gy", "gz"),
-    "underscores": ("time", "acc_x", "acc_y", "acc_z", "gyro_x", "gyro_y", "gyro_z"),
-    "capitals": ("Timestamp", "AccX", "AccY", "AccZ", "GyroX", "GyroY", "GyroZ"),
-    "spelled out": ("stamp", "accel_x", "accel_y", "accel_z", "omega_x", "omega_y", "omega_z"),
-    "ROS": (
-        "header.stamp",
-        "linear_acceleration.x",
-        "linear_acceleration.y",
-        "linear_acceleration.z",
-        "angular_velocity.x",
-        "angular_velocity.y",
-        "angular_velocity.z",
-    ),
-    "EuRoC, gyro later": (
-        "#timestamp [ns]",
-        "a_RS_S_x [m s^-2]",
-        "a_RS_S_y [m s^-2]",
-        "a_RS_S_z [m s^-2]",
-        "w_RS_S_x [rad s^-1]",
-        "w_RS_S_y [rad s^-1]",
-        "w_RS_S_z [rad s^-1]",
-    ),
-    "PX4": (
-        "timestamp",
-        "accelerometer_m_s2[0]",
-        "accelerometer_m_s2[1]",
-        "accelerometer_m_s2[2]",
-        "gyro_rad[0]",
-        "gyro_rad[1]",
-        "gyro_rad[2]",
-    ),
-    "MAVLink": ("time_usec", "xacc", "yacc", "zacc", "xgyro", "ygyro", "zgyro"),
-    "field's words": (
-        "t",
-        "specific_force_x",
-        "specific_force_y",
-        "specific_force_z",
-        "angular_rate_x",
-        "angular_rate_y",
-        "angular_rate_z",
-    ),
-    "w": ("t", "ax", "ay", "az", "wx", "wy", "wz"),
-    "units in brackets": ("t [s]", "ax (g)", "ay (g)", "az (g)", "gx (deg/s)", "gy (deg/s)", "gz (deg/s)"),
+    "plain": header("t", "a{}", "g{}"),
+    "underscores": header("time", "acc_{}", "gyro_{}"),
+    "capitals": header("Timestamp", "Acc{}", "Gyro{}", "XYZ"),
+    "spelled out": header("stamp", "accel_{}", "omega_{}"),
+    "ROS": header("header.stamp", "linear_acceleration.{}", "angular_velocity.{}"),
+    "EuRoC, gyro later": header("#timestamp [ns]", "a_RS_S_{} [m s^-2]", "w_RS_S_{} [rad s^-1]"),
+    "PX4": header("timestamp", "accelerometer_m_s2[{}]", "gyro_rad[{}]", "012"),
+    "MAVLink": header("time_usec", "{}acc", "{}gyro"),
+    "field's words": header("t", "specific_force_{}", "angular_rate_{}"),
+    "w": header("t", "a{}", "w{}"),
+    "units in brackets": header("t [s]", "a{} (g)", "g{} (deg/s)"),
     "phone": (
         "seconds_elapsed",
-        "Accelerometer X (m/s²)",
-        "Accelerometer Y (m/s²)",
-        "Accelerometer Z (m/s²)",
-        "Gyroscope x (rad/s)",
-        "Gyroscope y (rad/s)",
-        "Gyroscope z (rad/s)",
+        *(f"Accelerometer {axis} (m/s²)" for axis in "XYZ"),
+        *(f"Gyroscope {axis} (rad/s)" for axis in "xyz"),
     ),
 }
 

@@ -55,12 +55,6 @@ def test_joined_recordings_move_the_stamps_of_the_field_with_their_own() -> None
     assert join_recordings([first, replace(second, magnetic_field=None)])[0].magnetic_field is None
 
 
-def test_rate_of_the_field_is_its_own() -> None:
-    field = recording().magnetic_field
-    assert field is not None
-    assert field.rate == pytest.approx(20.0)
-
-
 @pytest.mark.parametrize(
     ("spelling", "unit", "factor"),
     [

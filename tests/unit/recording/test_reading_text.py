@@ -211,26 +211,18 @@ def test_a_missing_cell_is_left_out_with_its_line(tumbled, csv) -> None:
 # -- what is refused -------------------------------------------------------------------------------
 
 
-def test_an_empty_file_is_refused(tmp_path) -> None:
-    path = tmp_path / "a.csv"
-    path.write_bytes(b"")
-    assert "is empty" in sentence(path)
-    path.write_bytes(b"\n \n\n")
-    assert "is empty" in sentence(path)
-
-
-def test_binary_is_refused(tmp_path) -> None:
-    path = tmp_path / "firmware.bin"
-    path.write_bytes(np.random.default_rng(1).bytes(5000))
-    assert "binary in a format that is not known" in sentence(path)
-
-
-def test_a_folder_is_refused(tmp_path) -> None:
+def test_what_is_no_recording_is_refused(tumbled, csv, tmp_path) -> None:
     assert "is a folder" in sentence(tmp_path)
-
-
-def test_a_missing_file_is_refused(tmp_path) -> None:
+    binary = np.random.default_rng(1).bytes(5000)
+    for words, content in (("is empty", b""), ("is empty", b"\n \n\n"), ("format that is not known", binary)):
+        (tmp_path / "a.bin").write_bytes(content)
+        assert words in sentence(tmp_path / "a.bin")
     assert "does not exist" in sentence(tmp_path / "nowhere.csv")
+    for columns, words in (
+        (2, "has 2 column(s), one of them time; a recording"),
+        (1, "single column of numbers"),
+    ):
+        assert words in sentence(csv(tumbled.rows()[:, :columns], header=None))
 
 
 def test_an_unreadable_file_is_refused(tumbled, csv, monkeypatch) -> None:
@@ -242,15 +234,6 @@ def test_an_unreadable_file_is_refused(tumbled, csv, monkeypatch) -> None:
 
     monkeypatch.setattr(Path, "open", refuse)
     assert "permission denied" in sentence(path)
-
-
-def test_two_columns_are_refused(csv, tumbled) -> None:
-    path = csv(tumbled.rows()[:, :2], header=None)
-    assert "has 2 column(s), one of them time; a recording needs three" in sentence(path)
-
-
-def test_one_column_is_refused(csv, tumbled) -> None:
-    assert "single column of numbers" in sentence(csv(tumbled.rows()[:, :1], header=None))
 
 
 @pytest.mark.parametrize(("limit", "delimiter"), [(1 << 25, ","), (0, ","), (1 << 25, "  "), (0, "  ")])
