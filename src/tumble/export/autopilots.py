@@ -94,7 +94,7 @@ def _ardupilot_curve(
 ) -> Curve | None:
     """Return a sensor's bias over temperature: the offset at CALTEMP, and how P differs from what it is there."""
     what = f"INS_TCAL{number}_ENABLE"
-    if not values.get(what):
+    if values.get(what) != 1.0:  # 2 learns, and corrects nothing
         return None
     short = "ACC" if kind == "accelerometer" else "GYR"
     begin = f"INS_TCAL{number}_"
