@@ -328,24 +328,19 @@ def test_parameters_are_said_with_their_values_px4_and_ardupilot(tmp_path: Path)
     recording = read_recording(ulog(tmp_path / "a.ulg", PX4))
     said = [r.text for r in recording.remarks if r.kind == "mended"]
     assert len(said) == 2  # of the IMU and of the magnetometer
-    for name in (
-        "CAL_ACC1_XOFF = 0.12",
-        "CAL_ACC1_YSCALE = 0.97",
-        "CAL_GYRO0_YOFF = -0.02",
-        "SENS_BOARD_ROT = 2",
-    ):
-        assert name in said[0]
+    told = ["CAL_ACC1_XOFF = 0.12", "CAL_ACC1_YSCALE = 0.97", "CAL_GYRO0_YOFF = -0.02", "SENS_BOARD_ROT = 2"]
+    assert all(name in said[0] for name in told)
     assert "CAL_ACC0" not in said[0]  # of another sensor
     assert "CAL_MAG0_ROT = 6" in said[1]
     path = dataflash(tmp_path / "a.bin", ARDUPILOT)
     said = [r.text for r in read_recording(path).remarks if r.kind == "mended"]
-    for name in (
+    told = [
         "INS_ACC2OFFS_X = 0.21",
         "INS_ACC2SCAL_Y = 0.97",
         "INS_GYR2OFFS_Z = 0.03",
         "AHRS_ORIENTATION = 16",
-    ):
-        assert name in said[0]
+    ]
+    assert all(name in said[0] for name in told)
     assert "COMPASS_OFS2_X = -41" in said[1]
     assert "INS_ACCOFFS_X" not in " ".join(said)
     assert corrections_of([path]) == ()  # it is raw, for `apply`, `calibrate` and `verify`
@@ -376,13 +371,47 @@ def test_a_rotation_of_its_own_is_refused(tmp_path: Path) -> None:
 
 def test_what_a_log_does_not_state_is_said_by_its_names_px4_and_ardupilot(tmp_path: Path) -> None:
     lacking = ulog(tmp_path / "a.ulg", {}), dataflash(tmp_path / "a.bin", {})
-    told = "CAL_ACC*, CAL_GYRO*", "INS_ACC2SCAL_*, INS_ACC2OFFS_*, INS_GYR2OFFS_*"
+    told = (
+        "CAL_ACC*, SENS_BOARD_*_OFF, SENS_BOARD_ROT, CAL_GYRO*",
+        "AHRS_ORIENTATION, INS_ACC2SCAL_*, INS_ACC2OFFS_*, INS_GYR2OFFS_*",
+    )
     for path, names in zip(lacking, told, strict=True):
-        remark = next(r.text for r in read_recording(path).remarks if r.kind == "corrected")
+        recording = read_recording(path)
+        remark = next(r.text for r in recording.remarks if r.kind == "corrected")
         assert f"does not state {names}," in remark
+        assert "own axes" not in texts(recording)  # vehicle_magnetometer's are those of the autopilot
         made = document().model_copy(update={"remarks": [remark]})
         done = convert_to(made, "ardupilot", output=tmp_path / "out", largest_loss=0.1)
         assert sum("had their defaults while it was recorded" in text for text in done.remarks) == 1
+
+
+def test_what_a_temperature_s_compensation_lacks_is_said() -> None:
+    made = OwnParameters({"INS_TCAL1_ENABLE": 1.0}, [], ArduPilot(0, (np.zeros(1), np.full(1, 20.0))))
+    _, said = made.undone(Samples(np.zeros(2), angular_rate=np.ones((2, 3))), "log")
+    names = "INS_TCAL1_GYR1_*, INS_TCAL1_GYR2_*, INS_TCAL1_GYR3_*, INS_TCAL1_TMIN, INS_TCAL1_TMAX, INS_GYR1_CALTEMP,"
+    assert names in said[-1].text
+
+
+def test_a_sensor_without_a_curve_has_no_thermal_offset_in_px4() -> None:
+    columns = {"timestamp": np.zeros(1), "accel_device_ids[0]": np.array([5])}
+    columns |= {f"accel_offset_0[{axis}]": np.ones(1) for axis in range(3)}
+    made = OwnParameters({"CAL_ACC0_ID": 7.0, "TC_A_ENABLE": 1.0}, [], Px4({"ACC": [7]}, columns))
+    samples, _ = made.undone(Samples(np.zeros(2), specific_force=np.ones((2, 3))), "log")
+    np.testing.assert_array_equal(samples.specific_force, np.ones((2, 3)))
+
+
+def test_a_magnetometer_of_px4_that_cannot_be_undone_is_left_out_unless_it_is_asked_for(
+    tmp_path: Path,
+) -> None:
+    path = ulog(tmp_path / "a.ulg", PX4)
+    before, after = (b"CAL_MAG0_ROT" + struct.pack("<i", number) for number in (6, 100))
+    path.write_bytes(path.read_bytes().replace(before, after))
+    recording = read_recording(path)
+    assert_raw(recording)
+    assert recording.magnetic_field is None
+    assert "the magnetometer is left out. The log's CAL_MAG0_ROT is 100" in texts(recording)
+    with pytest.raises(RecordingError, match="CAL_MAG0_ROT is 100, a rotation of its own"):
+        read_recording(path, topics=["sensor_combined", "vehicle_magnetometer"])
 
 
 def held_in_many_poses(holds: int = 12) -> Signals:

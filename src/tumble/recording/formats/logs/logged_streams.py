@@ -93,7 +93,13 @@ def table_of_streams(
     if not chosen and field is not None:
         chosen, field = [field], None
     chosen = [_as_sensed(path, s, said) for s in chosen]
-    field = None if field is None else _as_sensed(path, field, said)
+    try:
+        field = None if field is None else _as_sensed(path, field, said)
+    except RecordingError as error:
+        if field in named:
+            raise
+        said.append(Remark("mended", f"{path.name}: the magnetometer is left out. {error}"))
+        field = None
     verb = "is" if len(chosen) == 1 else "are"
     said.append(Remark("found", f"{path.name}: {' and '.join(s.name for s in chosen)} {verb} read."))
     said += [Remark("found", f"{path.name}: {s.name} {s.note}.") for s in chosen if s.note]

@@ -55,11 +55,17 @@ class Asked:
     missing: dict[str, None] = made(default_factory=dict[str, None])
 
     def number(self, name: str, default: float, *idle: float) -> float:
-        """Return a parameter; `idle` are other values of it that change nothing."""
+        """Return a parameter that not every firmware has; `idle` are other values of it that change nothing."""
         value = self.stated.get(name, default)
         if value not in (default, *idle):
             self.active.setdefault(name, {})[f"{value:.6g}"] = None
         return value
+
+    def needed(self, name: str, default: float) -> float:
+        """Return a parameter that every firmware has where it is asked for."""
+        if name not in self.stated:
+            self.missing[name] = None
+        return self.number(name, default)
 
     def triad(self, name: str, default: float, *idle: float) -> Vector:
         """Return three parameters, whose axes stand in place of the braces; any of `idle` stands for the default."""
@@ -88,9 +94,12 @@ class OwnParameters:
     raw: bool = False
 
     def turn(self) -> Matrix | None:
-        """Return the rotation from a magnetometer's raw axes to the accelerometers', None for none."""
+        """Return the rotation from a magnetometer's raw axes to the accelerometers', None for none that is known."""
         stated = dict(self.first) | {name: value for _, name, value in self.changes}
-        turn = self.formula.turn(Asked({n: v for n, v in stated.items() if np.isfinite(v)}))
+        try:
+            turn = self.formula.turn(Asked({n: v for n, v in stated.items() if np.isfinite(v)}))
+        except RecordingError:
+            return None
         return None if np.allclose(turn, np.eye(3)) else turn
 
     def undone(self, samples: Samples, name: str) -> tuple[Samples, list[Remark]]:
@@ -165,7 +174,7 @@ class Px4:
         """Return R S and o, of a part (ACC, GYR or MAG) at times: (3, 3) and (times, 3)."""
         kind = "GYRO" if part == "GYR" else part
         slot, device = self._slot(part, kind, asked)
-        level = [asked.number(f"SENS_BOARD_{axis}_OFF", 0.0) for axis in "XYZ"]
+        level = asked.triad("SENS_BOARD_{}_OFF", 0.0)
         matrix = matrix_from_angles(np.radians(level)) @ self._turn(kind, slot, asked)
         offset = np.zeros((time.size, 3))
         if part != "MAG" and asked.number(f"TC_{part[0]}_ENABLE", 0.0):
@@ -187,7 +196,7 @@ class Px4:
         own = asked.number(named, -1.0, 0.0)
         if own < 0.0:
             named = "SENS_BOARD_ROT"
-            own = asked.number(named, 0.0)
+            own = asked.needed(named, 0.0)
         return _turn(named, own, _PX4_TURNS)
 
     def _slot(self, part: str, kind: str, asked: Asked) -> tuple[int | None, int]:
@@ -206,18 +215,20 @@ class Px4:
         return known.get(device), device
 
     def _thermal(self, name: str, device: int, time: Series) -> Vectors:
-        """Return the thermal offsets that were applied, each from its message on."""
-        said = self.thermal or {}
+        """Return the thermal offsets that were applied, each from its message on; none of a sensor without a curve."""
+        said = self.thermal
+        if said is None:
+            raise RecordingError(
+                f"The log's numbers are corrected by temperature (TC_{name[0].upper()}_ENABLE), and it lacks "
+                "sensor_correction, which holds by how much. Log it, or the raw sensors, or set TC_A_ENABLE and "
+                "TC_G_ENABLE to 0, and record again."
+            )
         for n in range(4):
             if device in said.get(f"{name}_device_ids[{n}]", ()):
                 offsets = np.column_stack([said[f"{name}_offset_{n}[{i}]"] for i in range(3)])
                 row = np.searchsorted(said["timestamp"] / 1e6, time, side="right") - 1
                 return offsets[np.maximum(row, 0)].astype(np.float64)
-        raise RecordingError(
-            f"The log's numbers are corrected by temperature (TC_{name[0].upper()}_ENABLE), and it lacks "
-            "sensor_correction, which holds by how much. Log it, or the raw sensors, or set TC_A_ENABLE and "
-            "TC_G_ENABLE to 0, and record again."
-        )
+        return np.zeros((1, 3))
 
 
 @dataclass(frozen=True, slots=True)
@@ -250,7 +261,7 @@ class ArduPilot:
     def turn(self, asked: Asked) -> Matrix:
         """Return the rotation from a magnetometer's raw axes, which are the vehicle's: see `OwnParameters.turn`."""
         name = "AHRS_ORIENTATION"
-        return _turn(name, asked.number(name, 0.0), _ARDUPILOT_TURNS).T
+        return _turn(name, asked.needed(name, 0.0), _ARDUPILOT_TURNS).T
 
     def _thermal(self, part: str, asked: Asked, time: Series) -> Vectors:
         """Return P(T) - P(T of the calibration)."""
@@ -262,9 +273,9 @@ class ArduPilot:
                 f"The log's numbers are corrected by temperature ({begin}ENABLE), and it does not hold that of IMU:"
                 f"{self.instance}. Log the message IMU, or set {begin}ENABLE to 0, and record again."
             )
-        c = np.array([[asked.stated.get(f"{begin}{part}{k}_{a}", 0.0) for a in "XYZ"] for k in (1, 2, 3)])
-        low, high = (asked.stated.get(begin + name, 0.0) for name in ("TMIN", "TMAX"))
-        own = asked.stated.get(f"INS_{part}{self.instance + 1}_CALTEMP", -300.0)
+        c = [asked.triad(f"{begin}{part}{k}_{{}}", 0.0) for k in (1, 2, 3)]
+        low, high = asked.needed(f"{begin}TMIN", 0.0), asked.needed(f"{begin}TMAX", 70.0)
+        own = asked.needed(f"INS_{part}{self.instance + 1}_CALTEMP", -300.0)
         celsius = np.append(np.interp(time, *self.celsius), own)
         d = np.clip(celsius, low, high)[:, None] - _REFERENCE
         effects = 1e-6 * (c[0] + (c[1] + c[2] * d) * d) * d

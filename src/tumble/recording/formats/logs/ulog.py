@@ -189,7 +189,7 @@ def _magnetometer(name: str, columns: Columns, file: str) -> Stream:
     """The raw sensor, or the one that the autopilot's calibration has corrected and turned; gauss."""
     values = _triad(columns, "magnetometer_ga" if "magnetometer_ga[0]" in columns else "")
     samples = Samples(_seconds(columns), magnetic_field=values)
-    return Stream(name, samples, Units(magnetic_field="gauss"), _OWN_AXES)
+    return Stream(name, samples, Units(magnetic_field="gauss"), _OWN_AXES * name.startswith("sensor_mag"))
 
 
 _MESSAGES: dict[str, Callable[[str, Columns, str], Stream]] = {
