@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from functools import cache
-from pathlib import Path
 
 import numpy as np
-import polars as pl
 import pytest
 
-import tumble
-from second_simulator import GRADES, PROCEDURES
+from second_simulator import GRADES
+from second_simulator.calibrating import calibrated, played
 from second_simulator.sensors import flicker
 from tumble.document import Calibration
 
@@ -18,22 +16,19 @@ GRAVITY = 9.8
 
 
 @cache
-def on_a_table(grade: str, seed: int, speeds: tuple[float, ...], folder: Path) -> tuple[Calibration, float]:
+def on_a_table(grade: str, seed: int, speeds: tuple[float, ...]) -> tuple[Calibration, float]:
     """A calibration by a table, and how long it was, s."""
-    made = PROCEDURES["rate-table"](GRADES[grade], np.random.default_rng(seed), None, rates=speeds, rate=25.0)
-    file = folder / "protocol.yaml"
-    file.write_text(made.protocol, encoding="utf-8")
-    found = tumble.calibrate(pl.DataFrame(made.columns()), protocol=file, rate="25±0.001").calibration
-    return found, float(made.time[-1] - made.time[0])
+    made = played("rate-table", grade, seed, rates=speeds, rate=25.0)
+    return calibrated(made, rate="25±0.001"), float(made.time[-1] - made.time[0])
 
 
 @pytest.mark.slow
-def test_six_faces_show_a_g_sensitivity_no_better_than_a_bias_keeps_from_face_to_face(tmp_path: Path) -> None:
+def test_six_faces_show_a_g_sensitivity_no_better_than_a_bias_keeps_from_face_to_face() -> None:
     """The rests of a face are near in time: half the difference of two faces is off by what the bias wanders between.
 
     Drawn anew, a sixth of the recording for each face, opposite faces half of it apart.
     """
-    found, seconds = on_a_table("consumer", 7, (20.0, 60.0, 120.0), tmp_path)
+    found, seconds = on_a_table("consumer", 7, (20.0, 60.0, 120.0))
     stated = [p.standard_uncertainty for p in found.parameters if p.name.startswith("g-sensitivity")]
     assert len(stated) == 9
     rng = np.random.default_rng(1)
@@ -47,13 +42,11 @@ def test_six_faces_show_a_g_sensitivity_no_better_than_a_bias_keeps_from_face_to
     assert 0.8 * wandered < np.sqrt(np.mean(np.square(stated))) < 2.0 * wandered
 
 
-def test_six_holds_state_a_bias_no_better_than_it_keeps_from_face_to_face(tmp_path: Path) -> None:
+def test_six_holds_state_a_bias_no_better_than_it_keeps_from_face_to_face() -> None:
     """Half the sum of two faces, against the mean over the recording; six holds for six unknowns show no scatter."""
     sheet = GRADES["hobby"].accelerometer
-    made = PROCEDURES["six-faces"](GRADES["hobby"], np.random.default_rng(5), None, rate=50.0)
-    file = tmp_path / "protocol.yaml"
-    file.write_text(made.protocol, encoding="utf-8")
-    found = tumble.calibrate(pl.DataFrame(made.columns()), protocol=file, rate="50±0.001").calibration
+    made = played("six-faces", "hobby", 5, rate=50.0)
+    found = calibrated(made, rate="50±0.001")
     stated = [p.standard_uncertainty for p in found.parameters if p.name.startswith("accelerometer bias")]
     faces = [(int(10 * step.start), int(10 * step.stop)) for step in made.path.steps if step.kind == "hold"]
     assert (len(stated), len(faces)) == (3, 6)
@@ -68,9 +61,8 @@ def test_six_holds_state_a_bias_no_better_than_it_keeps_from_face_to_face(tmp_pa
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1002])
 def test_a_table_without_turns_between_its_faces_shows_no_axes_but_where_it_stands(
-    seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """What the accelerometers show while it turns goes round the axis that the gyros show, and not another."""
     from tumble.calibration.equations.adjustment import JointAdjustment
@@ -82,12 +74,12 @@ def test_a_table_without_turns_between_its_faces_shows_no_axes_but_where_it_stan
         task.taking_part["turn"][:] = False
 
     monkeypatch.setattr(JointAdjustment, "__post_init__", without_turns)
-    found, _ = on_a_table("consumer", seed, (20.0, 80.0), tmp_path)
+    found, _ = on_a_table("consumer", 1002, (20.0, 80.0))
     assert found.verdict.fit
 
 
 def test_accelerometers_that_wander_on_a_table_are_found_by_every_rest_and_not_by_six_poses(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Of 30 rests six are placed, to 0.2°: these alone left what data sheets give, a quarter of it."""
     from tumble.calibration import recording_influences as influences
@@ -101,7 +93,7 @@ def test_accelerometers_that_wander_on_a_table_are_found_by_every_rest_and_not_b
         return made
 
     monkeypatch.setattr(influences, "_between", noted)
-    on_a_table("hobby", 1003, (20.0, 80.0), tmp_path)
+    on_a_table("hobby", 1003, (20.0, 80.0))
     # B² / pi per unit of ln f; the unit of the file is g.
     true = (GRADES["hobby"].accelerometer.flicker / 9.80665) ** 2 / np.pi
     assert 0.5 < float(np.mean(densities[-1])) / true < 2.0
