@@ -1,14 +1,30 @@
-"""Every mistake in a protocol file is named by file, line and step, and says what to write."""
+"""Every mistake in a protocol file is named by file, line and step, and says what to write; its schema sees most."""
 
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
+import yaml
+from jsonschema import Draft202012Validator
 
+from tumble.earth import Site
 from tumble.errors import ProtocolError
-from tumble.protocol import read_protocol
+from tumble.protocol import (
+    PROTOCOLS,
+    HoldStep,
+    Pose,
+    Protocol,
+    SpinStep,
+    TurnStep,
+    named_protocol,
+    protocol_schema,
+    protocol_to_yaml,
+    read_protocol,
+)
 
 # Line 1 is `format`; the steps begin in line 9.
 HEAD = """\
@@ -102,6 +118,7 @@ SPOILT = {
         6,
         "`latitude_deg` is 91: it has to be from -90 to 90. Beyond 90 there are the poles",
     ),
+    "a latitude in quotes": ("latitude_deg: 48.1", "latitude_deg: '48'", 6, "a number, without quotes."),
     "a height above the air": ("height_m: 520", "height_m: 52000", 7, "from -500 to 10000"),
     "a gravity of the Moon": ("height_m: 520", "gravity: 1.62", 7, "from 9.75 to 9.85"),
     "an angle beyond a turn": (
@@ -143,6 +160,12 @@ SPOILT = {
         "angle_uncertainty_arcsec: 2",
         23,
         "`angle_uncertainty_arcsec` says nothing without `angle_deg`",
+    ),
+    "an angle and revolutions": (
+        "    angle_deg: 90",
+        "    angle_deg: 90\n    revolutions: 2",
+        16,
+        "`angle_deg` and `revolutions` say the same: remove one.",
     ),
     "a negative uncertainty": ("uncertainty_deg: 5", "uncertainty_deg: -5", 11, "from 0 to 180"),
     "an uncertainty of nothing": (
@@ -385,3 +408,66 @@ def test_what_is_no_yaml_is_hinted_at_in_the_line_that_is_to_be_mended(
     said = message(tmp_path / "trial.yaml", GOOD.replace(written, instead, 1))
     assert f"trial.yaml, line {line}: " in said
     assert hint in said
+
+
+# The schema -------------------------------------------------------------------------------------
+
+PLACE = Site(9.81, 2e-5, 0.8, 100.0, "a tie")
+FITS = Draft202012Validator(protocol_schema()).is_valid
+
+
+def test_the_schema_is_one() -> None:
+    Draft202012Validator.check_schema(protocol_schema())
+
+
+@pytest.mark.parametrize("name", PROTOCOLS)
+def test_the_file_of_a_named_protocol_fits(name: str) -> None:
+    assert FITS(yaml.safe_load(protocol_to_yaml(replace(named_protocol(name), site=PLACE))))
+
+
+def test_a_file_with_every_key_fits() -> None:
+    oblique = np.array([0.36, 0.48, -0.8])
+    protocol = Protocol(
+        "all",
+        "multi-position",
+        (
+            HoldStep(1e-5, Pose(oblique, 0.3, 0.1), "", "a.csv", (0.0, 4.0)),
+            TurnStep(2.0, oblique, 9.0, 0.1),
+            HoldStep(2.0),
+            SpinStep(2.0, -0.3, oblique, 1e-6, 0.0, angle=-0.4, angle_sigma=1e-5),
+        ),
+        PLACE,
+        "for people",
+        ("a.csv", "b.csv"),
+        "g",
+        "ax,ay,az",
+        12.5,
+    )
+    document = yaml.safe_load(protocol_to_yaml(protocol))
+    assert FITS(document)
+    like = {"format": "tumble protocol", "like": "six-position", "gravity": 9.81}
+    assert FITS(like)
+
+
+NO_YAML = {"a syntax error", "a tab", "a character of no text", "two files in one"}
+# What depends on more than one value: a schema has no words for it, or YAML's loader drops it.
+READER_ALONE = {
+    "a key twice",
+    "a key of the file twice",
+    "an angle against the rate",
+    "no direction at all",
+    "an interval that ends first",
+    "an infinity in a list",
+    "not a number",
+    "a recording without a name",
+}
+
+
+def test_the_schema_accepts_what_is_spoilt_above() -> None:
+    assert FITS(yaml.safe_load(GOOD))
+
+
+@pytest.mark.parametrize("mistake", sorted(SPOILT.keys() - NO_YAML - READER_ALONE))
+def test_an_editor_with_the_schema_sees_the_mistake_too(mistake: str) -> None:
+    found, instead, *_ = SPOILT[mistake]
+    assert not FITS(yaml.safe_load(GOOD.replace(found, instead, 1)))
