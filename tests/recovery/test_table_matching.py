@@ -29,18 +29,19 @@ BAD = TableErrors(
 EARLY = replace(BAD, stops_early=((1, 0.35), (2, 0.6)))
 
 
+# Each protocol with each table, and all pairs of grades and units.
 @pytest.mark.parametrize(
-    ("grade", "units", "table"),
+    ("name", "grade", "units", "table"),
     [
         # Its g-sensitivity moves the slow rate about a level axis by some per cent.
-        ("consumer-mems", "counts", None),
-        ("industrial-mems", "SI", None),
-        ("industrial-mems", "counts", EARLY),
-        ("tactical", "SI", BAD),
-        ("tactical", "counts", None),
+        ("turntable-9", "consumer-mems", "counts", None),
+        ("laboratory", "consumer-mems", "SI", EARLY),
+        ("turntable-9", "industrial-mems", "SI", EARLY),
+        ("laboratory", "industrial-mems", "counts", BAD),
+        ("turntable-9", "tactical", "SI", BAD),
+        ("laboratory", "tactical", "counts", None),
     ],
 )
-@pytest.mark.parametrize("name", ["turntable-9", "laboratory"])
 def test_every_hold_and_rotation_is_found_where_it_was(
     name: str, grade: str, units: str, table: TableErrors | None
 ) -> None:

@@ -109,8 +109,9 @@ def assert_found(recording: Recording, parts: list[Part], lost: float = 0.4) -> 
     return spins
 
 
-@pytest.mark.parametrize("noise", [(0.0, 0.0), (1e-4, 1e-6), (0.05, 0.005)], ids=["none", "laser", "mems"])
-@pytest.mark.parametrize("rate", [25.0, 100.0, 400.0])
+@pytest.mark.parametrize(
+    ("noise", "rate"), [((0.0, 0.0), 400.0), ((1e-4, 1e-6), 100.0), ((0.05, 0.005), 25.0)]
+)
 def test_every_rate_of_a_table_is_found(noise: tuple[float, float], rate: float) -> None:
     parts = spun(*(sign * np.radians(speed) for speed in (10, 60, 200) for sign in (1, -1)))
     # at 10 deg/s and 25 Hz the noise hides the last eighth of the ramp
@@ -163,7 +164,7 @@ def test_ripple_and_counts_do_not_matter() -> None:
     assert_found(counts, parts)
 
 
-@pytest.mark.parametrize("seconds", [0.8, 2.0, 4.0, 12.0, 20.0])
+@pytest.mark.parametrize("seconds", [0.8, 4.0, 20.0])
 def test_a_turn_by_hand_has_no_plateau(seconds: float) -> None:
     parts = [Part(4.0)]
     for angle in (3.0, -2.0, 1.6, -3.1, 2.5, -1.8):
@@ -197,11 +198,13 @@ def test_without_a_gyro_there_are_no_spins_to_be_seen() -> None:
     assert find_spins(recording, find_timeline(recording)) == []
 
 
-@pytest.mark.parametrize("seconds", [6.0, 20.0, 33.3])
+LYING = Rotation.from_rotvec([0.5 * np.pi, 0.1, 0.0])
+
+
 @pytest.mark.parametrize(
-    "first", [TILT, Rotation.from_rotvec([0.5 * np.pi, 0.1, 0.0])], ids=["upright", "lying"]
+    ("first", "seconds"), [(TILT, 6.0), (LYING, 6.0), (LYING, 33.3)], ids=["upright", "lying", "lying long"]
 )
-def test_without_noise_the_means_are_the_truth_whatever_the_window(seconds: float, first: Rotation) -> None:
+def test_without_noise_the_means_are_the_truth_whatever_the_window(first: Rotation, seconds: float) -> None:
     """6 s is 0.65 of a revolution; no window here is a whole number of samples per revolution."""
     parts = spun(RATE, -RATE, seconds=seconds)
     recording = recorded(parts, first=first, noise=(0.0, 0.0), rate=97.0)
@@ -230,8 +233,7 @@ def test_a_plain_mean_keeps_the_horizontal_earth_rate() -> None:
 
 
 def test_a_table_off_its_nominal_rate_is_seen_by_the_phase_of_gravity() -> None:
-    lying = Rotation.from_rotvec([0.5 * np.pi, 0.1, 0.0])
-    recording = recorded(spun(RATE * 1.003, seconds=60.0), first=lying)
+    recording = recorded(spun(RATE * 1.003, seconds=60.0), first=LYING)
     means = observe_spins(recording, find_spins(recording, find_timeline(recording)), [PERIOD])
     assert means.specific_force is not None
     assert means.specific_force_covariance is not None
@@ -244,10 +246,9 @@ def test_a_table_off_its_nominal_rate_is_seen_by_the_phase_of_gravity() -> None:
 
 def test_errors_of_the_means_have_their_stated_size_with_gravity_going_round() -> None:
     """Sixty spins about a lying axis: what goes round is 500 times the noise and must not be in sigma."""
-    lying = Rotation.from_rotvec([0.5 * np.pi, 0.1, 0.0])
     squares: list[np.ndarray] = []
     for seed in range(10):
-        recording = recorded(spun(*[RATE, -RATE] * 3, seconds=10.0, rest=3.0), first=lying, seed=seed)
+        recording = recorded(spun(*[RATE, -RATE] * 3, seconds=10.0, rest=3.0), first=LYING, seed=seed)
         means = observe_spins(recording, find_spins(recording, find_timeline(recording)), [PERIOD] * 6)
         assert means.specific_force is not None
         assert means.specific_force_covariance is not None
