@@ -531,6 +531,6 @@ def test_of_two_changes_at_one_time_the_last_holds() -> None:
 
 def test_what_a_scale_factor_of_zero_made_zero_is_refused() -> None:
     stated = {f"CAL_ACC0_{axis}SCALE": 0.0 for axis in "XYZ"} | {"CAL_ACC0_ID": 7.0}
-    made = OwnParameters(stated, [], Px4({"specific_force": [7]}, None))
+    made = OwnParameters(stated, [], Px4({"ACC": [7]}, None))
     with pytest.raises(RecordingError, match="scale factor of ACC in the log is 0"):
         made.undone(Samples(np.zeros(2), specific_force=np.ones((2, 3))), "log")

@@ -163,7 +163,7 @@ class Px4:
 
     Attributes
     ----------
-    devices : identities of the sensors of a stream, by part; a part that the log does not tell is not there.
+    devices : identities of the sensors of a stream: of ACC, GYRO and MAG those that the log tells.
     thermal : the messages `sensor_correction`, or None.
     """
 
@@ -173,7 +173,7 @@ class Px4:
     def __call__(self, part: str, asked: Asked, time: Series) -> tuple[Matrix, Vectors]:
         """Return R S and o, of a part (ACC, GYR or MAG) at times: (3, 3) and (times, 3)."""
         kind = "GYRO" if part == "GYR" else part
-        slot, device = self._slot(part, kind, asked)
+        slot, device = self._slot(kind, asked)
         level = asked.triad("SENS_BOARD_{}_OFF", 0.0)
         matrix = matrix_from_angles(np.radians(level)) @ self._turn(kind, slot, asked)
         offset = np.zeros((time.size, 3))
@@ -188,7 +188,7 @@ class Px4:
     def turn(self, asked: Asked) -> Matrix:
         """Return the rotation from a magnetometer's raw axes to the accelerometers': see `OwnParameters.turn`."""
         board = self._turn("ACC", None, asked)
-        return board.T @ self._turn("MAG", self._slot("MAG", "MAG", asked)[0], asked)
+        return board.T @ self._turn("MAG", self._slot("MAG", asked)[0], asked)
 
     def _turn(self, kind: str, slot: int | None, asked: Asked) -> Matrix:
         """Return the rotation of a sensor, before the level is adjusted."""
@@ -199,13 +199,13 @@ class Px4:
             own = asked.needed(named, 0.0)
         return _turn(named, own, _PX4_TURNS)
 
-    def _slot(self, part: str, kind: str, asked: Asked) -> tuple[int | None, int]:
+    def _slot(self, kind: str, asked: Asked) -> tuple[int | None, int]:
         """Return the number of a sensor's parameters, None without any, and its identity, 0 if it is not known."""
         stated = {n: asked.stated.get(f"CAL_{kind}{n}_ID") for n in range(4)}
         if not any(one is not None for one in stated.values()):
             asked.missing[f"CAL_{kind}*"] = None
         known = {int(one) % 2**32: n for n, one in stated.items() if one}
-        devices = self.devices.get(part) or list(known)
+        devices = self.devices.get(kind) or list(known)
         if len(devices) > 1:
             raise RecordingError(
                 f"The log does not state which of the sensors with CAL_{kind}n_ID {', '.join(map(str, devices))} its "

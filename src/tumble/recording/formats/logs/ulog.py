@@ -41,7 +41,7 @@ _NO_STAMP = 2**31 - 1  # accelerometer_timestamp_relative of a message without a
 _OWN_AXES = "is in the magnetometer's own axes, which may be turned against the autopilot's"
 _CORRECTED = ("sensor_combined", "vehicle_imu", "vehicle_magnetometer")
 _SELECTION, _THERMAL = "sensor_selection", "sensor_correction"
-_DEVICES = {"ACC": "accel_device_id", "GYR": "gyro_device_id", "MAG": "device_id"}
+_DEVICES = {"ACC": "accel_device_id", "GYRO": "gyro_device_id", "MAG": "device_id"}
 
 
 def recognises(head: bytes) -> bool:
