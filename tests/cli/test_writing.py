@@ -30,12 +30,9 @@ def contents(folder: Path) -> dict[str, str]:
 # --- places that cannot be written to; the tests may run as root, whom permissions do not stop
 
 
-@pytest.mark.parametrize("place", ["/proc/tumble", "/sys/tumble"])
-def test_a_folder_that_the_system_does_not_allow(tumble: Any, recording: Path, place: str) -> None:
-    if not Path(place).parent.is_dir():
-        pytest.skip(f"this system has no {Path(place).parent}")
-    tumble("calibrate", recording, "--gravity", 9.81, "-o", place).is_told(3, place)
-    tumble("demo", "-o", place).is_told(3, place)
+@pytest.mark.skipif(not Path("/proc").is_dir(), reason="this system has no /proc")
+def test_a_folder_that_the_system_does_not_allow(tumble: Any) -> None:
+    tumble("demo", "-o", "/proc/tumble").is_told(3, "/proc/tumble cannot be made or written to")
 
 
 @pytest.mark.parametrize(
@@ -49,7 +46,9 @@ def test_a_folder_that_is_a_file_or_under_one(
     file.write_text("precious")
     arguments = call.format(recording).split()
     tumble(*arguments, "-o", file).is_told(2, "is a file: give a folder")
-    tumble(*arguments, "-o", file / "results").is_told(3, str(file / "results"))
+    tumble(*arguments, "-o", file / "results").is_told(
+        3, f"{file / 'results'} cannot be made: {file} is a file"
+    )
     assert contents(tmp_path) == {"file": "precious"}
 
 
@@ -71,7 +70,9 @@ def test_a_folder_without_permission(tumble: Any, recording: Path, tmp_path: Pat
     try:
         if os.access(folder, os.W_OK):
             pytest.skip("this user may write anywhere (root): permissions stop nothing")
-        tumble("calibrate", recording, "--gravity", 9.81, "-o", folder).is_told(3, "cannot be written")
+        tumble("calibrate", recording, "--gravity", 9.81, "-o", folder).is_told(
+            3, "cannot be made or written to"
+        )
     finally:
         folder.chmod(0o755)
     assert contents(folder) == EARLIER
@@ -87,15 +88,6 @@ def stopped(process: subprocess.Popen[str]) -> str:
     assert len(err.splitlines()) == 1, err
     assert "Stopped" in err
     return err
-
-
-def test_the_program_that_is_interrupted_below_runs_through_on_its_own(
-    start: Start, recording: Path, tmp_path: Path
-) -> None:
-    process = start("calibrate", recording, "--gravity", 9.81, "-o", tmp_path / "results")
-    process.communicate(timeout=60)
-    assert process.returncode == 0
-    assert set(contents(tmp_path / "results")) == set(EARLIER)
 
 
 # Sends Ctrl-C from inside, at the N-th call of a function of os that writing goes through.
@@ -128,14 +120,10 @@ workflow.write_run = write_and_stop
 @pytest.mark.parametrize(
     ("call", "at"),
     [
-        ("calibrate {recording} --gravity 9.81", 1),
         ("calibrate {recording} --gravity 9.81", 2),
         ("apply {calibrated} {recording}", "corrected.csv"),
         ("apply {calibrated} {recording}", "corrected.parquet"),
-        ("simulate six-position --sample-rate 5", 1),
-        ("simulate six-position --sample-rate 5", 2),
         ("simulate six-position --sample-rate 5", 3),
-        ("reproduce hayal-4.2", 1),
         ("reproduce hayal-4.2", 3),
     ],
 )
@@ -153,8 +141,7 @@ def test_ctrl_c_while_writing_leaves_the_earlier_results_and_no_part(
         assert process.returncode == 130
 
     stopped_while_writing()
-    # calibrate makes its folder before the work, and it may stay, empty
-    assert set(tmp_path.rglob("*")) <= ({output} if call.startswith("calibrate") else set())
+    assert not set(tmp_path.rglob("*"))
     assert tumble(*arguments, "-q").status == 0
     files = [path for path in tmp_path.rglob("*") if path.is_file()]
     for file in files:
@@ -172,7 +159,7 @@ def test_ctrl_c_after_the_files_are_in_place_says_so(start: Start, recording: Pa
     assert json.loads((tmp_path / "made" / "calibration.json").read_text())["format"] == "tumble calibration"
 
 
-@pytest.mark.parametrize("delay", [0.0, 0.15, 0.3, 0.5, 0.7, 0.9])
+@pytest.mark.parametrize("delay", [0.0, 0.5])
 def test_ctrl_c_at_any_moment_leaves_all_or_nothing(
     start: Start, recording: Path, tmp_path: Path, delay: float
 ) -> None:

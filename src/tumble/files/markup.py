@@ -45,17 +45,3 @@ def notebook_html(
     """
     given = {"heads": heads, "rows": rows, "title": title, "words": words, "notes": notes, "foot": foot}
     return templates().get_template("notebook.html").render(given)
-
-
-def notebook_progress(stage: str, seconds: float, *, busy: bool) -> str:
-    """Return a bar as a notebook shows it while work is going on.
-
-    Parameters
-    ----------
-    stage : what is being done, in words.
-    seconds : since the work began.
-    busy : whether it still goes on.
-    """
-    return (
-        templates().get_template("progress.html").render({"stage": stage, "seconds": seconds, "busy": busy})
-    )

@@ -261,7 +261,7 @@ def write_texts(texts: Mapping[Path, str]) -> list[Path]:
     """
     with ExitStack() as stack:
         for path, text in texts.items():
-            make_folder(path.parent)
+            stack.enter_context(_folder(path.parent))
             put_text(stack.enter_context(written_beside(path)), text)
         with uninterrupted():
             stack.pop_all().close()
@@ -286,14 +286,59 @@ def make_folder(folder: Path) -> None:
         raise OutputError(f"The folder {folder} cannot be made: {error.strerror or error}.") from error
 
 
+def results_folder(output: str | os.PathLike[str] | None) -> Path | None:
+    """Return the folder for results, None for none; refuse before the work what would fail after it.
+
+    Parameters
+    ----------
+    output : as it was named.
+
+    Raises
+    ------
+    UsageError
+        If it is a file.
+    OutputError
+        If it cannot be made or written to.
+    """
+    import tempfile
+
+    if output is None:
+        return None
+    folder = Path(output)
+    if folder.exists() and not folder.is_dir():
+        raise UsageError(f"-o {folder} is a file: give a folder.")
+    existing = next(one for one in (folder, *folder.parents) if one.exists())
+    if not existing.is_dir():
+        raise OutputError(f"The folder {folder} cannot be made: {existing} is a file. Give another with -o.")
+    try:
+        with tempfile.TemporaryDirectory(dir=existing, prefix=".tumble-"):
+            return folder
+    except OSError as error:
+        raise OutputError(
+            f"{folder} cannot be made or written to: {error.strerror or error}. Give another folder with -o."
+        ) from error
+
+
 @contextmanager
-def filled_folder(folder: Path, instead_of: Iterable[str] = ()) -> Generator[Path, None, None]:
+def _folder(folder: Path) -> Generator[None, None, None]:
+    """Have a folder, and take away again what was made of it if nothing came to be in it."""
+    made = [one for one in (folder, *folder.parents) if not one.exists()]
+    try:
+        make_folder(folder)
+        yield
+    finally:
+        for one in made:
+            with suppress(OSError):
+                one.rmdir()
+
+
+@contextmanager
+def filled_folder(folder: Path) -> Generator[Path, None, None]:
     """Give a folder inside `folder` to fill; afterwards its files take their places in `folder`, all or none.
 
     Parameters
     ----------
     folder : made if it is not there, and removed again if nothing came to be in it.
-    instead_of : names of files there that go when the new ones come.
 
     Raises
     ------
@@ -301,26 +346,19 @@ def filled_folder(folder: Path, instead_of: Iterable[str] = ()) -> Generator[Pat
         If one of the places is no place for a result.
     OSError
         If it cannot be written; what was there is intact.
+    OutputError
+        If it cannot be made.
     """
     import tempfile
 
-    made = not folder.exists()
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=folder, prefix=".tumble-") as temporary:
-            yield Path(temporary)
-            files = sorted(Path(temporary).iterdir())
+    with _folder(folder), tempfile.TemporaryDirectory(dir=folder, prefix=".tumble-") as temporary:
+        yield Path(temporary)
+        files = sorted(Path(temporary).iterdir())
+        for file in files:
+            check_target(folder / file.name)
+        with uninterrupted():
             for file in files:
-                check_target(folder / file.name)
-            with uninterrupted():
-                for file in files:
-                    file.replace(folder / file.name)
-                for name in set(instead_of) - {file.name for file in files}:
-                    (folder / name).unlink(missing_ok=True)
-    finally:
-        if made:
-            with suppress(OSError):
-                folder.rmdir()  # only where nothing came to be in it
+                file.replace(folder / file.name)
 
 
 @contextmanager

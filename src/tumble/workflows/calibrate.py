@@ -18,11 +18,11 @@ from tumble.earth import Site
 from tumble.errors import (
     CalibrationFileError,
     ObservabilityError,
-    OutputError,
     SegmentationError,
     TumbleError,
     UsageError,
 )
+from tumble.files import results_folder
 from tumble.limits import read_limits, with_limits
 from tumble.recording import Recording, read_recordings
 from tumble.recording.frames import Frame
@@ -186,7 +186,7 @@ def calibrate(
     options = Options(optional_terms, sheet, unknowns, confirm_scale)
     check_procedure(procedure, options, has_protocol=protocol is not None)
     _refuse_odd(monte_carlo)
-    folder = writable_folder(output)
+    folder = results_folder(output)
     acceptance = None if limits is None else read_limits(Path(limits))
     clock = Clock()
     say("reading")
@@ -495,51 +495,6 @@ def about_gravity(place: Site) -> str:
         f"every accelerometer scale factor uncertain by {100 * place.gravity_sigma / place.gravity:.2f} %: "
         "give --site LATITUDE[,HEIGHT] or --gravity."
     )
-
-
-def writable_folder(output: str | os.PathLike[str] | None) -> Path | None:
-    """Return the folder for the results, which can be written; None where nothing is to be.
-
-    Parameters
-    ----------
-    output : as it was named.
-
-    Raises
-    ------
-    UsageError, OutputError
-        As `require_writable` does.
-    """
-    if output is None:
-        return None
-    require_writable(Path(output))
-    return Path(output)
-
-
-def require_writable(folder: Path) -> None:
-    """Refuse early what would fail after minutes of work.
-
-    Parameters
-    ----------
-    folder : for the results.
-
-    Raises
-    ------
-    UsageError
-        If it is a file.
-    OutputError
-        If it cannot be made or written to.
-    """
-    if folder.exists() and not folder.is_dir():
-        raise UsageError(f"-o {folder} is a file: give a folder for calibration.json and report.html.")
-    existing = folder
-    while not existing.exists() and existing != existing.parent:
-        existing = existing.parent
-    if not existing.is_dir():
-        raise OutputError(
-            f"The folder {folder} cannot be made: {existing} is a file. Give another folder with -o."
-        )
-    if not os.access(existing, os.W_OK):
-        raise OutputError(f"{existing} cannot be written to: give another folder with -o.")
 
 
 def read_prior(prior: str | os.PathLike[str], serial: str | None = None) -> StableKnowledge:

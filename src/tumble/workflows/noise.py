@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tumble.errors import UsageError
-from tumble.files import opened
+from tumble.files import opened, results_folder
 from tumble.recording import Recording, read_blocks, read_recording
 from tumble.recording.frames import Frame
 from tumble.recording.reading import Paths, recording_inputs
@@ -82,9 +82,7 @@ def analyse_noise(
 
     if not (np.isfinite(skip) and skip >= 0.0):
         raise UsageError(f"--skip {skip}: give seconds, 0 or more.")
-    folder = None if output is None else Path(output)
-    if folder is not None and folder.exists() and not folder.is_dir():
-        raise UsageError(f"-o {folder} is a file: give a folder.")
+    folder = results_folder(output)
     method = _method(fit)
     how: dict[str, Any] = {"skip": skip, "remove_temperature": remove_temperature, "method": method}
     said: dict[str, Any] = {

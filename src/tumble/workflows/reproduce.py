@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from tumble.counting import counted
 from tumble.errors import OutputError, UsageError
+from tumble.files import results_folder
 from tumble.records import dataclass
 from tumble.workflows.batches.executors import Hands, hands
 from tumble.workflows.progress import silent
@@ -60,9 +61,7 @@ def reproduce(
         raise UsageError(f"--repetitions {repetitions}: give a number from 1 to {MOST_REPETITIONS}.")
     if seed < 0:
         raise UsageError(f"--seed {seed}: a seed is a whole number from 0 on.")
-    folder = None if output is None else Path(output)
-    if folder is not None and folder.exists() and not folder.is_dir():
-        raise UsageError(f"-o {folder} is a file: give a folder.")
+    folder = results_folder(output)
     items = find_items(name)
     runs = [repetitions if len(items) == 1 else item.runs_among_others(repetitions) for item in items]
     tasks = [

@@ -54,9 +54,9 @@ def test_a_name_that_is_no_utf_8_can_be_written_into_a_text(tmp_path: Path) -> N
 
 
 def test_a_filled_folder_takes_the_place_of_what_it_replaces(tmp_path: Path) -> None:
-    for name in ("old", "kept", "both"):
+    for name in ("kept", "both"):
         (tmp_path / name).write_text(name)
-    with filled_folder(tmp_path, instead_of=["old", "both"]) as beside:
+    with filled_folder(tmp_path) as beside:
         (beside / "both").write_text("new")
     assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"kept": "kept", "both": "new"}
     with pytest.raises(OSError, match="stop"), filled_folder(tmp_path / "never"):

@@ -8,7 +8,6 @@ from __future__ import annotations
 import difflib
 import json
 import math
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -149,24 +148,6 @@ def check_seed(seed: int) -> None:
     """
     if seed < 0:
         raise UsageError(f"--seed {seed}: a seed is a whole number from 0 on.")
-
-
-def plan_folder(output: str | os.PathLike[str] | None, files: tuple[str, ...]) -> Path | None:
-    """Return the folder that a plan is written to, or None.
-
-    Parameters
-    ----------
-    output, files : as the user wrote it, and what is written there.
-
-    Raises
-    ------
-    UsageError
-        If it is a file.
-    """
-    folder = None if output is None else Path(output)
-    if folder is not None and folder.exists() and not folder.is_dir():
-        raise UsageError(f"-o {folder} is a file: give a folder for {', '.join(files)}.")
-    return folder
 
 
 def document_text(document: dict[str, Any]) -> str:

@@ -13,6 +13,7 @@ import numpy as np
 
 from tumble.earth import Site
 from tumble.errors import UsageError
+from tumble.files import results_folder
 from tumble.records import dataclass
 from tumble.units import MICRO_G
 from tumble.workflows.planning.given import read_known
@@ -20,7 +21,6 @@ from tumble.workflows.planning.plan import (
     check_seed,
     document_text,
     finite,
-    plan_folder,
     planned_grade,
     planned_place,
     read_targets,
@@ -196,7 +196,7 @@ def plan_poses(
     OutputError
         If the files cannot be written; earlier ones are intact.
     """
-    folder = plan_folder(output, FILES)
+    folder = results_folder(output)
     order.check()
     if order.rate is not None and (order.procedure != "hand-held" or order.given is not None):
         raise UsageError("--rate is for a whole hand-held test or a protocol: leave it out.")

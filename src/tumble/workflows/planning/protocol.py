@@ -13,13 +13,13 @@ import numpy as np
 
 from tumble.earth import Site
 from tumble.errors import UsageError
+from tumble.files import results_folder
 from tumble.records import dataclass
 from tumble.workflows.planning.plan import (
     check_seed,
     document_text,
     find_protocol,
     finite,
-    plan_folder,
     planned_grade,
     planned_place,
     read_targets,
@@ -126,7 +126,7 @@ def plan_any_protocol(
         raise UsageError(
             "--protocol says how --given was recorded: give --given RECORDING too, or leave it out."
         )
-    folder = plan_folder(output, FILES)
+    folder = results_folder(output)
     protocol = find_protocol(asked)
     limits = _read_protocol_targets(targets)
     task, grade, remarks = _task(protocol, imu, data_sheet, noise, site, seed)

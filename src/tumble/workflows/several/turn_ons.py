@@ -16,6 +16,7 @@ from tumble.calibration.session import Options, Session
 from tumble.counting import counted
 from tumble.earth import Site
 from tumble.errors import TumbleError, UsageError
+from tumble.files import results_folder
 from tumble.limits import read_limits
 from tumble.recording import Recording
 from tumble.records import dataclass
@@ -29,7 +30,6 @@ from tumble.workflows.calibrate import (
     read_as_told,
     read_prior,
     say_gravity,
-    writable_folder,
 )
 from tumble.workflows.given.notes import Notes, notes_of
 from tumble.workflows.given.protocols import GivenProtocol, read_given_protocol
@@ -104,7 +104,7 @@ def calibrate_turn_ons(
         If the results cannot be written; earlier ones are intact.
     """
     say, noted = progress or silent, notes_of(notes)
-    folder = writable_folder(output)
+    folder = results_folder(output)
     acceptance = None if limits is None else read_limits(Path(limits))
     named = _named(recordings, protocol)
     knowledge = None if prior is None else read_prior(prior, imu[1])
