@@ -9,7 +9,6 @@ import signal
 import subprocess
 import sys
 import time
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +16,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from tumble.errors import UsageError
 from tumble.workflows.batches.batch import run_batch
-from tumble.workflows.batches.source import read_source
 from tumble.workflows.batches.unit import BatchOptions
 
 GRAVITY = 9.81
@@ -167,17 +164,13 @@ def test_a_manifest_with_a_missing_file_does_the_others(tumble: Any, lot: Path, 
 def test_unreadable_limits_and_a_wrong_source_are_one_sentence(
     tumble: Any, lot: Path, tmp_path: Path
 ) -> None:
-    for extra in (
-        ("--limits", tmp_path / "none.yaml"),
-        ("--reports", "some"),
-        ("--scheduler", "tcp://127.0.0.1:1"),
-    ):
-        if extra[0] == "--scheduler":
-            continue  # a cluster that does not answer takes ten seconds
+    for extra in (("--limits", tmp_path / "none.yaml"), ("--reports", "some")):
         answer = tumble("batch", lot, "-o", tmp_path / "out", *extra)
         assert answer.status == 2
         assert answer.err.count("\n") == 1
     assert tumble("batch", tmp_path / "nowhere", "-o", tmp_path / "out").status == 2
+    stored = tumble("batch", "s3://me:secret@b/u.csv", "-o", tmp_path / "out")
+    stored.is_told(2, "s3://***@b/u.csv: a batch is of files of this machine")
     assert not (tmp_path / "out").exists()
 
 
@@ -220,8 +213,6 @@ def test_a_cluster_that_loses_a_worker_in_the_middle_does_all_units(
 ) -> None:
     """Two workers of Dask as processes of their own, of which one is killed when the first unit is there."""
     distributed = pytest.importorskip("distributed", reason="the extra fleet is not installed")
-    from tumble.workflows.batches.batch import run_batch
-    from tumble.workflows.batches.unit import BatchOptions
 
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, dashboard_address=None, local_directory=str(tmp_path / "dask")
@@ -255,48 +246,3 @@ def test_nobody_who_answers_as_a_scheduler_is_one_sentence_without_the_password(
         assert answer.status == 2
         assert answer.err.count("\n") == 1
         assert "secret" not in answer.err
-
-
-def test_files_in_a_store_are_fetched_and_a_missing_one_is_said(lot: Path, tmp_path: Path) -> None:
-    fsspec = pytest.importorskip("fsspec")
-    store = fsspec.filesystem("memory")
-    store.pipe("/lot/u0.csv", (lot / "u0.csv").read_bytes())
-    store.pipe("/lot/lot.csv", b"unit,files\nA,u0.csv\nB,gone.csv\n")
-    for worked in (2, 1):
-        # The store is this process's own: its threads see it, other processes do not.
-        with ThreadPoolExecutor(1) as executor:
-            batch = run_batch(
-                "memory://lot/lot.csv",
-                tmp_path,
-                BatchOptions(gravity=GRAVITY, reports="none"),
-                executor=executor,
-            )
-        first, second = batch.units
-        assert (first.verdict, second.verdict) == ("fit", "error")
-        assert "memory://lot/gone.csv could not be fetched" in batch.reasons(second)[0]
-        assert batch.worked == worked
-    assert first.files == ["memory://lot/u0.csv"]
-
-
-def test_a_store_without_its_library_says_which_it_needs(monkeypatch: pytest.MonkeyPatch) -> None:
-    core = pytest.importorskip("fsspec.core")
-
-    def missing(_: str) -> None:
-        raise ImportError("Install s3fs to access S3")
-
-    monkeypatch.setattr(core, "url_to_fs", missing)
-    with pytest.raises(UsageError, match=r"^s3://\*\*\*@b/u.csv needs a library .*s3fs[^\n]*\.$"):
-        read_source(["s3://me:secret@b/u.csv"])
-
-
-def test_a_url_s_password_is_neither_printed_nor_in_the_table(tumble: Any, tmp_path: Path) -> None:
-    manifest, out = tmp_path / "lot.csv", tmp_path / "out"
-    manifest.write_text("unit,files\nA,ftp://me:secret@127.0.0.1:1/a.csv\n", encoding="utf-8")
-    answer = tumble("batch", manifest, "-o", out, "--workers", 1)
-    assert answer.status == 1
-    assert table_of(out)["A"]["files"] == "ftp://***@127.0.0.1:1/a.csv"
-    said = answer.out + answer.err + "".join(one.read_text("utf-8") for one in out.rglob("*.json"))
-    assert "secret" not in said + (out / "table.csv").read_text("utf-8") + (out / "table.html").read_text(
-        "utf-8"
-    )
-    assert "secret" not in tumble("batch", "http://me:secret@127.0.0.1:1/a.csv", "-o", tmp_path / "o").err

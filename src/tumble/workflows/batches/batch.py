@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tumble.counting import counted
-from tumble.files import make_folder, read_json, read_text, write_text, write_texts
+from tumble.files import make_folder, read_json, read_text, results_folder, write_text, write_texts
 from tumble.fleet import UnitVector, find_outlying, find_shared, stack
 from tumble.fleet.outcome import ACCELEROMETER, GYRO, Batch, UnitOutcome
 from tumble.fleet.outlying import FALSE_ALARM, loud_or_dead
@@ -36,7 +36,6 @@ from tumble.workflows.batches.unit import (
     check_options,
     failed,
 )
-from tumble.workflows.calibrate import require_writable
 from tumble.workflows.progress import silent
 
 if TYPE_CHECKING:
@@ -166,7 +165,7 @@ def run_batch(
     folder = Path(output)
     check_options(options)
     tasks = read_source([sources] if isinstance(sources, str) else list(sources))
-    require_writable(folder)
+    results_folder(folder)
     make_folder(folder / UNITS)
     if options.reports != "none":
         _write_library(folder)

@@ -12,9 +12,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import field
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Any
 
-from tumble.errors import UsageError, install
+from tumble.errors import UsageError
 from tumble.files import HIDDEN, number_of, read_text, reading, shown, without_password
 from tumble.records import dataclass
 
@@ -54,7 +53,7 @@ class UnitTask:
     Attributes
     ----------
     unit : its name, which is that of its folder.
-    files : its recordings: paths or URLs; of a pair of files both.
+    files : its recordings; of a pair of files both.
     told : of `TOLD`, what the manifest says.
     more : its other columns.
     missing : files that are not there.
@@ -67,22 +66,12 @@ class UnitTask:
     missing: tuple[str, ...] = ()
 
 
-def is_url(text: str) -> bool:
-    """Return whether a name is a URL, such as ``s3://bucket/unit.csv``.
-
-    Parameters
-    ----------
-    text : as typed.
-    """
-    return "://" in text
-
-
 def read_source(sources: Sequence[str]) -> list[UnitTask]:
     """Return the units of a batch in their order.
 
     Parameters
     ----------
-    sources : one folder, pattern, manifest or URL of these, or the files that a shell made of a pattern.
+    sources : one folder, pattern or manifest, or the files that a shell made of a pattern.
 
     Raises
     ------
@@ -91,10 +80,8 @@ def read_source(sources: Sequence[str]) -> list[UnitTask]:
     """
     if not sources:
         raise UsageError("Name a folder, a pattern or a manifest: see `tumble batch --help`.")
-    if len(sources) == 1 and not is_url(sources[0]):
+    if len(sources) == 1:
         tasks = _of_one(sources[0])
-    elif len(sources) == 1:
-        tasks = _of_url(sources[0])
     else:
         manifests = [one for one in sources if _is_manifest(Path(one))]
         if manifests:
@@ -125,54 +112,11 @@ def _of_one(source: str) -> list[UnitTask]:
         if not found:
             raise UsageError(f"No file matches the pattern {source}.")
         return [_of_folder(Path(one)) if os.path.isdir(one) else _of_file(one) for one in found]
+    if "://" in source:
+        raise UsageError(
+            f"{without_password(source)}: a batch is of files of this machine: copy them here, or mount their store."
+        )
     raise UsageError(f"There is no folder, manifest or pattern {source}.")
-
-
-def _of_url(source: str) -> list[UnitTask]:
-    fsspec = imported_fsspec()
-    try:
-        system, path = fsspec.core.url_to_fs(source)
-        if path.endswith(".csv") and not any(sign in path for sign in "*?["):
-            text = system.cat_file(path).decode("utf-8-sig")
-            if not _names_units(text):
-                raise UsageError(
-                    without_password(
-                        f"{source} is no manifest: its first line names no columns `unit` and `files`."
-                    )
-                )
-            return _rows(text, source, source.rpartition("/")[0])
-        pattern = path if any(sign in path for sign in "*?[") else path.rstrip("/") + "/*"
-        found = [one for one in sorted(system.glob(pattern)) if _may_be_recording(Path(one))]
-    except UsageError:
-        raise
-    except ImportError as error:
-        raise UsageError(
-            without_password(
-                f"{source} needs a library beside fsspec (aiohttp for http, s3fs for s3, gcsfs for gs): {error}."
-            )
-        ) from None
-    except Exception as error:  # noqa: BLE001 (each of fsspec's systems has errors of its own)
-        words = shown(str(error))[:200] or type(error).__name__
-        raise UsageError(without_password(f"{source} cannot be listed: {words}.")) from None
-    return [_of_file(system.unstrip_protocol(one)) for one in found]
-
-
-def imported_fsspec() -> Any:
-    """Return the library that opens URLs.
-
-    Raises
-    ------
-    UsageError
-        If it is not installed.
-    """
-    try:
-        import fsspec  # pyright: ignore[reportMissingTypeStubs]
-        import fsspec.core  # pyright: ignore[reportUnusedImport]
-    except ImportError:
-        raise UsageError(
-            f"Files by URL need fsspec: {install('fleet')}, and for s3:// or gs:// the library that it names."
-        ) from None
-    return fsspec
 
 
 def _folder(folder: Path) -> list[UnitTask]:
@@ -200,7 +144,7 @@ def _of_folder(folder: Path) -> UnitTask:
 
 
 def _of_file(name: str) -> UnitTask:
-    missing = () if is_url(name) or Path(name).exists() else (name,)
+    missing = () if Path(name).exists() else (name,)
     return UnitTask(unit_name(name), (name,), missing=missing)
 
 
@@ -209,14 +153,14 @@ def unit_name(file: str) -> str:
 
     Parameters
     ----------
-    file : path or URL.
+    file : path of it.
 
     Examples
     --------
     >>> unit_name("line-3/unit.17.csv.gz")
     'unit.17'
     """
-    name = Path(file.rstrip("/").rpartition("/")[2] or file)
+    name = Path(file)
     while name.suffix.lower() in _PACKED:
         name = name.with_suffix("")
     return name.stem
@@ -246,10 +190,10 @@ def _manifest(path: Path) -> list[UnitTask]:
         text = read_text(path)
     if not _names_units(text):
         raise UsageError(f"The manifest {path} has no columns `unit` and `files` in its first line.")
-    return _rows(text, str(path), str(path.parent))
+    return _rows(text, str(path), path.parent)
 
 
-def _rows(text: str, name: str, base: str) -> list[UnitTask]:
+def _rows(text: str, name: str, base: Path) -> list[UnitTask]:
     first = text.partition("\n")[0]
     separator = max(",;\t", key=first.count)
     rows = [row for row in csv.reader(io.StringIO(text), delimiter=separator) if any(map(str.strip, row))]
@@ -268,7 +212,7 @@ def _rows(text: str, name: str, base: str) -> list[UnitTask]:
     return tasks
 
 
-def _row(heads: list[str], row: list[str], where: str, base: str, separator: str) -> UnitTask:
+def _row(heads: list[str], row: list[str], where: str, base: Path, separator: str) -> UnitTask:
     if len(row) > len(heads):
         raise UsageError(
             f"{where}: it has {len(row)} cells and the first line {len(heads)}: put several files of a unit into one "
@@ -290,18 +234,16 @@ def _row(heads: list[str], row: list[str], where: str, base: str, separator: str
     if not files and "protocol" not in told:
         raise UsageError(f"{where}: unit {unit} has no files.")
     placed = tuple(_placed(one, base) for one in files)
-    missing = tuple(one for one in placed if not is_url(one) and not Path(one).exists())
+    missing = tuple(one for one in placed if not Path(one).exists())
     return UnitTask(unit, placed, told, {k: v for k, v in cells.items() if k and k not in TOLD}, missing)
 
 
-def _names_file(text: str, base: str) -> bool:
+def _names_file(text: str, base: Path) -> bool:
     return any(sign in text for sign in "./") or Path(base, text).exists()
 
 
-def _placed(name: str, base: str) -> str:
-    if is_url(name) or os.path.isabs(name) or not base:
-        return name
-    return f"{base}/{name}" if is_url(base) else str(Path(base) / name)
+def _placed(name: str, base: Path) -> str:
+    return str(Path(base) / name)
 
 
 def _check_head(head: str, manifest: str) -> None:

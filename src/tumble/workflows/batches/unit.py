@@ -7,10 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-import tempfile
-from collections.abc import Callable, Generator
-from contextlib import contextmanager
-from dataclasses import replace
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,7 +23,7 @@ from tumble.errors import (
 from tumble.files import shown, without_password
 from tumble.fleet.outcome import ACCELEROMETER, GYRO, UnitOutcome
 from tumble.records import dataclass
-from tumble.workflows.batches.source import UnitTask, imported_fsspec, is_url
+from tumble.workflows.batches.source import UnitTask
 from tumble.workflows.given.notes import USUAL, notes_of
 from tumble.workflows.magnetometer import field_reasons
 
@@ -103,7 +100,7 @@ def check_options(options: BatchOptions) -> None:
         (options.units, read_units_option),
     )
     for given, read in checks:
-        if given is not None and not is_url(given):
+        if given is not None:
             read(given)
 
 
@@ -133,11 +130,10 @@ def calibrate_unit(job: Job) -> UnitOutcome:
         return failed(task, f"There is no file {task.missing[0]}{more}.")
     key = ""
     try:
-        with _inputs_here(task) as here:
-            key = _key(here, job.options)
-            if job.known == key:
-                return UnitOutcome(task.unit, list(task.files), key, "", unchanged=True)
-            return _outcome(here, job.options, key, task)
+        key = _key(task, job.options)
+        if job.known == key:
+            return UnitOutcome(task.unit, list(task.files), key, "", unchanged=True)
+        return _outcome(task, job.options, key)
     except TumbleError as error:
         return failed(task, str(error), key if isinstance(error, _OF_RECORDING) else "")
     except MemoryError:
@@ -149,31 +145,6 @@ def calibrate_unit(job: Job) -> UnitOutcome:
         return failed(
             task, f"This is a fault of tumble, not of the recording: {type(error).__name__}: {words}."
         )
-
-
-@contextmanager
-def _inputs_here(task: UnitTask) -> Generator[UnitTask, None, None]:
-    """Give the unit with its files on this machine."""
-    if not any(map(is_url, (*task.files, *task.told.values()))):
-        yield task
-        return
-    fsspec = imported_fsspec()
-    with tempfile.TemporaryDirectory(prefix="tumble-unit-") as folder:
-
-        def here(name: str) -> str:
-            if not is_url(name):
-                return name
-            place = Path(folder) / name.rstrip("/").rpartition("/")[2]
-            try:
-                system, path = fsspec.core.url_to_fs(name)
-                system.get_file(path, str(place))
-            except Exception as error:  # noqa: BLE001 (each of fsspec's systems has errors of its own)
-                words = shown(str(error))[:160] or type(error).__name__
-                raise OSError(0, f"{name} could not be fetched: {words}") from None
-            return str(place)
-
-        told = {key: here(value) for key, value in task.told.items()}
-        yield replace(task, files=tuple(map(here, task.files)), told=told)
 
 
 def _key(task: UnitTask, options: BatchOptions) -> str:
@@ -214,7 +185,7 @@ def _content_hash(path: Path) -> str:
     return digest.hexdigest()
 
 
-def _outcome(task: UnitTask, options: BatchOptions, key: str, asked: UnitTask) -> UnitOutcome:
+def _outcome(task: UnitTask, options: BatchOptions, key: str) -> UnitOutcome:
     from tumble.fleet import unit_vector
     from tumble.workflows.calibrate import report_of
 
@@ -227,7 +198,7 @@ def _outcome(task: UnitTask, options: BatchOptions, key: str, asked: UnitTask) -
     vector = unit_vector(document)
     made = UnitOutcome(
         task.unit,
-        [without_password(one) for one in asked.files] or [one.name for one in document.recordings],
+        list(task.files) or [one.name for one in document.recordings],
         key,
         "fit" if document.verdict.fit else "not fit",
         limits="" if document.limits is None else document.limits.decision,
