@@ -102,6 +102,19 @@ def test_json_is_the_truth_and_the_files_and_quiet_the_next_command(tumble: Any,
     assert said["next"].startswith("tumble calibrate --protocol ")
     quiet = tumble("simulate", "six-position", "--sample-rate", 5, "-o", tmp_path, "-q")
     assert quiet.out == f"Next: {said['next']}\n"
+    assert set(contents(tmp_path)) == FILES
+
+
+def test_another_simulation_in_the_folder_is_kept(tumble: Any, tmp_path: Path) -> None:
+    call = ("simulate", "multi-position-9", "--sample-rate", 5, "-o", tmp_path)
+    assert tumble(*call, "--seed", 5, "-q").status == 0
+    before = contents(tmp_path)
+    (tmp_path / "notes.txt").write_text("mine")
+    said = tumble(*call).out
+    (kept,) = (path for path in tmp_path.iterdir() if path.is_dir())
+    assert f"kept in {kept}" in said
+    assert contents(kept) == before
+    assert {path.name for path in tmp_path.iterdir()} == FILES | {kept.name, "notes.txt"}
 
 
 def test_without_an_output_the_folder_is_named_after_the_protocol(
@@ -133,10 +146,10 @@ def test_a_protocol_file_of_one_s_own_is_played(tumble: Any, tmp_path: Path) -> 
         ),
         (["six-position", "--imu", "hg170"], ["no IMU grade 'hg170'", "ring-laser", "Did you mean hg1700?"]),
         (["nowhere.yaml"], ["There is no protocol file", "nowhere.yaml"]),
-        (["six-position", "--seed", "1.5"], ["--seed", "integer"]),
+        (["six-position", "--seed", "1.5"], ["--seed 1.5 is no whole number"]),
+        (["six-position", "--gravity", "abc"], ["--gravity abc is no number"]),
         (["six-position", "--errors", "none.yaml"], ["no file of errors none.yaml"]),
         (["six-position", "--site", "95"], ["beyond the poles"]),
-        (["hand-held", "--per-step"], ["needs the turns"]),
         (["six-position", "--duration", "60"], ["--duration is for a unit at rest"]),
         (["rest", "--duration", "0"], ["at least one second"]),
         (["res"], ["Did you mean rest?"]),

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import polars as pl
 import pytest
+
+from tumble.protocol import read_protocol, sequence_steps
+from tumble.protocol.file import write_protocol
 
 
 @pytest.fixture(scope="module")
@@ -17,10 +22,27 @@ def folder(tumble: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
     errors.write_text("fixture_zero_mrad: 1\nfixture_mounting_mrad: 1\n", encoding="utf-8")
     answer = tumble(
         "simulate", "strapdown-rotation", "--imu", "tactical", "--sample-rate", 50, "--site", "48.1,520", "--seed", 2,
-        "--errors", errors, "--per-step", "-o", folder,
+        "--errors", errors, "-o", folder,
     )  # fmt: skip
     assert answer.status == 0, answer
+    cut_by_sequence(folder)
     return folder
+
+
+def cut_by_sequence(folder: Path) -> None:
+    """Make the recording a file a sequence, as of a fixture that is moved anyhow in between."""
+    protocol, truth = (
+        read_protocol(folder / "protocol.yaml"),
+        json.loads((folder / "truth.json").read_text("utf-8")),
+    )
+    rows, steps = pl.read_csv(folder / "recording.csv"), list(protocol.steps)
+    for number, sequence in enumerate(sequence_steps(protocol), 1):
+        span = [truth["steps"][sequence.start]["start_s"], truth["steps"][sequence.end]["stop_s"]]
+        rows.filter(pl.col("t").is_between(*span)).write_csv(folder / f"step-{number:02d}.csv")
+        for step in range(sequence.start, sequence.end + 1):
+            steps[step] = replace(steps[step], file=f"step-{number:02d}.csv")
+    (folder / "recording.csv").unlink()
+    write_protocol(replace(protocol, recordings=(), steps=tuple(steps)), folder / "protocol.yaml")
 
 
 @pytest.mark.parametrize(("procedure", "least"), [("joint", 15), ("strapdown-rotation", 21)])

@@ -362,7 +362,7 @@ CALLS = (
     "mount hand.csv hand.csv -c calibration.json -o mount.json --mount-mrad 1",
     "noise hand.csv -o out --skip 1 --fit curve --units g,deg/s",
     "noise hand.csv --remove-temperature --rate 50 --json",
-    "simulate six-position -o out --sample-rate 5 --seed 3 --unit-seed 4 --errors errors.yaml --per-step",
+    "simulate six-position -o out --sample-rate 5 --seed 3 --unit-seed 4 --errors errors.yaml",
     "simulate rest -o out --duration 10 --output-units counts --turn-on-bias 1,10 --magnetometer lis3mdl",
     "simulate turntable-9 -o out --sample-rate 2 --errors errors.yaml --site 48.1",
     "simulate strapdown-rotation -o out --sample-rate 2 --errors errors.yaml --gravity 9.81",

@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from tumble.workflows.simulate import Simulated
 
 # More files than this are counted instead of listed.
-LISTED = 5
 # What ratios and angles are shown in.
 _PRACTICAL = {"1": (1e6, "ppm"), "rad": (1e3, "mrad")}
 
@@ -62,12 +61,6 @@ class SessionOptions:
             "--output-units",
         ),
     ] = "SI"
-    per_step: Annotated[
-        bool,
-        option(
-            ADVANCED, "", "A file for each hold and spin, or one for all (default).", "--per-step/--one-file"
-        ),
-    ] = False
     magnetometer: Annotated[
         str | None,
         option(ADVANCED, "GRADE", "Also record a magnetometer, in µT at its own rate: lis3mdl or rm3100."),
@@ -104,7 +97,7 @@ def simulate_command(
 
     tumble simulate turntable-9 --imu tactical --site 48.1 -o table
 
-    Writes recording.csv (or a file a step), protocol.yaml and truth.json. `tumble calibrate --protocol
+    Writes recording.csv, protocol.yaml and truth.json. `tumble calibrate --protocol
     DIR/protocol.yaml` needs nothing else; the truth, with the keys of calibration.json, is for you to
     compare. The same seed gives the same files, bit for bit.
     """
@@ -143,9 +136,7 @@ def _print(done: Simulated, quiet: bool) -> None:
             f"{truth['rate_hz']:g} Hz, by a unit of the grade {truth['imu']['grade']} (seed {truth['unit_seed']}).",
             *(_true_noise(truth) if truth["protocol"] == "rest" else _true_lines(truth)),
         )
-        say_written(done.files if len(done.files) <= LISTED else [done.files[0], *done.files[-2:]])
-        if len(done.files) > LISTED:
-            say(f"... {len(done.files)} files in all")
+        say_written(done.files)
     say(f"Next: {_next(done)}")
 
 

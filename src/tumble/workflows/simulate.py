@@ -73,7 +73,6 @@ def simulate(
     rate: float | None = None,
     duration: float | None = None,
     units: str = "SI",
-    per_step: bool = False,
     turn_on: tuple[float, float] = (0.0, 0.0),
     magnetometer: str | None = None,
     errors: SessionErrors | str | os.PathLike[str] | None = None,
@@ -82,7 +81,8 @@ def simulate(
     """Play a protocol on a simulated unit, and write recording, protocol and truth into one folder.
 
     ``tumble calibrate --protocol FOLDER/protocol.yaml`` then needs nothing else, and never reads the
-    truth. An earlier simulation in the folder is replaced as a whole; anything else there is left alone.
+    truth. Another simulation that was in the folder is kept in it as ``before-IDENTITY``; anything else there is left
+    alone.
 
     Parameters
     ----------
@@ -95,7 +95,6 @@ def simulate(
     rate : Hz; None takes the protocol's or the grade's usual one.
     duration : s that a unit at rest is recorded; None takes ten minutes.
     units : "SI" or "counts" of the recording.
-    per_step : one file for each hold and each spin instead of one for all.
     turn_on : m/s² and rad/s, one sigma by which biases move when the unit is switched on; drawn with the session.
     magnetometer : name of one of `tumble.simulation.magnetometer.MAGNETOMETER_GRADES`; None for a unit without one.
     errors : what else is wrong with the session, or the YAML file that says it; None for placement and noise alone.
@@ -121,7 +120,7 @@ def simulate(
     hertz = rate if rate is not None else given.rate or (CHAMBER_RATE if has_chamber(given) else chosen.rate)
     if has_chamber(given):
         _check_chamber(units, wrong)
-    _check(units, seed, unit, hertz, given, per_step)
+    _check(units, seed, unit, hertz, given)
     folder = Path(output) if output is not None else Path(f"{given.name}-simulated")
     require_place(folder)
     say("playing the protocol")
@@ -139,7 +138,9 @@ def simulate(
     simulated = time.perf_counter()
     say("writing")
     shown = _as_played(played, truth, chosen, wrong.axes)
-    files = write_simulation(folder, shown, recording, truth, document, per_step)
+    files, kept = write_simulation(folder, shown, recording, document)
+    if kept is not None:
+        remarks.append(f"What was simulated there before is another simulation, and kept in {kept}.")
     seconds = {"simulating": simulated - began, "writing": time.perf_counter() - simulated}
     return Simulated(folder, files, document, remarks, seconds)
 
@@ -355,7 +356,7 @@ def _check_terms(grade: Grade, errors: SessionErrors) -> list[str]:
     return remarks
 
 
-def _check(units: str, seed: int, unit: int | None, rate: float, protocol: Protocol, per_step: bool) -> None:
+def _check(units: str, seed: int, unit: int | None, rate: float, protocol: Protocol) -> None:
     if units not in UNITS:
         raise UsageError(f"--output-units {units}: a simulated recording is in {' or '.join(UNITS)}.")
     for name, value in (("seed", seed), ("unit-seed", unit)):
@@ -368,8 +369,4 @@ def _check(units: str, seed: int, unit: int | None, rate: float, protocol: Proto
         raise UsageError(
             f"The protocol lasts {protocol.duration:.10g} s, which is {samples:.3g} samples at {rate:g} Hz: "
             f"at most {LARGEST_SAMPLES:,} are simulated; give a lower --sample-rate."
-        )
-    if per_step and protocol.procedure == "hand-held":
-        raise UsageError(
-            "--per-step: the procedure hand-held needs the turns between the holds, so that its recording is one file."
         )

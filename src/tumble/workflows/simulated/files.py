@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
-import re
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -12,14 +11,15 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from tumble.errors import OutputError, UsageError
-from tumble.files import filled_folder, put_text, read_json
+from tumble.files import filled_folder, put_text, read_json, results_folder
+from tumble.recording.formats.table import hash_file
 from tumble.workflows.simulated.truth import FORMAT
 
 if TYPE_CHECKING:
     from tumble.protocol import Protocol
     from tumble.recording import Recording
     from tumble.sensor.thermal import ThermalModel
-    from tumble.simulation import ChamberTruth, ThermalGrade, Truth
+    from tumble.simulation import ChamberTruth, ThermalGrade
 
 
 def thermal_truth(truth: ChamberTruth, grade: ThermalGrade) -> dict[str, Any]:
@@ -81,15 +81,7 @@ def require_place(folder: Path) -> None:
     OutputError
         If it cannot be made or written to.
     """
-    if folder.exists() and not folder.is_dir():
-        raise UsageError(f"-o {folder} is a file: give a folder for the simulated files.")
-    existing = folder
-    while not existing.exists() and existing != existing.parent:
-        existing = existing.parent
-    if not existing.is_dir():
-        raise OutputError(f"The folder {folder} cannot be made: {existing} is a file. Give another with -o.")
-    if not os.access(existing, os.W_OK):
-        raise OutputError(f"{existing} cannot be written to: give another folder with -o.")
+    results_folder(folder)
     precious = [name for name in ("recording.csv", "protocol.yaml") if (folder / name).exists()]
     if precious and not (folder / "truth.json").exists():
         raise UsageError(
@@ -112,27 +104,19 @@ def _earlier(folder: Path) -> dict[str, Any]:
     return document if document.get("format") == FORMAT else {}
 
 
-def _earlier_recordings(folder: Path) -> list[str]:
-    """The recordings of an earlier simulation, by the names that a simulation gives: no other file is removed."""
-    names: Any = _earlier(folder).get("recordings", [])
-    listed = cast("list[Any]", names) if isinstance(names, list) else []
-    return [n for n in listed if isinstance(n, str) and re.fullmatch(r"recording\.csv|step-\d+\.csv", n)]
-
-
 def write_simulation(
     folder: Path,
     protocol: Protocol,
     recording: Recording,
-    truth: Truth,
     document: dict[str, Any],
-    per_step: bool,
-) -> list[Path]:
-    """Write everything into a folder inside the folder, then rename it all into place; return the files.
+) -> tuple[list[Path], Path | None]:
+    """Write all into a folder inside the folder, then rename it into place; return the files, and what is kept.
+
+    What was simulated there before, if it is another simulation, is kept as the folder ``before-IDENTITY``.
 
     Parameters
     ----------
-    folder, protocol, recording, truth, document : what is written, and where.
-    per_step : a file for each hold and spin.
+    folder, protocol, recording, document : what is written, and where.
 
     Raises
     ------
@@ -142,20 +126,38 @@ def write_simulation(
     from tumble.recording.formats.output import write_recording
 
     try:
-        with filled_folder(folder, instead_of=_earlier_recordings(folder)) as beside:
-            if per_step:
-                protocol, names = _write_steps(protocol, recording, truth, beside)
-            else:
-                names = [write_recording(recording, beside / "recording.csv").name]
-                protocol = replace(protocol, recordings=tuple(names))
-            document["recordings"] = list(names)
-            names += _write_texts(protocol, document, beside)
+        with filled_folder(folder) as beside:
+            name = write_recording(recording, beside / "recording.csv").name
+            document["recordings"] = [name]
+            names = [name, *_write_texts(replace(protocol, recordings=(name,)), document, beside)]
+            kept = _keep_another(folder, beside)
     except (OSError, OutputError) as error:
         # A writer below has turned the system's error into a sentence about a name that nobody knows.
         cause = error.__cause__ if isinstance(error, OutputError) else error
         words = cause.strerror if isinstance(cause, OSError) and cause.strerror else str(cause or error)
         raise OutputError(f"The simulated recording could not be written to {folder}: {words}.") from error
-    return [folder / name for name in names]
+    return [folder / name for name in names], kept
+
+
+def _keep_another(folder: Path, beside: Path) -> Path | None:
+    """Keep what was simulated in the folder before, if it is another simulation; return where it will stand."""
+    truth = folder / "truth.json"
+    if not truth.exists() or truth.read_bytes() == (beside / truth.name).read_bytes():
+        return None
+    kept = folder / f"before-{hash_file(truth).sha256[:12]}"
+    if not kept.exists():
+        (beside / kept.name).mkdir()
+        for name in ("recording.csv", "protocol.yaml", truth.name):
+            if (folder / name).exists():
+                _put_again(folder / name, beside / kept.name / name)
+    return kept
+
+
+def _put_again(file: Path, place: Path) -> None:
+    try:
+        place.hardlink_to(file)
+    except OSError:  # a disk that knows no second name of a file
+        shutil.copyfile(file, place)
 
 
 def _write_texts(protocol: Protocol, document: dict[str, Any], beside: Path) -> list[str]:
@@ -168,54 +170,3 @@ def _write_texts(protocol: Protocol, document: dict[str, Any], beside: Path) -> 
     for name, text in texts.items():
         put_text(beside / name, text)
     return list(texts)
-
-
-def _write_steps(
-    protocol: Protocol, recording: Recording, truth: Truth, beside: Path
-) -> tuple[Protocol, list[str]]:
-    """Write each hold and spin to a file of its own; return the protocol whose steps name them, and the names.
-
-    A rotation whose angle is known is one with the rests beside it: so far as these reach it is one file. So
-    is a sequence of the strapdown rotation test.
-    """
-    from tumble.recording.formats.output import write_recording
-
-    names: list[str] = []
-    steps = [replace(step, file=None, interval=None) for step in protocol.steps]
-    width = len(str(len(steps)))
-    # Whole samples inside the steps: half an interval from each of their ends.
-    inside = 0.5 / recording.rate * (1.0 - 1e-6)
-    firsts: list[int] = np.searchsorted(recording.time, truth.step_edges[:, 0] + inside).tolist()
-    lasts: list[int] = np.searchsorted(recording.time, truth.step_edges[:, 1] - inside, side="right").tolist()
-    for run in _runs(protocol):
-        first, last = firsts[run[0]], lasts[run[-1]]
-        if not last - first > 1:
-            continue
-        names.append(f"step-{run[0] + 1:0{width}d}.csv")
-        write_recording(recording.between(first, last), beside / names[-1])
-        for number in run:
-            steps[number] = replace(steps[number], file=names[-1])
-    return replace(protocol, steps=tuple(steps)), names
-
-
-def _runs(protocol: Protocol) -> list[list[int]]:
-    """Return which steps, turns apart, share a file: each alone, but rotations of known angle with their rests."""
-    from tumble.protocol import SpinStep, TurnStep, sequence_steps
-
-    steps = protocol.steps
-    sequences = sequence_steps(protocol) if protocol.procedure == "strapdown-rotation" else []
-    inside = {number for s in sequences for number in range(s.start + 1, s.end + 1)}
-    runs: list[list[int]] = []
-    known = [isinstance(step, SpinStep) and step.angle is not None for step in steps]
-    for number, step in enumerate(steps):
-        if number in inside:
-            runs[-1].append(number)
-            continue
-        if isinstance(step, TurnStep):
-            continue
-        joined = runs and runs[-1][-1] == number - 1 and (known[number] or known[number - 1])
-        if joined:
-            runs[-1].append(number)
-        else:
-            runs.append([number])
-    return runs
