@@ -146,32 +146,3 @@ def test_diff_with_the_truth_says_whether_it_is_recovered(tumble: Any, tmp_path:
     (tmp_path / "bad.json").write_text('{"format": "tumble truth", "raw_units": [5]}', encoding="utf-8")
     tumble("diff", tmp_path / "bad.json", made).is_told(2, "no truth.json")
     tumble("diff", truth, made, "--allowed", "5,5").is_told(2, "--allowed")
-
-
-def test_diff_of_several_dates_has_a_table_and_a_page_with_figures(tumble: Any, tmp_path: Path) -> None:
-    from tumble.report.html import figures_of
-
-    made: list[Path] = []
-    for seed in (31, 32, 33):
-        folder = tmp_path / f"day{seed}"
-        call = ("simulate", "hand-held", "--unit-seed", "5", "--seed", seed, "--turn-on-bias", "2,60")
-        assert tumble(*call, "-o", folder, "-q").status == 0
-        assert tumble("calibrate", folder / "recording.csv", "-o", tmp_path / f"c{seed}", "-q").status == 0
-        made.append(tmp_path / f"c{seed}")
-    answer = tumble("diff", *made, "-o", tmp_path / "diff.html")
-    assert answer.status == 1
-    assert "c33 − c31" in answer.out
-    assert answer.out.startswith("c32: ")
-    told = json.loads(tumble("diff", *made, "--json").out)
-    page = figures_of((tmp_path / "diff.html").read_text(encoding="utf-8"))
-    biases = next(one for one in page if "accelerometer<br>bias" in one["layout"]["yaxis"]["title"]["text"])
-    assert biases["data"][0]["x"] == ["c31", "c32", "c33"]
-    # By another way: the documents' own biases, in mg.
-    first, last = (
-        json.loads((one / "calibration.json").read_text())["accelerometer"]["bias"] for one in made[::2]
-    )
-    for axis in range(3):
-        drawn = biases["data"][axis]["y"][-1]
-        assert drawn == pytest.approx((last[axis] - first[axis]) / 9.80665e-3, rel=2e-3, abs=2e-3)
-    assert [one["matters"] for one in told] == [True, True]
-    assert tumble("diff", made[0]).status == 2
