@@ -7,10 +7,9 @@ import time
 from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from typing import Generic, TypeVar
+from typing import TypeVar
 
 T = TypeVar("T")
-W = TypeVar("W")
 
 _LISTENER: ContextVar[Callable[[float], None] | None] = ContextVar("listener", default=None)
 _STEPPED: ContextVar[Callable[[], None] | None] = ContextVar("stepped", default=None)
@@ -120,25 +119,19 @@ def listening(show: Callable[[float], None]) -> Generator[None]:
         _LISTENER.reset(before)
 
 
-class Stage(Generic[W]):
-    """What is being done, with a bar of how much of it is done and how long the rest takes.
+class Stage:
+    """What is being done, with a bar of how much of it is done and how long the rest takes."""
 
-    Parameters
-    ----------
-    show : is handed the words.
-    """
-
-    def __init__(self, show: Callable[[W | str], None]) -> None:
-        self._show, self._name = show, ""
+    def __init__(self) -> None:
+        self._name = ""
         self._began = self._told = time.monotonic()
         self._share = 0.0
 
-    def begin(self, words: W | str) -> None:
+    def begin(self, words: str) -> None:
         """Say what is being done from now on; a loop that is not at its end goes on."""
-        self._name = str(words)
+        self._name = words
         if not 0.0 < self._share < 1.0:
             self._restart()
-        self._show(words)
 
     def at(self, share: float) -> None:
         """Say how much of it is done; no number where nobody knows."""
@@ -146,8 +139,6 @@ class Stage(Generic[W]):
             self._restart()
             return
         self._share, self._told = share, time.monotonic()
-        if self._told - self._began > _TOO_EARLY:
-            self._show(self.words())
 
     def words(self, room: int | None = None) -> str:
         """Return what is being done, with how long the rest takes from now on, or how long it has taken so far.

@@ -299,7 +299,7 @@ def progress(quiet: bool) -> Generator[Callable[[str], None], None, None]:
         def __rich__(self) -> Text:
             return Text(plain(stage.words(shown.width - 3)))  # a sign that turns stands before it
 
-    stage, shown = Stage[str](lambda _: None), Console(stderr=True)
+    stage, shown = Stage(), Console(stderr=True)
     stage.begin("starting")
     with shown.status(Words()), listening(stage.at):
         yield stage.begin

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import inspect
 import re
-import sys
 import textwrap
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -110,43 +108,3 @@ def test_every_function_of_the_front_stands_behind_the_border() -> None:
     for name in names:
         with pytest.raises(UsageError, match="has no option sight"):
             getattr(tumble, name)(sight=1)
-
-
-class Notebook:
-    """A kernel that keeps what is displayed."""
-
-    kernel = True
-
-    def __init__(self) -> None:
-        self.shown: list[str] = []
-        self.display = SimpleNamespace(HTML=str, display=self.show)
-
-    def show(self, text: str, display_id: bool) -> Notebook:
-        assert display_id
-        self.update(text)
-        return self
-
-    def update(self, text: str) -> None:
-        self.shown.append(text)
-
-
-def test_a_notebook_shows_a_bar_until_the_work_is_done(
-    monkeypatch: pytest.MonkeyPatch, help_run: dict[str, Any]
-) -> None:
-    notebook = Notebook()
-    monkeypatch.setitem(
-        sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: notebook, display=notebook.display)
-    )
-    recording = help_run["run"].recording
-    tumble.calibrate(recording, site=tumble.Site.from_gravity(9.81))
-    assert len(notebook.shown) > 3
-    assert all("<progress aria-label" in one for one in notebook.shown[:-1])
-    assert 'value="1"' in notebook.shown[-1]
-    with pytest.raises(tumble.TumbleError):
-        tumble.calibrate("nothing.csv")
-    assert "stopped after" in notebook.shown[-1]
-    before = len(notebook.shown)
-    said: list[str] = []
-    tumble.calibrate(recording, site=tumble.Site.from_gravity(9.81), progress=said.append)
-    assert said
-    assert len(notebook.shown) == before
