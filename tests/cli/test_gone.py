@@ -42,11 +42,12 @@ def test_every_sentence_of_what_left_is_one_and_its_command_or_option_is_no_long
         assert sentence.endswith(".")
         assert not _found(program, name), name
     for name, options in groups.what_left()["options"].items():
-        command = _found(program, name)
-        assert command, name
-        there = {spelling for one in command.params for spelling in one.opts}
-        assert not there & set(options)
-        assert all(option.startswith("--") and text.endswith(".") for option, text in options.items())
+        if name != "every command":
+            command = _found(program, name)
+            assert command, name
+            there = {spelling for one in command.params for spelling in one.opts}
+            assert not there & set(options)
+        assert all(option.startswith("-") and text.endswith(".") for option, text in options.items())
 
 
 def _found(program: object, name: str) -> object:

@@ -313,47 +313,32 @@ class Group(_Helped, TyperGroup):
 
 
 class Command(_Helped, TyperCommand):
-    """A command, which still takes its options' former spellings without showing them.
-
-    Attributes
-    ----------
-    former : former spelling -> spelling of today.
-    """
-
-    former: dict[str, str]
+    """A command."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Read the arguments, former spellings taken for those of today.
+        """Read the arguments.
 
         Parameters
         ----------
         ctx, args : typer's.
+
+        Raises
+        ------
+        UsageError
+            If one is an option that left.
         """
         stop = args.index("--") if "--" in args else len(args)
-        words = [word.partition("=") for word in args[:stop]]
-        if {"--chip", "--units"} <= {name for name, _, _ in words}:
-            raise UsageError(
-                "--chip is a part of --units: give both in one, as --units mpu6050,2g,250dps,ms."
-            )
-        self._refuse_what_left(ctx, [(name, value) for name, _, value in words])
-        today = [self.former.get(name, name) + equals + value for name, equals, value in words]
-        return super().parse_args(ctx, today + args[stop:])
-
-    def _refuse_what_left(self, ctx: Any, words: list[tuple[str, str]]) -> None:
         taken = {name for one in self.get_params(ctx) for name in (*one.opts, *one.secondary_opts)}
-        for (name, value), (following, _) in pairwise([*words, ("", "")]):
+        for word, following in pairwise([*args[:stop], ""]):
+            name, _, value = word.partition("=")
             if name == "--set":
                 name = f"--{(value or following).partition('=')[0]}"
-            known = name in taken or not name.startswith("--")
-            if not known and (left := what_left()["options"].get(_words_of(ctx), {}).get(name)):
+            known = name in taken or not name.startswith("-")
+            if not known and (left := _what_left_of(_words_of(ctx), name)):
                 raise UsageError(left)
+        return super().parse_args(ctx, args)
 
 
-def command_class(former: dict[str, str]) -> type[Command]:
-    """Return the class of a command with former spellings of options.
-
-    Parameters
-    ----------
-    former : former spelling -> spelling of today.
-    """
-    return type("Command", (Command,), {"former": former})
+def _what_left_of(command: str, name: str) -> str | None:
+    options = what_left()["options"]
+    return options.get(command, {}).get(name) or options.get("every command", {}).get(name)

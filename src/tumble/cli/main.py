@@ -9,12 +9,12 @@ import sys
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from importlib import import_module
-from typing import Annotated, Any
+from typing import Annotated, Any, cast
 
 import typer
 
 import tumble
-from tumble.cli.groups import PRINTED, Group, command_class, grouped
+from tumble.cli.groups import PRINTED, Command, Group, grouped
 from tumble.cli.terminal import StreamError, plain, shortened, state, streams
 from tumble.errors import TumbleError
 
@@ -64,7 +64,7 @@ COMMANDS = {
     ),
     "diff": (
         "diff",
-        "Say what changed between two calibrations or more, in sigmas, and whether it matters.",
+        "Say what changed between two calibrations, in sigmas, and whether it matters.",
     ),
     "mount": (
         "mount",
@@ -105,19 +105,6 @@ PANELS = {
     "Advanced": ("predict",),
 }
 """The commands by what they are for, in the order of the help."""
-FORMER = {
-    "verify": {"--turn-on": "--turn-on-bias"},
-    "predict": {"--turn-on": "--turn-on-bias"},
-    "convert": {"--rate": "--consumer-rate", "--temperature": "--at-temperature", "--topic": "--ros-topic"},
-    "simulate": {
-        "--unit": "--unit-seed",
-        "--units": "--output-units",
-        "--rate": "--sample-rate",
-        "--turn-on": "--turn-on-bias",
-    },
-    "plan": {"--turn": "--turn-seconds"},
-}
-"""Spellings of options before each had one meaning in all commands: still taken, no longer shown."""
 
 
 class _Commands(Mapping[str, Any]):
@@ -127,9 +114,8 @@ class _Commands(Mapping[str, Any]):
         module = import_module(f"tumble.cli.{COMMANDS[name][0]}")
         if hasattr(module, "app"):  # commands of its own under one name
             return typer.main.get_command(module.app)
-        kind = command_class({"--chip": "--units", **FORMER.get(name, {})})
         one = typer.Typer(add_completion=False, rich_markup_mode="rich", pretty_exceptions_enable=False)
-        one.command(name, cls=kind)(grouped(getattr(module, f"{name}_command")))
+        one.command(name, cls=Command)(grouped(getattr(module, f"{name}_command")))
         return typer.main.get_command(one)
 
     def __iter__(self) -> Iterator[str]:
@@ -313,7 +299,8 @@ def _usage_or_internal(error: Exception) -> None:
     """End with typer's own sentence for wrong usage; anything else is a fault of tumble."""
     said = getattr(error, "format_message", None)
     if callable(said):
-        status, message = getattr(error, "exit_code", 2), str(said()).strip().rstrip(".")
+        status = getattr(error, "exit_code", 2)
+        message = _no_number(error) or str(said()).strip().rstrip(".")
         if not message:  # called without any argument: the help has been printed
             sys.exit(status)
         context = getattr(error, "ctx", None)
@@ -325,6 +312,16 @@ def _usage_or_internal(error: Exception) -> None:
         "the maintainers: TUMBLE_DEBUG=1 shows where it happened.",
         INTERNAL,
     )
+
+
+def _no_number(error: Exception) -> str:
+    """What is said of a value that is no number, in place of pydantic's words; nothing of other errors."""
+    found = getattr(error.__cause__, "errors", None)
+    if not callable(found):
+        return ""
+    (first,) = cast("list[Any]", found())
+    kind = "whole number" if first["type"].startswith("int") else "number"
+    return f"{cast('Any', error).param.opts[0]} {first['input']} is no {kind}"
 
 
 def _of_the_system(error: OSError) -> str:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
-from tumble.cli.groups import FIRST, Group, command_class, grouped, option
+from tumble.cli.groups import FIRST, Command, Group, grouped, option
 from tumble.cli.options import Json, PrintOptions, RegistryName, output_option
 from tumble.cli.terminal import console, results_stand, say, say_json, say_written, table
 from tumble.errors import UsageError
@@ -285,4 +285,4 @@ COMMANDS = {
     "fleet": fleet_command,
 }
 for _name, _command in COMMANDS.items():
-    app.command(_name, cls=command_class({}))(grouped(_command))
+    app.command(_name, cls=Command)(grouped(_command))
