@@ -112,17 +112,19 @@ def decide(calibration: Calibration, limits: Limits) -> LimitsBlock:
     ----------
     calibration, limits : the one and the other.
     """
-    blocks: list[LimitBlock] = []
-    used: set[str] = set()
-    for parameter in calibration.every_parameter:
-        limit = limits.limit_of(parameter.name)
-        if limit is not None:
-            used.add(limit.name)
-            blocks.append(_decided(parameter, limit, limits))
-    for limit in limits.limits:
-        names = [p.name for p in calibration.every_parameter if covers(limit.name, p.name)]
-        if limit.name not in used and not names:
-            blocks.append(_missing(limit))
+    parameters = calibration.every_parameter
+    blocks = [
+        _decided(parameter, limit, limits)
+        for parameter in parameters
+        if (limit := limits.limit_of(parameter.name)) is not None
+    ]
+    blocks += [
+        _not_compared(
+            limit.name, f"The calibration has no {limit.name}: nothing was compared with its limits."
+        )
+        for limit in limits.limits
+        if not any(covers(limit.name, parameter.name) for parameter in parameters)
+    ]
     found = overall([block.decision for block in blocks])
     order = {"failed": 0, "undecided": 1, "passed": 2}
     said = sorted((b for b in blocks if b.decision != "passed"), key=lambda b: order[b.decision])
@@ -149,17 +151,17 @@ def rule_words(block: LimitsBlock) -> str:
     return _WORDS[block.rule]
 
 
-def _missing(limit: Limit) -> LimitBlock:
+def _not_compared(name: str, reason: str, parameter: ParameterBlock | None = None) -> LimitBlock:
     return LimitBlock(
-        name=limit.name,
-        value=None,
-        standard_uncertainty=None,
-        unit="",
+        name=name,
+        value=None if parameter is None else parameter.value,
+        standard_uncertainty=None if parameter is None else parameter.standard_uncertainty,
+        unit="" if parameter is None else parameter.unit,
         lower=None,
         upper=None,
         probability=None,
         decision="undecided",
-        reason=f"The calibration has no {limit.name}: nothing was compared with its limits.",
+        reason=reason,
     )
 
 
@@ -170,17 +172,8 @@ def _decided(parameter: ParameterBlock, limit: Limit, limits: Limits) -> LimitBl
     label = parameter.name[0].upper() + parameter.name[1:]
     interval = limit.interval(unit)
     if interval is None:
-        return LimitBlock(
-            name=parameter.name,
-            value=value,
-            standard_uncertainty=sigma,
-            unit=unit,
-            lower=None,
-            upper=None,
-            probability=None,
-            decision="undecided",
-            reason=f"{label} is in {unit}, and its limits are in another kind of unit: they were not compared.",
-        )
+        reason = f"{label} is in {unit}, and its limits are in another kind of unit: they were not compared."
+        return _not_compared(parameter.name, reason, parameter)
     lower, upper, largest = interval
     found = decision(limits.rule, value, sigma, lower, upper, limits.risk)
     probability = conformance_probability(value, sigma, lower, upper)

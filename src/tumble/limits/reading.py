@@ -17,7 +17,7 @@ from tumble.document.limits_block import Rule
 from tumble.errors import UsageError
 from tumble.files import number_of, opened, read_yaml, reading
 from tumble.records import dataclass
-from tumble.simulation import Grade, TriadGrade, find_grade
+from tumble.simulation import TriadGrade, find_grade
 from tumble.units import (
     angle_increment_factor,
     angular_rate_factor,
@@ -188,12 +188,7 @@ def covers(name: str, parameter: str) -> bool:
     return parameter == name or (parameter.startswith(f"{name} ") and parameter[len(name) + 1 :] in _AXES)
 
 
-_AXES = {
-    *"xyz",
-    *(a + b for a in "xyz" for b in "xyz"),
-    *(f"{a} by {b}" for a in "xyz" for b in "xyz"),
-    *(f"{a} {b}" for a in "xyz" for b in "xyz"),
-}
+_AXES = {*"xyz", *(a + between + b for a in "xyz" for between in ("", " ", " by ") for b in "xyz")}
 
 
 def read_limits(path: Path) -> Limits:
@@ -295,37 +290,36 @@ def _of_sheet(name: str, said: dict[str, Any]) -> Amount:
     if what is None:
         raise _LimitError(f"{name}: a data sheet says nothing of {rest}: give `within`")
     try:
-        grade: Grade = find_grade(str(said["data sheet"]))
+        grade = find_grade(str(said["data sheet"]))
     except UsageError as error:
         raise _LimitError(f"{name}: {str(error).rstrip('.')}") from None
     sheet = grade.accelerometer if triad == "accelerometer" else grade.gyroscope
-    sigmas = number_of(said.get("sigmas", SIGMAS)) if _is_number(said.get("sigmas", SIGMAS)) else 0.0
-    if not sigmas > 0.0:
+    sigmas = _number(said.get("sigmas", SIGMAS))
+    if sigmas is None or not sigmas > 0.0:
         raise _LimitError(f"{name}: sigmas {said['sigmas']!r:.40} is no positive number")
-    unit = {"bias": {"accelerometer": "m/s^2", "gyro": "rad/s"}[triad], "scale factor error": "1"}.get(
-        what, "rad"
-    )
+    bias = "m/s^2" if triad == "accelerometer" else "rad/s"
+    unit = {"bias": bias, "scale factor error": "1"}.get(what, "rad")
     return Amount(sigmas * _SHEET[what](sheet), unit)
 
 
-def _is_number(value: Any) -> bool:
+def _number(value: Any) -> float | None:
     try:
-        number_of(value)
+        return number_of(value)
     except ValueError:
-        return False
-    return True
+        return None
 
 
 def _amount(text: Any, name: str) -> Amount:
     match = _AMOUNT.match(str(text))
-    if isinstance(text, bool) or text is None or match is None or not _is_number(match[1].replace("−", "-")):
+    number = None if match is None else _number(match[1].replace("−", "-"))
+    if match is None or number is None:
         raise _LimitError(f"{name}: {text!r:.60} is no number with a unit, such as 50 mg")
     unit = match[2]
     if unit not in _RATIOS and unit_factor(unit) is None and "count" not in unit and "/" not in unit:
         raise _LimitError(
             f"{name}: {unit!r:.40} is no unit of a parameter (mg, m/s^2, deg/s, deg/h, rad/s, %, ppm, mrad, deg, ms)"
         )
-    return Amount(number_of(match[1].replace("−", "-")), unit)
+    return Amount(number, unit)
 
 
 def _positive(amount: Amount, name: str) -> Amount:
