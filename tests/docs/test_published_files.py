@@ -5,18 +5,15 @@ from __future__ import annotations
 import importlib.util
 import json
 import re
-import shutil
 import sys
-from importlib.resources import as_file, files
 from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 import pytest
 
-from tumble.errors import TumbleError
 from tumble.workflows.calibrate import calibrate
-from tumble.workflows.demo import GRAVITY, RATE, RECORDING, demo
+from tumble.workflows.demo import RECORDING
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
@@ -62,32 +59,6 @@ def test_every_key_is_documented_and_every_documented_key_exists(
     section: str, properties: dict[str, object]
 ) -> None:
     assert keys_of(section) == set(properties)
-
-
-def test_the_demo_s_calibration_has_the_keys_that_the_schema_requires(tmp_path: Path) -> None:
-    demo(tmp_path)
-    document = json.loads((tmp_path / "calibration.json").read_text(encoding="utf-8"))
-    assert set(SCHEMA["required"]) <= set(document)
-    assert set(document) <= set(SCHEMA["properties"])
-    assert set(document["quality"]) == set(SCHEMA["$defs"]["QualityBlock"]["properties"])
-
-
-def test_figures_and_table_are_drawn_from_the_published_medians(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    module = script(DOCS / "figures" / "expected_uncertainty.py")
-    figures, procedures = tmp_path / "figures", tmp_path / "procedures"
-    figures.mkdir()
-    procedures.mkdir()
-    shutil.copy(DOCS / "procedures" / "hand-held.md", procedures)
-    monkeypatch.setattr(module, "FOLDER", figures)
-    monkeypatch.setattr(sys, "argv", ["expected_uncertainty.py", "--draw"])
-    module.main()
-    drawn = sorted(path.name for path in figures.iterdir())
-    assert drawn == ["motion.svg", "uncertainty-by-poses.svg", "uncertainty-by-seconds.svg"]
-    for path in [*figures.iterdir(), procedures / "hand-held.md"]:
-        published = DOCS / path.relative_to(tmp_path)
-        assert path.read_text(encoding="utf-8") == published.read_text(encoding="utf-8"), "run make figures"
 
 
 def scores_on_the_page() -> dict[tuple[str, str], tuple[float, float]]:
@@ -139,42 +110,3 @@ def test_the_scores_on_the_page_of_real_recordings_are_those_of_today(
     angle = np.degrees(np.sqrt(np.nanmean(score_turns(run.estimate.model, data).angle ** 2)))
     assert norms == pytest.approx(stated[0], rel=0.05)
     assert angle == pytest.approx(stated[1], rel=0.05)
-
-
-@pytest.mark.parametrize(
-    ("says", "columns", "units", "holds"),
-    [
-        ("the rate about x seems to stand in gy", "ax,ay,az,gy,gx,gz", "m/s^2,rad/s", None),
-        ("about z seems to stand in gz with its sign reversed", "ax,ay,az,gx,gy,-gz", "m/s^2,rad/s", None),
-        ("It looks like rad/s: say so with --units", "ax,ay,az,gx,gy,gz", "m/s^2,deg/s", None),
-        ("the gyro needs at least 5", "ax,ay,az,gx,gy,gz", "m/s^2,rad/s", 4),
-        ("they look like m/s^2: give --units m/s^2", "ax,ay,az,gx,gy,gz", "g,rad/s", None),
-        ("5 different poses", "ax,ay,az,gx,gy,gz", "m/s^2,rad/s", 5),
-    ],
-)
-def test_a_mistake_is_named_with_what_to_do(
-    says: str, columns: str, units: str, holds: int | None, tmp_path: Path
-) -> None:
-    from tumble.earth import Site
-    from tumble.recording import read_recording
-    from tumble.segmentation import find_timeline
-
-    with as_file(files("tumble") / "data" / RECORDING) as path:
-        intervals = None
-        if holds is not None:
-            recording = read_recording(path, columns=columns, units=units, rate=RATE)
-            found = find_timeline(recording).holds[:holds]
-            lines = [f"{recording.time[h.start]:.2f} {recording.time[h.stop - 1]:.2f}\n" for h in found]
-            intervals = tmp_path / "holds.txt"
-            intervals.write_text("".join(lines), encoding="utf-8")
-        with pytest.raises(TumbleError) as raised:
-            calibrate(
-                path,
-                columns=columns,
-                units=units,
-                rate=RATE,
-                site=Site.from_gravity(GRAVITY),
-                procedure="hand-held" if holds == 4 else None,
-                intervals=intervals,
-            )
-    assert says in str(raised.value)

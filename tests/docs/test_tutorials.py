@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shlex
@@ -22,7 +23,22 @@ PAGES = sorted(
     for page in (DOCS / folder).glob("*.md")
     if page.name != "index.md"
 )
-RUN = "import sys; from tumble.cli.main import main; sys.argv[0] = 'tumble'; main()"
+# A page's commands, one after the other: status, and what is printed.
+RUN = """
+import io, json, sys
+from contextlib import redirect_stderr, redirect_stdout
+from tumble.cli.main import main
+answers = []
+for arguments in json.load(sys.stdin):
+    said, status, sys.argv = io.StringIO(), 0, ["tumble", *arguments]
+    with redirect_stdout(said), redirect_stderr(said):
+        try:
+            main()
+        except SystemExit as end:
+            status = end.code
+    answers.append((status, said.getvalue()))
+json.dump(answers, sys.stdout)
+"""
 CONSOLE = re.compile(r"^```console\n(.*?)^```$", re.M | re.S)
 
 
@@ -70,7 +86,7 @@ def test_a_tutorial_s_commands_run_and_print_what_it_shows(page: str, tmp_path: 
 
 def run_page(page: str, folder: Path) -> None:
     """Run a page's commands in a folder, and compare what they print with what the page shows."""
-    # Programs of their own, where shapes are not checked: what a user waits for.
+    # A program of its own, where shapes are not checked: what a user waits for.
     plain = {"COLUMNS": "160", "NO_COLOR": "1", "TUMBLE_CHECK_SHAPES": ""}
     commands = commands_of(page)
     assert len(commands) >= 3
@@ -79,19 +95,20 @@ def run_page(page: str, folder: Path) -> None:
         r"`(\S+\.yaml)`:\n\n```yaml\n(.*?)```", (DOCS / page).read_text("utf-8"), re.S
     ):
         (folder / name).write_text(text, encoding="utf-8")
-    for command, shown in commands:
-        program, *arguments = shlex.split(command)
-        assert program == "tumble"
-        answer = subprocess.run(
-            [sys.executable, "-c", RUN, *arguments],
-            cwd=folder,
-            env={**os.environ, **plain},
-            capture_output=True,
-            encoding="utf-8",
-            check=False,
-        )
-        assert answer.returncode == 0, f"{command}: {answer.stderr}"
-        said = words_of(answer.stdout + answer.stderr)
+    words = [shlex.split(command) for command, _ in commands]
+    assert {program for program, *_ in words} == {"tumble"}
+    made = subprocess.run(
+        [sys.executable, "-c", RUN],
+        input=json.dumps([arguments for _, *arguments in words]),
+        cwd=folder,
+        env={**os.environ, **plain},
+        capture_output=True,
+        encoding="utf-8",
+        check=True,
+    )
+    for (command, shown), (status, printed) in zip(commands, json.loads(made.stdout), strict=True):
+        assert status == 0, f"{command}: {printed}"
+        said = words_of(printed)
         missing = [line for line in shown if line != "..." and words_of(line) not in said]
         assert not missing, f"{command}: {missing}"
 

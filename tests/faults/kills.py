@@ -113,7 +113,11 @@ class Place:
     def pieces(self, name: str) -> list[str]:
         """Return what is there and is no result, and remove it."""
         kept = {self.folder / file for file in COMMANDS[name][1]}
-        left = [p for p in (self.folder / "out").rglob("*") if p.is_file() and p not in kept]
+        left = [
+            p
+            for p in (self.folder / "out").rglob("*")
+            if p.is_file() and p not in kept and not p.parent.name.startswith("before-")
+        ]
         left += [p for p in self.temporary.rglob("*") if p.is_file()]
         shutil.rmtree(self.temporary)
         self.temporary.mkdir()
@@ -173,7 +177,7 @@ def cut_short(names: list[str] | None = None) -> tuple[int, list[str]]:
         place.learn(names)
         for name in names:
             largest = max(len(place.whole[file]) for file in COMMANDS[name][1])
-            for size in (0, 100, largest // 2, largest - 1):
+            for size in (100, largest - 1):
                 place.put_old(name)
                 limit = (size, size)
                 process = place.start(name, lambda: resource.setrlimit(resource.RLIMIT_FSIZE, limit))  # noqa: B023

@@ -81,8 +81,9 @@ def test_a_single_pose_cannot_show_that_a_calibration_serves(
     assert "made from" in own.reasons[0]
 
 
-@pytest.mark.parametrize("protocol", ["six-position", "multi-position-10"])
-@pytest.mark.parametrize("procedure", [None, "multi-position"])
+@pytest.mark.parametrize(
+    ("protocol", "procedure"), [("six-position", "multi-position"), ("multi-position-10", None)]
+)
 def test_a_gyro_that_counts_the_other_way_round_is_not_fit_even_where_only_holds_are_used(
     protocol: str, procedure: str | None, tmp_path: Path
 ) -> None:
