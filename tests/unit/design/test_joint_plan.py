@@ -104,20 +104,6 @@ def test_four_times_the_time_of_white_noise_halves_what_holds_tell() -> None:
     assert sigmas[0][GROUPS["gyro bias"]] == pytest.approx(np.full(3, expected), rel=0.1)
 
 
-def test_a_bias_that_wanders_is_told_by_its_mean_over_the_holds() -> None:
-    """Where nearly all is flicker of the gyros, equal holds tell their common mean far better than each is known."""
-    flicker = TriadNoise(random_walk=1e-7, bias_instability=1e-4)
-    noise = PlannedNoise(TriadNoise(random_walk=1e-4), flicker, 100.0)
-    task = replace(PlanTask.of_grade(named_protocol("hand-held"), TACTICAL, SITE, draws=1), noise=noise)
-    played = play_plan(task.protocol, SITE, np.random.default_rng([0, 0]))
-    problem = planned_problem(planned_data(played, noise), SITE, task.sizes)
-    alone = task.covariance(problem.information())
-    part = GROUPS["gyro bias"]
-    true = np.sqrt(np.diag(true_covariance(task, played, problem))[part])
-    # 26 holds, each for itself, leave a fifth of a hold's wander; the mean of what was not seen, between them, less
-    assert np.all(true < 0.6 * np.sqrt(np.diag(alone)[part]))
-
-
 def test_without_wander_the_covariance_is_the_estimators_own(hand_held: JointPlan) -> None:
     """Independent holds and turns, the wander of each its own: both ways to the covariance meet."""
     task, problem = hand_held.task, hand_held.problem

@@ -35,15 +35,11 @@ def test_the_exchange_finds_the_best_of_all_sets() -> None:
     assert mean_variance([chosen[k] for k in found]) == pytest.approx(min(values), rel=1e-6)
 
 
-@pytest.mark.parametrize(("count", "known"), [(9, (53.7, 13.2, 31.9)), (12, (43.3, 10.3, 25.0))])
-def test_the_sets_found_are_at_least_as_good_as_those_known(
-    count: int, known: tuple[float, float, float]
-) -> None:
+def test_the_set_found_is_at_least_as_good_as_the_one_known() -> None:
     """Ppm, arc-seconds and µg at 50 µg a dwell, printed to three digits: half a percent."""
     # Which end a start leads to, round-off decides where exchanges tie: of three hundred some end at the best.
-    found = find_visits(pose_rows(CUBE), count, np.random.default_rng(0), starts=300)
-    scale, misalignment, bias = known
-    parts = np.array([scale * 1e-6, misalignment * np.pi / 648000.0, bias * 1e-6]) / 50e-6
+    found = find_visits(pose_rows(CUBE), 9, np.random.default_rng(0), starts=300)
+    parts = np.array([53.7e-6, 13.2 * np.pi / 648000.0, 31.9e-6]) / 50e-6
     assert mean_variance(found) <= 1.005 * float(np.mean(parts**2))
 
 

@@ -11,6 +11,7 @@ import pytest
 
 from tumble.document import read_calibration
 from tumble.document.imported import calibration_from_model
+from tumble.document.result import Calibration
 from tumble.errors import CalibrationFileError, UsageError
 from tumble.sensor import ImuModel, Triad
 
@@ -22,11 +23,14 @@ MODEL = ImuModel(
 )
 
 
+def document_of(model: ImuModel) -> Calibration:
+    units, frame = ("m/s^2", "rad/s"), ("fixture", "its axes")
+    return calibration_from_model(model, units, frame, [], procedure="by hand", remarks=[])
+
+
 def written(folder: Path) -> tuple[Path, dict[str, Any]]:
     """A sound document's file, and what it holds."""
-    calibration = calibration_from_model(
-        MODEL, ("m/s^2", "rad/s"), ("fixture", "its axes"), [], procedure="by hand", remarks=[]
-    )
+    calibration = document_of(MODEL)
     file = folder / "calibration.json"
     calibration.write(file)
     return file, json.loads(file.read_text())
@@ -60,6 +64,15 @@ def test_a_number_that_was_changed_contradicts_the_test_vectors(
         read_calibration(file)
 
 
+@pytest.mark.parametrize("text", ["x\nimport os\n#", "a\u2028b", "g\x00h", "\u202egnihton"])
+def test_a_name_with_a_control_character_is_refused(tmp_path: Path, text: str) -> None:
+    file, document = written(tmp_path)
+    document["imu"]["model"] = text
+    file.write_text(json.dumps(document))
+    with pytest.raises(CalibrationFileError, match=r"imu\.model: it holds a line break or another control"):
+        read_calibration(file)
+
+
 @pytest.mark.parametrize(
     "text", ["[" * 50_000, '{"format": "\\ud800"}', '{"version": ' + "1" * 5000 + "}", "\xff"]
 )
@@ -71,19 +84,13 @@ def test_a_file_that_is_no_document_is_refused_in_words(tmp_path: Path, text: st
 
 
 def test_corrected_numbers_that_overflow_are_refused() -> None:
-    small = ImuModel(Triad(0.1 * MATRIX, np.zeros(3)), None)
-    calibration = calibration_from_model(
-        small, ("m/s^2", "rad/s"), ("fixture", "its axes"), [], procedure="by hand", remarks=[]
-    )
+    calibration = document_of(ImuModel(Triad(0.1 * MATRIX, np.zeros(3)), None))
     with pytest.raises(CalibrationFileError, match="specific force of sample 2 is not finite"):
         calibration.correct(np.array([[1.0, 2.0, 3.0], [1e308, -1e308, 1e308]]), None)
 
 
 def test_a_raw_number_that_is_none_stays_none() -> None:
-    calibration = calibration_from_model(
-        MODEL, ("m/s^2", "rad/s"), ("fixture", "its axes"), [], procedure="by hand", remarks=[]
-    )
-    force, _ = calibration.correct(np.array([[1.0, np.nan, 3.0], [1.0, 2.0, 3.0]]), None)
+    force, _ = document_of(MODEL).correct(np.array([[1.0, np.nan, 3.0], [1.0, 2.0, 3.0]]), None)
     assert force is not None
     assert np.isfinite(force).all(axis=1).tolist() == [False, True]
 
