@@ -58,7 +58,10 @@ NO_CURVES = Polynomials(
 
 
 def polynomials_of(thermal: ThermalModel) -> tuple[Polynomials, list[Loss]]:
-    """Return the biases' cubics, exact for a polynomial basis up to that order and else fitted, and what they lose."""
+    """Return the biases' cubics, exact for a polynomial basis up to that order and else fitted, and what they lose.
+
+    They are about the reference temperature, or the end of the span that is next to it.
+    """
     reference, span = thermal.basis.reference_celsius, thermal.span_celsius
     grid = np.linspace(*span, 201)
     functions = thermal.basis.values(grid)
@@ -82,9 +85,10 @@ def polynomials_of(thermal: ThermalModel) -> tuple[Polynomials, list[Loss]]:
         fitted.append(np.asarray(coefficients, dtype=np.float64))
         wrong.append(misfit)
     used = [f"{name}.bias" in thermal.coefficients for name in _NAMES]
-    made = Polynomials(
-        (fitted[0], fitted[1]), (used[0], used[1]), reference, (float(span[0]), float(span[1]))
-    )
+    # ArduPilot holds the temperature of its offsets within the span, too.
+    within = float(np.clip(reference, *span))
+    first, second = (Curve(rows, reference, span).about(within) for rows in fitted)
+    made = Polynomials((first, second), (used[0], used[1]), within, span)
     lost = _rest(thermal)
     if any(wrong):
         off = f"{1e6 * wrong[0] / STANDARD_GRAVITY:.0f} µg and {np.degrees(wrong[1]) * 3600:.3g} deg/h"
