@@ -1,17 +1,18 @@
 """Text: CSV and its relatives, any delimiter, with or without header.
 
-Small files are read into memory, large ones piece by piece.
+Read in blocks, of which a small file has one.
 """
 
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Generator, Iterator
-from contextlib import closing
+from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import BinaryIO
 
-from tumble.arrays import Series
+import numpy as np
+
 from tumble.counting import counted
 from tumble.errors import RecordingError
 from tumble.files import opened, size_of
@@ -23,7 +24,7 @@ from tumble.recording.formats.text_layout import (
     is_comment,
     is_number,
 )
-from tumble.recording.formats.text_parsing import Piece, gather, name_bad_cell, parse, parse_piece
+from tumble.recording.formats.text_parsing import name_bad_cell, parse
 from tumble.recording.recording import Remark, Source
 
 NAME = "text"
@@ -32,9 +33,6 @@ ASKED = 2  # almost anything is text
 SUMMARY = "text with any delimiter, with or without header"
 
 _HEAD = 64 * 1024
-_IN_MEMORY = 32 * 1024 * 1024
-"""Bytes of a file that is read as a whole; a larger one is read piece by piece."""
-_PIECE = 2 * 1024 * 1024  # of which the numbers stay in the cache until they are in their places
 _CHUNK = 16 * 1024 * 1024
 LONGEST_LINE = 1 << 20
 """Bytes of a line: a thousand columns of numbers with all digits have 25 kB."""
@@ -47,11 +45,6 @@ def recognises(head: bytes) -> bool:
     if head.startswith(_MARKS):
         return True
     return b"\0" not in head and sum(b < 9 or 13 < b < 32 for b in head[:1024]) == 0
-
-
-def _read_all(path: Path) -> bytes:
-    with opened(path) as file:
-        return file.read()
 
 
 def _plain(body: bytes) -> bytes:
@@ -126,32 +119,22 @@ def _truncation(tail: str, layout: TextLayout) -> str | None:
     return None
 
 
-def _line_finder(path: Path, layout: TextLayout) -> Callable[[int], str]:
-    """Return a function from a row's number to its line in the file."""
-
-    def place(row: int) -> str:
-        with io.BytesIO(_plain(_read_all(path))) as file:
-            for number, line in enumerate(file, start=1):
-                text = line.strip()
-                if (
-                    number < layout.first_line
-                    or not text
-                    or text.startswith(tuple(c.encode() for c in COMMENTS))
-                ):
-                    continue
-                if row == 0:
-                    return f"line {number}"
-                row -= 1
-        return "the last line"
-
-    return place
+def _lines(path: Path) -> io.BytesIO:
+    with opened(path) as file:
+        return io.BytesIO(_plain(file.read()))
 
 
-def _table(
-    path: Path, layout: TextLayout, columns: list[Series], remarks: list[Remark], source: Source
-) -> RawTable:
-    notes = [*remarks, *_layout_remarks(path, layout)]
-    return RawTable(path, _names_of(layout), columns, source, notes, _line_finder(path, layout))
+def _line(path: Path, layout: TextLayout, start: int, row: int) -> str:
+    """Return the line of the file that a row of the block from row `start` on stands in."""
+    row += start
+    for number, line in enumerate(_lines(path), start=1):
+        text = line.strip()
+        if number < layout.first_line or not text or text.startswith(tuple(c.encode() for c in COMMENTS)):
+            continue
+        if row == 0:
+            return f"line {number}"
+        row -= 1
+    return "the last line"
 
 
 def _layout_remarks(path: Path, layout: TextLayout) -> list[Remark]:
@@ -178,59 +161,13 @@ def read_table(path: Path) -> RawTable:
     OSError
         If the file cannot be read.
     """
-    if path.stat().st_size > _IN_MEMORY:
-        with opened(path) as file:
-            head = file.read(_HEAD)
-        if not head.startswith(_MARKS) and b"\n" in head:
-            return _read_large(path, _layout_of(head, path.name))
-    return _read_body(path)
-
-
-def _read_body(path: Path) -> RawTable:
-    """Read a file into memory as a whole, decode it, and parse it."""
-    remarks: list[Remark] = []
-    body = _plain(_read_all(path))
-    _refuse_long_lines(body, path.name)
-    layout = _layout_of(body, path.name)
-    start = _body_start(body, layout.first_line)
-    if cut := _truncation(_decoded(body[max(start, len(body) - _HEAD) :]), layout):
-        body = body[: max(start, body.rfind(b"\n") + 1)]
-        remarks.append(Remark("mended", f"{path.name}: {cut}."))
-    columns = parse(body, layout, start)
-    if columns is None:
-        raise RecordingError(name_bad_cell(io.BytesIO(body), layout, path.name))
-    return _table(path, layout, columns, remarks, hash_file(path))
-
-
-def _read_large(path: Path, layout: TextLayout) -> RawTable:
-    """Read a large file piece by piece, while another thread takes its SHA-256."""
-    from concurrent.futures import ThreadPoolExecutor
-
-    with ThreadPoolExecutor(1) as pool:
-        hashing = pool.submit(hash_file, path)
-        with closing(_parsed(path, layout)) as pieces:
-            columns = gather(pieces, layout)
-        source = hashing.result()
-    if columns is None:
-        with opened(path) as file:
-            raise RecordingError(name_bad_cell(file, layout, path.name))
-    remarks: list[Remark] = []
-    with opened(path) as file:
-        file.seek(max(0, path.stat().st_size - _HEAD))
-        tail = _decoded(file.read())
-    if cut := _truncation(tail, layout):
-        columns = [c[:-1] for c in columns]
-        remarks.append(Remark("mended", f"{path.name}: {cut}."))
-    return _table(path, layout, columns, remarks, source)
-
-
-def _parsed(path: Path, layout: TextLayout) -> Generator[Piece | None]:
-    """Yield a file piece by piece, None for one with a cell that is no number."""
-    with opened(path) as file:
-        head = file.read(_PIECE)
-        pieces = _pieces(file, head[_body_start(head, layout.first_line) :], path.name, _PIECE)
-        for body, _ in counted(pieces, size_of(path), lambda piece: len(piece[0])):
-            yield parse_piece(body, layout)
+    first, *others = read_table_blocks(path)
+    if others:
+        blocks = (first, *others)
+        first.columns = [np.concatenate([b.columns[i] for b in blocks]) for i in range(len(first.columns))]
+        first.remarks = [remark for block in blocks for remark in block.remarks]
+    first.source = hash_file(path)
+    return first
 
 
 def _pieces(file: BinaryIO, rest: bytes, name: str, size: int) -> Iterator[tuple[bytes, bool]]:
@@ -260,19 +197,16 @@ def read_table_blocks(path: Path) -> Iterator[RawTable]:
     with opened(path) as file:
         head = file.read(_CHUNK)
         if head.startswith(_MARKS[:2]) or b"\n" not in head:
-            # UTF-16 and lone carriage returns cannot be cut at a line feed.
-            yield _read_body(path)
-            return
+            head += file.read()  # UTF-16 and lone carriage returns cannot be cut at a line feed
         head = _plain(head)
         layout = _layout_of(head, path.name)
-        place = _line_finder(path, layout)
         rest = head[_body_start(head, layout.first_line) :]
         row = 0
         pieces = _pieces(file, rest, path.name, _CHUNK)
         for body, last in counted(pieces, size_of(path), lambda piece: len(piece[0])):
             table = _block(path, layout, body, last)
             table.remarks += [] if row else _layout_remarks(path, layout)
-            table.place = lambda r, start=row: place(r + start)
+            table.place = partial(_line, path, layout, row)
             row += len(table)
             yield table
 
@@ -285,8 +219,7 @@ def _block(path: Path, layout: TextLayout, body: bytes, last: bool) -> RawTable:
         remarks.append(Remark("mended", f"{path.name}: {cut}."))
     columns = parse(body, layout)
     if columns is None:
-        with opened(path) as file:
-            raise RecordingError(name_bad_cell(file, layout, path.name))
+        raise RecordingError(name_bad_cell(_lines(path), layout, path.name))
     return RawTable(path, _names_of(layout), columns, Source(path.name, ""), remarks)
 
 

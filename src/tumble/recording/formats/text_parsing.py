@@ -8,7 +8,6 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
 from tumble.arrays import Series
 from tumble.recording.formats.sentences import CHECKSUM
@@ -24,32 +23,36 @@ Piece: TypeAlias = dict[int, Series]
 _CHECKSUMS = re.compile(rb"\*[0-9A-Fa-f]{2,4}(?=\s*?$)", re.MULTILINE)
 
 
-def parse(body: bytes, layout: TextLayout, start: int = 0) -> list[Series] | None:
-    """Parse a piece of a file from a line's beginning on.
+def parse(body: bytes, layout: TextLayout) -> list[Series] | None:
+    """Parse whole lines: compiled where all cells are numbers or empty, else by polars.
 
     Returns
     -------
-    The columns of numbers, missing cells as NaN; None if a cell is not a number (see `name_bad_cell`).
+    The columns of numbers, missing cells as NaN; None if a cell is not a number (see `name_bad_cell`). Three that
+    follow each other share one (rows, 3) array: so triads need no further copy if time comes first or last, as it
+    mostly does.
     """
-    return gather([parse_piece(body, layout, start)], layout)
+    piece = _parsed(body, layout)
+    if piece is None:
+        return None
+    blocks = [np.column_stack([piece[i] for i in g]) for g in _groups(piece, list(layout.number_columns))]
+    return _without_blank_rows([block[:, j] for block in blocks for j in range(block.shape[1])])
 
 
-def parse_piece(body: bytes, layout: TextLayout, start: int = 0) -> Piece | None:
-    """Parse whole lines: compiled where all cells are numbers or empty, else by polars; None where neither can."""
+def _parsed(body: bytes, layout: TextLayout) -> Piece | None:
     from tumble.recording.formats.kernels import parse_rows
 
     if layout.checksums or layout.decimal_comma or layout.quoted:
-        body, start = prepare(body[start:], layout), 0
+        body = prepare(body, layout)
     words = layout.text_columns
     if not layout.iso_columns and not (words and (layout.quoted or layout.delimiter is None)):
-        lines = body if body.endswith(b"\n") else body + b"\n"
-        numbers = np.frombuffer(lines, np.uint8)[start:]
+        numbers = np.frombuffer(body if body.endswith(b"\n") else body + b"\n", np.uint8)
         table = np.empty((np.count_nonzero(numbers == ord("\n")), layout.columns))
         skipped = np.array([i in words for i in range(layout.columns)], dtype=np.uint8)
         rows = parse_rows(numbers, ord(layout.delimiter or "\0"), skipped, table)
         if rows >= 0:
             return {i: table[:rows, i] for i in layout.number_columns}
-    frame = _parse_frame(squeeze(body[start:], layout), layout)
+    frame = _parse_frame(squeeze(body, layout), layout)
     if frame is None:
         return None
     return {
@@ -110,28 +113,6 @@ def _parse_frame(body: bytes, layout: TextLayout) -> pl.DataFrame | None:
         except pl.exceptions.PolarsError:
             continue
     return None
-
-
-def gather(pieces: Iterable[Piece | None], layout: TextLayout) -> list[Series] | None:
-    """Return the columns of consecutive pieces; three that follow each other share one (rows, 3) array.
-
-    So triads need no further copy if time comes first or last, as it mostly does. The arrays grow with each piece: all
-    pieces together would take the memory of them again. None where a piece is none.
-    """
-    groups, blocks, rows = list[list[int]](), list[npt.NDArray[np.float64]](), 0
-    for piece in pieces:
-        if piece is None:
-            return None
-        if not rows:
-            groups = _groups(piece, list(layout.number_columns))
-            blocks = [np.empty((len(piece[group[0]]), len(group))) for group in groups]
-        start, rows = rows, rows + len(next(iter(piece.values())))
-        for block, group in zip(blocks, groups, strict=True):
-            # as large already for the first piece, which resizing would fill with zeros
-            block.resize((rows, len(group)), refcheck=False)
-            for j, i in enumerate(group):
-                block[start:, j] = piece[i]
-    return _without_blank_rows([block[:, j] for block in blocks for j in range(block.shape[1])])
 
 
 def _groups(piece: Piece, numbers: list[int]) -> list[list[int]]:
