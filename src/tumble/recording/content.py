@@ -12,7 +12,7 @@ from tumble.errors import RecordingError
 from tumble.recording.columns import renamed
 from tumble.recording.gravity_check import gyro_scale_from_gravity, gyro_step_words, unit_of_scale
 from tumble.recording.recording import Recording, Remark
-from tumble.recording.rest import QuietStretches, find_quiet_stretches, sample_pieces, smallest_step
+from tumble.recording.rest import QuietStretches, find_quiet_stretches, sample_pieces
 from tumble.recording.unit_change import two_force_levels
 from tumble.recording.unnamed_columns import find_accelerometer
 from tumble.records import dataclass
@@ -295,27 +295,22 @@ def check_triads(recording: Recording, level: Level | None, name: str, unit: str
 def _shows_gravity(force: Vectors, unit: str | None) -> bool:
     """Whether a triad's norm is gravity most of the time, in the unit that is declared or else in m/s² or g."""
     norm = float(np.median(np.linalg.norm(force[:: max(1, len(force) // 20_000)], axis=1)))
-    factors = [specific_force_factor(name) for name in (("m/s^2", "g") if unit is None else (unit,))]
-    return any(
-        factor is not None and abs(factor * norm / STANDARD_GRAVITY - 1.0) < _GUESS_TOLERANCE
-        for factor in factors
-    )
+    return any(abs(size - 1.0) < _GUESS_TOLERANCE for size in _in_gravities(norm, unit))
 
 
 def _is_shaken(level: Level, unit: str | None) -> bool:
     """Whether an accelerometer moves all the time about gravity, in the unit declared or else in m/s² or g."""
-    factors = [specific_force_factor(name) for name in (("m/s^2", "g") if unit is None else (unit,))]
-    sizes = [factor * level.norm / STANDARD_GRAVITY for factor in factors if factor is not None]
+    sizes = _in_gravities(level.norm, unit)
     return level.moves and any(1.0 - _GUESS_TOLERANCE < size < _MOST_SHAKEN for size in sizes)
+
+
+def _in_gravities(norm: float, unit: str | None) -> list[float]:
+    """Return a norm in times gravity, in the unit that is declared or else in m/s² and in g; counts are none."""
+    factors = [specific_force_factor(name) for name in (("m/s^2", "g") if unit is None else (unit,))]
+    return [factor * norm / STANDARD_GRAVITY for factor in factors if factor is not None]
 
 
 def whole_numbers(values: Vectors) -> bool:
     """Say whether all values are whole numbers (of a long recording, those at its beginning)."""
     head = values[:50_000]
     return bool(np.all(head == np.round(head)))
-
-
-def quantisation(values: Vectors) -> tuple[float, float, float]:
-    """Return the smallest step of each axis."""
-    x, y, z = (smallest_step(values[:, i]) for i in range(3))
-    return x, y, z

@@ -80,53 +80,28 @@ def with_chip(words: list[str]) -> list[str]:
     """
     if not words or any(find_unit(kind, words[0]) for kind in _KINDS):
         return words  # without a look at the chips
-    if re.sub(r"[^a-z0-9]", "", words[0].lower()) not in chips():
-        return words
-    of_chip = [word for word in words[1:] if word[:1] in "0123456789±+-"]
-    others = [word for word in words[1:] if word not in of_chip]
-    return [*units_of_chip(",".join([words[0], *of_chip])).split(","), *others]
-
-
-def units_of_chip(said: str) -> str:
-    """Return the units, as for ``--units``, of a chip's raw counts in the ranges that it was set to.
-
-    Parameters
-    ----------
-    said : name and ranges, as ``mpu6050,2g,250dps``.
-
-    Raises
-    ------
-    UsageError
-        If the chip is not known, has no such range, or a range is missing that it has several of.
-
-    Examples
-    --------
-    >>> units_of_chip("mpu6050,4g,500dps")
-    '8192 LSB/g,65.5 LSB/(deg/s)'
-    """
-    name, *words = (word.strip() for word in said.lower().split(","))
-    chip = chips().get(re.sub(r"[^a-z0-9]", "", name))
+    chip = chips().get(re.sub(r"[^a-z0-9]", "", words[0].lower()))
     if chip is None:
-        raise UsageError(
-            f"--units {name}: known are {', '.join(chips())}. Of another one give its data sheet's sensitivities, as "
-            '--units "16384 LSB/g,131 LSB/(deg/s)".'
-        )
+        return words
     given: dict[str, float] = {}
-    for word in words:
-        match = _RANGE.fullmatch(word)
-        if match is None:
-            raise UsageError(f"--units {said}: {word!r} is no range; give it as 2g or 250dps.")
-        given["g" if match[2] == "g" else "deg/s"] = float(match[1])
+    others: list[str] = []
+    for word in words[1:]:
+        match = _RANGE.fullmatch(word.lower())
+        if match is not None:
+            given["g" if match[2] == "g" else "deg/s"] = float(match[1])
+        elif word[:1] in "0123456789±+-":
+            raise UsageError(f"--units {words[0]}: {word!r} is no range; give it as 2g or 250dps.")
+        else:
+            others.append(word)
     parts = [
         _sensitivity(chip, ranges, given.pop(unit, None), unit)
         for ranges, unit in ((chip.force, "g"), (chip.rate, "deg/s"))
         if ranges
     ]
     if given:
-        raise UsageError(
-            f"--units {said}: the {chip.title} has no {'accelerometer' if 'g' in given else 'gyro'}."
-        )
-    return ",".join(parts)
+        lacking = "accelerometer" if "g" in given else "gyro"
+        raise UsageError(f"--units {words[0]}: the {chip.title} has no {lacking}.")
+    return [*parts, *others]
 
 
 def _sensitivity(chip: Chip, ranges: _Ranges, full: float | None, unit: str) -> str:

@@ -99,15 +99,8 @@ def decide_force(
         return decided, []
     name, rate = table.path.name, recording.rate
     refuse_changed_force_unit(level.two, name)
-    header = decided.plan.specific_force_unit
-    increment = units.velocity_increment
-    if (
-        increment is None
-        and units.specific_force is None
-        and header
-        and find_unit("velocity increment", header)
-    ):
-        increment = find_unit("velocity increment", header)
+    unit = units.specific_force or decided.plan.specific_force_unit
+    increment = units.velocity_increment or (unit and find_unit("velocity increment", unit))
     if increment is not None:
         factor = velocity_increment_factor(increment) * rate
         if level.at_rest and not content.is_increment(level.norm, rate, factor / rate, tolerance=0.3):
@@ -118,7 +111,6 @@ def decide_force(
             )
         text = f"Velocity increments in {increment} are divided by the sampling interval of {1 / rate:.6g} s."
         return replace(decided, specific_force_unit="m/s^2", force_factor=factor), [Remark("mended", text)]
-    unit = units.specific_force or header
     if unit is not None:
         content.check_specific_force_unit(level, unit, rate, name)
         return replace(decided, specific_force_unit=unit), []
@@ -166,10 +158,8 @@ def decide_rate(
         return decided, []
     name, rate = table.path.name, recording.rate
     refuse_changed_rate_unit(recording, name)
-    header = decided.plan.angular_rate_unit
-    increment = units.angle_increment
-    if increment is None and units.angular_rate is None and header and find_unit("angle increment", header):
-        increment = find_unit("angle increment", header)
+    unit = units.angular_rate or decided.plan.angular_rate_unit
+    increment = units.angle_increment or (unit and find_unit("angle increment", unit))
     if increment is not None:
         factor = angle_increment_factor(increment) * rate
         text = f"Angle increments in {increment} are divided by the sampling interval of {1 / rate:.6g} s."
@@ -179,7 +169,6 @@ def decide_rate(
             Remark("mended", text),
             *more,
         ]
-    unit = units.angular_rate or header
     if unit is None and units.specific_force == COUNTS:
         unit = COUNTS
     if unit is not None:
