@@ -8,6 +8,8 @@ Faults of single channels that a calibration must not pass over: dead ones, satu
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from tumble.arrays import Series, Table, Vectors
@@ -114,9 +116,9 @@ class Findings:
     temperature_range: tuple[float, float] | None
     axis_contradiction: str | None
     gyro_scale: float | None
-    warnings: tuple[str, ...]
-    good_for: tuple[str, ...]
-    missing: tuple[str, ...]
+    warnings: tuple[str, ...] = ()
+    good_for: tuple[str, ...] = ()
+    missing: tuple[str, ...] = ()
     magnetic_field: FieldFindings | None = None
 
 
@@ -190,7 +192,7 @@ def inspect_recording(recording: Recording) -> Findings:
     quiet = find_quiet_stretches(signals, recording.rate) if channels else _no_stretches()
     long = quiet.at_least(1.0 * recording.rate)
     poses, norms = _poses(recording, long.means[:, :3])
-    resting = int((quiet.stops - quiet.starts).sum())
+    lengths = quiet.stops - quiet.starts
     stuck = tuple(n for n, c in channels.items() if float(np.ptp(c)) == 0.0)
     floors = {n: float(f) for n, f in zip(channels, quiet.floor, strict=True)}
     saturations = tuple(s for n, c in channels.items() for s in find_saturation(c, n, floors[n]))
@@ -200,20 +202,7 @@ def inspect_recording(recording: Recording) -> Findings:
     contradiction = find_axis_contradiction(recording) if both else None
     celsius = recording.temperature
     known = None if celsius is None or not np.isfinite(celsius).any() else celsius
-    longest = float((quiet.stops - quiet.starts).max()) / recording.rate if len(quiet) else 0.0
-    facts = _Facts(
-        poses=poses,
-        stretches=len(long),
-        longest_rest=longest,
-        rest_share=resting / len(recording),
-        turning=agreement is not None and agreement.determined,
-        temperature_range=None if known is None else (float(np.nanmin(known)), float(np.nanmax(known))),
-    )
-    field = inspect_field(recording, long)
-    warnings = _warnings(recording, stuck, saturations, jitter, contradiction, norms)
-    warnings += [] if field is None else field.warnings
-    good, missing = _usefulness(recording, facts, contradiction)
-    return Findings(
+    found = Findings(
         samples=len(recording),
         duration=recording.duration,
         rate=recording.rate,
@@ -224,19 +213,20 @@ def inspect_recording(recording: Recording) -> Findings:
         stuck=stuck,
         noise_floor=floors,
         quantisation={n: smallest_step(c) for n, c in channels.items()},
-        rest_share=facts.rest_share,
+        rest_share=int(lengths.sum()) / len(recording),
         motion_share=_moving_share(signals, quiet, recording.rate),
         quiet_stretches=len(long),
-        longest_rest=longest,
+        longest_rest=float(lengths.max(initial=0)) / recording.rate,
         poses=poses,
         rest_norms=tuple(float(n) for n in norms),
-        temperature_range=facts.temperature_range,
+        temperature_range=None if known is None else (float(np.nanmin(known)), float(np.nanmax(known))),
         axis_contradiction=contradiction,
         gyro_scale=agreement.scale if agreement is not None and agreement.determined else None,
-        warnings=tuple(warnings),
-        good_for=tuple(good),
-        missing=tuple(missing),
-        magnetic_field=field,
+        magnetic_field=inspect_field(recording, long),
+    )
+    good, missing = _usefulness(recording, found)
+    return replace(
+        found, warnings=tuple(_warnings(recording, found)), good_for=tuple(good), missing=tuple(missing)
     )
 
 
@@ -257,106 +247,84 @@ def _poses(recording: Recording, means: Vectors) -> tuple[int, Series]:
     return count_poses(means), factor * np.linalg.norm(means, axis=1)
 
 
-@dataclass(frozen=True, slots=True)
-class _Facts:
-    """What the sentences on usefulness rest on."""
-
-    poses: int
-    stretches: int
-    longest_rest: float
-    rest_share: float
-    turning: bool
-    temperature_range: tuple[float, float] | None
-
-
-def _warnings(
-    recording: Recording,
-    stuck: tuple[str, ...],
-    saturations: tuple[Saturation, ...],
-    jitter: float,
-    contradiction: str | None,
-    norms: Series,
-) -> list[str]:
+def _warnings(recording: Recording, found: Findings) -> list[str]:
     said: list[str] = []
-    if recording.gaps:
-        gaps = _gaps(recording)
-        worst = max(gaps, key=lambda g: g.duration)
+    if found.gaps:
+        worst = max(found.gaps, key=lambda g: g.duration)
         said.append(
-            f"Samples are missing in {len(gaps)} place(s), {sum(g.samples for g in gaps)} in all; the "
+            f"Samples are missing in {len(found.gaps)} place(s), {sum(g.samples for g in found.gaps)} in all; the "
             "longest gap is "
             f"{worst.duration:.3g} s after {moment(recording, worst.time)}. A turn across a gap cannot be integrated."
         )
-    if jitter > 0.2:
+    if found.jitter > 0.2:
         said.append(
-            f"The stamps jitter by {100 * jitter:.0f} % of a step (the gyro is integrated with them as they "
+            f"The stamps jitter by {100 * found.jitter:.0f} % of a step (the gyro is integrated with them as they "
             "are)."
         )
-    if stuck:
-        said.append(f"Channel(s) {', '.join(stuck)} never change: a dead sensor or a wrong column.")
+    if found.stuck:
+        said.append(f"Channel(s) {', '.join(found.stuck)} never change: a dead sensor or a wrong column.")
     said += [
         f"{s.channel} sticks at {s.value:.6g} for {s.samples} samples (longest run {s.longest_run} from "
         f"{moment(recording, float(recording.time[s.index]))}): saturated; turn more slowly or choose a larger range."
-        for s in saturations
+        for s in found.saturations
     ]
-    if contradiction:
-        said.append(contradiction)
-    if norms.size >= 2 and recording.specific_force_unit != COUNTS:
-        low, high = float(norms.min()), float(norms.max())
+    if found.axis_contradiction:
+        said.append(found.axis_contradiction)
+    if len(found.rest_norms) >= 2 and recording.specific_force_unit != COUNTS:
+        low, high = min(found.rest_norms), max(found.rest_norms)
         if low < 0.8 * STANDARD_GRAVITY or high > 1.2 * STANDARD_GRAVITY:
             said.append(
                 f"The norm of specific force at rest runs from {low:.4g} to {high:.4g} m/s²; biases of a "
                 "usable "
                 "accelerometer are smaller. Check the unit, or a channel of it."
             )
-    return said
+    return [*said, *(() if found.magnetic_field is None else found.magnetic_field.warnings)]
 
 
-def _usefulness(
-    recording: Recording, facts: _Facts, contradiction: str | None
-) -> tuple[list[str], list[str]]:
+def _usefulness(recording: Recording, found: Findings) -> tuple[list[str], list[str]]:
     """Say what the recording is good for and what it lacks."""
     good: list[str] = []
     missing: list[str] = []
     if recording.specific_force is None:
         missing.append("No accelerometer: nothing can be calibrated against gravity.")
     else:
-        _judge_poses(facts, good, missing)
+        _judge_poses(found, good, missing)
     if recording.angular_rate is None:
         missing.append(
             "No gyro: only the accelerometers can be calibrated."
             if recording.specific_force is not None
             else "No gyro."
         )
-    elif contradiction is None and facts.turning and facts.stretches >= 4:
+    elif found.axis_contradiction is None and found.gyro_scale is not None and found.quiet_stretches >= 4:
         good.append("Gyro scale, misalignment and bias from the turns between rests (hand-held procedure).")
-    elif not facts.turning:
+    elif found.gyro_scale is None:
         missing.append(
             "For the gyro: turns about level axes between the rests, a quarter to half a turn each, about "
             "every axis."
         )
-    if facts.longest_rest >= _NOISE_SECONDS:
-        good.append(f"Noise analysis: a rest of {facts.longest_rest:.0f} s.")
+    if found.longest_rest >= _NOISE_SECONDS:
+        good.append(f"Noise analysis: a rest of {found.longest_rest:.0f} s.")
     else:
         missing.append(
-            f"For noise analysis: a long rest (the longest is {facts.longest_rest:.0f} s; "
+            f"For noise analysis: a long rest (the longest is {found.longest_rest:.0f} s; "
             f"{_NOISE_SECONDS / 60:.0f} minutes at least, hours for bias instability)."
         )
-    if facts.temperature_range is None:
+    if found.temperature_range is None:
         missing.append("No temperature: the calibration holds for the unknown temperature of the recording.")
-    elif facts.temperature_range[1] - facts.temperature_range[0] >= _TEMPERATURE_SPAN:
-        low, high = facts.temperature_range
+    elif found.temperature_range[1] - found.temperature_range[0] >= _TEMPERATURE_SPAN:
+        low, high = found.temperature_range
         good.append(f"Temperature dependence: {low:.0f} to {high:.0f} °C.")
     return good, missing
 
 
-def _judge_poses(facts: _Facts, good: list[str], missing: list[str]) -> None:
-    found = f"{facts.stretches} rests of a second or more in {facts.poses} distinct poses"
-    if facts.poses >= _POSES_FOR_NINE:
-        good.append(f"Multi-position calibration of the accelerometers, nine parameters: {found}.")
-    elif facts.poses >= _POSES_FOR_SIX:
-        good.append(f"Multi-position calibration of the accelerometers' biases and scales: {found}.")
+def _judge_poses(found: Findings, good: list[str], missing: list[str]) -> None:
+    rests = f"{found.quiet_stretches} rests of a second or more in {found.poses} distinct poses"
+    if found.poses >= _POSES_FOR_NINE:
+        good.append(f"Multi-position calibration of the accelerometers, nine parameters: {rests}.")
+    elif found.poses >= _POSES_FOR_SIX:
+        good.append(f"Multi-position calibration of the accelerometers' biases and scales: {rests}.")
         missing.append(
-            f"For non-orthogonalities as well: {_POSES_FOR_NINE - facts.poses} more pose(s), at best with "
+            f"For non-orthogonalities as well: {_POSES_FOR_NINE - found.poses} more pose(s), at best with "
             "two axes "
             "inclined to the vertical."
         )
@@ -364,5 +332,5 @@ def _judge_poses(facts: _Facts, good: list[str], missing: list[str]) -> None:
         missing.append(
             f"For a multi-position calibration: at least {_POSES_FOR_NINE} distinct poses, each held for a "
             "second "
-            f"or more ({found})."
+            f"or more ({rests})."
         )
