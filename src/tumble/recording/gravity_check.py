@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Matrix, Series, Table, Vector, Vectors, extremes
+from tumble.arrays import AnyArray, Matrix, Table, Vector, Vectors, extremes
 from tumble.errors import RecordingError
 from tumble.recording.columns import renamed
 from tumble.recording.recording import Recording
@@ -164,8 +164,13 @@ class _Windows:
     norm: float
 
 
-def _collect(force: Vectors, rate_raw: Vectors, time: Series, rate: float) -> _Windows | None:
-    """Cut the recording into windows in which it turns and its specific force is near gravity."""
+def _collect(recording: Recording) -> _Windows | None:
+    """Cut a recording, of a long one a dozen pieces, into windows in which it turns and its force is near gravity."""
+    if recording.specific_force is None or recording.angular_rate is None:
+        raise RecordingError("Gravity checks the gyro only if the recording has both triads.")
+    signals = (recording.specific_force, recording.angular_rate, recording.time)
+    cuts, rate = sample_pieces(len(recording)), recording.rate
+    force, rate_raw, time = (np.concatenate([signal[c] for c in cuts]) for signal in signals)
     level = _levels(force, rate_raw, rate)
     if level is None:
         return None
@@ -241,16 +246,6 @@ def _solve_robustly(design: AnyArray, values: AnyArray) -> tuple[AnyArray, AnyAr
     return solution, covariance, explained
 
 
-def _pieces(recording: Recording) -> tuple[Vectors, Vectors, Series]:
-    """Return the signals, of a long recording a dozen pieces one after the other."""
-    if recording.specific_force is None or recording.angular_rate is None:
-        raise RecordingError("Gravity checks the gyro only if the recording has both triads.")
-    cuts = sample_pieces(len(recording))
-    force = np.concatenate([recording.specific_force[c] for c in cuts])
-    rate = np.concatenate([recording.angular_rate[c] for c in cuts])
-    return force, rate, np.concatenate([recording.time[c] for c in cuts])
-
-
 def axis_agreement(recording: Recording) -> AxisAgreement | None:
     """Estimate the matrix from the gyro's raw numbers to the true rate in the accelerometers' axes.
 
@@ -266,10 +261,11 @@ def axis_agreement(recording: Recording) -> AxisAgreement | None:
     RecordingError
         If the recording lacks one of the triads.
     """
-    force, rate_raw, time = _pieces(recording)
-    windows = _collect(force, rate_raw, time, recording.rate)
-    if windows is None:
-        return None
+    windows = _collect(recording)
+    return None if windows is None else _agreement(windows)
+
+
+def _agreement(windows: _Windows) -> AxisAgreement:
     # Scaled to unit size, so that counts and rad/s are conditioned alike.
     size = float(np.sqrt(np.mean(windows.products**2))) or 1.0
     design = _design(windows.products / size)
@@ -297,20 +293,18 @@ def gyro_scale_from_gravity(recording: Recording) -> GyroScale | None:
     RecordingError
         If the recording lacks one of the triads.
     """
-    agreement = axis_agreement(recording)
-    if agreement is None:
+    windows = _collect(recording)
+    if windows is None:
         return None
+    agreement = _agreement(windows)
     if agreement.determined:
         return GyroScale(agreement.scale, agreement.scale_uncertainty, True)
-    single = _single_factor(recording)
+    single = _single_factor(windows)
     return GyroScale(abs(single.scale), single.standard_uncertainty, single.determined)
 
 
-def _single_factor(recording: Recording) -> GyroScale:
-    """One factor for all axes as they are, with its sign, of a recording that `axis_agreement` found windows in."""
-    force, rate_raw, time = _pieces(recording)
-    windows = _collect(force, rate_raw, time, recording.rate)
-    assert windows is not None
+def _single_factor(windows: _Windows) -> GyroScale:
+    """One factor for all axes as they are, with its sign."""
     single = _design(windows.products) @ np.eye(3).ravel()
     solution, covariance, explained = _solve_robustly(single[:, None], windows.change.ravel())
     sigma = float(np.sqrt(covariance[0, 0]))
@@ -332,12 +326,13 @@ def find_axis_contradiction(recording: Recording) -> str | None:
     RecordingError
         If the recording lacks one of the triads.
     """
-    agreement = axis_agreement(recording)
-    if agreement is None:
+    windows = _collect(recording)
+    if windows is None:
         return None
+    agreement = _agreement(windows)
     if agreement.shows_axes:
         return describe_axis_contradiction(agreement.matrix, recording.columns)
-    single = _single_factor(recording)
+    single = _single_factor(windows)
     reversed_ = single.determined and single.scale < 0.0
     return _axis_sentence(-np.eye(3), recording.columns) if reversed_ else None
 

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from tumble.arrays import AnyArray, Series
+from tumble.arrays import AnyArray, Series, Vectors
 from tumble.errors import RecordingError, UsageError
 from tumble.recording import content, stamps
 from tumble.recording.clock import clock_without_stamps
@@ -150,6 +150,7 @@ def _ordered(
     """Put the rows in time: by their stamps, or by the declared rate where there are none."""
     parts = (signals.stamps, signals.force, signals.rates, signals.magnetic)
     count = next(len(p) for p in parts if p is not None)
+    rows = np.arange(count) if signals.rows is None else signals.rows
     if count < 2:
         raise RecordingError(f"{table.path.name} has {count} usable row(s); a recording needs at least two.")
     if signals.stamps is None:
@@ -158,34 +159,18 @@ def _ordered(
                 f"{table.path.name} has no column of time stamps; give the sampling rate with --rate HZ "
                 "(or name the time column with --columns)."
             )
-        gaps = (
-            ()
-            if signals.rows is None
-            else tuple(int(i) + 1 for i in np.flatnonzero(np.diff(signals.rows) > 1))
-        )
-        index = (
-            np.arange(count, dtype=np.float64) if signals.rows is None else signals.rows.astype(np.float64)
-        )
+        gaps = tuple(int(i) + 1 for i in np.flatnonzero(np.diff(rows) > 1))
         return signals, stamps.Stamps(
-            index / rate, np.ones(count, bool), gaps, float(rate), "s", clock_without_stamps(rate)
+            rows / rate, np.ones(count, bool), gaps, float(rate), "s", clock_without_stamps(rate)
         )
-    rows = signals.rows
 
     def place(row: int) -> str:
-        return table.place(row if rows is None else int(rows[row]))
+        return table.place(int(rows[row]))
 
     ordered = stamps.order_stamps(
         signals.stamps, unit=unit, rate=rate, name=table.path.name, place=place, parted=parted
     )
-    if not ordered.keep.all():
-        keep = ordered.keep
-        signals.force = None if signals.force is None else signals.force[keep]
-        signals.rates = None if signals.rates is None else signals.rates[keep]
-        signals.temperature = None if signals.temperature is None else signals.temperature[keep]
-        signals.magnetic = None if signals.magnetic is None else signals.magnetic[keep]
-        own = signals.magnetic_stamps
-        signals.magnetic_stamps = None if own is None else own[keep]
-    return signals, ordered
+    return signals.cut(ordered.keep), ordered
 
 
 def interpret(
@@ -240,23 +225,26 @@ def interpret(
         columns=option_of(plan, len(table.columns)),
     )
     remarks += _about_temperature(recording)
-    recording, hold, about_field = _with_field(recording, table, signals, ordered, plan, units)
-    remarks += about_field
-    if table.judged and units == DeclaredUnits() and plan.said_by == "header":
-        return _as_judged(recording, plan, ordered.unit, [*remarks, *_unchecked(recording)], hold)
-    declared_force = units.specific_force or plan.specific_force_unit
-    increments = units.velocity_increment or (
-        declared_force and find_unit("velocity increment", declared_force)
+    recording, hold, about_field = _with_field(recording, table, signals, ordered.unit, plan, units)
+    decided = Interpretation(
+        plan,
+        None if plan.time is None else ordered.unit,
+        COUNTS,
+        COUNTS,
+        ordered.rate,
+        magnetic_field_unit=COUNTS if recording.magnetic_field is None else recording.magnetic_field.unit,
+        field_hold=hold,
     )
-    level = None if recording.specific_force is None else content.rest_level(recording)
-    content.check_triads(recording, level, table.path.name, None if increments else declared_force)
-    decided = Interpretation(plan, None if plan.time is None else ordered.unit, COUNTS, COUNTS, ordered.rate)
-    decided = _deciding_field(decided, recording, hold)
-    decided, more = decide_force(recording, level, decided, units, table)
-    recording = _rescaled(recording, decided)
-    decided, rate_remarks = decide_rate(recording, decided, units, table)
-    recording = _rescaled_rate(recording, decided)
-    every = (*remarks, *more, *rate_remarks, *_unchecked(recording))
+    if table.judged and units == DeclaredUnits() and plan.said_by == "header":
+        # A file of tumble's own: its units were judged when it was written.
+        decided = replace(
+            decided,
+            specific_force_unit=plan.specific_force_unit or COUNTS,
+            angular_rate_unit=plan.angular_rate_unit or COUNTS,
+        )
+    else:
+        recording, decided = _judged(recording, decided, units, table)
+    every = (*remarks, *about_field, *decided.remarks, *_unchecked(recording))
     decided = replace(decided, remarks=every)
     return decided, replace(
         recording,
@@ -264,6 +252,27 @@ def interpret(
         angular_rate_unit=decided.angular_rate_unit,
         remarks=every,
     )
+
+
+def _judged(
+    recording: Recording, decided: Interpretation, units: DeclaredUnits, table: RawTable
+) -> tuple[Recording, Interpretation]:
+    """Decide the units of both triads, and convert increments; the remarks are those on the units alone."""
+    declared_force = units.specific_force or decided.plan.specific_force_unit
+    increments = units.velocity_increment or (
+        declared_force and find_unit("velocity increment", declared_force)
+    )
+    level = None if recording.specific_force is None else content.rest_level(recording)
+    content.check_triads(recording, level, table.path.name, None if increments else declared_force)
+    decided, about_force = decide_force(recording, level, decided, units, table)
+    recording = replace(recording, specific_force=_scaled(recording.specific_force, decided.force_factor))
+    decided, about_rate = decide_rate(recording, decided, units, table)
+    recording = replace(recording, angular_rate=_scaled(recording.angular_rate, decided.rate_factor))
+    return recording, replace(decided, remarks=(*about_force, *about_rate))
+
+
+def _scaled(triad: Vectors | None, factor: float) -> Vectors | None:
+    return triad if triad is None or factor == 1.0 else triad * factor
 
 
 def _declared_rate(table: RawTable, plan: ColumnPlan, asked: float | str | None) -> float | None:
@@ -283,7 +292,7 @@ def _with_field(
     recording: Recording,
     table: RawTable,
     signals: Signals,
-    ordered: stamps.Stamps,
+    time_unit: str,
     plan: ColumnPlan,
     units: DeclaredUnits,
 ) -> tuple[Recording, int, list[Remark]]:
@@ -291,12 +300,8 @@ def _with_field(
     header, said, hold = plan.magnetic_field_unit, list[Remark](), 1
     if signals.magnetic is not None:
         hold = hold_length(signals.magnetic)
-        own = recording.time if signals.magnetic_stamps is None else signals.magnetic_stamps
-        field = field_of_rows(own, signals.magnetic, hold, COUNTS)
-    else:
-        factor = time_factor(ordered.unit)
-        kept = None if signals.stamps is None else signals.stamps[ordered.keep] * factor
-        field = field_beside(table, kept, recording.time, COUNTS)
+    field = _field(table, signals, recording.time, time_unit, hold, COUNTS)
+    if signals.magnetic is None:
         header = None if table.field is None else table.field.unit
         if table.field is not None and table.field.note:
             said.append(Remark("found", f"{table.path.name}: {table.field.name} {table.field.note}."))
@@ -311,27 +316,6 @@ def _with_field(
         said.append(Remark("found", text))
     unit, more = decide_field_unit(field, units, header, table.path.name)
     return replace(recording, magnetic_field=replace(field, unit=unit)), hold, [*said, *more]
-
-
-def _deciding_field(decided: Interpretation, recording: Recording, hold: int) -> Interpretation:
-    field = recording.magnetic_field
-    return replace(decided, field_hold=hold, magnetic_field_unit=COUNTS if field is None else field.unit)
-
-
-def _as_judged(
-    recording: Recording, plan: ColumnPlan, time_unit: str, remarks: list[Remark], hold: int
-) -> tuple[Interpretation, Recording]:
-    """Take the units that a file of tumble's own has noted: they were judged when it was written."""
-    force_unit, rate_unit = plan.specific_force_unit or COUNTS, plan.angular_rate_unit or COUNTS
-    clock = None if plan.time is None else time_unit
-    decided = Interpretation(plan, clock, force_unit, rate_unit, recording.rate, remarks=tuple(remarks))
-    decided = _deciding_field(decided, recording, hold)
-    return decided, replace(
-        recording,
-        specific_force_unit=force_unit,
-        angular_rate_unit=rate_unit,
-        remarks=tuple(remarks),
-    )
 
 
 def _in_celsius(temperature: Series | None, plan: ColumnPlan, remarks: list[Remark]) -> Series | None:
@@ -373,18 +357,6 @@ def _unchecked(recording: Recording) -> list[Remark]:
     return [Remark("unchecked", text + ".")]
 
 
-def _rescaled(recording: Recording, decided: Interpretation) -> Recording:
-    if recording.specific_force is None or decided.force_factor == 1.0:
-        return recording
-    return replace(recording, specific_force=recording.specific_force * decided.force_factor)
-
-
-def _rescaled_rate(recording: Recording, decided: Interpretation) -> Recording:
-    if recording.angular_rate is None or decided.rate_factor == 1.0:
-        return recording
-    return replace(recording, angular_rate=recording.angular_rate * decided.rate_factor)
-
-
 @dataclass(slots=True)
 class BlockState:
     """What is carried from block to block.
@@ -424,15 +396,14 @@ def interpret_block(
     """
     signals = pick_signals(table, decided.plan, parted=parted)
     remarks = list(signals.remarks)
-    count = len(table) if signals.rows is None else signals.rows.size
-    rows = np.arange(count) if signals.rows is None else signals.rows
-    if count == 0:
+    rows = np.arange(len(table)) if signals.rows is None else signals.rows
+    if rows.size == 0:
         state.rows += len(table)
         return None
     begins = state.last is None and state.rows == 0
     missing: float = 0.0
     if signals.stamps is None or decided.time_unit is None:
-        time, keep = (state.rows + rows) / decided.rate, np.ones(count, bool)
+        time, keep = (state.rows + rows) / decided.rate, np.ones(rows.size, bool)
     else:
         time, keep, missing = _continued(signals.stamps, table, rows, state, decided, remarks, parted)
     state.rows += len(table)
@@ -442,38 +413,34 @@ def interpret_block(
         remarks.append(
             Remark("found", f"Samples are missing for {missing:.3g} s before t = {time[0]:.6g} s.")
         )
-    block = Recording(
+    signals = signals.cut(keep)
+    time_unit = decided.time_unit or "s"
+    return Recording(
         time=time,
-        specific_force=None if signals.force is None else signals.force[keep],
-        angular_rate=None if signals.rates is None else signals.rates[keep],
+        specific_force=_scaled(signals.force, decided.force_factor),
+        angular_rate=_scaled(signals.rates, decided.rate_factor),
         specific_force_unit=decided.specific_force_unit,
         angular_rate_unit=decided.angular_rate_unit,
         rate=decided.rate,
-        temperature=None
-        if signals.temperature is None
-        else _in_celsius(signals.temperature[keep], decided.plan, remarks),
+        temperature=_in_celsius(signals.temperature, decided.plan, remarks),
         sources=sources,
         remarks=tuple(remarks),
         gaps=stamps.find_gaps(time, decided.rate),
         temperature_unit=decided.plan.temperature_unit,
-        magnetic_field=_block_field(table, signals, keep, time, decided),
+        magnetic_field=_field(
+            table, signals, time, time_unit, decided.field_hold, decided.magnetic_field_unit
+        ),
     )
-    return _rescaled_rate(_rescaled(block, decided), decided)
 
 
-def _block_field(
-    table: RawTable,
-    signals: Signals,
-    keep: npt.NDArray[np.bool_],
-    time: AnyArray,
-    decided: Interpretation,
+def _field(
+    table: RawTable, signals: Signals, time: AnyArray, time_unit: str, hold: int, unit: str
 ) -> MagneticField | None:
-    unit = decided.magnetic_field_unit
+    """Return the magnetometer's samples among a recording's rows, or from beside them."""
     if signals.magnetic is not None:
-        own = time if signals.magnetic_stamps is None else signals.magnetic_stamps[keep]
-        return field_of_rows(own, signals.magnetic[keep], decided.field_hold, unit)
-    factor = time_factor(decided.time_unit or "s")
-    kept = None if signals.stamps is None else signals.stamps[keep] * factor
+        own = time if signals.magnetic_stamps is None else signals.magnetic_stamps
+        return field_of_rows(own, signals.magnetic, hold, unit)
+    kept = None if signals.stamps is None else signals.stamps * time_factor(time_unit)
     return field_beside(table, kept, time, unit)
 
 

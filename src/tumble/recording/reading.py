@@ -13,7 +13,6 @@ from typing import TypeAlias
 
 import numpy as np
 
-from tumble.arrays import Series
 from tumble.border import border
 from tumble.errors import RecordingError, UsageError
 from tumble.recording.columns import ColumnPlan, kind_of_file, plan_from_names
@@ -30,9 +29,8 @@ from tumble.recording.interpretation import (
 )
 from tumble.recording.pair import Pairing, find_pairing, is_pair, merge_pair
 from tumble.recording.recording import Recording, Remark, Source
-from tumble.recording.stamps import guess_time_unit
-from tumble.recording.unnamed_columns import is_time_like
-from tumble.units import time_factor
+from tumble.recording.stamps import seconds_of
+from tumble.recording.unnamed_columns import triad_alone
 
 
 def is_field_table(table: RawTable) -> bool:
@@ -45,12 +43,8 @@ def _plan(table: RawTable) -> ColumnPlan | None:
     if plan is not None:
         alone = plan.specific_force is None and plan.angular_rate is None
         return plan if alone and plan.magnetic_field is not None else None
-    count = len(table.columns)
-    if kind_of_file(table.path.name) != "m" or count not in (3, 4):
-        return None
-    time = next((i for i in (0, 3) if count == 4 and is_time_like(table.columns[i])), None)
-    values = tuple((i, 1.0) for i in range(count) if i != time)
-    return ColumnPlan(time, magnetic_field=values) if len(values) == 3 else None
+    plan = triad_alone(table.columns) if kind_of_file(table.path.name) == "m" else None
+    return None if plan is None else replace(plan, specific_force=None, magnetic_field=plan.specific_force)
 
 
 def field_of_file(table: RawTable, beside: str) -> tuple[FieldStream, Remark]:
@@ -74,11 +68,8 @@ def field_of_file(table: RawTable, beside: str) -> tuple[FieldStream, Remark]:
             f"{name} is the magnetometer's beside {beside} and has no stamps of its own; put its columns "
             f"beside those of {beside}, or give it a column of time."
         )
-    raw = table.columns[plan.time]
-    unit = plan.time_unit or guess_time_unit(float(np.nanmedian(np.diff(raw))))
-    stamps: Series = raw * time_factor(unit)
-    good = np.isfinite(values).all(axis=1) & np.isfinite(stamps)
-    stream = FieldStream(name, stamps[good], values[good], plan.magnetic_field_unit)
+    stamps = seconds_of(table.columns[plan.time], plan.time_unit)
+    stream = FieldStream.finite(name, stamps, values, plan.magnetic_field_unit)
     return stream, Remark("found", f"{name} is read as the magnetometer.")
 
 

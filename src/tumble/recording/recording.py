@@ -9,8 +9,8 @@ A recording as a notebook shows it: what it holds, and what was found on reading
 
 from __future__ import annotations
 
-from dataclasses import field
-from typing import TYPE_CHECKING, Literal
+from dataclasses import field, replace
+from typing import Literal
 
 import numpy as np
 
@@ -19,9 +19,6 @@ from tumble.files.markup import notebook_html
 from tumble.recording.clock import Clock, clock_of_stamps
 from tumble.recording.magnetic_field import MagneticField
 from tumble.records import dataclass
-
-if TYPE_CHECKING:
-    pass
 
 
 def recording_html(recording: Recording) -> str:
@@ -146,26 +143,17 @@ class Recording:
         """
         if not 0 <= start < stop <= len(self):
             raise IndexError(f"samples {start} to {stop} of a recording of {len(self)}")
-        cut = slice(start, stop)
-        return Recording(
+        cut, field = slice(start, stop), self.magnetic_field
+        if field is not None:
+            begin = -np.inf if start == 0 else float(self.time[start])
+            field = field.within(begin, np.inf if stop == len(self) else float(self.time[stop]))
+        return replace(
+            self,
             time=self.time[cut],
             specific_force=None if self.specific_force is None else self.specific_force[cut],
             angular_rate=None if self.angular_rate is None else self.angular_rate[cut],
-            specific_force_unit=self.specific_force_unit,
-            angular_rate_unit=self.angular_rate_unit,
-            rate=self.rate,
             temperature=None if self.temperature is None else self.temperature[cut],
-            sources=self.sources,
-            remarks=self.remarks,
             gaps=tuple(i - start for i in self.gaps if start < i < stop),
-            temperature_unit=self.temperature_unit,
-            said_clock=self.said_clock,
-            magnetic_field=self._field_between(start, stop),
+            magnetic_field=field,
+            columns=None,
         )
-
-    def _field_between(self, start: int, stop: int) -> MagneticField | None:
-        """Return the field from the first sample's time up to that of the first sample that is left out."""
-        if self.magnetic_field is None:
-            return None
-        begin = -np.inf if start == 0 else float(self.time[start])
-        return self.magnetic_field.within(begin, np.inf if stop == len(self) else float(self.time[stop]))

@@ -11,6 +11,8 @@ import numpy as np
 from tumble.arrays import Series, Vectors
 from tumble.records import dataclass
 
+_OTHERS = ("specific_force", "angular_rate", "temperature", "magnetic_field")
+
 
 @dataclass(frozen=True, slots=True)
 class Samples:
@@ -40,13 +42,8 @@ class Samples:
         ----------
         keep : as numpy takes it.
         """
-        return Samples(
-            self.time[keep],
-            None if self.specific_force is None else self.specific_force[keep],
-            None if self.angular_rate is None else self.angular_rate[keep],
-            None if self.temperature is None else self.temperature[keep],
-            None if self.magnetic_field is None else self.magnetic_field[keep],
-        )
+        others = (getattr(self, name) for name in _OTHERS)
+        return Samples(self.time[keep], *(None if part is None else part[keep] for part in others))
 
     def at(self, time: Series) -> Samples:
         """Return the same samples with other stamps.
@@ -91,5 +88,4 @@ def joined(parts: Sequence[Samples]) -> Samples:
         pieces: list[np.ndarray] = [getattr(p, name) for p in parts]
         return None if getattr(parts[0], name) is None else np.concatenate(pieces)
 
-    others = ("specific_force", "angular_rate", "temperature", "magnetic_field")
-    return Samples(np.concatenate([p.time for p in parts]), *map(all_of, others))
+    return Samples(np.concatenate([p.time for p in parts]), *map(all_of, _OTHERS))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import field
+from dataclasses import field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -65,6 +65,24 @@ class Signals:
     magnetic: Vectors | None = None
     magnetic_stamps: Series | None = None
 
+    def cut(self, keep: npt.NDArray[np.bool_]) -> Signals:
+        """Return what a boolean array keeps of the columns."""
+
+        def kept(part: AnyArray | None) -> AnyArray | None:
+            return None if part is None else part[keep]
+
+        if keep.all():
+            return self
+        return replace(
+            self,
+            stamps=kept(self.stamps),
+            force=kept(self.force),
+            rates=kept(self.rates),
+            temperature=kept(self.temperature),
+            magnetic=kept(self.magnetic),
+            magnetic_stamps=kept(self.magnetic_stamps),
+        )
+
 
 def pick_signals(table: RawTable, plan: ColumnPlan, *, parted: bool = False) -> Signals:
     """Pick the columns of a table by a plan; rows that hold no finite number are left out.
@@ -88,14 +106,15 @@ def pick_signals(table: RawTable, plan: ColumnPlan, *, parted: bool = False) -> 
     parts = [p for p in (time, force, rates, alone) if p is not None]
     with np.errstate(invalid="ignore", over="ignore"):
         finite = all(np.isfinite(p.sum()) for p in parts)  # a sum is finite if every term is
+    signals = Signals(time, force, rates, temperature, None, magnetic=magnetic, magnetic_stamps=own)
     if finite:
-        return Signals(time, force, rates, temperature, None, magnetic=magnetic, magnetic_stamps=own)
+        return signals
     good = np.ones(len(table), bool)
     for part in parts:
         good &= np.isfinite(part) if part.ndim == 1 else np.isfinite(part).all(axis=1)
     bad = int(good.size - good.sum())
     if not bad:
-        return Signals(time, force, rates, temperature, None, magnetic=magnetic, magnetic_stamps=own)
+        return signals
     row = int(np.argmin(good))
     where = _bad_column(table, plan, row)
     if bad > max(1.0, (_MOST_PARTED_ROWS if parted else _MOST_BAD_ROWS) * good.size):
@@ -105,15 +124,7 @@ def pick_signals(table: RawTable, plan: ColumnPlan, *, parted: bool = False) -> 
         )
     where = f"first: {table.place(row)}, {where}"
     text = f"{table.path.name}: {bad} row(s) without a finite number left out ({where})."
-    rows = np.flatnonzero(good)
-
-    def kept(part: AnyArray | None) -> AnyArray | None:
-        return None if part is None else part[rows]
-
-    said = [Remark("mended", text)]
-    return Signals(
-        kept(time), kept(force), kept(rates), kept(temperature), rows, said, kept(magnetic), kept(own)
-    )
+    return replace(signals.cut(good), rows=np.flatnonzero(good), remarks=[Remark("mended", text)])
 
 
 def _bad_column(table: RawTable, plan: ColumnPlan, row: int) -> str:

@@ -93,6 +93,11 @@ def guess_time_unit(step: float) -> str:
     return min(("s", "ms", "us", "ns"), key=lambda u: abs(-np.log10(step * time_factor(u)) - middle))
 
 
+def seconds_of(stamps: Series, unit: str | None) -> Series:
+    """Return stamps in seconds: of a unit, or of the one in which they are plausible."""
+    return stamps * time_factor(unit or guess_time_unit(float(np.nanmedian(np.diff(stamps)))))
+
+
 def find_gaps(time: Series, rate: float) -> tuple[int, ...]:
     """Return the indices before which at least one sample is missing.
 

@@ -35,6 +35,13 @@ def is_time_like(column: Series) -> bool:
     return middle > 0.0 and bool(np.mean(steps < 10.0 * middle) > 0.9)
 
 
+def triad_alone(columns: list[Series]) -> ColumnPlan | None:
+    """Return the plan of three columns, or of four of which the first or the last is time; None of others."""
+    time = next((i for i in (0, 3) if len(columns) == 4 and is_time_like(columns[i])), None)
+    values = tuple((i, 1.0) for i in range(len(columns)) if i != time)
+    return ColumnPlan(time, values, said_by="content") if len(values) == 3 else None
+
+
 @dataclass(frozen=True, slots=True)
 class TriadOrder:
     """Which of two triads is the accelerometer: `swapped` if the second; `sure` if the content shows it."""

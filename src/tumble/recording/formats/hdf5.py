@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from tumble.arrays import Series, Vectors
+from tumble.arrays import Vectors
 from tumble.errors import RecordingError, UsageError, install
 from tumble.files import opened
 from tumble.recording.columns import ColumnPlan, plan_from_names
@@ -21,9 +21,8 @@ from tumble.recording.formats.table import FieldStream, RawTable, hash_file
 from tumble.recording.formats.variables import is_rate_name, numbers_of, table_from_variables
 from tumble.recording.recording import Remark
 from tumble.recording.samples import Samples
-from tumble.recording.stamps import guess_time_unit
+from tumble.recording.stamps import seconds_of
 from tumble.records import dataclass
-from tumble.units import time_factor
 
 NAME = "HDF5"
 ENDINGS = (".h5", ".hdf5", ".mat")
@@ -134,6 +133,20 @@ def _content(path: Path) -> _Content:
         except OSError as error:  # h5py's word for damage, too
             raise RecordingError(f"{path.name} is a damaged HDF5 file ({str(error)[:120]}).") from error
     return content
+
+
+def corrections(path: Path) -> tuple[str, ...]:
+    """Return the identities of the calibrations that a file of an earlier tumble was corrected by; else none.
+
+    Parameters
+    ----------
+    path : of an HDF5 file, or of any other.
+    """
+    try:
+        with import_module("h5py").File(path, "r") as file:
+            return tuple(str(file.attrs.get("corrected_by", "")).split())
+    except (ImportError, OSError, RuntimeError, KeyError):
+        return ()
 
 
 def _take_rate(content: _Content, name: str, attributes: Mapping[str, Any]) -> None:
@@ -258,9 +271,8 @@ def _field(names: list[str], tables: Mapping[str, RawTable]) -> FieldStream | No
         if plan is None or plan.magnetic_field is None or plan.time is None:
             continue
         values, stamps = _triad(table, plan.magnetic_field), table.columns[plan.time]
-        good = np.isfinite(values).all(axis=1) & np.isfinite(stamps)
-        seconds = _seconds(stamps[good], plan.time_unit)
-        return FieldStream(f"/{name}", seconds, values[good], plan.magnetic_field_unit)
+        seconds = seconds_of(stamps, plan.time_unit)
+        return FieldStream.finite(f"/{name}", seconds, values, plan.magnetic_field_unit)
     return None
 
 
@@ -289,7 +301,7 @@ def _merged(path: Path, names: list[str], tables: list[RawTable]) -> RawTable:
             f"{path.name}: /{names[0]} and /{names[1]} need stamps of their own to be put together."
         )
     clocks = [
-        _seconds(t.columns[p.time or 0], p.time_unit) for t, p in ((tables[0], force), (tables[1], rates))
+        seconds_of(t.columns[p.time or 0], p.time_unit) for t, p in ((tables[0], force), (tables[1], rates))
     ]
     samples, remarks = merge_streams(
         path.name,
@@ -302,7 +314,3 @@ def _merged(path: Path, names: list[str], tables: list[RawTable]) -> RawTable:
 
 def _triad(table: RawTable, triad: tuple[tuple[int, float], ...]) -> Vectors:
     return np.column_stack([table.columns[i] for i, _ in triad])
-
-
-def _seconds(stamps: Series, unit: str | None) -> Series:
-    return stamps * time_factor(unit or guess_time_unit(float(np.nanmedian(np.diff(stamps)))))

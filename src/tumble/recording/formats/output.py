@@ -67,7 +67,7 @@ def column_names(recording: Recording, *, all_units: bool = False) -> list[str]:
     return names
 
 
-def _field_columns(recording: Recording, *, stamped: bool = False) -> dict[str, Series]:
+def _field_columns(recording: Recording, *, stamped: bool) -> dict[str, Series]:
     """Return the magnetometer's samples as columns beside a recording's rows, none without a magnetometer.
 
     Each sample stands in the row whose stamp is nearest, and its own stamp beside it where the two differ; the other
@@ -115,7 +115,7 @@ def write_recording(recording: Recording, path: str | os.PathLike[str], *, all_u
         If the file cannot be written; an earlier one is then intact.
     """
     target = Path(path)
-    write_blocks([recording], target, all_units=all_units, magnetometer=True)
+    write_blocks([recording], target, all_units=all_units)
     return target
 
 
@@ -125,7 +125,6 @@ def write_blocks(
     marks: Sequence[str] = (),
     *,
     all_units: bool = False,
-    magnetometer: bool = False,
     stamped: bool = False,
 ) -> None:
     """Write consecutive blocks as one CSV or Parquet file, by the ending of `target`.
@@ -135,8 +134,7 @@ def write_blocks(
     blocks, target : pieces of one recording in time order, and the file.
     marks : names of columns that hold the number 1 in every row: what was done to the recording.
     all_units : whether the header of a CSV names the plain units too.
-    magnetometer : whether the magnetometer's samples are written beside.
-    stamped : with their own stamps in any case; of a recording in one block these stand where they are needed.
+    stamped : whether the magnetometer's own stamps are written in any case, and not only where they are needed.
 
     Raises
     ------
@@ -152,36 +150,21 @@ def write_blocks(
     with written_beside(target) as beside, beside.open("wb") as file:
         if target.suffix.lower() == ".csv":
             for number, block in enumerate(blocks):
-                frame = frame_of(
-                    block, marks, all_units=all_units, magnetometer=magnetometer, stamped=stamped
-                )
+                frame = _frame_of(block, marks, all_units=all_units, stamped=stamped)
                 pieces = range(0, max(frame.height, 1), _ROWS)
                 for first in counted(pieces, len(pieces)) if len(pieces) > 1 else pieces:
                     header = number == 0 and first == 0
                     frame.slice(first, _ROWS).write_csv(file, include_header=header)
         else:
-            folder = target.parent
-            _write_parquet(blocks, file, folder, marks, magnetometer=magnetometer, stamped=stamped)
+            _write_parquet(blocks, file, target.parent, marks, stamped)
         file.flush()
         os.fsync(file.fileno())
 
 
-def frame_of(
-    recording: Recording,
-    marks: Sequence[str] = (),
-    *,
-    all_units: bool = False,
-    magnetometer: bool = False,
-    stamped: bool = False,
+def _frame_of(
+    recording: Recording, marks: Sequence[str], *, all_units: bool = False, stamped: bool
 ) -> pl.DataFrame:
-    """Return the recording's columns as a data frame, with a column of ones for each mark.
-
-    Parameters
-    ----------
-    recording, marks : what is written, and the names of the columns of ones.
-    all_units : whether the names tell the plain units too.
-    magnetometer, stamped : whether the magnetometer's samples stand beside, see `_field_columns`.
-    """
+    """Return the recording's columns as a data frame, with a column of ones for each mark."""
     import polars as pl
 
     columns = [recording.time]
@@ -191,18 +174,12 @@ def frame_of(
     if recording.temperature is not None:
         columns.append(recording.temperature)
     named = dict(zip(column_names(recording, all_units=all_units), columns, strict=True))
-    frame = pl.DataFrame(named | (_field_columns(recording, stamped=stamped) if magnetometer else {}))
+    frame = pl.DataFrame(named | _field_columns(recording, stamped=stamped))
     return frame.with_columns([pl.lit(1, dtype=pl.Int8).alias(mark) for mark in marks])
 
 
 def _write_parquet(
-    blocks: Iterable[Recording],
-    file: BinaryIO,
-    folder: Path,
-    marks: Sequence[str] = (),
-    *,
-    magnetometer: bool = False,
-    stamped: bool = False,
+    blocks: Iterable[Recording], file: BinaryIO, folder: Path, marks: Sequence[str], stamped: bool
 ) -> None:
     """Write parts to a folder beside the target, then join them as a stream."""
     import polars as pl
@@ -213,9 +190,7 @@ def _write_parquet(
             for number, block in enumerate(blocks):
                 units = _judged_units(block)
                 part = Path(parts) / f"{number:08d}.parquet"
-                frame_of(block, marks, magnetometer=magnetometer, stamped=stamped).write_parquet(
-                    part, compression="lz4"
-                )
+                _frame_of(block, marks, stamped=stamped).write_parquet(part, compression="lz4")
             # Not compressed, for samples hardly do.
             pl.scan_parquet(str(Path(parts) / "*.parquet")).sink_parquet(
                 file, compression="uncompressed", metadata={UNITS_KEY: json.dumps(units)}

@@ -110,7 +110,7 @@ class Merging:
             self.left_out += self.waiting() if last else 0
             return None
         force, rates = _without_repeats(joined(self._force)), joined(self._rates)
-        self._refuse_backwards(force)
+        refuse_backwards(self.name, self.force_name, force.time)
         stop = len(rates) if last else int(np.searchsorted(rates.time, float(force.time[-1]), side="right"))
         ready, rest = rates.cut(slice(0, stop)), rates.cut(slice(stop, None))
         merged = self._interpolate(force, ready)
@@ -119,15 +119,6 @@ class Merging:
         first = int(np.searchsorted(force.time, float(ready.time[-1]), side="right")) - 1 if len(ready) else 0
         self._force = [force.cut(slice(max(first, 0), None))]
         return merged if len(merged) else None
-
-    def _refuse_backwards(self, force: Samples) -> None:
-        back = np.flatnonzero(np.diff(force.time) < 0.0)
-        if back.size:
-            row = int(back[0])
-            raise RecordingError(
-                f"{self.name}: the stamps of {self.force_name} step back from {force.time[row]:.6f} s to "
-                f"{force.time[row + 1]:.6f} s; cut the recording there, for the order of its samples is unknown."
-            )
 
     def _interpolate(self, force: Samples, rates: Samples) -> Samples:
         """Return the specific force at the gyro's stamps; stamps without neighbours are left out."""
@@ -164,6 +155,23 @@ class Merging:
                 )
             )
         return said
+
+
+def refuse_backwards(file: str, stream: str, time: Series) -> None:
+    """Refuse stamps that step back.
+
+    Raises
+    ------
+    RecordingError
+        If they do.
+    """
+    back = np.flatnonzero(np.diff(time) < 0.0)
+    if back.size:
+        row = int(back[0])
+        raise RecordingError(
+            f"{file}: the stamps of {stream} step back from {time[row]:.6f} s to {time[row + 1]:.6f} s; cut the "
+            "recording there, for the order of its samples is unknown."
+        )
 
 
 def _without_repeats(samples: Samples) -> Samples:

@@ -48,6 +48,14 @@ class FieldStream:
     note: str = ""
     turn: Matrix | None = None
 
+    @classmethod
+    def finite(
+        cls, name: str, time: Series, values: Vectors, unit: str | None = None, note: str = ""
+    ) -> FieldStream:
+        """Return samples without those that are no numbers."""
+        good = np.isfinite(values).all(axis=1) & np.isfinite(time)
+        return cls(name, time[good], values[good], unit, note)
+
     def within(self, start: float, stop: float) -> FieldStream:
         """Return the samples from time `start` up to, without, time `stop`."""
         first, last = (int(i) for i in np.searchsorted(self.time, (start, stop)))

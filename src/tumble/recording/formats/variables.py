@@ -16,7 +16,7 @@ from tumble.recording.formats.streams import merge_streams
 from tumble.recording.formats.table import FieldStream, RawTable, as_columns, hash_file
 from tumble.recording.recording import Remark
 from tumble.recording.samples import Samples
-from tumble.units import find_unit, time_factor
+from tumble.units import find_unit
 
 _LISTED = 12
 _RATE_NAMES = {"fs", "f_s", "rate", "samplerate", "sample_rate", "sampling_rate", "samplingrate", "frequency"}
@@ -106,7 +106,7 @@ def _field_of_another_length(
 ) -> tuple[FieldStream, tuple[str, ...]] | None:
     """A magnetometer's (n, 3) array with n stamps beside it, both named; None without the two."""
     from tumble.recording.columns import role_of
-    from tumble.recording.stamps import guess_time_unit
+    from tumble.recording.stamps import seconds_of
     from tumble.recording.unnamed_columns import is_time_like
 
     def role(name: str) -> tuple[str, str | None]:
@@ -122,12 +122,10 @@ def _field_of_another_length(
         return None
     time = arrays[stamps[0]]
     said = units.get(stamps[0]) or role(stamps[0])[1]
-    unit = (find_unit("time", said) if said else None) or guess_time_unit(float(np.median(np.diff(time))))
-    good = np.isfinite(values).all(axis=1) & np.isfinite(time)
+    seconds = seconds_of(time, find_unit("time", said) if said else None)
     declared = units.get(name)
     known = None if declared is None else find_unit("magnetic field", declared)
-    stream = FieldStream(name, time[good] * time_factor(unit), values[good], known)
-    return stream, (name, stamps[0])
+    return FieldStream.finite(name, seconds, values, known), (name, stamps[0])
 
 
 def _stamped_pair(path: Path, arrays: Mapping[str, npt.NDArray[np.float64]]) -> RawTable | None:

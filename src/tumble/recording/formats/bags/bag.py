@@ -9,11 +9,13 @@ from dataclasses import field, replace
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
+import numpy as np
+
 from tumble.counting import counted
 from tumble.errors import RecordingError, UsageError
-from tumble.recording.formats.bags.bag_field import is_field_topic, read_field, split_wanted
-from tumble.recording.formats.bags.ros_messages import READABLE, decode, holds, samples_of
-from tumble.recording.formats.streams import BLOCK_ROWS, Merging, Units, table_of_samples
+from tumble.recording.formats.bags.bag_field import is_field_topic, split_wanted
+from tumble.recording.formats.bags.ros_messages import FIELD, READABLE, decode, holds, samples_of
+from tumble.recording.formats.streams import BLOCK_ROWS, Merging, Units, refuse_backwards, table_of_samples
 from tumble.recording.formats.table import FieldStream, RawTable, hash_file
 from tumble.recording.recording import Remark, Source
 from tumble.recording.samples import Samples, joined
@@ -339,10 +341,8 @@ def _merged(pieces: Iterator[dict[str, Samples]], merging: Merging) -> Iterator[
 
 def _bag_table(bag: Bag, wanted: Sequence[str], source: Source) -> RawTable:
     """Return the whole table of a bag; the parameters are those of `_bag_blocks`."""
-    import numpy as np
-
     rest, name, said = split_wanted(bag, wanted)
-    magnetic = None if name is None else read_field(bag, name)
+    magnetic = None if name is None else _read_field(bag, name)
     if (
         magnetic is not None
         and not rest
@@ -355,6 +355,20 @@ def _bag_table(bag: Bag, wanted: Sequence[str], source: Source) -> RawTable:
         return replace(tables[0], remarks=remarks, field=magnetic)
     columns = [np.concatenate([t.columns[i] for t in tables]) for i in range(len(tables[0].columns))]
     return RawTable(tables[0].path, tables[0].names, columns, tables[0].source, remarks, field=magnetic)
+
+
+def _read_field(bag: Bag, name: str) -> FieldStream | None:
+    """Return the messages of a magnetometer's topic as samples in time order, None if there are none."""
+    batches = _Batches({t.name: t for t in bag.topics}, Choice(name, None))
+    pieces = [samples for piece in batches.pieces(bag) for samples in piece.values()]
+    if not pieces:
+        return None
+    samples, tesla = joined(pieces), batches.topics[name].kind == FIELD
+    assert samples.specific_force is not None
+    note = "" if tesla else "has no unit in its type (--units uT)"
+    stream = FieldStream.finite(name, samples.time, samples.specific_force, "T" if tesla else None, note)
+    refuse_backwards(bag.path.name, name, stream.time)
+    return stream
 
 
 def _field_table(bag: Bag, magnetic: FieldStream, source: Source, said: list[Remark]) -> RawTable:

@@ -18,8 +18,8 @@ from tumble.recording.formats.logs.logged_streams import Stream
 from tumble.recording.formats.streams import Units
 from tumble.recording.formats.table import RawTable
 from tumble.recording.samples import Samples
-from tumble.recording.stamps import guess_time_unit
-from tumble.units import find_unit, specific_force_factor, time_factor
+from tumble.recording.stamps import seconds_of
+from tumble.units import find_unit, specific_force_factor
 
 # Names of files without separators and capitals, the best choice first.
 _ACCELEROMETERS = (
@@ -169,7 +169,7 @@ def _layout(table: RawTable) -> tuple[np.ndarray, list[int], str | None]:
     number, said = time[named]
     column = table.columns[number]
     if named != "secondselapsed":
-        column = column * time_factor(said or guess_time_unit(float(np.nanmedian(np.diff(column)))))
+        column = seconds_of(column, said)
     return column, [axes[a] for a in "xyz"], unit
 
 
