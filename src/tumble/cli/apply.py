@@ -27,7 +27,7 @@ def apply_command(
     output: Annotated[
         Path | None,
         output_option(
-            "The corrected file: .csv, .parquet or .h5. Of a bag: a bag of its kind. A name without an ending: a "
+            "The corrected file: .csv or .parquet. Of a bag: a bag of its kind. A name without an ending: a "
             "folder like EuRoC's. By default NAME-corrected, as the recording is, else .csv.",
             "FILE",
         ),

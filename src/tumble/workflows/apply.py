@@ -18,7 +18,6 @@ from tumble.errors import UsageError
 from tumble.recording import Recording, read_blocks
 from tumble.recording.formats.euroc_writing import PLACE, write_euroc
 from tumble.recording.formats.folder import euroc_file
-from tumble.recording.formats.hdf5_writing import write_hdf5
 from tumble.recording.formats.output import write_blocks
 from tumble.recording.gravity_check import find_steps_of_two
 from tumble.recording.temperature import TemperatureColumn
@@ -73,7 +72,7 @@ def apply(
     ----------
     calibration : a ``calibration.json``, its folder, or a `Calibration`.
     paths, columns, units, rate, topics : the recording, as for `tumble.read_recording`.
-    output : ``.csv``, ``.parquet`` or ``.h5``; of a bag ``.bag``, ``.mcap``, ``.db3`` or a folder, as the bag is, with
+    output : ``.csv`` or ``.parquet``; of a bag ``.bag``, ``.mcap``, ``.db3`` or a folder, as the bag is, with
         everything but the IMU's messages as it was; a name without an ending is a folder as EuRoC's. By
         default the recording's name with ``-corrected``, in the recording's form where that can be written, else CSV.
     temperature : °C of the whole recording, for a calibration with a thermal model and a recording without a
@@ -175,9 +174,7 @@ def _write(
     """Write corrected blocks in the form that is wanted."""
     if goal.form == "table":
         named = [PREFIX + mark for mark in marks]
-        write_blocks(blocks, goal.path, named, magnetometer=True, stamped=True)
-    elif goal.form == "hdf5":
-        write_hdf5(blocks, goal.path, marks)
+        write_blocks(blocks, goal.path, named, stamped=True)
     else:
         like = files[0] if len(files) == 1 and files[0].is_dir() else None
         write_euroc(blocks, goal.path, marks, like=like)

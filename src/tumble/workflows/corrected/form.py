@@ -16,7 +16,6 @@ from tumble.document import Calibration
 from tumble.errors import RecordingError, UsageError
 from tumble.recording import Recording
 from tumble.recording.formats.folder import euroc_file
-from tumble.recording.formats.hdf5_writing import ENDINGS as HDF5
 from tumble.recording.formats.output import ENDINGS as TABLES
 from tumble.recording.magnetic_field import MagneticField
 from tumble.recording.rewriting import ENDINGS as BAGS
@@ -117,7 +116,7 @@ class CorrectedField:
         return MagneticField(field.time, np.ascontiguousarray(self.factor * corrected), self.unit)
 
 
-Form = Literal["table", "bag", "euroc", "hdf5"]
+Form = Literal["table", "bag", "euroc"]
 
 _LOGS = {
     ".ulg": ("ULog", "PX4", "px4", "CAL_ACC* and CAL_GYRO*"),
@@ -154,8 +153,6 @@ def destination(output: str | os.PathLike[str] | None, files: Sequence[Path]) ->
     ending = target.suffix.lower()
     if ending in TABLES:
         return Destination("table", target)
-    if ending in HDF5:
-        return Destination("hdf5", target)
     if ending in _LOGS:
         raise UsageError(_no_log(target.name, *_LOGS[ending]))
     if ending in BAGS:
@@ -165,7 +162,7 @@ def destination(output: str | os.PathLike[str] | None, files: Sequence[Path]) ->
     if not ending or target.is_dir():
         return Destination("euroc", target)
     raise UsageError(
-        f"{target.name}: a corrected recording is written as .csv or .parquet, or as .h5. A bag is written as a bag of "
+        f"{target.name}: a corrected recording is written as .csv or .parquet. A bag is written as a bag of "
         "its kind (.bag, .mcap, .db3, a folder). A name without an ending gets a folder like EuRoC's."
     )
 
@@ -180,8 +177,6 @@ def _after(files: Sequence[Path]) -> Destination:
             return Destination("bag", Path(f"{name}-corrected{ending}"))
         if first.is_dir() and euroc_file(first) is not None:
             return Destination("euroc", Path(f"{first.resolve().name}-corrected"))
-        if first.suffix.lower() in HDF5:
-            return Destination("hdf5", Path(f"{first.stem}-corrected.h5"))
         if first.suffix.lower() in (".parquet", ".pq"):
             return Destination("table", Path(f"{first.stem}-corrected.parquet"))
     return Destination("table", Path(f"{first.stem}-corrected.csv"))
@@ -191,7 +186,7 @@ def _no_log(name: str, log: str, autopilot: str, target: str, parameters: str) -
     return (
         f"{name}: a {log} log is not written, for it also holds what the autopilot's filters made of the uncorrected "
         f"samples. Let {autopilot} correct them: `tumble convert CALIBRATION --to {target}` gives the parameters to "
-        f"set ({parameters}); for other programs write .csv, .parquet or .h5."
+        f"set ({parameters}); for other programs write .csv or .parquet."
     )
 
 
@@ -214,6 +209,6 @@ def _checked_bag(target: Path, files: Sequence[Path]) -> Path:
             "that (rosbags-convert, mcap convert)."
         )
     raise UsageError(
-        f"{target.name}: a corrected bag is a copy of a bag, and {files[0].name} is none. Write .csv, .parquet or .h5, "
+        f"{target.name}: a corrected bag is a copy of a bag, and {files[0].name} is none. Write .csv or .parquet, "
         "or a folder like EuRoC's (a name without an ending), which kalibr_bagcreater takes."
     )
