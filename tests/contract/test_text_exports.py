@@ -140,12 +140,6 @@ def test_navego_s_struct_has_its_names(tmp_path: Path) -> None:
     assert np.array_equal(recording.angular_rate, RATE)
 
 
-def test_bare_numbers_without_a_mark_are_no_recording(tmp_path: Path) -> None:
-    (tmp_path / "a.bin").write_bytes(KF_GINS.tobytes())
-    with pytest.raises(RecordingError, match="binary in a format that is not known"):
-        read_recording(tmp_path / "a.bin")
-
-
 # -- magnetometers -----------------------------------------------------------------------------------
 
 FIELD = np.round(np.array([0.21, -0.04, 0.44]) + 0.003 * RNG.normal(size=(COUNT, 3)), 4)  # gauss

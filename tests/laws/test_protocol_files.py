@@ -128,7 +128,6 @@ PROTOCOL = st.builds(
 
 
 @given(PROTOCOL)
-@settings(max_examples=300)
 def test_a_protocol_is_read_back_as_it_was_written(tmp_path_factory: Any, protocol: Protocol) -> None:
     path = tmp_path_factory.getbasetemp() / "law.yaml"
     write_protocol(protocol, path)
@@ -137,6 +136,7 @@ def test_a_protocol_is_read_back_as_it_was_written(tmp_path_factory: Any, protoc
 
 
 @given(PROTOCOL)
+@settings(max_examples=50)
 def test_every_line_below_the_head_is_a_key_an_item_or_a_step(protocol: Protocol) -> None:
     """No text of a user breaks out of its own line."""
     lines = protocol_to_yaml(protocol).rstrip("\n").split("\n")
