@@ -215,7 +215,7 @@ def formats() -> Entries:
         for number, (name, content) in enumerate(files):
             made[f"seed{group}-{number:02d}-{name}"] = partial(read, content, name)
 
-    groups = ("_texts", "_arrays", "_bags", "_logs", "_exports")
+    groups = ("_texts",)
     for make in (contract, logs, *(partial(seeds, group) for group in groups)):
         with tempfile.TemporaryDirectory() as folder, suppress(ImportError, AttributeError):
             make(Path(folder))  # if its maker left, its entries are said to be gone

@@ -1,8 +1,7 @@
-"""MATLAB .mat of versions 4 to 7 by scipy; version 7.3 is HDF5."""
+"""MATLAB .mat of versions 5 to 7 by scipy; version 7.3 is HDF5."""
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -16,26 +15,12 @@ from tumble.recording.formats.variables import numbers_of, table_from_variables
 
 NAME = "MATLAB"
 ENDINGS = (".mat",)
-SUMMARY = "MATLAB .mat of versions 4 to 7"
-
-
-def _is_version_4(head: bytes) -> bool:
-    """A level 4 header: five 32-bit integers, of which the first is below 5000 (type MOPT)."""
-    if len(head) < 20:
-        return False
-    for order in ("<", ">"):
-        kind, rows, columns, imaginary, length = struct.unpack(order + "5i", head[:20])
-        thousands, rest = divmod(kind, 1000)
-        if thousands == (order == ">") and rest in (0, 10, 20, 30, 40, 50, 1, 11, 21, 31, 41, 51):
-            return rows >= 0 and columns >= 0 and imaginary in (0, 1) and 1 < length < 64
-    return False
+SUMMARY = "MATLAB .mat of versions 5 to 7"
 
 
 def recognises(head: bytes) -> bool:
     """Say whether a file that begins so is MATLAB's; version 7.3 is HDF5."""
-    if head.startswith(b"MATLAB "):
-        return not head.startswith(b"MATLAB 7.3")
-    return b"\0" in head[:4] and _is_version_4(head)
+    return head.startswith(b"MATLAB ") and not head.startswith(b"MATLAB 7.3")
 
 
 def read_table(path: Path) -> RawTable:
