@@ -14,6 +14,7 @@ import numpy as np
 import polars as pl
 import pytest
 
+from contract.test_bags import IMU, STORE, STORE1, message, rosbag1, rosbag2
 from tumble.document.imported import calibration_from_model
 from tumble.document.result import Calibration, ParameterBlock
 from tumble.errors import RecordingError, TumbleError, UsageError
@@ -22,13 +23,7 @@ from tumble.sensor import ImuModel, Triad
 from tumble.workflows.apply import apply
 from tumble.workflows.corrected import bag
 
-rosbag1 = pytest.importorskip("rosbags.rosbag1", reason="rosbags writes and reads the samples")
-rosbag2 = pytest.importorskip("rosbags.rosbag2")
-typesys = pytest.importorskip("rosbags.typesys")
-
-STORE = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
-STORE1 = typesys.get_typestore(typesys.Stores.ROS1_NOETIC)
-IMU, TEXT = "sensor_msgs/msg/Imu", "std_msgs/msg/String"
+TEXT = "std_msgs/msg/String"
 M_A = np.array([[1.012, 0.004, -0.007], [-0.009, 0.991, 0.006], [0.003, -0.012, 1.021]])
 M_G = np.array([[0.985, -0.011, 0.008], [0.006, 1.017, -0.004], [-0.013, 0.005, 1.008]])
 B_A, B_G = np.array([0.11, -0.23, 0.34]), np.array([0.012, -0.034, 0.021])
@@ -53,18 +48,6 @@ def samples(count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return time, force, 0.2 * swing + 0.001 * rng.normal(size=(count, 3))
 
 
-def message(store: Any, stamp: float, force: np.ndarray, rate: np.ndarray, frame: str) -> Any:
-    kinds = store.types
-    more = {"seq": 7} if store is STORE1 else {}
-    header = kinds["std_msgs/msg/Header"](
-        stamp=kinds["builtin_interfaces/msg/Time"](*divmod(round(stamp * 1e9), 10**9)), frame_id=frame, **more
-    )
-    vector = kinds["geometry_msgs/msg/Vector3"]
-    quaternion = kinds["geometry_msgs/msg/Quaternion"](0.5, -0.5, 0.5, 0.5)
-    cov = [np.arange(9.0) + k for k in range(3)]
-    return kinds[IMU](header, quaternion, cov[0], vector(*rate), cov[1], vector(*force), cov[2])
-
-
 Stream = Iterator[tuple[str, int, Any, str]]
 
 
@@ -77,7 +60,11 @@ def stream(store: Any, topics: dict[str, str], count: int) -> Stream:
         for topic, what in topics.items():
             parts = force[k] * (what in ("both", "force")), rate[k] * (what in ("both", "rate"))
             # Frames' names of several lengths: the numbers stand at other places then.
-            yield topic, at, message(store, time[k], *parts, "imu" if k % 3 else "imu_link"), IMU
+            frame = "imu" if k % 3 else "imu_link"
+            made = message(
+                store, time[k], *parts, frame, (0.5, -0.5, 0.5, 0.5), np.arange(27.0).reshape(3, 9)
+            )
+            yield topic, at, made, IMU
         if k % 5 == 0:
             yield "/words", at + 7, text(f"word {k} " + "x" * (k % 40)), TEXT
 

@@ -10,8 +10,8 @@ from __future__ import annotations
 import re
 import shutil
 import sqlite3
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
-from contextlib import closing, contextmanager
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, closing, nullcontext
 from dataclasses import field
 from pathlib import Path
 from types import ModuleType
@@ -77,20 +77,6 @@ class Exchange:
         return after
 
 
-@dataclass(frozen=True, slots=True)
-class Rewritable:
-    """An opened bag.
-
-    Attributes
-    ----------
-    bag : its topics, messages and remarks.
-    write : writes it anew to a file, or into a folder that is there.
-    """
-
-    bag: Bag
-    write: Callable[[Path, Exchange], None]
-
-
 def ending_of(path: Path) -> str | None:
     """Return the ending that a copy of a bag has, "" of one that is a folder; None of what is no bag.
 
@@ -132,8 +118,7 @@ def corrections(path: Path) -> _Marks:
     return {}
 
 
-@contextmanager
-def rewritable(path: Path) -> Generator[Rewritable]:
+def opened_bag(path: Path) -> AbstractContextManager[Bag]:
     """Open a bag to be written anew.
 
     Parameters
@@ -150,18 +135,36 @@ def rewritable(path: Path) -> Generator[Rewritable]:
         If it cannot be read.
     """
     ending = ending_of(path)
-    if ending == ".bag":
-        with rosbag1.opened_bag(path) as bag:
-            yield Rewritable(bag, lambda target, put: _write_rosbag1(bag, target, put))
-    elif ending == ".mcap":
-        file = McapFile(path)
-        yield Rewritable(file, lambda target, put: _write_mcap(file, target, put))
+    if ending == ".mcap":
+        return nullcontext(McapFile(path))
+    return rosbag1.opened_bag(path) if ending == ".bag" else rosbag2.opened_bag(path)
+
+
+def write_anew(bag: Bag, target: Path, exchange: Exchange) -> None:
+    """Write a bag with some messages exchanged.
+
+    Parameters
+    ----------
+    bag : as `opened_bag` opens it.
+    target : the file, or a folder that is there.
+    exchange : what is exchanged.
+
+    Raises
+    ------
+    RecordingError
+        If it is damaged, or its messages come in another order than before.
+    OSError
+        If it cannot be read or written.
+    """
+    if isinstance(bag, Chain):
+        _write_folder(bag, target, exchange)
+    elif isinstance(bag, Database):
+        _write_database(bag, target, exchange)
+    elif isinstance(bag, McapFile):
+        _write_mcap(bag, target, exchange)
     else:
-        with rosbag2.opened_bag(path) as parts:
-            if isinstance(parts, Database):
-                yield Rewritable(parts, lambda target, put: _write_database(parts, target, put))
-            else:
-                yield Rewritable(parts, lambda target, put: _write_folder(parts, target, put))
+        assert isinstance(bag, Rosbag1)
+        _write_rosbag1(bag, target, exchange)
 
 
 def _write_rosbag1(bag: Rosbag1, target: Path, exchange: Exchange) -> None:
@@ -242,10 +245,7 @@ def _write_folder(bag: Chain, target: Path, exchange: Exchange) -> None:
     for name, part in zip(rosbag2.parts_of(bag.path), bag.parts, strict=True):
         packed = name.suffix == ".zstd"
         made = target / (name.stem if packed else name.name)
-        if isinstance(part, McapFile):
-            _write_mcap(part, made, exchange)
-        else:
-            _write_database(part, made, exchange)
+        write_anew(part, made, exchange)
         if packed:
             library = needed("zstandard", f"{name.name} is compressed with zstd")
             with made.open("rb") as file, (target / name.name).open("wb") as copy:

@@ -15,7 +15,8 @@ which says what of a folder is read.
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
@@ -50,6 +51,20 @@ HEAD = 4096
 _BLOCK_ROWS = 500_000
 
 
+@contextmanager
+def _readable(path: Path) -> Generator[None]:
+    """Make one sentence of what a disk says; a damaged file may hold any bits as numbers, which are left out later."""
+    try:
+        with np.errstate(all="ignore"):
+            yield
+    except FileNotFoundError as error:
+        raise RecordingError(f"{path} does not exist.") from error
+    except PermissionError as error:
+        raise RecordingError(f"{path} cannot be read: permission denied.") from error
+    except OSError as error:
+        raise RecordingError(f"{path} cannot be read: {error.strerror or error}.") from error
+
+
 def find_format(path: Path) -> ModuleType:
     """Return the module of the format that a file's content is in.
 
@@ -58,17 +73,11 @@ def find_format(path: Path) -> ModuleType:
     RecordingError
         If the file is missing, unreadable, empty or in no known format.
     """
-    try:
+    with _readable(path):
         if path.is_dir():
             return _format_of_folder(path)
         with opened(path) as file:
             head = file.read(HEAD)
-    except FileNotFoundError as error:
-        raise RecordingError(f"{path} does not exist.") from error
-    except PermissionError as error:
-        raise RecordingError(f"{path} cannot be read: permission denied.") from error
-    except OSError as error:
-        raise RecordingError(f"{path} cannot be read: {error.strerror or error}.") from error
     if not head:
         raise RecordingError(f"{path.name} is empty; give a recording with one row a sample.")
     for format_ in FORMATS:
@@ -131,16 +140,8 @@ def read_table(path: Path, topics: Sequence[str] = ()) -> RawTable:
     """
     format_ = find_format(path)
     arguments = _arguments(format_, path, topics)
-    try:
-        with _any_numbers():
-            return measurable(format_.read_table(*arguments))
-    except OSError as error:
-        raise RecordingError(f"{path} cannot be read: {error.strerror or error}.") from error
-
-
-def _any_numbers() -> np.errstate:
-    """Let a damaged file hold any bits as numbers; what is none is left out later, and said."""
-    return np.errstate(all="ignore")
+    with _readable(path):
+        return measurable(format_.read_table(*arguments))
 
 
 def read_table_blocks(path: Path, topics: Sequence[str] = ()) -> Iterator[RawTable]:
@@ -159,18 +160,16 @@ def read_table_blocks(path: Path, topics: Sequence[str] = ()) -> Iterator[RawTab
     """
     format_ = find_format(path)
     arguments = _arguments(format_, path, topics)
-    try:
-        if hasattr(format_, "read_table_blocks"):
-            blocks: Iterator[RawTable] = format_.read_table_blocks(*arguments)
-            while True:
-                with _any_numbers():
-                    block = next(blocks, None)
-                    block = None if block is None else measurable(block)
-                if block is None:
-                    return
-                yield block
-    except OSError as error:
-        raise RecordingError(f"{path} cannot be read: {error.strerror or error}.") from error
-    table = read_table(path, topics)
-    for start in range(0, len(table), _BLOCK_ROWS):
-        yield table.cut(start, min(start + _BLOCK_ROWS, len(table)))
+    if not hasattr(format_, "read_table_blocks"):
+        table = read_table(path, topics)
+        for start in range(0, len(table), _BLOCK_ROWS):
+            yield table.cut(start, min(start + _BLOCK_ROWS, len(table)))
+        return
+    blocks: Iterator[RawTable] = format_.read_table_blocks(*arguments)
+    while True:
+        with _readable(path):
+            block = next(blocks, None)
+            block = None if block is None else measurable(block)
+        if block is None:
+            return
+        yield block

@@ -13,9 +13,9 @@ from tumble.document import Calibration
 from tumble.document.corrector import Corrector
 from tumble.errors import OutputError, UsageError
 from tumble.files import filled_folder, written_beside
-from tumble.recording.formats.bags.bag import Choice, Topic, choose_topics
+from tumble.recording.formats.bags.bag import Bag, Choice, Topic, choose_topics
 from tumble.recording.formats.bags.ros_messages import Decoded, Substitute, decode, substituted
-from tumble.recording.rewriting import Exchange, Rewritable, rewritable
+from tumble.recording.rewriting import Exchange, opened_bag, write_anew
 from tumble.records import dataclass
 from tumble.workflows.corrected.lag_shift import NEEDS_BOTH, ForceShift
 
@@ -64,17 +64,17 @@ class BagCorrection:
         OutputError
             If it cannot be written; what was there is intact.
         """
-        with rewritable(path) as opened:
-            choice = choose_topics(opened.bag, topics)
+        with opened_bag(path) as bag:
+            choice = choose_topics(bag, topics)
             self._refuse_apart(choice)
-            work = _Work(self, opened, choice)
+            work = _Work(self, bag, choice)
             exchange = Exchange(path.name, dict.fromkeys(choice.names(), self.marks), work.pairs())
             if path.is_dir():
-                _write_folder(opened, target, exchange)
+                _write_folder(bag, target, exchange)
             else:
                 with written_beside(target) as beside:
-                    opened.write(beside, exchange)
-            self.told += [f"{r.kind}: {r.text}" for r in opened.bag.remarks]
+                    write_anew(bag, beside, exchange)
+            self.told += [f"{r.kind}: {r.text}" for r in bag.remarks]
             self.told += work.remarks(path.name)
             return exchange.count
 
@@ -98,7 +98,7 @@ class BagCorrection:
             )
 
 
-def _write_folder(opened: Rewritable, target: Path, exchange: Exchange) -> None:
+def _write_folder(bag: Bag, target: Path, exchange: Exchange) -> None:
     """Write a bag of several files; all of them take their places, or none."""
     if target.exists() and not target.is_dir():
         raise UsageError(
@@ -106,7 +106,7 @@ def _write_folder(opened: Rewritable, target: Path, exchange: Exchange) -> None:
         )
     try:
         with filled_folder(target) as folder:
-            opened.write(folder, exchange)
+            write_anew(bag, folder, exchange)
             there = {p.name for p in target.iterdir() if p != folder}
             strange = sorted(there - {p.name for p in folder.iterdir()})
             if strange:
@@ -132,11 +132,11 @@ class _Line:
 class _Work:
     """Messages in the order of the files, corrected some thousands at a time."""
 
-    def __init__(self, task: BagCorrection, opened: Rewritable, choice: Choice) -> None:
+    def __init__(self, task: BagCorrection, bag: Bag, choice: Choice) -> None:
         self._task = task
-        self._messages = opened.bag.messages
+        self._messages = bag.messages
         self._names = choice.names()
-        known = {t.name: t for t in opened.bag.topics}
+        known = {t.name: t for t in bag.topics}
         outside = task.outside
         assert outside in ("refuse", "hold", "extrapolate")
         self._lines = {
