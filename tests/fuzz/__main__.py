@@ -1,14 +1,13 @@
-"""Try many cases: ``python -m tests.fuzz --cases 20000 [--from N] [--kind KIND] [--keep]``."""
+"""Try many cases: ``python -m tests.fuzz --cases 20000 [--from N] [--kind KIND]``."""
 
 from __future__ import annotations
 
 import argparse
-import json
 import resource
 import time
 from collections import Counter
 
-from tests.fuzz.cases import FOUND, Case, case_of, found, outcome, reduced
+from tests.fuzz.cases import case_of, outcome
 
 
 def main() -> int:
@@ -18,10 +17,9 @@ def main() -> int:
     parser.add_argument("--from", type=int, default=0, dest="first", help="number of the first one")
     parser.add_argument("--seed", type=int, default=1, help="of the mutations")
     parser.add_argument("--kind", help="try this kind alone")
-    parser.add_argument("--keep", action="store_true", help="reduce what is found and keep it in found.json")
     wanted = parser.parse_args()
     tried: Counter[str] = Counter()
-    findings: dict[str, tuple[int, Case, str]] = {}
+    findings: set[str] = set()
     slowest, slow, began = 0.0, -1, time.perf_counter()
     for number in range(wanted.first, wanted.first + wanted.cases):
         case = case_of(number, wanted.seed)
@@ -35,7 +33,7 @@ def main() -> int:
         if sum(tried.values()) % 2000 == 0:
             print(f"{sum(tried.values())} cases, {len(findings)} different findings so far", flush=True)
         if what is not None and (place := ":".join(what.split(":")[:2])) not in findings:
-            findings[place] = (number, case, what)
+            findings.add(place)
             print(f"case {number} ({case.kind}, {case.name}): {what}", flush=True)
     megabytes = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss >> 10
     print(", ".join(f"{count} {kind}" for kind, count in sorted(tried.items())))
@@ -43,10 +41,6 @@ def main() -> int:
         f"{sum(tried.values())} cases in {time.perf_counter() - began:.0f} s, {len(findings)} different findings; the "
         f"slowest, number {slow}, took {slowest:.2f} s; the largest size of the process was {megabytes} MB"
     )
-    if wanted.keep and findings:
-        kept = [case.as_json() for case in found()]
-        kept += [reduced(case, what).as_json() for _, case, what in findings.values()]
-        FOUND.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
     return len(findings)
 
 

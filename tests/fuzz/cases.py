@@ -25,7 +25,6 @@ _SHARE = {
     "intervals": 3, "options": 3, "call": 6, "work": 1,
 }  # fmt: skip
 _CHANGES = {"recording": mutations.BINARY, "call": mutations.CALL, "work": mutations.COLUMNS}
-_SHORT = 600  # bytes of a text that stands as it is in found.json
 _LONGEST = 1500  # characters of a sentence: it lists twelve topics, columns or files at most
 
 
@@ -36,13 +35,6 @@ class Case:
     kind: str
     name: str
     content: bytes
-
-    def as_json(self) -> dict[str, str]:
-        """Return the case for ``found.json``: as text where it is a short one, else packed by zlib."""
-        case = {"kind": self.kind, "name": self.name}
-        if self.content.isascii() and len(self.content) < _SHORT:
-            return case | {"text": self.content.decode()}
-        return case | {"zlib": base64.b64encode(zlib.compress(self.content, 9)).decode()}
 
     @classmethod
     def of_json(cls, kept: dict[str, str]) -> Case:
@@ -57,8 +49,8 @@ def case_of(number: int, seed: int = 1) -> Case:
     rng = np.random.default_rng([seed, number])
     kinds = [kind for kind in seeds() for _ in range(_SHARE.get(kind, 1))]
     kind = mutations.pick(kinds, rng)
-    # scipy's reader of MATLAB 5 to 7 ends the program at some wrong bits.
-    files = [file for file in seeds()[kind] if file[0] not in ("arrays.mat", "packed.mat")]
+    # scipy's reader of MATLAB ends the program at some wrong bits.
+    files = [file for file in seeds()[kind] if not file[0].endswith(".mat")]
     name, content = mutations.pick(files, rng)
     json_ = name.endswith(".json")
     changes = _CHANGES.get(kind, mutations.JSON if json_ else mutations.TEXT)
@@ -96,24 +88,6 @@ def fault(error: BaseException) -> str:
     frames = [f for f in traceback.extract_tb(error.__traceback__) if "/src/tumble/" in f.filename]
     place = f"{Path(frames[-1].filename).name}:{frames[-1].name}" if frames else "outside"
     return f"{type(error).__name__} in {place}: {str(error)[:120]}"
-
-
-def reduced(case: Case, what: str) -> Case:
-    """Return a smaller case of the same fault, by leaving spans out."""
-    content, step = case.content, max(1, len(case.content) // 2)
-    wanted, tries = what.split(":")[0:2], 0
-    while step >= 1 and tries < 400:
-        at, smaller = 0, False
-        while at < len(content) and tries < 400:
-            tries += 1
-            less = content[:at] + content[at + step :]
-            now = outcome(Case(case.kind, case.name, less))
-            if now is not None and now.split(":")[0:2] == wanted:
-                content, smaller = less, True
-            else:
-                at += step
-        step = step if smaller and step > 1 else step // 2
-    return Case(case.kind, case.name, content)
 
 
 def _read_recording(file: Path, _: Case) -> None:

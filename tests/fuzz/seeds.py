@@ -10,9 +10,9 @@ import lzma
 import tempfile
 import zipfile
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -48,7 +48,7 @@ def seeds() -> Seeds:
         place = Path(folder)
         found: Seeds = {
             "text": _texts(),
-            "recording": [*_arrays(place), *_bags(place), *_logs(place), *_exports()],
+            "recording": _recordings(place),
             "calibration": calibrations(),
             "foreign": _foreign(),
             "noise": [("noise.json", _noise())],
@@ -98,118 +98,23 @@ def _texts() -> list[tuple[str, bytes]]:
     ]
 
 
-def _arrays(place: Path) -> list[tuple[str, bytes]]:
-    import polars as pl
-    import scipy.io
+def _recordings(place: Path) -> list[tuple[str, bytes]]:
+    """A file of every format, and a phone's log in an archive."""
+    from contract.test_formats import MEMBERS, example
 
-    from tumble.recording import read_recording
-    from tumble.recording.formats.output import write_recording
-
-    body, made = rows(), list[tuple[str, bytes]]()
-
-    def kept(name: str, write: Callable[[Path], Any]) -> None:
-        write(place / name)
-        made.append((name, (place / name).read_bytes()))
-
-    named = np.rec.fromarrays(body.T, names=HEADER)
-    kept("matrix.npy", lambda p: np.save(p, body))
-    kept("named.npy", lambda p: np.save(p, named))
-    kept("arrays.npz", lambda p: np.savez(p, t=body[:, 0], acc=body[:, 1:4], gyr=body[:, 4:]))
-    kept("packed.npz", lambda p: np.savez_compressed(p, acc=body[:, 1:4], gyr=body[:, 4:], fs=50.0))
-    arrays = {"t": body[:, 0], "acc": body[:, 1:4], "gyr": body[:, 4:]}
-    kept("arrays.mat", lambda p: scipy.io.savemat(p, {"imu": arrays}))
-    kept("packed.mat", lambda p: scipy.io.savemat(p, arrays, do_compression=True))
-    kept("four.mat", lambda p: scipy.io.savemat(p, {"imu": body}, format="4"))
-    frame = pl.DataFrame({name: body[:, i] for i, name in enumerate(HEADER.split(","))})
-    kept("other.parquet", frame.write_parquet)
-    kept("plain.parquet", lambda p: frame.write_parquet(p, compression="uncompressed", use_pyarrow=False))
-    (place / "hand.csv").write_text(f"{HEADER}\n{text(body)}")
-    recording = read_recording(place / "hand.csv")
-    kept("own.parquet", lambda p: write_recording(recording, p))
-    kept("phone.zip", _zip_phone)
-    kept("one.zip", lambda p: _zip(p, {"hand.csv": f"{HEADER}\n{text(body)}"}))
-    try:
-        import h5py
-    except ImportError:
-        return made
-
-    def write_h5(path: Path) -> None:
-        with h5py.File(path, "w") as file:
-            for name, values in arrays.items():
-                file.create_dataset(f"imu/{name}", data=values, compression="gzip" if name == "acc" else None)
-            file.attrs["sampling_rate"] = 50.0
-
-    kept("arrays.h5", write_h5)
-    return made
-
-
-def _zip(path: Path, members: dict[str, str]) -> None:
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, content in members.items():
-            archive.writestr(zipfile.ZipInfo(name, (2024, 1, 1, 0, 0, 0)), content)
-
-
-def _zip_phone(path: Path) -> None:
-    body, names = rows(), "seconds_elapsed,x,y,z\n"
-    _zip(
-        path,
-        {
-            "Accelerometer.csv": names + text(body[:, :4]),
-            "Gyroscope.csv": names + text(body[:, [0, 4, 5, 6]]),
-        },
-    )
-
-
-def _bags(place: Path) -> list[tuple[str, bytes]]:
-    try:
-        from tests.contract.test_bags import write_ros1, write_ros2
-    except (ImportError, pytest.skip.Exception):  # what writes a sample is not there
-        return []
     made: list[tuple[str, bytes]] = []
-    for name, topics, compression in (
-        ("plain.bag", {"/imu": "both"}, None),
-        ("bz2.bag", {"/imu": "both"}, "BZ2"),
-        ("lz4.bag", {"/accel/sample": "force", "/gyro/sample": "rate"}, "LZ4"),
-    ):
-        write_ros1(place / name, topics, count=60, compression=compression)
-        made.append((name, (place / name).read_bytes()))
-    for storage, mode, ending in (
-        ("SQLITE3", "MESSAGE", "db3"),
-        ("MCAP", "STORAGE", "mcap"),
-        ("MCAP", None, "mcap"),
-    ):
-        folder = place / f"bag-{storage}-{mode}"
-        write_ros2(folder, storage=storage, mode=mode)
-        (file,) = folder.glob(f"*.{ending}*")
-        made.append((f"{mode}.{ending}", file.read_bytes()))
-    import zstandard
-
-    made.append(("plain.bag.zst", zstandard.ZstdCompressor().compress(made[0][1])))
-    return made
-
-
-def _logs(place: Path) -> list[tuple[str, bytes]]:
-    made: list[tuple[str, bytes]] = []
-    try:
-        from tests.contract import test_flight_logs as logs
-
-        raw = logs.raw_sensor("accel", 0, logs.FORCE), logs.raw_sensor("gyro", 0, logs.RATE)
-        logs.write_ulog(place / "raw.ulg", *raw, logs.combined())
-        logs.write_dataflash(place / "log.bin")
-        for name in ("raw.ulg", "log.bin"):
-            made.append((name, (place / name).read_bytes()))
-    except (ImportError, pytest.skip.Exception):  # what writes a sample is not there: the others remain
-        return made
-    return made
-
-
-def _exports() -> list[tuple[str, bytes]]:
-    from tests.contract import test_text_exports as exports
-
-    head = f"// Update Rate: 100.0Hz\nPacketCounter\tSampleTimeFine\t{exports.TRIADS}\n"
-    counter = np.arange(exports.COUNT)
-    body = exports.table(counter, 100 * counter + 7000, *exports.FORCE.T, *exports.RATE.T)
-    return [("mt.txt", (head + body).encode())]
+    for number, (name, (format_, write)) in enumerate(MEMBERS.items()):
+        path = place / str(number) / f"{name}{format_.ENDINGS[0]}"
+        path.parent.mkdir()
+        with suppress(ImportError, pytest.skip.Exception):  # what writes a sample is not there
+            write(path, example()[:COUNT])
+            made.append((path.name, path.read_bytes()))
+    body, names, log = rows(), "seconds_elapsed,x,y,z\n", io.BytesIO()
+    with zipfile.ZipFile(log, "w", zipfile.ZIP_DEFLATED) as archive:
+        for sensor, columns in (("Accelerometer", [0, 1, 2, 3]), ("Gyroscope", [0, 4, 5, 6])):
+            member = zipfile.ZipInfo(f"{sensor}.csv", (2024, 1, 1, 0, 0, 0))
+            archive.writestr(member, names + text(body[:, columns]))
+    return [*made, ("phone.zip", log.getvalue())]
 
 
 def calibrations() -> list[tuple[str, bytes]]:
