@@ -154,15 +154,14 @@ def summed(line: str) -> str:
 
 
 @pytest.mark.parametrize(
-    ("kind", "before", "after"),
+    ("kind", "before", "after", "stamped"),
     [
-        ("VNIMU", [], [25.1, 101.3]),
-        ("VNYMR", [1.0, 2.0, 3.0], []),
-        ("VNQMR", [0.0, 0, 0, 1], []),
-        ("VNMAR", [], []),
+        ("VNIMU", [], [25.1, 101.3], True),
+        ("VNYMR", [1.0, 2.0, 3.0], [], False),
+        ("VNQMR", [0.0, 0, 0, 1], [], True),
+        ("VNMAR", [], [], False),
     ],
 )
-@pytest.mark.parametrize("stamped", [True, False])
 def test_vectornav_s_sentences_have_the_magnetometer_first(
     tmp_path: Path, kind: str, before: list[float], after: list[float], stamped: bool
 ) -> None:

@@ -15,7 +15,6 @@ from tumble.document.result import Calibration, UnseenBlock
 from tumble.document.thermal_block import thermal_block
 from tumble.errors import UsageError
 from tumble.sensor import FRAMES, ImuModel, Triad, change_frame
-from tumble.sensor.gauge import mean_gyro_rotation, polar_rotation
 from tumble.sensor.thermal import TemperatureBasis, ThermalModel
 from tumble.workflows.difference import verdict
 
@@ -83,19 +82,6 @@ def test_the_covariance_in_another_frame_is_that_of_turned_draws(frame: str) -> 
     for values in samples_of(calibration, 150, 3):
         drawn.append(vector_of_model(change_frame(model_of_vector(values, MODEL), frame)))
     assert_covariances_agree(stacked(turned_to(calibration, frame))[1], np.array(drawn))
-
-
-def test_there_and_back_is_the_same() -> None:
-    once = turned_to(document(MODEL), "accelerometer-x")
-    back = turned_to(turned_to(once, "accelerometer-z"), "accelerometer-x")
-    values, covariance = stacked(once)
-    again, spread = stacked(back)
-    assert np.allclose(again, values, atol=1e-13)
-    assert np.allclose(spread, covariance, rtol=0, atol=1e-9 * covariance.max())
-
-
-def test_the_polar_rotation_is_that_of_the_singular_values() -> None:
-    assert np.allclose(polar_rotation(M_G), mean_gyro_rotation(M_G), atol=1e-14)
 
 
 def test_two_draws_of_one_unit_differ_by_chance_alone() -> None:
@@ -237,8 +223,8 @@ def test_rounding_is_no_change() -> None:
 def test_the_verdict_follows_the_rows() -> None:
     """What matters is significant, whatever the draw; one that nothing is known of is judged by its size."""
     calibration = document(MODEL)
-    draws = samples_of(calibration, 40, 12)
-    for a, b in zip(draws[:20], draws[20:], strict=True):
+    draws = samples_of(calibration, 12, 12)
+    for a, b in zip(draws[:6], draws[6:], strict=True):
         found = compare_calibrations(*(document(model_of_vector(values, MODEL)) for values in (a, b)))
         matters, sentences = verdict(found, None)
         assert found.significant or not matters

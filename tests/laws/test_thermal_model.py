@@ -139,19 +139,6 @@ def test_the_linear_basis_interpolates_between_soaks() -> None:
     np.testing.assert_allclose(modelled, np.interp(temperature, NODES, values), atol=1e-13)
 
 
-def test_a_lag_on_a_ramp_is_its_closed_form() -> None:
-    """T = r t: the sensor is at r (t - tau (1 - exp(-t / tau))), its rate r (1 - exp(-t / tau))."""
-    time = np.cumsum(np.random.default_rng(2).uniform(0.1, 3.0, 900))
-    time -= time[0]
-    slope, lag = -0.02, 55.0
-    path = follow_temperature(time, 25.0 + slope * time, smoothing=0.0, lag=lag, hysteresis_width=5.0)
-    part = 1.0 - np.exp(-time / lag)
-    np.testing.assert_allclose(path.temperature, 25.0 + slope * (time - lag * part), atol=1e-11)
-    np.testing.assert_allclose(path.rate, slope * part, atol=1e-12)
-    smooth = follow_temperature(time, 25.0 + slope * time, smoothing=20.0, lag=lag, hysteresis_width=5.0)
-    np.testing.assert_allclose(smooth.temperature, path.temperature, atol=1e-11)  # not late on a ramp
-
-
 def test_the_path_solves_the_equations_in_the_file() -> None:
     """Against scipy's integration of x, v and T; the recorded temperature is a polygon."""
     time = np.array([0.0, 10.0, 12.0, 20.0, 31.0, 60.0, 61.0, 90.0])  # rest while the line is laid through

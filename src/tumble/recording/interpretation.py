@@ -235,15 +235,7 @@ def interpret(
         magnetic_field_unit=COUNTS if recording.magnetic_field is None else recording.magnetic_field.unit,
         field_hold=hold,
     )
-    if table.judged and units == DeclaredUnits() and plan.said_by == "header":
-        # A file of tumble's own: its units were judged when it was written.
-        decided = replace(
-            decided,
-            specific_force_unit=plan.specific_force_unit or COUNTS,
-            angular_rate_unit=plan.angular_rate_unit or COUNTS,
-        )
-    else:
-        recording, decided = _judged(recording, decided, units, table)
+    recording, decided = _judged(recording, decided, units, table)
     every = (*remarks, *about_field, *decided.remarks, *_unchecked(recording))
     decided = replace(decided, remarks=every)
     return decided, replace(
@@ -258,7 +250,15 @@ def _judged(
     recording: Recording, decided: Interpretation, units: DeclaredUnits, table: RawTable
 ) -> tuple[Recording, Interpretation]:
     """Decide the units of both triads, and convert increments; the remarks are those on the units alone."""
-    declared_force = units.specific_force or decided.plan.specific_force_unit
+    plan = decided.plan
+    if table.judged and units == DeclaredUnits() and plan.said_by == "header":
+        # A file of tumble's own: its units were judged when it was written.
+        return recording, replace(
+            decided,
+            specific_force_unit=plan.specific_force_unit or COUNTS,
+            angular_rate_unit=plan.angular_rate_unit or COUNTS,
+        )
+    declared_force = units.specific_force or plan.specific_force_unit
     increments = units.velocity_increment or (
         declared_force and find_unit("velocity increment", declared_force)
     )

@@ -121,6 +121,16 @@ def test_a_recorder_that_was_killed_leaves_all_but_the_last_piece(tmp_path: Path
         assert "is not finished or cut short; what is there is read" in said(recording)
 
 
+def test_a_file_of_zstd_that_is_cut_short_is_said(tmp_path: Path) -> None:
+    library = pytest.importorskip("zstandard", reason="the extra ros is not installed")
+    raw = write(tmp_path / "a.mcap", compression=mcap.CompressionType.NONE).read_bytes()
+    packed = library.compress(raw[: len(raw) // 2]) + library.compress(raw[len(raw) // 2 :])[:2000]
+    (tmp_path / "a.mcap.zst").write_bytes(packed)
+    recording = read_recording(tmp_path / "a.mcap.zst")
+    assert 0 < len(recording) < COUNT
+    assert "the compressed file is cut short or damaged" in said(recording)
+
+
 def test_a_record_that_says_it_is_longer_than_the_file_ends_the_reading(tmp_path: Path) -> None:
     path = write(tmp_path / "a.mcap", use_chunking=False)
     data = path.read_bytes()

@@ -16,9 +16,14 @@ def scaled(tumbled, force: float = 1.0, rate: float = 1.0, time: float = 1.0) ->
     return np.column_stack([tumbled.time / time, tumbled.specific_force / force, tumbled.angular_rate / rate])
 
 
-@pytest.mark.parametrize(("unit", "factor"), [("m/s^2", 1.0), ("g", G), ("mg", G / 1000)])
 @pytest.mark.parametrize(
-    ("rate_unit", "rate_factor"), [("rad/s", 1.0), ("deg/s", DEGREE), ("mdeg/s", DEGREE / 1000)]
+    ("unit", "factor", "rate_unit", "rate_factor"),
+    [
+        ("m/s^2", 1.0, "rad/s", 1.0),
+        ("g", G, "deg/s", DEGREE),
+        ("mg", G / 1000, "mdeg/s", DEGREE / 1000),
+        ("m/s^2", 1.0, "deg/s", DEGREE),
+    ],
 )
 def test_units_of_both_triads_are_found(tumbled, csv, unit, factor, rate_unit, rate_factor) -> None:
     for header in ("t,ax,ay,az,gx,gy,gz", None):
@@ -39,9 +44,9 @@ def test_offset_counts_are_found_as_counts(tumbled, csv) -> None:
     assert scale.scale == pytest.approx(1 / 4770, rel=0.05)  # the check is good to a few per cent
 
 
-@pytest.mark.parametrize(("unit", "factor"), [("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)])
-@pytest.mark.parametrize("rate", [25.0, 100.0, 400.0, 2000.0])
-def test_the_unit_of_time_is_found_from_25_hz_to_2_khz(tumbled, csv, unit, factor, rate) -> None:
+@pytest.mark.parametrize("factor", [1.0, 1e-3, 1e-6, 1e-9])
+@pytest.mark.parametrize("rate", [25.0, 2000.0])
+def test_the_unit_of_time_is_found_from_25_hz_to_2_khz(tumbled, csv, factor, rate) -> None:
     rows = tumbled.rows().copy()
     rows[:, 0] = np.arange(len(rows)) / rate / factor
     recording = read_recording(csv(rows), units="m/s^2,counts")
