@@ -1,4 +1,4 @@
-"""A reproduced table or figure for people and programs: lines of text, CSV, JSON, pictures, a page."""
+"""A reproduced table or figure for people and programs: lines of text, CSV, JSON, a page."""
 
 from __future__ import annotations
 
@@ -10,14 +10,29 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from tumble.report.figures.plot import RED, base_layout, faint, plain, scatter, text_axis
-from tumble.report.figures.svg_plot import COLOURS, above_zero, draw_plot, few_places
+from tumble.report.figures.plot import (
+    BLUE,
+    GREEN,
+    ORANGE,
+    PURPLE,
+    RED,
+    TEAL,
+    base_layout,
+    faint,
+    plain,
+    scatter,
+    text_axis,
+)
 from tumble.report.html import render_page
 from tumble.report.page import Block, Figure, Figures, Page, Sentences, Table
 from tumble.report.terminal import aligned
 
 if TYPE_CHECKING:
     from tumble.reproduction.outcome import Outcome, Plot, Row, Value
+
+_COLOURS = (BLUE, GREEN, ORANGE, PURPLE, TEAL)
+# Up to so many places of a logarithmic axis have a tick each; a line through more points than that shows no point.
+_FEW, _DOTS = 8, 100
 
 
 def render_outcome(outcome: Outcome) -> str:
@@ -74,23 +89,33 @@ def _caption(plot: Plot) -> str:
 
 def _figure(plot: Plot) -> Figure:
     data: list[dict[str, Any]] = []
-    for curve, colour in zip(plot.curves, COLOURS, strict=False):
+    for curve, colour in zip(plot.curves, _COLOURS, strict=False):
         x = plain(curve.x)
-        low = curve.low if plot.linear else above_zero(curve)
+        mode = "lines+markers" if len(x) <= _DOTS else "lines"
+        # A zero has no logarithm: there the band begins at a hundredth of the line.
+        low = curve.low if plot.linear else np.where(curve.low > 0, curve.low, 1e-2 * curve.y)
         data += [
             _edge(x, low, colour, curve.name),
             _edge(x, curve.high, colour, curve.name, fill="tonexty", fillcolor=faint(colour)),
-            _points(curve.name, x, curve.y, "lines+markers", line={"color": colour}),
+            _points(curve.name, x, curve.y, mode, line={"color": colour}),
         ]
     if plot.marks is not None:
         marker = {"symbol": "x-thin", "size": 9, "color": RED, "line": {"width": 2, "color": RED}}
         data.append(_points(plot.marks.name, plain(plot.marks.x), plot.marks.y, "markers", marker=marker))
     kind: dict[str, Any] = {} if plot.linear else {"type": "log", "exponentformat": "power", "dtick": 1}
-    few = few_places(plot)
+    few = _few_places(plot)
     across = {"type": "log", "tickvals": few, "ticktext": [f"{x:g}" for x in few]} if few else kind
     layout = base_layout(380, xaxis=text_axis(plot.x_label, **across), yaxis=text_axis(plot.y_label, **kind))
     layout["legend"]["traceorder"] = "normal"
     return Figure(plot.name, plot.title, data, layout)
+
+
+def _few_places(plot: Plot) -> list[float]:
+    """Where the points stand of a logarithmic plot below two decades, which has hardly a power of ten."""
+    places = np.unique(np.concatenate([np.zeros(0), *(curve.x for curve in plot.curves)]))
+    if plot.linear or not 2 <= len(places) <= _FEW or not places[0] > 0.0 or places[-1] >= 100.0 * places[0]:
+        return []
+    return [float(place) for place in places]
 
 
 def _points(name: str, x: Any, y: np.ndarray, mode: str, **look: Any) -> dict[str, Any]:
@@ -188,8 +213,3 @@ def outcome_json(outcome: Outcome) -> str:
 
     document = {**asdict(outcome), "command": outcome.command}
     return json.dumps(plain_data(document), indent=1, ensure_ascii=False) + "\n"
-
-
-def outcome_pictures(outcome: Outcome) -> dict[str, str]:
-    """Return the figures as SVG by file name, without the need of any program to draw them."""
-    return {f"{outcome.item}-{plot.name}.svg": draw_plot(plot) for plot in outcome.plots}

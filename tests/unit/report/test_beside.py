@@ -11,7 +11,7 @@ import pytest
 from tumble.calibration.estimate import NamedValue
 from tumble.report.evidence.beside import beside, parameters_beside
 from tumble.report.html import render_page
-from tumble.report.page import Figures, Page
+from tumble.report.page import Page
 from tumble.report.parameters import Measure, ParameterRow
 
 
@@ -67,8 +67,6 @@ def test_the_table_names_what_is_far_apart_and_escapes_names(joint: Any) -> None
     assert "1.00 times" in table  # the root of 0.5 times 2
 
 
-def test_the_figure_has_a_bar_for_each_and_none_is_drawn_with_nothing_beside(joint: Any) -> None:
-    (figures,) = (block for block in beside(joint.beside, subject(joint)) if isinstance(block, Figures))
-    assert figures.figures[0].data[0]["x"] == [0.5, 2.0]
+def test_nothing_is_said_with_nothing_beside(joint: Any) -> None:
     joint.beside.estimate.parameters = []
     assert beside(joint.beside, subject(joint)) == []

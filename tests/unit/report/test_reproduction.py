@@ -1,24 +1,17 @@
-"""A reproduced table for people: cells, lines, JSON with all digits, pictures, a page that works offline."""
+"""A reproduced table for people: cells, lines, JSON with all digits, a page that works offline."""
 
 from __future__ import annotations
 
 import csv
 import json
 import re
-import xml.etree.ElementTree as ET
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from tumble.report.figures.svg_plot import BOTTOM, HEIGHT, LEFT, RIGHT, TOP, WIDTH, draw_plot
-from tumble.report.reproduction import (
-    cell_text,
-    outcome_csv,
-    outcome_json,
-    outcome_lines,
-    outcome_pictures,
-    render_outcome,
-)
+from tumble.report.html import figures_of
+from tumble.report.reproduction import cell_text, outcome_csv, outcome_json, outcome_lines, render_outcome
 from tumble.reproduction.outcome import INSIDE, OUTSIDE, Curve, Marks, Outcome, Plot, Row
 
 X = np.array([1.0, 10.0, 100.0])
@@ -99,43 +92,6 @@ def test_csv_has_all_digits_and_a_column_for_every_cell() -> None:
     assert rows[3] == ["θ zy", "µrad", "", "", "", ""]
 
 
-def test_a_picture_is_well_formed_and_its_points_are_where_their_logarithms_say() -> None:
-    pictures = outcome_pictures(OUTCOME)
-    assert set(pictures) == {"paper-1.1-scale.svg"}
-    root = ET.fromstring(pictures["paper-1.1-scale.svg"])
-    name = "{http://www.w3.org/2000/svg}"
-    lines = root.findall(f".//{name}polyline")
-    assert len(lines) == 2
-    points = [tuple(map(float, pair.split(","))) for pair in lines[0].attrib["points"].split()]
-    # x over two decades, edge to edge
-    assert [p[0] for p in points] == pytest.approx([LEFT, (LEFT + WIDTH - RIGHT) / 2, WIDTH - RIGHT], abs=0.1)
-    # a decade less is as far down each time
-    assert points[1][1] - points[0][1] == pytest.approx(points[2][1] - points[1][1], abs=0.2)
-    assert points[1][1] > points[0][1]
-    for polygon in root.findall(f".//{name}polygon"):
-        for pair in polygon.attrib["points"].split():
-            x, y = map(float, pair.split(","))
-            assert LEFT - 0.1 <= x <= WIDTH - RIGHT + 0.1
-            assert TOP - 0.1 <= y <= HEIGHT - BOTTOM + 0.1
-    assert root.find(f"{name}title") is not None
-    assert "Gyro <scale>" in "".join(root.itertext())
-
-
-def test_points_without_a_value_are_left_out() -> None:
-    gap = np.array([1e-6, np.nan, 0.0])
-    svg = draw_plot(Plot("p", "p", "x", "y", (Curve("a", X, gap, gap, gap), Curve("b", X, Y, Y, Y))))
-    assert "nan" not in svg
-    assert "inf" not in svg
-    assert svg.count("<circle") == 1 + 3
-
-
-def test_a_plot_without_any_value_is_an_empty_frame() -> None:
-    nothing = np.full(3, np.nan)
-    svg = draw_plot(Plot("p", "none", "x", "y", (Curve("a", X, nothing, nothing, nothing),)))
-    ET.fromstring(svg)
-    assert "<circle" not in svg
-
-
 def test_the_page_stands_alone_and_escapes_words() -> None:
     page = render_outcome(OUTCOME)
     assert "Table &lt;1.1&gt;: it" in page
@@ -155,25 +111,32 @@ def test_the_page_stands_alone_and_escapes_words() -> None:
     assert not re.search(r"<script[^>]+src=", page[: page.index("</head>")])
 
 
-def test_numbers_of_the_paper_are_crosses_of_their_own() -> None:
-    plot = Plot(
-        "p", "p", "x", "y", PLOT.curves, Marks("thesis", np.array([1.0, 100.0]), np.array([3e-6, 1e-3]))
-    )
-    svg = draw_plot(plot)
-    ET.fromstring(svg)
-    crosses = [tuple(map(float, pair)) for pair in re.findall(r'<path d="M([\d.]+),([\d.]+)l10', svg)]
-    # one in the legend; the first on the first point of the line, the second as far right and in the frame
-    assert len(crosses) == 3
-    assert crosses[0][0] + 5 == pytest.approx(LEFT, abs=0.1)
-    first = re.search(r'<polyline points="[\d.]+,([\d.]+)', svg)
-    assert first is not None
-    assert crosses[0][1] + 5 == pytest.approx(float(first[1]), abs=0.11)
-    assert crosses[1][0] + 5 == pytest.approx(WIDTH - RIGHT, abs=0.1)
-    assert TOP - 0.1 <= crosses[1][1] + 5 <= HEIGHT - BOTTOM
-    assert "thesis" in svg
-    page = render_outcome(Outcome("x-1", "X", "Y", (), [], plots=[plot]))
-    assert '"thesis"' in page
-    assert "crosses: thesis" in page
+def test_a_figure_has_curves_in_their_bands_and_the_papers_numbers() -> None:
+    marks = Marks("thesis", np.array([1.0, 100.0]), np.array([3e-6, 1e-3]))
+    outcome = replace(OUTCOME, plots=[replace(PLOT, marks=marks)])
+    page = render_outcome(outcome)
+    (figure,) = figures_of(page)
+    low, high, line, other_low, _, _, crosses = figure["data"]
+    assert (line["x"], line["y"]) == (list(X), list(Y))
+    assert (low["y"], high["y"]) == ([1.5e-6, 1.5e-7, 1.5e-8], [6e-6, 6e-7, 6e-8])
+    # A zero has no logarithm: the band ends a hundredth of the line above it.
+    np.testing.assert_allclose(other_low["y"], 2e-2 * Y, rtol=1e-5)
+    assert (crosses["name"], crosses["y"]) == ("thesis", [3e-6, 1e-3])
+    assert figure["layout"]["xaxis"]["type"] == figure["layout"]["yaxis"]["type"] == "log"
+    assert "line: mean, band: 5 % to 95 %; crosses: thesis" in page
+
+
+def test_axes_are_linear_where_asked_and_few_places_have_a_tick_each() -> None:
+    straight = figures_of(render_outcome(replace(OUTCOME, plots=[replace(PLOT, linear=True)])))[0]
+    assert "type" not in straight["layout"]["xaxis"]
+    assert straight["data"][3]["y"] == [0.0, 0.0, 0.0]
+    few = np.array([1.0, 4.0, 16.0])
+    near = replace(PLOT, curves=(Curve("one", few, Y, Y, Y),))
+    assert figures_of(render_outcome(replace(OUTCOME, plots=[near])))[0]["layout"]["xaxis"]["tickvals"] == [
+        1,
+        4,
+        16,
+    ]
 
 
 def test_a_page_of_words_brings_no_drawing_program() -> None:
@@ -191,35 +154,6 @@ def test_what_is_not_simulated_is_asked_for_without_a_seed() -> None:
 
 def test_an_outcome_without_figures_has_none() -> None:
     bare = Outcome("x-1", "X", "Y", ("n",), [Row("a", "", (1,))])
-    assert outcome_pictures(bare) == {}
     assert "<figure>" not in render_outcome(bare)
     assert "rows inside" not in "\n".join(outcome_lines(bare))
     assert "1 run, seed 0" in "\n".join(outcome_lines(bare))
-
-
-def test_on_linear_axes_points_are_where_their_values_say_and_what_is_negative_is_there() -> None:
-    x, y = np.array([1.0, 25.0, 48.0]), np.array([-12.0, 3.0, 38.0])
-    curve = Curve("one", x, y, y - 5.0, y + 7.0)
-    plot = Plot("norms", "Norms", "position", "µg", (curve,), linear=True, line="one run")
-    svg = draw_plot(plot)
-    ET.fromstring(svg)
-    # 50 over ten steps of five, -20 to 50 of sixty-two values' span over steps of ten
-    circles = re.findall(r'<circle cx="([\d.]+)" cy="([\d.]+)"', svg)
-    for (across, up), one, other in zip(circles, x, y, strict=True):
-        assert float(across) == pytest.approx(LEFT + (WIDTH - LEFT - RIGHT) * one / 50.0, abs=0.06)
-        height = (HEIGHT - TOP - BOTTOM) * (other + 20.0) / 70.0
-        assert float(up) == pytest.approx(HEIGHT - BOTTOM - height, abs=0.06)
-    ticks = re.findall(r'text-anchor="end">(−?\d+)</text>', svg)
-    assert ticks == ["−20", "−10", "0", "10", "20", "30", "40", "50"]
-    assert "line: one run; band: 5 % to 95 %" in svg
-    page = render_outcome(Outcome("p-1", "t", "s", ("a",), [Row("r", "", (1.0,))], plots=[plot]))
-    assert "line: one run, band" in page
-    assert '"type":"log"' not in page.replace(" ", "")
-
-
-def test_a_flat_line_and_nothing_at_all_have_linear_axes_too() -> None:
-    flat, nothing = np.full(3, 4.0), np.full(3, np.nan)
-    for y in (flat, nothing):
-        svg = draw_plot(Plot("p", "p", "x", "y", (Curve("a", X, y, y, y),), linear=True))
-        ET.fromstring(svg)
-        assert "nan" not in svg

@@ -1,4 +1,4 @@
-"""The joint estimate and the procedure's own, side by side: values, uncertainties, what became smaller."""
+"""The joint estimate and the procedure's own, side by side: values and uncertainties."""
 
 from __future__ import annotations
 
@@ -6,8 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from tumble.records import dataclass
-from tumble.report.figures.plot import BLUE, GREY, base_layout, plain, small_title, upright_line
-from tumble.report.page import Block, Figure, Figures, Plot, Sentences, Table, section
+from tumble.report.page import Block, Sentences, Table, section
 from tumble.report.rounding import fixed, with_uncertainty
 
 if TYPE_CHECKING:
@@ -39,7 +38,7 @@ class Compared:
 
 
 def beside(told: Beside, subject: Subject) -> list[Block]:
-    """Return both ways as a table, and how the uncertainties shrank as a figure; nothing where nothing stands beside.
+    """Return both ways as a table; nothing where nothing stands beside.
 
     Parameters
     ----------
@@ -61,19 +60,8 @@ def beside(told: Beside, subject: Subject) -> list[Block]:
         ]
         for one in found
     ]
-    caption = (
-        "Bars that end left of the dashed line are parameters that the joint estimate knows better "
-        f"than {name}. One that ends right of it (grey) has an uncertainty of which that procedure "
-        "does not know."
-    )
-    return [
-        *section("What the joint estimate gains", Figures([_drawn(found, name)], caption)),
-        *section(
-            "The procedure's own estimate beside",
-            Sentences([_words(found, name)], "paragraphs"),
-            Table(heads, rows),
-        ),
-    ]
+    words = Sentences([_words(found, name)], "paragraphs")
+    return section("The procedure's own estimate beside", words, Table(heads, rows))
 
 
 def parameters_beside(told: Beside, estimate: Estimate, rows: list[ParameterRow]) -> list[Compared]:
@@ -118,35 +106,6 @@ def _words(found: list[Compared], name: str) -> str:
     named = ", ".join(f"{one.row.group.lower()} {one.row.label}" for one in far[:3])
     more = f" and {len(far) - 3} more" if len(far) > 3 else ""
     return f"{told} Farther apart are {named}{more}: what only one of them models has moved them."
-
-
-def _drawn(found: list[Compared], name: str) -> Figure:
-    ratios = [one.ratio for one in found]
-    data: list[Plot] = [
-        {
-            "type": "bar",
-            "orientation": "h",
-            "x": plain(ratios, 3),
-            "y": [one.row.short for one in found],
-            "marker": {"color": [BLUE if ratio <= 1.0 else GREY for ratio in ratios]},
-            "text": [fixed(ratio, 2) for ratio in ratios],
-            "textposition": "outside",
-            "cliponaxis": False,
-            "hovertemplate": "%{y}: %{x} of its uncertainty<extra></extra>",
-        }
-    ]
-    title = small_title(f"joint standard uncertainty / that of {name}")
-    layout = base_layout(
-        70 + 20 * len(found),
-        margin={"l": 120, "r": 40, "t": 10, "b": 44},
-        bargap=0.35,
-        showlegend=False,
-        xaxis={"title": title, "range": [0.0, 1.12 * max(1.0, *ratios)], "zeroline": True},
-        yaxis={"autorange": "reversed", "tickfont": {"size": 11}, "automargin": True},
-        shapes=[upright_line(1.0)],
-    )
-    label = f"Joint standard uncertainty over that of {name}, {len(found)} parameters"
-    return Figure("beside", label, data, layout, most_width=720)
 
 
 def _signed(value: float) -> str:

@@ -44,7 +44,15 @@ _STYLE = {
     "savefig.dpi": 600,
     "figure.constrained_layout.use": True,
 }
-_SYMBOLS = {"square": "s", "diamond": "D", "cross": "P", "x": "x", "triangle-up": "^", "triangle-down": "v"}
+_SYMBOLS = {
+    "square": "s",
+    "diamond": "D",
+    "cross": "P",
+    "x": "x",
+    "x-thin": "x",
+    "triangle-up": "^",
+    "triangle-down": "v",
+}
 _DASHES = {"dash": (0, (5, 2)), "dot": (0, (1, 1.5)), "dashdot": (0, (5, 2, 1, 2)), "longdash": (0, (8, 2))}
 _STEPS = {"hv": "steps-post", "vh": "steps-pre", "hvh": "steps-mid"}
 
@@ -66,17 +74,30 @@ def draw_page(path: Path, form: str) -> list[Path]:
     """
     if form not in FORMS:
         raise UsageError(f"--figures {form}: give one of {', '.join(FORMS)}.")
-    text = path.read_text(encoding="utf-8")
     folder = path.parent / "figures"
     made: list[Path] = []
-    for plot in figures_of(text):
-        file = folder / f"{plot['name']}.{form}"
-        picture = _drawn(plot, form)
+    for name, picture in draw_figures(path.read_text(encoding="utf-8"), form).items():
         make_folder(folder)
-        with written_beside(file) as beside:
+        with written_beside(folder / name) as beside:
             beside.write_bytes(picture)
-        made.append(file)
+        made.append(folder / name)
     return made
+
+
+def draw_figures(page: str, form: str) -> dict[str, bytes]:
+    """Return the figures of a page, drawn, by the names of their files.
+
+    Parameters
+    ----------
+    page : HTML that tumble wrote.
+    form : of `FORMS`.
+
+    Raises
+    ------
+    UsageError
+        If matplotlib is not installed.
+    """
+    return {f"{plot['name']}.{form}": _drawn(plot, form) for plot in figures_of(page)}
 
 
 def require_library() -> None:
@@ -209,7 +230,7 @@ def _points(one: Any, trace: Plot) -> None:
                 ecolor=_colour(trace[way].get("color") or _first(marker.get("color"))),
             )  # fmt: skip
     if "markers" in mode:
-        _markers(one, marker, x, y, opacity, label)
+        _markers(one, {"color": line.get("color"), **marker}, x, y, opacity, label)
     if "text" in mode:
         _texts(one, trace, x, y)
 
@@ -224,7 +245,7 @@ def _markers(one: Any, marker: Plot, x: np.ndarray, y: np.ndarray, opacity: floa
     colour = _colour(marker.get("color"), opacity * float(marker.get("opacity", 1.0)))
     area = (0.45 * np.asarray(size, dtype=float)) ** 2
     look = {"facecolors": "none", "edgecolors": colour, "linewidths": 0.6} if hollow else {"color": colour}
-    if symbol == "x":
+    if symbol.startswith("x"):
         look |= {"linewidths": 0.7}
     one.scatter(
         x, y, s=area, marker=_SYMBOLS.get(symbol.removesuffix("-open"), "o"), label=label, zorder=3, **look
@@ -277,11 +298,9 @@ def _bars(one: Any, trace: Plot, layout: Plot, stacked: dict[str, Any]) -> None:
     opacity = float(trace.get("opacity", 1.0)) * float(marker.get("opacity", 1.0))
     look = {"color": _colour(marker.get("color"), opacity), "label": _label(trace)}
     if lying:
-        made = one.barh(places, lengths, height=thick, left=base, **look)
+        one.barh(places, lengths, height=thick, left=base, **look)
     else:
-        made = one.bar(places, lengths, width=thick, bottom=base, **look)
-    if trace.get("textposition") == "outside" and isinstance(trace.get("text"), list):
-        one.bar_label(made, [_text(str(words)) for words in trace["text"]], fontsize=5, padding=1)
+        one.bar(places, lengths, width=thick, bottom=base, **look)
 
 
 def _heatmap(one: Any, trace: Plot) -> None:
