@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 VARIABLE = "TUMBLE_REGISTRY"
 """Environment variable that names the registry where nobody else does."""
 DEFAULT = "tumble-registry.sqlite"
-NEWEST = "0002"
-"""Version of the tables, that of the last of the migrations."""
+FIRST, NEWEST = "0001", "0002"
+"""Versions of the tables."""
 WAIT = 30.0
 """Seconds that a writer waits for another one."""
 # Any number that all programs agree on: writers of one database wait for one another while tables are made.
@@ -140,7 +140,7 @@ def open_registry(name: str, *, make: bool = False) -> Registry:
         from sqlalchemy import create_engine
         from sqlalchemy.exc import SQLAlchemyError
     except ImportError:
-        raise UsageError(f"A registry needs SQLAlchemy and alembic: {install('registry')}.") from None
+        raise UsageError(f"A registry needs SQLAlchemy: {install('registry')}.") from None
     url = _url(name)
     hidden = _hidden(url)
     if url.get_backend_name() == "sqlite":
@@ -254,52 +254,53 @@ def _begin_as_said(engine: Engine) -> None:
     event.listen(engine, "begin", begun)
 
 
-def _is_newest(registry: Registry) -> bool:
-    """Whether the tables are of this version: the library that makes them takes longer to import than most answers."""
+def _is_newest(connection: Connection, name: str) -> bool:
+    """Whether the tables are of this version; one that nobody here knows is refused."""
+    found = _version(connection)
+    if found not in (None, FIRST, NEWEST):
+        raise RegistryError(
+            f"The registry {name} is of a newer tumble (version {shown(found)[:20]}; this one knows up to {NEWEST}): "
+            "update tumble. Nothing was changed."
+        )
+    return found == NEWEST
+
+
+def _version(connection: Connection) -> str | None:
+    """The version of the tables; None where there are none."""
     from sqlalchemy import inspect
 
-    with registry.engine.connect() as connection:
-        if not inspect(connection).has_table("alembic_version"):
-            return False
-        return connection.exec_driver_sql("SELECT version_num FROM alembic_version").scalar() == NEWEST
+    if not inspect(connection).has_table("alembic_version"):
+        return None
+    return str(connection.exec_driver_sql("SELECT version_num FROM alembic_version").scalar())
 
 
 def _bring_up_to_date(registry: Registry) -> None:
-    if _is_newest(registry):
-        return
-    from alembic.config import Config
-    from alembic.runtime.environment import EnvironmentContext
-    from alembic.runtime.migration import MigrationContext
-    from alembic.script import ScriptDirectory
-
-    config = Config()
-    config.set_main_option("script_location", str(Path(__file__).with_name("migrations")).replace("%", "%%"))
-    script: Any = ScriptDirectory.from_config(config)
-    newest = script.get_current_head()
-
-    def version(connection: Connection) -> str | None:
-        found = MigrationContext.configure(connection).get_current_revision()
-        known = {one.revision for one in script.walk_revisions()}
-        if found is not None and found not in known:
-            raise RegistryError(
-                f"The registry {registry.name} is of a newer tumble (version {shown(found)[:20]}; this one knows up to "
-                f"{newest}): update tumble. Nothing was changed."
-            )
-        return found
-
     with registry.engine.connect() as connection:
-        if version(connection) == newest:
+        if _is_newest(connection, registry.name):
             return
+    from tumble.registry import schema
+
     with registry.engine.connect().execution_options(writes=True) as connection, connection.begin():
         if registry.engine.dialect.name == "postgresql":
             connection.exec_driver_sql(f"SELECT pg_advisory_xact_lock({_LOCK})")
-        if version(connection) == newest:
+        if _is_newest(connection, registry.name):
             return  # another one was faster
+        if _version(connection) == FIRST:
+            _move_documents(connection)
+        else:
+            schema.metadata.create_all(connection)
+        connection.execute(schema.version.delete())
+        connection.execute(schema.version.insert().values(version_num=NEWEST))
 
-        def steps(revision: Any, _: Any) -> Any:
-            return script._upgrade_revs(newest, revision)
 
-        with EnvironmentContext(config, script, fn=steps) as environment:
-            environment.configure(connection=connection, transactional_ddl=True)
-            with environment.begin_transaction():
-                environment.run_migrations()
+def _move_documents(connection: Connection) -> None:
+    """Give the documents of the first version, which stood among the columns, a table of their own."""
+    from tumble.registry import schema
+
+    schema.documents.create(connection)
+    for line in (
+        "INSERT INTO documents (calibration_id, document) SELECT id, document FROM calibrations",
+        "ALTER TABLE calibrations DROP COLUMN document",
+        "CREATE INDEX calibrations_by_time ON calibrations (created)",
+    ):
+        connection.exec_driver_sql(line)

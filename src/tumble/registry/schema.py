@@ -82,3 +82,5 @@ certificates = Table(
     Column("sha256", String(64), nullable=False),
     Column("issued", Float(53), nullable=False),
 )
+# As alembic names it, which made the tables once and may change them again.
+version = Table("alembic_version", metadata, Column("version_num", String(32), primary_key=True))

@@ -16,7 +16,6 @@ import pytest
 from tumble.document.result import Calibration
 from tumble.errors import UsageError
 from tumble.registry import Registry, RegistryError, open_registry
-from tumble.registry.opening import NEWEST
 from tumble.registry.store import add, counted, documents, entries, find, series
 
 SIGMAS = np.array([1e-3, 2e-4, 3e-5])
@@ -237,19 +236,6 @@ def test_a_user_without_rights_is_told_in_one_sentence(postgresql: str, document
             connection.exec_driver_sql("DROP SCHEMA public CASCADE")
             connection.exec_driver_sql("CREATE SCHEMA public")
         engine.dispose()
-
-
-def test_the_tables_are_those_that_the_migrations_make(registry: Registry) -> None:
-    from alembic.autogenerate import compare_metadata
-    from alembic.runtime.migration import MigrationContext
-
-    from tumble.registry.schema import metadata
-
-    with registry.reading() as connection:
-        context = MigrationContext.configure(connection)
-        assert context.get_current_revision() == NEWEST
-        differences = compare_metadata(context, metadata)
-    assert differences == []
 
 
 def test_an_earlier_version_s_documents_are_moved_whole(
