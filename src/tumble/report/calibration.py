@@ -13,7 +13,7 @@ from tumble.report.evidence.magnetometer import magnetometer_blocks
 from tumble.report.figures.parameters import correlations, intervals
 from tumble.report.figures.poses import poses
 from tumble.report.figures.timeline import timeline
-from tumble.report.formula import formula_text, python_snippet
+from tumble.report.formula import formula_text
 from tumble.report.html import render_page
 from tumble.report.limits import limits_section
 from tumble.report.page import Block, Code, Facts, Footer, Page, Sentences, Table, Verdict, section
@@ -107,8 +107,9 @@ def calibration_page(subject: Subject) -> Page:
         *timeline(subject),
     ]
     if subject.up_b is not None:
-        by_hand = not calibration.procedure.endswith("six-position")
-        blocks += poses(subject.up_b, subject.holds_left_out, by_hand=by_hand)
+        # Where poses were asked for, others are not missing.
+        free = subject.protocol is None and not calibration.procedure.endswith("six-position")
+        blocks += poses(subject.up_b, subject.holds_left_out, by_hand=free)
     blocks += render_evidence(subject, *(kind for kind in RENDERERS if kind not in FIRST))
     blocks += intervals(subject.rows, calibration.quality.coverage_factor)
     blocks += correlations(subject.rows[: len(correlation)], correlation)
@@ -235,17 +236,17 @@ def _formulas(calibration: Calibration) -> list[Block]:
     )
     if calibration.thermal is not None:
         celsius = calibration.thermal.basis.reference_celsius
-        words += f" These numbers hold at {celsius:g} °C; at another temperature use the lines below, or "
-        words += "`tumble apply`."
+        words += f" These numbers hold at {celsius:g} °C; at another temperature use `tumble apply`."
     blocks = section("The formula, both ways", Sentences([words], "paragraphs"))
     blocks.append(Code(formula_text(calibration)))
     if calibration.test_vectors:
         check = "To check an implementation, raw in and corrected out:"
         blocks += [Sentences([check], "paragraphs"), _test_vectors(calibration)]
     apply = (
-        "In Python, with numpy alone (rows are samples), or with `tumble apply calibration.json RECORDING`:"
+        "`tumble apply calibration.json RECORDING` corrects a recording; `tumble convert calibration.json --to python` "
+        "writes the formula as code, `c`, `cpp` or `matlab` too."
     )
-    return [*blocks, Sentences([apply], "paragraphs"), Code(python_snippet(calibration))]
+    return [*blocks, Sentences([apply], "paragraphs")]
 
 
 def _test_vectors(calibration: Calibration) -> Table:

@@ -134,7 +134,11 @@ def _label(name: str, group: str) -> str:
         .replace("rotation between the triads", "rotation")
         .replace("rotation of the magnetometer", "rotation")
     )
-    return name.replace("g-sensitivity of gyro", "g-sens. gyro").replace(" to force", ", force")
+    return (
+        name.replace("g-sensitivity of gyro", "g-sens. gyro")
+        .replace(" to force", ", force")
+        .replace("^2", "²")
+    )
 
 
 def _short(name: str) -> str:

@@ -36,7 +36,8 @@ def quality_sentences(calibration: Calibration) -> list[str]:
     if calibration.thermal is not None:
         # What counts are the stretches of rest at their temperatures; the remarks say how many, and which turns.
         counted = []
-    counts = [" and ".join(counted)] if counted else []
+    # Of three the first two have a comma between them.
+    counts = [*counted[:-2], " and ".join(counted[-2:])] if counted else []
     words = [", ".join([*counts, f"{quality.degrees_of_freedom} degrees of freedom."])]
     # Without a degree of freedom it is round-off, and not a quality.
     if quality.rms_hold_norm is not None and quality.degrees_of_freedom > 0:

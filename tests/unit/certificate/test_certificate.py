@@ -14,6 +14,7 @@ import numpy as np
 import pypdf
 import pytest
 from lxml import etree
+from tests.unit.written import parameters, written
 
 from tumble.certificate import Profile, certificate_content, certificate_pdf, read_profile
 from tumble.certificate.dcc import dcc_text, entries_in_si
@@ -33,66 +34,30 @@ def document(unit: str = "g") -> Calibration:
     """Accelerometers in `unit` with a covariance that is not symmetric by accident of its numbers."""
     rng = np.random.default_rng(4)
     root = np.tril(rng.normal(size=(12, 12))) * 1e-4
-    told: dict[str, Any] = {
-        "created": "2026-11-20T10:00:00+00:00",
-        "software": "tumble 0.1.0",
-        "imu": {"model": "M-1", "serial_number": "0042 <&>"},
-        "procedure": "six-position",
-        "recordings": [{"name": "a.csv", "sha256": "0f" * 32}],
-        "site": {
-            "gravity": 9.80788,
-            "gravity_standard_uncertainty": 2e-5,
-            "gravity_source": "survey",
-            "earth_rate": 7.3e-05,
-        },
-        "temperature_celsius": 23.4,
-        "frame": {
-            "name": "accelerometer-x",
-            "description": "x along the sensing axis of the x accelerometer",
-        },
-        "not_determined": [],
-        "raw_units": {"specific_force": unit, "angular_rate": "rad/s"},
-        "accelerometer": {
+    rows = parameters(
+        ("accelerometer bias x", 0.011, 0.00031, unit),
+        ("accelerometer bias y", -0.022, 0.00042, unit),
+        ("accelerometer scale factor error z", 0.00321, 0.00012, "1"),
+        ("accelerometer non-orthogonality yz", -0.0012, 0.0001, "rad"),
+    )
+    rows[2]["coverage_factor"] = 2.26
+    site = {"gravity": 9.80788, "gravity_standard_uncertainty": 2e-5, "gravity_source": "survey"}
+    return written(
+        {"coverage_factor": 2.09},
+        created="2026-11-20T10:00:00+00:00",
+        imu={"model": "M-1", "serial_number": "0042 <&>"},
+        recordings=[{"name": "a.csv", "sha256": "0f" * 32}],
+        site={**site, "earth_rate": 7.3e-05},
+        temperature_celsius=23.4,
+        raw_units={"specific_force": unit, "angular_rate": "rad/s"},
+        accelerometer={
             "matrix": [[0.1021, 0.0002, -0.0001], [0.0003, 0.1018, 0.0004], [-0.0005, 0.0006, 0.1023]],
             "bias": [0.011, -0.022, 0.033],
         },
-        "parameters": [
-            {"name": "accelerometer bias x", "value": 0.011, "standard_uncertainty": 0.00031, "unit": unit},
-            {"name": "accelerometer bias y", "value": -0.022, "standard_uncertainty": 0.00042, "unit": unit},
-            {
-                "name": "accelerometer scale factor error z",
-                "value": 0.00321,
-                "standard_uncertainty": 0.00012,
-                "unit": "1",
-                "coverage_factor": 2.26,
-            },
-            {
-                "name": "accelerometer non-orthogonality yz",
-                "value": -0.0012,
-                "standard_uncertainty": 0.0001,
-                "unit": "rad",
-            },
-        ],
-        "covariance_parameters": NAMES,
-        "covariance": (root @ root.T).tolist(),
-        "quality": {
-            "sigma0": 1.0,
-            "sigma0_with_variance_components": 1.0,
-            "degrees_of_freedom": 20,
-            "largest_normalised_residual": 2.0,
-            "coverage_factor": 2.09,
-            "rms_hold_norm": 0.001,
-            "rms_turn_angle": None,
-            "holds": 20,
-            "turns": 0,
-            "variance_components": {},
-            "left_out": [],
-            "optional_terms": [],
-        },
-        "verdict": {"fit": True, "reasons": []},
-        "test_vectors": [],
-    }
-    return Calibration.model_validate(told)
+        parameters=rows,
+        covariance_parameters=NAMES,
+        covariance=(root @ root.T).tolist(),
+    )
 
 
 PROFILE = Profile.model_validate(
@@ -302,10 +267,7 @@ def with_magnetometer(raw: str, unit: str) -> Calibration:
         "method": "holds and turns",
         "matrix": [[9.9e5, 1e3, -2e3], [3e3, 1.01e6, 4e3], [-5e3, 6e3, 1.02e6]],
         "bias": [0.5, -27.5, -21.4],
-        "parameters": [
-            {"name": name, "value": value, "standard_uncertainty": sigma, "unit": one}
-            for name, value, sigma, one in named
-        ],
+        "parameters": parameters(*named),
         "verdict": {"use": "fit", "reasons": []},
     }
     return Calibration.model_validate({**document().model_dump(mode="json"), "magnetometer": block})

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.unit.written import written
 
 from tumble.document.result import Calibration, ParameterBlock
 from tumble.errors import UsageError
@@ -23,19 +24,7 @@ def file_of(folder: Path, text: str) -> Path:
 
 @pytest.fixture(scope="module")
 def document() -> Calibration:
-    return Calibration.model_validate_json(DOCUMENT)
-
-
-DOCUMENT = """{"format": "tumble calibration", "version": 1, "created": "2026-01-01T00:00:00+00:00",
-"software": "tumble 0.1.0", "procedure": "hand-held", "recordings": [], "site": {"gravity": 9.81,
-"gravity_standard_uncertainty": 0.0, "gravity_source": "given", "earth_rate": 7.3e-05},
-"frame": {"name": "accelerometer-x", "description": "x"}, "not_determined": [],
-"raw_units": {"specific_force": "m/s^2", "angular_rate": "rad/s"},
-"accelerometer": {"matrix": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "bias": [0, 0, 0]}, "parameters": [],
-"covariance_parameters": [], "covariance": [], "quality": {"sigma0": 1.0, "sigma0_with_variance_components": 1.0,
-"degrees_of_freedom": 20, "largest_normalised_residual": 2.0, "coverage_factor": 2.0, "rms_hold_norm": 0.001,
-"rms_turn_angle": null, "holds": 20, "turns": 0, "variance_components": {}, "left_out": [], "optional_terms": []},
-"verdict": {"fit": true, "reasons": []}, "test_vectors": []}"""
+    return written()
 
 
 def with_parameters(document: Calibration, *rows: tuple[str, float, float, str]) -> Calibration:

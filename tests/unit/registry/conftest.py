@@ -12,38 +12,24 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.unit.written import parameters, written
 
-from tumble.document.result import Calibration, ParameterBlock
+from tumble.document.result import Calibration
 from tumble.registry import Registry, open_registry
 
 REQUIRED = "TUMBLE_REQUIRE_POSTGRESQL"
-DOCUMENT = """{"format": "tumble calibration", "version": 1, "created": "2026-01-01T00:00:00+00:00",
-"software": "tumble 0.1.0", "procedure": "hand-held", "recordings": [{"name": "a.csv", "sha256": "00ff"}],
-"site": {"gravity": 9.81, "gravity_standard_uncertainty": 0.0, "gravity_source": "given", "earth_rate": 7.3e-05},
-"frame": {"name": "accelerometer-x", "description": "x"}, "not_determined": [],
-"raw_units": {"specific_force": "m/s^2", "angular_rate": "rad/s"},
-"accelerometer": {"matrix": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "bias": [0, 0, 0]}, "parameters": [],
-"covariance_parameters": [], "covariance": [], "quality": {"sigma0": 1.0, "sigma0_with_variance_components": 1.0,
-"degrees_of_freedom": 20, "largest_normalised_residual": 2.0, "coverage_factor": 2.0, "rms_hold_norm": 0.001,
-"rms_turn_angle": null, "holds": 20, "turns": 0, "variance_components": {}, "left_out": [], "optional_terms": []},
-"verdict": {"fit": true, "reasons": []}, "test_vectors": []}"""
 NAMES = ("accelerometer bias x", "accelerometer scale factor error z", "gyro bias y")
 
 
 def calibration_of(unit: str, year: float, values: np.ndarray, sigmas: np.ndarray) -> Calibration:
     """A document of a unit at a time, with three parameters."""
     moment = np.datetime64("2020-01-01T00:00:00") + np.timedelta64(int(year * 365.25 * 86400), "s")
-    blocks = [
-        ParameterBlock(name=name, value=float(v), standard_uncertainty=float(s), unit=u)
-        for name, v, s, u in zip(NAMES, values, sigmas, ("m/s^2", "1", "rad/s"), strict=True)
-    ]
-    base = Calibration.model_validate_json(DOCUMENT)
-    return base.model_copy(
-        update={
-            "created": f"{moment}+00:00",
-            "parameters": blocks,
-            "imu": base.imu.model_copy(update={"serial_number": unit}),
-        }
+    rows = zip(NAMES, values.tolist(), sigmas.tolist(), ("m/s^2", "1", "rad/s"), strict=True)
+    return written(
+        created=f"{moment}+00:00",
+        recordings=[{"name": "a.csv", "sha256": "00ff"}],
+        parameters=parameters(*rows),
+        imu={"serial_number": unit},
     )
 
 

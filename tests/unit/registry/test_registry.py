@@ -22,7 +22,7 @@ SIGMAS = np.array([1e-3, 2e-4, 3e-5])
 VALUES = np.array([0.1, -0.02, 0.003])
 WRITER = """
 import sys
-sys.path.insert(0, sys.argv[1])
+sys.path[:0] = [sys.argv[1], sys.argv[1] + "/../../.."]
 from conftest import calibration_of
 import numpy as np
 from tumble.registry import open_registry

@@ -8,6 +8,7 @@ from importlib.resources import as_file, files
 from typing import Any
 
 import pytest
+from tests.unit.written import WRITTEN, parameters, written
 
 from tumble.calibration import calibrate_multi_position
 from tumble.document import calibration_from_estimate
@@ -43,63 +44,31 @@ PARAMETERS: list[tuple[str, float, float, str]] = [
 
 
 def written_calibration(**changes: Any) -> Calibration:
+    term = {"name": "quadratic", "kept": False, "f_statistic": 1.0, "degrees_of_freedom": 3}
+    quality = {
+        "sigma0": 1.5,
+        "degrees_of_freedom": 100,
+        "rms_hold_norm": 0.002,
+        "rms_turn_angle": 0.001,
+        "turns": 19,
+        "variance_components": {"gyro bias from hold to hold, rad/s": 1e-4},
+        "left_out": [{"kind": "hold", "number": 7, "reason": "it was knocked"}],
+        "optional_terms": [{**term, "probability": 0.4, "limit": 0.01}],
+    }
     document: dict[str, Any] = {
-        "created": "2026-01-02T03:04:05+00:00",
-        "software": "tumble test",
-        "procedure": "hand-held",
         "recordings": [{"name": NASTY_NAME, "sha256": "00"}],
-        "site": {
-            "gravity": 9.81,
-            "gravity_standard_uncertainty": 0.0,
-            "gravity_source": "given",
-            "earth_rate": 7.292115e-5,
-        },
-        "frame": {"name": "accelerometer-x", "description": "x along the x accelerometer"},
         "not_determined": ["What [bold]this[/bold] cannot tell."],
         "raw_units": {"specific_force": "m/s^2", "angular_rate": "counts"},
-        "accelerometer": {
-            "matrix": [[1.0, 0.0, 0.0], [0.01, 1.0, 0.0], [-0.02, 0.03, 1.0]],
-            "bias": [0.1, -0.01, 0.5],
-            "quadratic": [0.0, 1e-4, 2e-4],
-        },
+        "accelerometer": {**WRITTEN["accelerometer"], "quadratic": [0.0, 1e-4, 2e-4]},
         "gyroscope": {
             "matrix": [[1000.0, 0.0, 0.0], [12.0, 1010.0, 0.0], [-7.0, 31.0, 990.0]],
             "bias": [33000.0, 32000.0, 32770.0],
             "g_sensitivity": [[0.0, 0.5, 0.1], [0.2, 0.0, 0.0], [0.0, -0.3, 0.0]],
         },
-        "parameters": [
-            {"name": name, "value": value, "standard_uncertainty": sigma, "unit": unit}
-            for name, value, sigma, unit in PARAMETERS
-        ],
-        "covariance_parameters": [],
-        "covariance": [],
-        "quality": {
-            "sigma0": 1.5,
-            "sigma0_with_variance_components": 1.0,
-            "degrees_of_freedom": 100,
-            "largest_normalised_residual": 2.0,
-            "coverage_factor": 2.0,
-            "rms_hold_norm": 0.002,
-            "rms_turn_angle": 0.001,
-            "holds": 20,
-            "turns": 19,
-            "variance_components": {"gyro bias from hold to hold, rad/s": 1e-4},
-            "left_out": [{"kind": "hold", "number": 7, "reason": "it was knocked"}],
-            "optional_terms": [
-                {
-                    "name": "quadratic",
-                    "kept": False,
-                    "f_statistic": 1.0,
-                    "degrees_of_freedom": 3,
-                    "probability": 0.4,
-                    "limit": 0.01,
-                }
-            ],
-        },
+        "parameters": parameters(*PARAMETERS),
         "verdict": {"fit": False, "reasons": ["Too [red]few[/red] holds."]},
-        "test_vectors": [],
     }
-    return Calibration.model_validate({**document, **changes})
+    return written(quality, **{**document, **changes})
 
 
 @pytest.fixture
@@ -154,12 +123,6 @@ def _by_poses(recording: Any) -> dict[str, Any]:
         "timeline": timeline,
         "means": means,
     }
-
-
-@pytest.fixture(scope="session")
-def multi_position(hand_held: dict[str, Any]) -> dict[str, Any]:
-    """The same recording by its poses alone, at an unknown site: no turns."""
-    return _by_poses(hand_held["recording"])
 
 
 @pytest.fixture(scope="session")

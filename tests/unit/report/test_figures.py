@@ -135,8 +135,8 @@ def test_turns_are_worse_before_than_after(hand_held: dict[str, Any]) -> None:
     assert rms_after < rms_before < np.radians(3.0)
 
 
-def test_without_turns_there_is_no_figure_of_turns(multi_position: dict[str, Any]) -> None:
-    assert turns(Turns(), Subject(**multi_position)) == []
+def test_without_turns_there_is_no_figure_of_turns(in_counts: dict[str, Any]) -> None:
+    assert turns(Turns(), Subject(**in_counts)) == []
 
 
 def test_spins_have_a_colour_and_a_legend_of_their_own(hand_held: dict[str, Any]) -> None:

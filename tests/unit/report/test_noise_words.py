@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tumble.noise.characterisation import Channel, characterise
-from tumble.recording import Recording
+from tumble.noise.characterisation import Channel, Characterisation, characterise
+from tumble.recording import Recording, Source
 from tumble.report.noise import noise_page, render_noise
 from tumble.report.noise_words import noise_lines, noise_rows, practical_unit, si_unit
 
@@ -16,15 +16,16 @@ RATE = 100.0
 
 
 @pytest.fixture(scope="module")
-def recording() -> Recording:
+def noise() -> Characterisation:
     rng = np.random.default_rng(4)
     force, turn = rng.standard_normal((2, 20_000, 3))
-    return Recording(np.arange(20_000) / RATE, 0.02 * force + 9.8, 0.001 * turn, "m/s^2", "rad/s", RATE)
+    time = np.arange(20_000) / RATE
+    return characterise(Recording(time, 0.02 * force + 9.8, 0.001 * turn, "m/s^2", "rad/s", RATE))
 
 
 @pytest.fixture(scope="module")
-def channels(recording: Recording) -> tuple[Channel, ...]:
-    return characterise(recording).channels
+def channels(noise: Characterisation) -> tuple[Channel, ...]:
+    return noise.channels
 
 
 @pytest.mark.parametrize(
@@ -72,21 +73,18 @@ def test_lines_of_what_is_seen_have_no_limits(channels: tuple[Channel, ...]) -> 
     assert not any("not seen" in line for line in noise_lines(channels, seen_only=True))
 
 
-def test_a_files_name_cannot_write_into_the_page(recording: Recording) -> None:
-    from tumble.recording import Source
-
-    named = replace(recording, sources=(Source("<script>alert(1)</script>.csv", "0" * 64),))
-    page = render_noise(characterise(named), "tumble noise <b>")
+def test_a_files_name_cannot_write_into_the_page(noise: Characterisation) -> None:
+    named = replace(noise, sources=(Source("<script>alert(1)</script>.csv", "0" * 64),))
+    page = render_noise(named, "tumble noise <b>")
     assert "<script>alert" not in page
     assert "tumble noise &lt;b&gt;" in page
 
 
-def test_stamps_since_1970_leave_the_seconds_their_digits(recording: Recording) -> None:
+def test_stamps_since_1970_leave_the_seconds_their_digits(noise: Characterisation) -> None:
     """Time is drawn from the first instant on: each second of the levels has a place of its own."""
-    late = replace(recording, time=recording.time + 1.7e9)
+    late = replace(noise, level_time=noise.level_time + 1.7e9)
     drawn = [
-        {figure.name: figure for figure in noise_page(characterise(one), "tumble noise").figures}
-        for one in (recording, late)
+        {figure.name: figure for figure in noise_page(one, "tumble noise").figures} for one in (noise, late)
     ]
     early, epoch = (figures["level-g"].data[0]["x"] for figures in drawn)
     assert epoch[0] == 0.0

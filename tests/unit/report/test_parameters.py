@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 
 import pytest
+from tests.unit.written import parameters
 
 from tumble.document.result import Calibration
 from tumble.report.parameters import ParameterRow, parameter_rows
@@ -52,15 +53,12 @@ def test_axes_of_one_family_share_their_unit(rows: dict[str, ParameterRow]) -> N
 
 def test_small_values_take_the_small_unit(write_calibration: Callable[..., Calibration]) -> None:
     """2e-4 m/s² = 20.39 µg; 5e-5 = 50 ppm; 2e-5 rad = 20 µrad = 4.125 arcsec."""
-    parameters = [
-        {"name": name, "value": value, "standard_uncertainty": 0.1 * value, "unit": unit}
-        for name, value, unit in (
-            ("accelerometer bias x", 2e-4, "m/s^2"),
-            ("accelerometer scale factor error x", 5e-5, "1"),
-            ("accelerometer non-orthogonality yz", 2e-5, "rad"),
-        )
-    ]
-    bias, scale, angle = parameter_rows(write_calibration(parameters=parameters))
+    given = parameters(
+        ("accelerometer bias x", 2e-4, 2e-5, "m/s^2"),
+        ("accelerometer scale factor error x", 5e-5, 5e-6, "1"),
+        ("accelerometer non-orthogonality yz", 2e-5, 2e-6, "rad"),
+    )
+    bias, scale, angle = parameter_rows(write_calibration(parameters=given))
     assert bias.other is not None
     assert bias.other.text == "20.4 ± 2.0 µg"
     assert scale.shown.text == "50.0 ± 5.0 ppm"

@@ -239,7 +239,7 @@ def _model_choice_words(choice: ModelChoice, sigmas: np.ndarray, rows: list[Para
     return (
         f"Model choice, not included: the term {choice.name.replace('_', '-')} was "
         f"{'kept' if choice.kept else 'left out'} near its limit (p {_probability(choice.probability)}, limit "
-        f"{choice.limit:g}). {'Without' if choice.kept else 'With'} it {row.group}: {row.label} would move by "
+        f"{choice.limit:.2g}). {'Without' if choice.kept else 'With'} it {row.group}: {row.label} would move by "
         f"{two_digits(float(size[worst]))} of its standard uncertainties, the most of all."
     )
 

@@ -74,7 +74,9 @@
       var place = document.getElementById(figure.name);
       var layout = themed(plot.layout, isDark);
       if (onPaper) layout.width = place.parentNode.classList.contains("many") ? 225 : 690;
-      place.style.height = plot.layout.height + "px";
+      // A sphere on a narrow screen: as high as wide, or its sides are cut off.
+      if (layout.scene) layout.height = Math.min(layout.height, place.clientWidth);
+      place.style.height = layout.height + "px";
       Plotly.react(place, plot.data, layout, options).then(function () {
         thinned(place, JSON.parse(JSON.stringify(plot.data)));
       });
