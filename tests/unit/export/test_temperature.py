@@ -91,7 +91,7 @@ by_each = pytest.mark.parametrize(("name", "evaluate"), [("px4", by_px4), ("ardu
 
 
 @pytest.mark.parametrize(
-    ("lowest", "celsius"), [*product([-20.0], [-20.0, 3.0, 22.0, 41.0, 60.0]), (30.0, 41.0)]
+    ("low", "celsius"), [*product([-20.0], [-20.0, 3.0, 22.0, 41.0, 60.0]), (30.0, 41.0)]
 )
 @by_each
 def test_the_autopilot_s_polynomials_follow_the_model(
