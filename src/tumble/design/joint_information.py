@@ -7,7 +7,7 @@ Earth rate and whatever belongs to one rotation is eliminated, as in a calibrati
 from __future__ import annotations
 
 from dataclasses import field, replace
-from functools import lru_cache
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -60,11 +60,11 @@ WITHOUT_G = np.arange(21)
 TOLD = 0.9
 # Of what is not told at all: so many times the data sheet's spread.
 IGNORANCE = 1e2
-# No data sheet states that a gyro feels no gravity at all, 0.01 (°/s)/g.
 # rad: nothing is known of a heading that nobody carries on, and the equations stay regular.
 UNKNOWN_HEADING = 1e3
 # What is known of gyro scale factors without the planned clock has less than this share of the clock's variance.
 _BEYOND_CLOCK = 0.9
+# No data sheet states that a gyro feels no gravity at all, 0.01 (°/s)/g.
 _LEAST_G_SENSITIVITY = 0.01 * np.pi / 180.0 / 9.80665
 
 
@@ -168,13 +168,8 @@ class JointInformation:
         """
         at = np.arange(PARAMETERS) if g_sensitivity else WITHOUT_G
         found = find_weak_directions(_symmetric(self.matrix[np.ix_(at, at)]), sizes[at], TOLD)
-        return [replace(weak, direction=np.resize(_padded(weak.direction), PARAMETERS)) for weak in found]
-
-
-def _padded(direction: Series) -> Series:
-    made = np.zeros(PARAMETERS)
-    made[: direction.size] = direction
-    return made
+        left_out = (0, PARAMETERS - at.size)
+        return [replace(weak, direction=np.pad(weak.direction, left_out)) for weak in found]
 
 
 def _symmetric(matrix: Square) -> Square:
@@ -221,7 +216,7 @@ class PlannedProblem:
             assert isinstance(stretch, SectionStretch)
             self._prepare(task, stretch, section, without)
         normal = Chain.of(recording, task, FREE.size).eliminated().matrix
-        return JointInformation(information_in_names(normal, task.unknowns.values))
+        return JointInformation(information_in_names(normal))
 
     def influences(self, known: Square, *, g_sensitivity: bool) -> Influences:
         """Return what each observation does to the unknowns, the wander that neighbours share in their covariance.
@@ -232,7 +227,7 @@ class PlannedProblem:
         g_sensitivity : whether it is estimated.
         """
         values = self.task.unknowns.values
-        slope = inverted(_back(values))
+        slope = inverted(_back())
         precision = np.zeros((values.size, values.size))
         precision[np.ix_(FREE, FREE)] = slope.T @ known @ slope
         free = self.task.unknowns.with_free(FREE if g_sensitivity else PLAIN)
@@ -247,7 +242,7 @@ class PlannedProblem:
         """
         whole = np.zeros((FREE.size, FREE.size))
         whole[: len(covariance), : len(covariance)] = covariance
-        slope = inverted(_back(self.task.unknowns.values))
+        slope = inverted(_back())
         return _symmetric(slope @ whole @ slope.T)
 
     def _prepare(
@@ -273,44 +268,36 @@ class PlannedProblem:
             stretch.equations.append(Heading(without + 1 - section.first, UNKNOWN_HEADING))
 
 
-def information_in_names(normal: Square, unknowns: Series) -> Square:
-    """Return information (free, free) of the free unknowns as that of the thirty parameters.
+def information_in_names(normal: Square) -> Square:
+    """Return the information (30, 30) of the named parameters of that of the unknowns, at exact sensors.
 
     Parameters
     ----------
-    normal, unknowns : of the joint estimator, with all of `FREE` free.
+    normal : of the joint estimator, with all of `FREE` free.
     """
-    back = _back(unknowns)
+    back = _back()
     return _symmetric(np.asarray(back.T @ normal @ back, dtype=np.float64))
 
 
-def _back(unknowns: Series) -> Square:
-    """(free, 30) derivatives of the free unknowns by the named parameters."""
-    return _back_of(unknowns.tobytes())
-
-
-@lru_cache(maxsize=1)
-def _back_of(unknowns: bytes) -> Square:
-    """The same; most plans are made at one place, exact sensors."""
-    slope = np.asarray(jacobian(_EVALUATE, np.frombuffer(unknowns)), dtype=np.float64)[:, FREE]
+@cache
+def _back() -> Square:
+    """(free, 30) derivatives of the free unknowns by the named parameters, at exact sensors."""
+    slope = np.asarray(jacobian(_EVALUATE, unknowns_of(ImuModel.ideal())), dtype=np.float64)[:, FREE]
     made = inverted(np.ascontiguousarray(slope))
     made.flags.writeable = False
     return made
 
 
-def planned_problem(
-    data: Observed, site: Site, sizes: Series, unknowns: Series | None = None
-) -> PlannedProblem:
-    """Return a planned test's equations where all unknowns are true.
+def planned_problem(data: Observed, site: Site, sizes: Series) -> PlannedProblem:
+    """Return a planned test's equations where all unknowns are true: of exact sensors.
 
     Parameters
     ----------
     data : of `planned_data`, or of a recording.
     site : gravity and latitude.
     sizes : (30,) of `parameter_sizes`, that keep the adjustment in bounds where the test does not tell.
-    unknowns : where to linearise; exact sensors by default.
     """
-    at = imu_unknowns(unknowns_of(ImuModel.ideal()) if unknowns is None else unknowns, FREE)
+    at = imu_unknowns(unknowns_of(ImuModel.ideal()), FREE)
     task = start_adjustment(data, at, site)
     task.prior = at.layout.sparse_prior(at.values, _spreads(sizes))
     # No smaller than what counts as none: a stiffer hold leaves weak directions to round-off.

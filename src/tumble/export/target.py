@@ -47,7 +47,7 @@ class Target:
     magnetometer : the unit of a symmetric matrix, "any" for any matrix in any unit, or None.
     noise : None, "held" or "needed"; where it is needed, a calibration is not.
     units : raw units of specific force and angular rate that the tool works in; None takes the calibration's.
-    output : names and factors from SI of the units that a test vector's corrected numbers are in.
+    output : units that a test vector's corrected numbers are in.
     frame : that the form's zeros ask for, or None: any.
     replaces : whether its numbers go where others stand that may have been active while the unit was recorded.
     comment : what begins a comment line, empty where the format has none; `template.escaped` knows each.

@@ -116,7 +116,6 @@ def simulate_chamber(
     grade: Grade | None = None,
     imperfections: Imperfections | None = None,
     placement: bool = True,
-    heading: float | Series | None = None,
 ) -> tuple[Recording, Truth, ChamberTruth]:
     """Record a protocol with soaks and ramps with a simulated unit, its temperature beside it.
 
@@ -130,14 +129,14 @@ def simulate_chamber(
     chamber : the surroundings and the thermometer.
     grade : of noise and converter; None for none.
     imperfections : what the recording chain does; jitter does not change the temperatures.
-    placement, heading : as for `play_protocol`.
+    placement : as for `play_protocol`.
 
     Raises
     ------
     ProtocolError, UsageError
         As for `play_protocol` and `simulate_recording`.
     """
-    played = play_protocol(protocol, rng, placement=placement, heading=heading)
+    played = play_protocol(protocol, rng, placement=placement)
     time, around, unit = _temperatures(protocol, played, chamber, rate, thermal.basis.reference_celsius)
 
     def distort(force: Vectors, angular_rate: Vectors) -> tuple[Vectors, Vectors]:

@@ -97,18 +97,13 @@ class Motion:
         rotations_nb: Rotation,
         hold_duration: Series,
         turn_duration: AnyArray,
-        *,
-        lever_arm_b: AnyArray | None = None,
-        detours: Detours | None = None,
     ) -> Motion:
-        """Return the motion that goes through the poses by the shortest turns.
+        """Return the motion that goes through the poses by the shortest turns, about the unit itself.
 
         Parameters
         ----------
         rotations_nb : one attitude per hold, at its beginning.
         hold_duration, turn_duration : (holds,) and (holds - 1,) s.
-        lever_arm_b : (3,) or (3, 3) m, or None for turns about the unit itself.
-        detours : see `Motion`.
 
         Raises
         ------
@@ -126,8 +121,7 @@ class Motion:
             hold_duration=hold_duration,
             turn_duration=turn_duration,
             turn_vector_b=(rotations_nb[:-1].inv() * rotations_nb[1:]).as_rotvec(),
-            lever_arm_b=np.zeros(3) if lever_arm_b is None else lever_arm_b,
-            detours=detours,
+            lever_arm_b=np.zeros(3),
         )
 
     @property

@@ -107,7 +107,6 @@ def simulate_recording(
     site: Site,
     grade: Grade | None = None,
     distort: Distort | None = None,
-    start: float = 0.0,
     imperfections: Imperfections | None = None,
 ) -> tuple[Recording, Truth]:
     """Record a motion with a simulated unit.
@@ -124,7 +123,6 @@ def simulate_recording(
     grade : noise, converter and the spread of errors; None for a unit without noise.
     distort : true to raw; None draws a model of the grade (or is exact, without a grade). With it,
         noise and converter act on the raw numbers in the grade's units: raw units are then SI.
-    start : s of the motion, where the recording begins.
     imperfections : what the recording chain does beside: increments, scattered instants and stamps, lost
         samples.
 
@@ -135,12 +133,12 @@ def simulate_recording(
         a turn within one.
     """
     chain = imperfections or Imperfections()
-    length = motion.duration - start
+    length = motion.duration
     if not 0.0 < rate < np.inf or length * rate < 1.0:
         raise UsageError(
             f"A recording of {length:g} s at {rate:g} Hz has no sample: give a higher sampling rate."
         )
-    regular = start + np.arange(int(np.floor(length * rate)) + 1) / rate
+    regular = np.arange(int(np.floor(length * rate)) + 1) / rate
     middle = 0.5 * (regular[:-1] + regular[1:])
     edges = scatter_instants(regular, rate, chain.sampling_jitter, rng)
     with part(0.0, 0.3):
@@ -161,7 +159,7 @@ def simulate_recording(
     stamps = scatter_stamps(middle, rate, chain.jitter, rng)
     keep = drop_samples(len(middle), chain.dropped, chain.burst, rng)
     recording = Recording(
-        time=stamps[keep] - start,
+        time=stamps[keep],
         specific_force=raw_force[keep],
         angular_rate=raw_rate[keep],
         specific_force_unit="m/s^2",
@@ -170,7 +168,7 @@ def simulate_recording(
         gaps=_gaps(keep),
         said_clock=exact_clock(rate),
     )
-    return recording, _truth(motion, start, edges, (force, angular_rate, *wander), model, site)
+    return recording, _truth(motion, edges, (force, angular_rate, *wander), model, site)
 
 
 def _sample(motion: Motion, edges: Series, site: Site) -> tuple[Vectors, Vectors]:
@@ -202,7 +200,6 @@ def _gaps(keep: np.ndarray) -> tuple[int, ...]:
 
 def _truth(
     motion: Motion,
-    start: float,
     ends: Series,
     signals: tuple[AnyArray, AnyArray, AnyArray, AnyArray],
     model: ImuModel | None,
@@ -223,7 +220,7 @@ def _truth(
 
     force, angular_rate, force_wander, rate_wander = (means(signal) for signal in signals)
     return Truth(
-        hold_edges=edges - start,
+        hold_edges=edges,
         quaternions_nb=motion.hold_quaternions_nb,
         specific_force_b=force,
         angular_rate_ib_b=angular_rate,

@@ -80,7 +80,7 @@ def test_the_information_is_that_of_the_estimator_itself(name: str, request: pyt
     """The plan assembles the estimator's equations its own way, to eliminate a rotation only once."""
     problem = request.getfixturevalue(name).problem
     _, normal, _ = linearise(problem.task)
-    wanted = information_in_names(normal, problem.task.unknowns.values)
+    wanted = information_in_names(normal)
     size = np.sqrt(np.outer(np.diag(wanted), np.diag(wanted)))
     # the same sums in the same order
     assert np.max(np.abs(problem.information().matrix - wanted) / np.maximum(size, 1e-30)) < 1e-9

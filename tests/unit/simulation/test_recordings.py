@@ -16,9 +16,9 @@ def motion() -> Motion:
 
 
 def test_stamps_are_the_middle_of_each_interval() -> None:
-    recording, truth = simulate_recording(motion(), 10.0, np.random.default_rng(1), site=SITE, start=0.5)
+    recording, truth = simulate_recording(motion(), 10.0, np.random.default_rng(1), site=SITE)
     np.testing.assert_allclose(recording.time[:3], [0.05, 0.15, 0.25], rtol=1e-12)
-    np.testing.assert_allclose(truth.hold_edges, [[-0.5, 1.5], [2.5, 4.0], [5.0, 7.0]], rtol=1e-12)
+    np.testing.assert_allclose(truth.hold_edges, [[0.0, 2.0], [3.0, 4.5], [5.5, 7.5]], rtol=1e-12)
 
 
 def test_a_sample_that_a_turn_begins_in_is_not_of_the_hold() -> None:
