@@ -69,25 +69,6 @@ class SplineTrajectory:
     stop: float
 
     @staticmethod
-    def through(
-        time: Series, latitude: Series, longitude: Series, height: Series, roll_pitch_yaw: Vectors
-    ) -> SplineTrajectory:
-        """Return the trajectory through points given by their geodetic positions.
-
-        Parameters
-        ----------
-        time : (points,) s, increasing; six points or more.
-        latitude, longitude, height : (points,) rad and m.
-        roll_pitch_yaw : (points, 3) rad.
-
-        Raises
-        ------
-        UsageError
-            If there are fewer than six points, or their times do not increase.
-        """
-        return _interpolated(time, position_in_earth_frame(latitude, longitude, height), roll_pitch_yaw)
-
-    @staticmethod
     def near(
         origin: tuple[float, float, float], time: Series, position_n: Vectors, roll_pitch_yaw: Vectors
     ) -> SplineTrajectory:
@@ -108,9 +89,8 @@ class SplineTrajectory:
         meridian, across = (float(r) for r in curvature_radii(origin[0]))
         latitude = origin[0] + position_n[:, 0] / (meridian + origin[2])
         longitude = origin[1] + position_n[:, 1] / ((across + origin[2]) * np.cos(latitude))
-        return SplineTrajectory.through(
-            time, latitude, longitude, origin[2] - position_n[:, 2], roll_pitch_yaw
-        )
+        position_e = position_in_earth_frame(latitude, longitude, origin[2] - position_n[:, 2])
+        return _interpolated(time, position_e, roll_pitch_yaw)
 
     @staticmethod
     def at_rest(
