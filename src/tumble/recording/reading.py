@@ -106,20 +106,13 @@ def _names(topics: str | Sequence[str] | None) -> Sequence[str]:
 def _table(one: Path | Frame, topics: Sequence[str]) -> RawTable:
     if isinstance(one, Path):
         return read_table(one, topics)
-    _refuse_topics(topics)
+    if topics:
+        raise UsageError(f"A data frame has no topics ({topics[0]}); leave them out.")
     return frame_table(one)
 
 
 def _tables(one: Path | Frame, topics: Sequence[str]) -> Iterator[RawTable]:
-    if isinstance(one, Path):
-        yield from read_table_blocks(one, topics)
-    else:
-        yield _table(one, topics)
-
-
-def _refuse_topics(topics: Sequence[str]) -> None:
-    if topics:
-        raise UsageError(f"A data frame has no topics ({topics[0]}); leave them out.")
+    return read_table_blocks(one, topics) if isinstance(one, Path) else iter([_table(one, topics)])
 
 
 @border
@@ -157,7 +150,7 @@ def read_recording(
         If an option is malformed, or the files are not one recording.
     """
     listed = recording_inputs(paths)
-    _refuse_many(listed)
+    _refuse_many(len(listed))
     declared = read_units_option(units)
     return _recording_of(
         [_table(one, _names(topics)) for one in listed], columns, declared, rate, parted=parted
@@ -218,8 +211,7 @@ def _without_field(tables: list[RawTable]) -> tuple[list[RawTable], RawTable | N
     fields = [t for t in tables if len(tables) > 1 and is_field_table(t)]
     if len(fields) == 1 and len(tables) <= _MOST_FILES:
         return [t for t in tables if t is not fields[0]], fields[0]
-    if len(tables) > _MOST_FILES - 1:
-        raise UsageError(_too_many(len(tables)))
+    _refuse_many(len(tables), _MOST_FILES - 1)
     return tables, None
 
 
@@ -231,16 +223,12 @@ def _beside(table: RawTable, field: RawTable | None) -> RawTable:
     return replace(table, field=stream, remarks=[*table.remarks, remark])
 
 
-def _refuse_many(paths: list[Path | Frame]) -> None:
-    if len(paths) > _MOST_FILES:
-        raise UsageError(_too_many(len(paths)))
-
-
-def _too_many(count: int) -> str:
-    return (
-        f"{count} files were named as one recording; it is one file, or two with one triad each. One more may hold the "
-        "magnetometer (files of one step each are read one by one)."
-    )
+def _refuse_many(count: int, most: int = _MOST_FILES) -> None:
+    if count > most:
+        raise UsageError(
+            f"{count} files were named as one recording; it is one file, or two with one triad each. One more may hold "
+            "the magnetometer (files of one step each are read one by one)."
+        )
 
 
 def _refuse_no_pair(tables: list[RawTable], columns: str | None) -> None:
@@ -286,7 +274,7 @@ def read_blocks(
         If an option is malformed, or the files are not one recording.
     """
     listed = recording_inputs(paths)
-    _refuse_many(listed)
+    _refuse_many(len(listed))
     listed, field = _field_of_files(listed, _names(topics))
     declared = read_units_option(units)
     decided: Interpretation | None = None

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import lzma
 import zipfile
-import zlib
 from collections.abc import Sequence
 from pathlib import Path
 
 from tumble.errors import RecordingError
 from tumble.files import opened, temporary_folder
 from tumble.recording.formats import folder, npz
+from tumble.recording.formats.damage import foreign
 from tumble.recording.formats.table import RawTable, hash_file, row_words
 
 NAME = "zip"
@@ -43,22 +42,8 @@ def read_table(path: Path, topics: Sequence[str] = ()) -> RawTable:
     """
     with temporary_folder() as unpacked:
         inside = unpacked / path.name
-        try:
-            with opened(path) as file, zipfile.ZipFile(file) as archive:
-                archive.extractall(inside)
-        except (
-            zipfile.BadZipFile,
-            zlib.error,
-            EOFError,
-            NotImplementedError,
-            RuntimeError,
-            ValueError,
-            LookupError,
-            lzma.LZMAError,
-        ) as error:
-            raise RecordingError(
-                f"{path.name} is a zip archive that cannot be unpacked ({str(error)[:80]})."
-            ) from error
+        with foreign(path, "zip archive"), opened(path) as file, zipfile.ZipFile(file) as archive:
+            archive.extractall(inside)
         try:
             table = folder.read_table(inside, topics)
         except RecordingError as error:

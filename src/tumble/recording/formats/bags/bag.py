@@ -13,7 +13,8 @@ import numpy as np
 
 from tumble.counting import counted
 from tumble.errors import RecordingError, UsageError
-from tumble.recording.formats.bags.bag_field import is_field_topic, split_wanted
+from tumble.recording.columns import kind_of_file
+from tumble.recording.formats.bags.bag_field import is_field_topic, spellings, split_wanted
 from tumble.recording.formats.bags.ros_messages import FIELD, READABLE, decode, holds, samples_of
 from tumble.recording.formats.streams import BLOCK_ROWS, Merging, Units, refuse_backwards, table_of_samples
 from tumble.recording.formats.table import FieldStream, RawTable, hash_file
@@ -173,7 +174,7 @@ def choose_topics(bag: Bag, wanted: Sequence[str]) -> Choice:
 
 
 def _named(known: dict[str, Topic], name: str, file: str) -> str:
-    for spelling in (name, "/" + name.strip("/"), name.strip("/")):
+    for spelling in spellings(name):
         if spelling in known:
             if known[spelling].kind not in READABLE:
                 raise RecordingError(
@@ -389,8 +390,6 @@ def _choice_remark(bag: Bag, choice: Choice) -> Remark:
 
 def _misnamed(bag: Bag, choice: Choice) -> list[Remark]:
     """Say where a topic's name says the other triad than its messages hold."""
-    from tumble.recording.columns import kind_of_file
-
     if choice.force == choice.rates:
         return []
     said: list[Remark] = []
@@ -398,7 +397,7 @@ def _misnamed(bag: Bag, choice: Choice) -> list[Remark]:
         (choice.force, "a", "an acceleration", "a gyro"),
         (choice.rates, "g", "an angular rate", "an accelerometer"),
     ):
-        named = None if name is None else kind_of_file(name.replace("_", " ").replace("/", " "))
+        named = None if name is None else kind_of_file(name)
         if named in ("a", "g") and named != kind:
             text = f"{bag.path.name}: {name} is named after {other}, but its messages hold {what}: it is read as that."
             said.append(Remark("unchecked", text))

@@ -17,7 +17,12 @@ def is_field_topic(topic: Topic) -> bool:
     """Say whether a topic is a magnetometer's: by its type, or a vector's by its name."""
     if topic.kind == FIELD:
         return True
-    return topic.kind == READABLE[1] and kind_of_file(topic.name.replace("_", " ").replace("/", " ")) == "m"
+    return topic.kind == READABLE[1] and kind_of_file(topic.name) == "m"
+
+
+def spellings(name: str) -> tuple[str, str, str]:
+    """Return a topic's name as it is, with a slash before it, and without."""
+    return name, "/" + name.strip("/"), name.strip("/")
 
 
 def split_wanted(bag: Bag, wanted: Sequence[str]) -> tuple[list[str], str | None, list[Remark]]:
@@ -29,8 +34,8 @@ def split_wanted(bag: Bag, wanted: Sequence[str]) -> tuple[list[str], str | None
     wanted : names of topics; without a magnetometer's among them the first one that the bag holds is read.
     """
     fields = {t.name: t for t in bag.topics if is_field_topic(t)}
-    named = [name for one in wanted for name in (one, "/" + one.strip("/"), one.strip("/")) if name in fields]
-    rest = [one for one in wanted if not {one, "/" + one.strip("/"), one.strip("/")} & set(fields)]
+    named = [name for one in wanted for name in spellings(one) if name in fields]
+    rest = [one for one in wanted if not {*spellings(one)} & {*fields}]
     known = [t.name for t in fields.values() if t.count != 0]
     if not named and not known:
         return rest, None, []

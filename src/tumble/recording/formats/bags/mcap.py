@@ -21,7 +21,6 @@ from tumble.files import opened, size_of
 from tumble.recording.formats.bags.bag import Topic, bag_readers
 from tumble.recording.formats.bags.ros_messages import plain_type
 from tumble.recording.formats.compression import needed
-from tumble.recording.formats.damage import Damage
 from tumble.recording.recording import Remark
 from tumble.records import dataclass
 
@@ -72,7 +71,8 @@ class McapFile:
 
     path: Path
     topics: list[Topic] = field(default_factory=list[Topic])
-    _damage: Damage = field(default_factory=lambda: Damage(""))
+    _damaged: dict[int, str] = field(default_factory=dict[int, str])
+    _chunks: int | None = None
     compression: str = ""
     _unfinished: bool = False
     _named: dict[int, str] = field(default_factory=dict[int, str])
@@ -81,10 +81,19 @@ class McapFile:
     def remarks(self) -> list[Remark]:
         """What was noticed, or left out, so far."""
         text = f"{self.path.name} is not finished or cut short; what is there is read."
-        return [*([Remark("mended", text)] if self._unfinished else []), *self._damage.remarks()]
+        said = [Remark("mended", text)] if self._unfinished else []
+        if self._damaged:
+            of = "" if self._chunks is None else f" of {self._chunks}"
+            verb = "are" if len(self._damaged) > 1 else "is"
+            first = self._damaged[min(self._damaged)].rstrip(".")
+            text = f"{len(self._damaged)}{of} chunk(s) {verb} damaged ({first}); what could be read is used."
+            said.append(Remark("mended", f"{self.path.name}: {text}"))
+        return said
+
+    def _note(self, chunk: int, error: Exception) -> None:
+        self._damaged.setdefault(chunk, str(error) or type(error).__name__)
 
     def __post_init__(self) -> None:
-        self._damage.name = self.path.name
         made = library("records", self.path)
         schemas: dict[int, str] = {}
         channels: dict[int, Any] = {}
@@ -101,7 +110,7 @@ class McapFile:
             elif isinstance(record, made.Statistics):
                 counts.update(record.channel_message_counts)
                 low, high = record.message_start_time, record.message_end_time
-                self._damage.total = record.chunk_count or None
+                self._chunks = record.chunk_count or None
         for number, channel in channels.items():
             encoding, count = channel.message_encoding, counts[number]
             kind = schemas.get(channel.schema_id) or encoding
@@ -162,7 +171,7 @@ class McapFile:
                     content = _unpacked(record, unpack)
                     if content is None:
                         words = "a chunk is damaged: its content is not what it says"
-                        self._damage.note(number, RecordingError(words))
+                        self._note(number, RecordingError(words))
                         continue
                     self.compression = record.compression
                     record = replace(record, compression="", data=content)
@@ -179,7 +188,7 @@ class McapFile:
             try:
                 inside = breakup(piece)
             except Exception as error:  # noqa: BLE001 - as above
-                self._damage.note(number, error)
+                self._note(number, error)
                 continue
             yield from inside
 
@@ -195,7 +204,7 @@ class McapFile:
                 try:
                     yield from _messages_in(piece.data, topics)
                 except struct.error as error:
-                    self._damage.note(number, error)
+                    self._note(number, error)
 
 
 def _unpacked(chunk: Any, unpack: Callable[..., tuple[Any, int]]) -> bytes | None:

@@ -136,7 +136,7 @@ def holds(decoded: Decoded, kind: str, topic: str) -> tuple[bool, bool]:
     if kind == _VECTOR:
         from tumble.recording.columns import kind_of_file
 
-        said = kind_of_file(topic.replace("_", " ").replace("/", " "))
+        said = kind_of_file(topic)
         return said == "a", said == "g"
     return bool(decoded.force.any()), bool(decoded.rate.any())
 
