@@ -22,7 +22,7 @@ from tumble.errors import TumbleError
 FOUND = Path(__file__).with_name("found.json")
 _SHARE = {
     "text": 12, "recording": 20, "calibration": 12, "foreign": 12, "noise": 4, "protocol": 12, "gnss": 8,
-    "intervals": 3, "options": 3, "call": 6, "work": 1,
+    "intervals": 3, "call": 9, "work": 1,
 }  # fmt: skip
 _CHANGES = {"recording": mutations.BINARY, "call": mutations.CALL, "work": mutations.COLUMNS}
 _LONGEST = 1500  # characters of a sentence: it lists twelve topics, columns or files at most
@@ -160,37 +160,6 @@ def _read_errors(file: Path, _: Case) -> None:
     read_errors(file)
 
 
-def _read_options(file: Path, case: Case) -> None:
-    from tests.fuzz.seeds import HEADER, rows, text
-
-    from tumble.recording import read_recording
-    from tumble.workflows.given.site import choose_site
-
-    try:
-        options: Any = json.loads(case.content)
-    except (ValueError, RecursionError):
-        options = {"columns": case.content.decode("latin-1")}
-    if not isinstance(options, dict):
-        options = {"units": str(options)}
-    recording = file.with_name("hand.csv")
-    recording.write_text(f"{HEADER}\n{text(rows())}")
-    given = {key: str(value) for key, value in options.items()}
-    try:
-        # As the command line takes numbers.
-        hertz, gravity = (float(given[key]) if key in given else None for key in ("rate", "gravity"))
-    except ValueError:
-        return
-    if "site" in given or gravity is not None:
-        choose_site(given.get("site"), gravity)
-    read_recording(
-        recording,
-        columns=given.get("columns"),
-        units=given.get("units"),
-        rate=hertz,
-        topics=given.get("topic"),
-    )
-
-
 def _call(file: Path, case: Case) -> None:
     from tests.fuzz.seeds import HEADER, rows, seeds, text
 
@@ -250,7 +219,6 @@ _READERS: dict[str, Callable[[Path, Case], None]] = {
     "gnss": _read_gnss,
     "intervals": _read_intervals,
     "errors": _read_errors,
-    "options": _read_options,
     "call": _call,
     "work": _work,
 }

@@ -56,7 +56,6 @@ def seeds() -> Seeds:
             "gnss": _tracks(),
             "intervals": [("holds.csv", b"start,stop\n0.1,1.4\n1.8,3.0\n# last\n3.4 4.7\n")],
             "errors": [("errors.yaml", ERRORS)],
-            "options": [("options.json", option) for option in _options()],
             "call": [("call.json", json.dumps(call.split()).encode()) for call in CALLS],
             "work": [(f"{command}/tumbled.csv", tumbled()) for command in WORK],
         }
@@ -223,18 +222,6 @@ def _tracks() -> list[tuple[str, bytes]]:
         ("track.nmea", "".join(gnss.nmea(s) for s in range(20)).encode()),
         ("track.ubx", b"".join(gnss.nav_pvt(float(s)) for s in range(20))),
     ]
-
-
-def _options() -> list[bytes]:
-    known = {
-        "columns": ["t,ax,ay,az,gx,gy,gz", "-,ax,-ay,az,gx,gy,gz", "t,ax,ay,az"],
-        "units": ["g,deg/s,ms", "counts", "m/s,rad", "degF"],
-        "rate": ["100", "50.0", "1e2"],
-        "site": ["48.1,520", "-33.9", "90"],
-        "gravity": ["9.81", "9.7803"],
-        "topic": ["/imu", "sensor_accel:0"],
-    }
-    return [json.dumps({option: value}).encode() for option, values in known.items() for value in values]
 
 
 ERRORS = b"""jitter_ms: 1

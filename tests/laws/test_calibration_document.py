@@ -223,16 +223,6 @@ def test_the_schema_names_every_key_of_the_file(example: Calibration) -> None:
     json.dumps(schema)
 
 
-def test_python_offers_the_same_correction_as_the_file(example: Calibration) -> None:
-    vectors = example.test_vectors
-    force, rate = example.correct(
-        np.array([v.raw_specific_force for v in vectors]), np.array([v.raw_angular_rate for v in vectors])
-    )
-    np.testing.assert_allclose(force, [v.specific_force for v in vectors], rtol=1e-13)
-    assert rate is not None
-    np.testing.assert_allclose(rate, [v.angular_rate for v in vectors], rtol=1e-12, atol=1e-15)
-
-
 def damaged(example: Calibration, path: Path, change: Any) -> Path:
     document = json.loads(example.to_json())
     change(document)

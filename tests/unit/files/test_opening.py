@@ -10,13 +10,6 @@ import pytest
 from tumble.files import opened, read_text, size_of
 
 
-def test_a_pipe_without_a_writer_is_refused_without_waiting(tmp_path: Path) -> None:
-    pipe = tmp_path / "pipe"
-    os.mkfifo(pipe)
-    with pytest.raises(OSError, match="a pipe: give an ordinary file"):
-        opened(pipe)
-
-
 def test_nothing_is_taken_from_a_pipe_that_is_refused() -> None:
     reading, writing = os.pipe()
     try:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tumble.errors import OutputError, UsageError
-from tumble.files import check_target, filled_folder, inputs_kept, write_text, write_texts, writing
+from tumble.files import check_target, filled_folder, inputs_kept, write_text, write_texts
 
 
 def test_an_input_is_not_written_over(tmp_path: Path) -> None:
@@ -75,14 +75,3 @@ def test_a_name_may_be_as_long_as_the_disk_has_names(name: str, tmp_path: Path) 
     write_texts({tmp_path / name: "new", tmp_path / (name[:-1] + "b"): "other"})
     assert (tmp_path / name).read_text() == "new"
     assert len(list(tmp_path.iterdir())) == 2
-
-
-def test_an_input_is_known_by_any_of_its_names(tmp_path: Path) -> None:
-    """As where a disk has no small and large letters (Windows, macOS): the file is the same, the name is another."""
-    (tmp_path / "Calibration.json").write_text("input")
-    (tmp_path / "calibration.json").hardlink_to(tmp_path / "Calibration.json")
-    with (
-        writing.inputs_kept([tmp_path / "Calibration.json"]),
-        pytest.raises(UsageError, match="one of the inputs"),
-    ):
-        writing.write_text(tmp_path / "calibration.json", "new")

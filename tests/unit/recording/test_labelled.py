@@ -91,8 +91,7 @@ CLOCKS = {
 }
 
 
-@pytest.mark.parametrize("clock", sorted(CLOCKS))
-@pytest.mark.parametrize("labels", [True, False])
+@pytest.mark.parametrize(("clock", "labels"), [("arduino", True), ("platformio", False), ("brackets", True)])
 def test_the_clock_of_a_serial_monitor_is_taken_off_and_serves_as_stamps(
     tmp_path: Path, clock: str, labels: bool
 ) -> None:

@@ -75,7 +75,6 @@ def field_of(recording: Recording) -> Vectors:
     [
         "t,mx,my,mz,ax,ay,az,gx,gy,gz",
         "time,MagX,MagY,MagZ,AccX,AccY,AccZ,GyrX,GyrY,GyrZ",
-        "t,mag_x,mag_y,mag_z,accel_x,accel_y,accel_z,gyro_x,gyro_y,gyro_z",
         (
             "t,magnetic_field.x,magnetic_field.y,magnetic_field.z,linear_acceleration.x,linear_acceleration.y,"
             "linear_acceleration.z,angular_velocity.x,angular_velocity.y,angular_velocity.z"
