@@ -16,6 +16,7 @@ from tumble.calibration.free_inertial import (
     position_from,
     sheet_unit,
 )
+from tumble.errors import CalibrationFileError
 from tumble.records import dataclass
 from tumble.units import angular_rate_factor, specific_force_factor
 
@@ -78,7 +79,11 @@ def answers(
         If a time is out of bounds.
     """
     model, gravity = calibration.model, calibration.site.gravity
-    calibration.need_uncertainties("the errors of what it corrects cannot be predicted")
+    if not calibration.covariance_parameters:
+        raise CalibrationFileError(
+            "The calibration states no uncertainties, as one from another tool's file: the errors of what it corrects "
+            "cannot be predicted. Calibrate the unit with `tumble calibrate`, which states them."
+        )
     unit = CalibratedUnit(
         model, tuple(calibration.covariance_parameters), calibration.covariance_matrix, gravity
     )

@@ -335,24 +335,6 @@ class Calibration(DocumentPart):
         size = len(self.covariance_parameters)
         return np.array(self.covariance, dtype=float).reshape(size, size)
 
-    def need_uncertainties(self, purpose: str) -> None:
-        """Refuse a document without uncertainties, as one that was read from another tool's file.
-
-        Parameters
-        ----------
-        purpose : what cannot be done without them, as the end of a sentence.
-
-        Raises
-        ------
-        CalibrationFileError
-            If it states none.
-        """
-        if not self.covariance_parameters:
-            raise CalibrationFileError(
-                f"The calibration states no uncertainties, as one from another tool's file: {purpose}. Calibrate the "
-                "unit with `tumble calibrate`, which states them."
-            )
-
     def correct(
         self,
         raw_specific_force: Vectors | None,
