@@ -40,6 +40,7 @@ from tumble.navigation import (
     run_filter,
     smooth,
 )
+from tumble.navigation.block_bootstrap import rms_of
 from tumble.navigation.filter.kernels import apply_errors
 from tumble.navigation.filter.run import unpacked
 from tumble.navigation.gnss import make_track
@@ -339,9 +340,10 @@ def show_outages(drive: Drive, setup: FilterSetup, name: str) -> None:
     for repeated in (False, True):
         words = []
         for found in outages(drive, setup, repeated=repeated):
+            block = 1 if repeated else round(2.0 * found.duration)  # sliding outages begin a second apart
+            error = rms_of(found.horizontal**2, block, rng)
             words.append(
-                f"{found.duration:g} s {found.horizontal_rms():.3g} ± {found.uncertainty(rng):.1g} m "
-                f"({len(found.starts)})"
+                f"{found.duration:g} s {error.value:.3g} ± {error.sigma:.1g} m ({len(found.starts)})"
             )
         print(f"outages, {'repeated' if repeated else 'sliding'}, {name}: {', '.join(words)}")
 

@@ -25,6 +25,8 @@ from tumble.records import dataclass
 WORST_HEADING = float(np.radians(5.0))
 # s of motion after a rest that tell a heading.
 _MOTION = 10.0
+# s of motion whose velocities are compared; rad, how well a rest determines the level: accelerometer bias over gravity.
+_COMPARED, _TILT = 60.0, 0.02
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,40 +67,31 @@ class Alignment:
 def align_coarse(
     samples: InertialSamples,
     latitude: float,
-    height: float = 0.0,
     *,
     accelerometer_sigma: float,
     gyroscope_sigma: float,
-    heading: float | None = None,
-    heading_sigma: float = 0.0,
 ) -> Alignment:
-    """Return the attitude of a body at rest by levelling, and by gyrocompassing where no heading is given.
+    """Return the attitude of a body at rest by levelling and gyrocompassing.
 
     Parameters
     ----------
     samples : at rest all along (`InertialSamples.between`).
-    latitude, height : of the place, rad and m.
+    latitude : of the place, rad; at sea level.
     accelerometer_sigma, gyroscope_sigma : m/s², rad/s, one sigma an axis of the mean: the bias that is left, and
         the noise of the mean.
-    heading, heading_sigma : rad, of the body's x axis from north to east, where it is known.
 
     Raises
     ------
     RecordingError
         If the specific force is not gravity's within 5 %: no rest, wrong units, or far from calibrated.
     ObservabilityError
-        If the gyros cannot tell the heading better than 5 degrees and none is given.
+        If the gyros cannot tell the heading better than 5 degrees.
     """
     rows = slice(1, None) if samples.means else slice(None)
     force = samples.specific_force_b[rows].mean(axis=0)
-    gravity = normal_gravity(latitude, height)
+    gravity = normal_gravity(latitude)
     _refuse_no_rest(force, gravity, samples.time[0])
     down = -force / np.sqrt(force @ force)
-    if heading is not None:
-        C_nb = _turned_about_down(_levelled(down), heading)
-        jacobian = _levelling_jacobian(gravity)
-        covariance = accelerometer_sigma**2 * (jacobian @ jacobian.T) + np.diag([0.0, 0.0, heading_sigma**2])
-        return Alignment(C_nb, covariance, "levelling; the heading was given")
     rate = samples.angular_rate_ib_b[rows].mean(axis=0)
     level_rate = EARTH_RATE * np.cos(latitude)
     sigma = np.hypot(gyroscope_sigma / level_rate, np.tan(latitude) * accelerometer_sigma / gravity)
@@ -106,13 +99,12 @@ def align_coarse(
         raise ObservabilityError(
             f"The gyros cannot determine the heading: a standard uncertainty of {gyroscope_sigma:.2g} "
             f"rad/s is {min(np.degrees(sigma), 180.0):.0f} degrees of heading at a latitude of "
-            f"{np.degrees(latitude):.1f} degrees. Give the heading, or align in motion with satellite "
-            "positions."
+            f"{np.degrees(latitude):.1f} degrees. Align in motion with satellite positions."
         )
     east = np.cross(down, rate)
     east /= np.sqrt(east @ east)
     C_nb = np.vstack([np.cross(east, down), east, down])
-    jacobian = _levelling_jacobian(gravity)
+    jacobian = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]) / gravity
     jacobian[2] = -np.tan(latitude) * jacobian[0]
     covariance = accelerometer_sigma**2 * (jacobian @ jacobian.T)
     covariance[2, 2] += (gyroscope_sigma / level_rate) ** 2
@@ -123,10 +115,7 @@ def align_in_motion(
     samples: InertialSamples,
     track: GnssTrack,
     start: float,
-    *,
-    rest: float = 2.0,
-    seconds: float = 60.0,
-    tilt_sigma: float = 0.02,
+    rest: float,
 ) -> Alignment:
     """Return the attitude at `start` from a short rest there and the drive after it; no mounting is assumed.
 
@@ -139,8 +128,6 @@ def align_in_motion(
     track : on the IMU's clock, with velocities or positions close enough to make them.
     start : s, when the rest begins.
     rest : s of it.
-    seconds : of motion that are compared.
-    tilt_sigma : rad, how well the rest determines the level: accelerometer bias over gravity.
 
     Raises
     ------
@@ -161,10 +148,10 @@ def align_in_motion(
     moving = ahead & (speed > min(1.0, slowest_course(track)))
     if not moving.any():
         raise RecordingError(
-            f"The track {track.name} does not move after {start:.1f} s: give the heading, or start before a motion."
+            f"The track {track.name} does not move after {start:.1f} s, which would tell the heading."
         )
     begin = float(track.time[np.argmax(moving)])
-    chosen = ahead & (track.time >= begin - 3.0) & (track.time <= begin + seconds)
+    chosen = ahead & (track.time >= begin - 3.0) & (track.time <= begin + _COMPARED)
     chosen &= track.time < _next_missing(samples, start)
     time = track.time[chosen]
     bias = still.angular_rate_ib_b.mean(axis=0)
@@ -174,7 +161,7 @@ def align_in_motion(
         InertialSamples(part.time, part.specific_force_b, part.angular_rate_ib_b - bias, part.means), level
     )
     turn, sigma = _turn_between(_steps(run.time, run.velocity_n, time), _steps(time, velocity[chosen], time))
-    covariance = np.diag([tilt_sigma**2, tilt_sigma**2, sigma**2])
+    covariance = np.diag([_TILT**2, _TILT**2, sigma**2])
     return Alignment(
         _turned_about_down(_levelled(down), turn), covariance, "levelling, and the heading from motion"
     )
@@ -258,11 +245,6 @@ def _turned_about_down(C_nb: Matrix, angle: float) -> Matrix:
     return matrix_from_angles(np.array([0.0, 0.0, angle])) @ C_nb
 
 
-def _levelling_jacobian(gravity: float) -> Matrix:
-    """Of phi by an error of the specific force, in n."""
-    return np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]) / gravity
-
-
 def _steps(time: Series, velocity: Table, instants: Series) -> np.ndarray:
     """Changes of the horizontal velocity over a second or the usual interval, as complex numbers."""
     north, east = (np.interp(instants, time, velocity[:, axis]) for axis in (0, 1))
@@ -279,8 +261,7 @@ def _turn_between(free: np.ndarray, seen: np.ndarray) -> tuple[float, float]:
     strength = float(np.sum(np.abs(free) ** 2))
     if strength < 1.0 or float(np.sum(np.abs(seen) ** 2)) < 1.0:
         raise RecordingError(
-            "The velocity changes by less than a metre a second after the rest: that gives no "
-            "heading. State it."
+            "The velocity changes by less than a metre a second after the rest: that gives no heading."
         )
     # an error of the level is a constant acceleration in n: both are compared about their means
     free, seen = free - free.mean(), seen - seen.mean()

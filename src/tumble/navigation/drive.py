@@ -90,7 +90,7 @@ class Drive:
         RecordingError
             If their specific force at rest is not gravity's within 5 %.
         """
-        start, alignment = _aligned(samples, self.track, _REST)
+        start, alignment = _aligned(samples, self.track)
         return replace(self, samples=samples, start=start, alignment=alignment)
 
     def run(
@@ -134,13 +134,7 @@ class Drive:
         )
 
 
-def prepare_drive(
-    samples: InertialSamples,
-    track: GnssTrack,
-    *,
-    setup: FilterSetup | None = None,
-    offset: float | None = None,
-) -> Drive:
+def prepare_drive(samples: InertialSamples, track: GnssTrack, *, setup: FilterSetup | None = None) -> Drive:
     """Return a drive with both clocks brought together, checked to be of one motion, and aligned.
 
     The offset of the clocks is found from the course first; then the attitude at the first rest, and the offset
@@ -153,7 +147,6 @@ def prepare_drive(
     samples : in SI.
     track : on its own clock.
     setup : of the filter that finds the offset; None for one that fits units of any grade.
-    offset : s to add to the track's times where it is known; None to estimate it.
 
     Raises
     ------
@@ -161,17 +154,13 @@ def prepare_drive(
         If both did not see the same motion, or there is no rest to align at.
     """
     track = track.weakened({2: _FLOAT, 5: _FLOAT})
-    clock = estimate_time_offset(samples, track) if offset is None else None
-    given = clock.offset if clock is not None else float(offset or 0.0)
-    correlation = refuse_other_motion(samples, track.shifted(given))
-    found = _aligned(samples, track.shifted(given), _REST)
-    if clock is None:
-        clock = TimeAlignment(given, 0.0, correlation, 0.0, 0.0, note="; it was given")
-        return Drive(samples, track.shifted(given), *found, clock)
-    drive = Drive(samples, track.shifted(given), *found, clock)
+    clock = estimate_time_offset(samples, track)
+    moved_track = track.shifted(clock.offset)
+    refuse_other_motion(samples, moved_track)
+    drive = Drive(samples, moved_track, *_aligned(samples, moved_track), clock)
     own = setup or wide_setup()
     known = bool(own.lever_arm_b.any())
-    moved = sharpen_clock(drive, own, arm_known=known, reaches=_REACHES, rest=_REST)
+    moved = sharpen_clock(drive, own, arm_known=known, reaches=_REACHES)
     if moved is drive:
         return replace(drive, clock=replace(clock, note="; the filter's innovations determine it no better"))
     return moved
@@ -183,7 +172,6 @@ def sharpen_clock(
     *,
     arm_known: bool = True,
     reaches: tuple[float, ...] = _FINE,
-    rest: float = _REST,
 ) -> Drive:
     """Return the drive with the offset of its clocks at which a filter's innovations are least.
 
@@ -196,7 +184,6 @@ def sharpen_clock(
     setup : of the filter.
     arm_known : whether the setup's lever arm is; else the uncertainty has a metre of it.
     reaches : s, steps at which innovations are compared, in turns.
-    rest : s of the first rest used for the level, at most.
     """
     quiet: Drive = replace(drive, samples=_less_rest_rate(drive.samples, drive.track))
     track, total, told, sigma = drive.track, 0.0, True, drive.clock.sigma
@@ -205,7 +192,7 @@ def sharpen_clock(
             until = _ENOUGH if reach != reaches[-1] else np.inf
             step, sigma, told = _least_innovations(quiet, setup, reach, until)
             total += step
-            start, alignment = _aligned(drive.samples, track.shifted(total), rest)
+            start, alignment = _aligned(drive.samples, track.shifted(total))
             quiet = replace(quiet, track=track.shifted(total), start=start, alignment=alignment)
             if told:
                 break
@@ -285,11 +272,11 @@ def _least_innovations(
     return float(step), float(reach * np.sqrt(2.0 * scale / bend)), True
 
 
-def _aligned(samples: InertialSamples, track: GnssTrack, rest: float) -> tuple[NavigationState, Alignment]:
+def _aligned(samples: InertialSamples, track: GnssTrack) -> tuple[NavigationState, Alignment]:
     first, last = find_rest(samples, track)
     # a receiver calls it a rest a moment late and early
     begin, stop = max(first + 0.25, float(samples.time[0])), last - 0.5
-    alignment = align_in_motion(samples, track, begin, rest=max(min(rest, stop - begin), 0.5))
+    alignment = align_in_motion(samples, track, begin, max(min(_REST, stop - begin), 0.5))
     still = (track.time >= begin) & (track.time <= stop)
     still[int(np.argmin(np.abs(track.time - begin)))] = True
     latitude, longitude, height = (float(np.median(column[still])) for column in track.position)

@@ -51,27 +51,6 @@ class OutageErrors:
         """Return (3,) m: root mean square north, east, down."""
         return np.sqrt(np.mean(self.errors_n**2, axis=0))
 
-    def horizontal_rms(self) -> float:
-        """Return the root mean square of the horizontal error, m."""
-        return float(np.sqrt(np.mean(self.horizontal**2)))
-
-    def uncertainty(self, rng: np.random.Generator, resamples: int = 1000) -> float:
-        """Return the standard uncertainty of `horizontal_rms`, m, by a block bootstrap.
-
-        Outages that overlap err together: blocks of twice an outage's length are drawn, not single ones.
-
-        Parameters
-        ----------
-        rng : source of all numbers.
-        resamples : how many.
-        """
-        return _bootstrap(self.horizontal**2, self._block(), rng, resamples)
-
-    def _block(self) -> int:
-        if len(self.starts) < 2:
-            return 1
-        return max(1, round(2.0 * self.duration / float(np.median(np.diff(self.starts)))))
-
 
 def outages(
     drive: Drive,
@@ -217,14 +196,3 @@ def _by_sensors(setup: FilterSetup, estimates: Table) -> tuple[AnyArray, Vectors
     for at, sensor in enumerate(estimates):
         offsets[at] = gather_sensors(sensor, kinds, rows, columns, corrections[at], levers[at], nominal)
     return corrections, levers, offsets
-
-
-def _bootstrap(squares: Series, block: int, rng: np.random.Generator, resamples: int) -> float:
-    """Spread of the root of the mean of blocks drawn with replacement."""
-    count = len(squares)
-    if count <= block:
-        return float("nan")
-    blocks = -(-count // block)
-    starts = rng.integers(0, count - block + 1, (resamples, blocks))
-    rows = (starts[:, :, None] + np.arange(block)).reshape(resamples, -1)[:, :count]
-    return float(np.std(np.sqrt(squares[rows].mean(axis=1)), ddof=1))

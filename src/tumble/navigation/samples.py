@@ -67,16 +67,13 @@ class InertialSamples:
             )
 
     @staticmethod
-    def from_recording(
-        recording: Recording, model: ImuModel | None = None, *, time: Series | None = None
-    ) -> InertialSamples:
+    def from_recording(recording: Recording, model: ImuModel | None = None) -> InertialSamples:
         """Return a recording in SI, corrected by a model where there is one.
 
         Parameters
         ----------
         recording : of both triads. Its stamps are taken as the instants of the samples.
         model : of which `correct` takes the recording's raw numbers; None scales by the units alone.
-        time : (samples,) s instead of the recording's own.
 
         Raises
         ------
@@ -97,7 +94,7 @@ class InertialSamples:
                     "The recording is in counts, of which navigation needs the scale: give a calibration."
                 )
             force, rate = force * force_factor, rate * rate_factor
-        return InertialSamples(recording.time if time is None else time, force, rate)
+        return InertialSamples(recording.time, force, rate)
 
     @staticmethod
     def from_increments(edges: Series, angle: Vectors, velocity: Vectors) -> InertialSamples:

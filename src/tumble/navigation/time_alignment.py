@@ -137,14 +137,14 @@ def _no_match(
         return RecordingError(
             f"{moved:.0f} s of motion are too little to find the offset between the clocks. Course "
             f"and gyros correlate at {best:.2f} at best and at {second:.2f} at other offsets, as they "
-            f"may by chance. {spans}: take a longer part of the drive, with turns, or give the "
-            "offset. Check that the files belong together."
+            f"may by chance. {spans}: take a longer part of the drive, with turns. Check "
+            "that the files belong together."
         )
     return RecordingError(
         "IMU and GNSS do not seem to have seen the same motion. At no offset between their clocks "
         f"does the course's rate fit the gyros alone (correlation {best:.2f} at best, {second:.2f} at "
         f"others). {spans}: check that the files belong together, the units of the gyros, and that "
-        "the vehicle turned. Or give the offset."
+        "the vehicle turned."
     )
 
 

@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.unit.navigation.drives import POOR, measured, seen
 
 from tumble.errors import RecordingError
 from tumble.navigation import GnssTrack, InertialSamples, estimate_time_offset, prepare_drive
 from tumble.navigation.course import slowest_course
 from tumble.navigation.drive import refuse_other_motion
-from tumble.navigation.gnss import make_track
 from tumble.simulation import simulate_drive
 from tumble.simulation.field_campaign import cart_trajectory
 
@@ -20,24 +20,8 @@ def drive_of(seed: int, duration: float = 160.0) -> tuple[InertialSamples, GnssT
     """A unit whose gyros are off by 0.1 rad/s, as uncalibrated ones are, and 2 Hz fixes of 2 cm on the same clock."""
     rng = np.random.default_rng(seed)
     course = simulate_drive(rng, duration + 1.0)
-    time = np.arange(int(duration * 50.0)) / 50.0
-    states = course.states(time)
-    force = states.specific_force_b + rng.normal(0.0, 0.02, (len(time), 3)) + [0.15, -0.1, 0.1]
-    rate = states.angular_rate_ib_b + rng.normal(0.0, 1e-3, (len(time), 3)) + [0.1, -0.05, 0.1]
-    at = np.arange(0.5, duration - 0.5, 0.5)
-    fixes = course.states(at)
-    noise = rng.normal(0.0, 0.02, (len(at), 3))
-    latitude = fixes.latitude + noise[:, 0] / 6.4e6
-    longitude = fixes.longitude + noise[:, 1] / (6.4e6 * np.cos(fixes.latitude))
-    track = make_track(
-        at,
-        (latitude, longitude, fixes.height - noise[:, 2]),
-        np.full((len(at), 3), 0.02),
-        velocity_n=fixes.velocity_n + rng.normal(0.0, 0.03, (len(at), 3)),
-        velocity_sigmas=np.full((len(at), 3), 0.03),
-        quality=np.ones(len(at), dtype=int),
-    )
-    return InertialSamples(time, force, rate), track
+    samples = measured(course, np.arange(int(duration * 50.0)) / 50.0, rng, biases=POOR, rate_noise=1e-3)
+    return samples, seen(course, np.arange(0.5, duration - 0.5, 0.5), rng)
 
 
 @pytest.fixture(scope="module")
@@ -83,9 +67,9 @@ def test_in_little_motion_nothing_is_said_of_axes(
     samples, track = drives[12]
     told = 0
     for begin in range(20, 130, 10):
-        part, seen = samples.between(begin, begin + 30.0), track.rows(abs(track.time - begin - 15.0) < 15.0)
+        part, fixes = samples.between(begin, begin + 30.0), track.rows(abs(track.time - begin - 15.0) < 15.0)
         try:
-            told += refuse_other_motion(part, seen) > 0.8
+            told += refuse_other_motion(part, fixes) > 0.8
         except RecordingError as error:
             if "too little" not in str(error):
                 raise
@@ -115,21 +99,9 @@ def test_eighty_seconds_of_a_walk_tell_the_clock(seed: int) -> None:
     rng = np.random.default_rng(seed)
     cart = cart_trajectory(rng)
     begin = 50.0  # ten seconds of its rest
-    time = begin + np.arange(90 * 50) / 50.0
-    states = cart.states(time)
-    force = states.specific_force_b + rng.normal(0.0, 0.02, (len(time), 3)) + [0.15, -0.1, 0.1]
-    rate = states.angular_rate_ib_b + rng.normal(0.0, 1e-3, (len(time), 3)) + [0.1, -0.05, 0.1]
-    at = np.arange(begin + 0.5, begin + 89.0, 0.2)
-    fixes = cart.states(at)
-    track = make_track(
-        at - begin + 500.0,
-        (fixes.latitude, fixes.longitude, fixes.height),
-        np.full((len(at), 3), 0.02),
-        velocity_n=fixes.velocity_n + rng.normal(0.0, 0.05, (len(at), 3)),
-        velocity_sigmas=np.full((len(at), 3), 0.05),
-        quality=np.ones(len(at), dtype=int),
-    )
-    found = prepare_drive(InertialSamples(time - begin, force, rate), track).clock
+    samples = measured(cart, begin + np.arange(90 * 50) / 50.0, rng, biases=POOR, rate_noise=1e-3)
+    track = seen(cart, np.arange(begin + 0.5, begin + 89.0, 0.2), rng, 0.05)
+    found = prepare_drive(samples.shifted(-begin), track.shifted(500.0 - begin)).clock
     assert found.offset == pytest.approx(-500.0, abs=3.0 * found.sigma)
     assert found.sigma < 0.1
 

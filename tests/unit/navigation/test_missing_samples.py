@@ -6,13 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.unit.navigation.drives import measured, seen
 
 from tumble.navigation import (
     Drive,
     FilterRun,
     InertialSamples,
+    TimeAlignment,
     Trajectory,
     TriadSpread,
+    align_in_motion,
     find_rest,
     outages,
     plan_filter,
@@ -37,30 +40,16 @@ def whole() -> tuple[Drive, Trajectory]:
     """A drive with 2 Hz fixes of 2 cm, of biases (0.05, -0.03, 0.02) m/s² and (3, -1, 2) mrad/s, and its truth."""
     rng = np.random.default_rng(4)
     course = simulate_drive(rng, DURATION + 1.0)
-    time = np.arange(int(DURATION * RATE)) / RATE
-    states = course.states(time)
-    force = states.specific_force_b + rng.normal(0.0, 0.02, (len(time), 3)) + [0.05, -0.03, 0.02]
-    rate = states.angular_rate_ib_b + rng.normal(0.0, 2e-3, (len(time), 3)) + [3e-3, -1e-3, 2e-3]
+    samples = measured(course, np.arange(int(DURATION * RATE)) / RATE, rng)
     at = np.arange(0.5, DURATION - 0.5, 0.5)
+    track = seen(course, at, rng)
     fixes = course.states(at)
-    noise = rng.normal(0.0, 0.02, (len(at), 3))
-    track = make_track(
-        at,
-        (
-            fixes.latitude + noise[:, 0] / 6.4e6,
-            fixes.longitude + noise[:, 1] / (6.4e6 * np.cos(fixes.latitude)),
-            fixes.height - noise[:, 2],
-        ),
-        np.full((len(at), 3), 0.02),
-        velocity_n=fixes.velocity_n + rng.normal(0.0, 0.03, (len(at), 3)),
-        velocity_sigmas=np.full((len(at), 3), 0.03),
-        quality=np.ones(len(at), dtype=int),
-    )
-    drive = prepare_drive(InertialSamples(time, force, rate), track, offset=0.0)
     truth = Trajectory(
         at, fixes.latitude, fixes.longitude, fixes.height, fixes.velocity_n, fixes.quaternion_nb
     )
-    return drive, truth
+    alignment = align_in_motion(samples, track, 0.5, rest=5.0)
+    start = replace(truth.state(0), velocity_n=np.zeros(3), C_nb=alignment.C_nb)
+    return Drive(samples, track, start, alignment, TimeAlignment(0.0, 0.0, 1.0, 0.0, 0.0)), truth
 
 
 def without(drive: Drive, begin: float, length: float) -> Drive:

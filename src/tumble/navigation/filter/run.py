@@ -154,19 +154,20 @@ def run_stretch(
     track: GnssTrack,
     start: NavigationState,
     setup: FilterSetup,
+    sensors: Series,
     *,
-    velocities: bool = False,
-    positions: bool = True,
-    instants: Series | None = None,
-    keep_covariances: bool = False,
-    sensors: Series | None = None,
+    velocities: bool,
+    positions: bool,
+    instants: Series | None,
+    keep_covariances: bool,
 ) -> tuple[FilterRun, Table]:
     """Run the error-state filter over samples of which none are missing for long.
 
     Parameters
     ----------
-    samples, track, start, setup, velocities, positions, instants, keep_covariances, sensors : as for
+    samples, track, start, setup, velocities, positions, instants, keep_covariances : as for
         `tumble.navigation.run_filter`.
+    sensors : (states,) estimates to begin with.
 
     Returns
     -------
@@ -204,7 +205,7 @@ def run_stretch(
         _GAP * part.interval,
         _unseen(part),
         start.packed,
-        np.zeros(n - 9) if sensors is None else sensors.astype(float),
+        sensors.astype(float),
         covariance,
         *setup.indices,
         np.array([state.decay for state in setup.states], dtype=float),

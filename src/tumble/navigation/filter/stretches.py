@@ -36,7 +36,6 @@ def run_filter(
     positions: bool = True,
     instants: Series | None = None,
     keep_covariances: bool = False,
-    sensors: Series | None = None,
     reference: GnssTrack | None = None,
 ) -> FilterRun:
     """Run the error-state filter over a track.
@@ -55,7 +54,6 @@ def run_filter(
     velocities, positions : whether the track's velocities and positions are taken.
     instants : (instants,) s at which the state is kept too, beside the fixes.
     keep_covariances : keep what smoothing and consistency tests need; 24 n² bytes an event.
-    sensors : (states,) estimates to begin with; None for zeros.
     reference : track whose courses tell the heading after missing samples, denser than `track`; None for `track`.
 
     Raises
@@ -67,24 +65,25 @@ def run_filter(
     """
 
     def run(
-        part: InertialSamples, at: NavigationState, own: FilterSetup, known: Series | None
+        part: InertialSamples, at: NavigationState, own: FilterSetup, known: Series
     ) -> tuple[FilterRun, Table]:
         return run_stretch(
             part,
             track,
             at,
             own,
+            known,
             velocities=velocities,
             positions=positions,
             instants=instants,
             keep_covariances=keep_covariances,
-            sensors=known,
         )
 
+    unknown = np.zeros(len(setup.states))
     gaps = [gap for gap in samples.missing(LONGEST_BRIDGED) if gap[0] > start.time]
     if not gaps or not positions or not np.any((track.time > start.time) & (track.time <= gaps[0][0])):
-        return run(samples, start, setup, sensors)[0]
-    whole, covariance = run(samples.between(start.time, gaps[0][0]), start, setup, sensors)
+        return run(samples, start, setup, unknown)[0]
+    whole, covariance = run(samples.between(start.time, gaps[0][0]), start, setup, unknown)
     guide = track if reference is None else reference
     ends = [*(gap[0] for gap in gaps[1:]), float(samples.time[-1])]
     for (_, begin), end in zip(gaps, ends, strict=True):
