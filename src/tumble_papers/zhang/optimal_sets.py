@@ -29,17 +29,15 @@ def find_best_subset(
     rng: np.random.Generator,
     *,
     criterion: str = "average",
-    candidates: Vectors | None = None,
     starts: int = 20,
 ) -> Vectors:
-    """Return the best set found by exchanging one pose for another, from several starts.
+    """Return the best set of the 26 directions found by exchanging one pose for another, from several starts.
 
     Parameters
     ----------
     count : how many poses, 9 at least.
     rng : draws the starts.
     criterion : one of `CRITERIA`.
-    candidates : (n, 3) unit vectors, each taken once at most; None for the 26 directions.
     starts : how many; the best end is returned, which may be a local one.
 
     Raises
@@ -47,7 +45,7 @@ def find_best_subset(
     ValueError
         If there are not as many poses, or fewer than 9 are asked for, or there is no such criterion.
     """
-    directions = twenty_six_directions() if candidates is None else candidates
+    directions = twenty_six_directions()
     _check(count, criterion)
     if count > directions.shape[0]:
         raise ValueError(f"{count} poses are more than the {directions.shape[0]} to choose of")

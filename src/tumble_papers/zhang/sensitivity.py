@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
 from tumble.arrays import Series, Table, Vector, Vectors
@@ -124,6 +126,7 @@ def reproduce_designs(repetitions: int, seed: int) -> Outcome:
     )
 
 
+@cache
 def pose_sets() -> dict[str, Vectors]:
     """Return the sets that are compared, by name."""
     eighteen = chatfield_orientations()
