@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tumble.noise.deviation import allan_deviation
+from tumble.noise.deviation import ONE_SIGMA, allan_deviation
 from tumble.noise.spectrum import power_spectrum
 
 RUNS, SAMPLES = 1500, 1024
@@ -35,10 +35,10 @@ def test_two_thirds_of_the_intervals_hold_the_true_deviation(exponent: int) -> N
     found = allan_deviation(signals(exponent), 1.0, noise=exponent)
     truth = true_deviation(exponent, found.averaging)[:, None]
     held = np.mean((found.low < truth) & (truth < found.high), axis=1)
-    spread = np.sqrt(found.confidence * (1.0 - found.confidence) / RUNS)
+    spread = np.sqrt(ONE_SIGMA * (1.0 - ONE_SIGMA) / RUNS)
     # Greenhall and Riley state a few per cent for their degrees of freedom, a per cent of the coverage; and a sum
     # of squares is not chi square to the last: two per cent more.
-    assert held == pytest.approx(found.confidence, abs=SIGMAS * spread + 0.03)
+    assert held == pytest.approx(ONE_SIGMA, abs=SIGMAS * spread + 0.03)
 
 
 def test_the_scatter_of_white_noise_is_that_of_its_degrees_of_freedom() -> None:
@@ -54,7 +54,7 @@ def test_the_kind_of_noise_that_is_found_gives_the_same_coverage_as_the_true_kin
     found = allan_deviation(signals(0), 1.0)
     truth = true_deviation(0, found.averaging)[:, None]
     held = np.mean((found.low < truth) & (truth < found.high), axis=1)
-    assert held == pytest.approx(found.confidence, abs=0.08)
+    assert held == pytest.approx(ONE_SIGMA, abs=0.08)
 
 
 @pytest.mark.parametrize("bins", [None, 8])
@@ -63,5 +63,5 @@ def test_intervals_of_the_spectrum_hold_the_true_density(bins: int | None) -> No
     held = np.mean((found.low < 2.0) & (found.high > 2.0), axis=1)
     # The lowest line has lost the mean, and at the Nyquist frequency one of two degrees of freedom is missing.
     inner = held[2:-1]
-    spread = np.sqrt(found.confidence * (1.0 - found.confidence) / RUNS)
-    assert inner == pytest.approx(found.confidence, abs=SIGMAS * spread + 0.04)
+    spread = np.sqrt(ONE_SIGMA * (1.0 - ONE_SIGMA) / RUNS)
+    assert inner == pytest.approx(ONE_SIGMA, abs=SIGMAS * spread + 0.04)

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from tumble.noise.deviation import allan_deviation
-from tumble.noise.fitting.fit import FALSE_ALARM, NoiseFit, fit_curve, fit_moments_of
+from tumble.noise.fitting.fit import FALSE_ALARM, NoiseFit, fit_curve
 from tumble.noise.terms import GaussMarkov, NoiseModel
 
 TRUE = NoiseModel(0.02, 0.05, 0.05, 0.01)
@@ -25,8 +25,7 @@ def fits(method: str) -> list[NoiseFit]:
     rng = np.random.default_rng(20)
     signals = np.column_stack([TRUE.simulate(SAMPLES, RATE, rng) for _ in range(TRIALS)])
     curve = allan_deviation(signals, RATE)
-    fit = fit_curve if method == "curve" else fit_moments_of
-    return [fit(curve, channel) for channel in range(TRIALS)]
+    return [fit_curve(curve, channel, method=method) for channel in range(TRIALS)]
 
 
 def spread(share: float) -> float:

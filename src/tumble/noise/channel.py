@@ -9,7 +9,7 @@ import numpy as np
 from tumble.arrays import Series
 from tumble.errors import UsageError
 from tumble.noise.deviation import Deviation
-from tumble.noise.fitting.fit import MISFIT, NoiseFit, fit_curve, fit_moments_of
+from tumble.noise.fitting.fit import MISFIT, NoiseFit, fit_curve
 from tumble.noise.fitting.weighted_fit import Method
 from tumble.noise.lines import FoundLine
 from tumble.noise.white_part import WhitePart, white_beyond
@@ -140,9 +140,8 @@ def characterise_channel(
 
 def _fit(octaves: Deviation, lines: tuple[FoundLine, ...], method: Method) -> tuple[NoiseFit | None, str]:
     """The model, with more than one Gauss-Markov process only where one does not fit; or why there is none."""
-    fit_by = fit_curve if method == "curve" else fit_moments_of
     try:
-        fit = fit_by(octaves, lines=lines)
+        fit = fit_curve(octaves, method=method, lines=lines)
     except UsageError as error:
         return None, str(error)
     except np.linalg.LinAlgError as error:
@@ -150,7 +149,7 @@ def _fit(octaves: Deviation, lines: tuple[FoundLine, ...], method: Method) -> tu
     if fit.probability >= MISFIT:
         return fit, ""
     try:
-        richer = fit_by(octaves, lines=lines, gauss_markov=3)
+        richer = fit_curve(octaves, method=method, lines=lines, gauss_markov=3)
     except np.linalg.LinAlgError:
         return fit, ""
     return (richer if richer.probability > fit.probability else fit), ""

@@ -47,9 +47,8 @@ class Deviation:
     deviation : (taus, channels) in the signal's unit.
     count : (taus,) differences that were averaged.
     edf : (taus, channels) equivalent degrees of freedom of the variance, for the noise in `exponent`.
-    low, high : (taus, channels) limits of the true deviation at the probability `confidence`.
+    low, high : (taus, channels) limits of the true deviation at the probability `ONE_SIGMA`, two-sided.
     exponent : (taus, channels) α of the noise assumed, S(f) ~ f^α.
-    confidence : probability of each interval, two-sided.
     rate : samples a second.
     samples : of the signal, gaps left out.
     pieces : lengths of the pieces without gaps, in samples.
@@ -63,7 +62,6 @@ class Deviation:
     low: Table
     high: Table
     exponent: Integers
-    confidence: float
     rate: float
     samples: int
     pieces: tuple[int, ...]
@@ -116,7 +114,6 @@ def allan_deviation(
     taus: Taus = "octave",
     gaps: Sequence[int] = (),
     noise: int | None = None,
-    confidence: float = ONE_SIGMA,
 ) -> Deviation:
     """Return the overlapping Allan deviation of all channels of a signal, with degrees of freedom and intervals.
 
@@ -130,7 +127,6 @@ def allan_deviation(
     gaps : indices i where samples are missing between i - 1 and i.
     noise : exponent α assumed for the degrees of freedom, S(f) ~ f^α; None takes it from the slope of the
         curve about each averaging time.
-    confidence : probability of the intervals.
 
     Raises
     ------
@@ -144,13 +140,13 @@ def allan_deviation(
     1.4142135623730951
     """
     columns = _columns(signal)
-    _check(rate, noise, confidence)
+    _check(rate, noise)
     pieces = find_pieces(columns, gaps)
     longest = max((stop - start for start, stop in pieces), default=0)
     averaging = choose_averaging(taus, rate, longest // 2)
     sums, counts = _pooled(columns, pieces, averaging)
     lengths = tuple(stop - start for start, stop in pieces)
-    return finish(sums, counts, averaging, rate, lengths, noise, confidence)
+    return finish(sums, counts, averaging, rate, lengths, noise)
 
 
 def finish(
@@ -160,7 +156,6 @@ def finish(
     rate: float,
     lengths: tuple[int, ...],
     noise: int | None,
-    confidence: float,
     strides: Integers | None = None,
 ) -> Deviation:
     """Return a deviation from the sums of squared differences of the running sum.
@@ -169,7 +164,7 @@ def finish(
     ----------
     sums : (taus, channels) sums of squares.
     counts, averaging : (taus,) differences, and samples in each averaging time.
-    rate, noise, confidence : as for `allan_deviation`.
+    rate, noise : as for `allan_deviation`.
     lengths : samples of each piece.
     strides : (taus,) differences begun in each averaging time; None for one at every sample.
     """
@@ -178,7 +173,7 @@ def finish(
     variance = sums / (2.0 * size**2 * counts)[:, None]
     exponent = _assumed(variance, averaging, lengths, noise)
     edf = _freedom(exponent, averaging, lengths, strides)
-    low, high = chi_square_interval(variance, edf, confidence)
+    low, high = chi_square_interval(variance, edf, ONE_SIGMA)
     return Deviation(
         tau=size / rate,
         averaging=averaging,
@@ -188,7 +183,6 @@ def finish(
         low=np.sqrt(low),
         high=np.sqrt(high),
         exponent=exponent,
-        confidence=confidence,
         rate=rate,
         samples=sum(lengths),
         pieces=lengths,
@@ -263,11 +257,9 @@ def _columns(signal: AnyArray) -> Table:
     return np.asarray(signal, dtype=np.float64).reshape(signal.shape[0], -1)
 
 
-def _check(rate: float, noise: int | None, confidence: float) -> None:
+def _check(rate: float, noise: int | None) -> None:
     if not (np.isfinite(rate) and rate > 0.0):
         raise UsageError(f"A sampling rate of {rate} Hz cannot be.")
-    if not 0.0 < confidence < 1.0:
-        raise UsageError(f"A confidence of {confidence} cannot be: give a probability between 0 and 1.")
     if noise is not None and noise not in EXPONENTS:
         known = ", ".join(str(exponent) for exponent in EXPONENTS)
         raise UsageError(f"{noise} is no exponent of noise that this deviation can see: {known}.")

@@ -13,32 +13,27 @@ from tumble.arrays import AnyArray, Series, Square
 OCTAVES = 4.0
 
 
-def flicker_variance(ratio: float = OCTAVES) -> float:
+def flicker_variance() -> float:
     """Return the variance of each process of the ladder for B = 1: ln r / π.
 
     Each of variance σ² adds a two-sided density σ² / (π f_c (1 + (f/f_c)²)); the sum over corners is
     σ² / (2 ln r f), which is B² / (2π f) with σ² = B² ln r / π. Between the ends the sum ripples about
-    1/f by 0.3 % at r = 4 and 6 % at r = 10, its Allan variance about the floor by 0.05 % and 2 %.
-
-    Parameters
-    ----------
-    ratio : r, between neighbouring corners.
+    1/f by 0.3 % at r = 4, its Allan variance about the floor by 0.05 %.
     """
-    return float(np.log(ratio) / np.pi)
+    return float(np.log(OCTAVES) / np.pi)
 
 
-def flicker_corners(span: float, fastest: float, ratio: float = OCTAVES) -> Series:
+def flicker_corners(span: float, fastest: float) -> Series:
     """Return the corner frequencies of the ladder, Hz, from a quarter of 1/span upwards.
 
     Parameters
     ----------
     span : s, the longest time over which the noise is to wander as flicker does.
     fastest : Hz, where the ladder may end, such as half a sampling rate.
-    ratio : between neighbouring corners.
     """
     lowest = 0.25 / span
-    count = max(int(np.ceil(np.log(fastest / lowest) / np.log(ratio))), 1)
-    return np.asarray(lowest * ratio ** np.arange(count), dtype=np.float64)
+    count = max(int(np.ceil(np.log(fastest / lowest) / np.log(OCTAVES))), 1)
+    return np.asarray(lowest * OCTAVES ** np.arange(count), dtype=np.float64)
 
 
 @lru_cache(maxsize=32)

@@ -68,37 +68,6 @@ class FoundLine:
         """The term of a noise model."""
         return Line(self.amplitude, self.frequency)
 
-    def limits(self, confidence: float) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Return the intervals of the amplitude and of the frequency.
-
-        Parameters
-        ----------
-        confidence : probability of each.
-        """
-        from scipy.special import ndtri
-
-        z = float(ndtri(0.5 + 0.5 * confidence))
-        amplitude = (
-            max(self.amplitude - z * self.amplitude_sigma, 0.0),
-            self.amplitude + z * self.amplitude_sigma,
-        )
-        return amplitude, (
-            self.frequency - z * self.frequency_sigma,
-            self.frequency + z * self.frequency_sigma,
-        )
-
-    def scaled(self, factor: float) -> FoundLine:
-        """Return the same line in a unit of which a number is `factor` times as large."""
-        return FoundLine(
-            self.frequency,
-            self.frequency_sigma,
-            factor * self.amplitude,
-            factor * self.amplitude_sigma,
-            self.excess,
-            self.false_alarm,
-            self.resolution,
-        )
-
 
 @dataclass(frozen=True, slots=True)
 class _Spectrum:
@@ -110,7 +79,7 @@ class _Spectrum:
     edf: float
 
 
-def find_lines(signal: AnyArray, rate: float, *, gaps: Sequence[int] = ()) -> tuple[FoundLine, ...]:
+def find_lines(signal: AnyArray, rate: float) -> tuple[FoundLine, ...]:
     """Return the lines of a signal, strongest first, twenty at most.
 
     Lines above half the rate are seen where they fold to. Below 32 periods in the signal none is looked for.
@@ -119,10 +88,9 @@ def find_lines(signal: AnyArray, rate: float, *, gaps: Sequence[int] = ()) -> tu
     ----------
     signal : (samples,) at rest, any unit. Values that are not finite part it as gaps do.
     rate : Hz.
-    gaps : indices i where samples are missing between i - 1 and i.
     """
     column = np.asarray(signal, dtype=np.float64).reshape(-1, 1)
-    pieces = find_pieces(column, gaps)
+    pieces = find_pieces(column)
     longest = max((stop - start for start, stop in pieces), default=0)
     sizes = [min(longest, _LONGEST_SEGMENT) // coarser for coarser in _COARSER]
     sizes = [size for size in sizes if size >= _LEAST_SEGMENT]

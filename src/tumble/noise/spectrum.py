@@ -36,10 +36,9 @@ class PowerSpectrum:
     density : (frequencies, channels) in the square of the signal's unit per Hz, one-sided: its integral
         over positive frequencies is the variance. IEEE Std 952's two-sided density is half of it.
     edf : (frequencies,) equivalent degrees of freedom.
-    low, high : (frequencies, channels) limits of the true density at the probability `confidence`.
+    low, high : (frequencies, channels) limits of the true density at the probability `ONE_SIGMA`.
     segment : samples of each segment; segments : how many were averaged.
     resolution : Hz, width of a line at half its height (Hann window).
-    confidence : probability of each interval.
     """
 
     frequency: Series
@@ -50,7 +49,6 @@ class PowerSpectrum:
     segment: int
     segments: int
     resolution: float
-    confidence: float
 
 
 def power_spectrum(
@@ -60,7 +58,6 @@ def power_spectrum(
     segment: int | None = None,
     bins_per_decade: int | None = None,
     gaps: Sequence[int] = (),
-    confidence: float = ONE_SIGMA,
 ) -> PowerSpectrum:
     """Return Welch's spectrum: Hann window, half overlap, each segment less its own mean.
 
@@ -71,7 +68,6 @@ def power_spectrum(
     segment : samples of a segment; None for an eighth of the longest piece, a power of two, a million at most.
     bins_per_decade : None for every frequency, or how many bins of equal logarithmic width to average them in.
     gaps : indices i where samples are missing between i - 1 and i; no segment lies across one.
-    confidence : probability of the intervals.
 
     Raises
     ------
@@ -89,7 +85,7 @@ def power_spectrum(
     collector = StreamedSpectrum(rate, columns.shape[1], size)
     for start, stop in pieces:
         collector.add(columns[start:stop], after_gap=True)
-    return collector.spectrum(bins_per_decade=bins_per_decade, confidence=confidence)
+    return collector.spectrum(bins_per_decade=bins_per_decade)
 
 
 def segment_of(longest: int) -> int:
@@ -149,12 +145,12 @@ class StreamedSpectrum:
         self._several[-1] += len(begins)
         self._held = rows[len(begins) * stride :].copy()
 
-    def spectrum(self, *, bins_per_decade: int | None = None, confidence: float = ONE_SIGMA) -> PowerSpectrum:
+    def spectrum(self, *, bins_per_decade: int | None = None) -> PowerSpectrum:
         """Return the spectrum of all that was taken so far.
 
         Parameters
         ----------
-        bins_per_decade, confidence : as for `power_spectrum`.
+        bins_per_decade : as for `power_spectrum`.
 
         Raises
         ------
@@ -170,9 +166,7 @@ class StreamedSpectrum:
         if size % 2 == 0:
             density[-1] *= 0.5
         frequency = np.arange(size // 2 + 1) * rate / size
-        return _binned(
-            frequency[1:], density[1:], edf, size, count, 1.44 * rate / size, confidence, bins_per_decade
-        )
+        return _binned(frequency[1:], density[1:], edf, size, count, 1.44 * rate / size, bins_per_decade)
 
 
 def _hann(size: int) -> Series:
@@ -186,7 +180,6 @@ def _binned(
     size: int,
     count: int,
     resolution: float,
-    confidence: float,
     per_decade: int | None,
 ) -> PowerSpectrum:
     """Average the frequencies in bins, if wanted, and add the intervals."""
@@ -202,6 +195,6 @@ def _binned(
         # Neighbours share some of a Hann window's lines: two thirds of them count as independent.
         freedom = edf * np.maximum(1.0, members / 1.5)
     low, high = chi_square_interval(
-        density, np.broadcast_to(freedom[:, None], density.shape).copy(), confidence
+        density, np.broadcast_to(freedom[:, None], density.shape).copy(), ONE_SIGMA
     )
-    return PowerSpectrum(frequency, density, freedom, low, high, size, count, resolution, confidence)
+    return PowerSpectrum(frequency, density, freedom, low, high, size, count, resolution)

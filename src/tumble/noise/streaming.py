@@ -15,7 +15,7 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Table
 from tumble.errors import UsageError
-from tumble.noise.deviation import ONE_SIGMA, Deviation, Integers, Taus, choose_averaging, finish
+from tumble.noise.deviation import Deviation, Integers, Taus, choose_averaging, finish
 from tumble.records import dataclass
 
 PLACES = 128
@@ -127,12 +127,8 @@ class StreamedDeviation:
         reach = 2 * floor.steps[-1] if floor.steps else 0
         floor.held = joined[max(0, joined.shape[0] - reach) :].copy()
 
-    def deviation(self, *, noise: int | None = None, confidence: float = ONE_SIGMA) -> Deviation:
+    def deviation(self) -> Deviation:
         """Return the deviation of all that was taken so far.
-
-        Parameters
-        ----------
-        noise, confidence : as for `tumble.noise.deviation.allan_deviation`.
 
         Raises
         ------
@@ -155,8 +151,7 @@ class StreamedDeviation:
             np.array(averaging, dtype=np.int64),
             self.rate,
             tuple(self._lengths),
-            noise,
-            confidence,
+            None,
             np.array(strides, dtype=np.int64),
         )
 

@@ -23,7 +23,6 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Series, Square
 from tumble.noise.flicker import flicker_recursions
-from tumble.noise.state_space import DiscreteNoise, discrete_noise
 from tumble.noise.variances import (
     LETTERS,
     allan_variance_of,
@@ -137,15 +136,13 @@ class NoiseModel:
         for line in self.lines:
             yield "line", line.amplitude**2 * line_allan_variance(tau, line.frequency, rate)
 
-    def power_spectrum(self, frequency: Series, rate: float, *, sides: int = 2) -> Series:
-        """Return the power spectral density, u²/Hz; lines, which have none, are left out.
+    def power_spectrum(self, frequency: Series, rate: float) -> Series:
+        """Return the two-sided power spectral density, u²/Hz; lines, which have none, are left out.
 
         Parameters
         ----------
         frequency : Hz, above zero and up to half the rate.
         rate : Hz of the samples, over which the quantisation's density is spread.
-        sides : 2 for the density of IEEE Std 952, over negative frequencies too; 1 for twice as much,
-            as spectrum analysers and Welch's method give it.
         """
         frequency = np.asarray(frequency, dtype=float)
         total = np.zeros_like(frequency)
@@ -153,7 +150,7 @@ class NoiseModel:
             total += value**2 * density_of(letter, frequency, rate)
         for g in self.gauss_markov:
             total += g.sigma**2 * markov_density(frequency, g.correlation_time)
-        return total * (2.0 if sides == 1 else 1.0)
+        return total
 
     def phase_covariance(self, lag: AnyArray) -> AnyArray:
         """Return the generalised covariance of the signal's integral, u² s², without the ramp's.
@@ -227,18 +224,6 @@ class NoiseModel:
             + wandering @ moving.phase_covariance(lag) @ wandering.T
             + self.ramp**2 * np.outer(middle, middle)
         )
-
-    def discrete(self, interval: float, *, span: float = 86_400.0, ratio: float = 4.0) -> DiscreteNoise:
-        """Return the model as a recursion from sample to sample, exactly the continuous system sampled.
-
-        Parameters
-        ----------
-        interval : s between samples.
-        span : s, over which flicker is to wander as flicker; slower the model has none.
-        ratio : between the corners of the Gauss-Markov processes that stand for flicker: at 4 their
-            Allan variance is within 0.1 % of flicker's, at 10, with 0.6 times as many states, within 2 %.
-        """
-        return discrete_noise(self, interval, span=span, ratio=ratio)
 
     def simulate(self, samples: int, rate: float, rng: np.random.Generator) -> Series:
         """Draw a sequence, (samples,), of the noise at instants 1/rate apart.

@@ -68,7 +68,7 @@ def white_beyond(fit: NoiseFit, octaves: Deviation) -> WhitePart | None:
         return part
     for times in _BEYOND:
         try:
-            tail = fit_curve(octaves.from_tau(times * max(part.times)), gauss_markov=False, lines=fit.lines)
+            tail = fit_curve(octaves.from_tau(times * max(part.times)), gauss_markov=0, lines=fit.lines)
         except (UsageError, np.linalg.LinAlgError):
             continue
         for term, variance in zip(tail.terms, np.diag(tail.covariance), strict=True):

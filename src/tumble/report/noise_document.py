@@ -11,6 +11,7 @@ from pydantic import ConfigDict, Field
 
 import tumble
 from tumble.document.part import DocumentPart
+from tumble.noise.deviation import ONE_SIGMA
 from tumble.report.noise_words import (
     CURVE,
     DEFINITIONS,
@@ -328,10 +329,12 @@ def _random_walk(channel: Channel) -> RandomWalkBlock | None:
 
 
 def _fit(channel: Channel, fit: NoiseFit) -> FitBlock:
+    from tumble.noise.fitting.fit import CONFIDENCE
+
     names = [term.name for term in fit.terms]
     return FitBlock(
         what=FITS[fit.method],
-        confidence=fit.confidence,
+        confidence=CONFIDENCE,
         chi_square=fit.chi_square,
         degrees_of_freedom=fit.freedom,
         probability=fit.probability,
@@ -360,7 +363,7 @@ def _curve(curve: Deviation, unit: str) -> CurveBlock:
         kind="overlapping",
         what=CURVE,
         unit=unit,
-        confidence=curve.confidence,
+        confidence=ONE_SIGMA,
         tau_s=_numbers(curve.tau),
         deviation=_numbers(curve.deviation[:, 0]),
         low=_numbers(curve.low[:, 0]),

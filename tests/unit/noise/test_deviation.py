@@ -145,7 +145,6 @@ def test_a_single_channel_is_cut_out_as_it_is() -> None:
     ("arguments", "words"),
     [
         ({"rate": 0.0}, "rate"),
-        ({"confidence": 1.0}, "confidence"),
         ({"noise": 1}, "exponent"),
         ({"noise": -3}, "exponent"),
         ({"taus": "weekly"}, "weekly"),

@@ -36,7 +36,7 @@ def test_white_noise_alone_has_no_stand_in() -> None:
 @pytest.mark.filterwarnings("error")
 def test_a_ramp_alone_is_fitted_without_dividing_by_its_spread_of_nothing() -> None:
     curve = allan_deviation(1e-3 * np.arange(6000) / 10.0, 10.0, taus="octave")
-    found = fit_curve(curve, letters="R", gauss_markov=False)
+    found = fit_curve(curve)
     (ramp,) = found.terms
     assert ramp.value == pytest.approx(1e-3, rel=1e-6)
     assert np.isfinite([ramp.low, ramp.high]).all()

@@ -3,9 +3,9 @@
 Both fit the same model to the same kind of numbers, Allan variances at averaging times an octave apart
 (twice the Haar wavelet variances), with coefficients that cannot be negative:
 
-- `fit_curve` in the logarithm, where all averaging times count by their degrees of freedom and the bias of
+- "curve" in the logarithm, where all averaging times count by their degrees of freedom and the bias of
   a logarithm is taken off;
-- `fit_moments` in the variances themselves, the generalized method of wavelet moments.
+- "moments" in the variances themselves, the generalized method of wavelet moments.
 
 Both weigh by the full covariance between averaging times, which is that of the model fitted so far (see
 `allan_covariance`), and both begin again until it does not change. Lines come from the spectrum (`lines`).
@@ -23,9 +23,9 @@ from dataclasses import field, replace
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Series, Square
+from tumble.arrays import Series, Square
 from tumble.errors import UsageError
-from tumble.noise.deviation import Deviation, Integers, allan_deviation
+from tumble.noise.deviation import Deviation, Integers
 from tumble.noise.fitting.allan_covariance import allan_covariance
 from tumble.noise.fitting.identifiability import remarks_on, stand_ins
 from tumble.noise.fitting.intervals import letter_interval, process_interval
@@ -37,13 +37,13 @@ from tumble.noise.fitting.selection import (
     without_the_unseen,
 )
 from tumble.noise.fitting.weighted_fit import AllanTask, Method, Solution, misfit_of_scores, normal_scores
-from tumble.noise.lines import FoundLine, allan_variance_of_lines, find_lines
+from tumble.noise.lines import FoundLine, allan_variance_of_lines
 from tumble.noise.terms import NoiseModel
 from tumble.noise.variances import LETTERS
 from tumble.records import dataclass
 
 CONFIDENCE = 0.95
-"""Probability of intervals and of upper limits unless another is asked for."""
+"""Probability of intervals and of upper limits."""
 
 MISFIT = 0.01
 """Probability of a fit below which its model is taken as wrong, and its weights with it."""
@@ -88,8 +88,7 @@ class NoiseFit:
         shape) against its degrees of freedom, and how probable as much or more is if such a model is right.
         Below 0.01 the curve has a shape that the terms do not make.
     tau, variance, expected : (taus,) of the Allan variance used, found and fitted.
-    normalised : (taus,) how far off each is, as a normal number of as much probability.
-    confidence, rate, lengths : of the intervals; Hz; samples of each piece of the recording.
+    rate, lengths : Hz; samples of each piece of the recording.
     lines : as the spectrum has them.
     remarks : sentences on terms that the recording does not tell apart.
     missed : of each term, the factor by which the model's curve misses the measured deviation over a decade of
@@ -108,8 +107,6 @@ class NoiseFit:
     tau: Series
     variance: Series
     expected: Series
-    normalised: Series
-    confidence: float
     rate: float
     lengths: tuple[int, ...]
     lines: tuple[FoundLine, ...] = ()
@@ -126,112 +123,26 @@ def fit_curve(
     deviation: Deviation,
     channel: int = 0,
     *,
-    letters: str = "QNBKR",
-    gauss_markov: bool | int = True,
+    method: Method = "curve",
+    gauss_markov: int = 1,
     lines: Sequence[FoundLine] = (),
-    confidence: float = CONFIDENCE,
 ) -> NoiseFit:
-    """Fit a model to a channel's Allan curve in the logarithm.
+    """Fit a model to a channel's Allan curve.
 
     Parameters
     ----------
     deviation : overlapping Allan deviation. Of its averaging times those are used that are at least
         1.9 times the one before, up to a quarter of the recording.
     channel : which.
-    letters : of the terms of IEEE Std 952 that are tried.
-    gauss_markov : how many Gauss-Markov processes are tried at most, up to three; True is one.
+    method : "curve" in the logarithm, "moments" in the variances themselves (generalized method of wavelet moments).
+    gauss_markov : how many Gauss-Markov processes are tried at most, up to three.
     lines : of the signal, from `tumble.noise.lines.find_lines`.
-    confidence : of intervals and limits.
 
     Raises
     ------
     UsageError
         If the deviation has fewer than three averaging times, or does not vary.
     """
-    return _fit("curve", deviation, channel, letters, gauss_markov, lines, confidence)
-
-
-def fit_moments(
-    signal: AnyArray,
-    rate: float,
-    *,
-    gaps: Sequence[int] = (),
-    letters: str = "QNBKR",
-    gauss_markov: bool | int = True,
-    lines: Sequence[FoundLine] | None = None,
-    confidence: float = CONFIDENCE,
-) -> NoiseFit:
-    """Fit a model to the Haar wavelet variances of a signal (generalized method of wavelet moments).
-
-    Parameters
-    ----------
-    signal : (samples,) at rest, any unit.
-    rate : Hz.
-    gaps : as for `allan_deviation`.
-    letters, gauss_markov, confidence : as for `fit_curve`.
-    lines : None looks for them in the signal; an empty sequence takes none.
-
-    Raises
-    ------
-    UsageError
-        If the signal is too short for three averaging times, or does not vary.
-    """
-    column = np.asarray(signal, dtype=float)
-    curve = allan_deviation(column, rate, gaps=gaps)
-    if lines is None:
-        lines = find_lines(column, rate, gaps=gaps)
-    return fit_moments_of(
-        curve, 0, letters=letters, gauss_markov=gauss_markov, lines=lines, confidence=confidence
-    )
-
-
-def fit_moments_of(
-    deviation: Deviation,
-    channel: int = 0,
-    *,
-    letters: str = "QNBKR",
-    gauss_markov: bool | int = True,
-    lines: Sequence[FoundLine] = (),
-    confidence: float = CONFIDENCE,
-) -> NoiseFit:
-    """Fit as `fit_moments` does to wavelet variances that are there already, half the Allan variances at octaves.
-
-    Parameters
-    ----------
-    deviation, channel, letters, gauss_markov, lines, confidence : as for `fit_curve`.
-
-    Raises
-    ------
-    UsageError
-        As `fit_curve`.
-    """
-    return _fit("moments", deviation, channel, letters, gauss_markov, lines, confidence)
-
-
-def _used(averaging: Integers, samples: int, longest: int) -> Integers:
-    """Indices of averaging times about an octave apart that have two degrees of freedom."""
-    found: list[int] = []
-    for index, m in enumerate(averaging):
-        far_enough = not found or m >= 1.9 * averaging[found[-1]]
-        if far_enough and m <= _LONGEST_SHARE * longest and m <= samples:
-            found.append(index)
-    if len(found) < 3:
-        raise UsageError(
-            "The signal is too short for a noise model: it takes three averaging times an octave apart, "
-            "16 samples in a row."
-        )
-    return np.array(found)
-
-
-def _fit(
-    method: Method,
-    deviation: Deviation,
-    channel: int,
-    letters: str,
-    gauss_markov: bool | int,
-    lines: Sequence[FoundLine],
-    confidence: float,
-) -> NoiseFit:
     rate, lengths = deviation.rate, deviation.pieces
     used = _used(deviation.averaging, sum(lengths), max(lengths))
     averaging = deviation.averaging[used]
@@ -250,56 +161,65 @@ def _fit(
         of_lines / scale**2,
         of_amplitudes / scale**4,
     )
-    tried = tuple(letter for letter in LETTERS if letter in letters)
     # which terms there are is asked of the logarithms, whose misfit is nearer to chi square, by both methods
     logarithms = replace(task, method="curve")
-    solution = logarithms.settle(tried, ())
-    most = min(int(gauss_markov), MOST_PROCESSES)
+    solution = logarithms.settle(LETTERS, ())
+    most = min(gauss_markov, MOST_PROCESSES)
     if most:
         solution = with_processes(logarithms, solution, most)
     solution = without_the_unseen(logarithms, solution)
-    alike = stand_ins(logarithms, solution, terms_of(solution), tried)
+    alike = stand_ins(logarithms, solution, terms_of(solution))
     if method == "moments":
         solution = in_moments(task, solution)
-    fit = _gather(task, solution, tried, scale, lengths, tuple(lines), confidence)
+    fit = _gather(task, solution, scale, lengths, tuple(lines))
     return replace(fit, remarks=(*alike, *fit.remarks))
+
+
+def _used(averaging: Integers, samples: int, longest: int) -> Integers:
+    """Indices of averaging times about an octave apart that have two degrees of freedom."""
+    found: list[int] = []
+    for index, m in enumerate(averaging):
+        far_enough = not found or m >= 1.9 * averaging[found[-1]]
+        if far_enough and m <= _LONGEST_SHARE * longest and m <= samples:
+            found.append(index)
+    if len(found) < 3:
+        raise UsageError(
+            "The signal is too short for a noise model: it takes three averaging times an octave apart, "
+            "16 samples in a row."
+        )
+    return np.array(found)
 
 
 def _gather(
     task: AllanTask,
     solution: Solution,
-    tried: tuple[str, ...],
     scale: float,
     lengths: tuple[int, ...],
     lines: tuple[FoundLine, ...],
-    confidence: float,
 ) -> NoiseFit:
     from scipy.special import gammaincc, ndtri
 
     expected = task.expected(task.design(solution.letters, solution.times), solution)
-    scores = normal_scores(task.variance, expected, task.covariance(solution.model))
-    chi_square, freedom = _goodness(task, solution, tried)
+    chi_square, freedom = _goodness(task, solution)
     probability = float(gammaincc(0.5 * freedom, 0.5 * chi_square)) if freedom else 1.0
-    terms, covariance = _terms(task, solution, tried, scale, confidence)
+    terms, covariance = _terms(task, solution, scale)
     remarks = remarks_on(solution, covariance, terms_of(solution))
     missed = _missed(task, solution) if probability < MISFIT else {}
     terms, covariance = _widened(terms, covariance, missed)
-    once = float(ndtri(confidence))
-    unseen = [letter for letter in tried if letter not in solution.letters]
+    once = float(ndtri(CONFIDENCE))
+    unseen = [letter for letter in LETTERS if letter not in solution.letters]
     return NoiseFit(
         method=task.method,
         model=replace(solution.model.scaled(scale), lines=tuple(line.line for line in lines)),
         terms=terms,
         covariance=covariance,
-        limits={letter: scale * letter_interval(task, solution, letter, tried, once)[1] for letter in unseen},
+        limits={letter: scale * letter_interval(task, solution, letter, once)[1] for letter in unseen},
         chi_square=chi_square,
         freedom=freedom,
         probability=probability,
         tau=task.tau,
         variance=task.variance * scale**2,
         expected=expected * scale**2,
-        normalised=scores,
-        confidence=confidence,
         rate=task.rate,
         lengths=lengths,
         lines=lines,
@@ -308,10 +228,10 @@ def _gather(
     )
 
 
-def _goodness(task: AllanTask, solution: Solution, tried: tuple[str, ...]) -> tuple[float, int]:
+def _goodness(task: AllanTask, solution: Solution) -> tuple[float, int]:
     """Misfit of the terms that were tried, kept or not: one that is there unseen is no wrong shape."""
-    whole = task.settle(tried, solution.times)
-    expected = task.expected(task.design(tried, solution.times), whole)
+    whole = task.settle(LETTERS, solution.times)
+    expected = task.expected(task.design(LETTERS, solution.times), whole)
     covariance = task.covariance(whole.model)
     chi_square = misfit_of_scores(normal_scores(task.variance, expected, covariance), covariance)
     count = np.count_nonzero(whole.squares) + len(solution.times)
@@ -358,17 +278,15 @@ def terms_of(solution: Solution) -> tuple[str, ...]:
     return (*solution.letters, *(f"sigma{m}" for m in marks), *(f"correlation time{m}" for m in marks))
 
 
-def _terms(
-    task: AllanTask, solution: Solution, tried: tuple[str, ...], scale: float, confidence: float
-) -> tuple[tuple[FittedTerm, ...], Square]:
+def _terms(task: AllanTask, solution: Solution, scale: float) -> tuple[tuple[FittedTerm, ...], Square]:
     """Coefficients from their squares, with limits for the choice of terms too."""
     from scipy.special import ndtri
 
-    z = float(ndtri(0.5 + 0.5 * confidence))
+    z = float(ndtri(0.5 + 0.5 * CONFIDENCE))
     of_squares = task.fisher(solution)
     values = np.sqrt(solution.squares)
-    limits = [letter_interval(task, solution, letter, tried, z) for letter in solution.letters]
-    limits += [process_interval(task, solution, k, tried, z) for k in range(len(solution.times))]
+    limits = [letter_interval(task, solution, letter, z) for letter in solution.letters]
+    limits += [process_interval(task, solution, k, z) for k in range(len(solution.times))]
     names = terms_of(solution)
     terms = [
         # what is stated lies between, also where the two methods disagree
@@ -395,7 +313,5 @@ __all__ = [
     "FittedTerm",
     "NoiseFit",
     "fit_curve",
-    "fit_moments",
-    "fit_moments_of",
     "terms_of",
 ]

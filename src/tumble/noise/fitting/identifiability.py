@@ -50,18 +50,15 @@ def remarks_on(solution: Solution, covariance: Square, names: tuple[str, ...]) -
     return tuple(said)
 
 
-def stand_ins(
-    task: AllanTask, solution: Solution, names: tuple[str, ...], tried: tuple[str, ...]
-) -> tuple[str, ...]:
+def stand_ins(task: AllanTask, solution: Solution, names: tuple[str, ...]) -> tuple[str, ...]:
     """Return a sentence for each term of the long averaging times in whose place another fits nearly as well.
 
     Parameters
     ----------
     task, solution, names : the curve, the fit with the terms that were kept, and their names.
-    tried : all letters that might have been kept.
     """
     said: list[str] = []
-    others = [letter for letter in _LONG if letter in tried and letter not in solution.letters]
+    others = [letter for letter in _LONG if letter not in solution.letters]
     slow = [k for k, time in enumerate(solution.times) if 4.0 * time > task.tau[len(task.tau) // 2]]
     for gone in (*(x for x in solution.letters if x in _LONG), *slow):
         letters = [x for x in solution.letters if x != gone]

@@ -23,7 +23,7 @@ from tumble.arrays import Series, Square, Table
 from tumble.estimation.crossing import crossing
 from tumble.noise.fitting.weighted_fit import AllanTask, Solution
 from tumble.noise.terms import GaussMarkov, NoiseModel
-from tumble.noise.variances import allan_variance_of, markov_allan_variance
+from tumble.noise.variances import LETTERS, allan_variance_of, markov_allan_variance
 from tumble.records import dataclass
 
 _TINY = 1e-300
@@ -76,19 +76,16 @@ class _Profile:
         return np.array(squares)
 
 
-def letter_interval(
-    task: AllanTask, solution: Solution, letter: str, tried: tuple[str, ...], sigmas: float
-) -> tuple[float, float]:
+def letter_interval(task: AllanTask, solution: Solution, letter: str, sigmas: float) -> tuple[float, float]:
     """Return the limits of a term of IEEE Std 952, in the task's unit; the lower is 0 where none is needed.
 
     Parameters
     ----------
     task, solution : the curve, and the fit with the terms that were kept.
     letter : whose.
-    tried : all letters that might have been kept. A ramp that was not is taken as none.
     sigmas : of a normal number, how far off either limit may be.
     """
-    others = tuple(x for x in tried if x != letter and (x != "R" or x in solution.letters))
+    others = tuple(x for x in LETTERS if x != letter and (x != "R" or x in solution.letters))
     columns = [allan_variance_of(x, task.tau, task.rate) for x in others]
     columns += [markov_allan_variance(task.tau, time, task.rate) for time in solution.times]
     columns += _both_ways(task.slopes_of_times(solution))
@@ -99,17 +96,15 @@ def letter_interval(
     return _limits(profile, float(solution.squares[at]) if at is not None else 0.0, sigmas)
 
 
-def process_interval(
-    task: AllanTask, solution: Solution, process: int, tried: tuple[str, ...], sigmas: float
-) -> tuple[float, float]:
+def process_interval(task: AllanTask, solution: Solution, process: int, sigmas: float) -> tuple[float, float]:
     """Return the limits of a Gauss-Markov process' σ, as `letter_interval` does.
 
     Parameters
     ----------
-    task, solution, tried, sigmas : as for `letter_interval`.
+    task, solution, sigmas : as for `letter_interval`.
     process : which.
     """
-    others = tuple(x for x in tried if x != "R" or x in solution.letters)
+    others = tuple(x for x in LETTERS if x != "R" or x in solution.letters)
     columns = [allan_variance_of(x, task.tau, task.rate) for x in others]
     times = solution.times
     columns += [
