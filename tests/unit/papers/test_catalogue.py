@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 import pytest
 
@@ -68,8 +66,9 @@ def test_every_item_runs_with_few_repetitions(name: str) -> None:
         assert row.reason or row.verdict != OUTSIDE
     inside, judged = outcome.counts
     assert 0 <= inside <= judged <= len(outcome.rows)
-    again = run_item(ITEMS[name], 3, 1)
-    assert [row.cells for row in again.rows] == [row.cells for row in outcome.rows]
+    if outcome.simulated:
+        again = run_item(ITEMS[name], 3, 1)
+        assert [row.cells for row in again.rows] == [row.cells for row in outcome.rows]
 
 
 def test_an_item_s_own_number_of_repetitions_is_used() -> None:
@@ -115,18 +114,17 @@ def test_figure_4_3_all_grow_with_the_noise_and_faster_when_it_is_large() -> Non
 
 
 def test_convergence_gets_worse_with_noise_and_with_fewer_attitudes() -> None:
-    """At 1,000 runs: noise x 3, 5, 7 some 0.5, 30, 65 %; 10 attitudes 12 %, of the HG1900 17 %."""
-    outcome = reproduce_convergence(1000, 3)
+    """Noise x 3, 5, 7 some 0.5, 30, 65 %; 10 attitudes 12 %, of the HG1900 17 %: five standard deviations of 400."""
+    outcome = reproduce_convergence(400, 3)
     lost = {(row.label, row.cells[0]): float(str(row.cells[1])) for row in outcome.rows}
     full, few = "HG1700, 26 attitudes, 180 s", "HG1700, 10 attitudes, 180 s"
     by_noise = [lost[f"26 attitudes, 180 s, noise x {k}", 9] for k in (3, 5, 7)]
     assert lost[full, 9] == 0.0
     assert lost["HG1700, 18 attitudes, 180 s", 9] <= 0.5
-    # five standard deviations of a count of 1,000
-    assert by_noise == pytest.approx([0.5, 30.0, 66.0], abs=7.5)
+    assert by_noise == pytest.approx([0.5, 30.0, 66.0], abs=11.9)
     assert lost[full, 9] <= by_noise[0] < by_noise[1] < by_noise[2]
-    assert lost[few, 9] == pytest.approx(11.5, abs=5.0)
-    assert lost["HG1900, 10 attitudes, 60 s", 9] == pytest.approx(17.0, abs=6.0)
+    assert lost[few, 9] == pytest.approx(11.5, abs=8.0)
+    assert lost["HG1900, 10 attitudes, 60 s", 9] == pytest.approx(17.0, abs=9.4)
     for words in (full, few, "HG1900, 10 attitudes, 60 s", "26 attitudes, 180 s, noise x 3"):
         assert lost[words, 3] <= 0.3
 
@@ -191,8 +189,3 @@ def test_estimates_that_no_unit_has_are_named() -> None:
 
 def test_every_field_table_is_simulated() -> None:
     assert set(TABLES) == {t for t in hayal()["tables"] if not t.startswith("4.")}
-
-
-def test_rows_are_plain_data() -> None:
-    row = Row("b x", "rad/s", (1.0, None, "2: noise"))
-    assert dataclasses.asdict(row)["cells"] == (1.0, None, "2: noise")

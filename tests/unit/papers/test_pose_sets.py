@@ -8,10 +8,8 @@ import numpy as np
 import pytest
 
 from tumble.attitude.directions import twenty_six_directions
-from tumble.calibration.closed_forms.separate_norms import ellipsoid_from_norms
 from tumble.calibration.poses import find_two_planes, find_untold, norm_rows
 from tumble.errors import ObservabilityError
-from tumble.sensor.conventions.zhang import matrix_from_zhang, zhang_from_matrix
 from tumble.units import STANDARD_GRAVITY
 from tumble_papers.zhang.norm_sensitivity import norm_sensitivity
 from tumble_papers.zhang.pose_sets import (
@@ -94,21 +92,6 @@ def test_sets_promise_what_an_independent_computation_found(
     scale, misalignment, bias = predict_sigma(directions, DWELL).mean_squares()
     found = (1e6 * scale, misalignment / SECOND, bias / MICRO_G)
     np.testing.assert_allclose(found, expected, atol=0.06)
-
-
-def test_the_promise_is_the_scatter_of_the_closed_form() -> None:
-    """4000 runs: a standard deviation is known to 1.1 %, and of 54 in three sets none is off by 4 of these."""
-    rng = np.random.default_rng(11)
-    scale, angles, bias = np.array([95.0, 104.0, 112.0]), np.array([-9e-4, 3e-4, 1.6e-3]), [0.6, -2.0, 1.1]
-    matrix = matrix_from_zhang(scale, angles)
-    for directions in (paper_nine((1, -1, 1)), edges(), chatfield_orientations()):
-        true = STANDARD_GRAVITY * directions + DWELL * rng.standard_normal((4000, *directions.shape))
-        matrices, biases = ellipsoid_from_norms(true @ matrix.T + bias, STANDARD_GRAVITY)
-        found = [np.concatenate([*zhang_from_matrix(m), b]) for m, b in zip(matrices, biases, strict=True)]
-        relative = np.std(found, axis=0) / np.concatenate([scale, np.ones(3), scale])
-        predicted = predict_sigma(directions, DWELL)
-        expected = np.concatenate([predicted.scale, predicted.misalignment, predicted.bias])
-        np.testing.assert_allclose(relative, expected, rtol=0.045)
 
 
 @pytest.mark.parametrize("left_out", list(itertools.product(range(4), repeat=3)))

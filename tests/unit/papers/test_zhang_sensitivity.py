@@ -8,7 +8,7 @@ import pytest
 from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED, Outcome
 from tumble_papers.published import zhang
 from tumble_papers.zhang import sensitivity as zhang_sensitivity
-from tumble_papers.zhang.pose_sets import chatfield_orientations, paper_nine
+from tumble_papers.zhang.pose_sets import paper_nine
 from tumble_papers.zhang.sensitivity import pose_sets, reproduce_designs, reproduce_sensitivity
 
 
@@ -71,14 +71,6 @@ def test_a_printed_table_of_other_noise_is_outside(monkeypatch: pytest.MonkeyPat
 
 
 original = zhang_sensitivity.predict_sigma
-
-
-def test_the_paper_s_sets_are_the_eighteen_s_parts() -> None:
-    sets = pose_sets()
-    np.testing.assert_array_equal(sets["1-18"], chatfield_orientations())
-    assert {tuple(up) for name in ("1-7, 9, 11", "8, 10, 12-18") for up in sets[name]} == {
-        tuple(up) for up in sets["1-18"]
-    }
 
 
 def test_a_single_run_has_errors() -> None:
