@@ -55,28 +55,6 @@ def test_an_item_is_printed_beside_the_thesis(tumble: Any) -> None:
     assert re.search(r"^\d+ of 18 rows inside\. Inside: the thesis' sigma", answer.out, re.M)
 
 
-def test_an_item_of_the_other_paper_is_printed_beside_it(tumble: Any) -> None:
-    answer = tumble("reproduce", "zhang-5", "--repetitions", 30)
-    assert answer.status == 0
-    assert answer.err == ""
-    assert "Zhang et al. 2010" in answer.out
-    (row,) = re.findall(r"^all nine parameters +8, 10, 12-18 .*$", answer.out, re.M)
-    assert "refused" in row
-    assert "do not determine all 9 unknowns" in row
-    assert re.search(r"^\d+ of 19 rows inside\.", answer.out, re.M)
-
-
-@pytest.mark.slow
-def test_all_of_the_other_paper_is_made_in_one_go(tumble: Any, tmp_path: Path) -> None:
-    answer = tumble("reproduce", "zhang", "--repetitions", 3, "-q", "-o", tmp_path)
-    assert answer.status == 0
-    names = [name for name in ITEMS if name.startswith("zhang")]
-    assert re.findall(r"^(zhang-\S+): ", answer.out, re.M) == names
-    pictures = {"zhang-figure-3-norms.svg", "zhang-figure-4-norms.svg"}
-    files = {f"{name}.{kind}" for name in names for kind in KINDS}
-    assert files | pictures <= set(contents(tmp_path))
-
-
 def test_the_same_seed_prints_the_same(tumble: Any) -> None:
     def rows(seed: int) -> list[str]:
         out = tumble("reproduce", "hayal-4.4", "--repetitions", 5, "--seed", seed).out

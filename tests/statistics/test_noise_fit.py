@@ -42,7 +42,7 @@ def test_intervals_of_95_percent_cover(method: str, letter: str) -> None:
     true = TRUE.coefficients[letter]
     covered = 0
     for fit in fits(method):
-        term = next((term for term in fit.terms if term.name == letter), None)
+        term = next((term for term in fit.terms if term.letter == letter), None)
         covered += true <= fit.limits[letter] if term is None else term.low <= true <= term.high
     assert covered / TRIALS >= 0.95 - spread(0.95)
 
@@ -61,7 +61,7 @@ def test_the_stated_uncertainty_is_the_spread(method: str, letter: str) -> None:
     """Of the middle half, which a term missed in a trial does not spread: known to 17 %, 3.3 times that."""
     stated = []
     for fit in fits(method):
-        names = [term.name for term in fit.terms]
+        names = [term.letter for term in fit.terms]
         if letter in names:
             k = names.index(letter)
             stated.append(np.sqrt(fit.covariance[k, k]))
@@ -102,6 +102,6 @@ def test_a_gauss_markov_process_is_found_with_intervals_that_cover() -> None:
     found = [fit_curve(curve, k) for k in range(trials)]
     assert all(fit.model.gauss_markov for fit in found)
     for name, value in (("sigma", 0.08), ("correlation time", 5.0), ("N", 0.05)):
-        terms = [next(term for term in fit.terms if term.name == name) for fit in found]
+        terms = [next(term for term in fit.terms if term.letter == name) for fit in found]
         covered = np.mean([term.low <= value <= term.high for term in terms])
         assert covered >= 0.95 - Z * np.sqrt(0.95 * 0.05 / trials), name

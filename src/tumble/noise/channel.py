@@ -9,7 +9,7 @@ import numpy as np
 from tumble.arrays import Series
 from tumble.errors import UsageError
 from tumble.noise.deviation import Deviation
-from tumble.noise.fitting.fit import MISFIT, NoiseFit, fit_curve
+from tumble.noise.fitting.fit import MISFIT, NoiseFit, Term, fit_curve
 from tumble.noise.fitting.weighted_fit import Method
 from tumble.noise.lines import FoundLine
 from tumble.noise.white_part import WhitePart, white_beyond
@@ -23,24 +23,6 @@ _WELL_KNOWN = 10.0
 
 
 @dataclass(frozen=True, slots=True)
-class Term:
-    """One coefficient that a curve shows, in SI or counts.
-
-    Attributes
-    ----------
-    letter : Q, N, B, K or R of IEEE Std 952; "sigma" and "correlation time" of a Gauss-Markov process.
-    value, sigma : coefficient and its standard uncertainty.
-    low, high : limits at the fit's confidence.
-    """
-
-    letter: str
-    value: float
-    sigma: float
-    low: float
-    high: float
-
-
-@dataclass(frozen=True, slots=True)
 class Channel:
     """One sensor of the recording.
 
@@ -51,7 +33,6 @@ class Channel:
     curve : overlapping Allan deviation, ten averaging times a decade, in that unit.
     allan : the same, averaging times an octave apart, which the model is fitted to.
     fit : the model of its noise, or None where there is none.
-    terms : what the curve shows.
     floor, floor_tau : lowest point of the Allan deviation where it is known to a fifth, and its averaging time in s.
     without_fit : why there is no model, a sentence; empty where there is one.
     white : N over times longer than those of short Gauss-Markov processes; None where there are none.
@@ -62,7 +43,6 @@ class Channel:
     curve: Deviation
     allan: Deviation
     fit: NoiseFit | None
-    terms: tuple[Term, ...]
     floor: float
     floor_tau: float
     without_fit: str = ""
@@ -72,6 +52,11 @@ class Channel:
     def is_gyro(self) -> bool:
         """Whether it senses angular rate."""
         return self.name.startswith("g")
+
+    @property
+    def terms(self) -> tuple[Term, ...]:
+        """What the curve shows."""
+        return () if self.fit is None else self.fit.terms
 
     @property
     def unseen(self) -> dict[str, float]:
@@ -130,7 +115,6 @@ def characterise_channel(
         curve,
         octaves,
         fit,
-        () if fit is None else _terms(fit),
         float(finer.deviation[lowest, 0]),
         float(finer.tau[lowest]),
         why,
@@ -159,11 +143,3 @@ _NO_WEIGHTS = (
     "There are averaging times enough, but the curve could not be weighed. The covariance between "
     "them has no inverse in double precision, although no other model is nearer to this curve"
 )
-
-
-def _terms(fit: NoiseFit) -> tuple[Term, ...]:
-    sigmas = np.sqrt(np.diag(fit.covariance))
-    return tuple(
-        Term(term.name, term.value, float(sigma), term.low, term.high)
-        for term, sigma in zip(fit.terms, sigmas, strict=True)
-    )

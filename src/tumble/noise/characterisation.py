@@ -24,7 +24,7 @@ from tumble.noise.averages import (
     without_temperature,
 )
 from tumble.noise.bridging import BridgedBlocks, bridge, say_bridged
-from tumble.noise.channel import FLOOR, Channel, Term, characterise_channel
+from tumble.noise.channel import FLOOR, Channel, characterise_channel
 from tumble.noise.deviation import Taus
 from tumble.noise.evidence import WholeEvidence
 from tumble.noise.fitting.weighted_fit import Method
@@ -242,4 +242,4 @@ def _after(recording: Recording, skip: float) -> Recording:
     return recording.between(first, len(recording))
 
 
-__all__ = ["FLOOR", "Channel", "Characterisation", "Term", "characterise", "characterise_blocks"]
+__all__ = ["FLOOR", "Channel", "Characterisation", "characterise", "characterise_blocks"]

@@ -10,7 +10,8 @@ import numpy as np
 from tumble.records import dataclass
 
 if TYPE_CHECKING:
-    from tumble.noise.channel import Channel, Term
+    from tumble.noise.channel import Channel
+    from tumble.noise.fitting.fit import Term
 
 COLLAPSE = (
     "mean of variances: the root of the mean of the axes' squared coefficients. An axis that does "

@@ -71,9 +71,9 @@ def white_beyond(fit: NoiseFit, octaves: Deviation) -> WhitePart | None:
             tail = fit_curve(octaves.from_tau(times * max(part.times)), gauss_markov=0, lines=fit.lines)
         except (UsageError, np.linalg.LinAlgError):
             continue
-        for term, variance in zip(tail.terms, np.diag(tail.covariance), strict=True):
-            if term.name == "N":
-                return WhitePart(term.value, float(np.sqrt(variance)), term.low, term.high, part.times)
+        for term in tail.terms:
+            if term.letter == "N":
+                return WhitePart(term.value, term.sigma, term.low, term.high, part.times)
     return part
 
 
@@ -86,7 +86,7 @@ def white_part(fit: NoiseFit, longest: float | None = None) -> WhitePart | None:
     longest : s, up to which correlation time a process counts; None takes `shortest_time`.
     """
     limit = shortest_time(fit.rate) if longest is None else longest
-    values = {term.name: term.value for term in fit.terms}
+    values = {term.letter: term.value for term in fit.terms}
     slopes = np.zeros(len(values))
     places = {name: k for k, name in enumerate(values)}
     square = values.get("N", 0.0) ** 2

@@ -331,7 +331,7 @@ def _random_walk(channel: Channel) -> RandomWalkBlock | None:
 def _fit(channel: Channel, fit: NoiseFit) -> FitBlock:
     from tumble.noise.fitting.fit import CONFIDENCE
 
-    names = [term.name for term in fit.terms]
+    names = [term.letter for term in fit.terms]
     return FitBlock(
         what=FITS[fit.method],
         confidence=CONFIDENCE,

@@ -378,22 +378,6 @@ def _fixture_angles(sequence: RotationSequence) -> list[tuple[float, float]]:
 
 
 @dataclass(slots=True)
-class Evaluation:
-    """The passes over one run by one variant.
-
-    Attributes
-    ----------
-    errors : (iterations, 24) estimated less true, in the mean-gyro frame, SI.
-    measurements : of the last pass, by sequence, (5,) m/s².
-    estimate : the model after the last pass.
-    """
-
-    errors: AnyArray
-    measurements: dict[str, Series]
-    estimate: ImuModel
-
-
-@dataclass(slots=True)
 class Models:
     """The error models of the sequences with the noise that each measurement has.
 
@@ -407,20 +391,19 @@ class Models:
 
 
 def _evaluate_run(
-    recordings: Recordings, variant: Variant, *, iterations: int = 3, models: Models | None = None
-) -> Evaluation:
-    """Play a run back: compensate, measure, invert, better the compensation, again."""
+    recordings: Recordings, variant: Variant, iterations: int, models: Models | None
+) -> AnyArray:
+    """Play a run back: compensate, measure, invert, better the compensation, again. Errors (iterations, 24), SI."""
     truth = recordings.truth.vector
     current = ImuModel.ideal()
     errors = np.empty((iterations, 24))
-    measurements: dict[str, Series] = {}
     for k in range(iterations):
         measurements, gyro_bias = _measure(recordings, current, variant)
         found = _invert(measurements, recordings, variant, models)
         # A bias that is known is taken off before the asymmetry is, which needs the sign of the input alone.
         current = composed(current, SavageErrors.from_vector(found, gyro_bias=gyro_bias))
         errors[k] = savage_from_model(current)[0].vector - truth
-    return Evaluation(errors, measurements, current)
+    return errors
 
 
 def measure_run(recordings: Recordings, current: ImuModel, variant: Variant) -> dict[str, Series]:
@@ -646,9 +629,7 @@ def run_study(
                 without = simulate_run(setting, streams[run], asymmetry=False)
             recordings = with_asymmetry if variant.asymmetry else without
             assert recordings is not None
-            errors[number, run] = _evaluate_run(
-                recordings, variant, iterations=iterations, models=models[number]
-            ).errors
+            errors[number, run] = _evaluate_run(recordings, variant, iterations, models[number])
 
     _in_threads(play, runs, threads)
     return errors
@@ -676,14 +657,9 @@ def group_rms(errors: AnyArray) -> dict[str, AnyArray]:
     }
 
 
-def exact_unit(grade: Grade | None = None) -> Grade:
-    """Return a grade whose outputs have no noise and no pulses.
-
-    Parameters
-    ----------
-    grade : whose errors before the test it has; navigation grade by default.
-    """
-    like = grade or GRADES["nav"]
+def exact_unit() -> Grade:
+    """Return a grade of navigation grade's errors before the test, whose outputs have no noise and no pulses."""
+    like = GRADES["nav"]
     return Grade(
         "exact", 0.0, 0.0, scale=like.scale, asymmetry=like.asymmetry, angle=like.angle, bias=like.bias
     )

@@ -12,13 +12,13 @@ from tumble.navigation.kernels import integrate
 from tumble.navigation.trajectory import NavigationState
 
 
-def test_sine_and_cosine_turned_from_nearby_stay_exact_over_a_day(as_python: Callable[[str], Any]) -> None:
+def test_sine_and_cosine_turned_from_nearby_stay_exact_over_hours(as_python: Callable[[str], Any]) -> None:
     sine_and_cosine = as_python("tumble.navigation.kernels").sine_and_cosine
     rng = np.random.default_rng(1)
-    # a day at 1 Hz, northward and back at up to 300 m/s, from 0.4 rad past the equator to the far north
-    rate = 4.7e-5 * np.sin(2.0 * np.pi * np.arange(86_400) / 86_400.0) + 1e-6 * rng.standard_normal(86_400)
-    latitudes = 0.1 + np.cumsum(rate)
-    place, found, moved = [1e9, 0.0, 0.0], np.empty((86_400, 2)), 0
+    # four hours at 1 Hz, northward and back at up to 300 m/s, across the equator
+    rate = 4.7e-5 * np.sin(2.0 * np.pi * np.arange(14_400) / 14_400.0) + 1e-6 * rng.standard_normal(14_400)
+    latitudes = -0.1 + np.cumsum(rate)
+    place, found, moved = [1e9, 0.0, 0.0], np.empty((14_400, 2)), 0
     for i, latitude in enumerate(latitudes.tolist()):
         before = place[0]
         sine_and_cosine(latitude, place, found[i])
@@ -27,7 +27,7 @@ def test_sine_and_cosine_turned_from_nearby_stay_exact_over_a_day(as_python: Cal
     assert found[:, 0] == pytest.approx(np.sin(latitudes), rel=0.0, abs=4e-16)
     assert found[:, 1] == pytest.approx(np.cos(latitudes), rel=0.0, abs=4e-16)
     # most were turned, not worked out
-    assert 1000 < moved < 40_000
+    assert 170 < moved < 7000
 
 
 @pytest.mark.parametrize("means", [False, True])

@@ -27,7 +27,7 @@ def by_definition(y: np.ndarray, m: int) -> float:
     return float(np.sqrt(0.5 * np.mean((mean[m:] - mean[:-m]) ** 2)))
 
 
-@pytest.mark.parametrize("samples", [6, 100, 1003, 5000])
+@pytest.mark.parametrize("samples", [6, 100, 1003])
 def test_a_deviation_is_that_of_its_definition(samples: int) -> None:
     signal = signal_of(samples)
     found = allan_deviation(signal, 50.0, taus="log")

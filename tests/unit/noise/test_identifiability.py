@@ -26,6 +26,7 @@ def test_ten_minutes_that_read_a_walk_as_flicker_say_that_it_may_be_a_walk() -> 
 def test_four_hours_tell_the_same_walk_from_flicker() -> None:
     found = fit(WALKS, 240.0, 10.0, 0)
     assert found.chosen == ("N", "K")
+    assert found.missed == {}
     assert not any("may be" in text for text in found.remarks)
 
 

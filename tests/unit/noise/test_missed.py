@@ -9,7 +9,6 @@ from tumble.noise.advice import advise
 from tumble.noise.channel import Channel, characterise_channel
 from tumble.noise.deviation import allan_deviation
 from tumble.noise.fitting.fit import MISSED
-from tumble.noise.terms import NoiseModel
 
 RATE = 50.0
 SAMPLES = 360_000
@@ -38,14 +37,6 @@ def test_a_walk_that_ends_is_not_stated_to_five_percent_where_the_curve_falls_be
     assert term.sigma > np.log(MISSED) * term.value
     assert term.low < term.value / MISSED**2
     assert any("misses the measured curve" in text and "K" in text for text in said)
-
-
-def test_a_model_that_fits_is_stated_as_before_and_nothing_is_said() -> None:
-    model = NoiseModel(random_walk=1e-3, rate_random_walk=1e-4)
-    channel, said = characterised(model.simulate(SAMPLES, RATE, np.random.default_rng(3)))
-    assert channel.fit is not None
-    assert channel.fit.missed == {}
-    assert not any("misses" in text for text in said)
 
 
 def test_white_noise_keeps_its_uncertainty_where_only_long_times_are_missed() -> None:

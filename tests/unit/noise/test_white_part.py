@@ -102,7 +102,7 @@ def test_the_density_is_that_of_samples_at_instants_and_its_slope_right(noise: C
     density = process.sigma**2 / RATE * (1.0 + 2.0 * memory.sum())
     assert part.value**2 == pytest.approx(density + fit.model.random_walk**2, rel=1e-9)
     # one sigma more of T alone moves N by what is stated for it alone
-    names = [term.name for term in fit.terms]
+    names = [term.letter for term in fit.terms]
     place = names.index("correlation time")
     only = np.zeros_like(fit.covariance)
     only[place, place] = 1e-10

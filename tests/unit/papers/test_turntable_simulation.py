@@ -92,11 +92,11 @@ def played_slowly(setting: Setting, axis: np.ndarray, sign: float) -> tuple[np.n
 @pytest.mark.parametrize(("sampled", "duration"), [(True, 36.0), (False, 36.0), (True, 11.0)])
 def test_a_rotation_is_that_of_rotation_matrices(sampled: bool, duration: float) -> None:
     """Over whole turns, and over 110°, in which the Earth rate and the way round do not average out."""
-    setting = replace(exact(table_setting("2")), **{**FAST, "duration": duration})
+    setting = replace(exact(table_setting("2")), **{**FAST, "duration": duration}, sampling=20.0)
     found = simulate(setting, 1, generator(0), sampled=sampled)
     for r, axis in enumerate(setting.axes):
         plus, minus = (played_slowly(setting, axis, sign) for sign in (1.0, -1.0))
-        # 1e9 counts·s summed over 3,600 samples: twelve digits
+        # 1e9 counts·s summed over 720 samples: twelve digits
         np.testing.assert_allclose(found.rotation[0, r], plus[0] - minus[0], rtol=0.0, atol=1e-3)
         # 1e6 counts²
         np.testing.assert_allclose(found.scatter[0, r], 0.5 * (plus[1] + minus[1]), rtol=0.0, atol=1e-6)

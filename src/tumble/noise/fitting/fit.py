@@ -56,19 +56,21 @@ _LONGEST_SHARE = 0.25
 
 
 @dataclass(frozen=True, slots=True)
-class FittedTerm:
+class Term:
     """A coefficient in the signal's unit u.
 
     Attributes
     ----------
-    name : the letter of IEEE Std 952, or "sigma" and "correlation time" of a Gauss-Markov process; those of
+    letter : Q, N, B, K or R of IEEE Std 952, or "sigma" and "correlation time" of a Gauss-Markov process; those of
         a second one are "sigma 2" and "correlation time 2".
-    value, low, high : coefficient, and its limits at the fit's confidence. Q in u·s, N in u·√s, B in u, K in
-        u/√s, R in u/s, sigma in u, the correlation time in s.
+    value, sigma : coefficient and its standard uncertainty. Q in u·s, N in u·√s, B in u, K in u/√s, R in u/s, sigma
+        in u, the correlation time in s.
+    low, high : limits at the fit's confidence.
     """
 
-    name: str
+    letter: str
     value: float
+    sigma: float
     low: float
     high: float
 
@@ -98,7 +100,7 @@ class NoiseFit:
 
     method: Method
     model: NoiseModel
-    terms: tuple[FittedTerm, ...]
+    terms: tuple[Term, ...]
     covariance: Square
     limits: dict[str, float]
     chi_square: float
@@ -116,7 +118,7 @@ class NoiseFit:
     @property
     def chosen(self) -> tuple[str, ...]:
         """Names of the terms that the recording shows."""
-        return tuple(term.name for term in self.terms if not term.name.startswith("correlation time"))
+        return tuple(term.letter for term in self.terms if not term.letter.startswith("correlation time"))
 
 
 def fit_curve(
@@ -202,10 +204,10 @@ def _gather(
     expected = task.expected(task.design(solution.letters, solution.times), solution)
     chi_square, freedom = _goodness(task, solution)
     probability = float(gammaincc(0.5 * freedom, 0.5 * chi_square)) if freedom else 1.0
-    terms, covariance = _terms(task, solution, scale)
+    covariance = _covariance(task, solution, scale)
     remarks = remarks_on(solution, covariance, terms_of(solution))
     missed = _missed(task, solution) if probability < MISFIT else {}
-    terms, covariance = _widened(terms, covariance, missed)
+    terms, covariance = _terms(task, solution, scale, covariance, missed)
     once = float(ndtri(CONFIDENCE))
     unseen = [letter for letter in LETTERS if letter not in solution.letters]
     return NoiseFit(
@@ -254,19 +256,6 @@ def _missed(task: AllanTask, solution: Solution) -> dict[str, float]:
     return dict(zip(terms_of(solution), worst + worst[len(solution.letters) :], strict=True))
 
 
-def _widened(
-    terms: tuple[FittedTerm, ...], covariance: Square, missed: dict[str, float]
-) -> tuple[tuple[FittedTerm, ...], Square]:
-    """Terms and covariance with one sigma more of what a model that does not fit misses."""
-    factors = np.array([missed.get(term.name, 1.0) for term in terms])
-    values = np.array([term.value for term in terms])
-    wide = tuple(
-        replace(term, low=min(term.low, term.value / f**2), high=max(term.high, term.value * f**2))
-        for term, f in zip(terms, factors.tolist(), strict=True)
-    )
-    return wide, covariance + np.diag((values * np.log(factors)) ** 2)
-
-
 def terms_of(solution: Solution) -> tuple[str, ...]:
     """Return the names of a solution's coefficients, correlation times last.
 
@@ -278,31 +267,41 @@ def terms_of(solution: Solution) -> tuple[str, ...]:
     return (*solution.letters, *(f"sigma{m}" for m in marks), *(f"correlation time{m}" for m in marks))
 
 
-def _terms(task: AllanTask, solution: Solution, scale: float) -> tuple[tuple[FittedTerm, ...], Square]:
-    """Coefficients from their squares, with limits for the choice of terms too."""
-    from scipy.special import ndtri
-
-    z = float(ndtri(0.5 + 0.5 * CONFIDENCE))
+def _covariance(task: AllanTask, solution: Solution, scale: float) -> Square:
+    """Covariance of the coefficients, from that of their squares."""
     of_squares = task.fisher(solution)
     values = np.sqrt(solution.squares)
-    limits = [letter_interval(task, solution, letter, z) for letter in solution.letters]
-    limits += [process_interval(task, solution, k, z) for k in range(len(solution.times))]
-    names = terms_of(solution)
-    terms = [
-        # what is stated lies between, also where the two methods disagree
-        FittedTerm(name, float(scale * v), float(scale * min(low, v)), float(scale * max(high, v)))
-        for name, v, (low, high) in zip(names, values, limits, strict=False)
-    ]
-    for name, time, sigma in zip(
-        names[len(values) :], solution.times, np.sqrt(np.diag(of_squares))[len(values) :], strict=True
-    ):
-        factor = float(np.exp(min(z * sigma, 50.0)))
-        terms.append(FittedTerm(name, time, time / factor, time * factor))
     # Of a coefficient that came out as nothing, the root has no slope: its own uncertainty stands for its size.
     spread = np.sqrt(np.sqrt(np.maximum(np.diag(of_squares)[: len(values)], 0.0)))
     sizes = np.where(values > 0.0, values, np.maximum(spread, 1e-300))
     slopes = np.concatenate([scale * 0.5 / sizes, np.array(solution.times, dtype=np.float64)])
-    return tuple(terms), of_squares * np.outer(slopes, slopes)
+    return of_squares * np.outer(slopes, slopes)
+
+
+def _terms(
+    task: AllanTask, solution: Solution, scale: float, covariance: Square, missed: dict[str, float]
+) -> tuple[tuple[Term, ...], Square]:
+    """Coefficients with limits for the choice of terms too, and one sigma more of what a model misses."""
+    from scipy.special import ndtri
+
+    z = float(ndtri(0.5 + 0.5 * CONFIDENCE))
+    names, times = terms_of(solution), np.array(solution.times, dtype=np.float64)
+    values = np.concatenate([scale * np.sqrt(solution.squares), times])
+    limits = [letter_interval(task, solution, letter, z) for letter in solution.letters]
+    limits += [process_interval(task, solution, k, z) for k in range(len(times))]
+    ends = [(scale * low, scale * high) for low, high in limits]
+    relative = np.sqrt(np.diag(covariance)[len(limits) :]) / times
+    ends += [(t / f, t * f) for t, f in zip(times, np.exp(np.minimum(z * relative, 50.0)), strict=True)]
+    factors = np.array([missed.get(name, 1.0) for name in names])
+    wide = covariance + np.diag((values * np.log(factors)) ** 2)
+    # what is stated lies between, also where the two methods disagree
+    terms = tuple(
+        Term(name, float(v), float(sigma), float(min(low, v / f**2)), float(max(high, v * f**2)))
+        for name, v, sigma, (low, high), f in zip(
+            names, values, np.sqrt(np.diag(wide)), ends, factors, strict=True
+        )
+    )
+    return terms, wide
 
 
 __all__ = [
@@ -310,8 +309,8 @@ __all__ = [
     "FALSE_ALARM",
     "MISFIT",
     "MISSED",
-    "FittedTerm",
     "NoiseFit",
+    "Term",
     "fit_curve",
     "terms_of",
 ]
