@@ -288,7 +288,7 @@ def errors_of(drive: Drive, trajectory: Trajectory, chosen: np.ndarray) -> np.nd
     good = at < len(trajectory)
     track = drive.track.rows(rows[good])
     there = trajectory.rows(at[good])
-    return position_differences((there.latitude, there.longitude, there.height), track.position)
+    return position_differences(there.position, track.position)
 
 
 def report(name: str, errors: np.ndarray) -> None:

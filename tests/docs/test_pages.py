@@ -25,7 +25,7 @@ EXECUTED = {
     "docs/navigation.md": 5,
     "docs/plan.md": 2,
     "docs/noise.md": 3,
-    "docs/noise-models.md": 12,
+    "docs/noise-models.md": 10,
     "docs/noise-other-tools.md": 2,
     "docs/poses.md": 6,
     "docs/procedures/multi-position.md": 2,

@@ -100,10 +100,7 @@ def track_velocities(track: GnssTrack) -> Vectors:
         return track.velocity_n
     from tumble.navigation.trajectory import position_differences
 
-    def cut(rows: slice) -> tuple[Series, Series, Series]:
-        return track.latitude[rows], track.longitude[rows], track.height[rows]
-
-    moved = position_differences(cut(slice(2, None)), cut(slice(None, -2)))
+    moved = position_differences(track.rows(slice(2, None)).position, track.rows(slice(None, -2)).position)
     velocity = np.full((len(track), 3), np.nan)
     velocity[1:-1] = moved / (track.time[2:] - track.time[:-2])[:, None]
     return velocity

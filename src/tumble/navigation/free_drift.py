@@ -108,7 +108,5 @@ def _errors(
     states = navigate_from_each(samples, reference.rows(np.asarray(rows)).packed, begins, goals)
     errors = np.full((*wanted.shape, 3), np.nan)
     free, seen = unpacked(goals[reached], states[reached]), reference.rows(there[reached])
-    errors[reached] = position_differences(
-        (free.latitude, free.longitude, free.height), (seen.latitude, seen.longitude, seen.height)
-    )
+    errors[reached] = position_differences(free.position, seen.position)
     return errors

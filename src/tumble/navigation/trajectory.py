@@ -96,6 +96,11 @@ class Trajectory:
         return int(self.time.shape[0])
 
     @property
+    def position(self) -> tuple[Series, Series, Series]:
+        """Latitude and longitude, rad, and height, m."""
+        return self.latitude, self.longitude, self.height
+
+    @property
     def C_nb(self) -> Matrices:
         """(instants, 3, 3) attitude."""
         return matrices_from_quaternions(self.quaternion_nb)
@@ -108,9 +113,8 @@ class Trajectory:
     @property
     def packed(self) -> Table:
         """(instants, 10), as `NavigationState.packed`."""
-        position = [self.latitude, self.longitude, self.height]
         return np.ascontiguousarray(
-            np.hstack([np.column_stack(position), self.velocity_n, self.quaternion_nb])
+            np.hstack([np.column_stack(self.position), self.velocity_n, self.quaternion_nb])
         )
 
     def state(self, index: int) -> NavigationState:
@@ -169,11 +173,9 @@ class Trajectory:
             raise UsageError(
                 "Two trajectories are compared at the same instants: cut or interpolate them first."
             )
-        position = position_differences(
-            (self.latitude, self.longitude, self.height), (truth.latitude, truth.longitude, truth.height)
-        )
         from scipy.spatial.transform import Rotation
 
+        position = position_differences(self.position, truth.position)
         turn = Rotation.from_quat(truth.quaternion_nb) * Rotation.from_quat(self.quaternion_nb).inv()
         return position, self.velocity_n - truth.velocity_n, turn.as_rotvec()
 

@@ -152,10 +152,7 @@ def _forward(before: Trajectory, guide: GnssTrack, velocity: Vectors) -> Vector 
 def _still_there(before: Trajectory, guide: GnssTrack, row: int, speed: float) -> bool:
     """Whether the vehicle stood before the missing samples, and stands there now."""
     last = before.rows(np.array([-1]))
-    apart = position_differences(
-        (last.latitude, last.longitude, last.height),
-        (guide.latitude[row : row + 1], guide.longitude[row : row + 1], guide.height[row : row + 1]),
-    )[0, :2]
+    apart = position_differences(last.position, guide.rows(slice(row, row + 1)).position)[0, :2]
     sigma = float(np.sqrt(np.trace(guide.position_covariance_n[row][:2, :2])))
     slow = max(speed, float(np.hypot(*last.velocity_n[0, :2]))) < 0.3
     return slow and float(np.hypot(*apart)) < 3.0 + 3.0 * sigma
@@ -165,10 +162,7 @@ def _fits_neighbours(guide: GnssTrack, velocity: Vectors) -> np.ndarray:
     """Fixes whose way to the next one is that of their velocity: no outlier."""
     good: np.ndarray = np.asarray(np.isfinite(velocity).all(axis=1))
     good[-1:] = False
-    way = position_differences(
-        (guide.latitude[1:], guide.longitude[1:], guide.height[1:]),
-        (guide.latitude[:-1], guide.longitude[:-1], guide.height[:-1]),
-    )
+    way = position_differences(guide.rows(slice(1, None)).position, guide.rows(slice(None, -1)).position)
     span = np.diff(guide.time)
     sigma = np.sqrt(np.einsum("ijj->i", guide.position_covariance_n))
     left = way - 0.5 * (velocity[1:] + velocity[:-1]) * span[:, None]
@@ -224,4 +218,4 @@ def _joined(before: FilterRun, after: FilterRun, carried: Series) -> FilterRun:
 
 def _columns(run: FilterRun) -> tuple[Series | Table, ...]:
     own = run.trajectory
-    return own.time, own.latitude, own.longitude, own.height, own.velocity_n, own.quaternion_nb
+    return own.time, *own.position, own.velocity_n, own.quaternion_nb

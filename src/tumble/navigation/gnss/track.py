@@ -61,7 +61,7 @@ class GnssTrack:
         """Latitude and longitude (rad), height (m)."""
         return self.latitude, self.longitude, self.height
 
-    def rows(self, index: np.ndarray) -> GnssTrack:
+    def rows(self, index: np.ndarray | slice) -> GnssTrack:
         """Return the fixes of an index or of a boolean array."""
         return replace(
             self,
