@@ -26,7 +26,6 @@ from tumble_papers.savage.section_9 import (
 )
 from tumble_papers.zhang.comparison import reproduce_figure as reproduce_norm_errors
 from tumble_papers.zhang.comparison import reproduce_table_6
-from tumble_papers.zhang.formulas import reproduce_formulas
 from tumble_papers.zhang.navigation import reproduce_measurements, reproduce_positions
 from tumble_papers.zhang.sensitivity import reproduce_designs, reproduce_sensitivity
 from tumble_papers.zhang.tables import reproduce_scatter_table, reproduce_table_2, reproduce_table_5
@@ -139,7 +138,6 @@ def _zhang_items() -> list[Item]:
             reproduce_designs,
             500,
         ),
-        Item("zhang-formulas", "the formulas tried, right and slipped", reproduce_formulas, None),
     ]
     return items
 

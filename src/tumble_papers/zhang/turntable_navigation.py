@@ -128,7 +128,7 @@ def model_of(parameters: Series) -> ImuModel:
     """
     force: Matrix = np.real(matrix_from_zhang(parameters[0:3], parameters[3:6]))
     rate: Matrix = np.real(matrix_from_zhang(parameters[9:12], parameters[12:15]))
-    turned = rate @ np.real(inter_triad_rotation(parameters[18:21]))
+    turned = rate @ inter_triad_rotation(parameters[18:21])
     return ImuModel(
         Triad(force, parameters[0:3] * parameters[6:9]), Triad(turned, parameters[9:12] * parameters[15:18])
     )
