@@ -12,7 +12,7 @@ from tumble.earth.site import EARTH_RATE
 from tumble_papers.hayal.estimators import THEORY, reproduce_norm_bias
 from tumble_papers.hayal.thesis_simulation import RATE_NOISE, run_setting, table_setting
 
-RUNS = 1500
+RUNS = 600
 # Two-sided chance of a normal deviate beyond this: 7e-6; ten such comparisons and two programs.
 SIGMAS = 4.5
 # Mean scale factor error, ppm, 26 and 208 attitudes: another implementation's.
@@ -58,16 +58,6 @@ def test_with_many_attitudes_the_theory_of_second_order_holds(
     assert square == pytest.approx(1381, abs=1.0)
     mean, sigma = means[estimator, 208]
     assert abs(mean - THEORY[estimator] * square) < SIGMAS * sigma + 0.1 * square
-
-
-def test_the_order_of_the_estimators_is_beyond_doubt(
-    means: dict[tuple[str, int], tuple[float, float]],
-) -> None:
-    """With the same noise for all, their differences are known far better than each."""
-    for attitudes in (26, 208):
-        order = ["corrected", "gauss-helmert", "fixed", "norm", "square"]
-        errors = [means[name, attitudes][0] for name in order]
-        assert errors == sorted(errors)
 
 
 def test_a_wrong_theory_is_found_out(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -35,7 +35,7 @@ def find_best_subset(
 
     Parameters
     ----------
-    count : how many poses, 9 at least.
+    count : how many poses, 9 to 26.
     rng : draws the starts.
     criterion : one of `CRITERIA`.
     starts : how many; the best end is returned, which may be a local one.
@@ -43,12 +43,10 @@ def find_best_subset(
     Raises
     ------
     ValueError
-        If there are not as many poses, or fewer than 9 are asked for, or there is no such criterion.
+        If fewer than 9 are asked for, or there is no such criterion.
     """
     directions = twenty_six_directions()
     _check(count, criterion)
-    if count > directions.shape[0]:
-        raise ValueError(f"{count} poses are more than the {directions.shape[0]} to choose of")
     ends = [
         _exchanged(rng.permutation(directions.shape[0]), count, directions, criterion) for _ in range(starts)
     ]

@@ -78,13 +78,6 @@ def test_pieces_between_gaps_are_pooled_by_their_differences() -> None:
         assert whole.deviation[k] ** 2 == pytest.approx(total / count, rel=1e-9)
 
 
-def test_a_jump_at_a_gap_is_not_noise() -> None:
-    signal = signal_of(2000)
-    jumped = signal + 1e4 * (np.arange(2000) >= 700)[:, None]
-    split = allan_deviation(jumped, 1.0, gaps=[700])
-    assert split.deviation == pytest.approx(allan_deviation(signal, 1.0, gaps=[700]).deviation, rel=1e-6)
-
-
 def test_rows_that_are_not_finite_part_the_signal() -> None:
     signal = signal_of(2000)
     spoiled = signal.copy()
@@ -112,18 +105,6 @@ def test_named_averaging_times(name: str, expected: list[int]) -> None:
 def test_given_averaging_times_are_taken_to_whole_samples_once() -> None:
     found = allan_deviation(signal_of(100), 10.0, taus=np.array([0.31, 0.1, 0.29, 4.0, 900.0]))
     assert found.averaging.tolist() == [1, 3, 40]
-
-
-def test_half_the_allan_variance_is_that_of_haar_coefficients_written_out() -> None:
-    """Coefficients of the maximal-overlap Haar transform: half the difference of neighbouring means (Percival 1995)."""
-    signal = signal_of(600)
-    found = allan_deviation(signal, 4.0, taus="octave")
-    for k, half in enumerate(found.averaging):
-        filter_ = np.concatenate([np.full(half, 0.5 / half), np.full(half, -0.5 / half)])
-        coefficients = np.convolve(signal[:, 2] - signal[:, 2].mean(), filter_, mode="valid")
-        assert found.count[k] == coefficients.size
-        assert 0.5 * found.deviation[k, 2] ** 2 == pytest.approx(np.mean(coefficients**2), rel=1e-9)
-        assert found.tau[k] == half / 4.0
 
 
 @pytest.mark.parametrize(

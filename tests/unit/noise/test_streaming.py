@@ -46,18 +46,6 @@ def test_long_averaging_times_are_those_of_the_averaged_signal() -> None:
         assert found.deviation[at] == pytest.approx(averaged.deviation[0], rel=1e-9)
 
 
-def test_what_dropping_samples_would_alias_is_not_there() -> None:
-    """Noise that alternates in sign vanishes in every mean of two; every other sample would show it whole."""
-    signal = np.where(np.arange(60_000) % 2 == 0, 1.0, -1.0)[:, None] + 1e-6 * signal_of(60_000)[:, :1]
-    found = streamed(signal, [10_001]).deviation()
-    dropped = allan_deviation(signal[::2], 50.0).deviation
-    assert found.deviation[-4, 0] < 1e-5
-    assert dropped[-4, 0] < 1e-5 < 0.1 < found.deviation[0, 0]
-    assert found.deviation[1, 0] == pytest.approx(
-        allan_deviation(signal, 100.0, taus=[0.02]).deviation[0, 0], rel=1e-9
-    )
-
-
 def test_no_difference_lies_across_a_gap() -> None:
     signal = signal_of(9000)
     collector = StreamedDeviation(100.0, 2)

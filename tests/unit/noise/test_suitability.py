@@ -120,32 +120,11 @@ def test_a_step_in_the_middle_parts_the_recording_where_it_is() -> None:
     assert second - first < 100
 
 
-@pytest.mark.usefixtures("without_models")
-def test_a_dead_channel_is_left_out_and_the_others_are_not() -> None:
-    dead = at_rest()
-    assert dead.specific_force is not None
-    dead.specific_force[:, 1] = 4.0
-    found = characterise(dead)
-    assert [channel.name for channel in found.channels] == ["ax", "az", "gx", "gy", "gz"]
-    assert "ay never changes (4 throughout)" in found.sentences[0]
-
-
 def test_nothing_but_dead_channels_is_refused() -> None:
     dead = at_rest(100)
     dead = spoiled(dead, specific_force=np.ones((100, 3)), angular_rate=np.zeros((100, 3)))
     with pytest.raises(RecordingError, match="No channel ever changes"):
         characterise(dead)
-
-
-@pytest.mark.usefixtures("without_models")
-def test_a_run_of_nan_is_a_gap() -> None:
-    holed = at_rest()
-    assert holed.angular_rate is not None
-    holed.angular_rate[5000:5600, 0] = np.nan
-    found = characterise(holed)
-    assert found.suitability.pieces == ((0, 5000), (5600, 30_000))
-    assert len(found.channels) == 6
-    assert np.all(np.isfinite(found.channels[3].curve.deviation))
 
 
 @pytest.mark.usefixtures("without_models")

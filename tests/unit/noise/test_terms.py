@@ -160,20 +160,6 @@ def test_the_covariance_of_means_is_that_of_simulated_holds() -> None:
     assert np.max(np.abs(z)) < 4.5
 
 
-def test_the_covariance_of_means_is_what_segmentation_finds_in_the_samples() -> None:
-    """`segmentation.averages` knows no model; white noise within 10 % (its own degrees of freedom, 2000)."""
-    from tumble.segmentation.averages import mean_covariance
-
-    rng = np.random.default_rng(5)
-    rate, samples, hold = 50.0, 60_000, 250
-    items = [[(a, a + hold)] for a in range(0, samples, hold)]
-    white = NoiseModel(random_walk=0.02)
-    signal = np.column_stack([white.simulate(samples, rate, rng) for _ in range(3)])
-    found = mean_covariance(signal, items).covariance[:, [0, 1, 2], [0, 1, 2]].mean(axis=0)
-    expected = white.mean_covariance(np.array([hold / rate]), samples / rate)[0, 0]
-    np.testing.assert_allclose(found, expected, rtol=0.1)
-
-
 @pytest.mark.parametrize(
     ("model", "tolerance"),
     [

@@ -81,8 +81,3 @@ def test_what_cannot_be_asked_is_refused(search) -> None:
         search(8, rng)
     with pytest.raises(ValueError, match="is none of average, minimax"):
         search(9, rng, criterion="best")
-
-
-def test_more_poses_than_candidates_are_refused() -> None:
-    with pytest.raises(ValueError, match="more than the 26"):
-        find_best_subset(27, np.random.default_rng(0))

@@ -94,21 +94,6 @@ def test_in_complete_models_the_scatter_is_the_stated_sigma(
     assert np.all(np.abs(ratio - 1.0) < 0.13)
 
 
-def test_one_run_shows_the_first_of_many() -> None:
-    """What one run shows is a member of the range that many show."""
-    one, many = reproduce_table("4.5", 1, 0), reproduce_table("4.5", 50, 0)
-    columns = many.columns
-    mean, low, high = (columns.index(f"sigma: {word}") for word in ("mean", "lowest", "highest"))
-    run = columns.index("one run: sigma")
-    for row in many.rows:
-        cells = [float(c) for c in row.cells if isinstance(c, float)]
-        assert len(cells) == len(row.cells) - 1
-        assert float(str(row.cells[low])) <= float(str(row.cells[run])) <= float(str(row.cells[high]))
-        assert float(str(row.cells[low])) <= float(str(row.cells[mean])) <= float(str(row.cells[high]))
-    # one run has no range: lowest and highest are those of its three axes
-    assert [row.label for row in one.rows] == [row.label for row in many.rows]
-
-
 @pytest.fixture(scope="module")
 def outcomes() -> dict[str, Outcome]:
     return {table: reproduce_table(table, 500, 0) for table in ("4.2", "4.3", "4.4", "4.5")}

@@ -71,8 +71,3 @@ def test_a_printed_table_of_other_noise_is_outside(monkeypatch: pytest.MonkeyPat
 
 
 original = zhang_sensitivity.predict_sigma
-
-
-def test_a_single_run_has_errors() -> None:
-    rows = reproduce_designs(1, 5).rows
-    assert all(row.cells[2] == "refused" or float(row.cells[2] or 0.0) > 0.0 for row in rows)
