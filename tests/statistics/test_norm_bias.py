@@ -62,9 +62,9 @@ def test_with_many_attitudes_the_theory_of_second_order_holds(
 
 def test_a_wrong_theory_is_found_out(monkeypatch: pytest.MonkeyPatch) -> None:
     """The verdict of the item can be outside."""
-    assert reproduce_norm_bias(500, 0).counts == (4, 4)
+    assert reproduce_norm_bias(200, 0).counts == (4, 4)
     monkeypatch.setitem(THEORY, "norm", 3.5)
-    outcome = reproduce_norm_bias(500, 0)
+    outcome = reproduce_norm_bias(200, 0)
     assert outcome.counts == (3, 4)
     (row,) = [row for row in outcome.rows if row.reason]
     assert row.label.startswith("norm")

@@ -66,6 +66,11 @@ class Deviation:
     samples: int
     pieces: tuple[int, ...]
 
+    @property
+    def confidence(self) -> float:
+        """Probability of each interval, two-sided."""
+        return ONE_SIGMA
+
     def __len__(self) -> int:
         return int(self.tau.size)
 

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tumble.noise.deviation import ONE_SIGMA
 from tumble.report.figures.plot import AXIS_COLOURS, base_layout, faint, plain, scatter, text_axis
 from tumble.report.html import render_page
 from tumble.report.noise_words import (
@@ -95,7 +94,7 @@ def _figures(noise: Characterisation) -> list[Block]:
             continue
         factor, unit = practical_unit(channels[0], "B")
         curves = _curves(f"allan-{letter}", f"Allan deviation of the {word}s", channels, factor, unit)
-        band = f"Band: {100.0 * ONE_SIGMA:.0f} % interval"
+        band = f"Band: {100.0 * channels[0].curve.confidence:.0f} % interval"
         spectrum = _spectrum(noise, letter, channels, factor, unit)
         levels = _levels(noise, letter, channels, factor, unit)
         lines = "Triangles: lines, of a motor say; flat: √2 N."

@@ -11,7 +11,6 @@ from pydantic import ConfigDict, Field
 
 import tumble
 from tumble.document.part import DocumentPart
-from tumble.noise.deviation import ONE_SIGMA
 from tumble.report.noise_words import (
     CURVE,
     DEFINITIONS,
@@ -329,12 +328,10 @@ def _random_walk(channel: Channel) -> RandomWalkBlock | None:
 
 
 def _fit(channel: Channel, fit: NoiseFit) -> FitBlock:
-    from tumble.noise.fitting.fit import CONFIDENCE
-
     names = [term.letter for term in fit.terms]
     return FitBlock(
         what=FITS[fit.method],
-        confidence=CONFIDENCE,
+        confidence=fit.confidence,
         chi_square=fit.chi_square,
         degrees_of_freedom=fit.freedom,
         probability=fit.probability,
@@ -363,7 +360,7 @@ def _curve(curve: Deviation, unit: str) -> CurveBlock:
         kind="overlapping",
         what=CURVE,
         unit=unit,
-        confidence=ONE_SIGMA,
+        confidence=curve.confidence,
         tau_s=_numbers(curve.tau),
         deviation=_numbers(curve.deviation[:, 0]),
         low=_numbers(curve.low[:, 0]),

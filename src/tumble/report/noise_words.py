@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from tumble.noise.deviation import ONE_SIGMA
 from tumble.noise.triads import triad_terms
 from tumble.noise.units import ACCELEROMETER, GYRO, practical_noise_unit, si_noise_unit
 from tumble.records import dataclass
@@ -160,7 +159,7 @@ def curve_lines(channels: tuple[Channel, ...]) -> list[str]:
     chosen = _thinned(curve.tau)
     units = [practical_unit(c, "B") for c in channels]
     heads = ["τ, s", *(f"{c.name}, {unit}" for c, (_, unit) in zip(channels, units, strict=True))]
-    rows = [[*heads, f"{100.0 * ONE_SIGMA:.0f} % interval"]]
+    rows = [[*heads, f"{100.0 * curve.confidence:.0f} % interval"]]
     for k in chosen:
         cells = [
             f"{factor * float(c.curve.deviation[k, 0]):.4g}"

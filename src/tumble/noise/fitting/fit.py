@@ -116,6 +116,11 @@ class NoiseFit:
     missed: dict[str, float] = field(default_factory=dict[str, float])
 
     @property
+    def confidence(self) -> float:
+        """Probability of the intervals and upper limits."""
+        return CONFIDENCE
+
+    @property
     def chosen(self) -> tuple[str, ...]:
         """Names of the terms that the recording shows."""
         return tuple(term.letter for term in self.terms if not term.letter.startswith("correlation time"))
