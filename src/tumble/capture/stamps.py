@@ -26,7 +26,6 @@ class ForwardClock:
         self._offset = 0.0
         self._fresh = last is not None
         self._leaps = leaps
-        self.repeated = 0
 
     def carry_on(self, samples: Samples, waited: float = 0.0) -> tuple[Samples, list[tuple[float, float]]]:
         """Return the samples with stamps that increase, and each jump of the unit's clock as (before, after), s.
@@ -53,7 +52,6 @@ class ForwardClock:
                 :-1
             ]
         )
-        self.repeated += int(np.count_nonzero(~ahead))
         if not ahead.all():
             samples, time = samples.cut(ahead), time[ahead]
         if len(time):

@@ -39,7 +39,7 @@ def watched(
 
 def test_a_real_recording_gives_live_the_holds_of_the_file() -> None:
     recording = read_recording(DEMO, columns="ax,ay,az,gx,gy,gz", units="m/s^2,rad/s", rate=100.0)
-    search, told = watched(recording)
+    search, told = watched(recording, 0.25)
     in_file = [(h.start, h.stop) for h in find_timeline(recording).holds]
     live = [(h.hold.start, h.hold.stop) for h in search.holds]
     assert len(live) == len(in_file)

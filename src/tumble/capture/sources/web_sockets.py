@@ -38,6 +38,7 @@ class _WebSocket:
             opened: Any = connect(
                 url,
                 open_timeout=_CONNECT,
+                close_timeout=_ANSWER,
                 max_size=_LONGEST,
                 proxy=None,
             )
