@@ -26,16 +26,6 @@ def limits_verdict(block: LimitsBlock) -> Verdict:
     return Verdict(block.decision == "passed", DECISIONS[block.decision], [*block.reasons, *said])
 
 
-def limits_lines(calibration: Calibration) -> list[Block]:
-    """Return what a terminal shows after the verdict.
-
-    Parameters
-    ----------
-    calibration : the document.
-    """
-    return [] if calibration.limits is None else [limits_verdict(calibration.limits)]
-
-
 def limits_section(calibration: Calibration) -> list[Block]:
     """Return the report's section of limits, none where there are none.
 

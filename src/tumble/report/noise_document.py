@@ -22,7 +22,8 @@ from tumble.report.noise_words import (
 )
 
 if TYPE_CHECKING:
-    from tumble.noise.characterisation import Channel, Characterisation
+    from tumble.noise.channel import Channel, Term
+    from tumble.noise.characterisation import Characterisation
     from tumble.noise.deviation import Deviation
     from tumble.noise.fitting.fit import NoiseFit
     from tumble.noise.lines import FoundLine
@@ -275,19 +276,11 @@ def noise_document(noise: Characterisation) -> dict[str, Any]:
 def _channel(channel: Channel) -> ChannelBlock:
     terms: dict[str, TermBlock] = {}
     for term in channel.terms:
-        factor, unit = practical_unit(channel, term.letter)
         terms[term.letter] = TermBlock(
             letter=term.letter,
             name=NAMES.get(term.letter, term.letter),
             definition=definition_of(term.letter),
-            value=term.value,
-            standard_uncertainty=_number(term.sigma),
-            low=term.low,
-            high=term.high,
-            unit=si_unit(channel, term.letter),
-            practical=Practical(
-                value=factor * term.value, standard_uncertainty=_number(factor * term.sigma), unit=unit
-            ),
+            **_stated(channel, term.letter, term),
             curve_missed_by=None if channel.fit is None else channel.fit.missed.get(term.letter),
         )
     return ChannelBlock(
@@ -311,20 +304,28 @@ def _random_walk(channel: Channel) -> RandomWalkBlock | None:
     term = channel.random_walk
     if term is None:
         return None
-    factor, unit = practical_unit(channel, "N")
     return RandomWalkBlock(
         letter="N",
         definition=DEFINITIONS["random walk"],
-        value=term.value,
-        standard_uncertainty=_number(term.sigma),
-        low=term.low,
-        high=term.high,
-        unit=si_unit(channel, "N"),
+        **_stated(channel, "N", term),
         correlation_times_s=[] if channel.white is None else list(channel.white.times),
-        practical=Practical(
-            value=factor * term.value, standard_uncertainty=_number(factor * term.sigma), unit=unit
-        ),
     )
+
+
+def _stated(channel: Channel, letter: str, term: Term) -> dict[str, Any]:
+    """A coefficient with its uncertainty and its interval, in SI and as people use it."""
+    factor, unit = practical_unit(channel, letter)
+    practical = Practical(
+        value=factor * term.value, standard_uncertainty=_number(factor * term.sigma), unit=unit
+    )
+    return {
+        "value": term.value,
+        "standard_uncertainty": _number(term.sigma),
+        "low": term.low,
+        "high": term.high,
+        "unit": si_unit(channel, letter),
+        "practical": practical,
+    }
 
 
 def _fit(channel: Channel, fit: NoiseFit) -> FitBlock:

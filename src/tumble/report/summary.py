@@ -19,7 +19,7 @@ from tumble.arrays import Series
 from tumble.report.calibration import parameter_table
 from tumble.report.evidence.magnetometer import magnetometer_rows, magnetometer_sentences, magnetometer_table
 from tumble.report.evidence.turn_ons import bias_table
-from tumble.report.limits import DECISIONS, limits_lines
+from tumble.report.limits import DECISIONS, limits_verdict
 from tumble.report.page import Block, Sentences, Table, Verdict
 from tumble.report.parameters import (
     ACCELEROMETER,
@@ -255,9 +255,8 @@ def print_calibration(calibration: Calibration, console: Console, *, verbose: bo
     """
     fit = calibration.verdict.fit
     shown = (summary if verbose else brief)(calibration, width=console.width)
-    print_blocks(
-        [Verdict(fit, verdict_words(fit), calibration.verdict.reasons), *limits_lines(calibration)], console
-    )
+    limits = [] if calibration.limits is None else [limits_verdict(calibration.limits)]
+    print_blocks([Verdict(fit, verdict_words(fit), calibration.verdict.reasons), *limits], console)
     console.print()
     print_blocks(shown, console)
 

@@ -53,8 +53,8 @@ _SYMBOLS = {
     "triangle-up": "^",
     "triangle-down": "v",
 }
-_DASHES = {"dash": (0, (5, 2)), "dot": (0, (1, 1.5)), "dashdot": (0, (5, 2, 1, 2)), "longdash": (0, (8, 2))}
-_STEPS = {"hv": "steps-post", "vh": "steps-pre", "hvh": "steps-mid"}
+_DASHES = {"dash": (0, (5, 2)), "dot": (0, (1, 1.5)), "dashdot": (0, (5, 2, 1, 2))}
+_STEPS = {"hv": "steps-post", "hvh": "steps-mid"}
 
 
 def draw_page(path: Path, form: str) -> list[Path]:
@@ -267,8 +267,8 @@ def _texts(one: Any, trace: Plot, x: np.ndarray, y: np.ndarray) -> None:
 def _fill(one: Any, trace: Plot, x: np.ndarray, y: np.ndarray, label: str) -> None:
     """An area: of a closed line, down to zero, or to the line before."""
     colour = _colour(trace.get("fillcolor") or trace.get("line", {}).get("color"))
-    step = {"hv": "post", "vh": "pre", "hvh": "mid"}.get(trace.get("line", {}).get("shape", ""))
-    if trace["fill"] in ("toself", "tonext"):
+    step = {"hv": "post", "hvh": "mid"}.get(trace.get("line", {}).get("shape", ""))
+    if trace["fill"] == "toself":
         parts = np.flatnonzero(np.isnan(x.astype(float)) | np.isnan(y))
         for k, (a, b) in enumerate(zip([0, *(parts + 1)], [*parts, x.size], strict=True)):
             one.fill(x[a:b], y[a:b], color=colour, linewidth=0.0, label=label if k == 0 else "_")
@@ -284,17 +284,13 @@ def _bars(one: Any, trace: Plot, layout: Plot, stacked: dict[str, Any]) -> None:
     lying, marker = trace.get("orientation") == "h", trace.get("marker", {})
     places, lengths = _values(trace["y" if lying else "x"]), _values(trace["x" if lying else "y"])
     key = f"{trace.get('yaxis', 'y')}"
-    base: Any = (
-        _values(trace["base"]) if isinstance(trace.get("base"), dict | list) else trace.get("base", 0.0)
-    )
+    base: Any = _values(trace["base"]) if "base" in trace else 0.0
     if layout.get("barmode") in ("stack", "relative"):
         base = stacked.get(key, np.zeros(lengths.size))
         stacked[key] = base + np.nan_to_num(lengths)
     apart = np.diff(np.unique(places)) if places.dtype.kind == "f" else np.zeros(0)
     usual = 0.8 * float(apart.min()) if apart.size else 0.7
-    thick = (
-        _values(trace["width"]) if isinstance(trace.get("width"), dict | list) else trace.get("width", usual)
-    )
+    thick = trace.get("width", usual)
     opacity = float(trace.get("opacity", 1.0)) * float(marker.get("opacity", 1.0))
     look = {"color": _colour(marker.get("color"), opacity), "label": _label(trace)}
     if lying:
