@@ -8,6 +8,7 @@ about the bias' mean over the whole test.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
@@ -116,36 +117,32 @@ def wander_sigma(noise: TriadNoise, dwell: float, span: float) -> float:
 
 def _markov(intervals: Table, memory: float) -> Square:
     """Covariances of means over intervals of a process of unit variance with exp(-t/memory)."""
-    start, stop = intervals.T / memory
-    # The double integral of exp(-|s-t|) over two intervals by its second antiderivative in s - t.
-    edges = (
-        _twice(start[:, None] - stop)
-        - _twice(start[:, None] - start)
-        - _twice(stop[:, None] - stop)
-        + _twice(stop[:, None] - start)
-    )
-    lengths = stop - start
-    return np.asarray(edges / np.outer(lengths, lengths), dtype=np.float64)
 
+    def twice(a: Table, b: Table) -> Table:
+        lag = np.abs(a - b)
+        return np.asarray(-lag - np.exp(-lag), dtype=np.float64)
 
-def _twice(lag: Table) -> Table:
-    """A function whose second derivative is exp(-|lag|): |lag| + exp(-|lag|)."""
-    return np.asarray(np.abs(lag) + np.exp(-np.abs(lag)), dtype=np.float64)
+    return _mean_product(twice, intervals / memory)
 
 
 def _walk(intervals: Table) -> Square:
-    """Covariances of means over intervals of a walk that starts at zero: the double integral of min(s, t)."""
-    start, stop = intervals.T
+    """Covariances of means over intervals of a walk that starts at zero."""
 
-    def thrice(a: Table, b: Table) -> Table:
+    def twice(a: Table, b: Table) -> Table:
         low, high = np.minimum(a, b), np.maximum(a, b)
         return np.asarray(low**2 * high / 2.0 - low**3 / 6.0, dtype=np.float64)
 
+    return _mean_product(twice, intervals)
+
+
+def _mean_product(twice: Callable[[Table, Table], Table], intervals: Table) -> Square:
+    """Means over pairs of intervals of a covariance whose integral over both of its times is given."""
+    start, stop = intervals.T
     whole = (
-        thrice(stop[:, None], stop[None])
-        - thrice(stop[:, None], start[None])
-        - thrice(start[:, None], stop[None])
-        + thrice(start[:, None], start[None])
+        twice(stop[:, None], stop[None])
+        - twice(stop[:, None], start[None])
+        - twice(start[:, None], stop[None])
+        + twice(start[:, None], start[None])
     )
     lengths = stop - start
     return np.asarray(whole / np.outer(lengths, lengths), dtype=np.float64)

@@ -54,21 +54,13 @@ class PlayedPlan:
 
     Attributes
     ----------
-    protocol, site : what was played, and where.
     recording, truth : exact samples, and where everything is in them.
     holds : (holds, 2) half-open ranges of samples.
     """
 
-    protocol: Protocol
-    site: Site
     recording: Recording
     truth: Truth
     holds: np.ndarray
-
-    @property
-    def hold_steps(self) -> tuple[int | None, ...]:
-        """The protocol's step that each hold is; None for a rest that no step asks for."""
-        return self.truth.hold_steps
 
 
 def require_plannable(protocol: Protocol) -> None:
@@ -120,7 +112,7 @@ def play_plan(protocol: Protocol, site: Site, rng: np.random.Generator) -> Playe
     first = np.searchsorted(recording.time, edges[:, 0] + trim)
     last = np.searchsorted(recording.time, edges[:, 1] - trim)
     holds = np.column_stack([first, np.maximum(last, first + 2)])
-    return PlayedPlan(protocol, site, recording, truth, holds)
+    return PlayedPlan(recording, truth, holds)
 
 
 def planned_data(

@@ -72,7 +72,7 @@ def find_step_worths(plan: JointPlan, say: Callable[[str], None] | None = None) 
     found: list[tuple[int, str, JointInformation, float]] = []
     if say is not None:
         say("leaving out one step after the other")
-    for hold, step in counted(enumerate(plan.played.hold_steps), data.holds):
+    for hold, step in counted(enumerate(plan.played.truth.hold_steps), data.holds):
         if step is None:
             continue
         left = plan.problem.task.copy().taking_part

@@ -12,7 +12,7 @@ from tumble.errors import UsageError
 from tumble.protocol.steps import Protocol
 from tumble.recording.recording import Recording
 from tumble.sensor.imu import ImuModel
-from tumble.simulation.fixtures import PlayedProtocol, TrueSpin, play_protocol
+from tumble.simulation.fixtures import PlayedProtocol, play_protocol
 from tumble.simulation.grades import Grade
 from tumble.simulation.magnetometer import SimulatedMagnetometer
 from tumble.simulation.recordings import Distort, Truth, simulate_recording
@@ -165,6 +165,3 @@ def _in_counts(model: ImuModel, force: float, rate: float) -> ImuModel:
         model.gyroscope.in_raw_unit(rate),
         None if model.g_sensitivity is None else rate * model.g_sensitivity,
     )
-
-
-__all__ = ["PlayedProtocol", "TrueSpin", "play_protocol", "simulate_protocol"]

@@ -12,9 +12,9 @@ from tumble.calibration.magnetometer.estimate import Magnetometer
 from tumble.errors import UsageError
 from tumble.protocol import named_protocol
 from tumble.sensor import Triad
+from tumble.simulation import play_protocol
 from tumble.simulation.errors import SessionErrors
 from tumble.simulation.magnetometer import SimulatedMagnetometer, find_magnetometer
-from tumble.simulation.protocols import play_protocol
 from tumble.workflows.calibrate import calibrate
 from tumble.workflows.simulate import simulate
 

@@ -112,26 +112,3 @@ def test_half_a_turn_between_two_samples_is_refused() -> None:
     motion.mean_angular_rate_ib_b(np.arange(0.0, 6.01, 0.5), STILL)
     with pytest.raises(UsageError, match="Between 2 s and 3 s the unit turns by 327 degrees"):
         motion.mean_angular_rate_ib_b(np.arange(0.0, 6.1, 1.0), STILL)
-
-
-def test_a_spin_s_rate_and_its_change_are_derivatives_of_its_angle() -> None:
-    motion = Motion(
-        Rotation.from_rotvec([0.3, -0.2, 0.5]).as_quat(),
-        np.array([1.0, 1.0]),
-        np.array([6.0]),
-        np.array([[0.0, 0.0, -7.0]]),
-        np.array([1.0, 0.0, 0.0]),
-        spin_shapes=SpinShapes.even(np.array([1.5])),
-    )
-    time = np.array([1.2, 2.0, 2.45, 2.6, 4.0, 5.4, 6.2, 6.9])
-    h = 1e-4
-    rate = motion.angular_rate_ib_b(time, STILL)[:, 2]
-    mean = [motion.mean_angular_rate_ib_b(np.array([t - h, t + h]), STILL)[0, 2] for t in time]
-    # truncation: second derivative of the rate (some 10 rad/s³) times h² / 6
-    np.testing.assert_allclose(rate, mean, atol=1e-7)
-    assert rate[4] == pytest.approx(-7.0 / 4.5, rel=1e-13)  # the whole angle in length less a ramp
-    # along y, tangential to a lever arm along x, gravity apart: the rate's change
-    gravity_b = motion.rotation_nb(time).inv().apply([0.0, 0.0, -STILL.gravity])
-    tangential = (motion.specific_force_b(time, STILL) - gravity_b)[:, 1]
-    before, after = (motion.angular_rate_ib_b(time + s, STILL)[:, 2] for s in (-h, h))
-    np.testing.assert_allclose(tangential, (after - before) / (2.0 * h), atol=1e-6)
