@@ -164,17 +164,16 @@ def judge_stop(
     untold = [PARAMETERS[index] for index in map(int, wanted) if not np.isfinite(sigmas[index])]
     if untold:
         return False, [f"Not determined yet: {', '.join(untold)}."]
-    words: list[str] = []
-    reached = True
-    for group, target in targets.items():
-        members = [index for index in GROUPS[group] if index in wanted]
-        limit = target / gravity if group == "bias" else target
-        off = [PARAMETERS[index] for index in members if sigmas[index] > limit]
-        if off:
-            reached = False
-            words.append(f"The target is not reached by {', '.join(off)}.")
-    if targets and reached:
+    limits = {group: target / gravity if group == "bias" else target for group, target in targets.items()}
+    off = [
+        PARAMETERS[index]
+        for group, limit in limits.items()
+        for index in GROUPS[group]
+        if index in wanted and sigmas[index] > limit
+    ]
+    if targets and not off:
         return True, ["All targets are reached: stop here."]
+    words = [f"The target is not reached by {', '.join(off)}."] if off else []
     biases = [index for index in GROUPS["bias"] if index in wanted]
     floor = ALLAN_FLOOR * noise.bias_instability / gravity
     if biases and floor > 0.0 and float(np.max(sigmas[biases])) < 0.5 * floor:

@@ -18,7 +18,7 @@ from tumble.calibration.poses import SAME_POSE, describe_direction
 from tumble.design.joint_information import GROUPS, NAMES, TOLD, JointInformation, planned_problem
 from tumble.design.joint_plan import PlanTask, Weakness, mean_log_sigma
 from tumble.design.planned_motion import planned_data, play_plan
-from tumble.protocol.library import BY_HAND
+from tumble.protocol.library import BY_HAND, named_protocol
 from tumble.protocol.steps import HoldStep, Pose, Protocol, SpinStep, Step, TurnStep
 from tumble.records import dataclass
 
@@ -256,8 +256,8 @@ def _by_hand(axis: Vector, up: Vector, angle: float, hold: float, turn: float) -
 
 
 def _rotations(protocol: Protocol, name: str, axis: Vector, up: Vector) -> list[tuple[str, tuple[Step, ...]]]:
-    known = [s for s in protocol.steps if isinstance(s, SpinStep) and s.angle is not None]
-    like = known[0] if known else _plain_rotation()
+    steps = (*protocol.steps, *named_protocol("turntable-9").steps)
+    like = next(s for s in steps if isinstance(s, SpinStep) and s.angle is not None)
     rest = HoldStep(20.0, Pose(up, None, BY_HAND))
     found: list[tuple[str, tuple[Step, ...]]] = []
     for sign, way in ((1.0, "counter-clockwise"), (-1.0, "clockwise")):
@@ -266,20 +266,6 @@ def _rotations(protocol: Protocol, name: str, axis: Vector, up: Vector) -> list[
         turned = f"{abs(angle) / (2.0 * np.pi):.3g} turns"
         found.append((f"rotate the table by {turned} about {name}, level, {way}", (rest, spin, rest)))
     return found
-
-
-def _plain_rotation() -> SpinStep:
-    from tumble.protocol.library import TABLE_RAMP, TABLE_SIGMA, TABLE_SPEED, TABLE_TURN
-
-    seconds = TABLE_TURN / TABLE_SPEED - TABLE_RAMP
-    return SpinStep(
-        seconds,
-        TABLE_SPEED,
-        np.array([1.0, 0.0, 0.0]),
-        ramp=TABLE_RAMP,
-        angle=TABLE_TURN,
-        angle_sigma=TABLE_SIGMA,
-    )
 
 
 def _candidate(task: PlanTask, name: str, steps: tuple[Step, ...], turn: float, span: float) -> StepCandidate:
