@@ -150,14 +150,28 @@ def check_seed(seed: int) -> None:
         raise UsageError(f"--seed {seed}: a seed is a whole number from 0 on.")
 
 
-def document_text(document: dict[str, Any]) -> str:
-    """Return a plan's document as the text of its file.
+def write_plan(folder: Path, protocol: Protocol, document: dict[str, Any], title: str) -> list[Path]:
+    """Write a plan's protocol, document and sheet beside their places, then rename them all; return the places.
 
     Parameters
     ----------
-    document : of plain data.
+    folder, protocol, document, title : where, and of plain data; the title is the sheet's.
+
+    Raises
+    ------
+    OutputError
+        If they cannot be written; earlier ones are intact.
     """
-    return json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    from tumble.files import write_texts
+    from tumble.protocol import protocol_to_yaml
+    from tumble.report.operator_sheet import render_sheet
+
+    texts = {
+        "protocol.yaml": protocol_to_yaml(protocol),
+        "plan.json": json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n",
+        "sheet.html": render_sheet(protocol, title),
+    }
+    return write_texts({folder / name: text for name, text in texts.items()})
 
 
 def finite(value: float) -> float | None:

@@ -19,11 +19,11 @@ from tumble.units import MICRO_G
 from tumble.workflows.planning.given import read_known
 from tumble.workflows.planning.plan import (
     check_seed,
-    document_text,
     finite,
     planned_grade,
     planned_place,
     read_targets,
+    write_plan,
 )
 from tumble.workflows.planning.words import (
     SECOND,
@@ -42,7 +42,6 @@ if TYPE_CHECKING:
     from tumble.simulation import Grade
     from tumble.workflows.planning.protocol import ProtocolPlanned
 
-FILES = ("protocol.yaml", "plan.json", "sheet.html")
 LEVELLED, BY_HAND = math.radians(0.5), math.radians(5.0)
 """One sigma to which faces on a plate are levelled, and a unit is laid down."""
 # Seconds of a pose and of a turn, and the fewest poses that are planned without being asked.
@@ -229,7 +228,7 @@ def plan_poses(
         done.remarks.append(of_clock(done.joint.plan))
     if folder is not None:
         progress("writing")
-        done.files = _write(done, folder)
+        done.files = write_plan(folder, done.protocol, document_of_poses(done), done.plan.name)
     return done
 
 
@@ -436,20 +435,6 @@ def _unmet(plan: PosePlan, place: Site, targets: dict[str, float]) -> list[str]:
             f"{worst**2:.2g} times the time, and gravity and wander do not fall with it."
         )
     ]
-
-
-def _write(done: PosesPlanned, folder: Path) -> list[Path]:
-    """Write all files beside their places, then rename them all."""
-    from tumble.files import write_texts
-    from tumble.protocol import protocol_to_yaml
-    from tumble.report.operator_sheet import render_sheet
-
-    texts = (
-        protocol_to_yaml(done.protocol),
-        document_text(document_of_poses(done)),
-        render_sheet(done.protocol, done.plan.name),
-    )
-    return write_texts({folder / name: text for name, text in zip(FILES, texts, strict=True)})
 
 
 def _finite(values: dict[str, float]) -> dict[str, float | None]:

@@ -17,12 +17,12 @@ from tumble.files import results_folder
 from tumble.records import dataclass
 from tumble.workflows.planning.plan import (
     check_seed,
-    document_text,
     find_protocol,
     finite,
     planned_grade,
     planned_place,
     read_targets,
+    write_plan,
 )
 from tumble.workflows.planning.words import UNITS_OF_GROUPS, describe_plan
 from tumble.workflows.progress import silent
@@ -37,7 +37,6 @@ if TYPE_CHECKING:
     from tumble.protocol import Protocol
     from tumble.simulation import Grade, TriadNoise
 
-FILES = ("protocol.yaml", "plan.json", "sheet.html")
 _TARGETS = {
     "bias": "accelerometer bias",
     "scale": "accelerometer scale",
@@ -147,7 +146,9 @@ def plan_any_protocol(
     done.remarks += _remarks(done, site)
     if folder is not None:
         progress("writing")
-        done.files = _write(done, folder)
+        played = replace(protocol, site=task.site)
+        title = protocol.description or protocol.name
+        done.files = write_plan(folder, played, document_of_protocol(done), title)
     return done
 
 
@@ -451,18 +452,3 @@ def joint_parameters(done: ProtocolPlanned) -> list[dict[str, Any]]:
         }
         for i in map(int, plan.task.parameters())
     ]
-
-
-def _write(done: ProtocolPlanned, folder: Path) -> list[Path]:
-    """Write all files beside their places, then rename them all."""
-    from tumble.files import write_texts
-    from tumble.protocol import protocol_to_yaml
-    from tumble.report.operator_sheet import render_sheet
-
-    protocol = replace(done.plan.task.protocol, site=done.plan.task.site)
-    texts = (
-        protocol_to_yaml(protocol),
-        document_text(document_of_protocol(done)),
-        render_sheet(protocol, protocol.description or protocol.name),
-    )
-    return write_texts({folder / name: text for name, text in zip(FILES, texts, strict=True)})
