@@ -3,10 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import signal
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -177,40 +173,3 @@ def test_every_number_has_letter_unit_and_definition_and_the_covariance_is_whole
     assert triad["mean_of_variances"] == pytest.approx(np.sqrt(np.mean(each**2)), rel=1e-12)
     assert triad["worst_axis"] == each.max()
     assert triad["worst_axis_name"] == ("gx", "gy", "gz")[int(np.argmax(each))]
-
-
-def test_a_stop_while_blocks_are_read_leaves_nothing_behind(tmp_path: Path) -> None:
-    """The reader is slowed, so that the signal comes while it reads."""
-    np.save(tmp_path / "still.npy", np.random.default_rng(1).standard_normal((40_000, 6)) + 9.0)
-    script = (
-        "import sys, time\n"
-        "from tumble.recording.formats import npy\n"
-        "first = npy.read_table_blocks\n"
-        "def slow(path):\n"
-        "    for block in first(path, 1000):\n"
-        "        print('block', flush=True)\n"
-        "        time.sleep(0.05)\n"
-        "        yield block\n"
-        "npy.read_table_blocks = slow\n"
-        "from tumble.cli.main import main\n"
-        "from tumble.workflows import noise\n"
-        "noise.STREAMED_ABOVE = -1\n"
-        "sys.argv = ['tumble', 'noise', 'still.npy', '--rate', '100', '--units', 'counts', '-o', 'out']\n"
-        "main()\n"
-    )
-    with subprocess.Popen(
-        [sys.executable, "-c", script],
-        cwd=tmp_path,
-        env={**os.environ, "TUMBLE_CHECK_SHAPES": "", "PYTHONPATH": os.pathsep.join(sys.path)},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        restore_signals=True,
-    ) as process:
-        assert process.stdout is not None
-        assert process.stdout.readline() == "block\n"
-        process.send_signal(signal.SIGINT)
-        _, said = process.communicate(timeout=60)
-    assert process.returncode == 130
-    assert said.strip() == "tumble: Stopped; no file was changed."
-    assert [path.name for path in tmp_path.iterdir()] == ["still.npy"]
