@@ -124,28 +124,40 @@ def models_of_recording(
     force = rate = None
     if recording.specific_force is not None:
         factor = specific_force_factor(recording.specific_force_unit)
-        force = _triad(models, "a", "m/s²", factor, recording.specific_force_unit)
+        force = triad_models(models, "a", "m/s²", factor, recording.specific_force_unit)
     if recording.angular_rate is not None:
         factor = angular_rate_factor(recording.angular_rate_unit)
-        rate = _triad(models, "g", "rad/s", factor, recording.angular_rate_unit)
+        rate = triad_models(models, "g", "rad/s", factor, recording.angular_rate_unit)
     return force, rate
 
 
-def _triad(models: NoiseModels, letter: str, si: str, factor: float | None, unit: str) -> list[NoiseModel]:
-    """Models of x, y and z in raw units."""
+def triad_models(
+    models: NoiseModels, letter: str, si: str, factor: float | None, unit: str
+) -> list[NoiseModel]:
+    """Return models of x, y and z in raw units.
+
+    Parameters
+    ----------
+    models, letter : as read, and that of the channels: a or g.
+    si : unit of the triad's models that are not in counts.
+    factor, unit : of the raw unit to SI, None for counts; and its name.
+
+    Raises
+    ------
+    UsageError
+        If a channel is missing, or in another kind of unit.
+    """
     found: list[NoiseModel] = []
     for name in (f"{letter}{axis}" for axis in "xyz"):
         if name not in models.channels:
             raise UsageError(
-                f"--noise {models.source} has no channel {name}, which the recording has: record the noise with all "
-                "its channels."
+                f"--noise {models.source} has no channel {name}: record the noise of the whole unit."
             )
         given, model = models.channels[name]
         expected = "counts" if factor is None else si
         if given != expected:
             raise UsageError(
-                f"--noise {models.source} has {name} in {given} and this recording is in {unit}: read both with "
-                "the same --units."
+                f"--noise {models.source} has {name} in {given}, and {unit} is wanted: read both with the same --units."
             )
         found.append(model if factor is None else model.scaled(1.0 / factor))
     return found

@@ -232,21 +232,15 @@ def _task(
 def _noise_of(path: str | os.PathLike[str]) -> tuple[PlannedNoise, list[str]]:
     """The noise of a unit's own noise.json, the root mean square over its axes."""
     from tumble.design.planned_motion import PlannedNoise
-    from tumble.workflows.given.noise_models import read_noise_models
+    from tumble.workflows.given.noise_models import read_noise_models, triad_models
 
     models = read_noise_models(path)
     words = [f"The noise is that of {models.source}, the root mean square over each triad's axes."]
     triads: list[TriadNoise] = []
     for letter, unit in (("a", "m/s²"), ("g", "rad/s")):
-        found = [models.channels.get(f"{letter}{axis}") for axis in "xyz"]
-        there = [one for one in found if one is not None]
-        if len(there) < 3 or any(given != unit for given, _ in there):
-            raise UsageError(
-                f"--noise {models.source} has no three channels {letter}x, {letter}y and {letter}z in {unit}: record "
-                "the noise of the whole unit, with its units declared (--units)."
-            )
-        triads.append(_triad([model for _, model in there]))
-        if any(model.gauss_markov or model.lines for _, model in there):
+        found = triad_models(models, letter, unit, 1.0, unit)
+        triads.append(_triad(found))
+        if any(model.gauss_markov or model.lines for model in found):
             words.append(
                 "Its Gauss-Markov processes count as flicker of the same spread; lines are left out."
             )

@@ -92,12 +92,10 @@ def corrected_by_parts(
     ThermalSpanError
         If the temperature leaves the calibrated span.
     """
+    full = in_b(document)
     model = document.model
-    if model.accelerometer is None or document.gyroscope is None:
-        raise CalibrationFileError(
-            "Navigation takes accelerometers and gyros, and the calibration has not both: calibrate both triads "
-            "(hand-held, multi-position, modified-multi-position, turntable)."
-        )
+    assert model.accelerometer is not None
+    assert document.gyroscope is not None
     force, rate = recording.specific_force, recording.angular_rate
     if force is None or rate is None:
         raise UsageError("The recording lacks a triad: navigation takes accelerometers and gyros.")
@@ -112,7 +110,6 @@ def corrected_by_parts(
         )
     plain_rate, rate_words = _nominal(rate_matrix, document.raw_units.angular_rate, "gyros")
     by_bias = Triad(plain_rate.matrix, np.array(document.gyroscope.bias, dtype=float))
-    full = ImuModel(model.accelerometer, model.gyroscope or by_bias, model.g_sensitivity)
     names = tuple(document.covariance_parameters)
     of_force = tuple(name for name in names if name.startswith("accelerometer."))
     of_bias = tuple(name for name in names if name.startswith("gyroscope.bias"))
@@ -189,7 +186,8 @@ def in_b(document: Calibration) -> ImuModel:
     model = document.model
     if model.accelerometer is None or document.gyroscope is None:
         raise CalibrationFileError(
-            "Navigation takes accelerometers and gyros, and the calibration has not both: calibrate both triads."
+            "Navigation takes accelerometers and gyros, and the calibration has not both: calibrate both triads "
+            "(hand-held, multi-position, modified-multi-position, turntable)."
         )
     if model.gyroscope is not None:
         return model
