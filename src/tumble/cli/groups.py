@@ -8,13 +8,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import fields, is_dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, cast, get_args, get_origin, get_type_hints
+from typing import Any, cast, get_type_hints
 
 import typer
 from typer.core import TyperCommand, TyperGroup
 
 from tumble.errors import UsageError
-from tumble.records import dataclass
 
 FIRST = "What people need first"
 PLACE = "Where it was recorded"
@@ -51,65 +50,6 @@ def option(
         show_default=show_default,
         autocompletion=complete,
     )
-
-
-@dataclass(frozen=True)
-class Range:
-    """Numbers that an option takes, in its own unit, and how many SI units one of it is.
-
-    Attributes
-    ----------
-    least, most : limits that are still allowed.
-    unit : in words, for the sentence that refuses others.
-    si : factor to SI.
-    words : in place of the unit and the limits.
-    """
-
-    least: float
-    most: float
-    unit: str = "a number"
-    si: float = 1.0
-    words: str | None = None
-
-    def to_si(self, name: str, amount: float) -> float:
-        """Return an amount in SI.
-
-        Parameters
-        ----------
-        name : of the option.
-        amount : in the option's unit.
-
-        Raises
-        ------
-        UsageError
-            If it is outside the limits.
-        """
-        if not self.least <= amount <= self.most:
-            limits = self.words or f"{self.unit} from {self.least:g} to {self.most:g}"
-            raise UsageError(f"{name} {amount:g}: {limits}.")
-        return amount * self.si
-
-
-def in_si(group: Any) -> dict[str, float]:
-    """Return what was given of a group's options that have a range, by field, in SI.
-
-    Parameters
-    ----------
-    group : a record of options.
-
-    Raises
-    ------
-    UsageError
-        If a number is outside its range.
-    """
-    found: dict[str, float] = {}
-    kind = cast("type[Any]", type(group))
-    for name, hint in get_type_hints(kind, include_extras=True).items():
-        ranges = [one for one in getattr(hint, "__metadata__", ()) if isinstance(one, Range)]
-        amount = getattr(group, name)
-        if ranges and amount is not None:
-            found[name] = ranges[0].to_si(_spelling(name, hint), amount)
-    return found
 
 
 def numbers(text: str, option: str, count: int | None = None) -> tuple[float, ...]:
@@ -211,17 +151,6 @@ def _options_of(group: Any) -> list[inspect.Parameter]:
         inspect.Parameter(field.name, keyword, default=field.default, annotation=hints[field.name])
         for field in fields(group)
     ]
-
-
-def _spelling(name: str, hint: Any) -> str:
-    if get_origin(hint) is Annotated:
-        for one in get_args(hint)[1:]:
-            spellings = [
-                s for s in (getattr(one, "default", None), *(getattr(one, "param_decls", None) or ())) if s
-            ]
-            if spellings and isinstance(spellings[0], str):
-                return spellings[0]
-    return f"--{name.replace('_', '-')}"
 
 
 def flowing(text: str) -> str:
