@@ -52,19 +52,6 @@ def test_an_option_takes_the_same_kind_of_value_in_every_command() -> None:
     assert not {s for s, of in metavars.items() if len(of) > 1}
 
 
-def test_what_used_to_collide_is_one_thing() -> None:
-    found = parameters()
-    assert {p.metavar for _, p in found["--noise"]} == {"NOISE.JSON"}
-    told = {name: p.help for name, p in found["--rate"]}
-    # A plan has no file yet: there it is the rate of the recording to come.
-    assert told.pop("plan").startswith("The sample rate with its standard uncertainty")
-    (of_files,) = set(told.values())
-    assert of_files.startswith("Sampling rate, for a file without time stamps;")
-    assert {p.help for _, p in found["--topic"] if _ != "convert"} == {p.help for _, p in found["--topic"]}
-    assert len({p.help for _, p in found["--turn-on-bias"]}) == 1
-    assert "simulate" not in dict(found["--units"])
-
-
 @pytest.mark.parametrize("command", sorted(COMMANDS))
 def test_the_help_fits_into_80_columns_and_cuts_no_name(command: str) -> None:
     plain = {"COLUMNS": "80", "NO_COLOR": "1", "TERM": "dumb"}

@@ -148,9 +148,8 @@ def test_a_simulated_unit_that_is_switched_on_anew_has_other_biases_and_else_is_
             "2,60",
             "-o",
             folder,
-            "-q",
         )
-        assert tumble("simulate", "six-position", *options).status == 0
+        assert tumble("simulate", "six-position", *options, "-q").status == 0
         truths.append(json.loads((folder / "truth.json").read_text(encoding="utf-8")))
     first, second = truths
     for triad, sigma in (("accelerometer", 2e-3 * 9.80665), ("gyroscope", np.radians(60.0) / 3600.0)):

@@ -15,26 +15,6 @@ from tumble.cli.main import app
 ROOT = Path(__file__).resolve().parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 COMMANDS = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
-PROMISED = (
-    "inspect",
-    "calibrate",
-    "batch",
-    "capture",
-    "apply",
-    "verify",
-    "convert",
-    "diff",
-    "noise",
-    "mount",
-    "predict",
-    "plan",
-    "simulate",
-    "reproduce",
-    "registry",
-    "certificate",
-    "demo",
-)
-
 OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]*[a-z]")
 
 
@@ -65,10 +45,6 @@ def sections() -> dict[str, str]:
     """The text of each command's section on the page of commands."""
     parts = re.split(r"^## tumble ([a-z-]+)$", COMMANDS, flags=re.M)
     return dict(zip(parts[1::2], parts[2::2], strict=True))
-
-
-def test_every_promised_command_exists() -> None:
-    assert set(PROMISED) <= set(commands_of(help_of()))
 
 
 def test_every_command_has_a_section_and_every_section_a_command() -> None:
