@@ -38,7 +38,6 @@ class MountAlignment:
     ----------
     C_MB : (3, 3) exact: ``v_M = C_MB @ v_B``.
     angles : (3,) rad, the rotation vector γ of it.
-    first_order : (3,) rad, by the formulas of section 10.
     covariance : (3, 3) rad², of the angles.
     off_right_angle : rad, how far the two directions of gravity are from 90° apart: what the pitch was off by.
     z_down : whether the unit's z, and with it the mount's, is down when level.
@@ -46,7 +45,6 @@ class MountAlignment:
 
     C_MB: Matrix
     angles: Vector
-    first_order: Vector
     covariance: Square
     off_right_angle: float
     z_down: bool
@@ -81,27 +79,10 @@ def align_to_mount(level: Vector, pitched: Vector, covariance: Square) -> MountA
     return MountAlignment(
         C_MB=C_MB,
         angles=rotation_vector_from_matrix(C_MB),
-        first_order=first_order_angles(level, pitched),
         covariance=np.asarray(jacobian @ covariance @ jacobian.T, dtype=np.float64),
         off_right_angle=float(angle_between(level, pitched) - 0.5 * np.pi),
         z_down=bool(level[2] < 0.0),
     )
-
-
-def first_order_angles(level: Vector, pitched: Vector) -> Vector:
-    """Return (3,) γ to the first order.
-
-    Parameters
-    ----------
-    level, pitched : as for `align_to_mount`; of either its own length serves as gravity.
-
-    Notes
-    -----
-    Savage 2018, section 10. With z up the signs of the level ones are the other way.
-    """
-    down = -float(np.sign(level[2]))
-    ax, ay, _ = level / np.linalg.norm(level)
-    return np.array([-down * ay, down * ax, -pitched[1] / np.linalg.norm(pitched)])
 
 
 def _triad_rotation(level: Vector, pitched: Vector) -> Matrix:

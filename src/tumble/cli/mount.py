@@ -70,12 +70,10 @@ def mount_command(
 def _print(done: Mounted, quiet: bool) -> None:
     screen, found = console(), done.alignment
     rows = [
-        [f"the unit's {axis}", f"{1e3 * exact:+.4f}", f"{1e3 * sigma:.4f}", f"{1e3 * first:+.4f}"]
-        for axis, exact, sigma, first in zip(
-            "xyz", found.angles, found.sigmas, found.first_order, strict=True
-        )
+        [f"the unit's {axis}", f"{1e3 * angle:+.4f}", f"{1e3 * sigma:.4f}"]
+        for axis, angle, sigma in zip("xyz", found.angles, found.sigmas, strict=True)
     ]
-    heads = ("turned about", "exact, mrad", "± one sigma", "first order, mrad")
+    heads = ("turned about", "mrad", "± one sigma")
     screen.print(table(heads, rows, right=(1, 2, 3)))
     if not quiet:
         for name, seconds, norm in zip(("Level", "Pitched"), done.seconds, done.norms, strict=True):

@@ -43,7 +43,7 @@ class Mounted:
 
     Attributes
     ----------
-    alignment : the rotation, exact and to the first order, with its covariance.
+    alignment : the rotation, with its covariance.
     seconds : (2,) at rest, level and pitched.
     norms : (2,) m/s², corrected specific force less gravity.
     remarks : sentences.
@@ -265,7 +265,6 @@ def _document(
         ),
         "C_MB": found.C_MB.tolist(),
         "gamma": found.angles.tolist(),
-        "gamma_first_order": found.first_order.tolist(),
         "standard_uncertainty": found.sigmas.tolist(),
         "covariance": found.covariance.tolist(),
         "mount_standard_uncertainty": mount_sigma,

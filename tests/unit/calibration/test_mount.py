@@ -9,7 +9,6 @@ from tumble.attitude import matrix_from_rotation_vector
 from tumble.calibration.mount import (
     align_to_mount,
     check_poses,
-    first_order_angles,
     mean_covariances,
 )
 from tumble.errors import ObservabilityError
@@ -37,24 +36,6 @@ def test_the_exact_solution_gives_back_any_rotation(z_up: bool) -> None:
     np.testing.assert_allclose(found.C_MB, matrix_from_rotation_vector(gamma), atol=1e-12)
     np.testing.assert_allclose(found.angles, gamma, atol=1e-12)
     assert found.z_down is not z_up
-
-
-@pytest.mark.parametrize("z_up", [False, True])
-def test_the_first_order_is_off_by_products_of_the_angles_alone(z_up: bool) -> None:
-    """A few µrad at 2 mrad: products of two angles, at most (2.3 mrad)²."""
-    error = first_order_angles(*forces(GAMMA, z_up=z_up)) - GAMMA
-    assert np.max(np.abs(error)) < np.max(np.abs(GAMMA)) ** 2
-    assert np.max(np.abs(error)) > 1e-7, "the first order is not exact"
-
-
-def test_the_formulas_of_section_10_have_their_signs() -> None:
-    """γy = ax / g, γx = -ay / g level, γz = -ay / g pitched, with z down."""
-    for axis, signs in enumerate((([0.0, -1.0], 0.0), ([1.0, 0.0], 0.0), ([0.0, 0.0], -1.0))):
-        gamma = 1e-6 * np.eye(3)[axis]
-        level, pitched = forces(gamma)
-        # first order of 1e-6 leaves 1e-12
-        np.testing.assert_allclose(level[:2] / GRAVITY, 1e-6 * np.array(signs[0]), atol=1e-11)
-        assert pitched[1] / GRAVITY == pytest.approx(1e-6 * signs[1], abs=1e-11)
 
 
 def test_a_pitch_that_is_off_ninety_degrees_changes_nothing_and_is_told() -> None:
