@@ -61,6 +61,7 @@ if TYPE_CHECKING:
 
 # An interval's ends need a thousand draws; a million take a minute or two.
 FEWEST_DRAWS, MOST_DRAWS = 1_000, 1_000_000
+SHORTEST = 30.0  # s
 
 Given: TypeAlias = Paths | Recording
 
@@ -338,10 +339,20 @@ def _field_run(
     try:
         document, estimate = field_alone(session, given, str(why), imu)
     except ObservabilityError as further:
-        raise type(why)(f"{why} The magnetometer does not serve by itself either. {further}") from why
+        said = f"{_too_short(session.recording)}{why} The magnetometer does not serve by itself either. {further}"
+        raise type(why)(said) from why
     clock.lap("solving")
     reason = "The magnetometer alone, by the norm of its field: the recording determines no other triad."
     return CalibrationRun(document, estimate, session.recording, *no_holds(), reason)
+
+
+def _too_short(recording: Recording) -> str:
+    if recording.duration >= SHORTEST:
+        return ""
+    return (
+        f"The recording is too short: it lasts {recording.duration:.1f} s, and nine poses of three seconds each with "
+        "turns between them take half a minute. "
+    )
 
 
 def _refuse_odd(runs: int | None) -> None:

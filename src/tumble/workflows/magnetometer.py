@@ -168,7 +168,7 @@ def field_alone(
     Raises
     ------
     ObservabilityError
-        If the samples determine no magnetometer either.
+        If the samples determine no magnetometer either, and the recording was to calibrate other triads.
     """
     from tumble.calibration.estimate import Described, Figures, estimate_of
     from tumble.calibration.magnetometer.estimate import magnetometer_alone
@@ -180,6 +180,8 @@ def field_alone(
     assert recording.magnetic_field is not None
     session.say("magnetometer")
     found = magnetometer_alone(recording.magnetic_field, given)
+    if found.triad is None and (recording.specific_force is not None or recording.angular_rate is not None):
+        raise ObservabilityError(found.not_determined[0])
     verdict = judge_magnetometer(found, session.site.latitude)
     nothing = Described(ImuModel(None, None, None, found.triad), [], np.zeros((0, 0)), [], np.zeros((0, 0)))
     figures = Figures(np.nan, np.nan, 0, found.coverage_factor, 0.0, {})

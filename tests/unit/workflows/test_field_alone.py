@@ -78,6 +78,13 @@ def test_directions_on_one_side_do_not_determine_it(tmp_path: Path) -> None:
     assert run.calibration.correct_field(np.zeros((1, 3))) is None
 
 
+def test_a_recording_of_seconds_is_too_short_for_any_triad(tmp_path: Path) -> None:
+    with pytest.raises(
+        TumbleError, match=r"too short: it lasts 3\.0 s, .* hold the unit also .* The magnetometer"
+    ):
+        calibrate(turned(tmp_path / "short.csv", cap=0.45, rows=150, others=True))
+
+
 def test_a_magnetometer_that_is_constant_is_refused_in_a_sentence(tmp_path: Path) -> None:
     file = tmp_path / "still.csv"
     rows = np.column_stack([0.02 * np.arange(500), np.tile([20.0, -3.0, 44.0], (500, 1))])
