@@ -189,7 +189,6 @@ def test_an_earlier_calibration_counts_once_and_a_strangers_is_objected_to(
         [folder / "monday.csv", folder / "tuesday.csv"],
         site=Site.from_gravity(GRAVITY),
         prior=tmp_path / "stranger",
-        optional_terms=False,
     )
     assert not other.accepted
     assert "The prior contradicts the recording" in " ".join(other.calibration.verdict.reasons)

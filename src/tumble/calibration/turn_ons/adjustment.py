@@ -21,7 +21,7 @@ from tumble.calibration.checks.observability import together as both_priors
 from tumble.calibration.equations.adjustment import JointAdjustment, balance_recording
 from tumble.calibration.equations.imu_unknowns import LAYOUT, terms_prior
 from tumble.calibration.equations.pose_equations import mounting_prior
-from tumble.errors import ConvergenceError
+from tumble.errors import ConvergenceError, ObservabilityError
 from tumble.estimation import Prior
 from tumble.estimation.balance import Balanced, Outlier
 from tumble.estimation.gauss_helmert import invert_normal_matrix
@@ -199,7 +199,8 @@ def balance_several(solution: SeveralSolution) -> SeveralSolution:
     """Find variances and outliers anew of recordings whose unknowns are no longer those of their own adjustment.
 
     Each by itself, so that a recording that contradicts the others is not made to agree by larger variances; with what
-    the others know only where it does not tell the unit alone.
+    the others know only where it does not tell the unit alone. Where it does not settle, as with another unit's prior,
+    the variances stay those of its own adjustment.
 
     Parameters
     ----------
@@ -208,16 +209,20 @@ def balance_several(solution: SeveralSolution) -> SeveralSolution:
     Raises
     ------
     ObservabilityError, ConvergenceError
-        From the adjustment.
+        From the adjustment of all.
     """
     moved = False
     for part, own in zip(solution.parts, solution.told, strict=True):
-        alone = part.outcome.untold is None
+        alone, as_settled = part.outcome.untold is None, part.task.copy()
+        part.balanced = replace(part.outcome.balanced, outliers=[])
         if alone and np.array_equal(part.free, part.outcome.task.unknowns.free):
-            part.balanced = replace(part.outcome.balanced, outliers=[])
             continue
         part.task.prior = part.given if alone else _prior(part, solution.stable, _sum(solution.told) - own)
-        part.balanced = balance_recording(part.task)
+        try:
+            part.balanced = balance_recording(part.task)
+        except (ObservabilityError, ConvergenceError):
+            part.task = as_settled
+            continue
         part.scale = part.balanced.solution.unit_weight
         moved = True
     return solve_several(solution.parts) if moved else _solution(solution.parts, solution.stable)

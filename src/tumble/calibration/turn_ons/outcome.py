@@ -41,7 +41,7 @@ from tumble.calibration.turn_ons.adjustment import (
     with_free,
 )
 from tumble.calibration.turn_ons.biases import disagreement
-from tumble.errors import ObservabilityError, UsageError
+from tumble.errors import ConvergenceError, ObservabilityError, UsageError
 from tumble.estimation.solve import settled_at
 from tumble.records import dataclass
 
@@ -142,7 +142,7 @@ def _wanted(parts: list[TurnOn], found: set[str]) -> tuple[list[str], list[TermT
         trial = [with_free(part, _free(part, names)) for part in parts]
         try:
             solution = solve_several(trial)
-        except ObservabilityError:
+        except (ObservabilityError, ConvergenceError):
             names.pop()
             continue
         shared = _shared_scatter(solution)
