@@ -93,7 +93,6 @@ def calibrate_joint(
     partly: bool = True,
     optional_terms: bool = True,
     sought: frozenset[str] = frozenset(),
-    unused_holds: Sequence[int] = (),
     progress: Callable[[str], None] | None = None,
     keep: Callable[[JointOutcome], None] | None = None,
 ) -> Estimate:
@@ -115,7 +114,6 @@ def calibrate_joint(
     optional_terms : try g-sensitivity, quadratic terms and asymmetries, on a table a lag between the triads and the
         accelerometers' lever arms too, and keep what the data want.
     sought : optional terms that the recording was made for: they are kept where it determines them.
-    unused_holds : holds whose force and rate are kept out of the estimate, for cross-validation.
     progress : is told in words what is being done.
     keep : is handed the settled solution with everything behind it, for adjustments that go on from there.
 
@@ -140,7 +138,7 @@ def calibrate_joint(
         plain = np.concatenate([plain, LAYOUT.indices("fixture")])
     known = _known_terms(u, wanted=optional_terms)
     task = start_adjustment(data, u.with_free(plain), site)
-    _leave_out(task, unused_holds, has_gyro=has_gyro)
+    task.taking_part["rate"] &= has_gyro
     task.prior = together(angle_prior(u, prior), None if poses is None else mounting_prior(u))
     given = {name: sigma for name, sigma in (alike or {}).items() if sigma > 0.0 and has_gyro}
     adjusted, plain = _with_alike(task, given, plain)
@@ -168,12 +166,6 @@ def calibrate_joint(
     return _completed(
         outcome, base, means, clock, broken, lag=optional_terms and has_gyro and not data.rotations
     )
-
-
-def _leave_out(task: JointAdjustment, holds: Sequence[int], *, has_gyro: bool) -> None:
-    for kind in ("force", "rate"):
-        task.taking_part[kind][list(holds)] = False
-    task.taking_part["rate"] &= has_gyro
 
 
 def _completed(

@@ -58,13 +58,12 @@ def triad_rotation(axes_o: AnyArray, axes_p: AnyArray) -> AnyArray:
     return _orthonormal(axes_o) @ np.swapaxes(_orthonormal(axes_p), -1, -2)
 
 
-def wahba_rotation(axes_o: AnyArray, axes_p: AnyArray, weights: AnyArray | None = None) -> AnyArray:
+def wahba_rotation(axes_o: AnyArray, axes_p: AnyArray) -> AnyArray:
     """Return the rotation that fits many axes best by least squares.
 
     Parameters
     ----------
     axes_o, axes_p : (..., n, 3) unit vectors.
-    weights : (..., n); None for alike.
 
     Raises
     ------
@@ -75,12 +74,11 @@ def wahba_rotation(axes_o: AnyArray, axes_p: AnyArray, weights: AnyArray | None 
     -----
     Wahba's problem by singular values (Markley, J. Astronaut. Sci. 36 (1988) 245).
     """
-    w = np.ones(axes_p.shape[:-1]) if weights is None else weights
-    scatter = np.einsum("...n,...ni,...nj->...ij", w, axes_p, axes_p)
+    scatter = np.einsum("...ni,...nj->...ij", axes_p, axes_p)
     values = np.linalg.eigvalsh(scatter)
     if bool(np.any(values[..., 1] < SMALLEST_SINE**2 * values[..., 2])):
         raise ObservabilityError(_PARALLEL)
-    u, _, vt = np.linalg.svd(np.einsum("...n,...ni,...nj->...ij", w, axes_o, axes_p))
+    u, _, vt = np.linalg.svd(np.einsum("...ni,...nj->...ij", axes_o, axes_p))
     sign = np.ones(u.shape[:-1])
     sign[..., 2] = np.linalg.det(u) * np.linalg.det(vt)
     return np.asarray((u * sign[..., None, :]) @ vt, dtype=np.float64)

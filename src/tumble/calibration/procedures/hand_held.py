@@ -7,7 +7,7 @@ the gyro's bias and g-sensitivity. Start values need no knowledge of scale, sign
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -101,7 +101,6 @@ def calibrate_hand_held(
     *,
     prior: StableKnowledge | None = None,
     optional_terms: bool = True,
-    unused_holds: Sequence[int] = (),
     progress: Callable[[str], None] | None = None,
 ) -> Estimate:
     """Calibrate accelerometers and gyros from holds and turns.
@@ -112,8 +111,6 @@ def calibrate_hand_held(
     site : gravity; with a latitude, the Earth rate's part along gravity is known too.
     prior : what an earlier calibration knows of the terms that do not change.
     optional_terms : try g-sensitivity and quadratic terms, keep what the data want.
-    unused_holds : holds whose norm and mean rate are kept out of the estimate, for cross-validation;
-        a turn is kept out by marking it unusable in the timeline.
     progress : called with a sentence on what is being done.
 
     Raises
@@ -138,8 +135,6 @@ def calibrate_hand_held(
 
     say("adjustment")
     active = np.ones((data.holds, 6), dtype=bool)
-    active[list(unused_holds), NORM.start : RATE.stop] = False
-    everything = active.copy()
     free = np.concatenate([_FORCE_NINE, _GYRO_TWELVE, _EARTH])
     with about(USUAL_STEPS):
         alone = _solve(
@@ -150,12 +145,14 @@ def calibrate_hand_held(
     if optional_terms:
         say("optional terms")
         with about(USUAL_STEPS):
-            solution, tests, outliers = _with_terms(data, site, prior, solution, outliers, everything)
+            solution, tests, outliers = _with_terms(
+                data, site, prior, solution, outliers, np.ones_like(active)
+            )
     say("uncertainties and checks")
     if solution.free.size > free.size:
         # What the noise at rest leaves unexplained is a matter of the model that was kept.
         nothing = {"norm": 0.0, "rate": 0.0, "turn": 0.0}
-        alone = _solve(data, site, prior, solution.values, solution.free, everything.copy(), nothing)
+        alone = _solve(data, site, prior, solution.values, solution.free, np.ones_like(active), nothing)
     estimate = _estimate(recording, data, site, alone, solution, outliers, tests)
     if optional_terms:
         add_time_lag(estimate, data)

@@ -117,15 +117,12 @@ class SavageErrors:
         )
 
 
-def savage_from_model(
-    model: ImuModel, *, force_factor: float = 1.0, rate_factor: float = 1.0
-) -> tuple[SavageErrors, Matrix]:
+def savage_from_model(model: ImuModel) -> tuple[SavageErrors, Matrix]:
     """Return the errors of a model in any frame, and U from its frame to the mean-gyro one.
 
     Parameters
     ----------
-    model : both triads.
-    force_factor, rate_factor : SI per raw unit.
+    model : both triads, raw units SI.
 
     Raises
     ------
@@ -140,19 +137,19 @@ def savage_from_model(
     turned = model.turned(U)
     assert turned.accelerometer is not None
     assert turned.gyroscope is not None
-    gyro = rate_factor * turned.gyroscope.matrix - np.eye(3)
-    force = force_factor * turned.accelerometer.matrix - np.eye(3)
+    gyro = turned.gyroscope.matrix - np.eye(3)
+    force = turned.accelerometer.matrix - np.eye(3)
     nothing = np.zeros(3)
     errors = SavageErrors(
         kappa=np.diag(gyro).copy(),
         kappa_asymmetry=nothing if turned.gyroscope.asymmetry is None else turned.gyroscope.asymmetry.copy(),
         upsilon=np.array([gyro[i, j] + gyro[j, i] for i, j in PAIRS]),
-        bias=force_factor * turned.accelerometer.bias,
+        bias=turned.accelerometer.bias.copy(),
         scale=np.diag(force).copy(),
         scale_asymmetry=nothing
         if turned.accelerometer.asymmetry is None
         else turned.accelerometer.asymmetry.copy(),
         mu=np.array([force[i, j] for i, j in OFF_DIAGONAL]),
-        gyro_bias=rate_factor * turned.gyroscope.bias,
+        gyro_bias=turned.gyroscope.bias.copy(),
     )
     return errors, U
