@@ -120,7 +120,6 @@ def thermal_curves(demo: Subject) -> Evidence:
         celsius_rate=np.zeros(7),
         hysteresis=state,
         force=seen,
-        force_sigma=np.full((7, 3), 1e-4),
         rate=seen,
         rate_sigma=np.full((7, 3), 1e-4),
         residuals=np.full((7, 6), 0.5),

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Literal
 
 import numpy as np
 
 from tumble.arrays import AnyArray, Series, Vectors
+from tumble.calibration.estimate import Kind
 from tumble.estimation.wander import covariance_about_the_mean, first_of_neighbours
 from tumble.records import dataclass
 
@@ -385,9 +385,7 @@ def _orthonormal(columns: AnyArray) -> AnyArray:
     return np.asarray(left[:, singular > RANK * singular[0]], dtype=np.float64)
 
 
-def rate_course_words(
-    courses: Sequence[BiasCourse], rests: Rests, scale: Series
-) -> dict[Literal["remark", "caution", "objection"], list[str]]:
+def rate_course_words(courses: Sequence[BiasCourse], rests: Rests, scale: Series) -> dict[Kind, list[str]]:
     """Return what is said of gyros that jump or drift, by kind.
 
     Parameters
@@ -395,11 +393,7 @@ def rate_course_words(
     courses, rests : as found, and of what holds.
     scale : (3,) raw per rad/s, of the gyros.
     """
-    said: dict[Literal["remark", "caution", "objection"], list[str]] = {
-        "remark": [],
-        "caution": [],
-        "objection": [],
-    }
+    said: dict[Kind, list[str]] = {"remark": [], "caution": [], "objection": []}
     counted = "Its uncertainty counts how far the last one is off it."
     for course in courses:
         where = None if course.after is None else rests.between(course.after)

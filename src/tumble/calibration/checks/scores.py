@@ -168,21 +168,15 @@ def score_turns(model: ImuModel, data: HoldsAndTurns) -> TurnScores:
     turns = np.flatnonzero(data.turn_start >= 0)
     if turns.size == 0:
         return TurnScores(angle, size, duration)
-    # Of a long recording, the turns and the windows beside them alone, each from its first sample on.
-    begin, end = data.tail[turns, 0], data.head[turns + 1, 1]
-    pieces = [slice(*ends) for ends in zip(begin.tolist(), end.tolist(), strict=True)]
-    time, force, rate = (
-        np.concatenate([of[piece] for piece in pieces]) for of in (data.time, data.raw_force, data.raw_rate)
-    )
-    moved = (begin - np.concatenate([[0], np.cumsum(end - begin)[:-1]]))[:, None]
+    time, force, rate, moved = _of_turns(data, turns)
+    turning = np.column_stack([data.turn_start[turns], data.turn_stop[turns]]) - moved
     # Quadratic terms and asymmetries are taken out of the raw numbers first: the kernels know matrix and bias.
     raw_force, raw_rate = _straight(model.accelerometer, force), _straight(model.gyroscope, rate)
     integrated = integrate_turns(
         time,
         raw_rate,
         raw_force,
-        data.turn_start[turns] - moved[:, 0],
-        data.turn_stop[turns] - moved[:, 0],
+        *np.ascontiguousarray(turning.T),
         gyro_inverse=gyro_inverse,
         gyro_bias=model.gyroscope.bias,
         force_inverse=force_inverse,
@@ -209,7 +203,6 @@ def score_turns(model: ImuModel, data: HoldsAndTurns) -> TurnScores:
             )
         )
     C_se = integrated.C_start_end
-    turning = np.column_stack([data.turn_start[turns], data.turn_stop[turns]]) - moved
     rates = (range_means(raw_rate, turning) - model.gyroscope.bias) @ gyro_inverse.T
     duration[turns] = integrated.duration
     # A full circle ends where it began.
@@ -221,6 +214,16 @@ def score_turns(model: ImuModel, data: HoldsAndTurns) -> TurnScores:
     for turn in np.flatnonzero(size[turns] >= SMALLEST_TURN).tolist():
         angle[turns[turn]] = angle_between(ends[0][turn], at_end[turn])
     return TurnScores(angle, size, duration)
+
+
+def _of_turns(data: HoldsAndTurns, turns: np.ndarray) -> tuple[Series, Vectors, Vectors, np.ndarray]:
+    """Time, force and rate of the turns and the windows beside them alone, and (turns, 1) what indices move by."""
+    begin, end = data.tail[turns, 0], data.head[turns + 1, 1]
+    pieces = [slice(*ends) for ends in zip(begin.tolist(), end.tolist(), strict=True)]
+    time, force, rate = (
+        np.concatenate([of[piece] for piece in pieces]) for of in (data.time, data.raw_force, data.raw_rate)
+    )
+    return time, force, rate, (begin - np.concatenate([[0], np.cumsum(end - begin)[:-1]]))[:, None]
 
 
 def _straight(triad: Triad, raw: Vectors) -> Vectors:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import field, replace
 
 import numpy as np
@@ -10,7 +11,13 @@ from tumble.arrays import Matrix, Series, Square
 from tumble.calibration.canonical import describe_unknowns
 from tumble.calibration.checks.bias_course import BiasCourse, Rests, find_rate_courses, rate_course_words
 from tumble.calibration.checks.observability import Untold
-from tumble.calibration.checks.scores import angle_off, find_norm_course, hold_norm_errors, score_turns
+from tumble.calibration.checks.scores import (
+    angle_off,
+    find_norm_course,
+    hold_norm_errors,
+    hold_norm_variances,
+    score_turns,
+)
 from tumble.calibration.equations.adjustment import JointAdjustment, rest_noise
 from tumble.calibration.equations.causes import FORCE_WANDER, RATE_WANDER
 from tumble.calibration.equations.hold_equations import Rate
@@ -31,6 +38,7 @@ from tumble.calibration.estimate import (
     Described,
     Estimate,
     Figures,
+    Kind,
     LeftOut,
     NamedValue,
     TermTest,
@@ -38,7 +46,7 @@ from tumble.calibration.estimate import (
     estimate_of,
     said_of,
 )
-from tumble.calibration.evidence import Holds, Rotations, Sequences, Spins, Turns
+from tumble.calibration.evidence import Holds, RestlessHold, Rotations, Sequences, Spins, Turns
 from tumble.calibration.optional_terms import OF_FORCE, implausible_words, untried_words
 from tumble.calibration.outcome.budget import state_uncertainty
 from tumble.calibration.outcome.contradictions import contradictions
@@ -138,19 +146,10 @@ def joint_estimate(outcome: JointOutcome) -> Estimate:
     influences = recording_influences(outcome.task)
     described = _describe_joint(outcome, influences)
     norms, sigmas = _norms(outcome, described.model)
-    course = _force_course(outcome, described.model, norms)
-    if course is not None:
-        assert described.model.accelerometer is not None
-        outcome.courses[FORCE_WANDER] = [
-            replace(course, size=described.model.accelerometer.matrix @ course.size)
-        ]
-    rests, of_gyros = _rate_courses(outcome)
-    if of_gyros:
-        outcome.courses[RATE_WANDER] = of_gyros
+    courses = _find_courses(outcome, described.model, norms)
     if outcome.courses:
         influences = with_courses(influences, outcome.courses)
         described = _describe_joint(outcome, influences)
-    words = rate_course_words(of_gyros, rests, np.linalg.norm(gyro_matrix(outcome.task.unknowns), axis=1))
     angles, sizes = _turn_scores(outcome, described.model)
     restless = find_restless(outcome.data, outcome.task.noise, float(outcome.recording.time[0]))
     start = outcome.start
@@ -172,14 +171,9 @@ def joint_estimate(outcome: JointOutcome) -> Estimate:
         said=[
             *([] if start is None else start.said_of_recording()),
             *said_of(
-                remarks=[*_remarks(outcome, described.parameters), *words["remark"]],
-                cautions=[
-                    *_of_unchecked_turns(outcome),
-                    *_of_clock(outcome),
-                    *_of_course(course),
-                    *words["caution"],
-                ],
-                objections=[*contradictions(outcome), *words["objection"]],
+                remarks=[*_remarks(outcome, described.parameters, restless), *courses["remark"]],
+                cautions=[*_of_unchecked_turns(outcome), *_of_clock(outcome), *courses["caution"]],
+                objections=[*contradictions(outcome), *courses["objection"]],
                 not_determined=_not_determined(outcome),
             ),
         ],
@@ -257,6 +251,20 @@ def require_positive(covariance: Square, u: Unknowns) -> None:
     )
 
 
+def _find_courses(outcome: JointOutcome, model: ImuModel, norms: Series) -> dict[Kind, list[str]]:
+    """Find how the biases jump or drift, keep it with the outcome, and return what is said of it, by kind."""
+    course = _force_course(outcome, model, norms)
+    if course is not None:
+        assert model.accelerometer is not None
+        outcome.courses[FORCE_WANDER] = [replace(course, size=model.accelerometer.matrix @ course.size)]
+    rests, of_gyros = _rate_courses(outcome)
+    if of_gyros:
+        outcome.courses[RATE_WANDER] = of_gyros
+    words = rate_course_words(of_gyros, rests, np.linalg.norm(gyro_matrix(outcome.task.unknowns), axis=1))
+    words["caution"] = [*_of_course(course), *words["caution"]]
+    return words
+
+
 def _rate_courses(outcome: JointOutcome) -> tuple[Rests, list[BiasCourse]]:
     """How the gyros' biases jump or drift, raw, by what they show at rest beyond what they should."""
     task, base = outcome.task, outcome.data.base
@@ -320,14 +328,12 @@ def _alone(outcome: JointOutcome) -> Settled:
 
 
 def _norms(outcome: JointOutcome, model: ImuModel) -> tuple[Series, Series]:
-    base = outcome.data.base
+    base, noise = outcome.data.base, outcome.task.noise
     norms = hold_norm_errors(model, base.force_mean, outcome.site.gravity)
     assert model.accelerometer is not None
-    corrected = model.accelerometer.correct(base.force_mean)
-    along = (corrected / np.linalg.norm(corrected, axis=1, keepdims=True)) @ np.asarray(
-        np.linalg.inv(model.accelerometer.matrix), dtype=np.float64
+    variance = (
+        hold_norm_variances(model.accelerometer, base.force_mean, base.force_covariance) + noise["force"]
     )
-    variance = np.einsum("ka,kab,kb->k", along, base.force_covariance, along) + outcome.task.noise["force"]
     return norms, np.sqrt(variance)
 
 
@@ -441,7 +447,9 @@ def _left_out(balanced: Balanced, norms: Series, angles: Series) -> list[LeftOut
     return made
 
 
-def _remarks(outcome: JointOutcome, parameters: list[NamedValue]) -> list[str]:
+def _remarks(
+    outcome: JointOutcome, parameters: list[NamedValue], restless: Sequence[RestlessHold]
+) -> list[str]:
     named = {p.name: (p.value, p.standard_uncertainty) for p in parameters}
     kept = [term.parameters for term in TERMS.values() if term.name in outcome.kept and term.parameters]
     told = [remark for one in kept if (remark := one.remark(named))]
@@ -474,12 +482,12 @@ def _remarks(outcome: JointOutcome, parameters: list[NamedValue]) -> list[str]:
         )
     if data.poses is not None:
         told.append(_of_poses(outcome))
-    sway = float(np.sqrt(outcome.task.noise["sway"]))
+    sway = float(np.sqrt(task.noise["sway"]))
     if sway > 1e-6:
         told.append(
             f"Within a hold the pose sways by {1e3 * sway:.2g} mrad (one sigma, from its start to its end)."
         )
-    told += restless_remarks(find_restless(data, outcome.task.noise, float(outcome.recording.time[0])))
+    told += restless_remarks(restless)
     if len(task.sections) > 1:
         told.append(
             f"The recording falls into {len(task.sections)} parts between which the gyros could not be followed; "

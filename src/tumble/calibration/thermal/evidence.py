@@ -77,7 +77,7 @@ class ThermalCurves(Evidence):
     start, stop : (points,) s of the rests used.
     celsius, celsius_rate, hysteresis : (points,) °C, K/s, -1 to 1, of the sensors.
     force, rate : (points, 3) raw bias that each rest shows, where it shows one (NaN elsewhere).
-    force_sigma, rate_sigma : (points, 3) raw.
+    rate_sigma : (points, 3) raw.
     residuals : (points, 6) in sigmas, specific force and angular rate; NaN where there is no equation.
     curves : "accelerometer" and "gyroscope": bias against temperature with its standard uncertainty.
     separate : of each soak alone.
@@ -96,7 +96,6 @@ class ThermalCurves(Evidence):
     celsius_rate: Series
     hysteresis: Series
     force: Vectors
-    force_sigma: Vectors
     rate: Vectors
     rate_sigma: Vectors
     residuals: Table

@@ -65,10 +65,9 @@ def thermal_evidence(
     size = layout.terms.basis.size
     celsius = kept.path.means(kept.path.followed(*conditions.lag_and_width(fit.values))[0][:, None])[:, 0]
     nothing = np.full((len(kept), 3), np.nan)
-    force, force_sigma, rate, rate_sigma = (nothing.copy() for _ in range(4))
+    force, rate, rate_sigma = (nothing.copy() for _ in range(3))
     linear = conditions.linearise(fit.values)
     left = np.where(linear.active, linear.misclosure, np.nan)
-    misclosure = np.where(linear.active, linear.misclosure, np.nan)
     variance = np.diagonal(linear.covariance, axis1=1, axis2=2)
     # What a rest is off by has its own noise in it, and the wander that neighbours have in common.
     expected = np.sqrt(variance + wander_variance(conditions, fit.levels))
@@ -77,12 +76,11 @@ def thermal_evidence(
     if layout.has_force and kept.force_covariance is not None:
         curves["accelerometer"] = bias_curve("force", fit.values, fit.covariance, layout, factors[0], grid)
         here = conditions.own >= 0
-        shown = conditions.biases(fit.values, functions, "force") + misclosure[:, :3]
+        shown = conditions.biases(fit.values, functions, "force") + left[:, :3]
         force[here] = shown[here] / factors[0]
-        force_sigma[here] = np.sqrt(variance[here, :3]) / factors[0]
     if layout.has_rate:
         curves["gyroscope"] = bias_curve("rate", fit.values, fit.covariance, layout, factors[1], grid)
-        rate = (conditions.biases(fit.values, functions, "rate") + misclosure[:, 3:]) / factors[1]
+        rate = (conditions.biases(fit.values, functions, "rate") + left[:, 3:]) / factors[1]
         rate_sigma = np.sqrt(variance[:, 3:]) / factors[1]
     step = max(1, everything.path.time.size // 2000)
     return ThermalCurves(
@@ -94,7 +92,6 @@ def thermal_evidence(
         functions[:, size],
         functions[:, size + 1],
         force,
-        force_sigma,
         rate,
         rate_sigma,
         left / expected,
