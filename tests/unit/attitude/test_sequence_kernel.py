@@ -54,14 +54,13 @@ def rates(kind: str) -> np.ndarray:
     )
 
 
-@pytest.mark.parametrize("earth", [np.zeros(3), EARTH])
 @pytest.mark.parametrize("kind", ["still", "constant", "changing", "fast"])
-def test_attitude_and_averages_are_those_of_scipy(kind: str, earth: np.ndarray) -> None:
+def test_attitude_and_averages_are_those_of_scipy(kind: str) -> None:
     """600 products of unit quaternions round by 1e-13 at most, and forces are of 10 m/s²."""
     rng = np.random.default_rng(1)
     rate, force = rates(kind), rng.normal(0.0, 6.0, (600, 3))
     windows = ((rng.uniform(0.0, 0.02, 100), 3), (rng.uniform(0.0, 0.02, 50), 550))
-    found, expected = carried(rate, force, earth, windows), by_scipy(rate, force, earth, windows)
+    found, expected = carried(rate, force, EARTH, windows), by_scipy(rate, force, EARTH, windows)
     np.testing.assert_allclose(found[1], expected[1], rtol=0, atol=1e-12)
     # the Earth's turn is a series to the fourth power of 1e-3
     np.testing.assert_allclose(found[0], expected[0], rtol=0, atol=1e-11)

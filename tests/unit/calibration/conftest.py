@@ -4,13 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from tumble.calibration.equations.adjustment import JointAdjustment
 from tumble.calibration.equations.gathering import gather
+from tumble.calibration.equations.imu_unknowns import PLAIN, imu_unknowns, unknowns_of
+from tumble.calibration.equations.observed import TableRotation, observe
 from tumble.calibration.equations.turn import HoldsAndTurns
+from tumble.calibration.start import start_adjustment
 from tumble.earth import Site
 from tumble.recording import Recording
 from tumble.segmentation import Hold, HoldMeans, NoiseFloor, Timeline, Turn, observe_holds
@@ -49,6 +54,15 @@ class Tumbled:
         return Tumbled(self.recording, replace(self.timeline, turns=turns), self.means)
 
 
+@cache
+def _played(holds: int, earth: bool) -> Recording:
+    """The motion without noise."""
+    rng = np.random.default_rng(1)
+    motion = Motion.between_poses(Rotation.random(holds, rng), np.full(holds, 3.0), np.full(holds - 1, 2.0))
+    place = SITE if earth else Site.from_gravity(SITE.gravity)
+    return simulate_recording(motion, 100.0, rng, site=place, distort=MODEL.distort)[0]
+
+
 def tumble_by_hand(
     *,
     holds: int = 12,
@@ -60,13 +74,7 @@ def tumble_by_hand(
 
     `noise` is that of the accelerometers, one for all or one each, and that of the gyros.
     """
-    rng = np.random.default_rng(1)
-    motion = Motion.between_poses(Rotation.random(holds, rng), np.full(holds, 3.0), np.full(holds - 1, 2.0))
-    place = SITE if earth else Site.from_gravity(SITE.gravity)
-    played, _ = simulate_recording(motion, 100.0, rng, site=place, distort=MODEL.distort)
-    rng = np.random.default_rng(noise_seed)
-    assert played.specific_force is not None
-    assert played.angular_rate is not None
+    played, rng = _played(holds, earth), np.random.default_rng(noise_seed)
     recording = replace(
         played,
         specific_force=played.specific_force + noise[0] * rng.standard_normal(played.specific_force.shape),
@@ -80,13 +88,10 @@ def tumble_by_hand(
     return Tumbled(recording, timeline, observe_holds(recording, timeline))
 
 
-def true_unknowns(first_attitude: Rotation | None = None) -> np.ndarray:
+def true_unknowns() -> np.ndarray:
     """The 36 unknowns of MODEL; the Earth rate is left at zero."""
     from tumble.calibration.equations.triad_unknowns import unknowns_from_triad
 
-    assert MODEL.accelerometer is not None
-    assert MODEL.gyroscope is not None
-    assert MODEL.g_sensitivity is not None
     values = np.zeros(UNKNOWN_COUNT)
     values[:12] = unknowns_from_triad(MODEL.accelerometer)
     values[12:21], values[21:24] = MODEL.gyroscope.matrix.ravel(), MODEL.gyroscope.bias
@@ -111,6 +116,19 @@ def play() -> Callable[..., Tumbled]:
 
 
 @pytest.fixture(scope="session")
+def started() -> Callable[..., JointAdjustment]:
+    """A joint adjustment that begins at the truth, of holds and turns and of rotations of a table."""
+
+    def start(
+        base: HoldsAndTurns, free: np.ndarray = PLAIN, rotations: list[TableRotation] | None = None
+    ) -> JointAdjustment:
+        u = imu_unknowns(unknowns_of(MODEL), free)
+        return start_adjustment(observe(base, u, rotations), u, SITE)
+
+    return start
+
+
+@pytest.fixture(scope="session")
 def site() -> Site:
     return SITE
 
@@ -120,6 +138,8 @@ def model() -> ImuModel:
     return MODEL
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def truth() -> np.ndarray:
-    return true_unknowns()
+    values = true_unknowns()
+    values.setflags(write=False)
+    return values

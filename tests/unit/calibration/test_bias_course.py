@@ -65,13 +65,6 @@ def test_a_jump_scatters_by_its_uncertainty() -> None:
     assert 0.7 < np.mean(np.square(found)) < 1.3
 
 
-def test_no_course_is_found_where_there_is_none_but_for_false_alarms() -> None:
-    """300 recordings; 1 % may alarm, by Bonferroni fewer: more than 9 has a chance of 2e-3."""
-    alarms = sum(bool(find_rate_courses(*residuals(seed))) for seed in range(300))
-    assert FALSE_ALARM == 0.01
-    assert alarms <= 9
-
-
 def test_one_odd_hold_is_no_jump() -> None:
     residual, rests = residuals(6)
     residual[11, 2] += 3e-3
@@ -163,7 +156,6 @@ def test_accelerometers_that_jump_are_found_between_their_holds(before: int, jum
     """The last is one axis by 0.3 mg, eight times what a hold is measured to."""
     later = np.arange(30)[:, None] > before
     course = find_force_course(*norms_of(later * np.array(jump), 3))
-    assert course is not None
     assert course.is_contradiction
     assert course.after == before
     assert course.size == pytest.approx(jump, abs=1.2e-3)
@@ -205,7 +197,6 @@ def test_of_many_holds_neighbours_are_taken_together_and_show_a_course_as_well(
 
     def found(jumps: bool) -> tuple[BiasCourse, BiasCourse]:
         (rate,), force = find_rate_courses(gyros[jumps], rests), find_force_course(*accelerometers[jumps])
-        assert force is not None
         return rate, force
 
     whole = {jumps: found(jumps) for jumps in (True, False)}
@@ -213,7 +204,6 @@ def test_of_many_holds_neighbours_are_taken_together_and_show_a_course_as_well(
     for jumps, courses in whole.items():
         for one, other, noise in zip(found(jumps), courses, (1.5e-4, 7e-4), strict=True):
             if jumps:
-                assert one.after is not None
                 assert abs(one.after - 131) <= 12
                 assert one.is_contradiction
             else:
@@ -227,8 +217,7 @@ def test_of_many_holds_neighbours_are_taken_together_and_show_a_course_as_well(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("holds", [30, 120])
-@pytest.mark.parametrize("kind", ["white", "1/f", "walk"])
+@pytest.mark.parametrize(("kind", "holds"), [("white", 30), ("walk", 30), ("1/f", 120)])
 def test_what_only_wanders_is_said_to_jump_no_more_often_than_stated(
     kind: str, holds: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -237,7 +226,7 @@ def test_what_only_wanders_is_said_to_jump_no_more_often_than_stated(
     Of 120 holds neighbours are taken together: two of gyros, six of accelerometers.
     """
     monkeypatch.setattr("tumble.calibration.checks.bias_course.MOST_NUMBERS", 60)
-    assert CONTRADICTION == 0.002
+    assert (CONTRADICTION, FALSE_ALARM) == (0.002, 0.01)
     alarms = {"force": 0, "rate": 0}
     for seed in range(300):
         rng = np.random.default_rng(1000 + seed)
@@ -274,8 +263,7 @@ def test_a_unit_that_warms_up_has_a_bias_that_is_as_uncertain_as_it_is_off(
     procedure: str, tmp_path: Path
 ) -> None:
     """0.15, -0.1 and 0.05 °/s at the start, with 90 s: the bias that it comes to was 18 sigmas off."""
-    made = simulate("hand-held", output=tmp_path / "made", unit=1, seed=1)
-    assert made is not None
+    simulate("hand-held", output=tmp_path / "made", unit=1, seed=1)
     path = tmp_path / "made" / "recording.csv"
     rows = np.loadtxt(path, delimiter=",", skiprows=1)
     header = path.read_text().splitlines()[0]

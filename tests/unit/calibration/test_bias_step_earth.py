@@ -34,8 +34,6 @@ def turned_over(model: ImuModel) -> Recording:
     recording, _ = simulate_recording(
         motion, 100.0, rng, site=NORTH, distort=replace(model, g_sensitivity=None).distort
     )
-    assert recording.specific_force is not None
-    assert recording.angular_rate is not None
     return replace(
         recording,
         specific_force=recording.specific_force
@@ -68,7 +66,6 @@ def test_a_jump_beyond_the_earth_is_told_with_its_place_and_size(
     procedure: str, turned_over: Recording, model: ImuModel
 ) -> None:
     rate = np.array(turned_over.angular_rate)
-    assert model.gyroscope is not None
     rate[500 * 12 :] += model.gyroscope.matrix @ [0.0, JUMP, 0.0]
     estimate = calibrated(procedure, replace(turned_over, angular_rate=rate))
     (said,) = [remark for remark in estimate.remarks if "jumps" in remark]

@@ -24,6 +24,7 @@ from tumble.calibration.equations.observed import observe, table_rotation
 from tumble.calibration.equations.stretches import RecordingStretch
 from tumble.calibration.start import start_adjustment
 from tumble.earth import Site
+from tumble.estimation.equations import Equations, Linear
 from tumble.estimation.solve import linearise, settled_at, solve
 from tumble.estimation.sums import Whitened
 from tumble.estimation.unknowns import Unknowns
@@ -151,11 +152,15 @@ def scenes(play: Any, model: Any, site: Site) -> dict[str, JointAdjustment]:
     return made
 
 
-def _terms(task: JointAdjustment, *, of_table: bool) -> list[Whitened]:
+def _linear(task: JointAdjustment, *, of_table: bool) -> list[tuple[Equations, Linear]]:
     stretch: Any = RecordingStretch(task).within[0][1]
     if of_table:
         stretch = stretch.within[0][1]
-    return [Whitened.of(e, linear) for e in stretch.equations for linear in e.linearise(task)]
+    return [(e, linear) for e in stretch.equations for linear in e.linearise(task)]
+
+
+def _terms(task: JointAdjustment, *, of_table: bool) -> list[Whitened]:
+    return [Whitened.of(e, linear) for e, linear in _linear(task, of_table=of_table)]
 
 
 def _design(terms: list[Whitened], nodes: int, size: int, border: int) -> np.ndarray:
@@ -223,9 +228,10 @@ def _differences(task: JointAdjustment, *, of_table: bool) -> tuple[np.ndarray, 
     roots = [term.root for term in terms]
 
     def residuals(step: np.ndarray) -> np.ndarray:
-        there = _terms(_moved(task, step, of_table=of_table), of_table=of_table)
+        there = _linear(_moved(task, step, of_table=of_table), of_table=of_table)
         white = [
-            np.linalg.solve(root, t.linear.residual[..., None]) for root, t in zip(roots, there, strict=True)
+            np.linalg.solve(root, linear.residual[..., None])
+            for root, (_, linear) in zip(roots, there, strict=True)
         ]
         return np.concatenate([w.ravel() for w in white])
 
@@ -325,22 +331,6 @@ def test_what_is_eliminated_leaves_the_least_squares_of_the_rest(
     alone = linearise(task)[1]
     scale = np.sqrt(np.outer(np.diag(alone), np.diag(alone)))
     np.testing.assert_allclose(alone / scale, whole[np.ix_(plain, plain)] / scale, atol=1e-6)
-
-
-def test_shares_of_all_causes_add_up_to_the_covariance(scenes: dict[str, JointAdjustment]) -> None:
-    from tumble.calibration.equations.causes import SOURCES
-    from tumble.calibration.recording_influences import recording_influences
-
-    task = scenes["by hand"].copy()
-    task.unknowns = task.unknowns.with_free(
-        LAYOUT.indices("force.bias", "force.scale", "gyro.bias", "gyro.matrix")
-    )
-    influences = recording_influences(task)
-    total = sum(influences.shares(SOURCES).values(), np.zeros(influences.covariance.shape))
-    sigma = np.sqrt(np.diag(influences.covariance))
-    apart = (total - influences.covariance) / np.outer(sigma, sigma)
-    # what keeps a hold without its force in place is no observation, and nobody's share
-    assert np.abs(apart).max() < 1e-3
 
 
 def test_covariances_of_attitudes_are_those_of_a_dense_inverse(scenes: dict[str, JointAdjustment]) -> None:

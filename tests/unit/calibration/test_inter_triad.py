@@ -33,12 +33,8 @@ def test_two_axes_tell_the_rotation_from_p_to_o(solve: Solver) -> None:
     np.testing.assert_allclose(solve(AXES_O[:2], AXES_P[:2]), R, atol=1e-14)
 
 
-def test_many_axes_tell_the_same_and_their_weights_count() -> None:
+def test_many_axes_tell_the_same() -> None:
     np.testing.assert_allclose(wahba_rotation(AXES_O, AXES_P), R, atol=1e-14)
-    wrong = AXES_O.copy()
-    wrong[3] = -wrong[3]
-    weights = np.array([1.0, 2.0, 1.5, 0.0])
-    np.testing.assert_allclose(wahba_rotation(wrong, AXES_P, weights), R, atol=1e-14)
 
 
 def test_wahba_gives_a_rotation_even_of_reflected_axes() -> None:
@@ -100,15 +96,3 @@ def test_the_accelerometers_axis_is_the_normal_of_the_plane(axis: np.ndarray) ->
     # without the accelerometers' matrix it is off by their angles
     bare = axis_from_scatter(np.cov(raw.T))
     assert np.linalg.norm(bare * np.sign(bare @ axis) - axis) > 1e-3
-
-
-def test_batches_of_scatters_equal_each_by_itself() -> None:
-    rng = np.random.default_rng(8)
-    points = rng.normal(size=(4, 50, 3)) * [1.0, 2.0, 0.1]
-    raw = np.einsum("kni,knj->kij", points, points) / 50.0
-    scatters = scatter_in_p(np.broadcast_to(MATRIX, (4, 3, 3)), raw)
-    many = axis_from_scatter(scatters)
-    for k in range(4):
-        np.testing.assert_allclose(scatters[k], scatter_in_p(MATRIX, raw[k]), atol=1e-13)
-        one = axis_from_scatter(scatters[k])
-        np.testing.assert_allclose(np.abs(many[k] @ one), 1.0, atol=1e-13)

@@ -59,7 +59,6 @@ def test_a_unit_that_stays_on_its_table_is_placed_once_and_loose_poses_tell_noth
     )
     holds = tuple(MatchedHold(step, hold) for hold, step in enumerate((0, 2, 4, 6, 8)))
     poses = believed_poses(Protocol("mine", "joint", steps), Matching(holds, (), (), ()))
-    assert poses is not None
     assert poses.hold.tolist() == [0, 2]
     assert poses.has_heading.tolist() == [False, True]
     np.testing.assert_allclose(poses.sigma, [sigma, LEAST_SIGMA])

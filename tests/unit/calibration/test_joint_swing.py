@@ -1,4 +1,4 @@
-"""What the gyros tell of a pose that sways within a hold, whatever their bias."""
+"""A pose that sways within a hold: what the gyros tell of it, and that the hold is named, with what to do."""
 
 from __future__ import annotations
 
@@ -8,12 +8,17 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tumble.calibration import Estimate
 from tumble.calibration.equations.adjustment import balance_recording
 from tumble.calibration.equations.hold_equations import Swing
-from tumble.calibration.equations.imu_unknowns import imu_unknowns, unknowns_of
-from tumble.calibration.equations.observed import hold_swings, observe
+from tumble.calibration.equations.observed import hold_swings
 from tumble.calibration.equations.turn import HoldsAndTurns
-from tumble.calibration.start import start_adjustment
+from tumble.calibration.evidence import RestlessHold
+from tumble.calibration.joint import calibrate_joint
+from tumble.calibration.outcome.restless import restless_remarks
+from tumble.report.evidence.holds import restless
+from tumble.report.page import Table
+from tumble.segmentation import observe_holds
 
 
 @pytest.fixture(scope="module")
@@ -67,58 +72,76 @@ def test_its_variance_is_that_of_drawn_noise(base: HoldsAndTurns) -> None:
     np.testing.assert_allclose(np.sqrt(np.mean(drawn**2 / stated, axis=(0, 1))), 1.0, atol=0.075)
 
 
-def test_one_hold_that_sways_does_not_loosen_the_others(play: Any, site: Any, model: Any) -> None:
-    """A pose that leans by 5 mrad in its middle keeps its sway to itself; the rest stays as quiet as it was."""
-    tumbled = play(noise=(1e-3, 1e-4), holds=12)
-    base = tumbled.data()
-    first, last = int(base.head[4, 0]), int(base.tail[4, 1])
-    share = np.linspace(0.0, np.pi, last - first)
-    seconds = float(base.time[last - 1] - base.time[first])
-    lean: np.ndarray = 5e-3 * np.sin(share)
-    rate, force = base.raw_rate.copy(), base.raw_force.copy()
-    rate[first:last] += np.outer(5e-3 * np.pi / seconds * np.cos(share), model.gyroscope.matrix[:, 0])
-    true: np.ndarray = model.accelerometer.correct(force[first:last])
-    leaning = np.column_stack([0.0 * lean, lean * true[:, 2], -lean * true[:, 1]])
-    force[first:last] += leaning @ model.accelerometer.matrix.T
-    means = base.force_mean.copy(), base.rate_mean.copy()
-    means[0][4], means[1][4] = force[first:last].mean(axis=0), rate[first:last].mean(axis=0)
-    base = replace(base, raw_rate=rate, raw_force=force, force_mean=means[0], rate_mean=means[1])
-    u = imu_unknowns(unknowns_of(model))
-    task = start_adjustment(observe(base, u), u, site)
-    balanced = balance_recording(task)
-    noise = task.noise
-    assert not balanced.outliers
-    assert list(noise.factors["sway"]) == [4]
-    assert np.sqrt(noise["sway"]) < 2e-4
-    # to the middle and back: of six numbers two are between 2/pi of 5 mrad and the whole of it
-    assert (
-        5e-3 * 2.0 / np.pi / np.sqrt(3.0)
-        < np.sqrt(noise.of_each("sway", np.array([4]))[0])
-        < 5.1e-3 / np.sqrt(3.0)
-    )
-
-
-def test_without_a_rate_there_is_no_swing(base: HoldsAndTurns, site: Any, model: Any) -> None:
+def test_without_a_rate_there_is_no_swing(base: HoldsAndTurns, started: Any) -> None:
     """Of a recording without gyros the rates are zeros, which would say that nothing ever sways."""
-    u = imu_unknowns(unknowns_of(model))
-    task = start_adjustment(observe(base, u), u, site)
+    task = started(base)
     task.taking_part["rate"][[1, 4]] = False
     (linear,) = Swing(task.sections[0]).linearise(task)
-    assert linear.active is not None
     assert linear.active.tolist() == [True, False, True, True, False, True]
 
 
 def test_gyros_that_see_holds_swing_are_believed_where_accelerometers_scatter_too_much_to_tell(
-    play: Any, site: Any, model: Any
+    play: Any, started: Any
 ) -> None:
     """Twelve nods of 0.1 mrad; parts of noisy accelerometers know their tilt to 0.3 mrad, gyros to 5 µrad."""
     base = play(noise=(3e-2, 1e-5), holds=12).data()
     for hold in range(12):
         base = nodding(base, hold, 1e-4 * (-1.0) ** hold, hold % 3)
-    u = imu_unknowns(unknowns_of(model))
-    task = start_adjustment(observe(base, u), u, site)
+    task = started(base)
     balanced = balance_recording(task)
     # a nod is a half wave of one axis of three there and back: its two steps are some 60 µrad about that axis
     assert 1e-5 < np.sqrt(task.noise["sway"]) < 1e-4
     swing = balanced.tests["swing"]
     assert swing.square.sum() < 2.0 * swing.redundancy.sum()
+
+
+LEAN = 5e-3
+
+
+@pytest.fixture(scope="module")
+def leaning(play: Any, site: Any, model: Any) -> Estimate:
+    """The fifth of twelve holds leans about x by 5 mrad in its middle, and comes back."""
+    tumbled = play(noise=(1e-3, 1e-4), holds=12)
+    recording, hold = tumbled.recording, slice(2000, 2300)
+    share = np.linspace(0.0, np.pi, 300)
+    rate, force = recording.angular_rate.copy(), recording.specific_force.copy()
+    rate[hold] += np.outer(LEAN * np.pi / 3.0 * np.cos(share), model.gyroscope.matrix[:, 0])
+    true, lean = model.accelerometer.correct(force[hold]), LEAN * np.sin(share)
+    force[hold] += (
+        np.column_stack([0.0 * lean, lean * true[:, 2], -lean * true[:, 1]]) @ model.accelerometer.matrix.T
+    )
+    # a clock that does not start at zero: times are told from the first sample on
+    recording = replace(recording, specific_force=force, angular_rate=rate, time=recording.time + 1000.0)
+    means = observe_holds(recording, tumbled.timeline)
+    return calibrate_joint(recording, tumbled.timeline, means, site, optional_terms=False)
+
+
+def test_the_hold_is_named_with_its_time_and_its_sway(leaning: Estimate) -> None:
+    (one,) = leaning.holds.restless
+    assert one.hold == 4
+    # samples at the middle of their intervals, 100 Hz, the first at 5 ms
+    assert (one.start, one.stop) == pytest.approx((20.0, 22.99), abs=0.011)
+    # to the middle and back: of six numbers two are between 2/pi of 5 mrad and the whole of it; a variance of
+    # one's own is sought to a tenth of it or two
+    assert LEAN * 2.0 / np.pi / np.sqrt(3.0) < one.sway < 1.15 * LEAN / np.sqrt(3.0)
+    assert one.others < 2e-4
+    assert not leaning.left_out
+    (said,) = [remark for remark in leaning.remarks if "rest alike" in remark]
+    assert "hold 5 (20.0 to 23.0 s)" in said
+    assert "record it again" in said
+
+
+def test_the_report_lists_it(leaning: Estimate) -> None:
+    (table,) = (block for block in restless(leaning.holds) if isinstance(block, Table))
+    assert table.rows[0][:2] == ["5", "20.0 to 23.0"]
+    assert restless(replace(leaning.holds, restless=())) == []
+
+
+def test_of_many_the_worst_are_named_in_their_order() -> None:
+    holds = [RestlessHold(k, 10.0 * k, 10.0 * k + 5.0, 1e-3 * (k + 1), 2e-4) for k in range(8)]
+    (said,) = restless_remarks(holds)
+    assert "the worst of 8" in said
+    named = [word for word in range(1, 9) if f"hold {word} (" in said]
+    assert named == [4, 5, 6, 7, 8]
+    assert "40 times as much as the others" in said
+    assert not restless_remarks([])

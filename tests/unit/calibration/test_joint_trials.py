@@ -1,4 +1,4 @@
-"""Trials of optional terms leave the problem that they began with as it was, and forget nothing that was left out."""
+"""Trials leave the adjustment that they began with as it was, and forget nothing that was left out."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ from typing import Any
 
 import numpy as np
 
-from tumble.calibration.equations.imu_unknowns import PLAIN, imu_unknowns, unknowns_of
-from tumble.calibration.equations.observed import observe, table_rotation
+from tumble.calibration.equations.imu_unknowns import PLAIN
+from tumble.calibration.equations.observed import table_rotation
 from tumble.calibration.joint import calibrate_joint
-from tumble.calibration.start import start_adjustment
-from tumble.estimation.balance import Outlier
+from tumble.estimation.balance import Outlier, _without_chance
+from tumble.estimation.solve import solve
 from tumble.segmentation import observe_holds
 
 
-def test_what_a_trial_changes_is_its_own(tumbled: Any, site: Any, model: Any) -> None:
+def test_what_a_trial_changes_is_its_own(tumbled: Any, model: Any, started: Any) -> None:
     """Whatever balancing writes to: noise and wobble of rotations, variances, masks, angles that were read."""
-    base, u = tumbled.data(), imu_unknowns(unknowns_of(model))
+    base = tumbled.data()
     start, stop = int(base.turn_start[3]), int(base.turn_stop[3])
     spin = table_rotation(base, 3, start, stop, np.array([0.3, 0.1, -0.2]), angle=1.0, angle_sigma=1e-4)
-    task = start_adjustment(observe(base, u, [spin]), u, site)
+    task = started(base, rotations=[spin])
     trial = task.copy(PLAIN)
     trial.noise.raise_factor("axis", 3, 9.0)
     trial.noise.set("sway", 1e-6)
@@ -47,3 +47,21 @@ def test_what_was_left_out_before_the_terms_were_tried_is_told(play: Any, site: 
     estimate = calibrate_joint(recording, tumbled.timeline, observe_holds(recording, tumbled.timeline), site)
     assert [test.name for test in estimate.terms if test.kept] == ["g_sensitivity"]
     assert {(left.kind, left.index) for left in estimate.left_out} == {("hold", 4), ("turn", 6)}
+
+
+def test_variance_that_chance_does_not_explain_stays_and_so_do_the_attitudes(play: Any, started: Any) -> None:
+    base = play(noise=(1e-3, 1e-4), holds=12).data()
+    wander = np.random.default_rng(3).normal(scale=3e-3, size=base.rate_mean.shape)
+    base = replace(base, rate_mean=base.rate_mean + wander @ np.diag([1.0, 2.0, 0.5]))
+    task = started(base)
+    task.noise.set("sway", 1e-10)
+    task.noise.set("rate", 1e-5)
+    solution = solve(task)
+    attitudes = [section.C_wb.copy() for section in task.sections]
+    values, noise = task.unknowns.values.copy(), task.noise.copy()
+    (component,) = [one for one in task.components if one.name == "rate"]
+    assert _without_chance(task, component, solution) is solution
+    assert task.noise.added == noise.added
+    np.testing.assert_array_equal(task.unknowns.values, values)
+    for section, before in zip(task.sections, attitudes, strict=True):
+        np.testing.assert_array_equal(section.C_wb, before)

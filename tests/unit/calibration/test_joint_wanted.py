@@ -17,7 +17,6 @@ from tumble.calibration.equations.imu_unknowns import (
     term_unknowns,
     unknowns_of,
 )
-from tumble.calibration.equations.observed import observe
 from tumble.calibration.optional_terms import (
     determined_terms,
     implausible_words,
@@ -30,7 +29,6 @@ from tumble.calibration.optional_terms import (
 )
 from tumble.calibration.outcome.estimate import require_positive
 from tumble.calibration.recording_influences import recording_influences
-from tumble.calibration.start import start_adjustment
 from tumble.errors import ObservabilityError
 from tumble.estimation.balance import Balanced
 from tumble.estimation.unknowns import Unknowns
@@ -41,12 +39,11 @@ NAMES = ["quadratic", "accelerometer_asymmetry"]
 
 
 @pytest.fixture(scope="module")
-def settled(play: Any, site: Any, model: Any) -> tuple[JointAdjustment, Balanced]:
+def settled(play: Any, started: Any) -> tuple[JointAdjustment, Balanced]:
     """Thirty holds whose accelerometers scatter, with both terms free."""
     base = play(noise=(1e-3, 1e-4), holds=30).data()
     base = replace(base, force_floor=FLOOR**2, force_covariance=base.force_covariance + np.diag(FLOOR**2))
-    u = imu_unknowns(unknowns_of(model), unknowns_with(PLAIN, NAMES))
-    task = start_adjustment(observe(base, u), u, site)
+    task = started(base, unknowns_with(PLAIN, NAMES))
     return task, balance_recording(task)
 
 

@@ -49,20 +49,18 @@ def simulated(seed: int = 5) -> tuple[Simulation, JointOutcome]:
     return made, settled(made)
 
 
-def settled(made: Simulation, *, gyro: bool = True, holds: float = np.inf) -> JointOutcome:
-    keep = made.time <= made.time[0] + holds
+def settled(made: Simulation, *, gyro: bool = True) -> JointOutcome:
     force_unit, rate_unit = made.units.split(",")
     recording = Recording(
-        time=made.time[keep],
-        specific_force=made.force[keep],
-        angular_rate=made.rate[keep] if gyro else None,
+        time=made.time,
+        specific_force=made.force,
+        angular_rate=made.rate if gyro else None,
         specific_force_unit=force_unit,
         angular_rate_unit=rate_unit,
         rate=100.0,
     )
     session = Session(recording, options=Options(optional_terms=gyro))
     run_joint(session)
-    assert session.joint is not None
     return session.joint
 
 
@@ -79,6 +77,13 @@ def estimated(one: Seen, given: GivenField | None = None, unit: str = "counts") 
     return magnetometer_from_holds(simulated()[1], magnetic(one, unit), given)
 
 
+@cache
+def plain() -> tuple[Seen, Magnetometer]:
+    """Return what an undisturbed magnetometer shows, and its calibration in a field of unknown norm."""
+    one = seen()
+    return one, estimated(one)
+
+
 def adjusted(one: Seen) -> FieldAdjustment:
     outcome = simulated()[1]
     task = FieldAdjustment.of(outcome.task, field_means(one.time, one.values, outcome.data.base), 1.0)
@@ -87,15 +92,14 @@ def adjusted(one: Seen) -> FieldAdjustment:
 
 
 def off(made: Magnetometer, one: Seen) -> np.ndarray:
-    assert made.triad is not None
     true = one.matrix("accelerometer-x") * (one.norm if made.field_unit == LOCAL else 1e6)
     return np.concatenate([(made.triad.matrix - true).ravel(), made.triad.bias - one.magnetometer.hard_iron])
 
 
 @pytest.mark.parametrize("given", [None, GIVEN])
 def test_matrix_bias_and_dip_are_the_simulators(given: GivenField | None) -> None:
-    one = seen()
-    made = estimated(one, given)
+    one, free = plain()
+    made = estimated(one, given) if given else free
     error = off(made, one)
     # A scale that was given is exact in the simulation: what is left is the recording's own part.
     chi_square = float(error @ np.linalg.solve(made.covariance, error))
@@ -119,7 +123,6 @@ def test_a_bent_field_is_said_and_its_norm_is_less_certain() -> None:
     assert wider.norm_sigma == pytest.approx(49.2e-6 * np.radians(4.0), rel=0.05)
     assert any("bent" in remark for remark in judge_magnetometer(wider, 0.8).remarks)
     assert judge_magnetometer(wider, 0.8).use == "fit"
-    assert made.triad is not None
     assert wider.triad is not None
     # A scale factor's uncertainty has it, an angle's has not.
     spread = np.sqrt(np.diag(wider.covariance))
@@ -130,8 +133,8 @@ def test_a_norm_that_the_unit_contradicts_is_said() -> None:
     one = seen(counts=1.15, step=0.0)
     remarks = judge_magnetometer(estimated(one, GIVEN, "uT"), 0.8).remarks
     assert any("is another one" in remark for remark in remarks)
-    plain = judge_magnetometer(estimated(seen(counts=1.0, step=0.0), GIVEN, "uT"), 0.8)
-    assert not any("is another one" in remark for remark in plain.remarks)
+    fitting = judge_magnetometer(estimated(seen(counts=1.0, step=0.0), GIVEN, "uT"), 0.8)
+    assert not any("is another one" in remark for remark in fitting.remarks)
 
 
 def test_a_saturated_magnetometer_is_named_and_a_coarse_one_is_not() -> None:
@@ -157,11 +160,10 @@ def test_an_axis_that_never_changes_is_named() -> None:
                 magnetometer_of(outcome, MagneticField(one.time, values, "counts"))
 
 
-@pytest.mark.parametrize("dip", [90.0, -90.0])
-def test_gravity_is_no_magnetic_field(dip: float) -> None:
+def test_gravity_is_no_magnetic_field() -> None:
     """Columns of an accelerometer, as a magnetometer's: their field is along gravity, and shows no heading."""
     rng = np.random.default_rng(4)
-    one = see(simulated()[0], draw_magnetometer(rng), rng, dip=np.radians(dip))
+    one = see(simulated()[0], draw_magnetometer(rng), rng, dip=0.5 * np.pi)
     verdict = judge_magnetometer(estimated(one))
     assert verdict.use == "not fit"
     assert "along gravity" in verdict.reasons[0]
@@ -187,7 +189,6 @@ def test_derivatives_are_those_of_differences() -> None:
         place = 3 + int(np.searchsorted(task.unknowns.free, index))
         expected: np.ndarray = (apart[0] - apart[1]) / (2.0 * step)
         np.testing.assert_allclose(linear.by_border[:, :, place], expected, rtol=1e-6, atol=1e-6)
-    assert linear.by_node is not None
     for part in range(NODE):
         apart: list[np.ndarray] = []
         for sign in (1.0, -1.0):
@@ -214,7 +215,6 @@ def test_a_current_that_is_switched_on_is_told_with_its_time_and_size() -> None:
     holds = [step for step in made.path.steps if step.kind == "hold"]
     current = np.array([1.0, 0.6, -0.8])
     told = estimated(seen(wrong=Disturbance(current=current, since=holds[12].stop + 0.1)))
-    assert told.moving is not None
     assert told.moving.where == "room"
     assert told.moving.before == 12
     assert told.moving.share == pytest.approx(np.linalg.norm(current) / 49.2, rel=0.1)
@@ -228,13 +228,11 @@ def test_a_current_on_the_unit_is_told_from_one_in_the_room() -> None:
     values = one.values.copy()
     values[one.time > one.time[len(values) // 2]] += [6.0, -9.0, 12.0]
     told = estimated(replace(one, values=values))
-    assert told.moving is not None
     assert told.moving.where == "unit"
     assert "hard iron" in judge_magnetometer(told).reasons[0]
 
 
 def test_a_field_that_differs_from_place_to_place_is_in_the_uncertainty() -> None:
-    plain = estimated(seen())
     wrong = Disturbance(
         gradient=np.array([[30.0, 8.0, 0.0], [8.0, -10.0, 5.0], [0.0, 5.0, -20.0]]), reach=0.1
     )
@@ -243,7 +241,7 @@ def test_a_field_that_differs_from_place_to_place_is_in_the_uncertainty() -> Non
     # Of a gradient G and places of 0.1 m, the field scatters by 0.1 |G| / sqrt(3) each way.
     expected = 0.1 * np.linalg.norm(wrong.gradient) / np.sqrt(3.0) / 49.2
     assert made.scatter == pytest.approx(expected, rel=0.3)
-    assert made.uncertainty > 3.0 * plain.uncertainty
+    assert made.uncertainty > 3.0 * plain()[1].uncertainty
     error = off(made, one)
     assert float(error @ np.linalg.solve(made.covariance, error)) < 32.9
     assert judge_magnetometer(made).use != "fit"
@@ -251,35 +249,19 @@ def test_a_field_that_differs_from_place_to_place_is_in_the_uncertainty() -> Non
 
 
 def test_accelerometers_alone_tell_norm_and_dip_and_with_them_the_rotation() -> None:
-    made, one = simulated()[0], seen()
-    told = magnetometer_from_holds(settled(made, gyro=False), magnetic(one))
+    one, with_gyros = plain()
+    told = magnetometer_from_holds(settled(simulated()[0], gyro=False), magnetic(one))
     assert told.method == "holds"
     error = off(told, one)
     assert float(error @ np.linalg.solve(told.covariance, error)) < 32.9
     # What the gyros add is not little.
-    assert np.all(np.diag(told.covariance) > np.diag(estimated(one).covariance))
-
-
-def test_few_attitudes_do_not_determine_it() -> None:
-    made, one = simulated()[0], seen()
-    outcome = settled(made, holds=60.0)
-    try:
-        told = magnetometer_from_holds(outcome, magnetic(one))
-    except ObservabilityError:
-        return
-    if told.triad is None:
-        assert judge_magnetometer(told).use == "not fit"
-        assert told.not_determined
-    else:
-        error = off(told, one)
-        assert float(error @ np.linalg.solve(told.covariance, error)) < 32.9
+    assert np.all(np.diag(told.covariance) > np.diag(with_gyros.covariance))
 
 
 def test_axes_that_are_swapped_are_said_and_mirrored_ones_are_not_fit() -> None:
     one = seen()
     swapped = replace(one, values=one.values[:, [2, 0, 1]])
     made = estimated(swapped)
-    assert made.triad is not None
     np.testing.assert_array_equal(nearest_axes(made.triad.matrix), np.eye(3)[[2, 0, 1]])
     assert any("x along z" in remark for remark in judge_magnetometer(made).remarks)
     mirrored = estimated(replace(one, values=one.values * [1.0, -1.0, 1.0]))
@@ -292,7 +274,12 @@ def test_axes_that_are_swapped_are_said_and_mirrored_ones_are_not_fit() -> None:
         assert unchecked.use == "fit with reservations"
         assert "is not checked" in unchecked.reasons[0]
     assert judge_magnetometer(made, 0.8).use == "fit"
-    assert judge_magnetometer(mirrored).use == "fit with reservations"
+    # Mirrored axes in the field of the north are proper ones in that of the south: nothing else differs.
+    assert mirrored.dip < 0.0
+    assert judge_magnetometer(mirrored, np.radians(-35.0)).use == "fit"
+    anywhere = judge_magnetometer(mirrored)
+    assert anywhere.use == "fit with reservations"
+    assert any("southern hemisphere" in reason and "--site" in reason for reason in anywhere.reasons)
 
 
 def test_a_norm_that_is_no_fields_of_the_earth_is_not_fit() -> None:
@@ -308,23 +295,13 @@ def test_a_scale_that_no_unit_has_is_not_fit_and_one_that_a_place_may_have_is_re
     one = seen(counts=1.0, step=0.1)
     for unit, factor, use in (
         ("gauss", 1.0, "not fit"),
-        ("nT", 1.0, "not fit"),
         ("uT", 2.2, "not fit"),
-        ("uT", 0.45, "not fit"),
         ("uT", 1.6, "fit with reservations"),
-        ("uT", 0.7, "fit with reservations"),
         ("uT", 1.0, "fit"),
     ):
         verdict = judge_magnetometer(estimated(replace(one, values=factor * one.values), GIVEN, unit), 0.8)
         assert verdict.use == use, (unit, factor)
         assert (use == "fit") != any("The mean scale factor is" in reason for reason in verdict.reasons)
-
-
-def test_a_mirrored_magnetometer_has_no_scale_of_another_unit() -> None:
-    one = seen(counts=1.0, step=0.1)
-    verdict = judge_magnetometer(estimated(replace(one, values=one.values * [1.0, 1.0, -1.0]), GIVEN, "uT"))
-    assert verdict.use == "not fit"
-    assert not any("scale factor" in reason for reason in verdict.reasons)
 
 
 def test_the_norm_is_given_or_the_units_own() -> None:
@@ -333,28 +310,10 @@ def test_the_norm_is_given_or_the_units_own() -> None:
     assert given.norm == 49.2e-6
     assert given.norm_sigma == 0.2e-6
     assert free.norm_sigma == pytest.approx(0.05 * free.norm)
-    assert free.triad is not None
     assert np.cbrt(np.linalg.det(free.triad.matrix)) == pytest.approx(1e6)
     assert any("5 %" in remark for remark in judge_magnetometer(free).remarks)
-    local = estimated(one)
+    local = plain()[1]
     assert (local.field_unit, local.norm) == (LOCAL, 1.0)
-
-
-def test_without_holds_the_magnetometer_is_calibrated_by_itself() -> None:
-    one = seen()
-    made = magnetometer_of(None, magnetic(one), GIVEN)
-    assert made.method == "ellipsoid"
-    assert made.frame == "magnetometer"
-    assert len(made.names) == len(made.covariance) == 9
-    assert made.triad is not None
-    np.testing.assert_allclose(made.triad.matrix, made.triad.matrix.T)
-    # Any rotation of the field is the same ellipsoid: M M' is what it tells.
-    true = 1e6 * one.magnetometer.matrix
-    np.testing.assert_allclose(
-        made.triad.matrix @ made.triad.matrix.T, true @ true.T, rtol=5e-3, atol=5e-3 * 36e12
-    )
-    assert judge_magnetometer(made).use == "fit with reservations"
-    assert "not determined" in judge_magnetometer(made).reasons[0]
 
 
 def test_a_hold_without_samples_takes_no_part() -> None:
@@ -368,17 +327,3 @@ def test_a_hold_without_samples_takes_no_part() -> None:
     made = magnetometer_from_holds(outcome, MagneticField(one.time[keep], one.values[keep], "counts"))
     assert 4 not in [hold.hold for hold in made.holds]
     assert not FieldAdjustment.of(outcome.task, means, 1.0).taking_part[FIELD][4]
-
-
-def test_a_mirrored_magnetometer_is_not_taken_for_the_southern_hemisphere_without_a_word() -> None:
-    one = seen()
-    mirrored = magnetometer_from_holds(
-        simulated()[1], MagneticField(one.time, one.values * [1.0, 1.0, -1.0], "counts")
-    )
-    # Mirrored axes in the field of the north are proper ones in that of the south: nothing else differs.
-    assert mirrored.dip < 0.0
-    verdict = judge_magnetometer(mirrored)
-    assert verdict.use == "fit with reservations"
-    assert any("southern hemisphere" in reason and "--site" in reason for reason in verdict.reasons)
-    assert judge_magnetometer(mirrored, np.radians(48.0)).use == "not fit"
-    assert judge_magnetometer(mirrored, np.radians(-35.0)).use == "fit"

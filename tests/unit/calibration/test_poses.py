@@ -116,10 +116,6 @@ def test_six_poses_for_nine_unknowns_are_told_of_the_prior_and_of_poses_that_hel
     assert len(named_in(message)) == 3
 
 
-def test_six_faces_suffice_with_a_prior() -> None:
-    require_poses(raw(FACES), FORCE, has_prior=True)
-
-
 def test_five_faces_do_not_suffice_with_a_prior_and_the_sixth_is_asked_for() -> None:
     message = refusal(FACES[:5], has_prior=True)
     assert "--prior" not in message
@@ -153,13 +149,6 @@ def test_faces_and_edges_of_two_planes_are_told_which_edge_is_missing(
     assert len(asked) == 1
     assert asked[0, axis] == 0.0
     assert np.count_nonzero(asked[0]) == 2
-
-
-def test_two_edges_missing_are_both_named() -> None:
-    edges = twenty_six_directions()[6:18]
-    message = refusal(np.vstack([FACES, edges[edges[:, 2] == 0.0]]))
-    assert "the non-orthogonality of y to z and the non-orthogonality of x to z. " in message
-    assert len(named_in(message)) == 2
 
 
 def test_nine_edges_of_which_six_lie_in_one_plane_are_refused_with_the_reason() -> None:

@@ -21,7 +21,6 @@ def test_turns_of_gyros_whose_two_ways_differ_are_scored_by_the_model_that_says_
     headings = Rotation.from_rotvec(np.outer(rng.uniform(0.0, 6.28, 12), [0.0, 0.0, 1.0]))
     motion = Motion.between_poses(headings * poses_26()[:12], np.full(12, 4.0), np.full(11, 2.0))
     model = grade.simulate_model(np.random.default_rng(9))
-    assert model.gyroscope is not None
     plain = replace(model, gyroscope=replace(model.gyroscope, asymmetry=None))
     crooked = replace(model, gyroscope=replace(model.gyroscope, asymmetry=np.array([0.01, -0.012, 0.008])))
     recording, _ = simulate_recording(motion, 50.0, rng, site=site, grade=grade, distort=crooked.distort)

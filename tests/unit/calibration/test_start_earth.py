@@ -63,7 +63,6 @@ def rests(
 def test_north_and_the_upward_rate_come_back_with_their_signs(turned: float, upwards: float) -> None:
     """Bias and counts do not matter; the equations are linear."""
     seen = find_earth(*rests(turned, upwards), MODEL, 1e-12)
-    assert seen is not None
     assert seen.heading == pytest.approx(turned, abs=1e-6)
     np.testing.assert_allclose(seen.sensitivity, upwards * np.eye(3), atol=1e-11)
 
@@ -77,7 +76,6 @@ def test_the_uncertainty_is_the_scatter_of_draws_with_noise() -> None:
     one = np.eye(3).ravel() / 3.0
     for _ in range(120):
         seen = find_earth(*rests(0.0, 0.0, rng=rng), MODEL, 1e-12)
-        assert seen is not None
         headings.append(seen.heading)
         upwards.append(float(one @ seen.sensitivity.ravel()))
         stated.append([seen.heading_sigma, float(np.sqrt(one @ seen.covariance @ one))])
@@ -90,7 +88,6 @@ def test_a_g_sensitivity_is_no_heading() -> None:
     """A consumer gyro's g-sensitivity is a hundred times the Earth rate."""
     sensitivity = 1e-3 * np.array([[1.0, -0.4, 0.2], [0.3, -0.8, 0.5], [-0.6, 0.1, 0.7]])
     seen = find_earth(*rests(0.0, 0.0, sensitivity=sensitivity), MODEL, 1e-12)
-    assert seen is not None
     assert abs(seen.heading) < 1e-6
     np.testing.assert_allclose(seen.sensitivity, 9.8 * sensitivity, rtol=1e-9)
 

@@ -86,7 +86,7 @@ def test_a_contradiction_of_axes_or_units_is_told(tumbled: Any) -> None:
     refuse_contradicting_axes(counts, np.eye(3) / 4780.0)
 
 
-@pytest.mark.parametrize("lag", [0.012, -0.02])
+@pytest.mark.parametrize("lag", [0.012, -0.02, 0.0])
 def test_a_lag_between_the_triads_is_found_with_its_sign(play: Any, model: Any, lag: float) -> None:
     """At each stamp the accelerometer shows what was `lag` before, the gyro what is."""
     tumbled = play(holds=14)
@@ -99,15 +99,8 @@ def test_a_lag_between_the_triads_is_found_with_its_sign(play: Any, model: Any, 
         ]
     )
     found = estimate_time_lag(replace(tumbled.data(), raw_force=late), model)
-    assert found is not None
     assert found.lag == pytest.approx(lag, abs=4.0 * found.sigma)
     assert found.sigma < 0.003
-
-
-def test_without_a_lag_none_is_found(play: Any, model: Any) -> None:
-    found = estimate_time_lag(play(holds=14).data(), model)
-    assert found is not None
-    assert abs(found.lag) < 4.0 * found.sigma
 
 
 def test_too_few_turns_tell_no_lag(play: Any, model: Any) -> None:
@@ -167,5 +160,4 @@ def test_a_unit_that_swings_round_an_elbow_is_no_gyro_of_another_unit(
         f"angular_rate{end}": counts**n * getattr(tumbled.means, f"angular_rate{end}") for end, n in MEANS
     }
     found = calibrate_hand_held(swung, tumbled.timeline, replace(tumbled.means, **held), site).model.gyroscope
-    assert found is not None
     np.testing.assert_allclose(found.matrix / counts, model.gyroscope.matrix, atol=0.005)

@@ -56,42 +56,6 @@ def test_the_design_is_the_derivative_of_the_misclosure() -> None:
         np.testing.assert_allclose(linear.design[:, :, index], slope, rtol=1e-6, atol=2e-8)
 
 
-def test_the_covariance_is_that_of_the_means_at_rest_carried_to_first_order() -> None:
-    rng = np.random.default_rng(3)
-    data, at = readings(rng), values(rng)
-    free = np.arange(9)
-    linear = TableConditions(data, GRAVITY, at, free).linearise(at[free])
-    step, blocks = 1e-6, np.empty((3, 7, 3))
-    for axis in range(3):
-        moved = []
-        for sign in (1.0, -1.0):
-            force = data.force.copy()
-            force[:, axis] += sign * step
-            shifted = TableReadings(
-                force, data.force_covariance, data.rate, data.shown, data.shown_covariance, data.row
-            )
-            moved.append(TableConditions(shifted, GRAVITY, at, free).linearise(at[free]).misclosure)
-        blocks[:, :, axis] = (moved[0] - moved[1]) / (2 * step)
-    expected = blocks @ data.force_covariance @ np.swapaxes(blocks, 1, 2)
-    inverse = np.linalg.inv(at[12:21].reshape(3, 3))
-    own = inverse @ np.diag([1e-10, 3e-10, 2e-10]) @ inverse.T
-    for s in range(2):
-        expected[:, 1 + 3 * s : 4 + 3 * s, 1 + 3 * s : 4 + 3 * s] += own
-    np.testing.assert_allclose(linear.covariance[[0, 2]], expected[[0, 2]], rtol=1e-6, atol=1e-16)
-
-
-def test_what_is_left_out_has_no_part() -> None:
-    rng = np.random.default_rng(4)
-    data, at = readings(rng), values(rng)
-    free = np.arange(9)
-    linear = TableConditions(data, GRAVITY, at, free, tilt=1e-3).linearise(at[free])
-    np.testing.assert_array_equal(linear.active[1], [True] * 4 + [False] * 3)
-    np.testing.assert_array_equal(linear.misclosure[1, 4:], 0.0)
-    np.testing.assert_array_equal(linear.design[1, 4:], 0.0)
-    np.testing.assert_array_equal(linear.covariance[1, 4:, 4:], np.eye(3))
-    np.testing.assert_array_equal(linear.covariance[1, :4, 4:], 0.0)
-
-
 def test_a_tilt_moves_both_spins_of_a_placement_oppositely_and_across_the_axis_alone() -> None:
     rng = np.random.default_rng(5)
     data, at = readings(rng), values(rng)

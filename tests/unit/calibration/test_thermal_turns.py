@@ -56,9 +56,7 @@ def estimate() -> Estimate:
 
 def test_scale_misalignment_and_rotation_are_recovered_within_their_uncertainties(estimate: Estimate) -> None:
     told = estimate.thermal
-    assert told is not None
     found = told.model
-    assert found.reference.gyroscope is not None
     sigma = dict(zip(estimate.names, np.sqrt(np.diag(estimate.covariance)), strict=True))
     own = np.array([[sigma[f"gyroscope.matrix[{i},{j}]"] for j in range(3)] for i in range(3)])
     error = found.reference.gyroscope.matrix - replace(unit().reference).gyroscope.matrix  # type: ignore[union-attr]

@@ -41,8 +41,6 @@ def _hand_held(session: Session) -> Estimate:
 
 def _canonical(estimate: Estimate) -> np.ndarray:
     model = estimate.model
-    assert model.accelerometer is not None
-    assert model.gyroscope is not None
     parts = {
         "accelerometer.matrix": model.accelerometer.matrix,
         "accelerometer.bias": model.accelerometer.bias,
@@ -84,7 +82,6 @@ def test_the_covariance_grows_along_what_a_clock_that_runs_fast_does(
     sigma = np.sqrt(np.diag(plain.covariance))
     assert np.all(np.abs(direction - change) * 0.003 <= 0.1 * sigma)
     gyro = plain.model.gyroscope
-    assert gyro is not None
     at = [k for k, name in enumerate(plain.names) if name.startswith("gyroscope.matrix")]
     np.testing.assert_allclose(direction[at], gyro.matrix.ravel(), rtol=1e-9)
     still = [k for k, name in enumerate(plain.names) if name.startswith("accelerometer")]
@@ -164,7 +161,6 @@ def on_table(tmp_path_factory: pytest.TempPathFactory) -> tuple[Session, Any]:
 def _errors(estimate: Estimate, made: Any) -> np.ndarray:
     truth = made.truth.terms(estimate.frame)["gyroscope.matrix"]
     gyro = estimate.model.gyroscope
-    assert gyro is not None
     return np.linalg.norm(gyro.matrix, axis=1) - np.linalg.norm(truth, axis=1)
 
 
@@ -190,7 +186,6 @@ def test_a_table_of_which_nobody_says_how_it_turns_is_assumed_to_be_so_good_and_
     on_table: tuple[Session, Any],
 ) -> None:
     session, _ = on_table
-    assert session.protocol is not None
     silent = replace(
         session.protocol,
         steps=tuple(replace(s, sigma=None) if isinstance(s, SpinStep) else s for s in session.protocol.steps),

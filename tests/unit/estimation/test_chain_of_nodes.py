@@ -100,47 +100,12 @@ def test_solution_covariances_and_decrease_are_those_of_dense_least_squares(
     assert chain.square_sum == pytest.approx(left, abs=1e-13 * condition * max(1.0, float(r @ r)))
 
 
-@given(st.integers(0, 2**32 - 1), st.integers(2, 6))
-def test_with_the_border_held_the_nodes_alone_decrease_the_square_sum(seed: int, nodes: int) -> None:
-    chain, J, r = random_chain(seed, nodes, 3, 4)
-    A = J[:, : 3 * nodes]
-    x = -np.linalg.solve(A.T @ A, A.T @ r)
-    made = chain.eliminated()
-    np.testing.assert_allclose(made.nodes_step(np.zeros(4)).ravel(), x, atol=1e-13 * np.linalg.cond(A.T @ A))
-    made.move(np.zeros(4))
-    assert chain.square_sum == pytest.approx(float(np.sum((r + A @ x) ** 2)), rel=1e-9)
-
-
-def test_eliminating_leaves_the_equations_as_they_are() -> None:
-    chain, _, _ = random_chain(5, 4, 3, 2)
-    kept = [a.copy() for a in (chain.diagonal, chain.lower, chain.border, chain.gradient, chain.corner)]
-    chain.eliminated()
-    now = (chain.diagonal, chain.lower, chain.border, chain.gradient, chain.corner)
-    assert all(np.array_equal(a, b) for a, b in zip(kept, now, strict=True))
-
-
 def test_a_node_that_nothing_determines_is_named() -> None:
     """Third of four: its diagonal has one direction too few."""
     chain, _, _ = random_chain(6, 4, 3, 2)
     chain.diagonal[2, 1, :] = chain.diagonal[2, :, 1] = 0.0
     with pytest.raises(ObservabilityError, match="Node 3 of 4"):
         chain.eliminated()
-
-
-def test_a_chain_in_a_chain_is_the_chain_of_both() -> None:
-    """What is left of a chain's border may be added to another's: a table's rotation in a section of holds."""
-    first, J1, r1 = random_chain(7, 3, 3, 4)
-    second, J2, r2 = random_chain(8, 5, 2, 4)
-    made = first.eliminated()
-    second.corner += made.corner
-    second.corner_gradient += made.corner_gradient
-    z = second.eliminated()
-    z = -np.linalg.solve(z.corner, z.corner_gradient)
-    J = np.zeros((len(J1) + len(J2), 9 + 10 + 4))
-    J[: len(J1), :9], J[: len(J1), 19:] = J1[:, :9], J1[:, 9:]
-    J[len(J1) :, 9:19], J[len(J1) :, 19:] = J2[:, :10], J2[:, 10:]
-    x = -np.linalg.lstsq(J, np.concatenate([r1, r2]), rcond=None)[0]
-    np.testing.assert_allclose(z, x[19:], atol=1e-10)
 
 
 def test_own_unknowns_are_eliminated_as_nodes_are() -> None:

@@ -37,19 +37,6 @@ def test_york_s_line_through_points_with_errors_in_both_coordinates(line_with_er
     assert np.sum(moves) == pytest.approx(adjusted.square_sum, rel=1e-7)
 
 
-def test_equal_errors_in_both_give_deming_s_closed_form(line_with_errors_in_both: Model) -> None:
-    ones = np.ones(PEARSON_X.size)
-    line = line_with_errors_in_both(PEARSON_X, PEARSON_Y, 0.04 * ones, 0.04 * ones)
-    intercept, slope = adjust(line, np.array([5.0, -0.5]), tolerance=1e-10).parameters
-    s_xx, s_yy, s_xy = np.var(PEARSON_X), np.var(PEARSON_Y), np.cov(PEARSON_X, PEARSON_Y, bias=True)[0, 1]
-    expected = (s_yy - s_xx + np.hypot(s_yy - s_xx, 2.0 * s_xy)) / (2.0 * s_xy)
-    assert slope == pytest.approx(expected, rel=1e-9)
-    assert intercept == pytest.approx(PEARSON_Y.mean() - expected * PEARSON_X.mean(), rel=1e-9)
-    # The first step alone, which takes the observations as they are, is not there yet (Pope 1972).
-    first = line_with_errors_in_both(PEARSON_X, PEARSON_Y, 0.04 * ones, 0.04 * ones)
-    assert abs(adjust(first, np.array([5.0, -0.5]), tolerance=1e3).parameters[1] - expected) > 1e-6
-
-
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_a_linear_model_along_a_chain_is_weighted_least_squares(
     random_linear_model: Callable[..., Model], seed: int
@@ -162,10 +149,6 @@ class Root:
 
     def adjust_observations(self, multipliers: np.ndarray) -> None:
         """Nothing is kept."""
-
-
-def test_a_non_linear_condition_is_solved_by_iteration() -> None:
-    assert adjust(Root(2.0), np.array([3.0])).parameters[0] == pytest.approx(np.sqrt(2.0), rel=1e-12)
 
 
 def test_a_condition_without_a_solution_does_not_settle() -> None:
