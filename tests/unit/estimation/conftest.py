@@ -52,15 +52,8 @@ class LinearModel:
         self.active = np.ones(observed.shape, dtype=bool) if active is None else active
 
     def linearise(self, parameters: Array) -> Linearisation:
-        on = self.active
-        misclosure = np.where(on, self.design @ parameters - self.observed, 0.0)
-        design = np.where(on[:, :, None], self.design, 0.0)
-        both = on[:, :, None] & on[:, None, :]
-        covariance = np.where(both, self.covariance, 0.0) + np.eye(on.shape[1]) * ~on[:, :, None]
-        lower = None
-        if self.lower is not None:
-            lower = np.where(on[1:, :, None] & on[:-1, None, :], self.lower, 0.0)
-        return Linearisation(misclosure, design, covariance, lower, on)
+        misclosure = self.design @ parameters - self.observed
+        return Linearisation.masked(misclosure, self.design, self.covariance, self.active, self.lower)
 
     def adjust_observations(self, multipliers: Array) -> None:
         """Linear in parameters and observations: there is nothing to relinearise."""

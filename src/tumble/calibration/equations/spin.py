@@ -172,16 +172,12 @@ class SpinConditions:
             design[:, :, i, QUADRATIC.start + i] = u[:, :, i] ** 2
             for c in range(groups):
                 design[c, :, i, BIASES + 3 * c + i] = 1.0
-        covariance = self._covariance(before)
-        off = np.repeat(~readings.active, 3, axis=1)
-        flat, rows_flat = (
-            design.reshape(groups, 3 * rows, -1)[:, :, self.free],
+        return Linearisation.masked(
             misclosure.reshape(groups, -1),
+            design.reshape(groups, 3 * rows, -1)[:, :, self.free],
+            self._covariance(before),
+            np.repeat(readings.active, 3, axis=1),
         )
-        rows_flat[off], flat[off] = 0.0, 0.0
-        both = ~off[:, :, None] & ~off[:, None, :]
-        covariance = np.where(both, covariance, 0.0) + np.eye(3 * rows) * off[:, :, None]
-        return Linearisation(rows_flat, flat, covariance, None, ~off)
 
     def adjust_observations(self, multipliers: AnyArray) -> None:
         """Do nothing: the conditions are linear in the observations."""

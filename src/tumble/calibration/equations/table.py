@@ -120,7 +120,8 @@ class TableConditions:
         C = self._by_force @ readings.force_covariance @ np.swapaxes(self._by_force, 1, 2)
         C[:, 0, 0] += self.norm
         C[:, 1:, 1:] += self._spin_noise(inverse, total, up)
-        return self._masked(w, A[:, :, self.free], C)
+        self._by_force[~readings.active] = 0.0
+        return Linearisation.masked(w, A[:, :, self.free], C, readings.active)
 
     def adjust_observations(self, multipliers: AnyArray) -> None:
         """Set the means at rest to observed + e, with e = -Q B' C^-1 (w + A xi) (Hayal 3.38)."""
@@ -136,11 +137,3 @@ class TableConditions:
         for spin in range(spins):
             noise[:, spin, spin] += own[:, spin]
         return np.swapaxes(noise, 2, 3).reshape(groups, 3 * spins, 3 * spins)
-
-    def _masked(self, w: AnyArray, A: AnyArray, C: AnyArray) -> Linearisation:
-        active = self.readings.active
-        off = ~active
-        w[off], A[off], self._by_force[off] = 0.0, 0.0, 0.0
-        both = active[:, :, None] & active[:, None, :]
-        covariance = np.where(both, C, 0.0) + np.eye(active.shape[1]) * off[:, :, None]
-        return Linearisation(w, A, covariance, None, active)

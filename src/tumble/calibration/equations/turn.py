@@ -158,7 +158,7 @@ class TurnConditions:
         self._norms(state, misclosure, design, covariance)
         self._rates(full, state, misclosure, design, covariance)
         lower = self._turns(full, state, misclosure, design, covariance)
-        return self._masked(misclosure, design[:, :, self.free], covariance, lower)
+        return Linearisation.masked(misclosure, design[:, :, self.free], covariance, self.active, lower)
 
     def adjust_observations(self, multipliers: AnyArray) -> None:
         """Move the hold means by e = -Q B' C^-1 (w + A xi); window deviations stay as observed."""
@@ -275,14 +275,6 @@ class TurnConditions:
         drift = np.einsum("tga,a,tha->tgh", by_rotation, floor, by_rotation)
         wander = self.extra.turn + self.extra.rate * state.duration**2
         return walk + drift * (state.duration**2)[:, None, None] + wander[:, None, None] * np.eye(2)
-
-    def _masked(self, w: AnyArray, A: AnyArray, C: AnyArray, lower: AnyArray) -> Linearisation:
-        off = ~self.active
-        w[off], A[off] = 0.0, 0.0
-        both = self.active[:, :, None] & self.active[:, None, :]
-        covariance = np.where(both, C, 0.0) + np.eye(GROUP) * off[:, :, None]
-        across = self.active[1:, :, None] & self.active[:-1, None, :]
-        return Linearisation(w, A, covariance, np.where(across, lower, 0.0), self.active)
 
 
 @dataclass(slots=True)

@@ -269,12 +269,7 @@ class ThermalConditions:
             forces = self._force_rows(parameters, functions, shift, misclosure, design, covariance)
         if points.rate is not None:
             self._rate_rows(parameters, functions, shift, forces, misclosure, design, covariance)
-        off = ~self.active
-        misclosure[off], design[off] = 0.0, 0.0
-        both = self.active[:, :, None] & self.active[:, None, :]
-        covariance = np.where(both, covariance, 0.0)
-        covariance[:, range(6), range(6)] = np.where(self.active, covariance[:, range(6), range(6)], 1.0)
-        return Linearisation(misclosure, design, covariance, None, self.active)
+        return Linearisation.masked(misclosure, design, covariance, self.active)
 
     def adjust_observations(self, multipliers: AnyArray) -> None:
         """Means are known so well that a second order in their noise is nothing."""

@@ -117,11 +117,8 @@ class _TurnEquations:
         self.by_tail, self.by_head = -E, E @ C_se
         self.by_bias = -np.einsum("tga,tab,tbi->tgi", by_rotation, sums[..., 3], inverse, optimize=True)
         self.angle = np.arccos(np.clip(0.5 * (np.trace(C_se, axis1=1, axis2=2) - 1.0), -1.0, 1.0))
-        off = ~self.active
-        misclosure[off], design[off] = 0.0, 0.0
         covariance = (turns.noise + self.extra)[:, None, None] * np.eye(2)
-        covariance = np.where(off[:, :, None] | off[:, None, :], np.eye(2), covariance)
-        return Linearisation(misclosure, design, covariance, None, self.active)
+        return Linearisation.masked(misclosure, design, covariance, self.active)
 
     def adjust_observations(self, multipliers: AnyArray) -> None:
         """Edges are known so well that a second order in their noise is nothing."""
