@@ -44,14 +44,7 @@ def normal_gravity(latitude: float, height: float = 0.0) -> float:
     >>> round(normal_gravity(0.0), 6)
     9.780325
     """
-    square = math.sin(latitude) ** 2
-    surface = (
-        GRAVITY_AT_EQUATOR
-        * (1.0 + SOMIGLIANA_CONSTANT * square)
-        / math.sqrt(1.0 - ECCENTRICITY_SQUARED * square)
-    )
-    first = 2.0 / SEMI_MAJOR_AXIS * (1.0 + FLATTENING + GRAVITY_RATIO - 2.0 * FLATTENING * square)
-    return surface * (1.0 - first * height + 3.0 / SEMI_MAJOR_AXIS**2 * height**2)
+    return float(_magnitude(math.sin(latitude) ** 2, height))
 
 
 def gravity_vectors_n(latitude: AnyArray, height: AnyArray) -> AnyArray:
@@ -67,16 +60,20 @@ def gravity_vectors_n(latitude: AnyArray, height: AnyArray) -> AnyArray:
     height : m above the ellipsoid, of the same shape.
     """
     latitude, height = np.asarray(latitude, dtype=float), np.asarray(height, dtype=float)
-    square = np.sin(latitude) ** 2
+    down = np.asarray(_magnitude(np.sin(latitude) ** 2, height))
+    north = -PLUMB_LINE_CURVATURE * height * np.sin(2.0 * latitude)
+    return np.stack([north, np.zeros_like(north), down], axis=-1)
+
+
+def _magnitude(square: AnyArray | float, height: AnyArray | float) -> AnyArray | float:
+    """Normal gravity by the squared sine of the latitude."""
     surface = (
         GRAVITY_AT_EQUATOR
         * (1.0 + SOMIGLIANA_CONSTANT * square)
         / np.sqrt(1.0 - ECCENTRICITY_SQUARED * square)
     )
     first = 2.0 / SEMI_MAJOR_AXIS * (1.0 + FLATTENING + GRAVITY_RATIO - 2.0 * FLATTENING * square)
-    down = surface * (1.0 - first * height + 3.0 / SEMI_MAJOR_AXIS**2 * height**2)
-    north = -PLUMB_LINE_CURVATURE * height * np.sin(2.0 * latitude)
-    return np.stack([north, np.zeros_like(north), down], axis=-1)
+    return surface * (1.0 - first * height + 3.0 / SEMI_MAJOR_AXIS**2 * height**2)
 
 
 _MINOR = SEMI_MAJOR_AXIS * float(np.sqrt(1.0 - ECCENTRICITY_SQUARED))

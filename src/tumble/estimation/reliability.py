@@ -109,6 +109,7 @@ def critical_value(degrees: int, groups: int, false_alarm: float = 0.01) -> floa
     return float(chdtri(degrees, single))
 
 
+# Baarda's false-alarm rate and power.
 ALPHA, POWER = 0.001, 0.8
 # Of the size of the largest: a direction less checked than this is not checked.
 UNCHECKED = 1e-7
@@ -135,27 +136,14 @@ class Undetected:
     effect: float
 
 
-def noncentrality(alpha: float = ALPHA, power: float = POWER) -> float:
-    """Return by how many sigmas an error must stand out to be found: 4.13 for 0.001 and 0.8.
-
-    Parameters
-    ----------
-    alpha, power : of a two-sided test of one number.
-    """
+def noncentrality() -> float:
+    """Return by how many sigmas an error must stand out to be found by a two-sided test of one number: 4.13."""
     from scipy.special import ndtri
 
-    return float(ndtri(1.0 - 0.5 * alpha) + ndtri(power))
+    return float(ndtri(1.0 - 0.5 * ALPHA) + ndtri(POWER))
 
 
-def undetected(
-    left: Square,
-    directions: Table,
-    gain: Table,
-    sigma: Series,
-    *,
-    alpha: float = ALPHA,
-    power: float = POWER,
-) -> Undetected:
+def undetected(left: Square, directions: Table, gain: Table, sigma: Series) -> Undetected:
     """Return the largest error of one observation that may go unnoticed.
 
     Parameters
@@ -165,9 +153,8 @@ def undetected(
     directions : (m, d) whitened, of the errors looked at, per unit of error.
     gain : (parameters, m) by how much whitened errors move each parameter.
     sigma : (parameters,) standard uncertainties.
-    alpha, power : of the test.
     """
-    needed = noncentrality(alpha, power)
+    needed = noncentrality()
     relative = (gain @ directions) / np.where(sigma > 0.0, sigma, np.inf)[:, None]
     test = directions.T @ left @ directions
     # In units in which the observation's own noise is one, whatever the directions' units are.

@@ -32,7 +32,7 @@ def test_what_is_known_exactly_leaves_the_normal_factor() -> None:
 
 
 def test_baardas_shift_for_one_in_a_thousand_and_eighty_per_cent_is_4_13() -> None:
-    assert noncentrality(0.001, 0.8) == pytest.approx(4.13, abs=0.005)
+    assert noncentrality() == pytest.approx(4.13, abs=0.005)
 
 
 def test_an_error_of_one_number_goes_unnoticed_up_to_baardas_bound() -> None:
