@@ -46,29 +46,18 @@ class Linearisation:
 
     @staticmethod
     def masked(
-        misclosure: AnyArray,
-        design: AnyArray,
-        covariance: AnyArray,
-        active: np.ndarray,
-        lower: AnyArray | None = None,
+        w: AnyArray, A: AnyArray, C: AnyArray, active: np.ndarray, lower: AnyArray | None = None
     ) -> Linearisation:
         """Return conditions of which those that take no part say nothing.
 
         Parameters
         ----------
-        misclosure, design, covariance, active, lower : as of the attributes, of all conditions.
+        w, A, C, active, lower : misclosure, design, covariance and so on of all conditions.
         """
-        both = active[:, :, None] & active[:, None, :]
-        alone = np.eye(active.shape[1]) * ~active[:, :, None]
         if lower is not None:
             lower = np.where(active[1:, :, None] & active[:-1, None, :], lower, 0.0)
-        return Linearisation(
-            np.where(active, misclosure, 0.0),
-            np.where(active[:, :, None], design, 0.0),
-            np.where(both, covariance, 0.0) + alone,
-            lower,
-            active,
-        )
+        C = np.where(active[:, :, None] & active[:, None, :], C, np.eye(active.shape[1]))
+        return Linearisation(np.where(active, w, 0.0), np.where(active[:, :, None], A, 0.0), C, lower, active)
 
 
 @runtime_checkable

@@ -61,7 +61,6 @@ if TYPE_CHECKING:
 
 # An interval's ends need a thousand draws; a million take a minute or two.
 FEWEST_DRAWS, MOST_DRAWS = 1_000, 1_000_000
-SHORTEST = 30.0  # s
 
 Given: TypeAlias = Paths | Recording
 
@@ -339,20 +338,13 @@ def _field_run(
     try:
         document, estimate = field_alone(session, given, str(why), imu)
     except ObservabilityError as further:
-        said = f"{_too_short(session.recording)}{why} The magnetometer does not serve by itself either. {further}"
+        lasts = session.recording.duration
+        short = f"The recording is too short: it lasts {lasts:.1f} s, and nine poses take half a minute. "
+        said = f"{short if lasts < 30.0 else ''}{why} The magnetometer does not serve by itself either. {further}"
         raise type(why)(said) from why
     clock.lap("solving")
     reason = "The magnetometer alone, by the norm of its field: the recording determines no other triad."
     return CalibrationRun(document, estimate, session.recording, *no_holds(), reason)
-
-
-def _too_short(recording: Recording) -> str:
-    if recording.duration >= SHORTEST:
-        return ""
-    return (
-        f"The recording is too short: it lasts {recording.duration:.1f} s, and nine poses of three seconds each with "
-        "turns between them take half a minute. "
-    )
 
 
 def _refuse_odd(runs: int | None) -> None:

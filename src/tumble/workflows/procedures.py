@@ -185,8 +185,7 @@ def add_objections(session: Session, estimate: Estimate, procedure: str | None, 
 
     recording, timeline = session.recording, session.timeline
     estimate.say("objection", *find_dead_channels(recording))
-    doubts = [remark.text for remark in recording.remarks if remark.kind == "doubtful"]
-    estimate.say("objection", *doubts)
+    estimate.say("objection", *(r.text for r in recording.remarks if r.kind == "doubtful"))
     saturated = find_saturated_channels(recording)
     estimate.say("remark", *saturated)
     estimate.say("objection", *(_of_limits(session) if saturated else ()))
@@ -318,18 +317,15 @@ def check_prior(sessions: Sequence[Session], knowledge: StableKnowledge, estimat
     from tumble.calibration.prior import find_contradiction, weighted_knowledge
 
     seen = [own for own in map(_own_angles, sessions) if own is not None]
-    if not seen and knowledge.of_fleet:
-        estimate.say(
-            "caution",
-            "The non-orthogonalities are the fleet's, as far as its units are alike: the poses are too few to check "
-            "that this unit is one of them. Record nine poses or more to determine its own.",
-        )
-        return
     if not seen:
         estimate.say(
             "caution",
-            "The prior is taken on trust: the poses are too few to check it against them, and with another unit's the "
-            "result would look the same and be wrong. Be sure that it is this unit's, or record nine poses or more.",
+            "The non-orthogonalities are the fleet's, as far as its units are alike: the poses are too few to check "
+            "that this unit is one of them. Record nine poses or more to determine its own."
+            if knowledge.of_fleet
+            else "The prior is taken on trust: the poses are too few to check it against them, and with another "
+            "unit's the result would look the same and be wrong. Be sure that it is this unit's, or record nine poses "
+            "or more.",
         )
         return
     contradiction = find_contradiction(knowledge, weighted_knowledge(seen))
