@@ -109,7 +109,7 @@ def sha256(path: Path) -> str:
 
 def page(path: Path) -> dict[str, Any]:
     """Return what a page says: its lines of text, and the numbers and words of its figures."""
-    html = path.read_text(encoding="utf-8")
+    html = path.read_text(encoding="utf-8").replace(str(Path(__file__).resolve().parents[2]), "ROOT")
     data = re.findall(r'<script type="application/json" id="([\w-]+)">(.*?)</script>', html, re.S)
     text = re.sub(r"<(script|style)\b.*?</\1>", "", html, flags=re.S)
     lines = [" ".join(unescape(line).split()) for line in re.split(r"<[^>]+>", text)]
