@@ -9,70 +9,34 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
+from recovery.played import MODEL, Found, in_frame, normalised, short, vector
 from tumble.calibration import Estimate, calibrate_hand_held
 from tumble.calibration.estimate import Beside
 from tumble.calibration.joint import calibrate_joint
 from tumble.calibration.procedures.turntable import calibrate_turntable
 from tumble.earth import Site
-from tumble.protocol import HoldStep, Protocol, SpinStep, Step, named_protocol
+from tumble.protocol import Protocol, SpinStep, named_protocol
 from tumble.recording.recording import Recording
 from tumble.segmentation import find_timeline, observe_holds
-from tumble.segmentation.matching import match_protocol, observe_matched_spins
-from tumble.segmentation.rotations import observe_rotations
-from tumble.sensor import ImuModel, Triad, change_frame
+from tumble.sensor import change_frame
 from tumble.simulation import TableErrors, find_grade, simulate_protocol
 from tumble.simulation.recordings import Truth
 
-Array = npt.NDArray[np.float64]
 SITE = replace(Site.from_latitude(np.radians(48.0), 300.0), gravity_sigma=0.0)
-RATE, TURN = np.radians(60.0), 2.0 * np.pi
-HOLD, REST = 10.0, 6.0
-# Every element differs from its mirror image; no rotation joins the triads' axes but their own.
-MODEL = ImuModel(
-    Triad(
-        np.array([[1.02, 0.003, -0.004], [0.0031, 0.97, 0.002], [-0.0012, 0.0045, 1.05]]),
-        np.array([0.02, -0.03, 0.05]),
-    ),
-    Triad(
-        np.array([[0.99, 0.0021, -0.0033], [-0.0014, 1.03, 0.0026], [0.0037, -0.0018, 0.97]]),
-        np.array([1e-3, -2e-3, 3e-3]),
-    ),
-)
 # A thousand |z| beyond this are by chance one in 150.
 LARGEST_Z = 4.5
-
-
-def table_protocol(*, rate: float = RATE) -> Protocol:
-    """The nine-pose turntable test in less time."""
-
-    def changed(step: Step) -> Step:
-        if isinstance(step, SpinStep):
-            sign = float(np.sign(step.rate))
-            return replace(step, duration=TURN / rate - step.ramp, rate=sign * rate, angle=sign * TURN)
-        if isinstance(step, HoldStep):
-            return replace(step, duration=REST if step.name.startswith("about") else HOLD)
-        return step
-
-    protocol = named_protocol("turntable-9")
-    return replace(protocol, steps=tuple(changed(step) for step in protocol.steps), site=SITE)
 
 
 def on_the_table(
     recording: Recording, protocol: Protocol, *, start: Estimate | None = None, optional_terms: bool = True
 ) -> Estimate:
-    timeline = find_timeline(recording)
-    means = observe_holds(recording, timeline)
-    matching = match_protocol(protocol, recording, timeline, means)
-    spins = observe_matched_spins(protocol, recording, timeline, matching)
-    rotations = observe_rotations(protocol, recording, timeline, matching, means, spins)
+    found = Found.of(recording, protocol)
+    told = (recording, found.timeline, found.means)
     if start is None:
-        start = calibrate_turntable(recording, timeline, means, rotations, matching, protocol, SITE)
-    return calibrate_joint(
-        recording, timeline, means, SITE, start, rotations=rotations, optional_terms=optional_terms
-    )
+        start = calibrate_turntable(*told, found.rotations, found.matching, protocol, SITE)
+    return calibrate_joint(*told, SITE, start, rotations=found.rotations, optional_terms=optional_terms)
 
 
 def by_hand(recording: Recording, *, optional_terms: bool = True, broken: int | None = None) -> Estimate:
@@ -110,7 +74,7 @@ def tumbled(*, noise: bool = True, grade: str = "consumer-mems") -> Played:
 @cache
 def turned(*, noise: bool = True, grade: str = "tactical", shake: float = 0.0) -> Played:
     made = simulate_protocol(
-        table_protocol(),
+        short("turntable-9", SITE),
         50.0,
         np.random.default_rng(12),
         site=SITE,
@@ -121,36 +85,6 @@ def turned(*, noise: bool = True, grade: str = "tactical", shake: float = 0.0) -
         lever_arm_b=np.array([0.05, -0.03, 0.02]),
     )
     return Played(*made)
-
-
-def vector(model: ImuModel | None) -> Array:
-    """Both matrices and biases, in the frame of the estimate."""
-    assert model is not None
-    own = change_frame(model, "accelerometer-x")
-    assert own.accelerometer is not None
-    assert own.gyroscope is not None
-    triads = (own.accelerometer, own.gyroscope)
-    return np.concatenate([part.ravel() for triad in triads for part in (triad.matrix, triad.bias)])
-
-
-def normalised(estimate: Estimate, truth: Truth) -> Array:
-    """Errors over stated sigmas; the bias of a session is what it was on average."""
-    error = vector(estimate.model) - vector(truth.model)
-    seconds = np.diff(truth.hold_edges, axis=1)[:, 0]
-    share = seconds / seconds.sum()
-    error[9:12] -= share @ truth.force_wander
-    error[21:24] -= share @ truth.rate_wander
-    names = [
-        f"{triad}.{entry}"
-        for triad in ("accelerometer", "gyroscope")
-        for entry in (
-            *(f"matrix[{i},{j}]" for i in range(3) for j in range(3)),
-            *(f"bias[{i}]" for i in range(3)),
-        )
-    ]
-    sigma = np.sqrt(np.diag(estimate.covariance))[[estimate.names.index(name) for name in names]]
-    assert np.count_nonzero(sigma == 0.0) == 3
-    return error[sigma > 0.0] / sigma[sigma > 0.0]
 
 
 def kept(estimate: Estimate) -> set[str]:
@@ -165,15 +99,19 @@ def test_by_hand_without_noise_the_truth_comes_back() -> None:
     played = tumbled(noise=False)
     estimate = by_hand(played.recording, optional_terms=False)
     assert estimate.procedure == "joint"
-    np.testing.assert_allclose(vector(estimate.model), vector(played.truth.model), rtol=0, atol=1e-6)
+    np.testing.assert_allclose(
+        vector(estimate.model), vector(in_frame(played.truth.model, estimate.frame)), rtol=0, atol=1e-6
+    )
     assert not kept(estimate)
     assert not estimate.left_out
 
 
 def test_on_a_table_without_noise_the_truth_comes_back() -> None:
     played = turned(noise=False)
-    estimate = on_the_table(played.recording, table_protocol(), optional_terms=False)
-    np.testing.assert_allclose(vector(estimate.model), vector(played.truth.model), rtol=0, atol=1e-6)
+    estimate = on_the_table(played.recording, short("turntable-9", SITE), optional_terms=False)
+    np.testing.assert_allclose(
+        vector(estimate.model), vector(in_frame(played.truth.model, estimate.frame)), rtol=0, atol=1e-6
+    )
     assert not kept(estimate)
     assert not estimate.left_out
 
@@ -192,7 +130,7 @@ def test_by_hand_with_noise_the_truth_is_within_the_uncertainty(grade: str) -> N
 
 @cache
 def turned_and_estimated() -> Estimate:
-    return on_the_table(turned().recording, table_protocol())
+    return on_the_table(turned().recording, short("turntable-9", SITE))
 
 
 def test_on_a_table_with_noise_the_truth_is_within_the_uncertainty_and_nearer() -> None:
@@ -223,7 +161,7 @@ def test_a_misread_table_angle_is_left_out_and_named_also_on_a_table_that_shakes
     told and makes them count for less.
     """
     played = turned(shake=0.02)
-    protocol = table_protocol()
+    protocol = short("turntable-9", SITE)
     at = [k for k, step in enumerate(protocol.steps) if isinstance(step, SpinStep)][4]
     wrong = protocol.steps[at]
     assert isinstance(wrong, SpinStep)

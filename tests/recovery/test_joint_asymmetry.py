@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from recovery.played import by_hand
 from tumble.calibration.equations.imu_unknowns import (
     LAYOUT,
     imu_unknowns,
@@ -15,13 +16,11 @@ from tumble.calibration.equations.imu_unknowns import (
 from tumble.calibration.estimate import Estimate
 from tumble.calibration.joint import calibrate_joint
 from tumble.earth import Site
-from tumble.segmentation import Hold, NoiseFloor, Timeline, Turn, observe_holds
+from tumble.segmentation import observe_holds
 from tumble.sensor import ImuModel, Triad
-from tumble.simulation import Motion, simulate_recording
 
 SITE = Site(9.81, 0.0, float(np.radians(48.0)), 300.0, "as simulated")
 OF_FORCE, OF_RATE = np.array([1e-3, -2e-3, 1.5e-3]), np.array([2e-3, -1e-3, 1.5e-3])
-NOISE = (0.005, 5e-4)
 
 
 def _run() -> Estimate:
@@ -39,17 +38,7 @@ def _run() -> Estimate:
         ),
     )
     poses = Rotation.random(24, np.random.default_rng(5))
-    motion = Motion.between_poses(poses, np.full(24, 3.0), np.full(23, 2.0))
-    rng = np.random.default_rng(8)
-    recording, _ = simulate_recording(motion, 50.0, rng, site=SITE, distort=model.distort)
-    assert recording.specific_force is not None
-    assert recording.angular_rate is not None
-    recording.specific_force[:] += NOISE[0] * rng.standard_normal(recording.specific_force.shape)
-    recording.angular_rate[:] += NOISE[1] * rng.standard_normal(recording.angular_rate.shape)
-    holds = tuple(Hold(250 * k, 250 * k + 150) for k in range(24))
-    turns = tuple(Turn(k, k + 1, 250 * k + 150, 250 * (k + 1)) for k in range(23))
-    floor = NoiseFloor(np.full(3, NOISE[0]), np.full(3, NOISE[1]), 1.0, "as simulated")
-    timeline = Timeline(holds, turns, (), floor)
+    recording, timeline = by_hand(poses, model, SITE)
     return calibrate_joint(recording, timeline, observe_holds(recording, timeline), SITE)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from recovery.played import by_hand
 from tumble.calibration.canonical import canonical_names
 from tumble.calibration.estimate import Estimate
 from tumble.calibration.joint import calibrate_joint
@@ -16,10 +17,9 @@ from tumble.calibration.session import Session
 from tumble.earth import Site
 from tumble.errors import ObservabilityError
 from tumble.recording import Recording
-from tumble.segmentation import Hold, NoiseFloor, Timeline, Turn, observe_holds
+from tumble.segmentation import Timeline, observe_holds
 from tumble.segmentation.turns import find_saturated_axis
 from tumble.sensor import ImuModel, Triad
-from tumble.simulation import Motion, simulate_recording
 from tumble.workflows.procedures import check_prior
 
 SITE = Site(9.81, 0.0, float(np.radians(48.0)), 300.0, "as simulated")
@@ -30,26 +30,10 @@ MODEL = ImuModel(
         np.array([0.011, -0.013, 0.014]),
     ),
 )  # fmt: skip
-NOISE = (0.005, 5e-4)
 
 
 def _played(poses: Rotation) -> tuple[Recording, Timeline]:
-    """Holds of 3 s, turns of 2 s, 50 Hz, white noise."""
-    holds = len(poses)
-    motion = Motion.between_poses(poses, np.full(holds, 3.0), np.full(holds - 1, 2.0))
-    rng = np.random.default_rng(8)
-    played, _ = simulate_recording(motion, 50.0, rng, site=SITE, distort=MODEL.distort)
-    assert played.specific_force is not None
-    assert played.angular_rate is not None
-    recording = replace(
-        played,
-        specific_force=played.specific_force + NOISE[0] * rng.standard_normal(played.specific_force.shape),
-        angular_rate=played.angular_rate + NOISE[1] * rng.standard_normal(played.angular_rate.shape),
-    )
-    found = tuple(Hold(250 * k, 250 * k + 150) for k in range(holds))
-    turns = tuple(Turn(k, k + 1, 250 * k + 150, 250 * (k + 1)) for k in range(holds - 1))
-    floor = NoiseFloor(np.full(3, NOISE[0]), np.full(3, NOISE[1]), 1.0, "as simulated")
-    return recording, Timeline(found, turns, (), floor)
+    return by_hand(poses, MODEL, SITE)
 
 
 def _calibrated(recording: Recording, timeline: Timeline, prior: StableKnowledge | None = None) -> Estimate:

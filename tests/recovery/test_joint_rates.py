@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from recovery.played import Found
 from tumble.attitude.directions import twenty_six_directions
 from tumble.calibration.equations.believed_poses import believed_poses
 from tumble.calibration.equations.imu_unknowns import LAYOUT
@@ -130,19 +131,15 @@ def test_a_spin_with_a_gap_breaks_the_section_and_gives_no_rate() -> None:
     recording, _ = simulate_protocol(
         *(protocol, 100.0, np.random.default_rng(5)), site=SITE, grade=find_grade("tactical")
     )
-    timeline = find_timeline(recording)
-    means = observe_holds(recording, timeline)
-    matching = match_protocol(protocol, recording, timeline, means)
-    spins = observe_matched_spins(protocol, recording, timeline, matching)
-    rotations = observe_rotations(protocol, recording, timeline, matching, means, spins)
-    after = rotations[1].start + 300
+    found = Found.of(recording, protocol)
+    after = found.rotations[1].start + 300
     late = recording.time.copy()
     late[after:] += 1.0
     gapped = replace(recording, time=late)
     estimate = calibrate_joint(
-        *(gapped, timeline, means, SITE),
-        rotations=rotations,
-        poses=believed_poses(protocol, matching),
+        *(gapped, found.timeline, found.means, SITE),
+        rotations=found.rotations,
+        poses=believed_poses(protocol, found.matching),
         optional_terms=False,
     )
     assert len(estimate.spins.names) == 5

@@ -13,6 +13,7 @@ import numpy.typing as npt
 import pytest
 from scipy.spatial.transform import Rotation
 
+from recovery.played import MODEL as UNIT
 from tumble.calibration import Estimate
 from tumble.calibration.equations.imu_unknowns import unknowns_of
 from tumble.calibration.joint import calibrate_joint
@@ -23,21 +24,10 @@ from tumble.calibration.turn_ons.outcome import SeveralOutcome, adjust_several
 from tumble.earth import Site
 from tumble.errors import UsageError
 from tumble.segmentation import find_timeline, observe_holds
-from tumble.sensor import ImuModel, Triad, change_frame
+from tumble.sensor import ImuModel, change_frame
 from tumble.simulation import Motion, find_grade, poses_26, simulate_recording
 
 SITE = replace(Site.from_latitude(np.radians(48.0), 300.0), gravity_sigma=0.0)
-# Every element differs from its mirror image; no rotation joins the triads' axes but their own.
-UNIT = ImuModel(
-    Triad(
-        np.array([[1.02, 0.003, -0.004], [0.0031, 0.97, 0.002], [-0.0012, 0.0045, 1.05]]),
-        np.array([0.02, -0.03, 0.05]),
-    ),
-    Triad(
-        np.array([[0.99, 0.0021, -0.0033], [-0.0014, 1.03, 0.0026], [0.0037, -0.0018, 0.97]]),
-        np.array([1e-3, -2e-3, 3e-3]),
-    ),
-)
 MOVES = (np.array([0.03, -0.02, 0.01]), np.array([-2e-3, 1e-3, 3e-3]))
 # Of a hundred parameters or so, one in ten thousand tests beyond it.
 LARGEST_Z = 5.0

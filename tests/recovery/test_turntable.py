@@ -12,66 +12,29 @@ from functools import cache
 import numpy as np
 import pytest
 
+from recovery.played import MODEL, TURN, Found, in_frame, normalised, short, vector
 from tumble.calibration import Estimate
 from tumble.calibration.evidence import Budget, Rotations
 from tumble.calibration.procedures.laboratory import calibrate_laboratory
 from tumble.calibration.procedures.turntable import calibrate_turntable
 from tumble.earth import Site
 from tumble.errors import ObservabilityError, SegmentationError
-from tumble.protocol import HoldStep, Pose, Protocol, SpinStep, Step, named_protocol
+from tumble.protocol import HoldStep, Pose, Protocol, SpinStep, Step
 from tumble.recording.recording import Recording
-from tumble.segmentation import find_timeline, observe_holds
-from tumble.segmentation.matching import match_protocol, observe_matched_spins
-from tumble.segmentation.rotations import observe_rotations
-from tumble.sensor import ImuModel, Triad, change_frame
+from tumble.sensor import ImuModel
 from tumble.simulation import TableErrors, find_grade, simulate_protocol
 from tumble.simulation.recordings import Truth
 
 SITE = Site.from_latitude(np.radians(48.0), 300.0)
-RATE, TURN = np.radians(60.0), 2.0 * np.pi
-HOLD, REST = 10.0, 6.0
-# No rotation joins the two triads' axes but their own; every element differs from its mirror image.
-MODEL = ImuModel(
-    Triad(
-        np.array([[1.02, 0.003, -0.004], [0.0031, 0.97, 0.002], [-0.0012, 0.0045, 1.05]]),
-        np.array([0.02, -0.03, 0.05]),
-    ),
-    Triad(
-        np.array([[0.99, 0.0021, -0.0033], [-0.0014, 1.03, 0.0026], [0.0037, -0.0018, 0.97]]),
-        np.array([1e-3, -2e-3, 3e-3]),
-    ),
-)
-
-
-def short(name: str, *, rate: float = RATE, angle: float = TURN, hold: float = HOLD) -> Protocol:
-    """A named protocol in less time."""
-
-    def changed(step: Step) -> Step:
-        if isinstance(step, SpinStep):
-            sign = float(np.sign(step.rate))
-            return replace(step, duration=angle / rate - step.ramp, rate=sign * rate, angle=sign * angle)
-        if isinstance(step, HoldStep):
-            return replace(step, duration=REST if step.name.startswith("about") else hold)
-        return step
-
-    protocol = named_protocol(name)
-    return replace(protocol, steps=tuple(changed(step) for step in protocol.steps), site=SITE)
 
 
 def calibrated(recording: Recording, protocol: Protocol, site: Site = SITE) -> Estimate:
-    timeline = find_timeline(recording)
-    means = observe_holds(recording, timeline)
-    matching = match_protocol(protocol, recording, timeline, means)
-    spins = observe_matched_spins(protocol, recording, timeline, matching)
-    rotations = observe_rotations(protocol, recording, timeline, matching, means, spins)
+    found = Found.of(recording, protocol)
     if protocol.procedure == "laboratory":
-        return calibrate_laboratory(recording, means, rotations, matching, protocol, site)
-    return calibrate_turntable(recording, timeline, means, rotations, matching, protocol, site)
-
-
-def in_frame(model: ImuModel | None, frame: str) -> ImuModel:
-    assert model is not None
-    return model if frame == "fixture" else change_frame(model, frame)
+        return calibrate_laboratory(recording, found.means, found.rotations, found.matching, protocol, site)
+    return calibrate_turntable(
+        recording, found.timeline, found.means, found.rotations, found.matching, protocol, site
+    )
 
 
 def blocks(model: ImuModel) -> list[np.ndarray]:
@@ -83,10 +46,6 @@ def blocks(model: ImuModel) -> list[np.ndarray]:
         model.gyroscope.matrix,
         model.gyroscope.bias,
     ]
-
-
-def vector(model: ImuModel) -> np.ndarray:
-    return np.concatenate([block.ravel() for block in blocks(model)])
 
 
 def assert_found(estimate: Estimate, truth: Truth, limit: float) -> None:
@@ -106,7 +65,7 @@ def assert_found(estimate: Estimate, truth: Truth, limit: float) -> None:
 )
 def test_without_noise_the_truth_comes_back(name: str, units: str) -> None:
     """To 1e-10: matrices are of condition one, angles of some 10 rad."""
-    protocol = short(name)
+    protocol = short(name, SITE)
     recording, truth = simulate_protocol(
         protocol, 50.0, np.random.default_rng(1), site=SITE, model=MODEL, placement=False, units=units
     )
@@ -119,7 +78,7 @@ def test_without_noise_the_truth_comes_back(name: str, units: str) -> None:
 
 def test_placed_anyhow_on_a_table_with_uneven_ramps_the_truth_comes_back_all_the_same() -> None:
     """Degrees off in every pose and axis, the unit beside the axis: none of that is believed."""
-    protocol = short("turntable-9")
+    protocol = short("turntable-9", SITE)
     recording, truth = simulate_protocol(
         protocol,
         50.0,
@@ -140,7 +99,7 @@ def test_placed_anyhow_on_a_table_with_uneven_ramps_the_truth_comes_back_all_the
 
 def test_the_laboratory_believes_the_poses_and_is_wrong_by_them() -> None:
     """Half a degree stated exact: the result is off by a good part of it, and says that the poses disagree."""
-    exact = short("laboratory")
+    exact = short("laboratory", SITE)
     loose = replace(exact, steps=tuple(_posed(step, np.radians(0.5)) for step in exact.steps))
     recording, truth = simulate_protocol(
         loose, 50.0, np.random.default_rng(3), site=SITE, grade=find_grade("tactical"), model=MODEL
@@ -160,7 +119,7 @@ def _posed(step: Step, sigma: float) -> Step:
 def test_a_g_sensitivity_that_outdoes_the_earth_is_found_and_moves_nothing_else() -> None:
     """1e-4 rad/s per m/s²; the horizontal Earth rate with its unknown heading is 5e-6 of that unit."""
     G = 1e-4 * np.array([[1.0, -2.0, 0.5], [3.0, -0.7, 1.5], [-2.5, 0.4, 2.0]])
-    protocol = short("turntable-18")
+    protocol = short("turntable-18", SITE)
     recording, truth = simulate_protocol(
         protocol, 50.0, np.random.default_rng(4), site=SITE, model=replace(MODEL, g_sensitivity=G)
     )
@@ -185,40 +144,18 @@ def test_a_g_sensitivity_that_outdoes_the_earth_is_found_and_moves_nothing_else(
 )
 def test_with_noise_and_placement_errors_the_truth_is_within_the_uncertainty(name: str, grade: str) -> None:
     """A threshold of 4.5 is passed by chance once in 150,000; 72 are looked at. The bias is that of the session."""
-    protocol = short(name)
+    protocol = short(name, SITE)
     recording, truth = simulate_protocol(
         protocol, 50.0, np.random.default_rng(11), site=SITE, grade=find_grade(grade)
     )
-    estimate = calibrated(recording, protocol)
-    error = vector(estimate.model) - vector(in_frame(truth.model, estimate.frame))
-    seconds = np.diff(truth.hold_edges, axis=1)[:, 0]
-    share = seconds / seconds.sum()
-    error[9:12] -= share @ truth.force_wander
-    error[21:24] -= share @ truth.rate_wander
-    at = [estimate.names.index(name) for name in _names()]
-    sigma = np.sqrt(np.diag(estimate.covariance))[at]
-    fixed = sigma == 0.0
-    assert np.count_nonzero(fixed) == (0 if name == "laboratory" else 3)
-    np.testing.assert_allclose(error[fixed], 0.0, atol=1e-12)
-    assert np.max(np.abs(error[~fixed] / sigma[~fixed])) < 4.5
-
-
-def _names() -> list[str]:
-    return [
-        f"{triad}.{entry}"
-        for triad in ("accelerometer", "gyroscope")
-        for entry in (
-            *(f"matrix[{i},{j}]" for i in range(3) for j in range(3)),
-            *(f"bias[{i}]" for i in range(3)),
-        )
-    ]
+    assert np.max(np.abs(normalised(calibrated(recording, protocol), truth))) < 4.5
 
 
 def test_the_budget_s_squares_add_up_to_the_uncertainty() -> None:
     """Gravity is stated exact here, so that the sources named are all there are."""
     site = replace(SITE, gravity_sigma=0.0)
     for name in ("turntable-9", "laboratory"):
-        told = short(name)
+        told = short(name, SITE)
         recording, _ = simulate_protocol(
             told, 50.0, np.random.default_rng(5), site=site, grade=find_grade("tactical")
         )
@@ -235,7 +172,7 @@ def test_the_budget_s_squares_add_up_to_the_uncertainty() -> None:
 @cache
 def session() -> tuple[Recording, Truth]:
     return simulate_protocol(
-        short("turntable-9"),
+        short("turntable-9", SITE),
         50.0,
         np.random.default_rng(7),
         site=SITE,
@@ -269,7 +206,7 @@ def reversed_spin(step: SpinStep) -> SpinStep:
 
 @pytest.mark.parametrize("named", [True, False], ids=["that the protocol has", "that it has not either"])
 def test_a_turn_that_is_missing_is_named_with_what_it_was_for(named: bool) -> None:
-    whole = short("turntable-9")
+    whole = short("turntable-9", SITE)
     lacking = without(whole, 3)
     recording, _ = simulate_protocol(
         lacking, 50.0, np.random.default_rng(7), site=SITE, grade=find_grade("tactical")
@@ -284,7 +221,7 @@ def test_a_turn_that_is_missing_is_named_with_what_it_was_for(named: bool) -> No
 
 def test_a_seventh_axis_one_way_only_takes_no_part_and_it_is_said() -> None:
     recording, truth = session()
-    protocol = short("turntable-9")
+    protocol = short("turntable-9", SITE)
     extra = without(replace(protocol, steps=(*protocol.steps, *_again(protocol))), 13)
     recording, truth = simulate_protocol(
         extra, 50.0, np.random.default_rng(7), site=SITE, grade=find_grade("tactical")
@@ -307,7 +244,7 @@ def _again(protocol: Protocol) -> tuple[Step, ...]:
 def test_a_table_that_stopped_early_is_named_by_its_step_and_serves_once_its_angle_is_in_the_protocol() -> (
     None
 ):
-    protocol = short("turntable-9")
+    protocol = short("turntable-9", SITE)
     recording, truth = simulate_protocol(
         protocol,
         50.0,
@@ -331,7 +268,7 @@ def test_a_table_that_stopped_early_is_named_by_its_step_and_serves_once_its_ang
 
 def test_an_angle_a_turn_too_large_is_named_by_its_step() -> None:
     recording, _ = session()
-    wrong = changed(short("turntable-9"), lambda s: replace(s, angle=2.0 * TURN * np.sign(s.rate)), 4)
+    wrong = changed(short("turntable-9", SITE), lambda s: replace(s, angle=2.0 * TURN * np.sign(s.rate)), 4)
     with pytest.raises(
         ObservabilityError,
         match=r"about z: the protocol says that the table turned 720°, and the gyros turned about 360°",
@@ -341,7 +278,7 @@ def test_an_angle_a_turn_too_large_is_named_by_its_step() -> None:
 
 def test_an_axis_that_stays_vertical_is_objected_to_with_the_way_out() -> None:
     """The gyros' norms are told all the same; how they stand against the accelerometers is not."""
-    protocol = short("turntable-9")
+    protocol = short("turntable-9", SITE)
     steps = list(protocol.steps)
     for spin in spins_of(protocol)[::2]:
         turned = steps[spin]
@@ -376,27 +313,27 @@ def test_an_axis_that_stays_vertical_is_objected_to_with_the_way_out() -> None:
 def test_angles_with_the_wrong_sign_are_told(spins: tuple[int, ...], words: str) -> None:
     recording, _ = session()
     with pytest.raises(SegmentationError, match=words):
-        calibrated(recording, changed(short("turntable-9"), reversed_spin, *spins))
+        calibrated(recording, changed(short("turntable-9", SITE), reversed_spin, *spins))
 
 
 def test_without_a_latitude_the_biases_are_from_norms_or_the_earth_is_noise() -> None:
     recording, truth = session()
     nowhere = Site.from_gravity(SITE.gravity)
-    estimate = calibrated(recording, short("turntable-9"), nowhere)
+    estimate = calibrated(recording, short("turntable-9", SITE), nowhere)
     assert any("No latitude was given" in remark for remark in estimate.remarks)
     error = vector(estimate.model)[21:24] - vector(in_frame(truth.model, estimate.frame))[21:24]
     # the wander of a tactical unit's bias in the session is below its own uncertainty without a latitude
     sigma = np.sqrt(np.diag(estimate.covariance))[21:24]
     assert np.max(np.abs(error / sigma)) < 4.5
     # matrices do not know of it
-    with_latitude = calibrated(recording, short("turntable-9"))
+    with_latitude = calibrated(recording, short("turntable-9", SITE))
     np.testing.assert_allclose(
         vector(estimate.model)[:21], vector(with_latitude.model)[:21], rtol=0, atol=1e-6
     )
 
 
 def test_biases_from_static_pairs_are_exact_where_the_gyros_see_the_earth() -> None:
-    protocol = short("turntable-9")
+    protocol = short("turntable-9", SITE)
     recording, truth = simulate_protocol(
         protocol, 50.0, np.random.default_rng(1), site=SITE, model=MODEL, placement=False
     )
@@ -412,7 +349,7 @@ def test_biases_from_static_pairs_are_exact_where_the_gyros_see_the_earth() -> N
 
 def test_without_angles_the_protocol_s_rate_is_believed_and_it_is_said() -> None:
     recording, truth = session()
-    estimate = calibrated(recording, changed(short("turntable-9"), lambda s: replace(s, angle=None)))
+    estimate = calibrated(recording, changed(short("turntable-9", SITE), lambda s: replace(s, angle=None)))
     assert any(
         "12 of 12 rotations were taken at their constant rate" in remark and "`angle_deg`" in remark
         for remark in estimate.remarks
@@ -430,29 +367,27 @@ def test_a_recording_of_one_triad_is_refused(name: str, triad: str) -> None:
         session()
         if name == "turntable-9"
         else simulate_protocol(
-            short(name), 50.0, np.random.default_rng(7), site=SITE, grade=find_grade("tactical")
+            short(name, SITE), 50.0, np.random.default_rng(7), site=SITE, grade=find_grade("tactical")
         )
     )
-    protocol = short(name)
-    timeline = find_timeline(recording)
-    means = observe_holds(recording, timeline)
-    matching = match_protocol(protocol, recording, timeline, means)
-    spins = observe_matched_spins(protocol, recording, timeline, matching)
-    rotations = observe_rotations(protocol, recording, timeline, matching, means, spins)
-    bare = replace(means, **{triad: None, f"{triad}_covariance": None})
+    protocol = short(name, SITE)
+    found = Found.of(recording, protocol)
+    bare = replace(found.means, **{triad: None, f"{triad}_covariance": None})
     what = "accelerometer" if triad == "specific_force" else "gyro"
 
     def calibrate() -> Estimate:
         if name == "laboratory":
-            return calibrate_laboratory(recording, bare, rotations, matching, protocol, SITE)
-        return calibrate_turntable(recording, timeline, bare, rotations, matching, protocol, SITE)
+            return calibrate_laboratory(recording, bare, found.rotations, found.matching, protocol, SITE)
+        return calibrate_turntable(
+            recording, found.timeline, bare, found.rotations, found.matching, protocol, SITE
+        )
 
     with pytest.raises(ObservabilityError, match=f"The recording has no {what}"):
         calibrate()
 
 
 def test_the_laboratory_refuses_axes_in_one_plane_and_an_axis_that_is_missing() -> None:
-    protocol = short("laboratory")
+    protocol = short("laboratory", SITE)
     lacking = without(protocol, 4, 5)
     recording, _ = simulate_protocol(
         lacking, 50.0, np.random.default_rng(7), site=SITE, grade=find_grade("tactical")
@@ -467,7 +402,7 @@ def test_the_laboratory_refuses_axes_in_one_plane_and_an_axis_that_is_missing() 
 @pytest.mark.parametrize("name", ["turntable-9", "laboratory"])
 def test_readings_that_never_change_at_rest_are_no_trouble(name: str) -> None:
     """Not a digit of noise: covariances of zero, which weigh without an inverse."""
-    protocol = short(name)
+    protocol = short(name, SITE)
     recording, truth = simulate_protocol(
         protocol, 20.0, np.random.default_rng(6), site=SITE, model=MODEL, placement=name != "laboratory"
     )
@@ -493,7 +428,7 @@ def test_an_axis_that_leans_moves_nothing_and_one_that_wobbles_the_rotation_betw
     table: TableErrors, least: float, most: float
 ) -> None:
     """Both triads see the axis lean; a wobble tilts the accelerometers' plane by as much as it wobbles, 1e-4 rad."""
-    protocol = short("turntable-9")
+    protocol = short("turntable-9", SITE)
     recording, truth = simulate_protocol(
         protocol, 50.0, np.random.default_rng(3), site=SITE, model=MODEL, table=table
     )
