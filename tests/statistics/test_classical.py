@@ -8,7 +8,6 @@ bounds from the number of runs at a false-alarm rate of 1e-3 each; the seeds are
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,9 +16,8 @@ from scipy.spatial.transform import Rotation
 
 from tumble.attitude.directions import twenty_six_directions
 from tumble.calibration import Estimate
-from tumble.calibration.equations.placement import plain_least_squares, up_down_pair
+from tumble.calibration.equations.placement import up_down_pair
 from tumble.calibration.procedures.modified_multi_position import calibrate_modified_multi_position
-from tumble.calibration.procedures.multi_position import fit_norms
 from tumble.calibration.procedures.rate_table import calibrate_rate_table
 from tumble.calibration.procedures.six_position import calibrate_six_position
 from tumble.earth import EARTH_RATE, Site
@@ -47,19 +45,17 @@ FORCE_X = Triad(
     np.array([[1.02, 0, 0], [-0.011, 0.98, 0], [0.031, -0.019, 1.05]]), np.array([0.1, -0.2, 0.3])
 )
 FALSE_ALARM = 1e-3
+# Of six positions: an rms of 3 numbers a run is known to 3.8 %, so that a sigma that is a fifth off is seen.
+RUNS = 120
 
 
-def spread_bounds(runs: int, each: int = 1) -> tuple[float, float]:
-    """Bounds of an rms over its expectation, for `runs` independent normal numbers times `each`."""
-    degrees = runs * each
-    low, high = stats.chi2.ppf([FALSE_ALARM / 2, 1 - FALSE_ALARM / 2], degrees) / degrees
-    return math.sqrt(low), math.sqrt(high)
+def within(found: float, expected: float, runs: float, each: int = 1, slack: float = 0.0) -> bool:
+    """Whether an rms of `runs` independent numbers times `each` is the expected one, by chance.
 
-
-def within(found: float, expected: float, runs: int, each: int = 1, slack: float = 0.0) -> bool:
-    """Whether an rms is the expected one, by chance; `slack` for what was rounded or is not normal."""
-    low, high = spread_bounds(runs, each)
-    return low - slack < found / expected < high + slack
+    `slack` is for what was rounded or is not normal.
+    """
+    low, high = stats.chi2.ppf([FALSE_ALARM / 2, 1 - FALSE_ALARM / 2], runs * each) / (runs * each)
+    return math.sqrt(low) - slack < found / expected < math.sqrt(high) + slack
 
 
 def means_of(
@@ -113,7 +109,7 @@ def sigma_of(estimate: Estimate, name: str) -> float:
 
 @pytest.fixture(scope="module")
 def aligned() -> list[Estimate]:
-    return [six_positions(seed, improved=False, stated=0.0, truly=0.0) for seed in range(300)]
+    return [six_positions(seed, improved=False, stated=0.0, truly=0.0) for seed in range(RUNS)]
 
 
 def test_perfectly_aligned_the_standard_test_tells_bias_and_scale_as_the_thesis_has_it(
@@ -123,8 +119,8 @@ def test_perfectly_aligned_the_standard_test_tells_bias_and_scale_as_the_thesis_
     assert sigma_of(aligned[0], "accelerometer bias x") == pytest.approx(1.9e-4, rel=0.03)
     assert sigma_of(aligned[0], "accelerometer scale factor error x") == pytest.approx(20e-6, rel=0.03)
     off = np.array([numbers(e.model.accelerometer) for e in aligned]) - numbers(FORCE)
-    assert within(float(np.std(off[:, 9:])), 1.93e-4, 300, 3)
-    assert within(float(np.std(off[:, [0, 4, 8]])), 19.7e-6, 300, 3)
+    assert within(float(np.std(off[:, 9:])), 1.93e-4, RUNS, 3)
+    assert within(float(np.std(off[:, [0, 4, 8]])), 19.7e-6, RUNS, 3)
 
 
 def test_the_gyro_s_bias_is_told_to_1_9e_6_rad_per_s_and_its_scale_to_41000_ppm(
@@ -133,7 +129,7 @@ def test_the_gyro_s_bias_is_told_to_1_9e_6_rad_per_s_and_its_scale_to_41000_ppm(
     assert sigma_of(aligned[0], "gyro bias x") == pytest.approx(1.9e-6, rel=0.03)
     off = np.array([numbers(e.model.gyroscope)[9:] for e in aligned]) - GYRO.bias
     # The horizontal Earth rate of unknown heading times misalignments of 6 mrad: 3e-7 beside 1.9e-6.
-    assert within(float(np.sqrt(np.mean(off**2))), 1.92e-6, 300, 3, slack=0.03)
+    assert within(float(np.sqrt(np.mean(off**2))), 1.92e-6, RUNS, 3, slack=0.03)
     # So uncertain a scale factor is not put into the calibration; the closed form gives it.
     assert not any("gyro scale factor" in p.name for p in aligned[0].parameters)
     rng = np.random.default_rng(9)
@@ -143,13 +139,15 @@ def test_the_gyro_s_bias_is_told_to_1_9e_6_rad_per_s_and_its_scale_to_41000_ppm(
 
 
 def test_two_degrees_of_misplacement_are_what_the_standard_test_states_for_them() -> None:
-    runs = [six_positions(seed, improved=False, stated=TWO_DEGREES, truly=TWO_DEGREES) for seed in range(250)]
+    runs = [
+        six_positions(seed, improved=False, stated=TWO_DEGREES, truly=TWO_DEGREES) for seed in range(RUNS)
+    ]
     off = np.array([numbers(e.model.accelerometer) for e in runs]) - numbers(FORCE)
     # 8.5e-3 m/s² of bias; the mean scale factor -1226 ppm (-sigma² is -1218).
     bias, scale = off[:, 9:], off[:, [0, 4, 8]]
     # Half the difference of two exponentials: kurtosis 6, so that a variance scatters √2.5 times more.
-    assert within(float(np.sqrt(np.mean(bias**2))), 8.5e-3, 300, slack=0.02)
-    assert float(np.mean(scale)) == pytest.approx(-1226e-6, abs=3.3 * 861e-6 / math.sqrt(750.0) + 20e-6)
+    assert within(float(np.sqrt(np.mean(bias**2))), 8.5e-3, 3 * RUNS // 2.5, slack=0.02)
+    assert float(np.mean(scale)) == pytest.approx(-1226e-6, abs=3.3 * 861e-6 / math.sqrt(3.0 * RUNS) + 20e-6)
     # What is stated is the second moment, mean shift included: 1.5 sigma⁴ for a scale factor. Where the poses
     # contradict the protocol by chance, more is stated.
     stated_bias = np.array([sigma_of(e, "accelerometer bias y") for e in runs])
@@ -157,33 +155,18 @@ def test_two_degrees_of_misplacement_are_what_the_standard_test_states_for_them(
     assert np.median(stated_bias) == pytest.approx(8.45e-3, rel=0.02)
     assert np.median(stated_scale) == pytest.approx(1218e-6 * math.sqrt(1.5), rel=0.02)
     # Sensor misalignments of 5 mrad times tilts are counted where the poses show them; they add up to 15 %.
-    assert within(float(np.sqrt(np.mean(scale**2))), 1218e-6 * math.sqrt(1.5), 150, slack=0.15)
-
-
-def test_unmodelled_two_degrees_of_misplacement_do_to_the_improved_test_what_the_thesis_has() -> None:
-    rng = np.random.default_rng(4)
-    nominal = SITE.gravity * FACES
-    off = np.empty((400, 12))
-    for k in range(400):
-        tilt = Rotation.from_rotvec(TWO_DEGREES * rng.standard_normal((6, 3)))
-        shown = FORCE.distort(tilt.apply(nominal)) + FORCE_SIGMA * rng.standard_normal((6, 3))
-        off[k] = plain_least_squares(nominal, shown) - numbers(FORCE)
-    # Three biases of 0.115 m/s², six elements of 25 mrad, three sums of two of 35 mrad a run.
-    assert within(float(np.std(off[:, 9:])), 0.115, 400, 3, slack=0.01)
-    assert within(float(np.std(off[:, [1, 2, 3, 5, 6, 7]])), 0.025, 400, 3, slack=0.02)
-    sums = off[:, [1, 2, 5]] + off[:, [3, 6, 7]]
-    assert within(float(np.std(sums)), 0.035, 400, 3, slack=0.02)
+    assert within(float(np.sqrt(np.mean(scale**2))), 1218e-6 * math.sqrt(1.5), 3 * RUNS // 5, slack=0.15)
 
 
 def test_with_weights_the_improved_test_states_two_degrees_of_misplacement_as_they_are() -> None:
-    runs = [six_positions(seed, improved=True, stated=TWO_DEGREES, truly=TWO_DEGREES) for seed in range(250)]
+    runs = [six_positions(seed, improved=True, stated=TWO_DEGREES, truly=TWO_DEGREES) for seed in range(RUNS)]
     off = np.array([numbers(e.model.accelerometer) for e in runs]) - numbers(FORCE)
     stated = np.array([np.sqrt(np.diag(e.covariance)[:12]) for e in runs])
     normalised = off / stated
     # Misalignments are of first order: 25 mrad, to chance.
     leans = [1, 2, 3, 5, 6, 7]
     assert np.median(stated[:, leans]) == pytest.approx(0.025, rel=0.05)
-    assert within(float(np.sqrt(np.mean(normalised[:, leans] ** 2))), 1.0, 250, 3, slack=0.03)
+    assert within(float(np.sqrt(np.mean(normalised[:, leans] ** 2))), 1.0, RUNS, 3, slack=0.03)
     # Bias and scale are of second order, and stated on the safe side: half to all of what is stated.
     for at in ([9, 10, 11], [0, 4, 8]):
         assert 0.5 < float(np.sqrt(np.mean(normalised[:, at] ** 2))) < 1.1
@@ -191,12 +174,12 @@ def test_with_weights_the_improved_test_states_two_degrees_of_misplacement_as_th
 
 
 def test_an_exact_placement_is_believed_and_covers() -> None:
-    runs = [six_positions(seed, improved=True, stated=0.0, truly=0.0) for seed in range(200)]
+    runs = [six_positions(seed, improved=True, stated=0.0, truly=0.0) for seed in range(RUNS)]
     squares = []
     for estimate in runs:
         off = numbers(estimate.model.accelerometer) - numbers(FORCE)
         squares.append(float(off @ np.linalg.solve(estimate.covariance[:12, :12], off)))
-    low, high = stats.chi2.ppf([FALSE_ALARM / 2, 1 - FALSE_ALARM / 2], 12 * 200) / 200
+    low, high = stats.chi2.ppf([FALSE_ALARM / 2, 1 - FALSE_ALARM / 2], 12 * RUNS) / RUNS
     # In one of a hundred the placement is found worse than it is.
     assert low - 0.2 < float(np.mean(squares)) < high
 
@@ -204,8 +187,7 @@ def test_an_exact_placement_is_believed_and_covers() -> None:
 # Spins ------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("improved", [False, True])
-@pytest.mark.parametrize("tilt", [0.5, 2.0])
+@pytest.mark.parametrize(("improved", "tilt"), [(False, 0.5), (True, 2.0)])
 def test_the_norms_are_as_far_from_gravity_as_the_tilts_make_them(improved: bool, tilt: float) -> None:
     """Squares of tilts: the rms of 60 runs of six such norms scatters by some 8 %, and 20 % are 2.5 of that."""
     angle = math.radians(tilt)
@@ -229,7 +211,6 @@ def on_a_table(
     force: Triad,
     stated: float | None = None,
     truly: float = 0.0,
-    earth: float = VERTICAL,
     sigma: tuple[float, float] = (FORCE_SIGMA, RATE_SIGMA),
 ) -> tuple[Recording, HoldMeans, SpinMeans, Matching, Protocol, Site]:
     """Placements in directions `up`, their axes off by `truly` (rad); poses told if `stated` is one."""
@@ -247,8 +228,8 @@ def on_a_table(
         for rate in rates:
             turned.append(MatchedSpin(len(steps), 0, 1))
             steps.append(SpinStep(180.0, rate, sigma=0.0))
-    spun = np.array([(rate + earth) * axis for axis in axes for rate in rates])
-    means = means_of(rng, force.distort(SITE.gravity * axes), GYRO.distort(earth * axes + sideways), sigma)
+    spun = np.array([(rate + VERTICAL) * axis for axis in axes for rate in rates])
+    means = means_of(rng, force.distort(SITE.gravity * axes), GYRO.distort(VERTICAL * axes + sideways), sigma)
     count = len(spun)
     spins = SpinMeans(
         None,
@@ -271,8 +252,9 @@ RATES = tuple(math.radians(rate) * way for rate in (10.0, 50.0, 100.0, 200.0) fo
 
 @pytest.mark.parametrize("truly", [0.0, math.radians(0.5)])
 def test_the_rate_table_s_errors_are_those_that_it_states(truly: float) -> None:
+    """480 degrees of freedom: sigmas that are an eighth too small are seen as often as not, a fifth nearly always."""
     squares, kept = [], 0
-    for seed in range(80):
+    for seed in range(40):
         estimate = calibrate_rate_table(
             *on_a_table(seed, FACES, RATES, force=FORCE, stated=truly, truly=truly)
         )
@@ -280,22 +262,11 @@ def test_the_rate_table_s_errors_are_those_that_it_states(truly: float) -> None:
         covariance = estimate.covariance[:12, :12]
         squares.append(float(off @ np.linalg.solve(covariance, off)))
         kept += sum(test.kept for test in estimate.terms)
-    low, high = stats.chi2.ppf([FALSE_ALARM / 2, 1 - FALSE_ALARM / 2], 12 * 80) / 80
+    low, high = stats.chi2.ppf([FALSE_ALARM / 2, 1 - FALSE_ALARM / 2], 12 * 40) / 40
     # Second-order tilts are not normal and stated on the safe side; placements found worse by chance add.
     assert low - (1.5 if truly else 0.0) < float(np.mean(squares)) < high + 0.5
     # Three tests a run, each kept by chance in one of a hundred.
-    assert kept <= stats.binom.ppf(1 - FALSE_ALARM, 240, 0.01)
-
-
-def test_the_earth_rate_left_in_is_4_7e_5_rad_per_s_of_bias() -> None:
-    off = []
-    for seed in range(20):
-        task = on_a_table(seed, FACES[:1], RATES, force=FORCE, stated=0.0)
-        right = calibrate_rate_table(*task)
-        # A table at the equator: no Earth rate about its axis is taken out.
-        wrong = calibrate_rate_table(*task[:-1], replace(SITE, latitude=0.0))
-        off.append(numbers(wrong.model.gyroscope)[9] - numbers(right.model.gyroscope)[9])
-    assert np.mean(off) == pytest.approx(4.7e-5, rel=0.02)
+    assert kept <= stats.binom.ppf(1 - FALSE_ALARM, 120, 0.01)
 
 
 def modified(seed: int, **options: float) -> Estimate:
@@ -305,7 +276,7 @@ def modified(seed: int, **options: float) -> Estimate:
 
 
 def test_the_modified_test_reaches_1_3_ppm_and_2_microrad_and_errs_so() -> None:
-    runs = [modified(seed, truly=0.05) for seed in range(80)]
+    runs = [modified(seed, truly=0.05) for seed in range(30)]
     estimate = runs[0]
     scale = [sigma_of(estimate, f"gyro scale factor error {axis}") for axis in "xyz"]
     angle = [sigma_of(estimate, f"gyro non-orthogonality {angle}") for angle in ("yz", "zx", "zy")]
@@ -321,33 +292,5 @@ def test_the_modified_test_reaches_1_3_ppm_and_2_microrad_and_errs_so() -> None:
         )
         free = np.flatnonzero(np.diag(one.covariance) > 0)
         squares.append(float(off[free] @ np.linalg.solve(one.covariance[np.ix_(free, free)], off[free])))
-    low, high = stats.chi2.ppf([FALSE_ALARM / 2, 1 - FALSE_ALARM / 2], 21 * 80) / 80
+    low, high = stats.chi2.ppf([FALSE_ALARM / 2, 1 - FALSE_ALARM / 2], 21 * 30) / 30
     assert low - 0.5 < float(np.mean(squares)) < high + 0.5
-
-
-def syed(seed: int, ways: tuple[float, ...], reference: float) -> tuple[np.ndarray, float]:
-    """Scale factors over the true ones and sigma0 by norms that take `reference` for the Earth's part."""
-    rates = tuple(TABLE_RATE * way for way in ways)
-    spins = on_a_table(seed, twenty_six_directions(), rates, force=FORCE_X)[2]
-    assert spins.angular_rate is not None
-    assert spins.angular_rate_covariance is not None
-    start = np.zeros(12)
-    start[3:6] = 1.0
-    norms = np.abs(np.tile(rates, 26) + reference)
-    fit = fit_norms(
-        spins.angular_rate, spins.angular_rate_covariance, norms, start, np.arange(9), robust=False
-    )
-    return fit.unknowns[3:6] / np.linalg.norm(GYRO.matrix, axis=1), fit.alone
-
-
-def test_the_earth_rate_left_out_shows_as_sigma0_of_19_with_both_ways_and_hides_as_64_ppm_with_one() -> None:
-    both = [syed(seed, (1.0, -1.0), 0.0)[1] for seed in range(20)]
-    assert np.mean(both) == pytest.approx(19.0, rel=0.05)
-    one = [syed(seed, (1.0,), 0.0) for seed in range(60)]
-    # The rows of this gyro's matrix have the scale factors in the frame of its own x axis: the same lengths.
-    scale = np.array([ratio for ratio, _ in one]) - 1.0
-    assert np.mean(scale) == pytest.approx(64e-6, abs=4.0 * 1.9e-6 / math.sqrt(180.0) + 0.5e-6)
-    sigma0 = np.sqrt(np.mean([s**2 for _, s in one]))
-    assert within(float(sigma0), 1.0, 60, 17)
-    right = np.array([syed(seed, (1.0, -1.0), VERTICAL)[0] for seed in range(30)]) - 1.0
-    assert abs(float(np.mean(right))) < 4.0 * 1.4e-6 / math.sqrt(90.0)
