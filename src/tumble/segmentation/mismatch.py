@@ -218,24 +218,27 @@ def _changed_axes(whose: str, axes: Matrix) -> str:
     return f"{whose} axes {', '.join(reversed_[:-1])} and {reversed_[-1]} are reversed"
 
 
-def _in_words(axes: Matrix) -> str:
-    """Which column is which axis, such as ``x is -y, y is x``."""
-    words: list[str] = []
+def _sensed(axes: Matrix) -> list[tuple[str, str, str]]:
+    """Each column as it is called, and the sign and the axis that it is."""
+    found: list[tuple[str, str, str]] = []
     for column in range(3):
         axis = int(np.argmax(np.abs(axes[:, column])))
-        sign = "-" if axes[axis, column] < 0.0 else ""
-        if axis != column or sign:
-            words.append(f"{'xyz'[column]} is {sign}{'xyz'[axis]}")
+        found.append(("xyz"[column], "-" if axes[axis, column] < 0.0 else "", "xyz"[axis]))
+    return found
+
+
+def _in_words(axes: Matrix) -> str:
+    """Which column is which axis, such as ``x is -y, y is x``."""
+    words = [f"{column} is {sign}{axis}" for column, sign, axis in _sensed(axes) if sign or axis != column]
     return ", ".join(words)
 
 
 def _columns(recording: Recording, accelerometer: Matrix, gyro: Matrix) -> str:
-    names: dict[str, str] = {}
-    for letter, axes in (("a", accelerometer), ("g", gyro)):
-        for column in range(3):
-            axis = int(np.argmax(np.abs(axes[:, column])))
-            sign = "-" if axes[axis, column] < 0.0 else ""
-            names[f"{letter}{'xyz'[column]}"] = f"{sign}{letter}{'xyz'[axis]}"
+    names = {
+        f"{letter}{column}": f"{sign}{letter}{axis}"
+        for letter, axes in (("a", accelerometer), ("g", gyro))
+        for column, sign, axis in _sensed(axes)
+    }
     return renamed(recording.columns or "t,ax,ay,az,gx,gy,gz", names).strip()
 
 

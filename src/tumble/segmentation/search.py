@@ -257,12 +257,9 @@ def _noise_floor(recording: Recording, holds: list[Hold], activity: Activity) ->
 
 
 def _nothing_found(rejections: list[Rejection], minimum_hold: float) -> str:
+    why = f": the unit is nowhere at rest for {minimum_hold:.1f} s"
     if rejections:
-        return (
-            f"No hold was found; the first candidate was left out because it {rejections[0].reason}. "
-            "Keep each pose for three seconds or more, or give the holds in an interval file."
-        ).replace("because it at rest", "because it was at rest")
-    return (
-        f"No hold was found: the unit is nowhere at rest for {minimum_hold:.1f} s. "
-        "Keep each pose for three seconds or more, or give the holds in an interval file."
-    )
+        reason = rejections[0].reason
+        was = "was " if reason.startswith("at rest") else ""
+        why = f"; the first candidate was left out because it {was}{reason}"
+    return f"No hold was found{why}. Keep each pose for three seconds or more, or give the holds in an interval file."

@@ -7,6 +7,7 @@ import numpy as np
 from tumble.arrays import Vector, Vectors, extremes
 from tumble.recording.recording import Recording
 from tumble.segmentation.activity import Activity, noise_per_sample
+from tumble.segmentation.blocks import find_runs
 from tumble.segmentation.timeline import Hold, Turn
 
 AXES = "xyz"
@@ -62,7 +63,7 @@ def _reason_against(
     piece = recording.angular_rate[start:stop]
     for axis in range(3):
         at_limit = (piece[:, axis] <= limits[0][axis]) | (piece[:, axis] >= limits[1][axis])
-        run = longest_run(at_limit)
+        run = max((last - first for first, last in find_runs(at_limit)), default=0)
         if run >= SATURATED_RUN:
             return f"the gyro's {AXES[axis]} axis is at its extreme value for {run} samples: saturated"
     return ""
@@ -79,12 +80,6 @@ def _is_bridged(recording: Recording, gaps: np.ndarray, samples: int, noise: Vec
     missed = float(np.sum(step**2 / 12.0 * np.linalg.norm(after - before, axis=1)))
     own = float(np.linalg.norm(noise)) * samples**0.5 / recording.rate
     return float(step.max()) <= LONGEST_GAP and missed < own
-
-
-def longest_run(flags: np.ndarray) -> int:
-    """Return the length of the longest run of true values."""
-    edge = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(np.int8), [0]])))
-    return int((edge[1::2] - edge[::2]).max()) if edge.size else 0
 
 
 # A value that a share of this size of a spin's samples has, and twice the share that any value has in the
