@@ -13,7 +13,7 @@ from second_simulator.calibrating import calibrated, sigmas_off
 def test_angles_from_stamps_that_jitter_are_stated_as_uncertain() -> None:
     """Quiet gyros, five turns: too few to show by themselves what 4 ms of jitter do to them (7 sigmas before)."""
     z = list[float]()
-    for seed in range(5):
+    for seed in range(3):
         rng = np.random.default_rng(400 + seed)
         made = PROCEDURES["six-faces"](GRADES["tactical"], rng, None, rate=50.0)
         late = np.abs(rng.normal(0.0, 0.004, made.time.size))
