@@ -56,7 +56,6 @@ def against(calibration: Calibration) -> str:
     "procedure",
     [
         "strapdown-rotation",
-        "rate-table",
         pytest.param("turntable", marks=pytest.mark.slow),
     ],
 )
