@@ -28,7 +28,7 @@ def test_six_faces_show_a_g_sensitivity_no_better_than_a_bias_keeps_from_face_to
 
     Drawn anew, a sixth of the recording for each face, opposite faces half of it apart.
     """
-    found, seconds = on_a_table("consumer", 7, (20.0, 60.0, 120.0))
+    found, seconds = on_a_table("consumer", 7, (20.0, 80.0))
     stated = [p.standard_uncertainty for p in found.parameters if p.name.startswith("g-sensitivity")]
     assert len(stated) == 9
     rng = np.random.default_rng(1)
