@@ -333,6 +333,10 @@ def _set_up(one: Any, layout: Plot, way: str, axis: Plot, *, last: bool) -> None
     if "range" in axis:
         limits = [10.0**v if axis.get("type") == "log" else v for v in axis["range"]]
         getattr(one, f"set_{way}lim")(limits)
+        if "dtick" in axis and axis.get("type") != "log":
+            from matplotlib.ticker import MultipleLocator
+
+            getattr(one, f"{way}axis").set_major_locator(MultipleLocator(axis["dtick"]))
     if axis.get("tickvals") is not None:
         texts = [_text(str(t)) for t in axis.get("ticktext", axis["tickvals"])]
         getattr(one, f"set_{way}ticks")(axis["tickvals"], texts)

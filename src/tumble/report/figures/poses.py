@@ -171,7 +171,7 @@ def _map(units: Vectors, colours: list[str], words: list[str]) -> tuple[list[Plo
     hidden = {"showticklabels": False, "showgrid": False, "zeroline": False}
     layout = base_layout(
         420,
-        xaxis=text_axis("left: +z half, right: -z half; +x to the right, +y up", range=[-2.2, 2.2], **hidden),
+        xaxis=text_axis("left: +z half, right: −z half; +x to the right, +y up", range=[-2.2, 2.2], **hidden),
         yaxis={**hidden, "scaleanchor": "x", "range": [-1.15, 1.15]},
     )
     return data, layout
