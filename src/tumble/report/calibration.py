@@ -47,14 +47,13 @@ def render_field_report(
     library : where the plotting library lies, seen from the page; None puts it into the page.
     """
     verdict, block = calibration.verdict, calibration.magnetometer
-    words = "fit for use" if verdict.fit else "not fit for use"
     facts = [
         ("Recording", ", ".join(r.name for r in calibration.recordings) or "not from a file"),
         ("Samples of the magnetometer", str(len(samples))),
         ("Frame", calibration.frame.description),
         ("Made", f"{calibration.created} by {calibration.software}"),
     ]
-    blocks: list[Block] = [Facts(facts), Verdict(verdict.fit, words, verdict.reasons)]
+    blocks: list[Block] = [Facts(facts), Verdict(verdict.fit, verdict_words(verdict.fit), verdict.reasons)]
     if block is not None:
         blocks += section("Magnetometer", *magnetometer_blocks(found, block, samples))
     if calibration.remarks:

@@ -89,9 +89,8 @@ def thermal_lines(calibration: Calibration) -> list[str]:
     beside = [row for row in rows if "lag" in row.name or "width" in row.name]
     lines = [f"{row.label[0].upper()}{row.label[1:]}: {row.shown.text}." for row in beside]
     count = len(rows) - len(beside)
-    what = "coefficient" if count == 1 else "coefficients"
-    where = "report.html and calibration.json"
-    return [*lines, f"{count} {what} of temperature with their uncertainties stand in {where}."]
+    what = f"{count} coefficient{'' if count == 1 else 's'} of temperature with their uncertainties"
+    return [*lines, f"{what} stand in report.html and calibration.json."]
 
 
 def _temperatures(block: ThermalBlock, points: int) -> Series:

@@ -276,6 +276,3 @@ def _level(number: list[int], at: float, axis: str) -> Plot:
     line: Plot = {"color": GREY, "width": 1, "dash": "dash"}
     look: Plot = {"line": line, "showlegend": False, "hoverinfo": "skip", "yaxis": axis}
     return scatter([number[0], number[-1]], plain([at, at]), "lines", **look)
-
-
-__all__ = ["magnetometer", "magnetometer_blocks", "unit_name"]
