@@ -131,9 +131,9 @@ def test_an_unknown_item_is_refused_with_a_hint(tumble: Any, tmp_path: Path) -> 
     [
         ("--repetitions", 0, "0.*from 1 to 100000"),
         ("--repetitions", 100_001, "100001.*from 1 to 100000"),
-        ("--repetitions", "many", "integer"),
+        ("--repetitions", "many", "many is no whole number"),
         ("--seed", -1, "-1.*from 0 on"),
-        ("--seed", 1.5, "integer"),
+        ("--seed", 1.5, "1.5 is no whole number"),
     ],
 )
 def test_a_wrong_number_is_refused(tumble: Any, option: str, value: object, words: str) -> None:
