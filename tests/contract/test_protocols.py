@@ -49,11 +49,10 @@ OBSERVABLE = {
 
 
 def same(one: Any, other: Any) -> bool:
-    """Whether two protocols are equal in every field and bit; arrays too."""
-    if type(one) is not type(other):
-        return False
     if is_dataclass(one):
-        return all(same(getattr(one, f.name), getattr(other, f.name)) for f in fields(one))
+        return type(one) is type(other) and all(
+            same(getattr(one, f.name), getattr(other, f.name)) for f in fields(one)
+        )
     if isinstance(one, np.ndarray):
         return np.array_equal(one, other)
     if isinstance(one, tuple):
