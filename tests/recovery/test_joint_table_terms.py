@@ -28,7 +28,7 @@ from tumble.recording.recording import Recording
 from tumble.segmentation import Hold, NoiseFloor, Timeline, Turn, observe_holds
 from tumble.segmentation.rotations import Rotation
 from tumble.sensor import ImuModel, Triad
-from tumble.simulation import play_protocol, simulate_recording
+from tumble.simulation import Motion, play_protocol, simulate_recording
 from tumble.simulation.fixtures import PlayedProtocol
 
 Array = npt.NDArray[np.float64]
@@ -81,13 +81,19 @@ def _played(axes: Axes, speeds: tuple[float, ...] = ()) -> PlayedProtocol:
     return play_protocol(_protocol(axes, speeds), np.random.default_rng(3), placement=False)
 
 
+def _begun(motion: Motion, start: float) -> Motion:
+    """The motion without the first seconds of its first hold."""
+    first, *others = motion.hold_duration
+    return replace(motion, hold_duration=np.array([first - start, *others]))
+
+
 def _recording(axes: Axes, *, lag: float, arms: Array, noise: bool, site: Site) -> Recording:
     played = _played(axes)
 
     def read(place: Array, start: float) -> Recording:
-        motion = replace(played.motion, lever_arm_b=place)
+        motion = replace(_begun(played.motion, start), lever_arm_b=place)
         rng = np.random.default_rng(1)
-        return simulate_recording(motion, RATE, rng, site=site, distort=MODEL.distort, start=start)[0]
+        return simulate_recording(motion, RATE, rng, site=site, distort=MODEL.distort)[0]
 
     made = read(UNIT, START)
     samples = len(made.time)
@@ -151,7 +157,9 @@ def _curved(*, noise: bool) -> Estimate:
     played = _played(FACES, SPEEDS)
     model = ImuModel(ACCELEROMETER, replace(GYROSCOPE, quadratic=CURVED))
     rng = np.random.default_rng(1)
-    recording, _ = simulate_recording(played.motion, FAST, rng, site=site, distort=model.distort, start=START)
+    recording, _ = simulate_recording(
+        _begun(played.motion, START), FAST, rng, site=site, distort=model.distort
+    )
     force: Array = np.asarray(recording.specific_force, dtype=float)
     rate: Array = np.asarray(recording.angular_rate, dtype=float)
     if noise:

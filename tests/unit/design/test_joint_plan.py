@@ -249,14 +249,6 @@ def test_a_longer_rotation_turns_further_at_its_rate(table: JointPlan) -> None:
     assert longer.angle == pytest.approx(longer.rate * (longer.duration + longer.ramp))
 
 
-def test_information_of_two_tests_adds(hand_held: JointPlan) -> None:
-    task = replace(hand_held.task, known=hand_held.information)
-    twice = np.sqrt(np.diag(task.covariance(hand_held.information)))[:21]
-    once = np.sqrt(np.diag(hand_held.task.covariance(hand_held.information)))[:21]
-    # the bound by which what is not told is kept finite is a ten-thousandth of it at most
-    assert twice * np.sqrt(2.0) == pytest.approx(once, rel=1e-4)
-
-
 def test_what_cannot_be_planned_is_said() -> None:
     for protocol, words in (
         (named_protocol("thermal-fridge"), "temperature"),
