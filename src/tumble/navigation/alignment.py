@@ -148,7 +148,7 @@ def align_in_motion(
     moving = ahead & (speed > min(1.0, slowest_course(track)))
     if not moving.any():
         raise RecordingError(
-            f"The track {track.name} does not move after {start:.1f} s, which would tell the heading."
+            f"The track {track.name} does not move after {start:.1f} s: nothing determines the heading."
         )
     begin = float(track.time[np.argmax(moving)])
     chosen = ahead & (track.time >= begin - 3.0) & (track.time <= begin + _COMPARED)
