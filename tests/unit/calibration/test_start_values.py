@@ -14,7 +14,8 @@ from tumble.calibration.checks.triad_agreement import estimate_time_lag, refuse_
 from tumble.calibration.closed_forms.start_values import rough_gyro_matrix, rough_triad
 from tumble.calibration.poses import twenty_six_directions
 from tumble.calibration.prior import stable_knowledge
-from tumble.errors import CalibrationFileError, RecordingError
+from tumble.earth import Site
+from tumble.errors import CalibrationFileError, ObservabilityError, RecordingError
 
 # Hold means of the gyros and their covariance: the power of a unit that they are in.
 MEANS = (("", 1), ("_covariance", 2))
@@ -84,6 +85,14 @@ def test_a_contradiction_of_axes_or_units_is_told(tumbled: Any) -> None:
         refuse_contradicting_axes(recording, np.eye(3) * np.pi / 180.0)
     counts = replace(recording, angular_rate_unit="counts")
     refuse_contradicting_axes(counts, np.eye(3) / 4780.0)
+
+
+def test_too_few_turns_are_refused_with_what_to_do(tumbled: Any) -> None:
+    few = tumbled.without_turns(*range(4, len(tumbled.timeline.turns)))
+    with pytest.raises(
+        ObservabilityError, match=r"Only 4 turns .* the gyro needs at least 5: rest, turn, rest"
+    ):
+        calibrate_hand_held(few.recording, few.timeline, few.means, Site.from_gravity(9.81))
 
 
 @pytest.mark.parametrize("lag", [0.012, -0.02, 0.0])
