@@ -32,28 +32,14 @@ from tumble.calibration.equations.triad_unknowns import triad_from_unknowns, unk
 from tumble.calibration.joint import calibrate_joint
 from tumble.calibration.procedures.multi_position import fit_norms
 from tumble.earth import Site
+from tumble.export.readers import read_imu_tk
 from tumble.recording import read_recording
 from tumble.segmentation import find_timeline, observe_holds
 from tumble.sensor import ImuModel, Triad, change_frame
-from tumble.sensor.conventions.imu_tk import MISALIGNMENTS, matrix_from_imu_tk
 
 HERE = Path(__file__).resolve().parents[1]
 REFERENCE = HERE / "tests" / "reference"
 FOLDS = 5
-
-
-def read_imu_tk() -> ImuModel:
-    """Return imu_tk's result for the Xsens recording, in its own frame (accelerometer-z)."""
-    text = (REFERENCE / "xsens_mti_hand" / "imu_tk-result.txt").read_text()
-    values = {line.split()[0]: float(line.split()[1]) for line in text.splitlines() if line.strip()}
-
-    def triad(name: str) -> Triad:
-        angles = np.array([values[f"{name}.{key}"] for key in MISALIGNMENTS])
-        scale = np.array([values[f"{name}.scale{axis}"] for axis in "XYZ"])
-        bias = np.array([values[f"{name}.bias{axis}"] for axis in "XYZ"])
-        return Triad(np.real(matrix_from_imu_tk(angles, scale)), bias)
-
-    return ImuModel(triad("acc"), triad("gyro"))
 
 
 def score(model: ImuModel, data, gravity: float):
@@ -202,7 +188,7 @@ def main() -> None:
         rms = 1e3 * np.sqrt(np.mean(plain**2))
         print(f"  {'norms alone, alike weights, held out':44s}{rms:8.2f} mm/s²")
         if name.startswith("Xsens"):
-            theirs = read_imu_tk()
+            theirs = read_imu_tk(REFERENCE / "xsens_mti_hand").model
             line("imu_tk, on all of the recording", *score(theirs, data, gravity))
             print("  With g-sensitivity:")
             compare(theirs, estimate)

@@ -22,8 +22,8 @@ from tumble.calibration.equations.triad_unknowns import unknowns_from_triad
 from tumble.calibration.estimate import Beside
 from tumble.document import read_calibration
 from tumble.earth import Site
+from tumble.export.readers import read_imu_tk
 from tumble.sensor import ImuModel, Triad, change_frame
-from tumble.sensor.conventions.imu_tk import MISALIGNMENTS, matrix_from_imu_tk
 from tumble.workflows.calibrate import CalibrationRun, calibrate
 from tumble.workflows.verify import verify
 
@@ -86,19 +86,8 @@ def without_g_sensitivity(xsens: CalibrationRun) -> Estimate:
 
 @pytest.fixture(scope="module")
 def imu_tk(reference_data: Path) -> ImuModel:
-    """What imu_tk prints for the recording, in its own frame: corrected = T K (raw - B)."""
-    text = (reference_data / "xsens_mti_hand" / "imu_tk-result.txt").read_text()
-    values = {line.split()[0]: float(line.split()[1]) for line in text.splitlines() if line.strip()}
-
-    def triad(name: str) -> Triad:
-        angles = np.array([values[f"{name}.{key}"] for key in MISALIGNMENTS])
-        scale = np.array([values[f"{name}.scale{axis}"] for axis in "XYZ"])
-        return Triad(
-            np.real(matrix_from_imu_tk(angles, scale)),
-            np.array([values[f"{name}.bias{axis}"] for axis in "XYZ"]),
-        )
-
-    return ImuModel(triad("acc"), triad("gyro"))
+    """What imu_tk finds for the recording, in its own frame."""
+    return read_imu_tk(reference_data / "xsens_mti_hand").model
 
 
 @pytest.mark.parametrize("name", ["xsens", "imu0", "imu1"])

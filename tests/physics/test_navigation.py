@@ -14,7 +14,7 @@ from tumble.earth import (
     gravity_vectors_n,
     normal_gravity,
     position_in_earth_frame,
-    rotation_to_earth_frame,
+    rotations_to_earth_frame,
 )
 from tumble.errors import RecordingError, UsageError
 from tumble.navigation import InertialSamples, NavigationState, Trajectory, navigate
@@ -22,6 +22,10 @@ from tumble.simulation import SplineTrajectory, simulate_drive
 from tumble.simulation.trajectories import TravelledStates
 
 HERE = (0.83, 0.15, 400.0)
+
+
+def earth_from_local(latitude: float, longitude: float) -> np.ndarray:
+    return rotations_to_earth_frame(np.array([latitude]), np.array([longitude]))[0]
 
 
 def truth_of(states: TravelledStates) -> Trajectory:
@@ -84,7 +88,7 @@ def test_an_independent_integration_of_the_equations_of_motion_agrees() -> None:
         return np.array([1.0 * np.sin(0.5 * t), 0.5 * np.cos(0.9 * t), -9.8 + 0.3 * np.sin(1.3 * t)])
 
     start = NavigationState.from_angles(0.0, HERE, np.array([12.0, -7.0, 1.0]), np.array([0.1, -0.05, 1.0]))
-    C_en = rotation_to_earth_frame(start.latitude, start.longitude)
+    C_en = earth_from_local(start.latitude, start.longitude)
     position = position_in_earth_frame(*(np.array([x]) for x in HERE))[0]
     spin = np.array([0.0, 0.0, EARTH_RATE])
 
@@ -101,7 +105,7 @@ def test_an_independent_integration_of_the_equations_of_motion_agrees() -> None:
     samples = InertialSamples(time, np.array([force(t) for t in time]), np.array([rate(t) for t in time]))
     end = navigate(samples, start).state(-1)
     at = position_in_earth_frame(*(np.array([x]) for x in (end.latitude, end.longitude, end.height)))[0]
-    C_end = rotation_to_earth_frame(end.latitude, end.longitude)
+    C_end = earth_from_local(end.latitude, end.longitude)
     # linear signals between samples 1 ms apart: f'' dt²/12 of 2 m/s⁴ is 2e-7 m/s², 1e-4 m in 30 s;
     # gravity of the potential and of Somigliana's series differ by 1e-8 m/s² at 400 m
     assert np.linalg.norm(at - solution[:3]) < 2e-4
@@ -136,7 +140,7 @@ def potential_gravity(r: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("height", [0.0, 1600.0, 9000.0])
 def test_gravity_with_height_is_the_gradient_of_the_normal_potential(latitude: float, height: float) -> None:
     r = position_in_earth_frame(np.array([latitude]), np.array([0.4]), np.array([height]))[0]
-    expected = rotation_to_earth_frame(latitude, 0.4).T @ potential_gravity(r)
+    expected = earth_from_local(latitude, 0.4).T @ potential_gravity(r)
     found = gravity_vectors_n(np.array([latitude]), np.array([height]))[0]
     # the series in height is good to 1e-6 m/s² at 10 km, the plumb line's curvature to a hundredth of itself
     assert found == pytest.approx(expected, abs=2e-6)
@@ -180,14 +184,7 @@ def test_a_spline_trajectory_s_rate_is_that_of_its_attitude() -> None:
     middle, before, after = (drive.states(time + shift) for shift in (0.0, -step, step))
 
     def against_space(states: TravelledStates) -> Rotation:
-        C_en = Rotation.from_matrix(
-            np.array(
-                [
-                    rotation_to_earth_frame(a, b)
-                    for a, b in zip(states.latitude, states.longitude, strict=True)
-                ]
-            )
-        )
+        C_en = Rotation.from_matrix(rotations_to_earth_frame(states.latitude, states.longitude))
         C_ie = Rotation.from_rotvec(np.outer(EARTH_RATE * states.time, [0.0, 0.0, 1.0]))
         return C_ie * C_en * Rotation.from_quat(states.quaternion_nb)
 

@@ -6,7 +6,6 @@ from tumble.earth.gravity import (
     gravity_vectors_n,
     normal_gravity,
     position_in_earth_frame,
-    rotation_to_earth_frame,
     rotations_to_earth_frame,
 )
 from tumble.earth.site import EARTH_RATE, STANDARD_GRAVITY, Site
@@ -20,6 +19,5 @@ __all__ = [
     "gravity_vectors_n",
     "normal_gravity",
     "position_in_earth_frame",
-    "rotation_to_earth_frame",
     "rotations_to_earth_frame",
 ]

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Matrices, Matrix, Series, Vectors
+from tumble.arrays import AnyArray, Matrices, Series, Vectors
 
 # WGS 84 defining and derived constants: NGA.STND.0036_1.0.0 (2014), tables 3.1, 3.2, 3.5, 3.6.
 SEMI_MAJOR_AXIS = 6378137.0  # m, defining
@@ -138,8 +138,3 @@ def rotations_to_earth_frame(latitude: Series, longitude: Series) -> Matrices:
     sl, cl = np.sin(longitude), np.cos(longitude)
     rows = [[-s * cl, -sl, -c * cl], [-s * sl, cl, -c * sl], [c, np.zeros_like(s), -s]]
     return np.ascontiguousarray(np.moveaxis(np.array(rows), 2, 0))
-
-
-def rotation_to_earth_frame(latitude: float, longitude: float) -> Matrix:
-    """Return C_en, from north, east, down at one point to e."""
-    return rotations_to_earth_frame(np.array([latitude]), np.array([longitude]))[0]

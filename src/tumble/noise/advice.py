@@ -19,15 +19,6 @@ if TYPE_CHECKING:
     from tumble.noise.channel import Channel
 
 
-_NAMES = {
-    "Q": "quantisation",
-    "N": "random walk",
-    "B": "bias instability",
-    "K": "rate random walk",
-    "R": "ramp",
-}
-
-
 def _relative_uncertainty(model: NoiseModel, letter: str, seconds: float, rate: float) -> float:
     """Return the relative standard uncertainty of a coefficient that a recording of some length will have.
 

@@ -7,7 +7,7 @@ calibration interprets it, and none of them knows the others.
 from tumble.protocol.file import protocol_schema, protocol_to_yaml, read_protocol, write_protocol
 from tumble.protocol.library import PROTOCOLS, named_protocol
 from tumble.protocol.steps import HoldStep, Pose, Protocol, RampStep, SoakStep, SpinStep, Step, TurnStep
-from tumble.protocol.strapdown_rotation import SequenceSteps, sequence_steps, strapdown_rotation_steps
+from tumble.protocol.strapdown_rotation import SequenceSteps, sequence_steps
 
 __all__ = [
     "PROTOCOLS",
@@ -25,6 +25,5 @@ __all__ = [
     "protocol_to_yaml",
     "read_protocol",
     "sequence_steps",
-    "strapdown_rotation_steps",
     "write_protocol",
 ]

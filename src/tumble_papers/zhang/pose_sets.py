@@ -42,13 +42,6 @@ class PredictedSigma:
     misalignment: Series
     bias: Series
 
-    def mean_squares(self) -> tuple[float, float, float]:
-        """Return the root mean squares of scale, misalignment and bias."""
-        scale, misalignment, bias = (
-            float(np.sqrt(np.mean(part**2))) for part in (self.scale, self.misalignment, self.bias)
-        )
-        return scale, misalignment, bias
-
 
 def chatfield_orientations(edge_signs: tuple[int, int, int] = (1, 1, 1)) -> Vectors:
     """Return (18, 3): what points up in orientations 1 to 18, six faces and twelve edges.

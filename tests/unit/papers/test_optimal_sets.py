@@ -14,10 +14,11 @@ SECOND = np.pi / 648000.0
 MICRO_G = 1e-6 * STANDARD_GRAVITY
 
 
-def shown(directions: np.ndarray) -> tuple[float, float, float]:
+def shown(directions: np.ndarray) -> np.ndarray:
     """Ppm, arc-seconds and µg at 50 µg a dwell."""
-    scale, misalignment, bias = predict_sigma(directions, 50.0 * MICRO_G).mean_squares()
-    return 1e6 * scale, misalignment / SECOND, bias / MICRO_G
+    sigma = predict_sigma(directions, 50.0 * MICRO_G)
+    parts = (1e6 * sigma.scale, sigma.misalignment / SECOND, sigma.bias / MICRO_G)
+    return np.sqrt(np.mean(np.square(parts), axis=1))
 
 
 @pytest.mark.parametrize(

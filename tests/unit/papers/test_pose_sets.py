@@ -89,8 +89,9 @@ def test_sets_promise_what_an_independent_computation_found(
     directions: np.ndarray, expected: tuple[float, float, float]
 ) -> None:
     """Ppm, arc-seconds and µg at 50 µg a dwell; computed elsewhere to the digits given."""
-    scale, misalignment, bias = predict_sigma(directions, DWELL).mean_squares()
-    found = (1e6 * scale, misalignment / SECOND, bias / MICRO_G)
+    sigma = predict_sigma(directions, DWELL)
+    parts = (1e6 * sigma.scale, sigma.misalignment / SECOND, sigma.bias / MICRO_G)
+    found = np.sqrt(np.mean(np.square(parts), axis=1))
     np.testing.assert_allclose(found, expected, atol=0.06)
 
 

@@ -18,7 +18,6 @@ from tumble.protocol import (
     named_protocol,
     read_protocol,
     sequence_steps,
-    strapdown_rotation_steps,
     write_protocol,
 )
 from tumble.protocol.consistency import refuse_contradicting_turns
@@ -44,7 +43,7 @@ def test_every_row_starts_as_table_1_says_which_axis_is_down_and_which_along_the
 
 
 def test_the_poses_are_those_of_the_fixture_whose_outer_axis_points_east() -> None:
-    holds = [s for s in strapdown_rotation_steps() if isinstance(s, HoldStep)]
+    holds = [s for s in named_protocol("strapdown-rotation").steps if isinstance(s, HoldStep)]
     assert len(holds) == 34
     for row, *pair in zip(SEQUENCES, holds[::2], holds[1::2], strict=True):
         for hold, at in zip(pair, (0, -1), strict=True):

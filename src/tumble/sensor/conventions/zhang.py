@@ -57,27 +57,6 @@ def matrix_from_zhang(scale: Complex, angles: Complex, reading: str = "exact") -
     return scale[:, None] * axes
 
 
-def zhang_from_matrix(matrix: Complex) -> tuple[Complex, Complex]:
-    """Return (scale factors, angles yz, zy, zx) of a lower-triangular matrix, read exactly: the inverse.
-
-    Parameters
-    ----------
-    matrix : (3, 3) K T.
-
-    Raises
-    ------
-    ValueError
-        If the matrix is not lower triangular.
-    """
-    upper = np.abs(np.real(matrix[np.triu_indices(3, 1)]))
-    # 1e-9 of the diagonal: a frame change leaves round-off there, a forgotten one 1e-4 and more.
-    if np.any(upper > 1e-9 * np.max(np.abs(np.real(matrix)))):
-        raise ValueError("the matrix is not lower triangular: change the frame to accelerometer-x first")
-    scale = np.sign(np.real(np.diag(matrix))) * np.sqrt(np.sum(matrix * matrix, axis=1))
-    axes = matrix / scale[:, None]
-    return scale, np.arcsin(np.array([axes[1, 0], -axes[2, 0], axes[2, 1]]))
-
-
 def inter_triad_rotation(angles: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     """Return R_p^o for the inter-triad angles, a rotation vector: ``vector_o = R @ vector_p``.
 
