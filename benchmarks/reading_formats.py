@@ -1,11 +1,11 @@
 """How fast each format is read, beside the format's own library, in one run; and what saving as Parquet gains.
 
     python benchmarks/reading_formats.py --rows 100000
-    python benchmarks/reading_formats.py --rows 1000000 --only "CSV,DataFlash,HDF5"
+    python benchmarks/reading_formats.py --rows 1000000 --only "CSV,DataFlash,ULog"
     python benchmarks/reading_formats.py --mcap-gigabytes 2 --folder FOLDER
 
 Writes the same recording in every format, reads it with `read_recording` and with the library of the format
-(rosbags, pyulog, pymavlink, h5py, polars), decoding what a recording needs, and prints seconds and the ratio.
+(rosbags, pyulog, pymavlink, polars), decoding what a recording needs, and prints seconds and the ratio.
 Then the second reading: the file that `tumble inspect --save` writes, in seconds and in seconds of processor, which
 other programs on the machine do not lengthen. With --mcap-gigabytes an MCAP file with
 pictures between the IMU's messages is read whole and block by block, each in a process of its own, and the
@@ -154,14 +154,6 @@ def write_dataflash(path: Path, rows: np.ndarray) -> None:
     path.write_bytes(b"".join(parts))
 
 
-def write_hdf5(path: Path, rows: np.ndarray) -> None:
-    import h5py
-
-    with h5py.File(path, "w") as file:
-        for name, columns in (("t", rows[:, 0]), ("acc", rows[:, 1:4]), ("gyr", rows[:, 4:])):
-            file[f"imu/{name}"] = columns
-
-
 # -- reading by the formats' own libraries -----------------------------------------------------------
 
 
@@ -198,13 +190,6 @@ def by_dfreader(path: Path) -> np.ndarray:
     return np.array(values)
 
 
-def by_h5py(path: Path) -> np.ndarray:
-    import h5py
-
-    with h5py.File(path, "r") as file:
-        return np.column_stack([file["imu/t"][()], file["imu/acc"][()], file["imu/gyr"][()]])
-
-
 def write_csv(path: Path, rows: np.ndarray) -> None:
     import polars as pl
 
@@ -225,7 +210,6 @@ FORMATS: dict[str, tuple[str, Callable[[Path, np.ndarray], None], str, Callable[
     "MCAP, zstd": ("a.mcap", write_mcap, "rosbags", lambda p: by_rosbags(p, 2)),
     "ULog": ("a.ulg", write_ulog, "pyulog", by_pyulog),
     "DataFlash": ("a.bin", write_dataflash, "pymavlink", by_dfreader),
-    "HDF5": ("a.h5", write_hdf5, "h5py", by_h5py),
 }
 
 

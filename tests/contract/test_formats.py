@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from contract.test_flight_logs import FMT, described, write_ulog
-from tumble.errors import RecordingError, UsageError
+from tumble.errors import RecordingError
 from tumble.recording import read_blocks, read_recording
 from tumble.recording.formats import (
     FORMATS,
@@ -25,7 +25,6 @@ from tumble.recording.formats import (
     compressed,
     find_format,
     folder,
-    hdf5,
     labelled,
     matlab,
     npy,
@@ -155,13 +154,6 @@ def write_ardupilot(path: Path, rows: np.ndarray) -> None:
     path.write_bytes(b"".join(parts))
 
 
-def write_hdf5(path: Path, rows: np.ndarray) -> None:
-    library = pytest.importorskip("h5py", reason="the extra hdf5 is not installed")
-    with library.File(path, "w") as file:
-        for name, columns in (("t", rows[:, 0]), ("acc", rows[:, 1:4]), ("gyr", rows[:, 4:])):
-            file[f"imu/{name}"] = columns
-
-
 def write_xsens(path: Path, rows: np.ndarray) -> None:
     names = "PacketCounter\tSampleTimeFine\tYear\tAcc_X\tAcc_Y\tAcc_Z\tGyr_X\tGyr_Y\tGyr_Z\n"
     lines = [
@@ -197,7 +189,6 @@ MEMBERS = {
     "MCAP": (mcap, write_rosbag2("MCAP")),
     "ULog": (ulog, write_px4),
     "DataFlash": (dataflash, write_ardupilot),
-    "HDF5": (hdf5, write_hdf5),
     "Xsens": (xsens, write_xsens),
     "zip": (archive, write_zip),
     "NPY compressed": (compressed, write_compressed),
@@ -295,26 +286,38 @@ def test_a_sampling_rate_beside_the_arrays_is_used(tmp_path: Path) -> None:
     assert recording.time[128] == 1.0
 
 
-def test_hdf5_names_the_extra_that_it_needs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A MATLAB 7.3 file begins with MATLAB's own header and has HDF5 from byte 512 on."""
-    import sys
-
-    monkeypatch.setitem(sys.modules, "h5py", None)
-    path = tmp_path / "a.mat"
-    path.write_bytes(b"MATLAB 7.3 MAT-file".ljust(512) + b"\x89HDF\r\n\x1a\n" + bytes(100))
-    with pytest.raises(UsageError, match=r"pip install h5py"):
-        read_recording(path)
-
-
-def test_hdf5_is_read_with_h5py(tmp_path: Path) -> None:
-    h5py = pytest.importorskip("h5py", reason="the extra hdf5 is not installed")
+@pytest.mark.parametrize("unit", [1.0, 1e9])
+def test_arrays_of_another_length_are_the_magnetometer_s_if_named_so(tmp_path: Path, unit: float) -> None:
     rows = example()
-    with h5py.File(tmp_path / "a.mat", "w", userblock_size=512) as file:
-        file["t"] = rows[:, :1].T  # MATLAB writes its arrays transposed
-        file["acc"] = rows[:, 1:4].T
-        file["gyr"] = rows[:, 4:].T
-    recording = read_recording(tmp_path / "a.mat", units="m/s^2,rad/s")
-    assert np.array_equal(recording.specific_force, rows[:, 1:4])
+    slow = rows[::4, 0] + 0.001
+    field = np.array([18.0, -4.0, -43.0]) + 0.3 * np.random.default_rng(6).normal(size=(slow.size, 3))
+    arrays = {"t": unit * rows[:, 0], "acc": rows[:, 1:4], "gyr": rows[:, 4:]}
+    np.savez(tmp_path / "a.npz", **arrays, t_mag=unit * slow, mag=field)
+    recording = read_recording(tmp_path / "a.npz", units="m/s^2,rad/s")
+    assert recording.magnetic_field is not None
+    assert recording.magnetic_field.unit == "uT"
+    assert np.array_equal(recording.magnetic_field.values, field)
+    np.testing.assert_allclose(recording.magnetic_field.time, slow, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("head", "said"),
+    [
+        (
+            b"MATLAB 7.3 MAT-file".ljust(512),
+            r"a\.mat is a MATLAB 7\.3 file, .*Save it in MATLAB with `save -v7`, or its arrays from Python \(h5py",
+        ),
+        (b"", r"a\.mat is HDF5, which is not read\. Save its arrays from Python \(h5py"),
+        (bytes(2048), r"a\.mat is HDF5, which is not read\. Save its arrays from Python \(h5py"),
+    ],
+)
+def test_hdf5_is_refused_with_what_to_do_instead(tmp_path: Path, head: bytes, said: str) -> None:
+    """A MATLAB 7.3 file begins with MATLAB's own header and has HDF5 from byte 512 on."""
+    path = tmp_path / "a.mat"
+    path.write_bytes(head + b"\x89HDF\r\n\x1a\n" + bytes(5000))
+    for read in (read_recording, lambda path: list(read_blocks(path))):
+        with pytest.raises(RecordingError, match=said + r".*numpy\.savez.* columns t,ax,ay,az,gx,gy,gz\.\Z"):
+            read(path)
 
 
 @pytest.mark.parametrize("shape", [(5,), (3, 4, 5), ()])

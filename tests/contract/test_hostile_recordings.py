@@ -117,17 +117,6 @@ def test_a_size_that_lies_takes_no_memory(tmp_path: Path) -> None:
     refused(file, "cut short or damaged|no message")
 
 
-def test_hdf5_whose_numbers_are_elsewhere_is_refused(tmp_path: Path) -> None:
-    h5py = pytest.importorskip("h5py")
-    outside = tmp_path / "outside.h5"
-    with h5py.File(outside, "w") as file:
-        file.create_dataset(
-            "imu", shape=(2000, 7), dtype="f8", external=[(str(tmp_path / "pipe"), 0, 2000 * 56)]
-        )
-    os.mkfifo(tmp_path / "pipe")
-    refused(outside, "stand in another file")
-
-
 # -- headers that lie ------------------------------------------------------------------------------
 
 

@@ -102,7 +102,7 @@ def _matched(paths: list[Path] | None) -> list[Path] | None:
 
 
 _WHAT = (
-    "A recording: a file (CSV, text, Parquet, NPY, MATLAB, HDF5, a ROS bag, MCAP, a flight log, ...), a folder, "
+    "A recording: a file (CSV, text, Parquet, NPY, MATLAB, a ROS bag, MCAP, a flight log, ...), a folder, "
     "or a pair of files with one triad each."
 )
 GRADES = "consumer-mems, industrial-mems, hg1900, hg1700, tactical, ring-laser"
@@ -293,7 +293,7 @@ class FileOptions(StreamOptions):
         option(
             FILE,
             "NAME",
-            "Topic, message or data set of a bag or log; twice for an accelerometer and a gyro apart.",
+            "Topic or message of a bag or log; twice for an accelerometer and a gyro apart.",
             "--topic",
         ),
     ] = None

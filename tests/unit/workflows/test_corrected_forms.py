@@ -110,14 +110,6 @@ def test_a_csv_becomes_a_folder_like_euroc_s(tmp_path: Path) -> None:
     assert not (tmp_path / "other").exists()
 
 
-def test_hdf5_that_an_earlier_tumble_corrected_is_not_corrected_again(tmp_path: Path) -> None:
-    h5py = pytest.importorskip("h5py")
-    with h5py.File(tmp_path / "b.h5", "w") as file:
-        file.attrs["corrected_by"] = UNIT.identity
-    with pytest.raises(UsageError, match="corrected by this calibration already"):
-        apply(UNIT, tmp_path / "b.h5", output=tmp_path / "c.csv")
-
-
 @pytest.mark.parametrize("lag", [0.013, -0.027])
 def test_blocks_of_any_size_are_shifted_alike(lag: float) -> None:
     time = np.cumsum(0.005 + 0.001 * RNG.random(300))

@@ -49,6 +49,7 @@ HEAD = 4096
 """Bytes at the beginning of a file that tell its format."""
 
 _BLOCK_ROWS = 500_000
+_HDF5 = b"\x89HDF\r\n\x1a\n"
 
 
 @contextmanager
@@ -71,7 +72,7 @@ def find_format(path: Path) -> ModuleType:
     Raises
     ------
     RecordingError
-        If the file is missing, unreadable, empty or in no known format.
+        If the file is missing, unreadable, empty, HDF5 or in no known format.
     """
     with _readable(path):
         if path.is_dir():
@@ -80,12 +81,25 @@ def find_format(path: Path) -> ModuleType:
             head = file.read(HEAD)
     if not head:
         raise RecordingError(f"{path.name} is empty; give a recording with one row a sample.")
+    _refuse_hdf5(path.name, head)
     for format_ in FORMATS:
         if format_.recognises(head):
             return format_
     raise RecordingError(
         f"{path.name} is binary in a format that is not known; known are "
         f"{', '.join(f.NAME for f in FORMATS)}. Convert it to CSV (see the formats page)."
+    )
+
+
+def _refuse_hdf5(name: str, head: bytes) -> None:
+    """Refuse HDF5, which begins at 0, 512, 1024, ... bytes, and MATLAB 7.3, which is HDF5 behind a header."""
+    matlab = head.startswith(b"MATLAB 7.3")
+    if not matlab and not any(head.startswith(_HDF5, at) for at in (0, 512, 1024, 2048)):
+        return
+    raise RecordingError(
+        f"{name} is {'a MATLAB 7.3 file' if matlab else 'HDF5'}, which is not read. "
+        f"Save {'it in MATLAB with `save -v7`, or ' if matlab else ''}its arrays from Python (h5py, `numpy.savez`) "
+        "as t, acc and gyr, or as a CSV with the columns t,ax,ay,az,gx,gy,gz."
     )
 
 

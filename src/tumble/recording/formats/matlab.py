@@ -1,4 +1,4 @@
-"""MATLAB .mat of versions 5 to 7 by scipy; version 7.3 is HDF5."""
+"""MATLAB .mat of versions 5 to 7 by scipy; version 7.3 is HDF5, which is refused."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ SUMMARY = "MATLAB .mat of versions 5 to 7"
 
 
 def recognises(head: bytes) -> bool:
-    """Say whether a file that begins so is MATLAB's; version 7.3 is HDF5."""
-    return head.startswith(b"MATLAB ") and not head.startswith(b"MATLAB 7.3")
+    """Say whether a file that begins so is MATLAB's."""
+    return head.startswith(b"MATLAB ")
 
 
 def read_table(path: Path) -> RawTable:

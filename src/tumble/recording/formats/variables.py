@@ -1,4 +1,4 @@
-"""A table from named arrays, as NPZ, MATLAB and HDF5 files hold them."""
+"""A table from named arrays, as NPZ and MATLAB files hold them."""
 
 from __future__ import annotations
 
@@ -35,12 +35,7 @@ def _tall(
     return array
 
 
-def table_from_variables(
-    path: Path,
-    variables: Mapping[str, npt.NDArray[np.float64]],
-    units: Mapping[str, str] | None = None,
-    rate: float | None = None,
-) -> RawTable:
+def table_from_variables(path: Path, variables: Mapping[str, npt.NDArray[np.float64]]) -> RawTable:
     """Put the arrays of one file side by side as the columns of a table.
 
     The number of samples is the longest side that occurs most often; arrays of another length are
@@ -53,8 +48,6 @@ def table_from_variables(
     ----------
     path : the file, for messages.
     variables : arrays by name.
-    units : what the file says that they are in, by name; it follows the names of columns in brackets.
-    rate : sampling rate in Hz that the file states beside the arrays, or None.
 
     Raises
     ------
@@ -64,7 +57,8 @@ def table_from_variables(
         If the file cannot be read.
     """
     remarks: list[Remark] = []
-    rate = next((float(a.ravel()[0]) for n, a in variables.items() if a.size == 1 and is_rate_name(n)), rate)
+    said = (float(a.ravel()[0]) for n, a in variables.items() if a.size == 1 and n.lower() in _RATE_NAMES)
+    rate = next(said, None)
     arrays = {n: a for n, a in variables.items() if a.ndim in (1, 2) and a.size > 3}
     lengths = Counter(max(a.shape) for a in arrays.values())
     if not lengths:
@@ -77,7 +71,7 @@ def table_from_variables(
         return pair
     rows = max(lengths, key=lambda n: (lengths[n], n))
     used = {n: _tall(n, a, rows, remarks) for n, a in arrays.items() if rows in a.shape}
-    magnetic = _field_of_another_length({n: a for n, a in arrays.items() if n not in used}, units or {})
+    magnetic = _field_of_another_length({n: a for n, a in arrays.items() if n not in used})
     left = sorted(set(arrays) - set(used) - (set(magnetic[1]) if magnetic else set()))
     if left:
         remarks.append(
@@ -87,9 +81,7 @@ def table_from_variables(
     names: list[str] = []
     for name, array in used.items():
         columns += as_columns(np.asarray(array, dtype=np.float64))
-        unit = (units or {}).get(name)
-        parts = [name] if array.shape[1] == 1 else _part_names(name, array.shape[1])
-        names += [f"{part} [{unit}]" if unit else part for part in parts]
+        names += [name] if array.shape[1] == 1 else _part_names(name, array.shape[1])
     lone = len(used) == 1 and len(columns) > 1
     if lone and len(columns) == 3:
         lone = False
@@ -102,7 +94,7 @@ def table_from_variables(
 
 
 def _field_of_another_length(
-    arrays: Mapping[str, npt.NDArray[np.float64]], units: Mapping[str, str]
+    arrays: Mapping[str, npt.NDArray[np.float64]],
 ) -> tuple[FieldStream, tuple[str, ...]] | None:
     """A magnetometer's (n, 3) array with n stamps beside it, both named; None without the two."""
     from tumble.recording.columns import role_of
@@ -121,11 +113,9 @@ def _field_of_another_length(
     if len(stamps) != 1:
         return None
     time = arrays[stamps[0]]
-    said = units.get(stamps[0]) or role(stamps[0])[1]
+    said = role(stamps[0])[1]
     seconds = seconds_of(time, find_unit("time", said) if said else None)
-    declared = units.get(name)
-    known = None if declared is None else find_unit("magnetic field", declared)
-    return FieldStream.finite(name, seconds, values, known), (name, stamps[0])
+    return FieldStream.finite(name, seconds, values), (name, stamps[0])
 
 
 def _stamped_pair(path: Path, arrays: Mapping[str, npt.NDArray[np.float64]]) -> RawTable | None:
@@ -161,11 +151,6 @@ def _listed(names: Mapping[str, object]) -> str:
     """Return the first names, shortened: a damaged file may have very long ones."""
     first = [shown(name[:40]) for name in list(names)[:_LISTED]]
     return ", ".join(first) + (f" and {len(names) - _LISTED} more" if len(names) > _LISTED else "") or "none"
-
-
-def is_rate_name(name: str) -> bool:
-    """Say whether a name is one of a sampling rate."""
-    return name.lower() in _RATE_NAMES
 
 
 def _part_names(name: str, count: int) -> list[str]:

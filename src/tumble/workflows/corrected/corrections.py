@@ -3,8 +3,7 @@
 A corrected file has one more column for each calibration that it went through, named
 ``corrected_by_`` and the twelve digits of the calibration's identity, with the number 1 in every row.
 A name in the header outlives copying, cutting, and being read and written by other programs. Bags say it topic by
-topic, EuRoC's folders in `sensor.yaml`, HDF5, which an earlier tumble wrote, by an attribute: columns of their own are
-not theirs to have.
+topic, EuRoC's folders in `sensor.yaml`: columns of their own are not theirs to have.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ from pathlib import Path
 
 from tumble.recording import rewriting
 from tumble.recording.columns import role_of
-from tumble.recording.formats import euroc_writing, hdf5
+from tumble.recording.formats import euroc_writing
 from tumble.recording.formats.header import header_names
 from tumble.recording.frames import Frame, frame_names
 
@@ -47,14 +46,11 @@ def corrections_of(
 
 def _marks_beside(path: Path, topics: Sequence[str] | None) -> list[str]:
     """Return what formats without columns of their own say."""
-    ending = path.suffix.lower()
-    if ending in (".h5", ".hdf5"):
-        return list(hdf5.corrections(path))
     if path.is_dir() or path.name == "data.csv":
         found = euroc_writing.corrections(path)
         if found or not path.is_dir():
             return list(found)
-    if not path.is_dir() and ending not in rewriting.ENDINGS:
+    if not path.is_dir() and path.suffix.lower() not in rewriting.ENDINGS:
         return []
     wanted = None if not topics else {t.strip("/") for t in topics}
     said = rewriting.corrections(path).items()
