@@ -82,9 +82,7 @@ def table_from_variables(path: Path, variables: Mapping[str, npt.NDArray[np.floa
     for name, array in used.items():
         columns += as_columns(np.asarray(array, dtype=np.float64))
         names += [name] if array.shape[1] == 1 else _part_names(name, array.shape[1])
-    lone = len(used) == 1 and len(columns) > 1
-    if lone and len(columns) == 3:
-        lone = False
+    lone = len(used) == 1 and len(columns) not in (1, 3)
     if rate is not None:
         remarks.append(Remark("found", f"{path.name} states a sampling rate of {rate:g} Hz."))
     field = None if magnetic is None else magnetic[0]
