@@ -1,7 +1,7 @@
 """The file formats that recordings are read from, one module a format.
 
-Each module has `NAME`, `ENDINGS`, `SUMMARY`, ``recognises(head) -> bool`` on the first bytes of a
-file, ``read_table(path) -> RawTable`` and, where the format allows it in bounded memory,
+Each module has `NAME`, `ENDINGS`, ``recognises(head) -> bool`` on the first bytes of a file,
+``read_table(path) -> RawTable`` and, where the format allows it in bounded memory,
 ``read_table_blocks(path) -> Iterator[RawTable]``. The content decides, never the ending alone.
 
 A module with `recognises` is a format: nothing else names it. Where its first bytes could be another format's too,

@@ -14,7 +14,6 @@ from tumble.recording.formats.table import RawTable, hash_file, row_words
 
 NAME = "zip"
 ENDINGS = (".zip",)
-SUMMARY = "zip archive of a phone's log, of a folder or of one recording"
 HAS_TOPICS = True
 
 

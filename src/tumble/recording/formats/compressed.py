@@ -21,7 +21,6 @@ from tumble.recording.recording import Remark
 
 NAME = "compressed"
 ENDINGS = (".gz", ".bz2", ".xz", ".zst", ".zstd")
-SUMMARY = "any of the other formats compressed with gzip, bzip2, xz or zstd (zstd with the extra `ros`)"
 HAS_TOPICS = True
 
 _PIECE = 1 << 13  # bytes; a damaged piece is lost as a whole

@@ -15,7 +15,6 @@ from tumble.recording.recording import Source
 NAME = "folder"
 ENDINGS = ()
 ASKED = 3  # any folder is one
-SUMMARY = "a folder: EuRoC (mav0/imu0/data.csv), a phone's log with a CSV a sensor, or one recording in it"
 HAS_TOPICS = True
 
 _EUROC = ("mav0/imu0/data.csv", "imu0/data.csv", "data.csv")

@@ -29,7 +29,6 @@ from tumble.records import dataclass
 NAME = "labelled lines"
 ENDINGS = (".txt", ".log", ".json", ".jsonl", ".ndjson")
 ASKED = 1  # before text, which is almost anything
-SUMMARY = "lines with labels (`ax:0.1 ay=…`, MotionCal) or a serial monitor's clock; JSON lines, Sensor Logger's JSON"
 HAS_TOPICS = True
 
 _LARGEST = 512 << 20  # bytes

@@ -15,7 +15,6 @@ from tumble.recording.formats.variables import numbers_of, table_from_variables
 
 NAME = "MATLAB"
 ENDINGS = (".mat",)
-SUMMARY = "MATLAB .mat of versions 5 to 7"
 
 
 def recognises(head: bytes) -> bool:

@@ -16,7 +16,6 @@ from tumble.recording.recording import Source
 
 NAME = "NPY"
 ENDINGS = (".npy",)
-SUMMARY = "NumPy .npy: a (samples, columns) array or a structured array"
 
 
 def recognises(head: bytes) -> bool:

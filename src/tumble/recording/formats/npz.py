@@ -13,7 +13,6 @@ from tumble.recording.formats.variables import numbers_of, table_from_variables
 
 NAME = "NPZ"
 ENDINGS = (".npz",)
-SUMMARY = "NumPy .npz: a matrix, or arrays such as t, acc, gyr (and fs)"
 
 
 def recognises(head: bytes) -> bool:

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
 NAME = "Parquet"
 ENDINGS = (".parquet", ".pq")
-SUMMARY = "Parquet with one column a channel"
 
 UNITS_KEY = "tumble.units"
 """Key of the file's metadata under which tumble notes the units, by column, that it has judged."""

@@ -30,7 +30,6 @@ from tumble.recording.recording import Remark, Source
 NAME = "text"
 ENDINGS = (".csv", ".txt", ".tsv", ".dat", ".log", ".mat")
 ASKED = 2  # almost anything is text
-SUMMARY = "text with any delimiter, with or without header"
 
 _HEAD = 64 * 1024
 _CHUNK = 16 * 1024 * 1024

@@ -26,7 +26,6 @@ from tumble.recording.recording import Remark
 
 NAME = "Xsens text"
 ENDINGS = (".txt", ".csv")
-SUMMARY = "Xsens and Movella text exports: Acc_X … Gyr_Z, or VelInc_X and OriInc_q0 …"
 
 _TICK = 100.0  # µs
 _MOST_HERTZ_OF_TICKS = 4000.0

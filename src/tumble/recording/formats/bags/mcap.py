@@ -26,7 +26,6 @@ from tumble.records import dataclass
 
 NAME = "MCAP"
 ENDINGS = (".mcap",)
-SUMMARY = "MCAP with topics of sensor_msgs/Imu, also split ones (with the extra `ros`)"
 HAS_TOPICS = True
 
 MAGIC = b"\x89MCAP0\r\n"

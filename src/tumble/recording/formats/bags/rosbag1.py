@@ -18,7 +18,6 @@ from tumble.records import dataclass
 
 NAME = "ROS 1 bag"
 ENDINGS = (".bag",)
-SUMMARY = "ROS 1 bag: topics of sensor_msgs/Imu, also split ones (with the extra `ros`)"
 HAS_TOPICS = True
 
 

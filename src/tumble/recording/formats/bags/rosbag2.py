@@ -29,7 +29,6 @@ from tumble.records import dataclass
 
 NAME = "ROS 2 bag"
 ENDINGS = (".db3",)
-SUMMARY = "ROS 2 bag (sqlite3, or a folder with metadata.yaml): topics of sensor_msgs/Imu, also split ones"
 HAS_TOPICS = True
 
 _MAGIC = b"SQLite format 3\0"

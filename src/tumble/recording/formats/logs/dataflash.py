@@ -30,7 +30,6 @@ from tumble.records import dataclass
 
 NAME = "DataFlash"
 ENDINGS = (".bin",)
-SUMMARY = "ArduPilot DataFlash .bin: messages IMU, ACC and GYR, IMT, MAG"
 HAS_TOPICS = True
 
 _MAGIC = b"\xa3\x95"

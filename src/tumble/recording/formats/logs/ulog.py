@@ -31,7 +31,6 @@ from tumble.recording.samples import Samples
 
 NAME = "ULog"
 ENDINGS = (".ulg",)
-SUMMARY = "PX4 ULog: raw sensors, sensor_combined, vehicle_imu, magnetometers (with the extra `px4`)"
 HAS_TOPICS = True
 
 _MAGIC = b"ULog\x01\x12\x35"
