@@ -63,8 +63,7 @@ def write_spaces(path: Path, rows: np.ndarray) -> None:
 
 
 def write_labels(path: Path, rows: np.ndarray) -> None:
-    names = ("t", "ax", "ay", "az", "gx", "gy", "gz")
-    cells = [" ".join(f"{n}:{v!r}" for n, v in zip(names, row, strict=True)) for row in rows.tolist()]
+    cells = [" ".join(f"{n}:{v!r}" for n, v in zip(NAMES, row, strict=True)) for row in rows.tolist()]
     path.write_text("\n".join(cells) + "\n")
 
 
@@ -285,37 +284,38 @@ def test_a_sampling_rate_beside_the_arrays_is_used(tmp_path: Path) -> None:
     assert recording.time[128] == 1.0
 
 
+def test_a_lone_array_of_a_triad_is_what_its_name_says(tmp_path: Path) -> None:
+    """Rates at rest could be anything by their numbers."""
+    np.savez(tmp_path / "a.npz", gyr=example()[:, 4:])
+    recording = read_recording(tmp_path / "a.npz", units="rad/s", rate=64.0)
+    assert recording.specific_force is None
+    assert np.array_equal(recording.angular_rate, example()[:, 4:])
+
+
 @pytest.mark.parametrize("unit", [1.0, 1e9])
 def test_arrays_of_another_length_are_the_magnetometer_s_if_named_so(tmp_path: Path, unit: float) -> None:
-    rows = example()
-    slow = rows[::4, 0] + 0.001
+    rows, slow = example(), example()[::4, 0] + 0.001
     field = np.array([18.0, -4.0, -43.0]) + 0.3 * np.random.default_rng(6).normal(size=(slow.size, 3))
-    arrays = {"t": unit * rows[:, 0], "acc": rows[:, 1:4], "gyr": rows[:, 4:]}
-    np.savez(tmp_path / "a.npz", **arrays, t_mag=unit * slow, mag=field)
-    recording = read_recording(tmp_path / "a.npz", units="m/s^2,rad/s")
-    assert recording.magnetic_field is not None
-    assert recording.magnetic_field.unit == "uT"
-    assert np.array_equal(recording.magnetic_field.values, field)
-    np.testing.assert_allclose(recording.magnetic_field.time, slow, rtol=1e-9)
+    stamps = {"t": unit * rows[:, 0], "t_mag": unit * slow}
+    np.savez(tmp_path / "a.npz", acc=rows[:, 1:4], gyr=rows[:, 4:], mag=field, **stamps)
+    read = read_recording(tmp_path / "a.npz", units="m/s^2,rad/s").magnetic_field
+    assert read is not None
+    assert read.unit == "uT"
+    assert np.array_equal(read.values, field)
+    np.testing.assert_allclose(read.time, slow, rtol=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("head", "said"),
-    [
-        (
-            b"MATLAB 7.3 MAT-file".ljust(512),
-            r"a\.mat is a MATLAB 7\.3 file, .*Save it in MATLAB with `save -v7`, or its arrays from Python \(h5py",
-        ),
-        (b"", r"a\.mat is HDF5, which is not read\. Save its arrays from Python \(h5py"),
-        (bytes(2048), r"a\.mat is HDF5, which is not read\. Save its arrays from Python \(h5py"),
-    ],
-)
-def test_hdf5_is_refused_with_what_to_do_instead(tmp_path: Path, head: bytes, said: str) -> None:
+@pytest.mark.parametrize("head", [b"MATLAB 7.3 MAT-file".ljust(512), b"", bytes(2048)])
+def test_hdf5_is_refused_with_what_to_do_instead(tmp_path: Path, head: bytes) -> None:
     """A MATLAB 7.3 file begins with MATLAB's own header and has HDF5 from byte 512 on."""
+    matlab = r"a MATLAB 7\.3 file, which is not read\. Save it in MATLAB with `save -v7`, or its arrays"
+    said = matlab if b"MATLAB" in head else r"HDF5, which is not read\. Save its arrays"
     path = tmp_path / "a.mat"
     path.write_bytes(head + b"\x89HDF\r\n\x1a\n" + bytes(5000))
     for read in (read_recording, lambda path: list(read_blocks(path))):
-        with pytest.raises(RecordingError, match=said + r".*numpy\.savez.* columns t,ax,ay,az,gx,gy,gz\.\Z"):
+        with pytest.raises(
+            RecordingError, match=rf"\Aa\.mat is {said} .*numpy\.savez.* t,ax,ay,az,gx,gy,gz\.\Z"
+        ):
             read(path)
 
 
