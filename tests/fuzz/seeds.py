@@ -220,7 +220,6 @@ def _tracks() -> list[tuple[str, bytes]]:
         ("track.csv", table.encode()),
         ("track.pos", (gnss.HEADER + fixes).encode()),
         ("track.nmea", "".join(gnss.nmea(s) for s in range(20)).encode()),
-        ("track.ubx", b"".join(gnss.nav_pvt(float(s)) for s in range(20))),
     ]
 
 

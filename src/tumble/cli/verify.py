@@ -151,7 +151,7 @@ def verify_command(
         option(
             _DRIVE,
             "FILE",
-            "Satellite positions of a drive (.pos, NMEA, UBX, CSV): judge by navigation instead.",
+            "Satellite positions of a drive (.pos, NMEA, CSV): judge by navigation instead.",
         ),
     ] = None,
 ) -> None:

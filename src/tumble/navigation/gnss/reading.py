@@ -12,7 +12,6 @@ from tumble.files import opened, reading
 from tumble.navigation.gnss.nmea import read_nmea
 from tumble.navigation.gnss.tables import read_table
 from tumble.navigation.gnss.track import GnssTrack
-from tumble.navigation.gnss.ubx import read_ubx
 
 
 def read_track(path: str | os.PathLike[str]) -> GnssTrack:
@@ -32,18 +31,12 @@ def read_track(path: str | os.PathLike[str]) -> GnssTrack:
         head = file.read(4096)
     if not head.strip():
         raise RecordingError(f"{path.name} is empty.")
-    reader = {"ubx": read_ubx, "nmea": read_nmea, "table": read_table}[_kind(head)]
+    nmea = any(b"$" + talker in head for talker in (b"GP", b"GN", b"GL", b"GA", b"GB"))
+    if not nmea and b"\xb5\x62" in head:
+        raise RecordingError(
+            f"{path.name} is UBX by u-blox, which is not read: make a .pos of it by RTKLIB (convbin, then rnx2rtkp), "
+            "or record NMEA (GGA, RMC and GST)."
+        )
     # What overflows is refused with its fix.
     with reading(path, "a GNSS track", RecordingError), np.errstate(all="ignore"):
-        return reader(path)
-
-
-def _kind(head: bytes) -> str:
-    """The kind of a file by its first bytes."""
-    nmea = any(head.find(b"$" + talker) >= 0 for talker in (b"GP", b"GN", b"GL", b"GA", b"GB"))
-    ubx = head.find(b"\xb5\x62") >= 0
-    if ubx and (not nmea or head.find(b"\xb5\x62") < head.find(b"$G")):
-        return "ubx"
-    if nmea:
-        return "nmea"
-    return "table"
+        return read_nmea(path) if nmea else read_table(path)

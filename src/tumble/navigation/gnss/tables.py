@@ -181,7 +181,7 @@ def _columns(header: Sequence[str], name: str, solution: bool) -> dict[str, int]
     if missing:
         raise RecordingError(
             f"{name} is no table of positions that can be read: its header ({', '.join(header)[:100]}) does not name "
-            f"{', '.join(missing)}. Name the columns so, or give a .pos, NMEA or UBX file."
+            f"{', '.join(missing)}. Name the columns so, or give a .pos or NMEA file."
         )
     return found
 
