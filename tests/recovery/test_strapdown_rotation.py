@@ -69,7 +69,9 @@ def recorded(
 
 def found_errors(estimate: Estimate, units: str = "SI") -> np.ndarray:
     force, rate = COUNTS[units]
-    errors, U = savage_from_model(estimate.model, force_factor=1.0 / force, rate_factor=1.0 / rate)
+    found = estimate.model
+    model = ImuModel(found.accelerometer.in_raw_unit(1.0 / force), found.gyroscope.in_raw_unit(1.0 / rate))
+    errors, U = savage_from_model(model)
     np.testing.assert_allclose(U, np.eye(3), rtol=0, atol=1e-12)  # it is in the mean-gyro frame already
     return errors.vector
 
