@@ -110,6 +110,7 @@ SPEED := allan joint_speed kernels noise papers peers python_loop reading readin
 
 .PHONY: bench
 bench: $(DEV) bytecode  ## Measure speed, as ratios within one run (ten minutes)
+	$(PIP) install --quiet --require-hashes -r requirements/bench.txt
 	@for name in $(SPEED); do echo "== $$name"; $(BIN)/python benchmarks/$$name.py || exit 1; done
 
 .PHONY: measure
@@ -121,6 +122,7 @@ lock:  ## Compile requirements/ anew from pyproject.toml (needs uv)
 	uv pip compile pyproject.toml --group build --group dev $(LOCK) -o requirements/dev.txt
 	uv pip compile pyproject.toml --group build -c requirements/dev.txt $(LOCK) -o requirements/run.txt
 	echo 'ziglang>=0.13' | uv pip compile - $(LOCK) -o requirements/compiler.txt
+	echo 'numba>=0.61' | uv pip compile - -c requirements/dev.txt $(LOCK) -o requirements/bench.txt
 
 # Hashes for every platform and Python; neither the index's address nor a path of this machine.
 LOCK := --quiet --universal --python-version 3.11 --generate-hashes --no-header --no-annotate \
@@ -138,7 +140,8 @@ $(RUN): requirements/run.txt pyproject.toml
 	done; \
 	if [ -z "$$found" ]; then echo "No Python 3.11 or newer among: $(PYTHON). Name one: make PYTHON=..." >&2; exit 1; fi; \
 	"$$found" -m venv --clear $(VENV)
-	$(PIP) install --quiet --compile --require-hashes -r requirements/run.txt
+	$(PIP) install --quiet --no-compile --require-hashes -r requirements/run.txt
+	$(BIN)/python -m compileall -q -j 0 $(VENV)
 	@cc=$$($(BIN)/python -c 'import sysconfig; print((sysconfig.get_config_var("CC") or "cc").split()[0])'); \
 	if ! command -v "$$cc" >/dev/null; then \
 	    $(PIP) install --quiet --require-hashes -r requirements/compiler.txt; fi
@@ -151,7 +154,8 @@ $(BUILT): setup.py $(shell find src -name 'kernels.p*' -o -name '*_kernel.py') |
 	@touch $@
 
 $(DEV): requirements/dev.txt $(RUN)
-	$(PIP) install --quiet --compile --require-hashes -r requirements/dev.txt
+	$(PIP) install --quiet --no-compile --require-hashes -r requirements/dev.txt
+	$(BIN)/python -m compileall -q -j 0 $(VENV)
 	@touch $@
 
 # Python may be told not to write bytecode (PYTHONDONTWRITEBYTECODE), and then compiles at every start.
