@@ -134,14 +134,12 @@ def test_a_rest_ends_with_the_noise_of_its_file(tmp_path: Path) -> None:
         protocol="rest",
     )
     run = run_capture(order)
-    assert run.noise is not None
     assert run.calibration is None
     names = {file.name for file in (tmp_path / "out").iterdir()}
     assert names == {"recording.csv", "session.jsonl", "noise.json", "noise.html"}
     last = json.loads((tmp_path / "out" / "session.jsonl").read_text().splitlines()[-1])
     assert last["event"] == "characterised"
     density = {channel.name: channel.fit for channel in run.noise.noise.channels}["az"]
-    assert density is not None
     assert density.model.coefficients["N"] == pytest.approx(0.02 / 50.0**0.5, rel=0.03)
 
 
