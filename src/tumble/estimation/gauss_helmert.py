@@ -56,8 +56,8 @@ class Linearisation:
         """
         if lower is not None:
             lower = np.where(active[1:, :, None] & active[:-1, None, :], lower, 0.0)
-        C = np.where(active[:, :, None] & active[:, None, :], C, np.eye(active.shape[1]))
-        return Linearisation(np.where(active, w, 0.0), np.where(active[:, :, None], A, 0.0), C, lower, active)
+        V = np.where(active[:, :, None] & active[:, None, :], C, np.eye(active.shape[1]))
+        return Linearisation(np.where(active, w, 0.0), np.where(active[:, :, None], A, 0.0), V, lower, active)
 
 
 @runtime_checkable
