@@ -265,8 +265,6 @@ def texts(recording: Any) -> str:
 
 def assert_raw(recording: Recording, tolerance: float = 2e-6) -> None:
     """Both triads are what the sensors gave; logs are of single precision."""
-    assert recording.specific_force is not None
-    assert recording.angular_rate is not None
     np.testing.assert_allclose(recording.specific_force, FORCE, atol=10.0 * tolerance)
     np.testing.assert_allclose(recording.angular_rate, RATE, atol=tolerance)
 
@@ -282,7 +280,6 @@ def test_a_px4_log_with_parameters_is_the_recording_without_them(tmp_path: Path,
     for name, p in (("active", PX4), ("idle", at_defaults(PX4))):
         recording = read_recording(ulog(tmp_path / f"{name}.ulg", p, message=message), topics=[message])
         assert_raw(recording)
-        assert recording.magnetic_field is not None
         np.testing.assert_allclose(recording.magnetic_field.values, 1e-3 * FIELD, atol=2e-7)
         assert ("parameters are undone" in texts(recording)) == (name == "active")
         assert not [r for r in recording.remarks if r.kind == "corrected"]
@@ -398,6 +395,9 @@ def test_a_sensor_without_a_curve_has_no_thermal_offset_in_px4() -> None:
     made = OwnParameters({"CAL_ACC0_ID": 7.0, "TC_A_ENABLE": 1.0}, [], Px4({"ACC": [7]}, columns))
     samples, _ = made.undone(Samples(np.zeros(2), specific_force=np.ones((2, 3))), "log")
     np.testing.assert_array_equal(samples.specific_force, np.ones((2, 3)))
+    older = OwnParameters(made.first, [], Px4({"ACC": [7]}, {"timestamp": np.zeros(1)}))
+    with pytest.raises(RecordingError, match="lacks sensor_correction with device_ids"):
+        older.undone(samples, "log")
 
 
 def test_a_magnetometer_of_px4_that_cannot_be_undone_is_left_out_unless_it_is_asked_for(

@@ -217,11 +217,12 @@ class Px4:
     def _thermal(self, name: str, device: int, time: Series) -> Vectors:
         """Return the thermal offsets that were applied, each from its message on; none of a sensor without a curve."""
         said = self.thermal
-        if said is None:
+        # Older firmware names no devices there.
+        if said is None or not device or f"{name}_device_ids[0]" not in said:
             raise RecordingError(
                 f"The log's numbers are corrected by temperature (TC_{name[0].upper()}_ENABLE), and it lacks "
-                "sensor_correction, which holds by how much. Log it, or the raw sensors, or set TC_A_ENABLE and "
-                "TC_G_ENABLE to 0, and record again."
+                "sensor_correction with device_ids, which says by how much. Log it, or the raw sensors, or set "
+                "TC_A_ENABLE and TC_G_ENABLE to 0, and record again."
             )
         for n in range(4):
             if device in said.get(f"{name}_device_ids[{n}]", ()):
