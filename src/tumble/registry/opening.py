@@ -288,7 +288,7 @@ def _bring_up_to_date(registry: Registry) -> None:
         if _version(connection) == FIRST:
             _move_documents(connection)
         else:
-            schema.metadata.create_all(connection)
+            schema.metadata.create_all(connection, checkfirst=False)
         connection.execute(schema.version.delete())
         connection.execute(schema.version.insert().values(version_num=NEWEST))
 
