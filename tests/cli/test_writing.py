@@ -47,7 +47,7 @@ def test_a_folder_that_is_a_file_or_under_one(
     arguments = call.format(recording).split()
     tumble(*arguments, "-o", file).is_told(2, "is a file: give a folder")
     tumble(*arguments, "-o", file / "results").is_told(
-        3, f"{file / 'results'} cannot be made: {file} is a file"
+        3, f"{file / 'results'} cannot be made: {file} is no folder"
     )
     assert contents(tmp_path) == {"file": "precious"}
 

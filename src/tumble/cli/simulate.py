@@ -25,7 +25,6 @@ from tumble.records import dataclass
 if TYPE_CHECKING:
     from tumble.workflows.simulate import Simulated
 
-# More files than this are counted instead of listed.
 # What ratios and angles are shown in.
 _PRACTICAL = {"1": (1e6, "ppm"), "rad": (1e3, "mrad")}
 

@@ -80,9 +80,10 @@ def _values(path: Path, tool: str, form: tuple[str, ...]) -> dict[str, float]:
         words = line.partition("#")[0].replace(",", " ").split()
         try:
             if words:
-                named = dict(zip(form, words, strict=True))
+                # ArduPilot marks some of its own with @READONLY.
+                named = dict(zip(form, words, strict=len(form) > 2))
                 values[named["name"]] = number_of(named["value"])
-        except ValueError:
+        except (KeyError, ValueError):
             raise CalibrationFileError(
                 f"{path}, line {number}: a line of {tool}'s is {', '.join(form)}, not {shown(line[:40])!r}."
             ) from None

@@ -307,9 +307,9 @@ def results_folder(output: str | os.PathLike[str] | None) -> Path | None:
     folder = Path(output)
     if folder.exists() and not folder.is_dir():
         raise UsageError(f"-o {folder} is a file: give a folder.")
-    existing = next(one for one in (folder, *folder.parents) if one.exists())
+    existing = next((one for one in (folder, *folder.parents) if one.exists()), folder)
     if not existing.is_dir():
-        raise OutputError(f"The folder {folder} cannot be made: {existing} is a file. Give another with -o.")
+        raise OutputError(f"The folder {folder} cannot be made: {existing} is no folder. Give another -o.")
     try:
         with tempfile.TemporaryDirectory(dir=existing, prefix=".tumble-"):
             return folder

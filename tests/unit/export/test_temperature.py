@@ -200,6 +200,7 @@ def test_ardupilot_s_curves_may_be_of_two_temperatures(tmp_path: Path) -> None:
     """Accelerometers calibrated at 20 °C, gyros at 45 °C: P is about 35 °C for both."""
     lines = "INS_ACCOFFS_X,0.5 INS_ACCOFFS_Y,0 INS_ACCOFFS_Z,0 INS_GYROFFS_X,0.01 INS_GYROFFS_Y,0 INS_GYROFFS_Z,0 "
     lines += "INS_TCAL1_ENABLE,1 INS_TCAL1_TMIN,0 INS_TCAL1_TMAX,70 INS_ACC1_CALTEMP,20 INS_GYR1_CALTEMP,45"
+    lines += " STAT_RUNTIME,5,@READONLY"
     for kind, n, axis in product(("ACC", "GYR"), (1, 2, 3), "XYZ"):
         lines += f" INS_TCAL1_{kind}{n}_{axis},{1e3 if n == 2 else 0}"
     for enabled in (2, 1):  # 2 learns, and compensates nothing
@@ -207,7 +208,6 @@ def test_ardupilot_s_curves_may_be_of_two_temperatures(tmp_path: Path) -> None:
         convert_from(tmp_path / "a.parm", "ardupilot", output=tmp_path / "a.json")
         assert (read_calibration(tmp_path / "a.json").thermal is None) == (enabled == 2)
     model = read_calibration(tmp_path / "a.json").thermal_model
-    assert model is not None
     there = model.at(60.0)
     # 1e-3 ((60 - 35)² - (T_cal - 35)²)
     assert np.allclose(there.accelerometer.bias, np.array([0.5, 0, 0]) + 1e-3 * (625 - 225))
