@@ -54,22 +54,25 @@ def line(name: str, norms: np.ndarray, angles: np.ndarray) -> None:
     )
 
 
-def held_out(recording, timeline, means, site: Site, *, joint: bool = False, turns_alone: bool = False):
+def held_out(recording, timeline, site: Site, *, joint: bool = False, turns_alone: bool = False):
     """Return norms and angles of holds and turns that the estimate has not seen."""
-    data = gather(recording, timeline, means)
+    data = gather(recording, timeline, observe_holds(recording, timeline))
     norms, angles = np.full(data.holds, np.nan), np.full(data.holds, np.nan)
-
-    def hidden(turn, fold: int) -> bool:
-        ends = (turn.before,) if turns_alone else (turn.before, turn.after)
-        return any(end % FOLDS == fold for end in ends)
 
     for fold in range(FOLDS):
         mine = [k for k in range(data.holds) if k % FOLDS == fold]
-        turns = tuple(replace(turn, usable=turn.usable and not hidden(turn, fold)) for turn in timeline.turns)
-        seen, unused = replace(timeline, turns=turns), [] if turns_alone else mine
-        estimate = calibrate_hand_held(recording, seen, means, site, unused_holds=unused)
+        kept = [k for k in range(data.holds) if turns_alone or k % FOLDS != fold]
+        at = {k: number for number, k in enumerate(kept)}
+        turns = tuple(
+            replace(turn, before=at[turn.before], after=at[turn.after])
+            for turn in timeline.turns
+            if turn.before in at and turn.after in at and (not turns_alone or turn.before % FOLDS != fold)
+        )
+        seen = replace(timeline, holds=tuple(timeline.holds[k] for k in kept), turns=turns)
+        means = observe_holds(recording, seen)
+        estimate = calibrate_hand_held(recording, seen, means, site)
         if joint:
-            estimate = calibrate_joint(recording, seen, means, site, estimate, unused_holds=unused)
+            estimate = calibrate_joint(recording, seen, means, site, estimate)
         scored = score(estimate.model, data, site.gravity)
         norms[mine], angles[mine] = scored[0][mine], scored[1][mine]
     return norms, angles
@@ -115,12 +118,12 @@ def show_joint(recording, timeline, means, site: Site, start) -> None:
     for left in estimate.left_out:
         print(f"  joint, {left.kind} {left.index + 1} left out: {left.reason}")
     line("joint, on all of the recording", *score(estimate.model, data, site.gravity))
-    seen_by_neither = [held_out(recording, timeline, means, site, joint=joint) for joint in (True, False)]
+    seen_by_neither = [held_out(recording, timeline, site, joint=joint) for joint in (True, False)]
     line("joint, held out (5 interleaved folds)", *seen_by_neither[0])
     for at, unit, factor in ((0, "mm/s²", 1e3), (1, "°", 180.0 / np.pi)):
         compare_held_out(seen_by_neither[0][at], seen_by_neither[1][at], unit, factor)
     for name, joint in (("hand-held", False), ("joint", True)):
-        scored = held_out(recording, timeline, means, site, joint=joint, turns_alone=True)
+        scored = held_out(recording, timeline, site, joint=joint, turns_alone=True)
         line(f"{name}, turns alone held out", *scored)
 
 
@@ -182,7 +185,7 @@ def main() -> None:
         line("tumble, on all of the recording", *score(estimate.model, data, gravity))
         without = calibrate_hand_held(recording, timeline, means, site, optional_terms=False)
         line("tumble, without optional terms", *score(without.model, data, gravity))
-        line("tumble, held out (5 interleaved folds)", *held_out(recording, timeline, means, site))
+        line("tumble, held out (5 interleaved folds)", *held_out(recording, timeline, site))
         show_joint(recording, timeline, means, site, estimate)
         plain = held_out_plain_norms(data, gravity)
         rms = 1e3 * np.sqrt(np.mean(plain**2))
