@@ -316,12 +316,12 @@ def _usage_or_internal(error: Exception) -> None:
 
 def _no_number(error: Exception) -> str:
     """What is said of a value that is no number, in place of pydantic's words; nothing of other errors."""
-    found = getattr(error.__cause__, "errors", None)
-    if not callable(found):
+    found, asked = getattr(error.__cause__, "errors", None), getattr(error, "param", None)
+    if not callable(found) or asked is None:
         return ""
-    (first,) = cast("list[Any]", found())
+    first = cast("list[Any]", found())[0]
     kind = "whole number" if first["type"].startswith("int") else "number"
-    return f"{cast('Any', error).param.opts[0]} {first['input']} is no {kind}"
+    return f"{asked.opts[0]} {first['input']} is no {kind}"
 
 
 def _of_the_system(error: OSError) -> str:

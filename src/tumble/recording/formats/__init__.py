@@ -59,9 +59,9 @@ def _readable(path: Path) -> Generator[None]:
         with np.errstate(all="ignore"):
             yield
     except FileNotFoundError as error:
-        raise RecordingError(f"{path} does not exist.") from error
+        raise RecordingError(f"{error.filename or path} does not exist.") from error
     except PermissionError as error:
-        raise RecordingError(f"{path} cannot be read: permission denied.") from error
+        raise RecordingError(f"{error.filename or path} cannot be read: permission denied.") from error
     except OSError as error:
         raise RecordingError(f"{path} cannot be read: {error.strerror or error}.") from error
 
