@@ -8,15 +8,9 @@ from tumble.calibration.poses import norm_rows
 # Unknowns of `norm_rows` in the order scale, misalignment yz, zy, zx, bias; its angles have the other sign.
 _ORDER = (3, 4, 5, 6, 8, 7, 0, 1, 2)
 PARAMETERS = (
-    "scale factor x",
-    "scale factor y",
-    "scale factor z",
-    "misalignment yz",
-    "misalignment zy",
-    "misalignment zx",
-    "bias x",
-    "bias y",
-    "bias z",
+    *(f"scale factor {axis}" for axis in "xyz"),
+    *(f"misalignment {angle}" for angle in ("yz", "zy", "zx")),
+    *(f"bias {axis}" for axis in "xyz"),
 )
 """What norms of poses tell: relative scale factors, angles in rad, biases over gravity."""
 GROUPS = {"scale": (0, 1, 2), "misalignment": (3, 4, 5), "bias": (6, 7, 8)}

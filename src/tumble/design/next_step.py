@@ -21,6 +21,7 @@ from tumble.design.planned_motion import planned_data, play_plan
 from tumble.protocol.library import BY_HAND, named_protocol
 from tumble.protocol.steps import HoldStep, Pose, Protocol, SpinStep, Step, TurnStep
 from tumble.records import dataclass
+from tumble.simulation.axis_angles import unit
 
 # Seconds of a hold, of the turn to it, and of a rest beside a turn by hand.
 HOLD, TURN, REST = 10.0, 3.0, 4.0
@@ -171,10 +172,10 @@ def turn_candidates(task: PlanTask, *, table: bool, span: float) -> list[StepCan
             words = (
                 f"turn by hand by {degrees}° about {name}, held level, {hold:.0f} s at rest before and after"
             )
-            plans.append((words, _by_hand(_unit(axis), _unit(up), np.radians(degrees), hold, turn)))
+            plans.append((words, _by_hand(unit(axis), unit(up), np.radians(degrees), hold, turn)))
     if table:
         for name, axis, up in _AXES:
-            plans += _rotations(task.protocol, name, _unit(axis), _unit(up))
+            plans += _rotations(task.protocol, name, unit(axis), unit(up))
     return [_candidate(task, name, steps, turn, span) for name, steps in plans]
 
 
@@ -239,11 +240,6 @@ def usual_pose(task: PlanTask, span: float) -> JointInformation:
         steps += [_led_turn(before, up, turn), HoldStep(hold, Pose(up, None, BY_HAND))]
     whole = _candidate(task, "", tuple(steps), turn, span).information
     return JointInformation(whole.matrix / len(order))
-
-
-def _unit(direction: tuple[int, int, int]) -> Vector:
-    vector = np.array(direction, dtype=np.float64)
-    return np.asarray(vector / np.linalg.norm(vector), dtype=np.float64)
 
 
 def _by_hand(axis: Vector, up: Vector, angle: float, hold: float, turn: float) -> tuple[Step, ...]:

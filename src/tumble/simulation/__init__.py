@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from tumble.simulation.recordings import Truth, simulate_recording
     from tumble.simulation.sampling import Imperfections
     from tumble.simulation.table import TableErrors
-    from tumble.simulation.trajectories import SplineTrajectory, TravelledStates, drive_along, simulate_drive
+    from tumble.simulation.trajectories import SplineTrajectory, drive_along, simulate_drive
     from tumble.simulation.two_axis import FixtureErrors, play_sequences
 
 __all__ = [
@@ -45,7 +45,6 @@ __all__ = [
     "SplineTrajectory",
     "TableErrors",
     "ThermalGrade",
-    "TravelledStates",
     "TriadGrade",
     "TriadNoise",
     "Truth",
@@ -78,7 +77,7 @@ _NAMES = {
     "recordings": "Truth simulate_recording",
     "sampling": "Imperfections",
     "table": "TableErrors",
-    "trajectories": "SplineTrajectory TravelledStates drive_along simulate_drive",
+    "trajectories": "SplineTrajectory drive_along simulate_drive",
     "two_axis": "FixtureErrors play_sequences",
 }
 _MODULES = {name: module for module, names in _NAMES.items() for name in names.split()}

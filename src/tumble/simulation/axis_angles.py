@@ -153,7 +153,7 @@ def where(number: int, step: Step) -> str:
     return f"Step {number + 1}" + (f" ({step.name})" if step.name else "")
 
 
-def unit(vector: Vector) -> Vector:
+def unit(vector: Vector | tuple[int, int, int]) -> Vector:
     """Return a vector of length one.
 
     Parameters

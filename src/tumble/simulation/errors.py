@@ -12,6 +12,7 @@ from typing import Any, cast
 import numpy as np
 
 from tumble.arrays import AnyArray
+from tumble.errors import UsageError
 from tumble.files import number_of, read_yaml, reading
 from tumble.records import dataclass
 from tumble.simulation.sampling import Imperfections
@@ -62,6 +63,21 @@ class SessionErrors:
     magnetic_field: tuple[float, float, float] | None = None
     field_change: tuple[float, float] | None = None
 
+    def __post_init__(self) -> None:
+        """Check the numbers by the limits of the file's keys.
+
+        Raises
+        ------
+        UsageError
+            If one is none that a session has.
+        """
+        for key, (place, least, most) in _NUMBERS.items():
+            group, _, name = place.rpartition(".")
+            number = getattr(getattr(self, group, None) if group else self, name, None)
+            # To SI and back a limit itself is rounded.
+            if isinstance(number, int | float) and not least <= round(number / _si(key), 9) <= most:
+                raise UsageError(f"{place}, {number:g} in SI: `{key}` is to be from {least:g} to {most:g}.")
+
 
 # SI units in one of what a key ends with; the longer endings first.
 _UNITS = {
@@ -110,7 +126,8 @@ _NUMBERS: dict[str, tuple[str, float, float]] = {
     "fixture_ramp_s": ("fixture.ramp", 0.0, 600.0),
     "fixture_pause_s": ("fixture.pause", 0.0, 600.0),
 }
-KEYS = (*_SWITCHES, "axes", *_NUMBERS, "table_stops_percent", "table_lever_arm_cm")
+_OTHERS = {"table_stops_percent": "table.stops_early", "table_lever_arm_cm": "lever_arm_b"}
+KEYS = (*_SWITCHES, "axes", *_NUMBERS, *_OTHERS)
 """Of the file: each ends with its unit."""
 
 
@@ -155,6 +172,10 @@ def _errors(said: dict[object, object]) -> SessionErrors:
     )
 
 
+def _si(key: str) -> float:
+    return next((si for unit, si in _UNITS.items() if key.endswith(f"_{unit}")), 1.0)
+
+
 def _place(key: str) -> str:
     """Where a key's value goes: a field of the session, or group and field."""
     if key not in KEYS:
@@ -162,8 +183,7 @@ def _place(key: str) -> str:
         raise ValueError(
             f"it has no key `{key:.60}`; {'near it are' if near else 'there are'} {', '.join(near or KEYS)}"
         )
-    special = {"table_stops_percent": "table.stops_early", "table_lever_arm_cm": "lever_arm_b"}
-    return _NUMBERS[key][0] if key in _NUMBERS else special.get(key, key)
+    return _NUMBERS[key][0] if key in _NUMBERS else _OTHERS.get(key, key)
 
 
 def _checked(key: str, value: Any) -> Any:
@@ -174,8 +194,7 @@ def _checked(key: str, value: Any) -> Any:
         if not least <= number <= most or (whole and number % 1.0):
             kind = "whole number" if whole else "number"
             raise ValueError(f"`{key}: {value!s:.40}` is to be a {kind} from {least:g} to {most:g}")
-        si = next((si for unit, si in _UNITS.items() if key.endswith(f"_{unit}")), 1.0)
-        return int(number) if whole else number * si
+        return int(number) if whole else number * _si(key)
     if key in _SWITCHES and not isinstance(value, bool):
         raise ValueError(f"`{key}: {value!s:.40}` is to be true or false")
     if key == "axes" and value not in AXES:

@@ -97,8 +97,6 @@ def test_every_named_protocol_is_played_and_its_file_reads_back_with_site_and_re
     written = read_protocol(tmp_path / "protocol.yaml")
     assert written.name == protocol
     assert written.recordings == ("recording.csv",)
-    assert written.units is not None
-    assert written.site is not None
     assert written.site.gravity == pytest.approx(
         Site.from_latitude(np.radians(20.0), 33.0).gravity, rel=1e-12
     )
@@ -202,6 +200,13 @@ def test_options_that_cannot_be_are_refused_in_a_sentence(
     assert not (tmp_path / "new").exists()
 
 
+def test_a_record_of_errors_has_the_limits_of_the_file() -> None:
+    with pytest.raises(
+        UsageError, match=r"imperfections.dropped, 1.5 in SI: `dropped_percent` is .* 0 to 50\."
+    ):
+        SessionErrors(imperfections=Imperfections(dropped=1.5))
+
+
 def test_more_samples_than_a_machine_holds_are_refused_before_they_are_made(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="at most 20,000,000 are simulated; give a lower --sample-rate"):
         simulate("rate-table", output=tmp_path, rate=20_000.0)
@@ -247,7 +252,6 @@ def test_files_of_two_folders_may_share_a_name(tmp_path: Path) -> None:
     apart = replace(protocol, recordings=(), steps=tuple(steps))
     write_protocol(apart, tmp_path / "protocol.yaml")
     again = calibrate(protocol=tmp_path / "protocol.yaml")
-    assert again.matching is not None
     assert not again.matching.missing
     assert not again.matching.extra
 
@@ -310,7 +314,6 @@ def test_the_protocol_has_the_display_s_angles_and_the_truth_what_was_turned(tmp
     # 630° clockwise about x are 90° counter-clockwise, and bring y up.
     assert isinstance(stays, HoldStep)
     assert isinstance(other, HoldStep)
-    assert stays.pose is not None
     np.testing.assert_allclose(stays.pose.up_b, [0.0, 1.0, 0.0], atol=1e-12)
     truth = json.loads((done.folder / "truth.json").read_text("utf-8"))
     assert truth["table"]["wobble"] == 1e-4
@@ -334,7 +337,6 @@ def test_a_file_of_rotations_about_the_vertical_alone_is_read(tmp_path: Path) ->
     recording = read_recording(
         done.folder / "recording.csv", columns="t,ax,ay,az,gx,gy,gz", units="m/s^2,rad/s,s"
     )
-    assert recording.specific_force is not None
     assert np.median(recording.specific_force[:, 2]) == pytest.approx(9.81, rel=0.01)
     turned = simulate("six-position", grade="tactical", rate=20.0, output=tmp_path / "six")
     with pytest.raises(RecordingError, match="the triads seem exchanged"):
@@ -379,7 +381,6 @@ def test_a_fixture_is_drawn_from_its_quality_and_stands_in_the_truth_with_what_i
     assert [s.name for s in sequence_steps(protocol)] == [s.name for s in SEQUENCES]
     first = protocol.steps[0]
     assert isinstance(first, HoldStep)
-    assert first.pose is not None
     # With z down and y along the outer axis x is a quarter of a turn before it; 1e-12: degrees in the file.
     assert first.pose.heading == pytest.approx(0.25 - 0.5 * np.pi, abs=1e-12)
 
@@ -422,7 +423,6 @@ def test_every_key_of_the_file_of_errors_moves_something(tmp_path: Path) -> None
 def test_the_file_on_the_page_has_every_key(tmp_path: Path) -> None:
     page = Path(__file__).parents[3] / "docs" / "simulation.md"
     found = re.search(r"```yaml\n(# errors\.yaml\n.*?)```", page.read_text(encoding="utf-8"), re.S)
-    assert found is not None
     told(tmp_path, found[1])
     assert sorted(re.findall(r"^(\w+):", found[1], re.M)) == sorted(KEYS)
 
