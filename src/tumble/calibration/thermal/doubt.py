@@ -13,7 +13,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Series, Square
 from tumble.calibration.thermal.conditions import ThermalConditions
 from tumble.calibration.thermal.fit import ThermalFit
 from tumble.calibration.thermal.wander import WanderingConditions
@@ -27,7 +26,6 @@ START_STATE = 1.0 / np.sqrt(3.0)
 RATE_SECONDS = 85.0
 # One sigma of a g-sensitivity in 1 g, in what the bias is unsteady by; the simulator's grades have 3 to 20.
 PULL_FACTOR = 25.0
-_KINDS = (("b", "h"), ("gb", "gh"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,13 +48,11 @@ class Doubts:
 
 def changes_per_kelvin(fit: ThermalFit) -> tuple[float, float]:
     """Return the root mean square over axes and rests of the biases' slopes, (m/s²)/K and (rad/s)/K."""
-    terms, celsius = fit.layout.terms, fit.conditions.points.celsius
-    slopes = terms.basis.derivatives(celsius)
+    slopes = fit.terms.basis.derivatives(fit.conditions.points.celsius)
     found = [0.0, 0.0]
-    for k, (name, _) in enumerate(_KINDS):
-        if name in fit.layout.places:
-            by_kelvin = slopes @ fit.values[fit.layout.places[name]].reshape(-1, 3)
-            found[k] = float(np.sqrt(np.mean(by_kelvin**2)))
+    for k, name in enumerate(("b", "gb")):
+        if fit.layout.has(name):
+            found[k] = float(np.sqrt(np.mean((slopes @ fit.values[fit.layout[name]].reshape(-1, 3)) ** 2)))
     return found[0], found[1]
 
 
@@ -73,56 +69,35 @@ def with_hysteresis_doubt(fit: ThermalFit) -> tuple[ThermalFit, tuple[float, flo
     loops : m/s² and rad/s, one sigma of half a loop as it was believed.
     """
     first, second = changes_per_kelvin(fit)
-    loops = LOOP_KELVINS * first, LOOP_KELVINS * second
-    state = np.abs(fit.conditions.functions(fit.values)[:, -1])
-    covariance = fit.covariance.copy()
+    loops, old = (LOOP_KELVINS * first, LOOP_KELVINS * second), fit.conditions
+    lag, width = old.lag_and_width(fit.values)
+    more = ThermalConditions(replace(old.test, lag=lag, width=width), replace(fit.terms, hysteresis=True))
+    values, more.active = np.zeros(more.layout.size), old.active
+    for name in (block.name for block in fit.layout.blocks.blocks if block.labels):
+        values[more.layout[name]] = fit.values[fit.layout[name]]
+    gain = fit.adjustment.cofactor @ fit.adjustment.linearisation.design.reshape(-1, fit.layout.size).T
+    covariance, state = fit.covariance.copy(), np.abs(old.functions(fit.values)[:, -1])
     for column, share in ((state, 1.0), (1.0 - state, START_STATE)):
-        covariance += _moved_by_loop(fit, column, (share * loops[0], share * loops[1]))
+        more.middle[:, -1] = column
+        rows = WanderingConditions(more, fit.levels).linearise(values).design.reshape(-1, more.layout.size)
+        for name, loop in zip(("h", "gh"), loops, strict=True):
+            moved = share * loop * gain @ rows[:, more.layout[name]]
+            covariance += moved @ moved.T
     return replace(fit, covariance=covariance), loops
 
 
-def pull_sigma(fit: ThermalFit) -> float:
-    """Return one sigma (rad/s) of what a g-sensitivity that the poses do not tell is in the gyros' biases."""
-    points = fit.conditions.points
-    if fit.layout.terms.poses == 9 or points.rate_covariance is None or points.force is None:
-        return 0.0
-    noise = float(np.mean(np.diagonal(points.rate_covariance, axis1=1, axis2=2)))
-    return PULL_FACTOR * float(np.sqrt(fit.levels.flicker["rate"] + fit.levels.single["rate"] + noise))
-
-
-def with_pull(fit: ThermalFit, sigma: float) -> Square:
-    """Return the covariance of all unknowns with a g-sensitivity's part in the gyros' biases.
+def with_pull(fit: ThermalFit) -> tuple[ThermalFit, float]:
+    """Return a fit with what a g-sensitivity that the poses do not tell is in the gyros' biases, and its sigma, rad/s.
 
     Parameters
     ----------
-    fit : of too few poses to tell one.
-    sigma : rad/s.
+    fit : of any poses; of nine nothing is added.
     """
-    covariance = fit.covariance.copy()
-    if "gb0" in fit.layout.places:
-        at = fit.layout.places["gb0"]
-        covariance[at, at] += sigma**2 * np.eye(at.stop - at.start)
-    return covariance
-
-
-def _moved_by_loop(fit: ThermalFit, state: Series, sigmas: tuple[float, float]) -> Square:
-    """Return the covariance of what loops of this size, in these states, move the unknowns by."""
-    old, terms = fit.conditions, replace(fit.layout.terms, hysteresis=True)
-    more = ThermalConditions(old.points, terms, old.gravity, old.earth, old.lag, old.width)
-    more.directions, more.tangents, more.active = old.directions, old.tangents, old.active
-    values = np.zeros(more.layout.size)
-    for name, place in fit.layout.places.items():
-        if place.stop > place.start:
-            values[more.layout.places[name]] = fit.values[place]
-    more.centre(values)
-    assert more.middle is not None
-    more.middle = more.middle.copy()
-    more.middle[:, -1] = state
-    whitened = WanderingConditions(more, fit.levels).linearise(values).design.reshape(-1, more.layout.size)
-    own = fit.adjustment.linearisation.design.reshape(-1, fit.layout.size)
-    summed: AnyArray = np.zeros((fit.layout.size, fit.layout.size))
-    for (_, name), sigma in zip(_KINDS, sigmas, strict=True):
-        if name in more.layout.places:
-            moved = sigma * fit.adjustment.cofactor @ own.T @ whitened[:, more.layout.places[name]]
-            summed += moved @ moved.T
-    return summed
+    points = fit.conditions.points
+    if fit.terms.poses == 9 or points.rate_covariance is None or points.force is None:
+        return fit, 0.0
+    noise = float(np.mean(np.diagonal(points.rate_covariance, axis1=1, axis2=2)))
+    sigma = PULL_FACTOR * float(np.sqrt(fit.levels.flicker["rate"] + fit.levels.single["rate"] + noise))
+    covariance, at = fit.covariance.copy(), fit.layout["gb0"]
+    covariance[at, at] += sigma**2 * np.eye(3)
+    return replace(fit, covariance=covariance), sigma

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import field, replace
+from typing import Protocol
 
 import numpy as np
 
 from tumble.arrays import Series, Square
-from tumble.calibration.checks.snooping import Kind, Outlier, balance
-from tumble.calibration.thermal.conditions import LEAST_WIDTH, ThermalConditions
+from tumble.calibration.checks.snooping import Balanced, Kind, Outlier, balance
+from tumble.calibration.thermal.conditions import LEAST_WIDTH, ThermalConditions, ThermalTest
 from tumble.calibration.thermal.evidence import Candidate
-from tumble.calibration.thermal.layout import Layout, ThermalTerms
 from tumble.calibration.thermal.points import ThermalPoints
+from tumble.calibration.thermal.unknowns import ThermalLayout, ThermalTerms
 from tumble.calibration.thermal.wander import Levels, WanderingConditions, find_levels
 from tumble.counting import counted, part
 from tumble.errors import ConvergenceError, ObservabilityError
-from tumble.estimation import Adjustment, Prior, adjust
+from tumble.estimation import Adjustment, Conditions, Prior, adjust
 from tumble.records import dataclass
 from tumble.sensor.thermal import TemperatureBasis
 
@@ -29,17 +30,7 @@ BANDS, NODES = 8, 6
 # Lag and width go in steps of at most so much, until nothing moves by more than this share of its sigma.
 LARGEST_LAG_STEP, LARGEST_WIDTH_STEP = 30.0, 1.5  # s, K
 SETTLED, MOST_STEPS = 0.02, 60
-_FORCE, _RATE = slice(0, 3), slice(3, 6)
-
-
-@dataclass(frozen=True, slots=True)
-class Surroundings:
-    """What the equations need beside the points: gravity, m/s²; the Earth rate, rad/s; lag, s, and width, K."""
-
-    gravity: float
-    earth: tuple[float, float, float]
-    lag: float
-    width: float
+REFUSED = (ObservabilityError, ConvergenceError)
 
 
 @dataclass(slots=True)
@@ -69,24 +60,50 @@ class ThermalFit:
         return self.adjustment.parameters
 
     @property
-    def layout(self) -> Layout:
+    def layout(self) -> ThermalLayout:
         """Where they are."""
         return self.conditions.layout
 
+    @property
+    def terms(self) -> ThermalTerms:
+        """Which there are."""
+        return self.conditions.terms
+
+
+class Weighed(Conditions, Protocol):
+    """Conditions with variances beyond their noise, and rows that may take no part."""
+
+    extra: dict[str, float]
+    active: np.ndarray
+
+
+def balanced(
+    conditions: Weighed, start: Series, kinds: list[Kind], *, prior: Prior | None = None, robust: bool = True
+) -> tuple[Balanced, float]:
+    """Balance conditions from the start values; the second is sigma0 with their own noise alone."""
+    values = [start]
+
+    def solve(extra: dict[str, float], active: np.ndarray, *, once: bool) -> Adjustment:
+        conditions.extra, conditions.active = extra, active
+        adjustment = adjust(conditions, values[-1], prior=prior, once=once)
+        values.append(adjustment.parameters)
+        return adjustment
+
+    active, none = conditions.active.copy(), dict.fromkeys(conditions.extra, 0.0)
+    alone = solve(none, active, once=False).sigma0
+    made = balance(solve, kinds, active, extra=none, robust=robust)
+    conditions.active = active
+    return made, alone
+
 
 def fit_thermal(
-    points: ThermalPoints,
-    terms: ThermalTerms,
-    where: Surroundings,
-    *,
-    robust: bool = True,
-    levels: Levels | None = None,
+    test: ThermalTest, terms: ThermalTerms, *, robust: bool = True, levels: Levels | None = None
 ) -> ThermalFit:
     """Adjust a thermal model.
 
     Parameters
     ----------
-    points, terms, where : observations in near SI, unknowns, and what is known.
+    test, terms : observations in near SI with what is known, and the unknowns.
     robust : look for outlying points, and find by how much biases wander.
     levels : of that, where they are not to be found.
 
@@ -97,38 +114,36 @@ def fit_thermal(
     ConvergenceError
         If the adjustment does not settle.
     """
-    conditions = ThermalConditions(points, terms, where.gravity, where.earth, where.lag, where.width)
-    prior, values = conditions.prior(), [conditions.start()]
+    conditions = ThermalConditions(test, terms)
+    prior, start = conditions.prior(), conditions.start()
     # With weights that are too large lag and width would run away: they are free in the last adjustment only.
     held = conditions.prior(held=True)
-    conditions.centre(values[0])
-    rows = int(np.count_nonzero(conditions.active)) + prior.rank
-    if rows < conditions.layout.size:
+    if int(np.count_nonzero(conditions.active)) + prior.rank < conditions.layout.size:
         raise ObservabilityError(
-            f"{len(points)} rests cannot determine {conditions.layout.size} unknowns: record more "
+            f"{len(test.points)} rests cannot determine {conditions.layout.size} unknowns: record more "
             "poses or temperatures."
         )
-
-    def solve(extra: dict[str, float], active: np.ndarray, *, once: bool) -> Adjustment:
-        conditions.extra, conditions.active = extra, active
-        adjustment = adjust(conditions, values[-1], prior=held, once=once)
-        values.append(adjustment.parameters)
-        return adjustment
-
     if levels is not None:
-        return _wandering(conditions, values[-1], prior, levels)
+        return _wandering(conditions, start, prior, levels)
     if not robust:
-        adjustment = solve({"force": 0.0, "rate": 0.0}, conditions.active, once=False)
+        adjustment = adjust(conditions, start, prior=held)
         return ThermalFit(conditions, adjustment, adjustment.cofactor, adjustment.sigma0, Levels())
-    active = conditions.active.copy()
-    alone = solve({"force": 0.0, "rate": 0.0}, active, once=False).sigma0
-    kinds = [Kind("force", _FORCE)] if points.force is not None and active[:, _FORCE].any() else []
-    kinds += [Kind("rate", _RATE)] if points.rate is not None else []
-    balanced = balance(solve, kinds, active, extra={"force": 0.0, "rate": 0.0})
-    conditions.active = active
-    found = find_levels(conditions, balanced.adjustment.parameters, prior)
-    fit = _wandering(conditions, balanced.adjustment.parameters, prior, found)
-    return replace(fit, alone=alone, outliers=balanced.outliers)
+    parts = (Kind("force", slice(0, 3)), Kind("rate", slice(3, 6)))
+    kinds = [kind for kind in parts if conditions.active[:, kind.columns].any()]
+    made, alone = balanced(conditions, start, kinds, prior=held)
+    found = find_levels(conditions, made.adjustment.parameters, prior)
+    fit = _wandering(conditions, made.adjustment.parameters, prior, found)
+    return replace(fit, alone=alone, outliers=made.outliers)
+
+
+def try_fit(
+    test: ThermalTest, terms: ThermalTerms, *, robust: bool = True, levels: Levels | None = None
+) -> ThermalFit | None:
+    """Return what `fit_thermal` does; None where the points do not tell it, or it does not settle."""
+    try:
+        return fit_thermal(test, terms, robust=robust, levels=levels)
+    except REFUSED:
+        return None
 
 
 def _wandering(conditions: ThermalConditions, start: Series, prior: Prior, levels: Levels) -> ThermalFit:
@@ -144,13 +159,11 @@ def _wandering(conditions: ThermalConditions, start: Series, prior: Prior, level
 def _settled(whitened: WanderingConditions, start: Series, prior: Prior) -> Adjustment:
     """Adjust with lag and width free, in steps that their lines are good for, centred anew before each."""
     conditions, values = whitened.inner, start.copy()
+    limits = (("lag", LARGEST_LAG_STEP, -1.0), ("width", LARGEST_WIDTH_STEP, LEAST_WIDTH))
     limited = [
-        (conditions.layout.places[name].start, largest, least)
-        for name, largest, least in (
-            ("lag", LARGEST_LAG_STEP, -1.0),
-            ("width", LARGEST_WIDTH_STEP, LEAST_WIDTH),
-        )
-        if conditions.layout.places[name].stop > conditions.layout.places[name].start
+        (conditions.layout[name].start, largest, least)
+        for name, largest, least in limits
+        if conditions.layout.has(name)
     ]
     for _ in range(MOST_STEPS):
         conditions.centre(values)
@@ -174,17 +187,18 @@ def soaks_of(celsius: Series) -> Series:
     return np.array([float(group.mean()) for group in groups if group.size])
 
 
-def _folds_of(points: ThermalPoints, soaks: Series | None) -> list[np.ndarray]:
+def _folds_of(test: ThermalTest) -> list[np.ndarray]:
     """Return masks of points to leave out together: a soak, or a band of temperature on all branches.
 
     Never single points, whose neighbours would tell everything; and none at the ends of the span, where a
     prediction would be an extrapolation, which nobody is allowed anyway.
     """
-    if soaks is not None:
-        nearest = np.argmin(np.abs(points.celsius[:, None] - soaks[None]), axis=1)
-        return [nearest == k for k in range(1, len(soaks) - 1)]
-    low, high = float(points.celsius.min()), float(points.celsius.max())
-    band = np.clip(((points.celsius - low) / max(high - low, 1e-9) * BANDS).astype(int), 0, BANDS - 1)
+    celsius = test.points.celsius
+    if test.soaks is not None:
+        nearest = np.argmin(np.abs(celsius[:, None] - test.soaks[None]), axis=1)
+        return [nearest == k for k in range(1, len(test.soaks) - 1)]
+    low, high = float(celsius.min()), float(celsius.max())
+    band = np.clip(((celsius - low) / max(high - low, 1e-9) * BANDS).astype(int), 0, BANDS - 1)
     return [mask for k in range(1, BANDS - 1) if np.any(mask := band == k)]
 
 
@@ -193,26 +207,18 @@ def highest_order(soaks: Series | None) -> int:
     return max(min(HIGHEST_ORDER, (len(soaks) if soaks is not None else BANDS) - 2), 1)
 
 
-def _bases_of(
-    points: ThermalPoints, soaks: Series | None, reference: float
-) -> list[tuple[str, TemperatureBasis]]:
+def _bases_of(test: ThermalTest, reference: float) -> list[TemperatureBasis]:
     """Return the bases that a test can tell, the simplest first."""
-    low, high = float(points.celsius.min()), float(points.celsius.max())
-    nodes = soaks if soaks is not None else np.linspace(low, high, NODES)
-    found = [
-        (f"polynomial of order {k}", TemperatureBasis("polynomial", reference, order=k))
-        for k in range(1, highest_order(soaks) + 1)
-    ]
-    if len(nodes) >= 3:
-        found.append(("linear interpolation", TemperatureBasis("linear", reference, nodes)))
-    if len(nodes) >= 4:
-        found.append(("natural spline", TemperatureBasis("spline", reference, nodes)))
-    return found
+    celsius = test.points.celsius
+    ends = float(celsius.min()), float(celsius.max())
+    nodes = np.linspace(*ends, NODES) if test.soaks is None else test.soaks
+    orders = range(1, highest_order(test.soaks) + 1)
+    found = [TemperatureBasis("polynomial", reference, order=k) for k in orders]
+    kinds = (("linear", 3), ("spline", 4))
+    return found + [TemperatureBasis(kind, reference, nodes) for kind, least in kinds if len(nodes) >= least]
 
 
-def choose_terms(
-    points: ThermalPoints, terms: ThermalTerms, where: Surroundings, soaks: Series | None
-) -> tuple[ThermalTerms, list[Candidate]]:
+def choose_terms(test: ThermalTest, terms: ThermalTerms) -> tuple[ThermalTerms, list[Candidate]]:
     """Choose the functions of temperature by what they predict of soaks, or bands of a sweep, that are left out.
 
     First the basis is chosen with an accelerometer matrix that changes along a straight line, then how many
@@ -221,74 +227,50 @@ def choose_terms(
 
     Parameters
     ----------
-    points, terms, where : as for `fit_thermal`; the basis of `terms` is the one to begin with.
-    soaks : °C of the soaks; None for a sweep.
+    test, terms : as for `fit_thermal`; the basis of `terms` is the one to begin with.
 
     Raises
     ------
     ObservabilityError
         If not even a straight line in temperature can be told.
     """
-    reference = terms.basis.reference_celsius
-    folds = _folds_of(points, soaks)
-    bases = _bases_of(points, soaks, reference)
-    simple = replace(terms, basis=bases[0][1], matrix_functions=0)
-    levels = _least_levels(points, terms, where, [basis for _, basis in bases])
+    folds, bases = _folds_of(test), _bases_of(test, terms.basis.reference_celsius)
+    levels = _least_levels(test, terms, bases)
     tried: list[tuple[Candidate, ThermalTerms]] = []
     with part(0.15, 0.7):
-        for name, basis in counted(bases, len(bases)):
+        for basis in counted(bases, len(bases)):
             matrix = 0 if terms.poses == 0 else (1 if basis.kind == "polynomial" else basis.size)
             offered = replace(terms, basis=basis, matrix_functions=matrix)
-            tried += _tried(name, points, offered, where, folds, soaks, levels)
+            tried += _tried(name_of(basis), test, offered, folds, levels)
     if not folds or not tried:
-        chosen = replace(simple, matrix_functions=min(1, terms.poses))
-        return _possible(points, chosen, where), []
-    best = _simplest(tried)
+        chosen = replace(terms, basis=bases[0], matrix_functions=min(1, terms.poses))
+        told = try_fit(test, chosen, robust=False) is not None
+        return chosen if told else replace(chosen, matrix_functions=0), []
+    chosen = _simplest(tried)
     more: list[tuple[Candidate, ThermalTerms]] = []
-    if terms.poses and best.basis.kind == "polynomial":
-        counts = range(min(best.basis.size, 2) + 1)
+    if terms.poses and chosen.basis.kind == "polynomial":
+        counts = range(min(chosen.basis.size, 2) + 1)
         with part(0.7, 0.9):
             for count in counted(counts, len(counts)):
-                name = f"{name_of(best.basis)}, accelerometer matrix of order {count}"
-                offered = replace(best, matrix_functions=count)
-                more += _tried(name, points, offered, where, folds, soaks, levels)
-    chosen = _simplest(more) if more else best
-    words = [candidate for candidate, _ in (*tried, *more)]
-    pairs = [*tried, *more]
-    named = [
-        replace(candidate, chosen=offered is chosen or (not more and offered is best))
-        for candidate, (_, offered) in zip(words, pairs, strict=True)
-    ]
-    return chosen, named
+                name = f"{name_of(chosen.basis)}, accelerometer matrix of order {count}"
+                more += _tried(name, test, replace(chosen, matrix_functions=count), folds, levels)
+    chosen = _simplest(more) if more else chosen
+    return chosen, [replace(made, chosen=offered is chosen) for made, offered in (*tried, *more)]
 
 
-def _least_levels(
-    points: ThermalPoints, terms: ThermalTerms, where: Surroundings, bases: list[TemperatureBasis]
-) -> Levels:
+def _least_levels(test: ThermalTest, terms: ThermalTerms, bases: list[TemperatureBasis]) -> Levels:
     """Return by how much biases wander under the richest polynomial that the points tell.
 
     Under a poorer one it would hold what that leaves out, and every candidate would look good against it.
     """
     for basis in reversed([basis for basis in bases if basis.kind == "polynomial"]):
         for matrix in (min(2, basis.size), 0) if terms.poses else (0,):
-            try:
-                rich = fit_thermal(points, replace(terms, basis=basis, matrix_functions=matrix), where)
-            except (ObservabilityError, ConvergenceError):
-                continue
-            return rich.levels
+            if fit := try_fit(test, replace(terms, basis=basis, matrix_functions=matrix)):
+                return fit.levels
     raise ObservabilityError(
         "The rests do not determine even a straight line in temperature: record more temperatures, "
         "or more poses at each."
     )
-
-
-def _possible(points: ThermalPoints, terms: ThermalTerms, where: Surroundings) -> ThermalTerms:
-    """Return the terms, without a change of the matrix where the points do not tell one."""
-    try:
-        fit_thermal(points, terms, where, robust=False)
-    except (ObservabilityError, ConvergenceError):
-        return replace(terms, matrix_functions=0)
-    return terms
 
 
 def name_of(basis: TemperatureBasis) -> str:
@@ -299,28 +281,21 @@ def name_of(basis: TemperatureBasis) -> str:
 
 
 def _tried(
-    name: str,
-    points: ThermalPoints,
-    terms: ThermalTerms,
-    where: Surroundings,
-    folds: list[np.ndarray],
-    soaks: Series | None,
-    levels: Levels,
+    name: str, test: ThermalTest, terms: ThermalTerms, folds: list[np.ndarray], levels: Levels
 ) -> list[tuple[Candidate, ThermalTerms]]:
     """Return a candidate with its score; nothing where the points cannot tell it."""
     scores: list[float] = []
     try:
-        whole = ThermalConditions(points, terms, where.gravity, where.earth, where.lag, where.width)
-        fit_thermal(points, terms, where, levels=levels)
+        unknowns = fit_thermal(test, terms, levels=levels).layout.shared
         for fold in folds:
-            trained = _without_node(terms, float(points.celsius[fold].mean()), soaks is not None)
-            fit = fit_thermal(points.only(~fold), trained, where, levels=levels)
-            scores.append(_predicted_misfit(fit, points.only(fold)))
-    except (ObservabilityError, ConvergenceError, ValueError, np.linalg.LinAlgError):
+            trained = _without_node(terms, float(test.points.celsius[fold].mean()), test.soaks is not None)
+            fit = fit_thermal(replace(test, points=test.points.only(~fold)), trained, levels=levels)
+            scores.append(_predicted_misfit(fit, test.points.only(fold)))
+    except (*REFUSED, ValueError, np.linalg.LinAlgError):
         return []
     spread = float(np.std(scores, ddof=1) / np.sqrt(len(scores))) if len(scores) > 1 else np.inf
     score = float(np.mean(scores)) if scores else np.nan
-    return [(Candidate(name, whole.layout.shared, score, spread, tuple(scores)), terms)]
+    return [(Candidate(name, unknowns, score, spread, tuple(scores)), terms)]
 
 
 def _without_node(terms: ThermalTerms, celsius: float, from_soaks: bool) -> ThermalTerms:
@@ -329,8 +304,7 @@ def _without_node(terms: ThermalTerms, celsius: float, from_soaks: bool) -> Ther
     if basis.kind == "polynomial" or not from_soaks:
         return terms
     kept = np.delete(basis.nodes, int(np.argmin(np.abs(basis.nodes - celsius))))
-    if len(kept) < (2 if basis.kind == "linear" else 3):
-        raise ValueError("too few nodes")
+    # A basis of too few nodes is a ValueError.
     less = TemperatureBasis(basis.kind, basis.reference_celsius, kept)
     return replace(terms, basis=less, matrix_functions=less.size if terms.matrix_functions else 0)
 
@@ -354,12 +328,9 @@ def _predicted_misfit(fit: ThermalFit, left: ThermalPoints) -> float:
     """Return the mean square, in sigmas, of what a fit predicts wrongly of points that it has not seen."""
     trained = fit.conditions
     lag, width = trained.lag_and_width(fit.values)
-    test = ThermalConditions(left, trained.terms, trained.gravity, trained.earth, lag, width)
-    test.layout = trained.layout
+    test = ThermalConditions(replace(trained.test, points=left, lag=lag, width=width), trained.terms)
     # Placements that the fit knows keep what it knows of them; the others are judged by their norms alone.
-    several = np.unique(trained.points.placement[trained.own >= 0])
-    known = np.isin(left.placement, several)
-    test.own = np.where(known, np.searchsorted(several, left.placement), -1)
+    test.layout, test.own, test.several = trained.layout, trained.own_of(left.placement), trained.several
     test.directions, test.tangents = trained.directions, trained.tangents
     test.active = test.rows()
     linear = WanderingConditions(test, fit.levels).linearise(fit.values)

@@ -115,9 +115,10 @@ class ThermalPoints:
         )
 
     def functions(self, basis: TemperatureBasis, lag: float, width: float) -> Table:
-        """Return (points, functions + 2): means of the basis' functions, of the rate and of the hysteresis."""
+        """Return (points, functions + 3): one, and means of the basis' functions, of the rate and of the hysteresis."""
         celsius, rate, hysteresis = self.path.followed(lag, width)
-        return self.path.means(np.column_stack([basis.values(celsius), rate, hysteresis]))
+        means = self.path.means(np.column_stack([basis.values(celsius), rate, hysteresis]))
+        return np.column_stack([np.ones(len(self)), means])
 
 
 def find_points(recording: Recording, timeline: Timeline) -> ThermalPoints:

@@ -11,43 +11,36 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
-from tumble.arrays import Series, Square
 from tumble.calibration.checks.snooping import wald_test
 from tumble.calibration.closed_forms.start_values import rough_triad
 from tumble.calibration.equations.triad_unknowns import BIAS, SCALE
 from tumble.calibration.estimate import Estimate, TermTest
 from tumble.calibration.poses import describe_untold, distinct_poses
-from tumble.calibration.thermal.conditions import LEAST_WIDTH
+from tumble.calibration.thermal.conditions import LEAST_WIDTH, ThermalTest
 from tumble.calibration.thermal.coverage import Coverage, find_coverage, require_time_base
 from tumble.calibration.thermal.doubt import (
     RATE_SECONDS,
     Doubts,
     changes_per_kelvin,
-    pull_sigma,
     with_hysteresis_doubt,
     with_pull,
 )
 from tumble.calibration.thermal.fit import (
-    Surroundings,
     ThermalFit,
     choose_terms,
     fit_thermal,
     highest_order,
     soaks_of,
+    try_fit,
 )
-from tumble.calibration.thermal.layout import ThermalTerms
-from tumble.calibration.thermal.model import (
-    ThermalSolution,
-    thermal_solution,
-    with_turned_matrix,
-)
+from tumble.calibration.thermal.model import ThermalOutcome, thermal_solution
 from tumble.calibration.thermal.points import ThermalPoints, find_points
-from tumble.calibration.thermal.summary import thermal_estimate, thermal_evidence
-from tumble.calibration.thermal.turns import TurnedMatrix, estimate_turned_matrix
+from tumble.calibration.thermal.summary import thermal_estimate
+from tumble.calibration.thermal.turns import estimate_turned_matrix
+from tumble.calibration.thermal.unknowns import ThermalTerms
 from tumble.counting import about
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ConvergenceError, ObservabilityError
@@ -96,75 +89,54 @@ def calibrate_thermal(
     say = progress or _silent
     say("temperatures")
     cautions = require_time_base(recording, protocol)
-    everything = find_points(recording, timeline)
-    points, factors, poses, told = _in_near_si(everything, recording)
-    coverage = find_coverage(points, protocol, poses)
+    everything, factors, poses, count = _in_near_si(find_points(recording, timeline), recording)
+    coverage = find_coverage(everything, protocol, poses)
     coverage.cautions += cautions
-    kept = points.only(coverage.keep)
-    told = _told_by(kept, poses[coverage.keep], told)
+    kept, swept = everything.only(coverage.keep), coverage.kind == "ramp"
+    told = _told_by(kept, poses[coverage.keep], count)
     if told == 0:
         _require_changes(kept, recording)
-    soaks = soaks_of(kept.celsius) if coverage.kind == "soak" else None
-    lag = FIRST_LAG if coverage.kind == "ramp" else 0.0
-    where = Surroundings(site.gravity, _earth(site, recording), lag, FIRST_WIDTH)
-    terms = ThermalTerms(TemperatureBasis("polynomial", _reference(coverage), order=1), told)
+    soaks = None if swept else soaks_of(kept.celsius)
+    test = ThermalTest(
+        kept, site.gravity, _earth(site, recording), FIRST_LAG if swept else 0.0, FIRST_WIDTH, soaks
+    )
     # What is not modelled is taken for wander, against which every candidate would look good.
-    coupled = told == 9 and kept.force is not None and kept.rate is not None
-    terms = replace(terms, hysteresis=coverage.both_branches, g_sensitivity=coupled)
-    if coverage.kind == "ramp" and coverage.both_branches:
+    terms = ThermalTerms(
+        TemperatureBasis("polynomial", _reference(coverage), order=1),
+        told,
+        hysteresis=coverage.both_branches,
+        g_sensitivity=told == 9 and kept.force is not None and kept.rate is not None,
+    )
+    if swept and coverage.both_branches:
         say("lag and hysteresis")
-        where = _first_path(kept, terms, where)
+        test = _first_path(test, terms)
     say("functions of temperature")
-    terms, candidates = choose_terms(kept, terms, where, soaks)
-    terms = _enriched(kept, terms, where, soaks)
-    if coverage.kind == "soak" or not coverage.both_branches:
-        terms = replace(terms, doubt=_doubt(kept, terms, where, coverage))
+    terms, candidates = choose_terms(test, terms)
+    terms = _enriched(test, terms)
+    if not (swept and coverage.both_branches):
+        # How uncertain biases are per K/s: their slope over temperature times a minute or so.
+        seconds = RATE_SECONDS if swept else UNSETTLED_SECONDS
+        first, second = changes_per_kelvin(fit_thermal(test, terms, robust=False))
+        terms = replace(terms, doubt=(seconds * first, seconds * second))
     say("adjusting")
     with about(USUAL_STEPS):
-        fit, tests = _with_path(kept, terms, where, coverage)
-    fit, doubts = _with_doubts(fit, where, coverage)
-    lag, width = fit.conditions.lag_and_width(fit.values)
-    solved = partial(
-        thermal_solution,
-        lag=lag,
-        width=width,
-        factors=factors,
-        span=coverage.span,
-        largest_rate=coverage.largest_rate,
+        fit, tests = _with_path(test, terms, swept=swept and coverage.both_branches)
+    # What one branch cannot show is in the covariance; what a pose adds to the biases in that of the biases alone.
+    loops = None
+    if not coverage.both_branches:
+        fit, loops = with_hysteresis_doubt(fit)
+    pulled, pull = with_pull(fit)
+    doubts = Doubts(loops, swept and not coverage.both_branches, pull, test.earth[1])
+    solution = thermal_solution(fit, pulled.covariance, factors, coverage)
+    distinct = len(np.unique(poses[coverage.keep]))
+    found = ThermalOutcome(
+        recording, site, everything, factors, coverage, distinct, candidates, fit, tests, doubts, solution
     )
-    solution = solved(fit.values, with_pull(fit, doubts.pull), fit.layout)
-    turned = None
     if told == 9 and fit.layout.has_rate:
         say("turns")
-        turned = _turned(recording, timeline, solution, fit, factors, site.gravity)
-    if turned is not None:
-        solution = solved(*with_turned_matrix(fit.values, fit.covariance, fit.layout, turned))
-    evidence = thermal_evidence(everything, kept, fit, solution, coverage, factors, soaks, site)
-    evidence.candidates = candidates
-    evidence.poses = len(np.unique(poses[coverage.keep]))
-    return thermal_estimate(recording, site, fit, solution, coverage, evidence, tests, kept, turned, doubts)
-
-
-def _turned(
-    recording: Recording,
-    timeline: Timeline,
-    solution: ThermalSolution,
-    fit: ThermalFit,
-    factors: tuple[float, float],
-    gravity: float,
-) -> TurnedMatrix | None:
-    """The gyros' matrix by the turns between rests, where there are enough of them."""
-    return estimate_turned_matrix(
-        recording,
-        timeline,
-        solution.model,
-        fit.values,
-        fit.covariance,
-        fit.layout,
-        factors=factors,
-        gravity=gravity,
-        wander=fit.levels.single["rate"] + fit.levels.flicker["rate"],
-    )
+        found.turned = estimate_turned_matrix(recording, timeline, solution.model, fit, factors[1])
+        found.solution = thermal_solution(fit, pulled.covariance, factors, coverage, found.turned)
+    return thermal_estimate(found)
 
 
 def _in_near_si(
@@ -241,140 +213,94 @@ def _earth(site: Site, recording: Recording) -> tuple[float, float, float]:
     )
 
 
-def _first_path(points: ThermalPoints, terms: ThermalTerms, where: Surroundings) -> Surroundings:
-    """Return lag and width, the best of a few, with a cubic: where the adjustment begins from."""
+def _first_path(test: ThermalTest, terms: ThermalTerms) -> ThermalTest:
+    """Return the test with lag and width, the best of a few, with a cubic: where the adjustment begins from."""
     cubic = replace(terms, basis=TemperatureBasis("polynomial", terms.basis.reference_celsius, order=3))
 
-    def misfit(there: Surroundings) -> float:
-        try:
-            return fit_thermal(points, cubic, there, robust=False).adjustment.square_sum
-        except (ObservabilityError, ConvergenceError):
-            return np.inf
+    def misfit(there: ThermalTest) -> float:
+        fit = try_fit(there, cubic, robust=False)
+        return np.inf if fit is None else fit.adjustment.square_sum
 
-    where = min((replace(where, lag=lag) for lag in LAGS), key=misfit)
+    test = min((replace(test, lag=lag) for lag in LAGS), key=misfit)
     if terms.hysteresis:
-        where = min((replace(where, width=width) for width in WIDTHS), key=misfit)
-    return where
+        test = min((replace(test, width=width) for width in WIDTHS), key=misfit)
+    return test
 
 
-def _doubt(
-    points: ThermalPoints, terms: ThermalTerms, where: Surroundings, coverage: Coverage
-) -> tuple[float, float]:
-    """Return how uncertain the biases are per K/s: their slope over temperature times a minute or so."""
-    seconds = UNSETTLED_SECONDS if coverage.kind == "soak" else RATE_SECONDS
-    first, second = changes_per_kelvin(fit_thermal(points, terms, where, robust=False))
-    return seconds * first, seconds * second
-
-
-def _with_doubts(fit: ThermalFit, where: Surroundings, coverage: Coverage) -> tuple[ThermalFit, Doubts]:
-    """Return the fit with what one branch cannot show in its covariance, and what that was."""
-    loops = None
-    if not coverage.both_branches:
-        fit, loops = with_hysteresis_doubt(fit)
-    rate = coverage.kind == "ramp" and not coverage.both_branches
-    return fit, Doubts(loops, rate, pull_sigma(fit), where.earth[1])
-
-
-def _with_path(
-    points: ThermalPoints, terms: ThermalTerms, where: Surroundings, coverage: Coverage
-) -> tuple[ThermalFit, list[TermTest]]:
+def _with_path(test: ThermalTest, terms: ThermalTerms, *, swept: bool) -> tuple[ThermalFit, list[TermTest]]:
     """Adjust with what the way of the temperature determines: hysteresis, lag, rate, as far as the data want them."""
-    swept = coverage.kind == "ramp" and coverage.both_branches
-    terms = replace(terms, lag=swept, width=swept and terms.hysteresis)
-    fit = _adjusted(points, terms, where)
+    fit = _adjusted(test, replace(terms, lag=swept, width=swept and terms.hysteresis))
     tests: list[TermTest] = []
     if terms.hysteresis:
-        test = _tested(fit, "hysteresis", ("h", "gh"))
-        tests.append(test)
-        if not test.kept:
-            terms = replace(terms, hysteresis=False, width=False)
-            fit = _adjusted(points, terms, where)
+        tests.append(_tested(fit, "hysteresis", ("h", "gh")))
+        if not tests[-1].kept:
+            terms = replace(terms, hysteresis=False)
+            fit = _adjusted(test, replace(terms, lag=swept))
     if swept:
         # On one branch alone a dependence on the rate cannot be told from one on temperature.
         try:
-            richer = _adjusted(points, replace(terms, rate=True), where)
+            richer = _adjusted(test, replace(terms, lag=swept, width=terms.hysteresis, rate=True))
         except (ObservabilityError, ConvergenceError):
             return fit, tests
         # As a bend of the matrix: left out, it would be in the lag and the loop, and in none of their uncertainties.
-        test = _tested(richer, "rate of temperature", ("r", "gr"), limit=EASY_ALARM)
-        tests.append(test)
-        if test.kept:
+        tests.append(_tested(richer, "rate of temperature", ("r", "gr"), limit=EASY_ALARM))
+        if tests[-1].kept:
             fit = richer
-    if fit.layout.terms.g_sensitivity:
-        test = _tested(fit, "g_sensitivity", ("G",))
-        tests.append(test)
-        if not test.kept:
-            fit = _adjusted(points, replace(fit.layout.terms, g_sensitivity=False), where)
+    if fit.terms.g_sensitivity:
+        tests.append(_tested(fit, "g_sensitivity", ("G",)))
+        if not tests[-1].kept:
+            fit = _adjusted(test, replace(fit.terms, g_sensitivity=False))
     return fit, tests
 
 
-def _enriched(
-    points: ThermalPoints, terms: ThermalTerms, where: Surroundings, soaks: Series | None
-) -> ThermalTerms:
+def _enriched(test: ThermalTest, terms: ThermalTerms) -> ThermalTerms:
     """Return the terms with functions that the whole recording shows, though few folds did not.
 
     Of a polynomial alone: one order more is taken while a Wald test wants it, and the matrix's already where it is
     likelier than not: a bend that is left out would be in all biases, and in none of their uncertainties.
     """
-    highest = highest_order(soaks)
-    while terms.basis.kind == "polynomial" and terms.basis.order < highest:
-        order = terms.basis.order + 1
+    if terms.basis.kind != "polynomial":
+        return terms
+    while (order := terms.basis.order + 1) <= highest_order(test.soaks):
         richer = replace(terms, basis=replace(terms.basis, order=order))
-        try:
-            fit = fit_thermal(points, richer, where)
-        except (ObservabilityError, ConvergenceError):
-            break
-        last = [(kind, 3) for kind in ("b", "gb") if kind in fit.layout.places]
-        if not _tested(fit, f"order {order}", (), last).kept:
+        fit = try_fit(test, richer)
+        if fit is None or not _tested(fit, f"order {order}", ("b", "gb"), last=3).kept:
             break
         terms = richer
-    while (
-        terms.poses and terms.basis.kind == "polynomial" and terms.matrix_functions < min(terms.basis.size, 2)
-    ):
+    while terms.poses and terms.matrix_functions < min(terms.basis.size, 2):
         richer = replace(terms, matrix_functions=terms.matrix_functions + 1)
-        try:
-            fit = fit_thermal(points, richer, where)
-        except (ObservabilityError, ConvergenceError):
-            break
-        if not _tested(fit, "matrix", (), [("M", fit.layout.entries)], EASY_ALARM).kept:
+        fit = try_fit(test, richer)
+        if fit is None or not _tested(fit, "matrix", ("M",), EASY_ALARM, last=terms.entries).kept:
             break
         terms = richer
     return terms
 
 
-def _adjusted(points: ThermalPoints, terms: ThermalTerms, where: Surroundings) -> ThermalFit:
+def _adjusted(test: ThermalTest, terms: ThermalTerms) -> ThermalFit:
     """Adjust; without lag or width where these do not settle, or run against what they can be at least."""
     try:
-        fit = fit_thermal(points, terms, where)
+        fit = fit_thermal(test, terms)
     except ConvergenceError:
         if not (terms.lag or terms.width):
             raise
-        return fit_thermal(points, replace(terms, lag=False, width=False), where)
-    if terms.lag and fit.values[fit.layout.places["lag"]][0] <= 0.0:
-        terms, where = replace(terms, lag=False), replace(where, lag=0.0)
-        fit = _adjusted(points, terms, where)
-    if terms.width and fit.values[fit.layout.places["width"]][0] <= LEAST_WIDTH:
-        fit = _adjusted(points, replace(terms, width=False), replace(where, width=LEAST_WIDTH))
+        return fit_thermal(test, replace(terms, lag=False, width=False))
+    if terms.lag and fit.values[fit.layout["lag"]][0] <= 0.0:
+        terms, test = replace(terms, lag=False), replace(test, lag=0.0)
+        fit = _adjusted(test, terms)
+    if terms.width and fit.values[fit.layout["width"]][0] <= LEAST_WIDTH:
+        fit = _adjusted(replace(test, width=LEAST_WIDTH), replace(terms, width=False))
     return fit
 
 
 def _tested(
-    fit: ThermalFit,
-    name: str,
-    kinds: tuple[str, ...],
-    last: Sequence[tuple[str, int]] = (),
-    limit: float = FALSE_ALARM,
+    fit: ThermalFit, name: str, kinds: Sequence[str], limit: float = FALSE_ALARM, last: int | None = None
 ) -> TermTest:
-    """Test kinds of unknowns as a whole, and of others so many at their ends."""
+    """Test kinds of unknowns as a whole, or so many at the end of each."""
     at: list[int] = []
-    for kind, count in last:
-        stop = fit.layout.places[kind].stop
-        at += range(stop - count, stop)
     for kind in kinds:
-        if kind in fit.layout.places:
-            place = fit.layout.places[kind]
-            at += range(place.start, place.stop)
-    covariance: Square = fit.adjustment.cofactor[np.ix_(at, at)]
+        place = fit.layout[kind]
+        at += range(place.start, place.stop)[-last if last else None :]
+    covariance = fit.adjustment.cofactor[np.ix_(at, at)]
     return wald_test(name, fit.values[at], covariance, max(fit.adjustment.redundancy, 1), limit)
 
 

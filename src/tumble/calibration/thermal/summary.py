@@ -4,232 +4,203 @@ from __future__ import annotations
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Series, Vectors
+from tumble.arrays import Matrices, Series, Table, Vectors
 from tumble.calibration.canonical import describe_unknowns
+from tumble.calibration.checks.snooping import Kind, balance
 from tumble.calibration.closed_forms.start_values import rough_triad
-from tumble.calibration.equations.triad_unknowns import BIAS
+from tumble.calibration.equations.norm import NormConditions
+from tumble.calibration.equations.triad_unknowns import BIAS, SCALE
 from tumble.calibration.estimate import (
     Described,
     Estimate,
     Figures,
     LeftOut,
     OverTemperature,
-    TermTest,
     correlation_matrix,
     coverage_factor,
     estimate_of,
     said_of,
 )
 from tumble.calibration.evidence import Holds
-from tumble.calibration.procedures.multi_position import fit_norms
-from tumble.calibration.thermal.coverage import Coverage
-from tumble.calibration.thermal.doubt import Doubts
 from tumble.calibration.thermal.evidence import BiasCurve, SeparateBias, ThermalCurves
-from tumble.calibration.thermal.fit import ThermalFit, name_of
-from tumble.calibration.thermal.model import ThermalSolution, bias_curve
-from tumble.calibration.thermal.points import ThermalPoints
-from tumble.calibration.thermal.turns import TurnedMatrix
-from tumble.calibration.thermal.wander import Levels, wander_variance
+from tumble.calibration.thermal.fit import REFUSED, name_of
+from tumble.calibration.thermal.model import ThermalOutcome, bias_curve
+from tumble.calibration.thermal.wander import wander_variance
 from tumble.calibration.thermal.words import not_determined_words, thermal_parameters, thermal_remarks
-from tumble.earth import Site
-from tumble.errors import ConvergenceError, ObservabilityError
-from tumble.recording.recording import Recording
+from tumble.estimation import Adjustment, adjust
 
 CURVE = 41
 # A model that more rests than this contradict does not describe them; as many of one branch are more than chance.
 LARGEST_SHARE_CONTRADICTING, FEWEST_OF_BRANCH = 0.1, 4
 
 
-def thermal_evidence(
-    everything: ThermalPoints,
-    kept: ThermalPoints,
-    fit: ThermalFit,
-    solution: ThermalSolution,
-    coverage: Coverage,
-    factors: tuple[float, float],
-    soaks: Series | None,
-    site: Site,
-) -> ThermalCurves:
-    """Return what an adjustment was made of, for those who look at it.
-
-    Parameters
-    ----------
-    everything, kept : points, near SI: all of them, and those that took part.
-    fit, solution : the adjustment, and the model in raw units.
-    coverage, soaks : what of temperature was covered; °C of the soaks, None for a sweep.
-    factors : near SI per raw unit, of the accelerometers and of the gyros.
-    site : for the test of each soak alone.
-    """
-    conditions, layout = fit.conditions, fit.layout
-    functions = conditions.functions(fit.values)
-    size = layout.terms.basis.size
-    celsius = kept.path.means(kept.path.followed(*conditions.lag_and_width(fit.values))[0][:, None])[:, 0]
-    nothing = np.full((len(kept), 3), np.nan)
-    force, rate, rate_sigma = (nothing.copy() for _ in range(3))
-    linear = conditions.linearise(fit.values)
+def thermal_evidence(found: ThermalOutcome) -> ThermalCurves:
+    """Return what an adjustment was made of, for those who look at it."""
+    fit, kept, factors, path = found.fit, found.points, found.factors, found.everything.path
+    conditions, layout, model = fit.conditions, fit.layout, found.solution.model
+    functions, linear = conditions.functions(fit.values), conditions.linearise(fit.values)
     left = np.where(linear.active, linear.misclosure, np.nan)
     variance = np.diagonal(linear.covariance, axis1=1, axis2=2)
     # What a rest is off by has its own noise in it, and the wander that neighbours have in common.
     expected = np.sqrt(variance + wander_variance(conditions, fit.levels))
-    grid = np.linspace(*coverage.span, CURVE)
+    grid = np.linspace(*found.coverage.span, CURVE)
     curves: dict[str, BiasCurve] = {}
-    if layout.has_force and kept.force_covariance is not None:
-        curves["accelerometer"] = bias_curve("force", fit.values, fit.covariance, layout, factors[0], grid)
-        here = conditions.own >= 0
-        shown = conditions.biases(fit.values, functions, "force") + left[:, :3]
-        force[here] = shown[here] / factors[0]
+    force, rate, rate_sigma = (np.full((len(kept), 3), np.nan) for _ in range(3))
+    if layout.has_force:
+        curves["accelerometer"] = bias_curve(fit, fit.covariance, "", factors[0], grid)
+        shown = conditions.biases(fit.values, functions, "") + left[:, :3]
+        force[conditions.own >= 0] = shown[conditions.own >= 0] / factors[0]
     if layout.has_rate:
-        curves["gyroscope"] = bias_curve("rate", fit.values, fit.covariance, layout, factors[1], grid)
-        rate = (conditions.biases(fit.values, functions, "rate") + left[:, 3:]) / factors[1]
+        curves["gyroscope"] = bias_curve(fit, fit.covariance, "g", factors[1], grid)
+        rate = (conditions.biases(fit.values, functions, "g") + left[:, 3:]) / factors[1]
         rate_sigma = np.sqrt(variance[:, 3:]) / factors[1]
-    step = max(1, everything.path.time.size // 2000)
+    step = max(1, path.time.size // 2000)
     return ThermalCurves(
-        coverage.kind,
-        name_of(layout.terms.basis),
+        found.coverage.kind,
+        name_of(fit.terms.basis),
         kept.start,
         kept.stop,
-        celsius,
-        functions[:, size],
-        functions[:, size + 1],
+        kept.path.means(kept.path.followed(model.lag, model.hysteresis_width)[0][:, None])[:, 0],
+        functions[:, -2],
+        functions[:, -1],
         force,
         rate,
         rate_sigma,
         left / expected,
         curves,
-        everything.path.time[::step],
-        everything.path.recorded[::step],
-        _separate(kept, fit, factors, soaks, site) if layout.terms.poses == 9 else [],
-        rejected=coverage.rejected,
-        lag=solution.model.lag,
-        lag_sigma=solution.lag_sigma,
-        width=solution.model.hysteresis_width,
-        width_sigma=solution.width_sigma,
+        path.time[::step],
+        path.recorded[::step],
+        _separate(found) if fit.terms.poses == 9 else [],
+        found.candidates,
+        found.coverage.rejected,
+        model.lag,
+        found.sigma_of("lag"),
+        model.hysteresis_width,
+        found.sigma_of("width"),
+        found.poses,
     )
 
 
-def _separate(
-    kept: ThermalPoints, fit: ThermalFit, factors: tuple[float, float], soaks: Series | None, site: Site
-) -> list[SeparateBias]:
+def _separate(found: ThermalOutcome) -> list[SeparateBias]:
     """Return the multi-position test of each soak alone, beside the one adjustment of all."""
-    if soaks is None or kept.force is None or kept.force_covariance is None:
+    fit, test, points, factor = found.fit, found.fit.conditions.test, found.points, found.factors[0]
+    if test.soaks is None or points.force is None or points.force_covariance is None:
         return []
-    nearest = np.argmin(np.abs(kept.celsius[:, None] - soaks[None]), axis=1)
-    found: list[SeparateBias] = []
-    for k, celsius in enumerate(soaks.tolist()):
+    nearest = np.argmin(np.abs(points.celsius[:, None] - test.soaks[None]), axis=1)
+    wander = (fit.levels.single["force"] + fit.levels.flicker["force"]) * np.eye(3)
+    separate: list[SeparateBias] = []
+    for k, celsius in enumerate(test.soaks.tolist()):
         here = nearest == k
         try:
-            alone = fit_norms(
-                kept.force[here],
-                kept.force_covariance[here]
-                + (fit.levels.single["force"] + fit.levels.flicker["force"]) * np.eye(3),
-                site.gravity,
-                rough_triad(kept.force[here], site.gravity),
-                np.arange(9),
-                robust=False,
-            )
-        except (ObservabilityError, ConvergenceError):
+            alone = _norms_alone(points.force[here], points.force_covariance[here] + wander, test.gravity)
+        except REFUSED:
             continue
-        # Both with rests that are independent of one another: a soak alone could not know better.
-        joint = bias_curve(
-            "force", fit.values, fit.adjustment.cofactor, fit.layout, factors[0], np.array([celsius])
+        if np.all(alone.parameters[SCALE] > 0.0):
+            # Both with rests that are independent of one another: a soak alone could not know better.
+            joint = bias_curve(fit, fit.adjustment.cofactor, "", factor, np.array([celsius]))
+            bias, sigma = alone.parameters[BIAS] / factor, np.sqrt(np.diag(alone.cofactor)[BIAS]) / factor
+            separate.append(SeparateBias(celsius, bias, sigma, joint.sigma[0]))
+    return separate
+
+
+def _norms_alone(force: Vectors, covariance: Matrices, gravity: float) -> Adjustment:
+    """Adjust a triad's nine unknowns to the norm of gravity."""
+    start = rough_triad(force, gravity)
+    values, everything = [start], np.arange(9)
+
+    def solve(extra: dict[str, float], active: np.ndarray, *, once: bool) -> Adjustment:
+        conditions = NormConditions(
+            force, covariance, gravity, values[-1], everything, active[:, 0], extra["norm"]
         )
-        sigma = np.sqrt(np.diag(alone.covariance)[BIAS]) / factors[0]
-        found.append(SeparateBias(celsius, alone.unknowns[BIAS] / factors[0], sigma, joint.sigma[0]))
-    return found
+        adjustment = adjust(conditions, values[-1][:9], once=once)
+        values.append(np.concatenate([adjustment.parameters, start[9:]]))
+        return adjustment
+
+    active = np.ones((len(force), 1), dtype=bool)
+    return balance(solve, [Kind("norm", slice(0, 1))], active, robust=False).adjustment
 
 
-def thermal_estimate(
-    recording: Recording,
-    site: Site,
-    fit: ThermalFit,
-    solution: ThermalSolution,
-    coverage: Coverage,
-    evidence: ThermalCurves,
-    tests: list[TermTest],
-    kept: ThermalPoints,
-    turned: TurnedMatrix | None,
-    doubts: Doubts,
-) -> Estimate:
-    """Return the estimate that the procedure hands over.
-
-    Parameters
-    ----------
-    recording, site : what was recorded, and where.
-    fit, solution, coverage, evidence, kept : of the adjustment.
-    tests : of optional terms.
-    turned : the gyros' matrix from turns; None without one.
-    doubts : what is in the uncertainties because the recording cannot show it.
-    """
-    terms, layout = fit.layout.terms, fit.layout
-    gyro = "none" if not layout.has_rate else ("bias" if turned is None else "full")
-    optional = frozenset({"g_sensitivity"}) if terms.g_sensitivity else frozenset[str]()
-    described = describe_unknowns(
-        solution.unknowns, solution.unknowns_covariance, site, recording, terms=optional, gyro=gyro
-    )
-    names, parameters = described.names, described.parameters
-    covariance, correlations = described.covariance, described.correlations
-    if not terms.poses:
-        # Of the accelerometers nothing is known at the reference but what the sheet says: not named.
-        at = [i for i, name in enumerate(names) if not name.startswith("accelerometer")]
-        names, covariance = [names[i] for i in at], covariance[np.ix_(at, at)]
-        shown = [i for i, p in enumerate(parameters) if not p.name.startswith("accelerometer")]
-        parameters, correlations = [parameters[i] for i in shown], correlations[np.ix_(shown, shown)]
-    elif terms.poses == 6:
-        zero = [i for i, p in enumerate(parameters) if "accelerometer non-orthogonality" in p.name]
-        shown = [i for i in range(len(parameters)) if i not in zero]
-        parameters, correlations = [parameters[i] for i in shown], correlations[np.ix_(shown, shown)]
-    own = thermal_parameters(solution, terms, recording, evidence)
-    parameters = [*parameters, *own]
-    correlations = _padded(correlations, len(own), solution)
-    norms, sigmas = _norms(fit, kept)
+def thermal_estimate(found: ThermalOutcome) -> Estimate:
+    """Return the estimate that the procedure hands over."""
+    solution, evidence = found.solution, thermal_evidence(found)
+    norms, sigmas = _norms(found)
     return estimate_of(
         "thermal",
-        Described(described.model, names, covariance, parameters, correlations),
-        _figures(fit, evidence),
-        left_out=_left_out(fit, kept),
-        terms=tests,
+        _described(found),
+        _figures(found, evidence),
+        left_out=_left_out(found),
+        terms=found.tests,
         said=said_of(
-            remarks=[*thermal_remarks(fit, solution, coverage, evidence, turned), *coverage.remarks],
-            cautions=coverage.cautions,
-            objections=[*_on_untested(evidence), *_on_left_out(fit, kept)],
-            not_determined=not_determined_words(terms, layout, coverage, recording, turned, doubts),
+            remarks=[*thermal_remarks(found, evidence), *found.coverage.remarks],
+            cautions=found.coverage.cautions,
+            objections=[*_on_untested(evidence), *_on_left_out(found)],
+            not_determined=not_determined_words(found),
         ),
         evidence=[Holds(norms, sigmas), evidence] if norms.size else [evidence],
-        thermal=OverTemperature(solution.model, solution.names, solution.covariance),
+        thermal=OverTemperature(solution.model, solution.model.names, solution.covariance),
     )
 
 
-def _figures(fit: ThermalFit, evidence: ThermalCurves) -> Figures:
-    largest = float(np.nanmax(np.abs(evidence.residuals))) if np.any(np.isfinite(evidence.residuals)) else 0.0
+def _described(found: ThermalOutcome) -> Described:
+    """Return the unit at the reference, and the thermal parameters beside it."""
+    solution, layout, terms = found.solution, found.fit.layout, found.fit.terms
+    gyro = "none" if not layout.has_rate else ("bias" if found.turned is None else "full")
+    optional = frozenset({"g_sensitivity"}) if terms.g_sensitivity else frozenset[str]()
+    made = describe_unknowns(
+        solution.unknowns,
+        solution.unknowns_covariance,
+        found.site,
+        found.recording,
+        terms=optional,
+        gyro=gyro,
+    )
+    # Of the accelerometers nothing is known at the reference but what the sheet says: not named.
+    hidden = {0: "accelerometer", 6: "accelerometer non-orthogonality", 9: "nothing"}[terms.poses]
+    at = [i for i, name in enumerate(made.names) if not name.startswith(hidden)]
+    shown = [i for i, known in enumerate(made.parameters) if not known.name.startswith(hidden)]
+    own = thermal_parameters(found)
+    return Described(
+        made.model,
+        [made.names[i] for i in at],
+        made.covariance[np.ix_(at, at)],
+        [*(made.parameters[i] for i in shown), *own],
+        _padded(made.correlations[np.ix_(shown, shown)], len(own), solution.covariance),
+    )
+
+
+def _figures(found: ThermalOutcome, evidence: ThermalCurves) -> Figures:
+    fit, seen = found.fit, np.abs(evidence.residuals[np.isfinite(evidence.residuals)])
+    # How much biases wander was found from these rests, too.
+    degrees = min(fit.levels.freedom.values())
+    components = {
+        f"{triad} bias{what}, {unit}": float(np.sqrt(level[kind]))
+        for what, level in (
+            (" from rest to rest", fit.levels.single),
+            (", flicker floor of the Allan deviation", fit.levels.flicker),
+        )
+        for triad, kind, unit in (("accelerometer", "force", "m/s²"), ("gyro", "rate", "rad/s"))
+    }
     return Figures(
         fit.alone,
         fit.adjustment.sigma0,
         fit.adjustment.redundancy,
-        _factor(fit.levels),
-        largest,
-        {
-            "accelerometer bias from rest to rest, m/s²": float(np.sqrt(fit.levels.single["force"])),
-            "gyro bias from rest to rest, rad/s": float(np.sqrt(fit.levels.single["rate"])),
-            "accelerometer bias, flicker floor of the Allan deviation, m/s²": float(
-                np.sqrt(fit.levels.flicker["force"])
-            ),
-            "gyro bias, flicker floor of the Allan deviation, rad/s": float(
-                np.sqrt(fit.levels.flicker["rate"])
-            ),
-        },
+        coverage_factor(max(int(degrees), 3)) if np.isfinite(degrees) else 1.96,
+        float(seen.max(initial=0.0)),
+        components,
     )
 
 
-def _left_out(fit: ThermalFit, kept: ThermalPoints) -> list[LeftOut]:
+def _left_out(found: ThermalOutcome) -> list[LeftOut]:
+    kept = found.points
+    what = {"force": "specific force", "rate": "angular rate"}
     return [
         LeftOut(
             "hold",
             int(kept.hold[o.group]),
             f"between {kept.start[o.group]:.0f} and {kept.stop[o.group]:.0f} s its "
-            f"{'specific force' if o.kind == 'force' else 'angular rate'} is {o.normalised:.1f} times off what "
-            "the others show",
+            f"{what[o.kind]} is {o.normalised:.1f} times off what the others show",
         )
-        for o in fit.outliers
+        for o in found.fit.outliers
     ]
 
 
@@ -246,10 +217,10 @@ def _on_untested(evidence: ThermalCurves) -> list[str]:
     return [said]
 
 
-def _on_left_out(fit: ThermalFit, kept: ThermalPoints) -> list[str]:
+def _on_left_out(found: ThermalOutcome) -> list[str]:
     """Object to a model that so many rests contradict, or most rests of one branch."""
-    gone = np.zeros(len(kept), dtype=bool)
-    gone[[o.group for o in fit.outliers]] = True
+    kept, gone = found.points, np.zeros(len(found.points), dtype=bool)
+    gone[[o.group for o in found.fit.outliers]] = True
     said: list[str] = []
     count = int(np.count_nonzero(gone))
     if count > LARGEST_SHARE_CONTRADICTING * len(kept):
@@ -266,32 +237,26 @@ def _on_left_out(fit: ThermalFit, kept: ThermalPoints) -> list[str]:
     return said
 
 
-def _factor(levels: Levels) -> float:
-    """Return the coverage factor for 95 %: how much biases wander was found from these rests, too."""
-    degrees = min(levels.freedom.values())
-    return coverage_factor(max(int(degrees), 3)) if np.isfinite(degrees) else 1.96
-
-
-def _padded(correlations: AnyArray, count: int, solution: ThermalSolution) -> AnyArray:
+def _padded(correlations: Table, count: int, covariance: Table) -> Table:
     """Return the correlations with those of the thermal parameters beside them, of which `count` are listed."""
     first = correlations.shape[0]
     whole = np.eye(first + count)
     whole[:first, :first] = correlations
-    listed = np.flatnonzero(np.diag(solution.covariance) > 0.0)
-    inner = correlation_matrix(solution.covariance)[np.ix_(listed, listed)]
+    listed = np.flatnonzero(np.diag(covariance) > 0.0)
+    inner = correlation_matrix(covariance)[np.ix_(listed, listed)]
     whole[first : first + listed.size, first : first + listed.size] = inner
     return whole
 
 
-def _norms(fit: ThermalFit, kept: ThermalPoints) -> tuple[Series, Series]:
+def _norms(found: ThermalOutcome) -> tuple[Series, Series]:
     """Return what each rest's corrected specific force differs from gravity by, and its expected size, m/s²."""
-    if kept.force is None or kept.force_covariance is None or not fit.layout.terms.poses:
+    kept, fit, conditions = found.points, found.fit, found.fit.conditions
+    if kept.force is None or kept.force_covariance is None or not fit.terms.poses:
         return np.zeros(0), np.zeros(0)
-    conditions = fit.conditions
     functions = conditions.functions(fit.values)
-    matrices = conditions.matrices(fit.values, functions)
-    raw = kept.force - conditions.biases(fit.values, functions, "force")
-    corrected: Vectors = np.asarray(np.linalg.solve(matrices, raw[:, :, None])[:, :, 0], dtype=np.float64)
+    raw = kept.force - conditions.biases(fit.values, functions, "")
+    matrices = fit.layout.matrices(fit.values, functions)
+    corrected = np.linalg.solve(matrices, raw[:, :, None])[:, :, 0]
     length = np.linalg.norm(corrected, axis=1)
     unit = corrected / length[:, None]
     spread = kept.force_covariance + (fit.levels.single["force"] + fit.levels.flicker["force"]) * np.eye(3)

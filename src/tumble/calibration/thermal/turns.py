@@ -16,18 +16,19 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Matrices, Series, Square, Table, Vectors, range_means
 from tumble.attitude import integrate_turns
-from tumble.attitude.integration import average_at_edge
-from tumble.calibration.checks.snooping import Kind, Outlier, balance, wald_test
+from tumble.attitude.integration import IntegratedTurns, average_at_edge
+from tumble.attitude.rotations import skews
+from tumble.calibration.checks.snooping import Kind, wald_test
 from tumble.calibration.equations.gathering import gather
 from tumble.calibration.equations.turn import HoldsAndTurns, tangent_bases
-from tumble.calibration.thermal.layout import ENTRIES, Layout
+from tumble.calibration.thermal.fit import REFUSED, ThermalFit, balanced
 from tumble.earth import EARTH_RATE
-from tumble.errors import ConvergenceError, ObservabilityError, SegmentationError
-from tumble.estimation import Adjustment, Linearisation, adjust
+from tumble.errors import ObservabilityError, SegmentationError
+from tumble.estimation import Adjustment, Linearisation
 from tumble.recording.recording import Recording
 from tumble.records import dataclass
 from tumble.segmentation import Timeline, observe_holds
-from tumble.sensor.thermal import TemperatureBasis, ThermalModel
+from tumble.sensor.thermal import ThermalModel
 
 # Turns of fewer samples are not integrated well; smaller ones tell no scale factor.
 LEAST_SAMPLES, LEAST_ANGLE = 20, np.radians(20.0)
@@ -42,25 +43,19 @@ MOST_FUNCTIONS = 2
 
 @dataclass(frozen=True, slots=True)
 class TurnedMatrix:
-    """The gyros' matrix, with what it shares with the other unknowns.
+    """The gyros' matrix, and what is known of it with the unknowns that the rests share.
 
     Attributes
     ----------
-    nominal : (3, 3) D0.
-    changes : (functions, 3, 3) D_k.
-    covariance : of both, row by row.
-    shared : (9 + 9 functions, shared unknowns) covariance with those of the rests.
-    turns, outliers : how many were used, and left out.
-    sigma0 : of unit weight with the noise of the edges and of the integration alone.
+    matrices : (1 + functions, 3, 3) D0 and D_k.
+    values, covariance : of the rests' shared unknowns and of the matrices behind them, row by row.
+    turns : how many were used.
     """
 
-    nominal: AnyArray
-    changes: AnyArray
+    matrices: AnyArray
+    values: Series
     covariance: Square
-    shared: Table
     turns: int
-    outliers: list[Outlier]
-    sigma0: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +67,7 @@ class _Turns:
     time, force, rate : of the samples, s and SI.
     start, stop : (turns,) sample ranges.
     tail, head : (turns, 3) specific force at the beginning and at the end, each in its own body frame.
-    functions : (turns, functions + 2) of temperature, rate of temperature, hysteresis.
+    functions : (turns, functions + 3) one, functions of temperature, its rate, hysteresis.
     noise : (turns,) rad² of each of the two components: edges, angle random walk, wandering bias.
     """
 
@@ -88,147 +83,123 @@ class _Turns:
 
 
 class _TurnEquations:
-    """`Conditions` of turns for D0 and D_k."""
+    """`Conditions` of turns for D0 and D_k, as many matrices as `count`."""
 
     def __init__(self, turns: _Turns, count: int, gravity: float) -> None:
         self.turns, self.count, self.gravity = turns, count, gravity
-        self.extra = 0.0
+        self.extra = {"turn": 0.0}
         self.active = np.ones((turns.start.size, 2), dtype=bool)
         # How the last linearisation's rows move with the specific force at both ends, and with the rates.
-        self.by_tail = self.by_head = np.zeros((turns.start.size, 2, 3))
-        self.by_bias = np.zeros((turns.start.size, 2, 3))
-        self.angle = np.zeros(turns.start.size)
+        self.by_tail = self.by_head = self.by_bias = np.zeros((turns.start.size, 2, 3))
+
+    @property
+    def variance(self) -> Series:
+        """(turns,) rad² of each component."""
+        return self.turns.noise + self.extra["turn"]
 
     def linearise(self, parameters: Series) -> Linearisation:
         """Linearise at `parameters`."""
         turns, size = self.turns, self.turns.start.size
-        weights = np.column_stack([np.ones(size), turns.functions[:, : self.count]])
-        changes = np.eye(3) + np.einsum(
-            "tk,kij->tij", weights, parameters.reshape(self.count + 1, 3, 3), optimize=True
-        )
-        inverse: Matrices = np.asarray(np.linalg.inv(changes), dtype=np.float64)
-        C_se, sums = _integrated(turns, inverse)
+        weights = turns.functions[:, : self.count]
+        changes = np.einsum("tk,kij->tij", weights, parameters.reshape(self.count, 3, 3), optimize=True)
+        inverse: Matrices = np.asarray(np.linalg.inv(np.eye(3) + changes), dtype=np.float64)
+        # Each turn has an inverse of its own.
+        rate = turns.rate.copy()
+        for k, part in enumerate(map(slice, turns.start.tolist(), turns.stop.tolist())):
+            rate[part] = rate[part] @ inverse[k].T
+        made = _integrated(turns.time, rate, turns.force, turns.start, turns.stop)
+        C_se, sums = made.C_start_end, made.sums
         f_e = np.einsum("tab,tb->ta", C_se, turns.head)
         E = np.swapaxes(tangent_bases(turns.tail), 1, 2) / self.gravity
         misclosure = np.einsum("tga,ta->tg", E, f_e - turns.tail)
-        by_rotation = -E @ _skews(f_e)
+        by_rotation = -E @ skews(f_e)
         moves = -np.einsum("tga,tabj,tbi->tgij", by_rotation, sums[..., :3], inverse, optimize=True)
         design = np.einsum("tk,tgij->tgkij", weights, moves).reshape(size, 2, -1)
         self.by_tail, self.by_head = -E, E @ C_se
         self.by_bias = -np.einsum("tga,tab,tbi->tgi", by_rotation, sums[..., 3], inverse, optimize=True)
-        self.angle = np.arccos(np.clip(0.5 * (np.trace(C_se, axis1=1, axis2=2) - 1.0), -1.0, 1.0))
-        covariance = (turns.noise + self.extra)[:, None, None] * np.eye(2)
+        covariance = self.variance[:, None, None] * np.eye(2)
         return Linearisation.masked(misclosure, design, covariance, self.active)
 
     def adjust_observations(self, multipliers: AnyArray) -> None:
         """Edges are known so well that a second order in their noise is nothing."""
 
+    def by_rests(self, fit: ThermalFit) -> AnyArray:
+        """Return (turns, 2, shared): how the equations move with the unknowns of the rests."""
+        turns, layout = self.turns, fit.layout
+        moved = self.by_bias @ layout.columns("g", turns.functions)
+        inverse: Matrices = np.linalg.inv(layout.matrices(fit.values, turns.functions))
+        for force, by in ((turns.tail, self.by_tail), (turns.head, self.by_head)):
+            moved -= by @ inverse @ layout.columns("", turns.functions, force)
+        return moved[:, :, : layout.shared]
+
 
 def estimate_turned_matrix(
-    recording: Recording,
-    timeline: Timeline,
-    model: ThermalModel,
-    values: Series,
-    covariance: Square,
-    layout: Layout,
-    *,
-    factors: tuple[float, float],
-    gravity: float,
-    wander: float,
+    recording: Recording, timeline: Timeline, model: ThermalModel, fit: ThermalFit, factor: float
 ) -> TurnedMatrix | None:
     """Return the gyros' matrix over temperature; None where there are too few turns for it.
 
     Parameters
     ----------
     recording, timeline : raw samples, rests and turns.
-    model : of the rests, raw units, the gyros' matrix nominal.
-    values, covariance, layout : of the rests' adjustment, near SI.
-    factors : near SI per raw unit.
-    gravity : m/s².
-    wander : (rad/s)², variance of the gyros' biases beside what temperature does.
+    model, fit : of the rests, raw units, the gyros' matrix nominal; and their adjustment near SI.
+    factor : near SI per raw unit of the gyros.
     """
     try:
-        turns = _corrected_turns(recording, timeline, model, wander, factors[1])
+        turns = _corrected_turns(recording, timeline, model, fit, factor)
     except (ObservabilityError, SegmentationError):
         return None
-    if turns is None:
-        return None
-    first = _TurnEquations(turns, 0, gravity)
-    first.linearise(np.zeros(9))
-    turns = _only(turns, first.angle > LEAST_ANGLE)
-    fitted = _fitted(turns, model.basis, gravity)
+    fitted = None if turns is None else _fitted(turns, fit)
     if fitted is None:
         return None
-    equations, adjustment, outliers, alone = fitted
+    equations, adjustment = fitted
     # What is not known of the rests' model moves all turns together.
-    moved = _by_shared(equations, values, layout, turns.functions)
-    active = equations.active.reshape(-1)
-    weight = 1.0 / np.repeat(turns.noise + equations.extra, 2)[active]
+    moved, active = equations.by_rests(fit), equations.active.reshape(-1)
+    weight = 1.0 / np.repeat(equations.variance, 2)[active]
     design = adjustment.linearisation.design.reshape(-1, adjustment.parameters.size)[active]
     pulled = -adjustment.cofactor @ (design * weight[:, None]).T @ moved.reshape(-1, moved.shape[2])[active]
-    spread = covariance[: layout.shared, : layout.shared]
-    count = equations.count
-    found = adjustment.parameters.reshape(count + 1, 3, 3)
+    shared = fit.layout.shared
+    spread = fit.covariance[:shared, :shared]
+    own = adjustment.cofactor + pulled @ spread @ pulled.T
     return TurnedMatrix(
-        found[0],
-        found[1:],
-        adjustment.cofactor + pulled @ spread @ pulled.T,
-        pulled @ spread,
+        adjustment.parameters.reshape(-1, 3, 3),
+        np.concatenate([fit.values[:shared], adjustment.parameters]),
+        np.block([[spread, (pulled @ spread).T], [pulled @ spread, own]]),
         int(np.count_nonzero(equations.active[:, 0])),
-        outliers,
-        alone,
     )
 
 
-def _fitted(
-    turns: _Turns, basis: TemperatureBasis, gravity: float
-) -> tuple[_TurnEquations, Adjustment, list[Outlier], float] | None:
+def _fitted(turns: _Turns, fit: ThermalFit) -> tuple[_TurnEquations, Adjustment] | None:
     """Adjust with as many functions as the turns tell and want; None if they do not tell a matrix at all."""
+    basis, best = fit.terms.basis, None
     polynomial = basis.kind == "polynomial"
-    counts = list(range(min(MOST_FUNCTIONS, basis.size) + 1)) if polynomial else [0, basis.size]
-    best = None
-    for count in counts:
-        if turns.start.size < TURNS_PER_FUNCTION * (count + 1):
+    for count in range(1, min(MOST_FUNCTIONS, basis.size) + 2) if polynomial else (1, basis.size + 1):
+        if turns.start.size < TURNS_PER_FUNCTION * count:
             break
+        equations = _TurnEquations(turns, count, fit.conditions.gravity)
         try:
-            fitted = _adjusted(turns, count, gravity)
-        except (ObservabilityError, ConvergenceError):
+            adjustment = balanced(equations, np.zeros(9 * count), [Kind("turn", slice(0, 2))])[0].adjustment
+        except REFUSED:
             break
-        if count > 1 and polynomial and best is not None:
-            adjustment, last = fitted[1], slice(9 * count, 9 * count + 9)
-            test = wald_test(
-                "order",
-                adjustment.parameters[last],
-                adjustment.cofactor[last, last],
-                max(adjustment.redundancy, 1),
-                EASY_ALARM,
-            )
-            if not test.kept:
+        if count > 2 and polynomial:
+            estimates, spread = adjustment.parameters[-9:], adjustment.cofactor[-9:, -9:]
+            if not wald_test("order", estimates, spread, max(adjustment.redundancy, 1), EASY_ALARM).kept:
                 break
-        best = fitted
+        best = equations, adjustment
     return best
 
 
-def _adjusted(
-    turns: _Turns, count: int, gravity: float
-) -> tuple[_TurnEquations, Adjustment, list[Outlier], float]:
-    equations = _TurnEquations(turns, count, gravity)
-    values = [np.zeros(9 * (count + 1))]
-
-    def solve(extra: dict[str, float], active: np.ndarray, *, once: bool) -> Adjustment:
-        equations.extra, equations.active = extra["turn"], active
-        adjustment = adjust(equations, values[-1], once=once)
-        values.append(adjustment.parameters)
-        return adjustment
-
-    active = equations.active.copy()
-    alone = solve({"turn": 0.0}, active, once=False).sigma0
-    balanced = balance(solve, [Kind("turn", slice(0, 2))], active, extra={"turn": 0.0})
-    return equations, balanced.adjustment, balanced.outliers, alone
+def _integrated(
+    time: Series, rate: Vectors, force: Vectors, start: np.ndarray, stop: np.ndarray
+) -> IntegratedTurns:
+    """Integrate samples that are true ones already."""
+    none, one = np.zeros(3), np.eye(3)
+    return integrate_turns(
+        time, rate, force, start, stop, gyro_inverse=one, gyro_bias=none, force_inverse=one, force_bias=none
+    )
 
 
 def _corrected_turns(
-    recording: Recording, timeline: Timeline, model: ThermalModel, wander: float, factor: float
+    recording: Recording, timeline: Timeline, model: ThermalModel, fit: ThermalFit, factor: float
 ) -> _Turns | None:
     """Return the turns between rests, everything but the gyros' matrix taken off."""
     if recording.temperature is None:
@@ -236,21 +207,22 @@ def _corrected_turns(
     data = gather(recording, timeline, observe_holds(recording, timeline))
     path = model.path(recording.time, recording.temperature)
     force, rate = model.correct_along(path, data.time, data.raw_force, data.raw_rate, outside="hold")
-    if force is None or rate is None:
-        return None
     before = np.flatnonzero(data.turn_start >= 0)
-    start, stop = data.turn_start[before], data.turn_stop[before]
-    middle = (start + stop) // 2
-    low, high = model.span_celsius
-    celsius = path.temperature[middle]
-    used = (stop - start >= LEAST_SAMPLES) & (celsius > low - BEYOND) & (celsius < high + BEYOND)
-    before, start, stop, middle = before[used], start[used], stop[used], middle[used]
-    if before.size < TURNS_PER_FUNCTION:
+    if force is None or rate is None or not before.size:
         return None
-    functions = np.column_stack(
-        [model.basis.values(path.temperature[middle]), path.rate[middle], path.hysteresis[middle]]
-    )
-    duration = data.time[stop - 1] - data.time[start]
+    start, stop = data.turn_start[before], data.turn_stop[before]
+    made = _integrated(data.time, rate, force, start, stop)
+    angle = np.arccos(np.clip(0.5 * (np.trace(made.C_start_end, axis1=1, axis2=2) - 1.0), -1.0, 1.0))
+    celsius = path.temperature[(start + stop) // 2]
+    low, high = model.span_celsius
+    used = (stop - start >= LEAST_SAMPLES) & (celsius > low - BEYOND) & (celsius < high + BEYOND)
+    used &= angle > LEAST_ANGLE
+    if np.count_nonzero(used) < TURNS_PER_FUNCTION:
+        return None
+    before, start, stop = before[used], start[used], stop[used]
+    middle = (start + stop) // 2
+    # A rate that is doubted alone does nothing in turns.
+    speed = path.rate[middle] if fit.terms.rate else 0.0
     return _Turns(
         data.time,
         force,
@@ -259,35 +231,29 @@ def _corrected_turns(
         stop,
         _edge(data.time, force, rate, data.tail[before], "last"),
         _edge(data.time, force, rate, data.head[before + 1], "first"),
-        functions,
-        _noise(data, model, before, duration, wander, factor),
+        fit.layout.at_temperature(path.temperature[middle], speed, path.hysteresis[middle]),
+        _noise(data, model, before, fit, factor),
     )
 
 
 def _noise(
-    data: HoldsAndTurns,
-    model: ThermalModel,
-    before: np.ndarray,
-    duration: Series,
-    wander: float,
-    factor: float,
+    data: HoldsAndTurns, model: ThermalModel, before: np.ndarray, fit: ThermalFit, factor: float
 ) -> Series:
     """Return (turns,) rad² of each component, a mean over the axes."""
     triad = model.reference.accelerometer
     assert triad is not None
     scale = float(np.mean(np.abs(np.diag(triad.matrix))))
-    gravity = 9.80665
-    tail = (data.tail[before, 1] - data.tail[before, 0]).astype(float)
-    head = (data.head[before + 1, 1] - data.head[before + 1, 0]).astype(float)
-    sample = float(np.mean(data.force_sample_variance)) / (scale * gravity) ** 2
+    duration = data.time[data.turn_stop[before] - 1] - data.time[data.turn_start[before]]
+    tail, head = (np.diff(ends, axis=1)[:, 0] for ends in (data.tail[before], data.head[before + 1]))
+    sample = float(np.mean(data.force_sample_variance)) / (scale * 9.80665) ** 2
     walk = float(np.mean(data.rate_random_walk)) * factor**2
+    wander = fit.levels.single["rate"] + fit.levels.flicker["rate"]
     steady = (wander + (EARTH_RATE / np.sqrt(3.0)) ** 2) * duration**2
     return np.asarray(sample * (1.0 / tail + 1.0 / head) + walk * duration + steady, dtype=np.float64)
 
 
 def _edge(time: Series, force: Vectors, rate: Vectors, windows: np.ndarray, edge: str) -> Vectors:
     """Return (turns, 3) the specific force at the edge of a rest, samples turned there by the gyros."""
-    means = range_means(rate, windows)
     return average_at_edge(
         time,
         rate,
@@ -296,99 +262,7 @@ def _edge(time: Series, force: Vectors, rate: Vectors, windows: np.ndarray, edge
         windows[:, 1],
         edge=edge,
         gyro_inverse=np.eye(3),
-        gyro_bias=means,
+        gyro_bias=range_means(rate, windows),
         force_inverse=np.eye(3),
         force_bias=np.zeros(3),
     )
-
-
-def _integrated(turns: _Turns, inverse: Matrices) -> tuple[Matrices, AnyArray]:
-    """Return the rotations of the turns and their sums, each with its own inverse."""
-    C, sums = np.empty((turns.start.size, 3, 3)), np.empty((turns.start.size, 3, 3, 7))
-    for k, (first, last) in enumerate(zip(turns.start.tolist(), turns.stop.tolist(), strict=True)):
-        part = slice(first, last)
-        one = integrate_turns(
-            turns.time[part],
-            turns.rate[part],
-            turns.force[part],
-            np.array([0]),
-            np.array([last - first]),
-            gyro_inverse=inverse[k],
-            gyro_bias=np.zeros(3),
-            force_inverse=np.eye(3),
-            force_bias=np.zeros(3),
-        )
-        C[k], sums[k] = one.C_start_end[0], one.sums[0]
-    return C, sums
-
-
-def _by_shared(equations: _TurnEquations, values: Series, layout: Layout, functions: Table) -> AnyArray:
-    """Return (turns, 2, shared): how the equations move with the unknowns of the rests."""
-    turns, terms = equations.turns, layout.terms
-    size, count = terms.basis.size, layout.entries
-    used = terms.matrix_functions
-    own = np.zeros((functions.shape[0], count))
-    own += values[layout.places["M0"]]
-    if used:
-        own += functions[:, :used] @ values[layout.places["M"]].reshape(used, count)
-    matrices = np.repeat(np.eye(3)[None], functions.shape[0], axis=0)
-    for k, (i, j) in enumerate(ENTRIES[:count]):
-        matrices[:, i, j] = own[:, k]
-    inverse = np.asarray(np.linalg.inv(matrices), dtype=np.float64)
-    moved = np.zeros((functions.shape[0], 2, layout.shared))
-    for force, by in ((turns.tail, equations.by_tail), (turns.head, equations.by_head)):
-        towards = -by @ inverse
-        for axis in range(3):
-            for name, weight in _columns("", size, functions, terms.rate, terms.hysteresis):
-                for k in range(weight.shape[1]):
-                    moved[:, :, layout.places[name].start + 3 * k + axis] += (
-                        towards[:, :, axis] * weight[:, k, None]
-                    )
-        for k, (i, j) in enumerate(ENTRIES[:count]):
-            change = towards[:, :, i] * force[:, j, None]
-            moved[:, :, layout.places["M0"].start + k] += change
-            for f in range(used):
-                moved[:, :, layout.places["M"].start + f * count + k] += change * functions[:, f, None]
-    for axis in range(3):
-        for name, weight in _columns("g", size, functions, terms.rate, terms.hysteresis):
-            for k in range(weight.shape[1]):
-                moved[:, :, layout.places[name].start + 3 * k + axis] += (
-                    equations.by_bias[:, :, axis] * weight[:, k, None]
-                )
-    return moved
-
-
-def _columns(
-    mark: str, size: int, functions: Table, with_rate: bool, with_loop: bool
-) -> list[tuple[str, Table]]:
-    """Return the kinds of a triad's biases with what multiplies each."""
-    found = [
-        (f"{mark}b0", np.ones((functions.shape[0], 1))),
-        (f"{mark}b", np.ascontiguousarray(functions[:, :size])),
-    ]
-    if with_rate:
-        found.append((f"{mark}r", np.ascontiguousarray(functions[:, size : size + 1])))
-    if with_loop:
-        found.append((f"{mark}h", np.ascontiguousarray(functions[:, size + 1 :])))
-    return found
-
-
-def _only(turns: _Turns, keep: np.ndarray) -> _Turns:
-    return _Turns(
-        turns.time,
-        turns.force,
-        turns.rate,
-        turns.start[keep],
-        turns.stop[keep],
-        turns.tail[keep],
-        turns.head[keep],
-        turns.functions[keep],
-        turns.noise[keep],
-    )
-
-
-def _skews(vectors: Vectors) -> Matrices:
-    """Return (items, 3, 3) cross-product matrices."""
-    S = np.zeros((vectors.shape[0], 3, 3))
-    S[:, 0, 1], S[:, 0, 2], S[:, 1, 2] = -vectors[:, 2], vectors[:, 1], -vectors[:, 0]
-    return S - np.swapaxes(S, 1, 2)

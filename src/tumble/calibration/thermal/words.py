@@ -5,92 +5,66 @@ from __future__ import annotations
 import numpy as np
 
 from tumble.calibration.estimate import NamedValue
-from tumble.calibration.thermal.coverage import Coverage
-from tumble.calibration.thermal.doubt import LOOP_KELVINS, PULL_FACTOR, RATE_SECONDS, Doubts
+from tumble.calibration.thermal.doubt import LOOP_KELVINS, PULL_FACTOR, RATE_SECONDS
 from tumble.calibration.thermal.evidence import ThermalCurves
-from tumble.calibration.thermal.fit import ThermalFit
-from tumble.calibration.thermal.layout import Layout, ThermalTerms
-from tumble.calibration.thermal.model import ThermalSolution
-from tumble.calibration.thermal.turns import TurnedMatrix
-from tumble.recording.recording import Recording
+from tumble.calibration.thermal.fit import name_of
+from tumble.calibration.thermal.model import ThermalOutcome
+from tumble.calibration.thermal.unknowns import ThermalTerms
 from tumble.units import angular_rate_factor, specific_force_factor
 
 
-def thermal_parameters(
-    solution: ThermalSolution, terms: ThermalTerms, recording: Recording, evidence: ThermalCurves
-) -> list[NamedValue]:
-    """Return the thermal coefficients with their standard uncertainties and units.
-
-    Parameters
-    ----------
-    solution, terms : the model, and what was estimated.
-    recording : for its units.
-    evidence : for lag and width.
-    """
-    sigmas = np.sqrt(np.maximum(np.diag(solution.covariance), 0.0))
-    found: list[NamedValue] = []
-    for name, value, sigma in zip(solution.names, solution.model.vector(), sigmas, strict=True):
+def thermal_parameters(found: ThermalOutcome) -> list[NamedValue]:
+    """Return the thermal coefficients with their standard uncertainties and units."""
+    model = found.solution.model
+    sigmas = np.sqrt(np.maximum(np.diag(found.solution.covariance), 0.0))
+    named: list[NamedValue] = []
+    for name, value, sigma in zip(model.names, model.vector(), sigmas, strict=True):
         if sigma > 0.0:
-            words, unit = _words(name, terms, recording)
-            found.append(NamedValue(words, float(value), float(sigma), unit))
-    if np.isfinite(evidence.lag_sigma):
-        found.append(
-            NamedValue(
-                "thermal lag of the sensors behind the thermometer", evidence.lag, evidence.lag_sigma, "s"
-            )
-        )
-    if np.isfinite(evidence.width_sigma):
-        found.append(NamedValue("thermal width of the hysteresis", evidence.width, evidence.width_sigma, "K"))
-    return found
+            words, unit = _words(name, found)
+            named.append(NamedValue(words, float(value), float(sigma), unit))
+    for name, words, value, unit in (
+        ("lag", "thermal lag of the sensors behind the thermometer", model.lag, "s"),
+        ("width", "thermal width of the hysteresis", model.hysteresis_width, "K"),
+    ):
+        if np.isfinite(sigma := found.sigma_of(name)):
+            named.append(NamedValue(words, value, sigma, unit))
+    return named
 
 
-def _words(name: str, terms: ThermalTerms, recording: Recording) -> tuple[str, str]:
+def _words(name: str, found: ThermalOutcome) -> tuple[str, str]:
     """Return a coefficient's name in words, and its unit."""
     head, _, place = name.partition("[")
-    at = [int(part) for part in place.rstrip("]").split(",")]
-    triad = "accelerometer" if head.startswith("accelerometer") else "gyro"
-    raw = recording.specific_force_unit if triad == "accelerometer" else recording.angular_rate_unit
-    what = head.rpartition(".")[2]
+    of, _, what = head.rpartition(".")
+    first, *axes = (int(part) for part in place.rstrip("]").split(","))
+    triad, raw, true = "accelerometer", found.recording.specific_force_unit, "m/s^2"
+    if not head.startswith(triad):
+        triad, raw, true = "gyro", found.recording.angular_rate_unit, "rad/s"
     if what == "rate":
-        return f"thermal {triad} bias by rate {'xyz'[at[0]]}", f"{raw}/(K/s)"
+        return f"thermal {triad} bias by rate {'xyz'[first]}", f"{raw}/(K/s)"
     if what == "hysteresis":
-        return f"thermal {triad} bias hysteresis {'xyz'[at[0]]}", raw
-    label, per = terms.basis.labels[at[0]], terms.basis.units[at[0]]
+        return f"thermal {triad} bias hysteresis {'xyz'[first]}", raw
+    basis = found.fit.terms.basis
+    label, per = basis.labels[first], basis.units[first]
+    words = f"{'by' if per else 'at'} {label} {''.join('xyz'[axis] for axis in axes)}"
     divided = f"/{per}" if per else ""
-    by = f"by {label}" if per else f"at {label}"
-    if ".matrix." in head:
-        true = "m/s^2" if triad == "accelerometer" else "rad/s"
-        return f"thermal {triad} matrix {by} {'xyz'[at[1]]}{'xyz'[at[2]]}", f"{raw}/({true}){divided}"
-    return f"thermal {triad} bias {by} {'xyz'[at[1]]}", f"{raw}{divided}"
+    if of.endswith("matrix"):
+        return f"thermal {triad} matrix {words}", f"{raw}/({true}){divided}"
+    return f"thermal {triad} bias {words}", f"{raw}{divided}"
 
 
-def _rests(evidence: ThermalCurves) -> str:
-    """Return how many stretches of rest there were, and in how many poses."""
-    poses = "one pose" if evidence.poses == 1 else f"{evidence.poses} poses"
-    return f"{evidence.celsius.size} stretches of rest, each within a kelvin or so, in {poses}"
+def not_determined_words(found: ThermalOutcome) -> list[str]:
+    """Return what rests at these temperatures cannot tell, a sentence each."""
+    words = [_untold_of_matrix(found.fit.terms)] if found.fit.layout.has_force else []
+    if found.recording.angular_rate is not None:
+        words += [_about_pull(found)] if found.fit.terms.poses == 0 else []
+        words.append(_untold_of_gyros(found))
+    if not found.coverage.both_branches:
+        words.append(_about_loop(found))
+    return [text for text in (*words, *_untold_of_path(found)) if text]
 
 
 def _orders(terms: ThermalTerms, order: int) -> str:
     return "as the biases do" if terms.basis.kind != "polynomial" else f"to the order {order}"
-
-
-def not_determined_words(
-    terms: ThermalTerms,
-    layout: Layout,
-    coverage: Coverage,
-    recording: Recording,
-    turned: TurnedMatrix | None,
-    doubts: Doubts,
-) -> list[str]:
-    """Return what rests at these temperatures cannot tell, a sentence each."""
-    words = [_untold_of_matrix(terms)] if layout.has_force else []
-    if recording.angular_rate is not None:
-        words += [_about_pull(doubts, recording)] if terms.poses == 0 else []
-        words.append(_untold_of_gyros(turned))
-    if not coverage.both_branches:
-        words.append(_about_loop(doubts, recording))
-    words += _untold_of_path(terms, coverage, doubts)
-    return [text for text in words if text]
 
 
 def _untold_of_matrix(terms: ThermalTerms) -> str:
@@ -117,10 +91,10 @@ def _untold_of_matrix(terms: ThermalTerms) -> str:
     return ""
 
 
-def _untold_of_gyros(turned: TurnedMatrix | None) -> str:
-    if turned is not None and turned.changes.size:
-        return ""
-    if turned is not None:
+def _untold_of_gyros(found: ThermalOutcome) -> str:
+    if found.turned is not None:
+        if len(found.turned.matrices) > 1:
+            return ""
         return (
             "How the gyros' scale factors and misalignments change with temperature: there are too few turns for it; "
             "the matrix is one for all temperatures."
@@ -133,17 +107,18 @@ def _untold_of_gyros(turned: TurnedMatrix | None) -> str:
     )
 
 
-def _untold_of_path(terms: ThermalTerms, coverage: Coverage, doubts: Doubts) -> list[str]:
+def _untold_of_path(found: ThermalOutcome) -> list[str]:
     """Of the lag and of what goes with the temperature's rate."""
     words: list[str] = []
-    if doubts.rate:
+    terms, kind, with_rate = found.fit.terms, found.coverage.kind, found.doubts.rate
+    if with_rate:
         words.append(
             "Lag between the sensors and the thermometer, and the biases' dependence on the rate of "
             "temperature: while the temperature goes one way they look like a dependence on it. A "
             f"lag of 30 s is taken, and what {RATE_SECONDS:.0f} s of lag or the like would do is in "
             "the standard uncertainties. Sweep there and back (thermal-ramp) to determine them."
         )
-    elif coverage.kind == "soak":
+    elif kind == "soak":
         words.append(
             "Lag between the sensors and the thermometer, and the biases' dependence on the rate of "
             "temperature: only settled temperatures were used. A sweep (thermal-ramp) determines them."
@@ -153,7 +128,7 @@ def _untold_of_path(terms: ThermalTerms, coverage: Coverage, doubts: Doubts) -> 
             "A dependence of the biases on the rate of temperature beside the lag: the recording "
             "does not determine it."
         )
-    if coverage.kind == "ramp" and not doubts.rate and not terms.lag:
+    if kind == "ramp" and not with_rate and not terms.lag:
         words.append(
             "Lag between the sensors and the thermometer: the sweep does not separate it from what "
             "else it does, and none is in the model."
@@ -161,17 +136,15 @@ def _untold_of_path(terms: ThermalTerms, coverage: Coverage, doubts: Doubts) -> 
     return words
 
 
-def _about_loop(doubts: Doubts, recording: Recording) -> str:
+def _about_loop(found: ThermalOutcome) -> str:
     """Return what one branch leaves open, with what was added for it."""
+    of, loops = found.recording, found.doubts.loops or (0.0, 0.0)
     parts: list[str] = []
-    if doubts.loops is not None:
-        if recording.specific_force is not None:
-            factor = specific_force_factor(recording.specific_force_unit)
-            parts.append("" if factor is None else f"± {1e3 * doubts.loops[0]:.2g} mm/s²")
-        if recording.angular_rate is not None:
-            factor = angular_rate_factor(recording.angular_rate_unit)
-            parts.append("" if factor is None else f"± {np.degrees(doubts.loops[1]):.2g} °/s")
-    added = " and ".join(part for part in parts if part) or "as much"
+    if of.specific_force is not None and specific_force_factor(of.specific_force_unit) is not None:
+        parts.append(f"± {1e3 * loops[0]:.2g} mm/s²")
+    if of.angular_rate is not None and angular_rate_factor(of.angular_rate_unit) is not None:
+        parts.append(f"± {np.degrees(loops[1]):.2g} °/s")
+    added = " and ".join(parts) or "as much"
     return (
         "Hysteresis: the temperatures were come to from one side only, and a single branch cannot show it. "
         f"{added[0].upper() + added[1:]} (what {LOOP_KELVINS:g} K of temperature do in this unit) was believed of half "
@@ -179,18 +152,15 @@ def _about_loop(doubts: Doubts, recording: Recording) -> str:
     )
 
 
-def _about_pull(doubts: Doubts, recording: Recording) -> str:
+def _about_pull(found: ThermalOutcome) -> str:
     """Return what poses too few to tell a g-sensitivity leave in the gyros' biases."""
-    in_si = angular_rate_factor(recording.angular_rate_unit) is not None
-    size = (
-        f"± {np.degrees(doubts.pull):.2g} °/s"
-        if in_si
-        else f"± {doubts.pull:.2g} {recording.angular_rate_unit}"
-    )
+    pull, across, unit = found.doubts.pull, found.doubts.earth, found.recording.angular_rate_unit
+    in_si = angular_rate_factor(unit) is not None
+    size = f"± {np.degrees(pull):.2g} °/s" if in_si else f"± {pull:.2g} {unit}"
     earth = (
-        f"the part of the Earth rate across the vertical, whose heading is not known (± {np.degrees(doubts.earth):.2g} "
+        f"the part of the Earth rate across the vertical, whose heading is not known (± {np.degrees(across):.2g} "
         "°/s)"
-        if doubts.earth > 0.0
+        if across > 0.0
         else "the Earth rate, which cannot be taken off numbers in counts (up to 0.0042 °/s)"
     )
     return (
@@ -200,44 +170,39 @@ def _about_pull(doubts: Doubts, recording: Recording) -> str:
     )
 
 
-def thermal_remarks(
-    fit: ThermalFit,
-    solution: ThermalSolution,
-    coverage: Coverage,
-    evidence: ThermalCurves,
-    turned: TurnedMatrix | None,
-) -> list[str]:
+def thermal_remarks(found: ThermalOutcome, evidence: ThermalCurves) -> list[str]:
     """Return how the model was made, a sentence each."""
-    low, high = coverage.span
-    terms = fit.layout.terms
-    what = "soaks" if coverage.kind == "soak" else "a sweep"
+    (low, high), soaked = found.coverage.span, found.coverage.kind == "soak"
+    terms, turned, what = found.fit.terms, found.turned, "soaks" if soaked else "a sweep"
+    poses = "one pose" if found.poses == 1 else f"{found.poses} poses"
+    rests = f"{len(found.points)} stretches of rest, each within a kelvin or so, in {poses}"
+    between = f"from {what} between {low:.1f} and {high:.1f} °C ({rests})."
     remarks = [
-        f"Biases are a {evidence.basis} in the sensors' temperature about {terms.basis.reference_celsius:g} °C, from "
-        f"{what} between {low:.1f} and {high:.1f} °C ({_rests(evidence)})."
-        if evidence.basis.startswith(("polynomial", "natural"))
-        else f"Biases are interpolated linearly between {terms.basis.nodes.size} temperatures, from {what} between "
-        f"{low:.1f} and {high:.1f} °C ({_rests(evidence)})."
+        f"Biases are interpolated linearly between {terms.basis.nodes.size} temperatures, {between}"
+        if terms.basis.kind == "linear"
+        else f"Biases are a {name_of(terms.basis)} in the sensors' temperature about "
+        f"{terms.basis.reference_celsius:g} °C, {between}"
     ]
-    if evidence.candidates:
-        left = "soaks" if coverage.kind == "soak" else "bands of temperature"
+    if found.candidates:
+        left = "soaks" if soaked else "bands of temperature"
         remarks.append(
-            f"The functions were chosen among {len(evidence.candidates)} by what each predicts of {left} that were "
+            f"The functions were chosen among {len(found.candidates)} by what each predicts of {left} that were "
             "left out; of those that predict alike the one with the fewest unknowns."
         )
     if terms.poses and terms.matrix_functions:
         orders = _orders(terms, terms.matrix_functions)
         remarks.append(f"The accelerometers' matrix changes with temperature {orders}.")
     if turned is not None:
-        orders = "one for all temperatures"
-        if turned.changes.size:
-            orders = f"changing with temperature {_orders(terms, len(turned.changes))}"
+        orders, bends = "one for all temperatures", len(turned.matrices) - 1
+        if bends:
+            orders = f"changing with temperature {_orders(terms, bends)}"
         remarks.append(
             f"The gyros' matrix is from {turned.turns} turns between the rests, {orders}: their scale factors, "
             "non-orthogonalities and the rotation between the triads."
         )
-    if np.isfinite(solution.lag_sigma):
+    if np.isfinite(sigma := found.sigma_of("lag")):
         remarks.append(
-            f"The sensors are {solution.model.lag:.0f} ± {solution.lag_sigma:.0f} s behind the thermometer (before the "
+            f"The sensors are {evidence.lag:.0f} ± {sigma:.0f} s behind the thermometer (before the "
             "recording 60 ± 60 s were believed)."
         )
     ratios = [float(np.mean(s.joint_sigma / s.sigma)) for s in evidence.separate]
@@ -247,7 +212,7 @@ def thermal_remarks(
             f"{len(ratios)} soaks alone gives: one adjustment of all temperatures."
         )
     for name, kind, unit in (("accelerometers", "force", "m/s²"), ("gyros", "rate", "rad/s")):
-        if (flicker := fit.levels.flicker[kind]) > 0.0:
+        if (flicker := found.fit.levels.flicker[kind]) > 0.0:
             remarks.append(
                 f"The biases of the {name} wander beside what temperature does. A flicker floor of "
                 f"the Allan deviation of {np.sqrt(flicker):.2g} {unit} was found from the rests. "
