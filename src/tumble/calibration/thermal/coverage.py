@@ -13,7 +13,7 @@ import numpy as np
 from tumble.arrays import Series
 from tumble.calibration.thermal.points import ThermalPoints
 from tumble.errors import ObservabilityError
-from tumble.protocol.steps import Protocol, RampStep, SoakStep
+from tumble.protocol.steps import Protocol, RampStep, SoakStep, Step
 from tumble.recording.recording import Recording
 from tumble.recording.temperature import COLDEST, HOTTEST, TemperatureColumn
 from tumble.records import dataclass
@@ -49,65 +49,47 @@ def check_unit(values: Series, unit: str | None, protocol: Protocol | None = Non
     low, high = (float(value) for value in np.quantile(values, [0.002, 0.998]))
     said = f"The temperature goes from {low:.4g} to {high:.4g}"
     if low < COLDEST or high > HOTTEST:
-        in_kelvin = low > 200.0 and high < 400.0
-        if unit is not None:
-            raise ObservabilityError(
-                f"{said} °C, read as {unit}: that is no temperature of a sensor. {_SAY}."
-            )
-        if in_kelvin:
-            raise ObservabilityError(
-                f"{said}, which are no °C, but kelvins, as it looks: add K to the --units."
-            )
-        raise ObservabilityError(
-            f"{said}, which is no temperature in °C (raw counts?): convert the column to °C by the sensor's data "
-            "sheet (of an MPU-6000: number / 340 + 36.53)."
+        why = (
+            ", which is no temperature in °C (raw counts?): convert the column to °C by the sensor's data sheet (of an "
+            "MPU-6000: number / 340 + 36.53)."
         )
-    planned = _planned(protocol)
-    if unit is not None and planned is None:
-        return []
-    if planned is not None:
-        _refuse_other_plan(low, high, planned, unit)
-        return []
-    return _ask(low, high, said)
+        if unit is not None:
+            why = f" °C, read as {unit}: that is no temperature of a sensor. {_SAY}."
+        elif low > 200.0 and high < 400.0:
+            why = ", which are no °C, but kelvins, as it looks: add K to the --units."
+        raise ObservabilityError(f"{said}{why}")
+    planned = [celsius for step in (protocol.steps if protocol else ()) for celsius in _planned(step)]
+    if not planned:
+        return [] if unit is not None else _ask(low, high, said)
+    first, last = min(planned), max(planned)
 
-
-def _planned(protocol: Protocol | None) -> tuple[float, float] | None:
-    """Return the lowest and highest temperature of a protocol; None where it has none."""
-    at: list[float] = []
-    for step in () if protocol is None else protocol.steps:
-        if isinstance(step, SoakStep):
-            at.append(step.temperature_celsius)
-        elif isinstance(step, RampStep):
-            at += [step.start_celsius, step.stop_celsius]
-    return (min(at), max(at)) if at else None
-
-
-def _refuse_other_plan(low: float, high: float, planned: tuple[float, float], unit: str | None) -> None:
-    """Refuse numbers that fit the protocol's temperatures in °F and not in °C."""
-    allowed = max(NEAR, NEAR_SHARE * (planned[1] - planned[0]))
-
-    def off(first: float, last: float) -> float:
-        return max(abs(first - planned[0]), abs(last - planned[1]))
+    def off(low: float, high: float) -> float:
+        return max(abs(low - first), abs(high - last))
 
     fahrenheit = off((low - 32.0) / 1.8, (high - 32.0) / 1.8)
-    if unit is None and fahrenheit <= allowed < off(low, high):
+    if unit is None and fahrenheit <= max(NEAR, NEAR_SHARE * (last - first)) < off(low, high):
         raise ObservabilityError(
-            f"The temperature goes from {low:.4g} to {high:.4g}, and the protocol from {planned[0]:g} to "
-            f"{planned[1]:g} °C: that fits if the column is in °F. {_SAY}."
+            f"{said}, and the protocol from {first:g} to {last:g} °C: that fits if the column is in °F. {_SAY}."
         )
+    return []
+
+
+def _planned(step: Step) -> list[float]:
+    """Return the temperatures, °C, that a step of a protocol goes to."""
+    if isinstance(step, RampStep):
+        return [step.start_celsius, step.stop_celsius]
+    return [step.temperature_celsius] if isinstance(step, SoakStep) else []
 
 
 def _ask(low: float, high: float, said: str) -> list[str]:
     """Refuse what is unusual in °C and usual in °F; caution where both are usual."""
     cold, hot = (low - 32.0) / 1.8, (high - 32.0) / 1.8
-    meets_room = low <= ROOM[1] and high >= ROOM[0]
-    would_meet_room = cold <= ROOM[1] and hot >= ROOM[0]
-    if high > USUAL_HOTTEST or (not meets_room and would_meet_room):
-        why = (
-            f"hotter than most sensors may get ({USUAL_HOTTEST:g} °C)"
-            if high > USUAL_HOTTEST
-            else "which never comes near that of a room"
-        )
+    why = ""
+    if high > USUAL_HOTTEST:
+        why = f"hotter than most sensors may get ({USUAL_HOTTEST:g} °C)"
+    elif (low > ROOM[1] or high < ROOM[0]) and cold <= ROOM[1] and hot >= ROOM[0]:
+        why = "which never comes near that of a room"
+    if why:
         raise ObservabilityError(
             f"{said}, {why}, and nobody says in which unit: as °F it would be {cold:.1f} to {hot:.1f} °C. {_SAY}."
         )
@@ -197,8 +179,9 @@ def require_time_base(recording: Recording, protocol: Protocol | None = None) ->
     cautions = check_unit(values, recording.temperature_unit, protocol)
     cautions += _check_missing(recording, celsius)
     _refuse_jumps(recording, time, values)
-    _refuse_clock(recording, time, values)
-    span = float(np.ptp(_smoothed(time, values)))
+    smooth = _smoothed(time, values)
+    _refuse_clock(recording, time, smooth)
+    span = float(np.ptp(smooth))
     if span < LEAST_SPAN:
         raise ObservabilityError(
             f"The temperature changes by {span:.1f} K only: at least {LEAST_SPAN:g} K are needed to "
@@ -211,35 +194,28 @@ def _check_missing(recording: Recording, celsius: Series) -> list[str]:
     """Refuse a thermometer that was silent for so long that nobody knows the temperature; say shorter gaps."""
     column = TemperatureColumn()
     column.add(recording.time, celsius)
-    seconds, _ = column.longest_gap
+    seconds = column.longest_gap[0]
     if seconds > LONGEST_SILENCE:
         raise ObservabilityError(
             f"{column.missing_words()}: for more than {LONGEST_SILENCE / 60:.0f} minutes nobody knows the sensor's "
             "temperature. Cut that part away, or record again."
         )
-    if not column.missing:
-        return []
     # A thermometer that is read at a lower rate than the sensors has gaps of a second or so, and no doubt.
-    if seconds <= USUAL_SILENCE:
+    if not column.missing or seconds <= USUAL_SILENCE:
         return []
     return [f"{column.missing_words()}; there it is taken along a straight line between its neighbours."]
 
 
-def _refuse_clock(recording: Recording, time: Series, values: Series) -> None:
+def _refuse_clock(recording: Recording, time: Series, smooth: Series) -> None:
     """Refuse resets and duplicated stamps that reading has mended by guesses, and a clock that ran too fast."""
     for remark in recording.remarks:
         word = remark.text.lower()
-        if (
-            remark.kind in ("mended", "assumed")
-            and "clock" in word
-            and any(w in word for w in ("anew", "steps back"))
-        ):
+        guessed = remark.kind in ("mended", "assumed") and "clock" in word
+        if guessed and ("anew" in word or "steps back" in word):
             raise ObservabilityError(
-                "The stamps cannot be the time base of a temperature sweep, in which time determines "
-                f"lag and rate. {remark.text} Give the parts before and after alone, or record again "
-                "with one clock."
+                "The stamps cannot be the time base of a temperature sweep, in which time determines lag and rate. "
+                f"{remark.text} Give the parts before and after alone, or record again with one clock."
             )
-    smooth = _smoothed(time, values)
     time = time[: smooth.size]
     span, took = float(np.ptp(smooth)), float(time[-1] - time[0])
     if span > 3.0 and span * LEAST_SECONDS_PER_KELVIN > took:
@@ -249,52 +225,42 @@ def _refuse_clock(recording: Recording, time: Series, values: Series) -> None:
             "unit of time (--units s), or the rate with --rate."
         )
     step = max(1, int(10.0 * recording.rate))
-    if smooth.size > 2 * step:
-        moved, took = np.abs(smooth[step:] - smooth[:-step]), time[step:] - time[:-step]
-        fast = moved * LEAST_SECONDS_PER_KELVIN > took
-        for at in _gap_times(recording):
-            fast &= ~((time[: fast.size] <= at) & (time[step : step + fast.size] >= at))
-        if np.any(fast & (moved > 3.0)):
-            k = int(np.argmax(np.where(fast, moved, 0.0)))
-            raise ObservabilityError(
-                f"From {time[k]:.1f} to {time[k + step]:.1f} s the temperature changes by "
-                f"{moved[k]:.1f} K, faster than any unit can. The stamps are too short for it (wrong "
-                "unit or rate of the clock, or samples missing). Put the stamps right (--units, "
-                "--rate), or record again."
-            )
+    if smooth.size <= 2 * step:
+        return
+    begins, ends, moved = time[:-step], time[step:], np.abs(smooth[step:] - smooth[:-step])
+    fast = (moved * LEAST_SECONDS_PER_KELVIN > ends - begins) & ~_over_gaps(recording, begins, ends)
+    if np.any(fast & (moved > 3.0)):
+        k = int(np.argmax(np.where(fast, moved, 0.0)))
+        raise ObservabilityError(
+            f"From {begins[k]:.1f} to {ends[k]:.1f} s the temperature changes by {moved[k]:.1f} K, faster than any "
+            "unit can. The stamps are too short for it (wrong unit or rate of the clock, or samples missing). Put the "
+            "stamps right (--units, --rate), or record again."
+        )
 
 
-def _gap_times(recording: Recording) -> list[float]:
-    """Return s where samples are missing: between files of one soak each a jump of temperature is none."""
-    gaps = np.array(recording.gaps, dtype=int)
-    if not gaps.size:
-        return []
-    long = recording.time[gaps] - recording.time[gaps - 1] > LONG_GAP
-    return recording.time[gaps[long]].tolist()
+def _over_gaps(recording: Recording, begins: Series, ends: Series) -> np.ndarray:
+    """Return which stretches have samples missing: between files of one soak each a jump of temperature is none."""
+    gaps, over = np.array(recording.gaps, dtype=int), np.zeros(begins.size, dtype=bool)
+    for at in recording.time[gaps[recording.time[gaps] - recording.time[gaps - 1] > LONG_GAP]].tolist():
+        over |= (begins <= at) & (at <= ends)
+    return over
 
 
 def _refuse_jumps(recording: Recording, time: Series, values: Series) -> None:
-    rate = 1.0 / max(float(np.median(np.diff(time))), 1e-9)
-    window = max(1, int(2.0 * rate))
+    window = max(1, int(2.0 * (1.0 / max(float(np.median(np.diff(time))), 1e-9))))
     if values.size < 4 * window:
         return
     # Medians of two seconds before and after: noise and single spikes are no jump.
-    blocks = values[: values.size // window * window].reshape(-1, window)
-    level = np.median(blocks, axis=1)
-    change = np.abs(np.diff(level))
-    took = np.diff(time[: level.size * window : window])
-    suspect = (change > 2.0) & (change > FASTEST_UNIT * took)
-    begins = time[: level.size * window : window]
-    for at in _gap_times(recording):
-        suspect &= ~((begins[:-1] <= at) & (at <= begins[1:] + took))
-    jumped = np.flatnonzero(suspect)
+    level = np.median(values[: values.size // window * window].reshape(-1, window), axis=1)
+    begins, change = time[: level.size * window : window], np.abs(np.diff(level))
+    suspect = (change > 2.0) & (change > FASTEST_UNIT * np.diff(begins))
+    jumped = np.flatnonzero(suspect & ~_over_gaps(recording, begins[:-1], begins[1:] + np.diff(begins)))
     if jumped.size:
         k = int(jumped[0])
         raise ObservabilityError(
-            f"The temperature jumps from {level[k]:.1f} to {level[k + 1]:.1f} °C at "
-            f"{time[(k + 1) * window]:.1f} s, which no unit does. Either two recordings stand one "
-            "after the other, or a clock began anew, or a thermometer failed. Give the parts one by "
-            "one, each with its own stamps."
+            f"The temperature jumps from {level[k]:.1f} to {level[k + 1]:.1f} °C at {begins[k + 1]:.1f} s, which no "
+            "unit does. Either two recordings stand one after the other, or a clock began anew, or a thermometer "
+            "failed. Give the parts one by one, each with its own stamps."
         )
 
 
@@ -346,30 +312,42 @@ def find_coverage(points: ThermalPoints, protocol: Protocol | None, poses: np.nd
             f"{len(coverage.rejected)} rests ({seconds / 60.0:.0f} min) take no part, because the temperature {why}: "
             f"{coverage.rejected[0][2]}" + (" and the like." if len(coverage.rejected) > 1 else "")
         )
-    _say_gaps(points, coverage)
-    if protocol is not None:
-        _say_missed_soaks(points, protocol, coverage)
+    if not coverage.both_branches:
+        coverage.remarks.append(
+            "The temperatures were come to from one side only: what the way back would show (hysteresis) is not "
+            "known. Come to some of them from the other side, too."
+        )
+    ordered = np.sort(points.celsius[keep])
+    coverage.cautions += [
+        f"Between {low:.1f} and {high:.1f} °C nothing was measured: what the calibration says "
+        "there is interpolated over a gap. Soak there too, or sweep through."
+        for low, high in pairwise(ordered.tolist())
+        if high - low > LARGEST_GAP * (span[1] - span[0])
+    ]
+    soaks = [step for step in (protocol.steps if protocol else ()) if isinstance(step, SoakStep)]
+    for celsius, tolerance in sorted({(soak.temperature_celsius, soak.tolerance) for soak in soaks}):
+        nearest = float(ordered[np.argmin(np.abs(ordered - celsius))])
+        if abs(nearest - celsius) > tolerance:
+            coverage.cautions.append(
+                f"The soak at {celsius:g} °C is not in the recording: the nearest settled rest is at {nearest:.1f} °C, "
+                f"outside the tolerance of {tolerance:g} K. Soak longer, or correct the protocol."
+            )
     return coverage
 
 
 def _kind(points: ThermalPoints, protocol: Protocol | None, settled: np.ndarray, poses: np.ndarray) -> str:
-    if protocol is not None and any(isinstance(step, SoakStep | RampStep) for step in protocol.steps):
-        if any(isinstance(step, RampStep) for step in protocol.steps):
-            return "ramp"
+    planned = [len(_planned(step)) for step in (protocol.steps if protocol else ())]
+    if any(planned):
         # Two temperatures with nothing between them are a way from one to the other, such as out of a fridge.
-        soaks = [step.temperature_celsius for step in protocol.steps if isinstance(step, SoakStep)]
-        return "soak" if len(set(soaks)) >= 3 else "ramp"
+        steps = protocol.steps if protocol else ()
+        soaks = {step.temperature_celsius for step in steps if isinstance(step, SoakStep)}
+        return "soak" if max(planned) < 2 and len(soaks) >= 3 else "ramp"
     # Many poses at three temperatures or more that have settled are soaks.
-    if not np.any(settled):
-        return "ramp"
     ordered = np.sort(points.celsius[settled])
     cuts = np.flatnonzero(np.diff(ordered) > 3.0)
-    edges = [-np.inf, *(0.5 * (ordered[cuts] + ordered[cuts + 1])).tolist(), np.inf]
-    rich = 0
-    for low, high in pairwise(edges):
-        here = settled & (points.celsius > low) & (points.celsius <= high)
-        rich += len(np.unique(poses[here])) >= 6
-    return "soak" if rich >= 3 else "ramp"
+    soak = np.searchsorted(0.5 * (ordered[cuts] + ordered[cuts + 1]), points.celsius[settled])
+    rich = [len(np.unique(poses[settled][soak == k])) >= 6 for k in range(cuts.size + 1)]
+    return "soak" if sum(rich) >= 3 else "ramp"
 
 
 def _both_branches(points: ThermalPoints, keep: np.ndarray, span: tuple[float, float]) -> bool:
@@ -385,46 +363,10 @@ def _both_branches(points: ThermalPoints, keep: np.ndarray, span: tuple[float, f
 def _rejected(points: ThermalPoints, keep: np.ndarray, kind: str) -> list[tuple[float, float, str]]:
     """Return the stretches left out, neighbours of one hold as one."""
     found: list[tuple[float, float, str]] = []
-    index = np.flatnonzero(~keep)
-    for group in np.split(index, np.flatnonzero(np.diff(index) > 1) + 1):
-        if group.size == 0:
-            continue
+    index, verb = np.flatnonzero(~keep), "not settled" if kind == "soak" else "too fast"
+    for group in np.split(index, np.flatnonzero(np.diff(index) > 1) + 1) if index.size else ():
         worst = int(group[np.argmax(np.abs(points.celsius_rate[group]))])
         start, stop = float(points.start[group[0]]), float(points.stop[group[-1]])
-        verb = "not settled" if kind == "soak" else "too fast"
-        speed = 60.0 * abs(float(points.celsius_rate[worst]))
-        words = (
-            f"{start:.0f} to {stop:.0f} s, {verb}: up to {speed:.2g} K/min at {points.celsius[worst]:.1f} °C"
-        )
-        found.append((start, stop, words))
+        speed = f"{60.0 * abs(float(points.celsius_rate[worst])):.2g} K/min at {points.celsius[worst]:.1f} °C"
+        found.append((start, stop, f"{start:.0f} to {stop:.0f} s, {verb}: up to {speed}"))
     return found
-
-
-def _say_gaps(points: ThermalPoints, coverage: Coverage) -> None:
-    low, high = coverage.span
-    ordered = np.sort(points.celsius[coverage.keep])
-    gaps = np.diff(ordered)
-    for k in np.flatnonzero(gaps > LARGEST_GAP * (high - low)).tolist():
-        coverage.cautions.append(
-            f"Between {ordered[k]:.1f} and {ordered[k + 1]:.1f} °C nothing was measured: what the calibration says "
-            "there is interpolated over a gap. Soak there too, or sweep through."
-        )
-    if not coverage.both_branches:
-        coverage.remarks.append(
-            "The temperatures were come to from one side only: what the way back would show (hysteresis) is not "
-            "known. Come to some of them from the other side, too."
-        )
-
-
-def _say_missed_soaks(points: ThermalPoints, protocol: Protocol, coverage: Coverage) -> None:
-    kept = points.celsius[coverage.keep]
-    wanted = {
-        (step.temperature_celsius, step.tolerance) for step in protocol.steps if isinstance(step, SoakStep)
-    }
-    for celsius, tolerance in sorted(wanted):
-        nearest = float(kept[np.argmin(np.abs(kept - celsius))])
-        if abs(nearest - celsius) > tolerance:
-            coverage.cautions.append(
-                f"The soak at {celsius:g} °C is not in the recording: the nearest settled rest is at {nearest:.1f} °C, "
-                f"outside the tolerance of {tolerance:g} K. Soak longer, or correct the protocol."
-            )

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -94,25 +95,9 @@ class ThermalPoints:
 
     def only(self, keep: np.ndarray) -> ThermalPoints:
         """Return the points where `keep` is true, or those of an index array."""
-
-        def part(values: AnyArray | None) -> AnyArray | None:
-            return None if values is None else values[keep]
-
-        return replace(
-            self,
-            start=self.start[keep],
-            stop=self.stop[keep],
-            hold=self.hold[keep],
-            placement=self.placement[keep],
-            force=part(self.force),
-            force_covariance=part(self.force_covariance),
-            rate=part(self.rate),
-            rate_covariance=part(self.rate_covariance),
-            path=replace(self.path, edges=self.path.edges[keep]),
-            celsius=self.celsius[keep],
-            celsius_rate=self.celsius_rate[keep],
-            hysteresis=self.hysteresis[keep],
-        )
+        kinds = (field.name for field in fields(self) if field.name != "path")
+        own = {name: each[keep] for name in kinds if (each := getattr(self, name)) is not None}
+        return replace(self, path=replace(self.path, edges=self.path.edges[keep]), **own)
 
     def functions(self, basis: TemperatureBasis, lag: float, width: float) -> Table:
         """Return (points, functions + 3): one, and means of the basis' functions, of the rate and of the hysteresis."""
@@ -131,13 +116,8 @@ def find_points(recording: Recording, timeline: Timeline) -> ThermalPoints:
     Raises
     ------
     ObservabilityError
-        If there is no temperature, no rest, or no point of two seconds.
+        If there is no rest of two seconds.
     """
-    if recording.temperature is None:
-        raise ObservabilityError(
-            "The recording has no temperature: the thermal procedure needs the sensor's thermometer in a column "
-            "(name it with --columns, such as t,ax,ay,az,gx,gy,gz,temperature)."
-        )
     time, celsius = _grid(recording)
     stretches, holds = _cut(recording, timeline, time, celsius)
     if not stretches:
@@ -150,23 +130,16 @@ def find_points(recording: Recording, timeline: Timeline) -> ThermalPoints:
     edges[:, 0] = np.clip(edges[:, 0], 0, time.size - 1)
     edges[:, 1] = np.maximum(edges[:, 1], edges[:, 0] + 1)
     path = ThermalPath(time, celsius, edges)
-    followed = np.column_stack(path.followed(0.0, 5.0))
-    means = path.means(followed)
-    force = _means(recording.specific_force, stretches)
-    rate = _means(recording.angular_rate, stretches)
+    means = path.means(np.column_stack(path.followed(0.0, 5.0)))
     return ThermalPoints(
         start,
         stop,
         np.array(holds),
         _placements(recording, stretches, holds),
-        None if force is None else force[0],
-        None if force is None else force[1],
-        None if rate is None else rate[0],
-        None if rate is None else rate[1],
+        *_means(recording.specific_force, stretches),
+        *_means(recording.angular_rate, stretches),
         path,
-        means[:, 0],
-        means[:, 1],
-        means[:, 2],
+        *np.ascontiguousarray(means.T),
     )
 
 
@@ -175,16 +148,9 @@ def _grid(recording: Recording) -> tuple[Series, Series]:
     assert recording.temperature is not None
     known = np.isfinite(recording.temperature)
     time, celsius = recording.time[known], recording.temperature[known]
-    if time.size < 2:
-        raise ObservabilityError("The recording's temperature is not a number in any sample.")
-    count = int(GRID * recording.rate)
-    if count < 2:
-        return np.ascontiguousarray(time), np.ascontiguousarray(celsius)
+    count = max(int(GRID * recording.rate), 1)
     whole = time.size // count * count
-    return (
-        np.ascontiguousarray(time[:whole].reshape(-1, count).mean(axis=1)),
-        np.ascontiguousarray(celsius[:whole].reshape(-1, count).mean(axis=1)),
-    )
+    return time[:whole].reshape(-1, count).mean(axis=1), celsius[:whole].reshape(-1, count).mean(axis=1)
 
 
 def _cut(
@@ -220,14 +186,11 @@ def _cut(
 
 def _placements(recording: Recording, stretches: list[tuple[int, int]], holds: list[int]) -> np.ndarray:
     """Return (points,) which of them are one placement: those with nothing between them that turned gravity."""
-    placement = np.zeros(len(stretches), dtype=int)
-    for k in range(1, len(stretches)):
-        near = stretches[k][0] - stretches[k - 1][1] <= 0.5 * recording.rate
-        together = (near or holds[k] == holds[k - 1]) and not _turned(
-            recording, stretches[k - 1], stretches[k]
-        )
-        placement[k] = placement[k - 1] + (0 if together else 1)
-    return placement
+    placement = [0]
+    for (before, after), (hold, following) in zip(pairwise(stretches), pairwise(holds), strict=True):
+        together = after[0] - before[1] <= 0.5 * recording.rate or hold == following
+        placement.append(placement[-1] + (not together or _turned(recording, before, after)))
+    return np.array(placement, dtype=int)
 
 
 def _turned(recording: Recording, before: tuple[int, int], after: tuple[int, int]) -> bool:
@@ -240,32 +203,29 @@ def _turned(recording: Recording, before: tuple[int, int], after: tuple[int, int
     return bool(np.any(np.abs(ends[1].mean(axis=0) - ends[0].mean(axis=0)) > TURNED * noise))
 
 
-def _means(signal: Vectors | None, stretches: list[tuple[int, int]]) -> tuple[Vectors, Matrices] | None:
+def _means(
+    signal: Vectors | None, stretches: list[tuple[int, int]]
+) -> tuple[Vectors, Matrices] | tuple[None, None]:
     """Return means, and their covariance without what a straight line in time explains."""
     if signal is None:
-        return None
+        return None, None
     parts: list[AnyArray] = []
-    items: list[list[tuple[int, int]]] = []
-    means = np.empty((len(stretches), 3))
-    size = 0
+    means, count = np.empty((len(stretches), 3)), np.array([last - first for first, last in stretches])
     for k, (first, last) in enumerate(stretches):
         values = np.asarray(signal[first:last], dtype=float)
         means[k] = values.mean(axis=0)
         since = np.arange(last - first) - 0.5 * (last - first - 1)
         slope = since @ values / max(float(since @ since), 1.0)
         parts.append(values - since[:, None] * slope)
-        items.append([(size, size + last - first)])
-        size += last - first
+    ends = [0, *np.cumsum(count).tolist()]
     # White noise alone: what neighbouring rests have in common is found from their residuals, and what of it is inside
     # a rest, where batch means see it, would be taken for noise that they have not in common.
-    none = np.zeros_like(means)
-    batches = np.diagonal(
-        mean_covariance(np.concatenate(parts), items, span=1, rounding=none).covariance, axis1=1, axis2=2
+    beside = mean_covariance(
+        np.concatenate(parts), [[rest] for rest in pairwise(ends)], span=1, rounding=np.zeros_like(means)
     )
-    count = np.array([last - first for first, last in stretches])
-    usual = np.median(batches * count[:, None], axis=0)
+    batches = np.diagonal(beside.covariance, axis1=1, axis2=2)
     # A rest that is far less quiet than the others keeps its own.
-    unquiet = batches * count[:, None] > UNQUIET * usual
+    unquiet = batches * count[:, None] > UNQUIET * np.median(batches * count[:, None], axis=0)
     white = np.where(unquiet, batches, np.minimum(white_variance(parts) / count[:, None], batches))
     rounding = rounding_variance(signal, [[rest] for rest in stretches], means)
     return means, (white + rounding)[:, :, None] * np.eye(3)

@@ -189,9 +189,8 @@ def _require_changes(points: ThermalPoints, recording: Recording) -> None:
         )
     if np.unique(points.placement, return_counts=True)[1].max() < 2 and points.rate is None:
         raise ObservabilityError(
-            "No pose was kept while the temperature changed, and there are too few poses for the "
-            "norm of gravity. Leave the unit at rest during the sweep, or hold nine poses at each "
-            "temperature."
+            "No pose was kept while the temperature changed, and there are too few poses for the norm of gravity. "
+            "Leave the unit at rest during the sweep, or hold nine poses at each temperature."
         )
 
 

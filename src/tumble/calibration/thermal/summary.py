@@ -146,14 +146,8 @@ def _described(found: ThermalOutcome) -> Described:
     solution, layout, terms = found.solution, found.fit.layout, found.fit.terms
     gyro = "none" if not layout.has_rate else ("bias" if found.turned is None else "full")
     optional = frozenset({"g_sensitivity"}) if terms.g_sensitivity else frozenset[str]()
-    made = describe_unknowns(
-        solution.unknowns,
-        solution.unknowns_covariance,
-        found.site,
-        found.recording,
-        terms=optional,
-        gyro=gyro,
-    )
+    unknowns, spread = solution.unknowns, solution.unknowns_covariance
+    made = describe_unknowns(unknowns, spread, found.site, found.recording, terms=optional, gyro=gyro)
     # Of the accelerometers nothing is known at the reference but what the sheet says: not named.
     hidden = {0: "accelerometer", 6: "accelerometer non-orthogonality", 9: "nothing"}[terms.poses]
     at = [i for i, name in enumerate(made.names) if not name.startswith(hidden)]
@@ -210,9 +204,8 @@ def _on_untested(evidence: ThermalCurves) -> list[str]:
         return []
     left = "soak" if evidence.kind == "soak" else "band of temperature"
     said = (
-        f"Without one {left} the other rests do not determine the functions of temperature. "
-        f"So nothing shows whether a {evidence.basis} is enough. "
-        "Record more temperatures, or more poses at each, and let each temperature settle."
+        f"Without one {left} the other rests do not determine the functions of temperature. So nothing shows whether a "
+        f"{evidence.basis} is enough. Record more temperatures, or more poses at each, and let each temperature settle."
     )
     return [said]
 

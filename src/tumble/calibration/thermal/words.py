@@ -54,86 +54,68 @@ def _words(name: str, found: ThermalOutcome) -> tuple[str, str]:
 
 def not_determined_words(found: ThermalOutcome) -> list[str]:
     """Return what rests at these temperatures cannot tell, a sentence each."""
-    words = [_untold_of_matrix(found.fit.terms)] if found.fit.layout.has_force else []
-    if found.recording.angular_rate is not None:
-        words += [_about_pull(found)] if found.fit.terms.poses == 0 else []
-        words.append(_untold_of_gyros(found))
-    if not found.coverage.both_branches:
-        words.append(_about_loop(found))
-    return [text for text in (*words, *_untold_of_path(found)) if text]
+    terms, kind, with_rate = found.fit.terms, found.coverage.kind, found.doubts.rate
+    force, rate = found.fit.layout.has_force, found.recording.angular_rate is not None
+    turned = 0 if found.turned is None else len(found.turned.matrices)
+    rows = (
+        (force and terms.poses == 0, _ONE_POSE),
+        (force and terms.poses == 6, _FACES),
+        (force and terms.poses == 9 and not terms.matrix_functions, _ONE_MATRIX),
+        (rate and terms.poses == 0, _about_pull(found)),
+        (rate and turned == 1, _FEW_TURNS),
+        (rate and turned == 0, _NO_TURNS),
+        (not found.coverage.both_branches, _about_loop(found)),
+        (with_rate, _ONE_WAY),
+        (kind == "soak" and not with_rate, _SETTLED),
+        (kind == "ramp" and not with_rate and not terms.rate, _NO_RATE),
+        (kind == "ramp" and not with_rate and not terms.lag, _NO_LAG),
+    )
+    return [text for untold, text in rows if untold]
+
+
+_ONE_POSE = (
+    "The accelerometers' biases, scale factors and non-orthogonalities at the reference temperature, and how scale "
+    "factors and non-orthogonalities change with temperature. From so few poses they cannot be separated from a bias, "
+    "because gravity on an axis that does not move is a constant. The stated change of a bias with temperature is what "
+    "that axis shows in the pose of the test. It includes the change of its scale factor times its share of gravity. "
+    "Hold nine poses or more at several temperatures (thermal-soak), or tumble the unit during the sweep."
+)
+_FACES = (
+    "The accelerometers' non-orthogonalities: faces alone do not determine them, and they have their nominal values. "
+    "Hold edges, too."
+)
+_ONE_MATRIX = (
+    "The accelerometers' scale factors and non-orthogonalities are one for all temperatures: a change of theirs did "
+    "not predict what was left out any better."
+)
+_FEW_TURNS = (
+    "How the gyros' scale factors and misalignments change with temperature: there are too few turns for it; the "
+    "matrix is one for all temperatures."
+)
+_NO_TURNS = (
+    "The gyros' scale factors, misalignments and their change with temperature: rests show the Earth's rotation only. "
+    "Nine turns by hand or more between poses at each of several temperatures determine them, recorded with 20 samples "
+    "a turn or more. The matrix is the nominal one, without a stated uncertainty."
+)
+_ONE_WAY = (
+    "Lag between the sensors and the thermometer, and the biases' dependence on the rate of temperature: while the "
+    "temperature goes one way they look like a dependence on it. A lag of 30 s is taken, and what "
+    f"{RATE_SECONDS:.0f} s of lag or the like would do is in the standard uncertainties. Sweep there and back "
+    "(thermal-ramp) to determine them."
+)
+_SETTLED = (
+    "Lag between the sensors and the thermometer, and the biases' dependence on the rate of temperature: only settled "
+    "temperatures were used. A sweep (thermal-ramp) determines them."
+)
+_NO_RATE = "A dependence of the biases on the rate of temperature beside the lag: the recording does not determine it."
+_NO_LAG = (
+    "Lag between the sensors and the thermometer: the sweep does not separate it from what else it does, and none is "
+    "in the model."
+)
 
 
 def _orders(terms: ThermalTerms, order: int) -> str:
     return "as the biases do" if terms.basis.kind != "polynomial" else f"to the order {order}"
-
-
-def _untold_of_matrix(terms: ThermalTerms) -> str:
-    if terms.poses == 0:
-        return (
-            "The accelerometers' biases, scale factors and non-orthogonalities at the reference "
-            "temperature, and how scale factors and non-orthogonalities change with temperature. "
-            "From so few poses they cannot be separated from a bias, because gravity on an axis that "
-            "does not move is a constant. The stated change of a bias with temperature is what that "
-            "axis shows in the pose of the test. It includes the change of its scale factor times "
-            "its share of gravity. Hold nine poses or more at several temperatures (thermal-soak), "
-            "or tumble the unit during the sweep."
-        )
-    if terms.poses == 6:
-        return (
-            "The accelerometers' non-orthogonalities: faces alone do not determine them, and they "
-            "have their nominal values. Hold edges, too."
-        )
-    if not terms.matrix_functions:
-        return (
-            "The accelerometers' scale factors and non-orthogonalities are one for all temperatures: a change of "
-            "theirs did not predict what was left out any better."
-        )
-    return ""
-
-
-def _untold_of_gyros(found: ThermalOutcome) -> str:
-    if found.turned is not None:
-        if len(found.turned.matrices) > 1:
-            return ""
-        return (
-            "How the gyros' scale factors and misalignments change with temperature: there are too few turns for it; "
-            "the matrix is one for all temperatures."
-        )
-    return (
-        "The gyros' scale factors, misalignments and their change with temperature: rests show "
-        "the Earth's rotation only. Nine turns by hand or more between poses at each of several "
-        "temperatures determine them, recorded with 20 samples a turn or more. The matrix is the "
-        "nominal one, without a stated uncertainty."
-    )
-
-
-def _untold_of_path(found: ThermalOutcome) -> list[str]:
-    """Of the lag and of what goes with the temperature's rate."""
-    words: list[str] = []
-    terms, kind, with_rate = found.fit.terms, found.coverage.kind, found.doubts.rate
-    if with_rate:
-        words.append(
-            "Lag between the sensors and the thermometer, and the biases' dependence on the rate of "
-            "temperature: while the temperature goes one way they look like a dependence on it. A "
-            f"lag of 30 s is taken, and what {RATE_SECONDS:.0f} s of lag or the like would do is in "
-            "the standard uncertainties. Sweep there and back (thermal-ramp) to determine them."
-        )
-    elif kind == "soak":
-        words.append(
-            "Lag between the sensors and the thermometer, and the biases' dependence on the rate of "
-            "temperature: only settled temperatures were used. A sweep (thermal-ramp) determines them."
-        )
-    elif not terms.rate:
-        words.append(
-            "A dependence of the biases on the rate of temperature beside the lag: the recording "
-            "does not determine it."
-        )
-    if kind == "ramp" and not with_rate and not terms.lag:
-        words.append(
-            "Lag between the sensors and the thermometer: the sweep does not separate it from what "
-            "else it does, and none is in the model."
-        )
-    return words
 
 
 def _about_loop(found: ThermalOutcome) -> str:
@@ -158,8 +140,7 @@ def _about_pull(found: ThermalOutcome) -> str:
     in_si = angular_rate_factor(unit) is not None
     size = f"± {np.degrees(pull):.2g} °/s" if in_si else f"± {pull:.2g} {unit}"
     earth = (
-        f"the part of the Earth rate across the vertical, whose heading is not known (± {np.degrees(across):.2g} "
-        "°/s)"
+        f"the part of the Earth rate across the vertical, whose heading is not known (± {np.degrees(across):.2g} °/s)"
         if across > 0.0
         else "the Earth rate, which cannot be taken off numbers in counts (up to 0.0042 °/s)"
     )
@@ -193,9 +174,8 @@ def thermal_remarks(found: ThermalOutcome, evidence: ThermalCurves) -> list[str]
         orders = _orders(terms, terms.matrix_functions)
         remarks.append(f"The accelerometers' matrix changes with temperature {orders}.")
     if turned is not None:
-        orders, bends = "one for all temperatures", len(turned.matrices) - 1
-        if bends:
-            orders = f"changing with temperature {_orders(terms, bends)}"
+        bends, orders = len(turned.matrices) - 1, "one for all temperatures"
+        orders = f"changing with temperature {_orders(terms, bends)}" if bends else orders
         remarks.append(
             f"The gyros' matrix is from {turned.turns} turns between the rests, {orders}: their scale factors, "
             "non-orthogonalities and the rotation between the triads."
