@@ -9,8 +9,7 @@ import numpy.typing as npt
 
 from tumble.arrays import AnyArray, Series, Square, Table
 from tumble.attitude.directions import twenty_six_directions
-from tumble.calibration.magnetometer.estimate import NAMES
-from tumble.calibration.magnetometer.parameters import nearest_axes
+from tumble.calibration.magnetometer.estimate import NAMES, nearest_axes
 from tumble.document.entries import PLACES, SIZE, model_of_vector, named_parameters, part, stacked
 from tumble.document.frame_change import turned_to
 from tumble.document.in_common import along_clock, common_clock, common_norm, scale_slope

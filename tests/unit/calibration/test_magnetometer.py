@@ -19,6 +19,7 @@ from tumble.calibration.magnetometer.estimate import (
     Magnetometer,
     magnetometer_from_holds,
     magnetometer_of,
+    nearest_axes,
 )
 from tumble.calibration.magnetometer.field_equations import (
     FIELD,
@@ -26,10 +27,9 @@ from tumble.calibration.magnetometer.field_equations import (
     ON_UNIT,
     FieldAdjustment,
     FieldSeen,
+    field_means,
 )
-from tumble.calibration.magnetometer.field_means import field_means
 from tumble.calibration.magnetometer.field_start import start_field
-from tumble.calibration.magnetometer.parameters import nearest_axes
 from tumble.calibration.magnetometer.verdict import judge_magnetometer
 from tumble.calibration.outcome.estimate import JointOutcome
 from tumble.calibration.procedures.joint import run_joint

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 import tumble
-from tumble.calibration.magnetometer.estimate import NAMES
-from tumble.calibration.magnetometer.parameters import named_parameters
+from tumble.calibration.magnetometer.estimate import NAMES, named_parameters
 from tumble.document.difference import compare_calibrations
 from tumble.document.imported import calibration_from_model
 from tumble.document.magnetometer_block import (

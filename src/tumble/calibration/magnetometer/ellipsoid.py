@@ -6,13 +6,17 @@ none of them: ``|S (raw - h)| = 1`` holds for any rotation of S.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+import numpy.typing as npt
 
 from tumble.arrays import Matrix, Series, Square, Vector, Vectors, inverted
 from tumble.errors import ObservabilityError
 from tumble.records import dataclass
 from tumble.segmentation.rounding import converter_step
 
+Complex = npt.NDArray[Any]
 # Samples beyond so many robust sigmas count for nothing; so many rounds.
 CUT, ROUNDS, ITERATIONS = 5.0, 6, 50
 # More samples than these add nothing but time: the field at neighbouring ones is the same.
@@ -106,7 +110,7 @@ def _described(
     off, by, y = _residuals(scaled[taken], x)
     norms: Series = np.sqrt(np.sum(y**2, axis=1))
     scatter = float(np.sqrt(np.sum((norms - float(np.mean(norms))) ** 2) / norms.size))
-    radius = float(np.median(1.0 / np.linalg.norm(y @ _shape(x), axis=1)))
+    radius = float(np.median(1.0 / np.linalg.norm(y @ symmetric(x), axis=1)))
     variance = max(float(off @ off) / max(len(off) - 9, 1), step**2 / 12.0)
     correlated = _correlated(off)
     normal = by.T @ by
@@ -118,7 +122,7 @@ def _described(
     scale = np.concatenate([np.full(6, 1.0 / size), np.full(3, size)])
     neighbours = np.diff(off)
     return Ellipsoid(
-        _shape(x) / size,
+        symmetric(x) / size,
         centre + size * x[6:],
         covariance * np.outer(scale, scale),
         scatter,
@@ -130,8 +134,14 @@ def _described(
     )
 
 
-def _shape(x: Series) -> Matrix:
+def symmetric(x: Complex) -> Complex:
+    """Return the symmetric matrix of entries 00, 11, 22, 01, 02, 12, analytic."""
     return np.array([[x[0], x[3], x[4]], [x[3], x[1], x[5]], [x[4], x[5], x[2]]])
+
+
+def entries_of(shape: Matrix) -> Series:
+    """Return the entries 00, 11, 22, 01, 02, 12 of a symmetric matrix."""
+    return np.array([shape[i, j] for i, j in _PAIRS])
 
 
 def _algebraic(values: Vectors) -> Series:
@@ -141,7 +151,7 @@ def _algebraic(values: Vectors) -> Series:
         [v**2, 2 * v[:, 0] * v[:, 1], 2 * v[:, 0] * v[:, 2], 2 * v[:, 1] * v[:, 2], 2 * v]
     )
     q, *_ = np.linalg.lstsq(design, np.ones(len(v)), rcond=None)
-    Q = np.array([[q[0], q[3], q[4]], [q[3], q[1], q[5]], [q[4], q[5], q[2]]])
+    Q = symmetric(q)
     try:
         centre = -np.linalg.solve(Q, q[6:])
     except np.linalg.LinAlgError:
@@ -154,12 +164,12 @@ def _algebraic(values: Vectors) -> Series:
             "look whether the columns are those of a magnetometer."
         )
     S = (vectors * np.sqrt(values_)) @ vectors.T
-    return np.concatenate([[S[i, j] for i, j in _PAIRS], centre])
+    return np.concatenate([entries_of(S), centre])
 
 
 def _residuals(values: Vectors, x: Series) -> tuple[Series, np.ndarray, Vectors]:
     """Distances (samples,), their derivatives (samples, 9), and the corrected field (samples, 3)."""
-    S, h = _shape(x), x[6:]
+    S, h = symmetric(x), x[6:]
     away = values - h
     y = away @ S
     norm = np.linalg.norm(y, axis=1)
@@ -181,7 +191,9 @@ def _settle(values: Vectors, x: Series) -> Series:
         step = -np.linalg.lstsq(normal + damping * np.diag(np.diag(normal)), by.T @ off, rcond=None)[0]
         moved = x + step
         made = _residuals(values, moved)
-        if np.all(np.linalg.eigvalsh(_shape(moved)) > 0.0) and made[0] @ made[0] <= off @ off * (1 + 1e-12):
+        if np.all(np.linalg.eigvalsh(symmetric(moved)) > 0.0) and made[0] @ made[0] <= off @ off * (
+            1 + 1e-12
+        ):
             small = bool(np.max(np.abs(step)) < 1e-10)
             x, (off, by, _), damping = moved, made, 0.1 * damping
             if small:

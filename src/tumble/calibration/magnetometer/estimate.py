@@ -7,16 +7,18 @@ of them. Without, it is the ellipsoid of its own numbers, and how its axes lie a
 from __future__ import annotations
 
 from dataclasses import field, replace
+from itertools import permutations, product
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from tumble.arrays import AnyArray, Series, Square
+from tumble.arrays import Matrix, Series, Square, Table, Vectors
+from tumble.attitude.rotations import analytic_rotation_vector
 from tumble.calibration.equations.imu_unknowns import LAYOUT
 from tumble.calibration.estimate import LeftOut, NamedValue, coverage_factor
 from tumble.calibration.evidence import Evidence
-from tumble.calibration.magnetometer.ellipsoid import Ellipsoid, fit_ellipsoid
+from tumble.calibration.magnetometer.ellipsoid import Ellipsoid, entries_of, fit_ellipsoid, symmetric
 from tumble.calibration.magnetometer.field_equations import (
     BIAS,
     DIP,
@@ -25,20 +27,19 @@ from tumble.calibration.magnetometer.field_equations import (
     MATRIX,
     FieldAdjustment,
     FieldSeen,
+    field_means,
     field_of_holds,
     magnetometer_matrix,
 )
-from tumble.calibration.magnetometer.field_means import field_means
 from tumble.calibration.magnetometer.field_start import start_field
 from tumble.calibration.magnetometer.moving import Moving, find_moving, with_change
-from tumble.calibration.magnetometer.parameters import named_parameters
 from tumble.calibration.outcome.description import rotation_of_frame
 from tumble.errors import ConvergenceError, ObservabilityError
-from tumble.estimation.balance import Balanced, balance
+from tumble.estimation.balance import balance
 from tumble.recording.magnetic_field import MagneticField
 from tumble.recording.saturation import limits_reached
 from tumble.records import dataclass
-from tumble.sensor import Triad, propagate
+from tumble.sensor import Triad, polar_rotation, propagate
 from tumble.units import magnetic_field_factor
 
 if TYPE_CHECKING:
@@ -64,8 +65,7 @@ NAMES = (
 )
 """Of what the covariance of a magnetometer is whose axes are known against the other triads."""
 # Of one that is not: its matrix is symmetric, and so many entries of it are unknowns.
-_SYMMETRIC = (0, 4, 8, 1, 2, 5, 9, 10, 11)
-NAMES_ALONE = tuple(NAMES[i] for i in _SYMMETRIC)
+NAMES_ALONE = tuple(NAMES[i] for i in (0, 4, 8, 1, 2, 5, 9, 10, 11))
 """Of what it is where the matrix is taken as symmetric, for nothing tells the axes."""
 
 
@@ -195,78 +195,69 @@ def magnetometer_from_holds(
     seen = field_means(magnetic.time, magnetic.values, outcome.data.base)
     task = FieldAdjustment.of(outcome.task, seen, 1.0)
     start_field(task)
-    whole = task.copy()
-    balanced = balance(task)
+    whole, balanced = task.copy(), balance(task)
     moving = find_moving(task, balanced.solution)
     if moving is not None:
         # With the change among the unknowns, and everything else as it was before.
         task = with_change(whole, moving)
         balanced = balance(task)
-    return _described(outcome, task, balanced, magnetic, given, moving)
-
-
-def _described(
-    outcome: JointOutcome,
-    task: FieldAdjustment,
-    balanced: Balanced,
-    magnetic: MagneticField,
-    given: GivenField | None,
-    moving: Moving | None,
-) -> Magnetometer:
     solution, u = balanced.solution, task.unknowns
     tests = solution.tests()[FIELD]
     redundancy = float(tests.redundancy.sum())
     weight = max(1.0, float(tests.square.sum()) / max(redundancy, 1e-9)) if redundancy > 0 else 1.0
-    told = slice(0, LAYOUT.size + 12)
-    spread = weight * u.expanded(solution.cofactor)[told, told]
-    at = u.places([DIP])
+    told, at = LAYOUT.size + len(NAMES), u.places([DIP])
     dip, dip_sigma = float(u[DIP][0]), float(np.sqrt(weight * solution.cofactor[at, at][0]))
-    scale = _Scale.of(magnetic, given, 0.0 if given is None else given.off(dip, dip_sigma))
-    numbers, covariance = propagate(_result(outcome.frame, scale), u.values[told], spread)
-    covariance = covariance + scale.common(numbers)
-    triad = Triad(numbers[:9].reshape(3, 3), numbers[9:12])
-    norm = scale.norm_of(magnetometer_matrix(u))
-    weak = _weak(numbers, covariance - scale.common(numbers), norm, task)
-    norms, dips = field_of_holds(task)
-    active = task.taking_part[FIELD]
-    method: Method = "holds and turns" if outcome.has_gyro else "holds"
-    made = Magnetometer(
-        method=method,
-        triad=None if weak else triad,
+    off = 0.0 if given is None else given.off(dip, dip_sigma)
+    scale = _Scale(magnetic_field_factor(magnetic.unit), given, off)
+    spread = weight * u.expanded(solution.cofactor)[:told, :told]
+    norm = float(scale.norm_of(magnetometer_matrix(u)))
+    numbers, covariance = propagate(_in_frame(outcome.frame, scale), u.values[:told], spread)
+    weak = u.layout.indices(MATRIX, BIAS)[_shares(numbers, covariance, norm) > DETERMINED].tolist()
+    said = [
+        (o.group, *FieldSeen.say(o.group, f"{o.normalised:.1f} times what the others show"))
+        for o in balanced.outliers
+    ]
+    return _described(
+        (numbers, covariance),
+        norm,
+        redundancy,
+        scale,
+        magnetic,
+        determined=not weak,
+        method="holds and turns" if outcome.has_gyro else "holds",
         frame=outcome.frame,
         names=NAMES,
-        covariance=covariance,
-        parameters=tuple(named_parameters(numbers, covariance, magnetic.unit, scale.unit)),
-        coverage_factor=coverage_factor(max(round(redundancy), 1)),
-        raw_unit=magnetic.unit,
-        field_unit=scale.unit,
-        norm=norm,
-        norm_sigma=norm * scale.trusted,
-        norm_known=given is not None,
         dip=dip,
         dip_sigma=dip_sigma,
         scatter=float(np.sqrt(task.noise[FIELD_NOISE])) / task.norm,
-        uncertainty=_uncertainty(numbers, covariance - scale.common(numbers), norm),
-        holds=tuple(
-            FieldHold(k, float(seen), float(size * norm), float(dip), not bool(active[k]))
-            for k, (seen, size, dip) in enumerate(zip(task.seen.time, norms, dips, strict=True))
-            if task.seen.seen[k]
-        ),
-        left_out=tuple(
-            LeftOut(*_said(o.group, f"{o.normalised:.1f} times what the others show"))
-            for o in balanced.outliers
-        ),
+        holds=_holds(task, norm),
+        left_out=tuple(LeftOut(kind, hold, why) for hold, kind, why in said),
         moving=moving,
-        degrees_of_freedom=max(int(redundancy), 0),
-        given=given,
-        not_determined=tuple(weak),
+        not_determined=tuple(
+            f"The {u.layout.label(i)} is not determined: {u.layout.remedy(i)} would determine it."
+            for i in weak
+        ),
     )
-    return with_samples(made, magnetic)
 
 
-def _said(hold: int, times: str) -> tuple[str, int, str]:
-    kind, why = FieldSeen.say(hold, times)
-    return kind, hold, why
+def _holds(task: FieldAdjustment, norm: float) -> tuple[FieldHold, ...]:
+    seen, active = task.seen, task.taking_part[FIELD]
+    return tuple(
+        FieldHold(k, float(time), float(size * norm), float(dip), not bool(active[k]))
+        for k, (time, size, dip) in enumerate(zip(seen.time, *field_of_holds(task), strict=True))
+        if seen.seen[k]
+    )
+
+
+def _in_frame(frame: str, scale: _Scale) -> Any:
+    """From all unknowns to matrix and bias in the frame and unit of the result, analytic."""
+
+    def evaluate(x: Complex) -> Complex:
+        imu, matrix = x[: LAYOUT.size], x[LAYOUT.size : LAYOUT.size + 9].reshape(3, 3)
+        turned = matrix @ rotation_of_frame(imu, frame) / scale.norm_of(matrix)
+        return np.concatenate([turned.ravel(), x[LAYOUT.size + 9 :]])
+
+    return evaluate
 
 
 @dataclass(frozen=True, slots=True)
@@ -276,23 +267,15 @@ class _Scale:
     `off` is the angle by which the field here is bent against the given one: what bends it changes its norm as much.
     """
 
-    unit: str
-    given: GivenField | None
     factor: float | None
-    off: float
-
-    @staticmethod
-    def of(magnetic: MagneticField, given: GivenField | None, off: float = 0.0) -> _Scale:
-        factor = magnetic_field_factor(magnetic.unit)
-        return _Scale(LOCAL if given is None and factor is None else TESLA, given, factor, off)
+    given: GivenField | None
+    off: float = 0.0
 
     def norm_of(self, matrix: Complex) -> Any:
         """The field's norm for a matrix in raw units per norm, analytic."""
         if self.given is not None:
             return self.given.norm
-        if self.factor is None:
-            return 1.0
-        return np.linalg.det(matrix) ** (1.0 / 3.0) * self.factor
+        return 1.0 if self.factor is None else np.linalg.det(matrix) ** (1.0 / 3.0) * self.factor
 
     @property
     def trusted(self) -> float:
@@ -301,82 +284,79 @@ class _Scale:
             return float(np.hypot(self.given.norm_sigma / self.given.norm, self.off))
         return 0.0 if self.factor is None else NAME_PLATE
 
-    def common(self, numbers: Series) -> Square:
-        """Covariance by which all scale factors are off alike with a norm that was given."""
-        along = np.concatenate([numbers[:9], np.zeros(3)])
-        return self.trusted**2 * np.outer(along, along)
 
-
-def _result(frame: str, scale: _Scale) -> Any:
-    """From all unknowns to matrix and bias in the frame and unit of the result, analytic."""
-
-    def evaluate(x: Complex) -> Complex:
-        own = x[LAYOUT.size : LAYOUT.size + 9].reshape(3, 3)
-        matrix = own @ rotation_of_frame(x[: LAYOUT.size], frame) / scale.norm_of(own)
-        return np.concatenate([matrix.ravel(), x[LAYOUT.size + 9 : LAYOUT.size + 12]])
-
-    return evaluate
-
-
-def _weak(numbers: Series, covariance: Square, norm: float, task: FieldAdjustment) -> list[str]:
-    """What is not determined, in words."""
+def _shares(numbers: Series, covariance: Square, norm: float) -> Series:
+    """Return sigmas as shares of the mean scale, and of the field."""
     size = float(np.linalg.norm(numbers[:9])) / np.sqrt(3.0)
-    share = np.sqrt(np.diag(covariance)) / np.concatenate([np.full(9, size), np.full(3, size * norm)])
-    layout = task.unknowns.layout
-    at = layout.indices(MATRIX, BIAS)[share > DETERMINED]
-    return [
-        f"The {layout.label(int(i))} is not determined: {layout.remedy(int(i))} would determine it."
-        for i in at
-    ]
+    return np.sqrt(np.diag(covariance)) / np.concatenate([np.full(9, size), np.full(3, size * norm)])
+
+
+def _described(
+    estimated: tuple[Series, Square],
+    norm: float,
+    redundancy: float,
+    scale: _Scale,
+    magnetic: MagneticField,
+    *,
+    determined: bool,
+    names: tuple[str, ...],
+    ellipsoid: Ellipsoid | None = None,
+    **found: Any,
+) -> Magnetometer:
+    """Return a magnetometer of its twelve numbers with a covariance of themselves, and what all samples show."""
+    numbers, own = estimated
+    # A norm that is wrong makes all scale factors wrong alike.
+    along = np.concatenate([numbers[:9], np.zeros(3)])
+    covariance = own + scale.trusted**2 * np.outer(along, along)
+    triad = Triad(numbers[:9].reshape(3, 3), numbers[9:12]) if determined else None
+    unit = LOCAL if scale.given is None and scale.factor is None else TESLA
+    at = [NAMES.index(name) for name in names]
+    after = np.nan if triad is None else _scatter(triad.correct(magnetic.values))
+    try:
+        ellipsoid = ellipsoid or fit_ellipsoid(magnetic.values)
+    except ObservabilityError:
+        ellipsoid = None
+    return Magnetometer(
+        triad=triad,
+        names=names,
+        covariance=covariance[np.ix_(at, at)],
+        parameters=tuple(named_parameters(numbers, covariance, magnetic.unit, unit, turned=names == NAMES)),
+        coverage_factor=coverage_factor(max(round(redundancy), 1)),
+        raw_unit=magnetic.unit,
+        field_unit=unit,
+        norm=norm,
+        norm_sigma=norm * scale.trusted,
+        norm_known=scale.given is not None,
+        uncertainty=_uncertainty(numbers, own, norm),
+        before=_scatter(magnetic.values),
+        after=after,
+        ellipsoid=ellipsoid,
+        degrees_of_freedom=max(int(redundancy), 0),
+        given=scale.given,
+        saturated=tuple(
+            f"{one.channel} at {one.value:g} {magnetic.unit} in {one.samples} samples"
+            for one in limits_reached(magnetic.values)
+        ),
+        **found,
+    )
 
 
 def _uncertainty(numbers: Series, covariance: Square, norm: float) -> float:
     """Root mean square over all directions of a corrected field's error, one component, as a share of the norm."""
-    inverse = np.linalg.inv(numbers[:9].reshape(3, 3))
-    total = 0.0
-    axes: AnyArray = np.concatenate([np.eye(3), -np.eye(3)])
-    for axis in axes:
-        by = np.zeros((3, 12))
-        for i in range(3):
-            by[i, 3 * i : 3 * i + 3], by[i, 9 + i] = norm * axis, 1.0
-        made = inverse @ by
+    inverse, total = np.linalg.inv(numbers[:9].reshape(3, 3)), 0.0
+    for k in range(6):
+        axis = np.eye(3)[k % 3] * (1.0 if k < 3 else -1.0)
+        rows: Table = (np.eye(3)[:, :, None] * (norm * axis)).reshape(3, 9)
+        made = inverse @ np.concatenate([rows, np.eye(3)], axis=1)
         total += float(np.trace(made @ covariance @ made.T)) / 3.0
-    return float(np.sqrt(max(total, 0.0) / len(axes))) / norm
+    return float(np.sqrt(max(total, 0.0) / 6.0)) / norm
 
 
-def with_samples(made: Magnetometer, magnetic: MagneticField) -> Magnetometer:
-    """Return it with what all samples show: how the norm scatters before and after, and their ellipsoid.
-
-    Parameters
-    ----------
-    made, magnetic : what was found, and the samples.
-    """
-    raw = np.linalg.norm(magnetic.values, axis=1)
-    before = _scatter(raw)
-    after = np.nan
-    if made.triad is not None:
-        after = _scatter(np.linalg.norm(made.triad.correct(magnetic.values), axis=1))
-    ellipsoid = made.ellipsoid
-    if ellipsoid is None:
-        try:
-            ellipsoid = fit_ellipsoid(magnetic.values)
-        except ObservabilityError:
-            ellipsoid = None
-    limits = tuple(
-        f"{one.channel} at {one.value:g} {magnetic.unit} in {one.samples} samples"
-        for one in limits_reached(magnetic.values)
-    )
-    return replace(made, before=before, after=after, ellipsoid=ellipsoid, saturated=limits)
-
-
-def _scatter(norms: Series) -> float:
+def _scatter(fields: Vectors) -> float:
     """Standard deviation of norms as a share of their mean."""
+    norms = np.linalg.norm(fields, axis=1)
     mean = float(np.mean(norms))
-    return (
-        float(np.linalg.norm(norms - mean)) / (mean * float(np.sqrt(norms.size)))
-        if mean > 0.0
-        else float("nan")
-    )
+    return float(np.std(norms)) / mean if mean > 0.0 else float("nan")
 
 
 def magnetometer_alone(magnetic: MagneticField, given: GivenField | None = None) -> Magnetometer:
@@ -392,57 +372,37 @@ def magnetometer_alone(magnetic: MagneticField, given: GivenField | None = None)
     ObservabilityError
         If the samples show no ellipsoid.
     """
-    constant = [
-        axis for axis, channel in zip("xyz", magnetic.values.T, strict=True) if np.ptp(channel) == 0.0
-    ]
-    if constant:
+    channels = zip("xyz", magnetic.values.T, strict=True)
+    if constant := [axis for axis, channel in channels if np.ptp(channel) == 0.0]:
         raise ObservabilityError(f"Its {', '.join(constant)} never changes: a dead sensor or a wrong column.")
-    fitted = fit_ellipsoid(magnetic.values)
-    own = fitted.matrix
-    scale = _Scale.of(magnetic, given)
+    fitted, scale = fit_ellipsoid(magnetic.values), _Scale(magnetic_field_factor(magnetic.unit), given)
 
     def evaluate(x: Complex) -> Complex:
-        shape = np.array([[x[0], x[3], x[4]], [x[3], x[1], x[5]], [x[4], x[5], x[2]]])
-        matrix = np.linalg.inv(shape)
-        return np.concatenate([(matrix / scale.norm_of(matrix)).ravel(), x[6:9]])
+        matrix = np.linalg.inv(symmetric(x))
+        return np.concatenate([(matrix / scale.norm_of(matrix)).ravel(), x[6:]])
 
-    S = fitted.shape
-    x = np.concatenate([[S[0, 0], S[1, 1], S[2, 2], S[0, 1], S[0, 2], S[1, 2]], fitted.centre])
+    x = np.concatenate([entries_of(fitted.shape), fitted.centre])
     numbers, covariance = propagate(evaluate, x, fitted.covariance)
-    norm = float(scale.norm_of(own))
-    size = float(np.linalg.norm(numbers[:9])) / np.sqrt(3.0)
-    share = np.sqrt(np.diag(covariance)) / np.concatenate([np.full(9, size), np.full(3, size * norm)])
-    weak = bool(np.any(share > DETERMINED)) or fitted.gap > LARGEST_GAP
-    covariance = covariance + scale.common(numbers)
-    said = [TURNED]
-    if weak:
-        said.insert(
-            0,
-            f"The magnetometer is not determined: no sample has the field within {np.degrees(fitted.gap):.0f}° of some "
-            "direction. Turn the unit until each of its sides has pointed along the field and against it.",
-        )
-    freedom = max(int((fitted.samples - 9) / fitted.correlated), 1)
-    made = Magnetometer(
+    norm = float(scale.norm_of(fitted.matrix))
+    weak = bool(np.any(_shares(numbers, covariance, norm) > DETERMINED)) or fitted.gap > LARGEST_GAP
+    said = (
+        f"The magnetometer is not determined: no sample has the field within {np.degrees(fitted.gap):.0f}° of some "
+        "direction. Turn the unit until each of its sides has pointed along the field and against it."
+    )
+    return _described(
+        (numbers, covariance),
+        norm,
+        max(int((fitted.samples - 9) / fitted.correlated), 1),
+        scale,
+        magnetic,
+        determined=not weak,
         method="ellipsoid",
-        triad=None if weak else Triad(numbers[:9].reshape(3, 3), numbers[9:12]),
         frame="magnetometer",
         names=NAMES_ALONE,
-        covariance=covariance[np.ix_(_SYMMETRIC, _SYMMETRIC)],
-        parameters=tuple(named_parameters(numbers, covariance, magnetic.unit, scale.unit, turned=False)),
-        coverage_factor=coverage_factor(freedom),
-        raw_unit=magnetic.unit,
-        field_unit=scale.unit,
-        norm=norm,
-        norm_sigma=norm * scale.trusted,
-        norm_known=given is not None,
         scatter=float(np.sqrt(max(fitted.scatter**2 - fitted.noise**2, 0.0))),
-        uncertainty=_uncertainty(numbers, covariance - scale.common(numbers), norm),
         ellipsoid=fitted,
-        degrees_of_freedom=freedom,
-        given=given,
-        not_determined=tuple(said),
+        not_determined=(said, TURNED) if weak else (TURNED,),
     )
-    return with_samples(made, magnetic)
 
 
 TURNED = (
@@ -469,11 +429,68 @@ def magnetometer_of(
     ObservabilityError
         If neither way tells anything.
     """
-    why = ""
+    why: tuple[str, ...] = ()
     if outcome is not None:
         try:
             return magnetometer_from_holds(outcome, magnetic, given)
         except (ObservabilityError, ConvergenceError) as error:
-            why = f"{error} "
+            why = (str(error),)
     alone = magnetometer_alone(magnetic, given)
-    return replace(alone, not_determined=(*alone.not_determined, *([why.strip()] if why else [])))
+    return replace(alone, not_determined=(*alone.not_determined, *why))
+
+
+def named_parameters(
+    numbers: Series, covariance: Square, raw_unit: str, field_unit: str, *, turned: bool = True
+) -> list[NamedValue]:
+    """Return bias, soft iron as a symmetric matrix, and the rotation from b to the magnetometer's own axes.
+
+    The matrix is split as ``M = P R``: P symmetric (scale factors and soft iron), R the rotation from b to the sensor's
+    own axes, of which the nearest turn by right angles is taken off.
+
+    Parameters
+    ----------
+    numbers, covariance : (12,) matrix by rows and bias, and (12, 12).
+    raw_unit, field_unit : of what goes in and of what comes out.
+    turned : with the rotation, which a magnetometer alone does not tell.
+    """
+    nearest = nearest_axes(np.real(numbers[:9]).reshape(3, 3))
+
+    def evaluate(x: Complex) -> Complex:
+        matrix = x[:9].reshape(3, 3)
+        turn = polar_rotation(matrix)
+        soft = matrix @ turn.T
+        parts = [x[9:12], np.diag(soft), np.array([soft[1, 2], soft[0, 2], soft[0, 1]])]
+        if turned:
+            parts.append(analytic_rotation_vector(turn @ nearest.T))
+        return np.concatenate(parts)
+
+    values, spread = propagate(evaluate, numbers, covariance)
+    sigmas = np.sqrt(np.maximum(np.diag(spread), 0.0))
+    per = f"{raw_unit}/({field_unit})"
+    labels = [(f"magnetometer bias {a}", raw_unit) for a in "xyz"]
+    labels += [(f"magnetometer scale factor {a}", per) for a in "xyz"]
+    labels += [(f"magnetometer soft iron {pair}", per) for pair in ("yz", "xz", "xy")]
+    if turned:
+        labels += [(f"rotation of the magnetometer {a}", "rad") for a in "xyz"]
+    return [
+        NamedValue(name, float(v), float(s), unit)
+        for (name, unit), v, s in zip(labels, values, sigmas, strict=True)
+    ]
+
+
+def nearest_axes(matrix: Matrix) -> Matrix:
+    """Return the signed permutation that is nearest to a triad's own axes: rows are the axes of b along which they lie.
+
+    Parameters
+    ----------
+    matrix : (3, 3) of a triad.
+    """
+    turn = np.real(polar_rotation(matrix))
+    best, largest = np.eye(3), -np.inf
+    for order, signs in product(permutations(range(3)), product((1.0, -1.0), repeat=3)):
+        made = np.zeros((3, 3))
+        made[range(3), order] = signs
+        near = float(np.sum(made * turn))
+        if near > largest and np.linalg.det(made) > 0.0:
+            best, largest = made, near
+    return best

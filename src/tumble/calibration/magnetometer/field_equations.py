@@ -12,18 +12,19 @@ from typing import cast
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Matrix, Series, Table, inverted
+from tumble.arrays import AnyArray, Matrices, Matrix, Series, Table, Vectors, inverted
 from tumble.calibration.equations.adjustment import HEAD, MIDDLE, NODE, TAIL, JointAdjustment, Section
 from tumble.calibration.equations.hold_equations import HoldEquations, cross_matrix
 from tumble.calibration.equations.imu_unknowns import LAYOUT
 from tumble.calibration.equations.stretches import RecordingStretch, SectionStretch
-from tumble.calibration.magnetometer.field_means import FieldMeans
+from tumble.calibration.equations.turn import HoldsAndTurns
 from tumble.estimation.balance import ChainFactor, Component, Outlier, Screen
 from tumble.estimation.chain import Place
 from tumble.estimation.equations import Linear, View
 from tumble.estimation.gauss_helmert import Prior
 from tumble.estimation.unknowns import Block, Layout, Unknowns
 from tumble.records import dataclass
+from tumble.segmentation.rounding import rounding_variance, step_at_rests
 
 MATRIX, BIAS, DIP, AZIMUTH, IN_ROOM, ON_UNIT = (
     "magnetometer.matrix",
@@ -34,47 +35,95 @@ MATRIX, BIAS, DIP, AZIMUTH, IN_ROOM, ON_UNIT = (
     "magnetometer.bias_change",
 )
 FIELD_NOISE, FIELD = "field", "field"
+# A hold with fewer samples of the magnetometer takes no part.
+FEWEST_SAMPLES = 3
+
+
+@dataclass(frozen=True, slots=True)
+class FieldMeans:
+    """The magnetometer's mean in each hold.
+
+    Attributes
+    ----------
+    mean, covariance : (holds, 3), (holds, 3, 3) raw; of a hold without samples zero and one.
+    count : (holds,) samples.
+    time : (holds,) s, the middle of each hold.
+    """
+
+    mean: Vectors
+    covariance: Matrices
+    count: np.ndarray
+    time: Series
+
+    @property
+    def seen(self) -> np.ndarray:
+        """(holds,) whether there are samples enough."""
+        return self.count >= FEWEST_SAMPLES
+
+
+def field_means(time: Series, values: Vectors, base: HoldsAndTurns) -> FieldMeans:
+    """Return the means of a magnetometer over the holds.
+
+    Parameters
+    ----------
+    time, values : (samples,) s on the recording's own time axis, and (samples, 3) raw; rows that are not finite are
+        left out.
+    base : the holds.
+
+    Notes
+    -----
+    White noise falls with the root of the samples, by the scatter within the holds, the same for all of them. What
+    rounding leaves stays (`tumble.segmentation.rounding`).
+    """
+    finite = np.isfinite(time) & np.all(np.isfinite(values), axis=1)
+    time, values = time[finite], values[finite]
+    edges = np.column_stack([base.time[base.head[:, 0]], base.time[base.tail[:, 1] - 1]])
+    first, last = np.searchsorted(time, edges[:, 0]), np.searchsorted(time, edges[:, 1], side="right")
+    count = last - first
+    some = count >= FEWEST_SAMPLES
+    rests = [[pair] for pair in zip(first[some].tolist(), last[some].tolist(), strict=True)]
+    rows = [values[slice(*pair)] for (pair,) in rests]
+    mean, stays = np.zeros((base.holds, 3)), np.zeros((base.holds, 3))
+    mean[some] = np.array([of.mean(axis=0) for of in rows]).reshape(-1, 3)
+    stays[some] = rounding_variance(values, rests, mean[some])
+    # Of neighbours: what drifts slowly is no noise of a sample.
+    scatter = [0.5 * np.mean(np.diff(of, axis=0) ** 2, axis=0) for of in rows]
+    variance = np.median(scatter, axis=0) if scatter else np.ones(3)
+    white = np.maximum(variance, step_at_rests(values, rests) ** 2 / 12.0)
+    samples = np.maximum(count, 1)[:, None]
+    spread = np.maximum(white / samples + stays, (1e-9 * max(float(np.max(np.abs(mean))), 1e-300)) ** 2)
+    spread = np.where(some[:, None], spread, 1.0)
+    return FieldMeans(mean, spread[:, :, None] * np.eye(3), count, edges.mean(axis=1))
 
 
 def _field_layout(sections: int) -> Layout:
     """Return the unknowns of both triads, and after them those of the magnetometer and of the field."""
     pairs = [(a, b) for a in "xyz" for b in "xyz"]
-    return Layout(
-        (
-            *LAYOUT.blocks,
-            Block(
-                MATRIX,
-                tuple(
-                    f"scale factor of magnetometer {a}"
-                    if a == b
-                    else f"what magnetometer {a} shows of a field along {b}"
-                    for a, b in pairs
-                ),
-                tuple(f"holds with {b} along the field, against it and across it" for _, b in pairs),
-            ),
-            Block(
-                BIAS,
-                tuple(f"bias of magnetometer {a}" for a in "xyz"),
-                tuple(f"a hold with {a} along the field and one against it" for a in "xyz"),
-            ),
-            Block(DIP, ("dip of the field",), ("holds with different faces up",)),
-            Block(
-                AZIMUTH,
-                tuple(f"azimuth of the field in part {s + 1}" for s in range(sections)),
-                ("more holds",) * sections,
-            ),
-            Block(
-                IN_ROOM,
-                ("change of the level field", "change of the field's azimuth", "change of the upright field"),
-                ("a recording in a field that stays",) * 3,
-            ),
-            Block(
-                ON_UNIT,
-                tuple(f"change of the bias of magnetometer {a}" for a in "xyz"),
-                ("a recording with the same currents from start to end",) * 3,
-            ),
-        )
+    scale, across = "scale factor of magnetometer {0}", "what magnetometer {0} shows of a field along {1}"
+    level = ("change of the level field", "change of the field's azimuth", "change of the upright field")
+    currents, stays = (
+        "a recording with the same currents from start to end",
+        "a recording in a field that stays",
     )
+    made = {
+        MATRIX: [
+            (
+                (scale if a == b else across).format(a, b),
+                f"holds with {b} along the field, against it and across it",
+            )
+            for a, b in pairs
+        ],
+        BIAS: [
+            (f"bias of magnetometer {a}", f"a hold with {a} along the field and one against it")
+            for a in "xyz"
+        ],
+        DIP: [("dip of the field", "holds with different faces up")],
+        AZIMUTH: [(f"azimuth of the field in part {s + 1}", "more holds") for s in range(sections)],
+        IN_ROOM: [(of, stays) for of in level],
+        ON_UNIT: [(f"change of the bias of magnetometer {a}", currents) for a in "xyz"],
+    }
+    own = (Block(name, *map(tuple, zip(*words, strict=True))) for name, words in made.items())
+    return Layout((*LAYOUT.blocks, *own))
 
 
 @dataclass(slots=True)
@@ -104,16 +153,11 @@ class FieldAdjustment(JointAdjustment):
         """
         made = task.copy()
         layout = _field_layout(len(made.sections))
-        values = np.zeros(layout.size)
-        values[: LAYOUT.size] = made.unknowns.values
+        values = np.pad(made.unknowns.values, (0, layout.size - LAYOUT.size))
         free = np.union1d(made.unknowns.free, layout.indices(MATRIX, BIAS, DIP, AZIMUTH))
-        prior = made.prior
+        prior, more = made.prior, layout.size - LAYOUT.size
         if prior is not None:
-            precision = np.zeros((layout.size, layout.size))
-            precision[: LAYOUT.size, : LAYOUT.size] = prior.precision
-            mean = np.zeros(layout.size)
-            mean[: LAYOUT.size] = prior.mean
-            prior = Prior(mean, precision)
+            prior = Prior(np.pad(prior.mean, (0, more)), np.pad(prior.precision, (0, more)))
         taking_part = {**made.taking_part, FIELD: seen.seen & made.taking_part["force"]}
         return FieldAdjustment(
             made.data,
@@ -286,6 +330,14 @@ def _rows(true: AnyArray) -> AnyArray:
     return made.reshape(-1, 3, 9)
 
 
+def mean_attitudes(state: JointAdjustment) -> Matrices:
+    """Return (holds, 3, 3) C_wb, the mean over each hold."""
+    made = np.zeros((state.data.base.holds, 3, 3))
+    for section in state.sections:
+        made[section.holds] = np.einsum("kp,kpij->kij", hold_shares(state, section.holds), section.C_wb)
+    return made
+
+
 def field_of_holds(state: FieldAdjustment) -> tuple[Series, Series]:
     """Return the norm of the corrected field in each hold (holds,), and its dip (holds,) rad.
 
@@ -295,10 +347,6 @@ def field_of_holds(state: FieldAdjustment) -> tuple[Series, Series]:
     """
     u = state.unknowns
     field_b = (state.seen.mean - u[BIAS]) @ inverted(magnetometer_matrix(u)).T
-    made = np.zeros_like(field_b)
-    for section in state.sections:
-        k = section.holds
-        C = np.einsum("kp,kpij->kij", hold_shares(state, k), section.C_wb)
-        made[k] = np.einsum("kij,kj->ki", C, field_b[k])
-    norm = np.linalg.norm(field_b, axis=1)
-    return norm, np.arctan2(made[:, 2], np.hypot(made[:, 0], made[:, 1]))
+    field_w = np.einsum("kij,kj->ki", mean_attitudes(state), field_b)
+    level = np.hypot(field_w[:, 0], field_w[:, 1])
+    return np.linalg.norm(field_b, axis=1), np.arctan2(field_w[:, 2], level)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Series, Vectors, inverted
+from tumble.arrays import AnyArray, Matrices, Series, Vectors, inverted
 from tumble.calibration.magnetometer.field_equations import (
     AZIMUTH,
     BIAS,
@@ -12,7 +12,7 @@ from tumble.calibration.magnetometer.field_equations import (
     FIELD,
     MATRIX,
     FieldAdjustment,
-    hold_shares,
+    mean_attitudes,
 )
 from tumble.errors import ObservabilityError
 
@@ -51,45 +51,39 @@ def start_field(task: FieldAdjustment) -> None:
     size = float(np.sqrt(np.mean((raw - centre) ** 2)))
     if not size > 0.0:
         raise ObservabilityError("The magnetometer shows the same in all holds: it is constant.")
-    scaled = (raw - centre) / size
-    rows, groups = _equations(task, active, scaled)
+    scaled, C = (raw - centre) / size, mean_attitudes(task)[active]
+    firsts = [section.first for section in task.sections]
+    place = np.searchsorted(firsts, active, side="right") - 1
+    rows, groups = _equations(place, len(firsts), C, scaled)
     solution = _robust(rows, groups, active.size)
     upright = 1.0 if np.linalg.det(solution[:9].reshape(3, 3)) > 0.0 else -1.0
     if not np.linalg.cond(solution[:9].reshape(3, 3)) < 1e8:
         raise ObservabilityError("The magnetometer's axes all show one direction in all holds.")
     A, c = upright * solution[:9].reshape(3, 3), upright * solution[9:12]
-    field = _field_of(task, active, scaled @ A.T + c)
-    norm = float(np.median(np.linalg.norm(scaled @ A.T + c, axis=1)))
+    field_b = scaled @ A.T + c
+    field_w, norm = np.einsum("kij,kj->ki", C, field_b), float(np.median(np.linalg.norm(field_b, axis=1)))
+    # Of a section without a hold that takes part along x.
+    along: Vectors = np.tile(np.array([1.0, 0.0, 0.0]), (len(firsts), 1))
+    for section in np.unique(place).tolist():
+        along[section] = np.median(field_w[place == section], axis=0)
     u, matrix = task.unknowns, norm * size * inverted(A)
     u[MATRIX][:] = matrix.ravel() / task.norm
     u[BIAS][:] = centre - matrix @ c / norm
-    level = np.hypot(field[:, 0], field[:, 1])
-    u[DIP][:] = float(np.median(np.arctan2(field[:, 2], level)))
-    u[AZIMUTH][:] = np.arctan2(field[:, 1], field[:, 0])
+    level = np.hypot(along[:, 0], along[:, 1])
+    u[DIP][:] = float(np.median(np.arctan2(along[:, 2], level)))
+    u[AZIMUTH][:] = np.arctan2(along[:, 1], along[:, 0])
 
 
-def _equations(task: FieldAdjustment, active: np.ndarray, scaled: Vectors) -> tuple[AnyArray, np.ndarray]:
+def _equations(place: np.ndarray, sections: int, C: Matrices, scaled: Vectors) -> tuple[AnyArray, np.ndarray]:
     """Rows of the homogeneous system, and which hold each belongs to."""
-    long = [s for s in task.sections if np.count_nonzero(np.isin(active, s.holds)) >= LONG_SECTION]
-    sole = not long
-    width = 12 + (1 if sole else 3 * len(long))
-    rows: list[AnyArray] = []
-    groups: list[int] = []
-    for place, section in enumerate(task.sections if sole else long):
-        for at in np.flatnonzero(np.isin(active, section.holds)).tolist():
-            k = active[at]
-            shares = hold_shares(task, np.array([k]))[0]
-            C = np.einsum("p,pij->ij", shares, section.C_wb[k - section.first])
-            made = np.zeros((3, width))
-            made[:, :9], made[:, 9:12] = (C[:, :, None] * scaled[at]).reshape(3, 9), C
-            if sole:
-                made = made[2:]
-                made[0, 12] = -1.0
-            else:
-                made[:, 12 + 3 * place : 15 + 3 * place] = -np.eye(3)
-            rows.append(made)
-            groups += [at] * len(made)
-    return np.concatenate(rows), np.array(groups)
+    rows = np.concatenate([(C[:, :, :, None] * scaled[:, None, None, :]).reshape(-1, 3, 9), C], axis=2)
+    long = np.flatnonzero(np.bincount(place, minlength=sections) >= LONG_SECTION)
+    if not long.size:
+        return np.column_stack([rows[:, 2], -np.ones(len(rows))]), np.arange(len(rows))
+    kept = np.flatnonzero(np.isin(place, long))
+    which = np.eye(long.size)[np.searchsorted(long, place[kept])]
+    field = (which[:, None, :, None] * np.eye(3)[:, None, :]).reshape(kept.size, 3, -1)
+    return np.concatenate([rows[kept], -field], axis=2).reshape(3 * kept.size, -1), np.repeat(kept, 3)
 
 
 def _robust(rows: AnyArray, groups: np.ndarray, holds: int) -> Series:
@@ -102,15 +96,3 @@ def _robust(rows: AnyArray, groups: np.ndarray, holds: int) -> Series:
         limit = ROBUST * float(np.median(off[np.unique(groups)])) + 1e-12
         weight = np.where(off > limit, limit / np.maximum(off, 1e-300), 1.0)
     return solution
-
-
-def _field_of(task: FieldAdjustment, active: np.ndarray, field_b: Vectors) -> AnyArray:
-    """(sections, 3) the median field of each section in its frame; of one without a hold that takes part along x."""
-    made = np.tile(np.array([1.0, 0.0, 0.0]), (len(task.sections), 1))
-    for place, section in enumerate(task.sections):
-        at = np.flatnonzero(np.isin(active, section.holds))
-        if at.size:
-            k = active[at]
-            C = np.einsum("kp,kpij->kij", hold_shares(task, k), section.C_wb[k - section.first])
-            made[place] = np.median(np.einsum("kij,kj->ki", C, field_b[at]), axis=0)
-    return made

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from tumble.calibration.magnetometer.parameters import named_parameters
+from tumble.calibration.magnetometer.estimate import named_parameters
 from tumble.document import Calibration, read_calibration
 from tumble.document.difference import ParameterChange
 from tumble.errors import CalibrationFileError, UsageError
