@@ -80,6 +80,23 @@ def test_recordings_of_two_units_are_said_to_be(tumble: Any, folder: Path, tmp_p
     assert not (tmp_path / "none").exists()
 
 
+def test_what_cannot_take_part_is_left_out_by_name_and_not_the_others_with_it(
+    tumble: Any, answer: Any, folder: Path, tmp_path: Path
+) -> None:
+    assert answer.status == 0
+    lines = (folder / "tuesday.csv").read_text(encoding="utf-8").splitlines(keepends=True)
+    (tmp_path / "short.csv").write_text("".join(lines[:200]), encoding="utf-8")
+    names = [folder / "monday.csv", tmp_path / "short.csv", folder / "stranger.csv", folder / "tuesday.csv"]
+    done = tumble("calibrate", *names, "--turn-ons", "--gravity", GRAVITY, "-o", tmp_path / "made")
+    assert done.status == 0, done
+    for said in ("short.csv cannot take part: ", "stranger.csv takes no part: "):
+        assert said in " ".join(done.out.split())
+    made, before = (read_calibration(place) for place in (tmp_path / "made", folder / "results"))
+    assert made.turn_ons is not None
+    assert [r.name for r in made.turn_ons.recordings] == ["monday.csv", "tuesday.csv"]
+    assert [p.value for p in made.parameters] == pytest.approx([p.value for p in before.parameters])
+
+
 def in_g(rows: np.ndarray) -> np.ndarray:
     changed = rows.copy()
     changed[:, 1:4] /= 9.80665

@@ -31,11 +31,15 @@ class Place:
     ----------
     node : the node that it begins at; -1 for a chain that joins the border alone.
     at_node, at_next : which unknowns of that node, and of the one after it.
+    at_border : which unknowns of the border it knows, of a chain that joins the border alone.
+    weight : what its equations count, of such a chain.
     """
 
     node: int = -1
     at_node: slice = field(default_factory=lambda: slice(0, 0))
     at_next: slice = field(default_factory=lambda: slice(0, 0))
+    at_border: np.ndarray | slice = field(default_factory=lambda: slice(None))
+    weight: float = 1.0
 
     @property
     def width(self) -> int:
@@ -198,30 +202,31 @@ class Chain:
             self.border[k + 1, after] += M[second, rest]
             self.gradient[k, at] += g[first]
             self.gradient[k + 1, after] += g[second]
-        self.corner += M[rest, rest]
-        self.corner_gradient += g[rest]
+        among, weight = np.arange(len(self.corner))[place.at_border], place.weight
+        self.corner[np.ix_(among, among)] += weight * M[rest, rest]
+        self.corner_gradient[among] += weight * g[rest]
         self.within.append((place, inner))
 
     @property
     def square_sum(self) -> float:
         """Of all residuals, those within included."""
-        return sum(sums.square_sum for sums in self._sums())
+        return sum(weight * sums.square_sum for weight, sums in self._sums())
 
     @property
     def checks(self) -> int:
         """How many observations there are beyond the nodes and own unknowns, those within included."""
-        unknowns = sum(chain.gradient.size + chain.own for chain in self._chains())
-        return sum(sums.observations for sums in self._sums()) - unknowns
+        unknowns = sum(chain.gradient.size + chain.own for _, chain in self._chains())
+        return sum(sums.observations for _, sums in self._sums()) - unknowns
 
-    def _chains(self) -> Iterator[Chain]:
-        """Yield this chain and all within it."""
-        yield self
-        for _, inner in self.within:
-            yield from inner.chain._chains()
+    def _chains(self, weight: float = 1.0) -> Iterator[tuple[float, Chain]]:
+        """Yield this chain and all within it, with what each counts."""
+        yield weight, self
+        for place, inner in self.within:
+            yield from inner.chain._chains(weight * place.weight)
 
-    def _sums(self) -> list[Sums]:
+    def _sums(self) -> list[tuple[float, Sums]]:
         """Those of this chain and of all within it, which lie in one side by side."""
-        return [*{id(chain.sums): chain.sums for chain in self._chains()}.values()]
+        return [*{id(chain.sums): (weight, chain.sums) for weight, chain in self._chains()}.values()]
 
     def eliminated(self) -> Eliminated:
         """Return the chain with nodes and own unknowns eliminated; the equations themselves are left as they are.
@@ -362,7 +367,7 @@ def move_all(
             for place, inner in one.within:
                 k = place.node
                 ends = [steps[k, place.at_node], steps[k + 1, place.at_next]] if k >= 0 else []
-                inners.append((inner, np.concatenate([*ends, border])))
+                inners.append((inner, np.concatenate([*ends, border[place.at_border]])))
         move_all(inners, share, residuals=residuals)
         chains = [one.chain for one, _ in members]
         if residuals:
@@ -389,11 +394,6 @@ class Spread:
     _nodes: tuple[AnyArray, AnyArray, AnyArray] | None = None
     _first: int = 0
     _shared: AnyArray | None = None
-
-    @staticmethod
-    def of(chain: Eliminated, outside: Square) -> Spread:
-        """Return the covariances that go with the outside's."""
-        return Spread(chain, outside)
 
     @property
     def border(self) -> Square:
@@ -442,7 +442,7 @@ class Spread:
         made: list[Spread] = []
         for place, inner in self.chain.within:
             if place.node < 0:
-                made.append(Spread.of(inner, self.border))
+                made.append(Spread(inner, place.weight * self.border[place.at_border][:, place.at_border]))
                 continue
             own, following, with_border = self.nodes
             k, at, after = place.node, place.at_node, place.at_next
@@ -454,7 +454,7 @@ class Spread:
             outside[first, rest], outside[second, rest] = with_border[k][at], with_border[k + 1][after]
             outside[rest, : place.width] = outside[: place.width, rest].T
             outside[rest, rest] = self.border
-            made.append(Spread.of(inner, outside))
+            made.append(Spread(inner, outside))
         return made
 
     def walk(self) -> Iterator[Spread]:

@@ -55,7 +55,7 @@ class Settled:
 
     def spreads(self) -> Iterator[Spread]:
         """Yield the covariances of every chain."""
-        return Spread.of(self.chain, self.cofactor).walk()
+        return Spread(self.chain, self.cofactor).walk()
 
     def chains(self) -> Iterator[Eliminated]:
         """Yield every chain."""

@@ -87,7 +87,7 @@ def test_solution_covariances_and_decrease_are_those_of_dense_least_squares(
     np.testing.assert_allclose(made.nodes_step(z).ravel(), x[:edge], **close)
     inverse = np.linalg.inv(made.corner)
     np.testing.assert_allclose(inverse, S[edge:, edge:], **wide)
-    own_nodes, following_nodes, with_border = Spread.of(made, inverse).nodes
+    own_nodes, following_nodes, with_border = Spread(made, inverse).nodes
     for k in range(nodes):
         own = slice(k * size, (k + 1) * size)
         np.testing.assert_allclose(own_nodes[k], S[own, own], **wide)
@@ -119,7 +119,7 @@ def test_own_unknowns_are_eliminated_as_nodes_are() -> None:
     np.testing.assert_allclose(made.matrix, rest.T @ rest, atol=1e-10)
     np.testing.assert_allclose(made.right, rest.T @ r, atol=1e-10)
     S = np.linalg.inv(J.T @ J)
-    np.testing.assert_allclose(Spread.of(made, S[14:, 14:]).border, S[12:, 12:], atol=1e-10)
+    np.testing.assert_allclose(Spread(made, S[14:, 14:]).border, S[12:, 12:], atol=1e-10)
     assert chain.checks == len(J) - 14
 
 
@@ -144,7 +144,7 @@ def test_the_covariance_of_what_is_adjusted_is_the_hat_matrix() -> None:
     nodes, size, border = 4, 3, 5
     chain, J, _ = random_chain(10, nodes, size, border)
     made = chain.eliminated()
-    spread = Spread.of(made, np.linalg.inv(made.corner))
+    spread = Spread(made, np.linalg.inv(made.corner))
     S = np.linalg.inv(J.T @ J)
     row = 0
     for term in chain.terms:

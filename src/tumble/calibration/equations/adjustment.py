@@ -250,7 +250,7 @@ class JointAdjustment:
             return False
         known, before = EARTH_RATE * float(np.cos(self.site.latitude)), [s.sees_north for s in self.sections]
         for section, (_, inner) in zip(self.sections, chain.within, strict=True):
-            covariance = Spread.of(inner, cofactor).border[:2, :2]
+            covariance = Spread(inner, cofactor).border[:2, :2]
             seen, spread = float(np.linalg.norm(section.earth_w[:2])), float(np.sqrt(np.trace(covariance)))
             section.sees_north = spread < SEES_NORTH * known and abs(seen - known) < known / 2.0
         return before != [s.sees_north for s in self.sections]

@@ -1,32 +1,33 @@
 """Several recordings of one unit in one adjustment: what is stable is common, biases are each recording's own.
 
-Each recording keeps its own adjustment: its attitudes, Earth rates and variances. What it tells of
-the unknowns that all share is its normal equations with everything of its own eliminated, bias and fixture included.
-The others' sum is a prior of each recording's adjustment, so that one step of it is the step of the adjustment of all:
-repeated from where all are, it ends where the gradients of all recordings add up to nothing. Variance components and
-outliers of a recording are its own.
+A unit is one more level of the chain: its border are the stable unknowns and each recording's own ones, bias and
+fixture, and a recording is a chain within it that knows its part of that border. Attitudes, Earth rates, variance
+components and outliers of a recording stay its own.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tumble.arrays import Series, Square
-from tumble.calibration.checks.observability import angle_prior
+from tumble.arrays import Series, Square, Table, inverted
+from tumble.calibration.checks.observability import angle_prior, name_plate_prior
 from tumble.calibration.checks.observability import together as both_priors
-from tumble.calibration.equations.adjustment import JointAdjustment, balance_recording
-from tumble.calibration.equations.imu_unknowns import LAYOUT, terms_prior
+from tumble.calibration.equations.adjustment import NODE, JointAdjustment, balance_recording
+from tumble.calibration.equations.imu_unknowns import LAYOUT, name_plate, terms_prior
 from tumble.calibration.equations.pose_equations import mounting_prior
 from tumble.errors import ConvergenceError, ObservabilityError
 from tumble.estimation import Prior
 from tumble.estimation.balance import Balanced, Outlier
+from tumble.estimation.chain import Chain, Eliminated, Place, Spread, Stretch
+from tumble.estimation.equations import Equations
 from tumble.estimation.gauss_helmert import invert_normal_matrix
 from tumble.estimation.settled import Settled
-from tumble.estimation.solve import ROUND_OFF, TOLERANCE, linearise, longest, solve
+from tumble.estimation.solve import linearise, solve
+from tumble.estimation.unknowns import Block, Layout, Unknowns
 from tumble.records import dataclass
 
 if TYPE_CHECKING:
@@ -34,7 +35,6 @@ if TYPE_CHECKING:
 
 OWN = LAYOUT.indices("force.bias", "gyro.bias", "fixture")
 """Unknowns of a recording alone: biases change when the unit is switched on, the fixture when it is placed."""
-ROUNDS = 30
 # Eigenvalues of an information matrix of unit diagonal below this are round-off of the others.
 NOTHING = 1e-12
 
@@ -47,7 +47,7 @@ class TurnOn:
     ----------
     name : of the recording, for words.
     outcome : of its own joint adjustment, without the others.
-    task : its equations; `task.prior` holds what the others know.
+    task : its equations.
     solution : of the last step.
     scale : variance of unit weight of its residuals, 1 at least: what its observations weigh less.
     balanced : its variances and outliers with these unknowns; None before they were found.
@@ -113,56 +113,123 @@ class Told:
     precision: Square
     right: Series
 
-    def __add__(self, other: Told) -> Told:
-        """Return what two recordings tell together."""
-        return Told(self.precision + other.precision, self.right + other.right)
+    @staticmethod
+    def sum(several: Sequence[Told]) -> Told:
+        """Return what recordings tell together."""
+        return Told(
+            np.sum([told.precision for told in several], axis=0),
+            np.sum([told.right for told in several], axis=0),
+        )
 
-    def __sub__(self, other: Told) -> Told:
-        """Return what is told without one of the recordings."""
-        return Told(self.precision - other.precision, self.right - other.right)
+
+class UnitStretch:
+    """All recordings of a unit, each with its part of the border; its unknowns are no chain's own."""
+
+    nodes, size, own = 0, NODE, 0
+
+    def __init__(self, unit: UnitAdjustment) -> None:
+        self.equations: list[Equations] = []
+        self.within: list[tuple[Place, Stretch | Eliminated]] = []
+        for part, place in zip(unit.parts, unit.places, strict=True):
+            task = part.task
+            chain = Chain.of(task.stretch(), task.state, part.free.size).eliminated()
+            self.within.append((Place(at_border=place, weight=1.0 / part.scale), chain))
+
+    def undetermined(self, node: int) -> str:
+        """Say it of the whole: it has no nodes."""
+        return "The unit is not determined by its recordings."
+
+    def move(self, nodes: Table, own: Series) -> None:
+        """Do nothing: recordings move themselves."""
 
 
-@dataclass(slots=True)
-class SeveralSolution:
-    """A settled adjustment of several recordings.
+class UnitAdjustment:
+    """Several recordings, adjusted or to be adjusted: a task for `tumble.estimation.solve`.
 
     Attributes
     ----------
-    parts : the recordings, each at the common solution.
+    parts : the recordings; moved.
     stable : indices of the unknowns that are common.
-    told : of each recording, at the solution.
-    places : of each recording's free unknowns, where they stand in `covariance`.
-    covariance : of the stable unknowns, and then of each recording's own.
-    square_sum, redundancy : of all residuals, as they weigh.
+    places : of each recording's free unknowns, where they stand among the unit's.
+    unknowns : the stable ones, and then each recording's own.
+    prior : what is believed of the recordings without one another, as they weigh.
+    told, settled : what each recording tells, and the solution of all, once there is one.
     """
 
-    parts: list[TurnOn]
-    stable: np.ndarray
     told: list[Told]
-    places: list[np.ndarray]
-    covariance: Square
-    square_sum: float
-    redundancy: int
+    settled: Settled
+
+    def __init__(self, parts: Sequence[TurnOn]) -> None:
+        self.parts, self.places = list(parts), list[np.ndarray]()
+        self.stable = np.unique(np.concatenate([part.stable for part in self.parts]))
+        size = self.stable.size
+        for part in self.parts:
+            own = np.isin(part.free, OWN)
+            place = np.searchsorted(self.stable, part.free)
+            place[own] = size + np.arange(part.own.size)
+            size += part.own.size
+            self.places.append(place)
+        values = np.zeros(size)
+        for part, place in zip(reversed(self.parts), reversed(self.places), strict=True):
+            values[place] = part.values[part.free]
+        layout = Layout((Block("unit", ("",) * size, ("",) * size),))
+        self.unknowns = Unknowns(layout, values, np.arange(size))
+        self._share()
+        self.prior = self._believed()
 
     @property
     def values(self) -> Series:
         """Where the stable unknowns are."""
-        return stable_values(self.parts, self.stable)
+        return self.unknowns.values[: self.stable.size]
+
+    def _share(self) -> None:
+        """Let the recordings have the unit's unknowns."""
+        for part, place in zip(self.parts, self.places, strict=True):
+            values = part.values.copy()
+            values[part.free] = self.unknowns.values[place]
+            part.task.unknowns = part.task.unknowns.at(values)
 
     @property
-    def sigma0(self) -> float:
-        """Square root of the variance of unit weight; NaN where nothing is checked."""
-        if self.redundancy <= 0:
-            return float("nan")
-        return float(np.sqrt(max(self.square_sum, 0.0) / self.redundancy))
+    def state(self) -> UnitAdjustment:
+        """The unit; each recording's equations are asked at its own."""
+        return self
 
-    def own_places(self, index: int) -> np.ndarray:
-        """Return where a recording's own unknowns stand in the covariance, in the order of `TurnOn.own`."""
-        part = self.parts[index]
-        return self.places[index][np.isin(part.free, part.own)]
+    def _believed(self) -> Prior | None:
+        """What is believed of the recordings without one another, as they weigh."""
+        total, size = None, self.unknowns.values.size
+        for part, place in zip(self.parts, self.places, strict=True):
+            if (given := part.given) is not None:
+                mean, precision = self.unknowns.values.copy(), np.zeros((size, size))
+                mean[place] = given.mean[part.free]
+                precision[np.ix_(place, place)] = given.precision[np.ix_(part.free, part.free)] / part.scale
+                total = both_priors(total, Prior(mean, precision))
+        return total
+
+    def stretch(self) -> UnitStretch:
+        """Return everything that was observed."""
+        return UnitStretch(self)
+
+    def stepped(self, chain: Eliminated, cofactor: Square) -> bool:
+        """Let the recordings follow, and note what a step has changed of what is believed."""
+        self._share()
+        self.prior, changed = self._believed(), False
+        for part, spread in zip(self.parts, Spread(chain, cofactor).within(), strict=True):
+            changed = part.task.stepped(spread.chain, spread.outside) or changed
+        return changed
+
+    def snapshot(self) -> Callable[[], None]:
+        """Return a function that puts everything back where it is now."""
+        here, backs = (self.unknowns, self.prior), [part.task.snapshot() for part in self.parts]
+
+        def back() -> None:
+            self.unknowns, self.prior = here
+            for of_part in backs:
+                of_part()
+
+        return back
 
 
-def solve_several(parts: Sequence[TurnOn]) -> SeveralSolution:
+def solve_several(parts: Sequence[TurnOn]) -> UnitAdjustment:
     """Adjust all recordings together, with their variances as they are.
 
     Parameters
@@ -176,56 +243,77 @@ def solve_several(parts: Sequence[TurnOn]) -> SeveralSolution:
     ConvergenceError
         If it does not settle.
     """
-    parts = list(parts)
-    stable = np.unique(np.concatenate([part.stable for part in parts]))
-    before = np.inf
-    for _ in range(ROUNDS):
-        told = [tell(part, stable) for part in parts]
-        together = _sum(told)
-        at = stable_values(parts, stable)
-        covariance = invert_normal_matrix(together.precision)
-        size = longest(covariance @ (together.right - together.precision @ at), covariance)
-        for part, own in zip(parts, told, strict=True):
-            size = max(size, _step(part, stable, together - own))
-        if size <= TOLERANCE or (size < ROUND_OFF and size >= before):
-            return _solution(parts, stable)
-        before = size
-    raise ConvergenceError(
-        f"The adjustment of {len(parts)} recordings together did not settle within {ROUNDS} rounds."
-    )
+    unit = UnitAdjustment(parts)
+    settled = solve(unit)
+    redundancy = -len(settled.cofactor)
+    unit.told = [tell(part, unit.stable) for part in unit.parts]
+    together = Told.sum(unit.told)
+    spreads = Spread(settled.chain, settled.cofactor).within()
+    for part, spread, own in zip(unit.parts, spreads, unit.told, strict=True):
+        chain, given = spread.chain, part.given
+        others = Told(together.precision - own.precision, together.right - own.right)
+        part.task.prior = _with_others(part, unit.stable, others)
+        redundancy += chain.chain.checks + (0 if given is None else given.rank)
+        left = chain.chain.checks - part.free.size + part.task.prior.rank
+        sums = chain.chain.square_sum, left, settled.iterations
+        part.solution = Settled(part.task, part.task.unknowns, chain, spread.outside, *sums)
+        if part.balanced is not None:
+            part.balanced.solution, part.balanced.tests = part.solution, part.solution.tests()
+    unit.settled = replace(settled, redundancy=redundancy)
+    return unit
 
 
-def balance_several(solution: SeveralSolution) -> SeveralSolution:
+def balance_several(unit: UnitAdjustment) -> UnitAdjustment:
     """Find variances and outliers anew of recordings whose unknowns are no longer those of their own adjustment.
 
-    Each by itself, so that a recording that contradicts the others is not made to agree by larger variances; with what
-    the others know only where it does not tell the unit alone. Where it does not settle, as with another unit's prior,
-    the variances stay those of its own adjustment.
+    Each by itself, so that a recording that contradicts the others is not made to agree by larger variances; with its
+    name plate only where it does not tell the unit alone. Where it does not settle, the variances stay those of its
+    own adjustment.
 
     Parameters
     ----------
-    solution : settled; its parts are moved.
+    unit : settled; its parts are moved.
 
     Raises
     ------
     ObservabilityError, ConvergenceError
         From the adjustment of all.
     """
-    moved = False
-    for part, own in zip(solution.parts, solution.told, strict=True):
+    for part in unit.parts:
         alone, as_settled = part.outcome.untold is None, part.task.copy()
         part.balanced = replace(part.outcome.balanced, outliers=[])
         if alone and np.array_equal(part.free, part.outcome.task.unknowns.free):
             continue
-        part.task.prior = part.given if alone else _prior(part, solution.stable, _sum(solution.told) - own)
+        plate = None if alone else name_plate_prior(part.task.unknowns)
+        part.task.prior = both_priors(part.given, plate)
         try:
             part.balanced = balance_recording(part.task)
         except (ObservabilityError, ConvergenceError):
             part.task = as_settled
             continue
         part.scale = part.balanced.solution.unit_weight
-        moved = True
-    return solve_several(solution.parts) if moved else _solution(solution.parts, solution.stable)
+    return solve_several(unit.parts)
+
+
+def _with_others(part: TurnOn, stable: np.ndarray, others: Told) -> Prior:
+    """What is believed of a settled recording, and what the others tell of its unknowns whatever the rest is."""
+    place, here, at = np.searchsorted(stable, part.stable), part.values, part.stable
+    rest = np.setdiff1d(np.flatnonzero(np.diag(others.precision) > 0.0), place)
+    told, right = others.precision[np.ix_(place, place)], others.right[place]
+    if rest.size:
+        across = others.precision[np.ix_(place, rest)]
+        across = across @ invert_normal_matrix(others.precision[np.ix_(rest, rest)])
+        told = told - across @ others.precision[np.ix_(rest, place)]
+        right = right - across @ others.right[rest]
+    given = part.given or Prior(np.zeros(here.size), np.zeros((here.size, here.size)))
+    precision, pull = given.precision.copy(), given.precision @ (given.mean - here)
+    # The recording's own equations are as they were observed; the others' are weighed against them.
+    precision[np.ix_(at, at)] += part.scale * told
+    pull[at] += part.scale * (right - told @ here[at])
+    size = np.sqrt(np.diag(precision))
+    scale = np.divide(1.0, size, out=np.zeros(size.size), where=size > 0.0)
+    scaled = np.linalg.pinv(precision * np.outer(scale, scale), rcond=NOTHING, hermitian=True)
+    return Prior(here + scale * (scaled @ (scale * pull)), precision)
 
 
 def tell(part: TurnOn, stable: np.ndarray) -> Told:
@@ -241,7 +329,8 @@ def tell(part: TurnOn, stable: np.ndarray) -> Told:
     ObservabilityError
         If its own unknowns are not determined even with the others known.
     """
-    normal, gradient = own_equations(part)
+    _, normal, gradient = linearise(replace(part.task, prior=part.given))
+    normal, gradient = normal / part.scale, gradient / part.scale
     at, own = np.isin(part.free, part.stable), np.isin(part.free, part.own)
     across = normal[np.ix_(at, own)] @ invert_normal_matrix(normal[np.ix_(own, own)])
     reduced = normal[np.ix_(at, at)] - across @ normal[np.ix_(own, at)]
@@ -250,19 +339,6 @@ def tell(part: TurnOn, stable: np.ndarray) -> Told:
     precision[np.ix_(place, place)] = 0.5 * (reduced + reduced.T)
     right[place] = reduced @ part.values[part.stable] - (gradient[at] - across @ gradient[own])
     return Told(precision, right)
-
-
-def stable_values(parts: Sequence[TurnOn], stable: np.ndarray) -> Series:
-    """Return where the stable unknowns are; each as the first recording that has it.
-
-    Parameters
-    ----------
-    parts, stable : the recordings, and the indices.
-    """
-    values = np.zeros(stable.size)
-    for part in reversed(parts):
-        values[np.searchsorted(stable, part.stable)] = part.values[part.stable]
-    return values
 
 
 def with_free(part: TurnOn, free: np.ndarray) -> TurnOn:
@@ -278,105 +354,25 @@ def with_free(part: TurnOn, free: np.ndarray) -> TurnOn:
     return made
 
 
-def own_equations(part: TurnOn) -> tuple[Square, Series]:
-    """Return a recording's normal matrix and gradient without what the others know, as it weighs.
+def all_told(parts: Sequence[TurnOn]) -> list[Square]:
+    """Return what all recordings determine of the free unknowns of each.
 
     Parameters
     ----------
-    part : the recording, at its state.
+    parts : the recordings.
+
+    Raises
+    ------
+    ObservabilityError
+        If something of a recording is not determined, whatever its unknowns are.
     """
-    _, normal, gradient = linearise(replace(part.task, prior=part.given))
-    return normal / part.scale, gradient / part.scale
-
-
-def others_prior(part: TurnOn, stable: np.ndarray, others: Sequence[Told]) -> Prior:
-    """Return what other recordings know as a prior of a recording's unknowns, with what is believed of it anyway.
-
-    Parameters
-    ----------
-    part : the recording.
-    stable : indices of the unknowns that all share.
-    others : what the others tell.
-    """
-    return _prior(part, stable, _sum(others))
-
-
-def _step(part: TurnOn, stable: np.ndarray, others: Told) -> float:
-    """Take the recording's part of the step of all; return how long its own unknowns' step was."""
-    part.task.prior = _prior(part, stable, others)
-    before = part.values[part.own].copy()
-    part.solution = solve(part.task, once=True)
-    own = np.isin(part.free, part.own)
-    return longest(part.values[part.own] - before, part.solution.cofactor[np.ix_(own, own)])
-
-
-def _prior(part: TurnOn, stable: np.ndarray, others: Told) -> Prior:
-    size, at = part.values.size, part.stable
-    place = np.searchsorted(stable, at)
-    told = _marginal(others, place)
-    precision, right = np.zeros((size, size)), np.zeros(size)
-    given = part.given
-    if given is not None:
-        precision, right = given.precision.copy(), given.precision @ given.mean
-    # The recording's own equations are as they were observed; the others' are weighed against them.
-    precision[np.ix_(at, at)] += part.scale * told.precision
-    right[at] += part.scale * told.right
-    here = part.values
-    return Prior(here + _solved(precision, right - precision @ here), precision)
-
-
-def _marginal(told: Told, place: np.ndarray) -> Told:
-    """What is told of the unknowns at `place` whatever the rest is."""
-    rest = np.setdiff1d(np.arange(told.right.size), place)
-    rest = rest[np.diag(told.precision)[rest] > 0.0]
-    if not rest.size:
-        return Told(told.precision[np.ix_(place, place)], told.right[place])
-    across = told.precision[np.ix_(place, rest)] @ invert_normal_matrix(told.precision[np.ix_(rest, rest)])
-    return Told(
-        told.precision[np.ix_(place, place)] - across @ told.precision[np.ix_(rest, place)],
-        told.right[place] - across @ told.right[rest],
+    unit = UnitAdjustment(parts)
+    _, normal, _ = linearise(unit)
+    plates = np.ones(len(normal))
+    for part, place in zip(unit.parts, unit.places, strict=True):
+        plates[place] = name_plate(part.task.unknowns)[part.free]
+    # What nothing determines is known to a thousand times its name plate, so that what is left can be told.
+    covariance = inverted(normal * np.outer(plates, plates) + 1e-6 * np.eye(len(normal))) * np.outer(
+        plates, plates
     )
-
-
-def _solved(precision: Square, right: Series) -> Series:
-    """Solve for what is known; zero along what is not."""
-    known = np.flatnonzero(np.diag(precision) > 0.0)
-    solved = np.zeros(right.size)
-    if known.size:
-        scale = 1.0 / np.sqrt(np.diag(precision)[known])
-        own = precision[np.ix_(known, known)] * np.outer(scale, scale)
-        solved[known] = scale * (np.linalg.pinv(own, rcond=NOTHING, hermitian=True) @ (scale * right[known]))
-    return solved
-
-
-def _solution(parts: list[TurnOn], stable: np.ndarray) -> SeveralSolution:
-    """The settled adjustment, with the covariance of all unknowns and the sums over all recordings."""
-    places: list[np.ndarray] = []
-    stop = stable.size
-    for part in parts:
-        place = np.zeros(part.free.size, dtype=int)
-        own = np.isin(part.free, part.own)
-        place[~own] = np.searchsorted(stable, part.stable)
-        place[own] = stop + np.arange(part.own.size)
-        stop += part.own.size
-        places.append(place)
-    normal = np.zeros((stop, stop))
-    square_sum, left = 0.0, -stop
-    for part, place in zip(parts, places, strict=True):
-        normal[np.ix_(place, place)] += own_equations(part)[0]
-        solution, prior, given = part.solution, part.task.prior, part.given
-        square_sum += solution.square_sum / part.scale
-        left += solution.redundancy + part.free.size
-        left += (0 if given is None else given.rank) - (0 if prior is None else prior.rank)
-        if part.balanced is not None:
-            part.balanced.solution = solution
-            part.balanced.tests = solution.tests()
-    told = [tell(part, stable) for part in parts]
-    return SeveralSolution(parts, stable, told, places, invert_normal_matrix(normal), square_sum, left)
-
-
-def _sum(told: Sequence[Told]) -> Told:
-    total = told[0]
-    for more in told[1:]:
-        total = total + more
-    return total
+    return [invert_normal_matrix(covariance[np.ix_(place, place)]) for place in unit.places]

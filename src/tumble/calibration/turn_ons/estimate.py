@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Series, Square, Table
+from tumble.arrays import AnyArray, Matrix, Series, Square, Table
 from tumble.calibration.equations.imu_unknowns import LAYOUT
 from tumble.calibration.estimate import (
     Described,
@@ -22,6 +22,7 @@ from tumble.calibration.evidence import Holds, Spins, Turns
 from tumble.calibration.outcome.description import describe, named_function
 from tumble.calibration.outcome.estimate import joint_estimate
 from tumble.calibration.terms.lever_arms import lever_arms_of
+from tumble.calibration.turn_ons.adjustment import TurnOn, UnitAdjustment
 from tumble.calibration.turn_ons.biases import (
     FALSE_ALARM,
     Agreement,
@@ -40,7 +41,7 @@ from tumble.sensor.propagation import jacobian
 from tumble.units import angular_rate_factor, specific_force_factor
 
 FRAME = "accelerometer-x"
-BIASES = (("accelerometer", LAYOUT["force.bias"]), ("gyro", LAYOUT["gyro.bias"]))
+BIASES = {"accelerometer": "force.bias", "gyro": "gyro.bias"}
 
 
 @dataclass(slots=True)
@@ -69,8 +70,9 @@ class _Named:
     values: Series
     slope: Table
 
-    def rows(self, *, biases: bool) -> list[int]:
-        return [i for i, (name, _) in enumerate(self.labels) if (" bias " in name) == biases]
+    @property
+    def stable_rows(self) -> list[int]:
+        return [i for i, (name, _) in enumerate(self.labels) if " bias " not in name]
 
 
 def several_estimate(outcome: SeveralOutcome, alone: Sequence[Estimate], site: Site) -> SeveralEstimate:
@@ -82,23 +84,30 @@ def several_estimate(outcome: SeveralOutcome, alone: Sequence[Estimate], site: S
     alone : what each recording made by itself: what is said of it holds here too.
     site : how well gravity is known, which is the same error in all recordings.
     """
-    parts = [joint_estimate(settled_outcome(outcome, k)) for k in range(len(outcome.solution.parts))]
-    values, effect = _common(outcome)
+    unit = outcome.solution
+    parts = [joint_estimate(settled_outcome(outcome, k)) for k in range(len(unit.parts))]
+    values, effect = _common(unit)
     named = _named(outcome, values)
-    scale = _scale(outcome)
-    covariance = scale * (effect @ outcome.solution.covariance @ effect.T)
-    turn_ons = _turn_ons(outcome, parts, named, covariance)
-    for scatter, place in zip(turn_ons.biases, _bias_places(turn_ons.biases), strict=True):
+    covariance = unit.settled.unit_weight * (effect @ unit.settled.cofactor @ effect.T)
+    biases = _biases(unit, dict(named.labels))
+    turn_ons = TurnOns(
+        [_recording_of(part, own) for part, own in zip(unit.parts, parts, strict=True)],
+        [*biases.values()],
+        _agreements(outcome, named, covariance),
+        *whole_disagreement(outcome),
+    )
+    for place, scatter in biases.items():
         covariance[place, place] = max(scatter.next_sigma**2, covariance[place, place])
-    covariance += _enlargement(outcome, named, turn_ons.agreements)
+    covariance += _enlargement(unit, named, turn_ons.agreements)
     described = describe(
-        *(values, covariance, site, _units_of(outcome)),
+        *(values, covariance, site, _units_of(unit)),
         terms=outcome.kept,
-        gyro=_gyro(outcome),
+        gyro=_gyro(unit),
         frame=FRAME,
         all_told=True,
     )
-    estimate = _joined(outcome, alone, parts, described)
+    arms = lever_arms_of(values[LAYOUT["lever_arms"]], outcome.kept, np.eye(3))
+    estimate = _joined(outcome, alone, parts, described, arms)
     own = said_of(remarks=turn_on_sentences(turn_ons), cautions=turn_on_cautions(turn_ons))
     estimate.said = [*own, *estimate.said]
     estimate.show(turn_ons)
@@ -107,171 +116,122 @@ def several_estimate(outcome: SeveralOutcome, alone: Sequence[Estimate], site: S
     return SeveralEstimate(estimate, parts, turn_ons, each)
 
 
-def _common(outcome: SeveralOutcome) -> tuple[Series, Table]:
+def _own(unit: UnitAdjustment, unknown: int) -> tuple[list[int], Series, list[int]]:
+    """Which recordings have an unknown of their own, its values, and where it stands among the unit's."""
+    at = [k for k, part in enumerate(unit.parts) if unknown in part.own]
+    places = [int(unit.places[k][np.searchsorted(unit.parts[k].free, unknown)]) for k in at]
+    return at, unit.unknowns.values[places], places
+
+
+def _common(unit: UnitAdjustment) -> tuple[Series, Table]:
     """All unknowns of the unit, biases as the recordings' mean, and their derivatives by what was adjusted."""
-    solution = outcome.solution
-    values, effect = np.zeros(LAYOUT.size), np.zeros((LAYOUT.size, len(solution.covariance)))
-    values[solution.stable] = solution.values
-    effect[solution.stable, np.arange(solution.stable.size)] = 1.0
-    for _, place in BIASES:
-        for unknown in range(place.start, place.stop):
-            at, own = _having(outcome, unknown)
-            if at:
-                effect[unknown, own] = 1.0 / len(at)
-                values[unknown] = np.mean(_of_parts(outcome, unknown, at))
+    values, effect = np.zeros(LAYOUT.size), np.zeros((LAYOUT.size, unit.unknowns.values.size))
+    values[unit.stable] = unit.values
+    effect[unit.stable, np.arange(unit.stable.size)] = 1.0
+    for unknown in LAYOUT.indices(*BIASES.values()).tolist():
+        at, seen, places = _own(unit, unknown)
+        if at:
+            effect[unknown, places] = 1.0 / len(at)
+            values[unknown] = np.mean(seen)
     return values, effect
 
 
-def _having(outcome: SeveralOutcome, unknown: int) -> tuple[list[int], list[int]]:
-    """Which recordings have an unknown of their own, and where it stands in the covariance."""
-    solution = outcome.solution
-    at = [k for k, part in enumerate(solution.parts) if unknown in part.own]
-    places = [int(solution.own_places(k)[np.searchsorted(solution.parts[k].own, unknown)]) for k in at]
-    return at, places
+def _gyro(unit: UnitAdjustment) -> str:
+    return "full" if any(part.outcome.has_gyro for part in unit.parts) else "none"
 
 
-def _of_parts(outcome: SeveralOutcome, unknown: int, at: Sequence[int]) -> Series:
-    return np.array([outcome.solution.parts[k].values[unknown] for k in at])
-
-
-def _scale(outcome: SeveralOutcome) -> float:
-    sigma0 = outcome.solution.sigma0
-    return max(1.0, sigma0) ** 2 if np.isfinite(sigma0) else 1.0
-
-
-def _gyro(outcome: SeveralOutcome) -> str:
-    return "full" if any(part.outcome.has_gyro for part in outcome.solution.parts) else "none"
-
-
-def _units_of(outcome: SeveralOutcome) -> Recording:
+def _units_of(unit: UnitAdjustment) -> Recording:
     """A recording whose units are those of all: one with gyros, if there is one."""
-    parts = sorted(outcome.solution.parts, key=lambda part: not part.outcome.has_gyro)
-    return parts[0].outcome.recording
+    return min(unit.parts, key=lambda part: not part.outcome.has_gyro).outcome.recording
 
 
 def _named(outcome: SeveralOutcome, values: Series) -> _Named:
-    recording = _units_of(outcome)
+    recording = _units_of(outcome.solution)
     units = recording.specific_force_unit, recording.angular_rate_unit
     factors = specific_force_factor(units[0]), angular_rate_factor(units[1])
-    labels, function = named_function(outcome.kept, _gyro(outcome), FRAME, units, factors)
+    labels, function = named_function(outcome.kept, _gyro(outcome.solution), FRAME, units, factors)
     return _Named(labels, np.real(function(values.astype(complex))), jacobian(function, values))
 
 
-def _turn_ons(
-    outcome: SeveralOutcome, parts: Sequence[Estimate], named: _Named, covariance: Square
-) -> TurnOns:
-    told = TurnOns(
-        [
-            _recording_of(part.name, part.outcome.recording, own)
-            for part, own in zip(outcome.solution.parts, parts, strict=True)
-        ]
-    )
-    told.biases = _biases(outcome, named)
-    told.agreements = _agreements(outcome, named, covariance)
-    told.chi_square, told.degrees, told.probability = whole_disagreement(outcome)
-    return told
+def _recording_of(part: TurnOn, own: Estimate) -> RecordingOfUnit:
+    held, recording = own.holds.norms.size, part.outcome.recording
+    counts = held, own.turns.found.size, own.spins.rates.size
+    noise = own.sigma0_final, own.variance_components
+    return RecordingOfUnit(part.name, *counts, *noise, recording.duration, recording.rate)
 
 
-def _recording_of(name: str, recording: Recording, own: Estimate) -> RecordingOfUnit:
-    return RecordingOfUnit(
-        name,
-        own.holds.norms.size,
-        own.turns.found.size,
-        own.spins.rates.size,
-        own.sigma0_final,
-        own.variance_components,
-        recording.duration,
-        recording.rate,
-    )
-
-
-def _biases(outcome: SeveralOutcome, named: _Named) -> list[BiasScatter]:
+def _biases(unit: UnitAdjustment, units: dict[str, str]) -> dict[int, BiasScatter]:
     """Each bias from turn-on to turn-on; of one that only one recording has there is nothing to say."""
-    made: list[BiasScatter] = []
-    units = dict(named.labels)
-    for kind, place in BIASES:
-        for i, unknown in enumerate(range(place.start, place.stop)):
-            at, own = _having(outcome, unknown)
-            if len(at) < 2:
-                continue
-            name = f"{kind} bias {'xyz'[i]}"
-            covariance = _scale(outcome) * outcome.solution.covariance[np.ix_(own, own)]
-            every = len(outcome.solution.parts)
-            made.append(
-                bias_scatter(
-                    name, units[name], _of_parts(outcome, unknown, at), covariance, recordings=every, at=at
+    made: dict[int, BiasScatter] = {}
+    for kind, block in BIASES.items():
+        for axis, unknown in zip("xyz", LAYOUT.indices(block).tolist(), strict=True):
+            at, seen, places = _own(unit, unknown)
+            if len(at) >= 2:
+                name = f"{kind} bias {axis}"
+                spread = unit.settled.unit_weight * unit.settled.cofactor[np.ix_(places, places)]
+                made[unknown] = bias_scatter(
+                    name, units[name], seen, spread, recordings=len(unit.parts), at=at
                 )
-            )
     return made
-
-
-def _bias_places(biases: Sequence[BiasScatter]) -> list[int]:
-    places = dict(BIASES)
-    return [places[b.parameter.split()[0]].start + "xyz".index(b.parameter[-1]) for b in biases]
 
 
 def _agreements(outcome: SeveralOutcome, named: _Named, covariance: Square) -> list[Agreement]:
     """Each stable parameter as each recording determines it by itself."""
-    solution = outcome.solution
-    rows = named.rows(biases=False)
-    slope = named.slope[rows][:, solution.stable]
-    whole = covariance[np.ix_(solution.stable, solution.stable)]
+    unit, rows = outcome.solution, named.stable_rows
+    slope = named.slope[rows][:, unit.stable]
+    whole = covariance[np.ix_(unit.stable, unit.stable)]
     sigma = np.sqrt(np.einsum("pi,ij,pj->p", slope, whole, slope))
-    values = np.full((len(rows), len(solution.parts)), np.nan)
+    values = np.full((len(rows), len(unit.parts)), np.nan)
     sigmas = values.copy()
-    for k, (part, (own, spread)) in enumerate(zip(solution.parts, outcome.own, strict=True)):
-        known = tells(spread, part, solution.stable)
+    for k, (part, (own, spread)) in enumerate(zip(unit.parts, outcome.own, strict=True)):
+        known = tells(spread, part, unit.stable)
         told = np.array([bool(np.all(known[np.abs(row) > 1e-3 * np.max(np.abs(row))])) for row in slope])
-        moved = named.values[rows] + slope @ (own - solution.values)
-        apart = np.sqrt(_scale(outcome) * np.einsum("pi,ij,pj->p", slope, spread, slope))
-        values[:, k], sigmas[:, k] = np.where(told, moved, np.nan), np.where(told, apart, np.nan)
+        moved = named.values[rows] + slope @ (own - unit.values)
+        apart = np.sqrt(unit.settled.unit_weight * np.einsum("pi,ij,pj->p", slope, spread, slope))
+        values[told, k], sigmas[told, k] = moved[told], apart[told]
+    together = [(float(named.values[row]), float(one)) for row, one in zip(rows, sigma, strict=True)]
     return [
-        agreement_of(
-            *named.labels[row],
-            values[i],
-            sigmas[i],
-            (float(named.values[row]), float(sigma[i])),
-            FALSE_ALARM / len(rows),
-        )
+        agreement_of(*named.labels[row], values[i], sigmas[i], together[i], FALSE_ALARM / len(rows))
         for i, row in enumerate(rows)
     ]
 
 
-def _enlargement(outcome: SeveralOutcome, named: _Named, agreements: Sequence[Agreement]) -> Square:
+def _enlargement(unit: UnitAdjustment, named: _Named, agreements: Sequence[Agreement]) -> Square:
     """What the unknowns' covariance gains where recordings contradict each other."""
-    stable = outcome.solution.stable
-    slope = named.slope[named.rows(biases=False)][:, stable]
+    slope = named.slope[named.stable_rows][:, unit.stable]
     more = np.array([(a.enlarged**2 - 1.0) * a.sigma**2 for a in agreements])
     scale = np.max(np.abs(slope), axis=0)
     back: Table = np.asarray(np.linalg.pinv(slope / scale), dtype=np.float64) / scale[:, None]
     made = np.zeros((LAYOUT.size, LAYOUT.size))
-    made[np.ix_(stable, stable)] = (back * more) @ back.T
+    made[np.ix_(unit.stable, unit.stable)] = (back * more) @ back.T
     return made
 
 
 def _joined(
-    outcome: SeveralOutcome, alone: Sequence[Estimate], parts: Sequence[Estimate], described: Described
+    outcome: SeveralOutcome,
+    alone: Sequence[Estimate],
+    parts: Sequence[Estimate],
+    described: Described,
+    arms: Matrix | None,
 ) -> Estimate:
     """One estimate with the residuals of all recordings, one after the other."""
-    solution = outcome.solution
-    degrees = solution.redundancy
-    at_rest = sum(own.sigma0**2 * own.degrees_of_freedom for own in parts)
+    settled, names = outcome.solution.settled, [part.name for part in outcome.solution.parts]
+    degrees = [own.degrees_of_freedom for own in parts]
+    at_rest = sum(own.sigma0**2 * left for own, left in zip(parts, degrees, strict=True))
 
     def every(kind: str, name: str) -> AnyArray:
         return np.concatenate([getattr(getattr(own, kind), name) for own in parts])
 
+    named = list(zip(names, parts, strict=True))
     figures = Figures(
-        float(np.sqrt(at_rest / sum(own.degrees_of_freedom for own in parts))),
-        solution.sigma0,
-        degrees,
-        coverage_factor(degrees),
+        float(np.sqrt(at_rest / sum(degrees))),
+        settled.sigma0,
+        settled.redundancy,
+        coverage_factor(settled.redundancy),
         max(own.largest_normalised for own in parts),
-        {
-            f"{name} ({part.name})": value
-            for part, own in zip(solution.parts, parts, strict=True)
-            for name, value in own.variance_components.items()
-        },
+        {f"{of} ({name})": size for name, own in named for of, size in own.variance_components.items()},
     )
+    spins = tuple(f"{name}, {of}" for name, own in named for of in own.spins.names)
     return estimate_of(
         "joint",
         described,
@@ -286,19 +246,10 @@ def _joined(
         evidence=[
             Holds(every("holds", "norms"), every("holds", "sigmas")),
             Turns(every("turns", "angles"), every("turns", "sigmas"), every("turns", "sizes")),
-            Spins(
-                every("spins", "rates"),
-                every("spins", "residuals"),
-                every("spins", "sigmas"),
-                tuple(
-                    f"{part.name}, {name}"
-                    for part, own in zip(solution.parts, parts, strict=True)
-                    for name in own.spins.names
-                ),
-            ),
+            Spins(every("spins", "rates"), every("spins", "residuals"), every("spins", "sigmas"), spins),
         ],
         frame=FRAME,
-        lever_arms=lever_arms_of(_common(outcome)[0][LAYOUT["lever_arms"]], outcome.kept, np.eye(3)),
+        lever_arms=arms,
     )
 
 

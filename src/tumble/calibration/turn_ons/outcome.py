@@ -29,19 +29,16 @@ from tumble.calibration.outcome.estimate import JointOutcome
 from tumble.calibration.recording_influences import recording_influences
 from tumble.calibration.terms import TERMS
 from tumble.calibration.turn_ons.adjustment import (
-    SeveralSolution,
-    Told,
     TurnOn,
+    UnitAdjustment,
+    all_told,
     balance_several,
-    others_prior,
-    own_equations,
     solve_several,
-    stable_values,
     tell,
     with_free,
 )
 from tumble.calibration.turn_ons.biases import disagreement
-from tumble.errors import ConvergenceError, ObservabilityError, UsageError
+from tumble.errors import ConvergenceError, ObservabilityError, TumbleError, UsageError
 from tumble.estimation.solve import settled_at
 from tumble.records import dataclass
 
@@ -62,7 +59,7 @@ class SeveralOutcome:
         tell is as uncertain as a name plate leaves it.
     """
 
-    solution: SeveralSolution
+    solution: UnitAdjustment
     terms: list[TermTest]
     own: list[tuple[Series, Square]]
 
@@ -70,6 +67,45 @@ class SeveralOutcome:
     def kept(self) -> frozenset[str]:
         """Names of the optional terms that are wanted."""
         return frozenset(test.name for test in self.terms if test.kept)
+
+
+def find_strangers(
+    names: Sequence[str], outcomes: Sequence[JointOutcome], *, optional_terms: bool = True
+) -> dict[int, str]:
+    """Return which recordings cannot be adjusted with the others, and why; at least two are left.
+
+    One that contradicts the others by more than any unit changes (another unit, or biases that drifted with the poses),
+    and one whose own unknowns are not determined whatever the others tell. The others are not refused with it.
+
+    Parameters
+    ----------
+    names : of the recordings, for words.
+    outcomes : of each one's own joint adjustment.
+    optional_terms : as for `adjust_several`.
+
+    Raises
+    ------
+    UsageError, ObservabilityError
+        If fewer than two recordings would be left.
+    """
+    found: dict[int, str] = {}
+    while True:
+        at = [k for k in range(len(names)) if k not in found]
+        parts = [TurnOn.of(names[k], outcomes[k]) for k in at]
+        terms = _found(parts)
+        # By what was recorded alone: a prior of another unit would make one of the recordings the stranger. Terms that
+        # are left out go into scale factors and angles, by the way that each recording was turned.
+        alone = [replace(part, outcome=replace(part.outcome, knowledge=None)) for part in parts]
+        stranger = _stranger([with_free(part, _free(part, [*(terms | {"g_sensitivity"})])) for part in alone])
+        if stranger is None:
+            chosen = [*terms] if optional_terms else []
+            stranger = _untold([with_free(part, _free(part, chosen)) for part in parts])
+        if stranger is None:
+            return found
+        part, why, error = stranger
+        if len(parts) < 3:
+            raise error
+        found[at[part]] = why
 
 
 def adjust_several(
@@ -85,33 +121,22 @@ def adjust_several(
 
     Raises
     ------
-    UsageError
-        If the recordings are not of one unit.
     ObservabilityError
         If all recordings together do not tell the unit.
     ConvergenceError
         If the adjustment does not settle.
     """
     parts = [TurnOn.of(name, outcome) for name, outcome in zip(names, outcomes, strict=True)]
-    # Terms that are left out go into scale factors and angles, by the way that each recording was turned.
-    found = {name for name in TERMS if any(_has(outcome, name) for outcome in outcomes)}
-    # By what was recorded alone: a prior of another unit would make one of the recordings the stranger.
-    alone = [replace(part, outcome=replace(part.outcome, knowledge=None)) for part in parts]
-    _refuse_another_unit([with_free(part, _free(part, [*(found | {"g_sensitivity"})])) for part in alone])
-    chosen = [*found] if optional_terms else []
+    chosen, tests = _wanted(parts, _found(parts)) if optional_terms else ([], [])
     adjusted = [with_free(part, _free(part, chosen)) for part in parts]
-    _refuse_untold(adjusted)
-    tests: list[TermTest] = []
-    if optional_terms:
-        chosen, tests = _wanted(parts, found)
-        adjusted = [with_free(part, _free(part, chosen)) for part in parts]
     solution = balance_several(solve_several(adjusted))
-    return SeveralOutcome(solution, tests, _estimates(solution.parts, solution.stable, solution.told))
+    return SeveralOutcome(solution, tests, _estimates(solution))
 
 
-def _has(outcome: JointOutcome, term: str) -> bool:
-    """Whether a recording by itself was adjusted with an optional term."""
-    return bool(np.all(np.isin(term_unknowns(term), outcome.task.unknowns.free)))
+def _found(parts: Sequence[TurnOn]) -> set[str]:
+    """The optional terms that a recording by itself was adjusted with."""
+    free = [part.outcome.task.unknowns.free for part in parts]
+    return {name for name in TERMS if any(np.all(np.isin(term_unknowns(name), own)) for own in free)}
 
 
 def _free(part: TurnOn, terms: Sequence[str]) -> np.ndarray:
@@ -154,16 +179,16 @@ def _wanted(parts: list[TurnOn], found: set[str]) -> tuple[list[str], list[TermT
     return names, list(tests.values())
 
 
-def _test(name: str, solution: SeveralSolution, shared: Square) -> TermTest:
+def _test(name: str, solution: UnitAdjustment, shared: Square) -> TermTest:
     """The less significant one: with and without what neighbouring holds share."""
     at = np.searchsorted(solution.stable, term_unknowns(name))
     own, here = np.ix_(at, at), solution.values[at]
-    taken = [solution.covariance[own], solution.covariance[own] + shared[own]]
-    tests = [term_test(name, here, matrix, solution.redundancy, TERM_LIMIT) for matrix in taken]
+    taken = [solution.settled.cofactor[own], solution.settled.cofactor[own] + shared[own]]
+    tests = [term_test(name, here, matrix, solution.settled.redundancy, TERM_LIMIT) for matrix in taken]
     return max(tests, key=lambda test: test.probability)
 
 
-def _shared_scatter(solution: SeveralSolution) -> Square:
+def _shared_scatter(solution: UnitAdjustment) -> Square:
     """Return (stable, stable) by how much the covariance of what recordings have in common would differ.
 
     Each tells ``P_i x_i``, and together ``C Σ P_i x_i``: a change D_i of the covariance of x_i is ``C P_i D_i P_i C``
@@ -176,7 +201,7 @@ def _shared_scatter(solution: SeveralSolution) -> Square:
         place, at = np.searchsorted(solution.stable, part.stable), part.task.unknowns.places(part.stable)
         weights = told.precision[:, place]
         total += weights @ change[np.ix_(at, at)] @ weights.T
-    covariance = solution.covariance[:size, :size]
+    covariance = solution.settled.cofactor[:size, :size]
     return covariance @ total @ covariance
 
 
@@ -190,37 +215,31 @@ def _scatter_of_one(part: TurnOn) -> Square:
     return part.scale * recording_influences(task, solution).shared
 
 
-def _refuse_another_unit(parts: Sequence[TurnOn]) -> None:
-    """Refuse recordings that are not of one unit."""
-    stable = np.unique(np.concatenate([part.stable for part in parts]))
-    told = [tell(part, stable) for part in parts]
-    own = _estimates(parts, stable, told)
-    worst: tuple[float, int, int, float] | None = None
+def _stranger(parts: Sequence[TurnOn]) -> tuple[int, str, TumbleError] | None:
+    """Return the recording that is not of the others' unit, and why; None where all are of one."""
+    unit = UnitAdjustment(parts)
+    stable = unit.stable
+    unit.told = [tell(part, stable) for part in parts]
+    own = _estimates(unit)
+    worst: tuple[float, int, int] | None = None
     for k, (estimate, covariance) in enumerate(own):
-        others = [i for i in range(len(parts)) if i != k]
-        mean, spread = _weighted([own[i] for i in others])
-        probability = _probability(estimate - mean, covariance + spread)
-        change = np.abs(estimate - mean) / _sizes(parts[k], stable)
+        mean, spread = _weighted([of for i, of in enumerate(own) if i != k])
+        sizes = _sizes(parts[k], stable)
         # Only what is told well enough to be seen as another.
-        sigma = np.sqrt(np.diag(covariance + spread)) / _sizes(parts[k], stable)
-        change = np.where(sigma < LARGEST_CHANGE / 3.0, change, 0.0)
+        told = np.sqrt(np.diag(covariance + spread)) / sizes < LARGEST_CHANGE / 3.0
+        change = np.where(told, np.abs(estimate - mean) / sizes, 0.0)
         at = int(np.argmax(change))
-        found = (probability, k, int(stable[at]), float(change[at]))
-        if (
-            probability < ANOTHER_UNIT
-            and change[at] > LARGEST_CHANGE
-            and (worst is None or found[3] > worst[3])
-        ):
-            worst = found
+        unlikely = _probability(estimate - mean, covariance + spread) < ANOTHER_UNIT
+        if unlikely and change[at] > LARGEST_CHANGE and (worst is None or change[at] > worst[0]):
+            worst = (float(change[at]), k, int(stable[at]))
     if worst is None:
-        return
-    _, k, unknown, change = worst
+        return None
+    change, k, unknown = worst
     rest = [part.name for i, part in enumerate(parts) if i != k]
-    raise UsageError(
-        f"{parts[k].name} and {' and '.join(rest[:2])}{' …' if len(rest) > 2 else ''} are not of one unit: "
-        f"{LAYOUT.label(unknown)} differs by {100.0 * change:.2g} %, which no unit's does from one day to the next. "
-        "Calibrate each unit by itself."
-    )
+    others = f"{' and '.join(rest[:2])}{' …' if len(rest) > 2 else ''}"
+    by = f"{LAYOUT.label(unknown)} differs by {100.0 * change:.2g} %, which no unit's does from one day to the next."
+    refused = f"{parts[k].name} and {others} are not of one unit: {by} Calibrate each unit by itself."
+    return k, f"{by} Is it another unit, or did its biases drift while it was recorded?", UsageError(refused)
 
 
 def _sizes(part: TurnOn, stable: np.ndarray) -> Series:
@@ -233,31 +252,26 @@ def _sizes(part: TurnOn, stable: np.ndarray) -> Series:
     return sizes.values[stable]
 
 
-def _refuse_untold(parts: Sequence[TurnOn]) -> None:
-    stable = np.unique(np.concatenate([part.stable for part in parts]))
-    told = [tell(part, stable) for part in parts]
-    for k, part in enumerate(parts):
-        normal, _ = own_equations(part)
-        others = [told[i] for i in range(len(parts)) if i != k]
-        prior = others_prior(part, stable, others)
-        free = np.ix_(part.free, part.free)
-        untold = find_untold(normal + prior.precision[free], part.task.unknowns)
-        if untold is not None:
-            raise ObservabilityError(
-                f"{part.name}, with all that the other recordings determine: {untold.sentences[0]}"
+def _untold(parts: Sequence[TurnOn]) -> tuple[int, str, TumbleError] | None:
+    """Return the recording of which all together leave something untold, and what."""
+    for k, (part, told) in enumerate(zip(parts, all_told(parts), strict=True)):
+        if (untold := find_untold(told, part.task.unknowns)) is not None:
+            why = untold.sentences[0]
+            return (
+                k,
+                why,
+                ObservabilityError(f"{part.name}, with all that the other recordings determine: {why}"),
             )
+    return None
 
 
-def _estimates(
-    parts: Sequence[TurnOn], stable: np.ndarray, told: Sequence[Told]
-) -> list[tuple[Series, Square]]:
+def _estimates(unit: UnitAdjustment) -> list[tuple[Series, Square]]:
     """What each recording determines by itself, with its covariance, about where all are."""
-    at = stable_values(parts, stable)
-    made: list[tuple[Series, Square]] = []
-    for part, own in zip(parts, told, strict=True):
-        plate = name_plate(part.task.unknowns)[stable]
+    at, made = unit.values, list[tuple[Series, Square]]()
+    for part, own in zip(unit.parts, unit.told, strict=True):
+        plate = name_plate(part.task.unknowns)[unit.stable]
         sizes = np.where((plate > 0.0) & np.isfinite(plate), plate, 1.0)
-        scaled = own.precision * np.outer(sizes, sizes) + np.eye(stable.size) * NAME_PLATE_WEIGHT
+        scaled = own.precision * np.outer(sizes, sizes) + np.eye(at.size) * NAME_PLATE_WEIGHT
         covariance = inverted(scaled) * np.outer(sizes, sizes)
         made.append((at + covariance @ (own.right - own.precision @ at), covariance))
     return made
@@ -304,7 +318,7 @@ def whole_disagreement(outcome: SeveralOutcome) -> tuple[float, int, float]:
     outcome : settled.
     """
     solution = outcome.solution
-    scale = max(1.0, solution.sigma0) ** 2 if np.isfinite(solution.sigma0) else 1.0
+    scale = solution.settled.unit_weight
     return disagreement(
         [value for value, _ in outcome.own],
         [scale * covariance for _, covariance in outcome.own],

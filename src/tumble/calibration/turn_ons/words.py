@@ -88,10 +88,8 @@ def _of_biases(kind: str, biases: Sequence[BiasScatter]) -> str:
 
 def _of_stable(told: TurnOns) -> str:
     count = len(told.agreements)
-    chance = (
-        f"chi-square {told.chi_square:.1f} of {told.degrees} degrees of freedom, probability "
-        f"{_p(told.probability)}"
-    )
+    freedom = f"{told.degrees} degrees of freedom, probability {_p(told.probability)}"
+    chance = f"chi-square {told.chi_square:.1f} of {freedom}"
     if not told.changing:
         return (
             f"The {count} parameters that should be stable agree between the recordings, each by itself; all together "

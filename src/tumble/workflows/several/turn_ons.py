@@ -15,7 +15,7 @@ from tumble.calibration.procedures.joint import run_joint
 from tumble.calibration.session import Options, Session
 from tumble.counting import counted
 from tumble.earth import Site
-from tumble.errors import TumbleError, UsageError
+from tumble.errors import ConvergenceError, ObservabilityError, SegmentationError, TumbleError, UsageError
 from tumble.files import results_folder
 from tumble.limits import read_limits
 from tumble.recording import Recording
@@ -41,13 +41,14 @@ from tumble.workflows.several.joining import join_recordings, join_timelines, re
 if TYPE_CHECKING:
     from tumble.calibration import Estimate
     from tumble.calibration.outcome.estimate import JointOutcome
+    from tumble.calibration.prior import StableKnowledge
     from tumble.calibration.turn_ons.estimate import SeveralEstimate
     from tumble.document import Calibration
-    from tumble.protocol import Protocol
-    from tumble.segmentation import HoldMeans, Timeline
 
 ProtocolName = str | os.PathLike[str] | None
 SUFFIXES = (".yaml", ".yml")
+# A recording that shows this is left out by name, and not the others with it.
+LEFT_OUT = (SegmentationError, ObservabilityError, ConvergenceError)
 REASON = "Procedure joint: {count} recordings of one unit, each a turn-on of its own, in one adjustment."
 
 
@@ -58,6 +59,16 @@ class _Named:
     files: tuple[Path, ...]
     given: GivenProtocol | None
     name: str
+
+
+@dataclass(frozen=True, slots=True)
+class _Settled:
+    """A recording that was adjusted by itself."""
+
+    name: str
+    session: Session
+    estimate: Estimate
+    outcome: JointOutcome
 
 
 def calibrate_turn_ons(
@@ -109,27 +120,20 @@ def calibrate_turn_ons(
     named = _named(recordings, protocol)
     knowledge = None if prior is None else read_prior(prior, imu[1])
     clock = Clock()
-    read = [(one, *_read(one, columns, units, rate, topics)) for one in named]
+    how = columns, units, rate, topics
+    read = [(one, *read_as_told([str(f) for f in one.files], one.given, *how)[:2]) for one in named]
     require_one_unit([recording for _, recording, _ in read])
     clock.lap("reading")
     options = Options(optional_terms=optional_terms, confirm_scale=confirm_scale)
-    sessions: list[Session] = []
-    settled: list[tuple[Estimate, JointOutcome]] = []
-    for one, recording, told in counted(read, len(read)):
-        session = Session(recording, told, site, options=options, say=_saying(say, one.name))
-        session.prior = None if sessions else knowledge
-        session.say("reading")
-        try:
-            find_holds(session, None, clock)
-            settled.append(_settle(session))
-        except TumbleError as error:
-            raise type(error)(f"{one.name} cannot take part: {error}") from error
-        sessions.append(session)
-        clock.lap("solving")
+    sessions = [
+        (one.name, Session(recording, told, site, options=options, say=_saying(say, one.name)))
+        for one, recording, told in read
+    ]
+    settled, absent = _settle_all(sessions, knowledge, clock)
     say("all recordings together")
-    several = _together(
-        [one.name for one in named], settled, _one_site(sessions), optional_terms=optional_terms
-    )
+    several, settled, strange = _together(settled, knowledge, optional_terms=optional_terms)
+    sessions, taken = [own.session for own in settled], {own.name for own in settled}
+    several.estimate.say("caution", *absent, *strange)
     # One unit samples all its recordings.
     state_unseen_clock(max((s.clock for s in sessions), key=lambda one: one.sigma), several.estimate)
     if knowledge is not None:
@@ -139,7 +143,7 @@ def calibrate_turn_ons(
     clock.lap("solving")
     run = _run(sessions, several, imu)
     run.calibration = run.calibration.model_copy(update={"notes": noted})
-    before = corrected_by_before([file for one in named for file in one.files], None)
+    before = corrected_by_before([file for one in named if one.name in taken for file in one.files], None)
     run.calibration = completed(run.calibration, before, acceptance)
     return finish_run(run, folder, clock, say)
 
@@ -155,17 +159,14 @@ def _named(recordings: Sequence[str | os.PathLike[str]], protocol: ProtocolName)
     default = None if protocol is None else read_given_protocol(protocol)
     made: list[_Named] = []
     for text, label in zip(recordings, _labels_of([str(r) for r in recordings]), strict=True):
-        path = Path(text)
-        if path.suffix.lower() in SUFFIXES or (path / "protocol.yaml").is_file():
-            given = read_given_protocol(path)
-            files = given.files()
-            if not files:
-                raise UsageError(f"The protocol {path} names no recording: list it in the file.")
-            made.append(_Named(tuple(files), given, label))
-            continue
+        path, given = Path(text), default
         pair = str(text).split(",")
         files = [path] if path.exists() or len(pair) != 2 else [Path(part.strip()) for part in pair]
-        made.append(_Named(tuple(files), default, label))
+        if path.suffix.lower() in SUFFIXES or (path / "protocol.yaml").is_file():
+            given = read_given_protocol(path)
+            if not (files := given.files()):
+                raise UsageError(f"The protocol {path} names no recording: list it in the file.")
+        made.append(_Named(tuple(files), given, label))
     return made
 
 
@@ -183,38 +184,56 @@ def _labels_of(names: Sequence[str]) -> list[str]:
     return [f"{name} ({number})" for number, name in enumerate(names, 1)]
 
 
-def _read(
-    one: _Named,
-    columns: str | None,
-    units: str | None,
-    rate: float | str | None,
-    topics: Sequence[str] | None,
-) -> tuple[Recording, Protocol | None]:
-    return read_as_told([str(file) for file in one.files], one.given, columns, units, rate, topics)[:2]
+def _settle_all(
+    sessions: Sequence[tuple[str, Session]], knowledge: StableKnowledge | None, clock: Clock
+) -> tuple[list[_Settled], list[str]]:
+    """Adjust each recording by itself; what cannot take part is named, and the others are not refused with it."""
+    settled: list[_Settled] = []
+    absent: list[str] = []
+    for name, session in counted(sessions, len(sessions)):
+        session.prior = None if settled else knowledge
+        session.say("reading")
+        try:
+            find_holds(session, None, clock)
+            settled.append(_settle(name, session))
+        except TumbleError as error:
+            why = f"{name} cannot take part: {error}"
+            if not isinstance(error, LEFT_OUT) or len(sessions) - len(absent) < 3:
+                raise type(error)(why) from error
+            absent.append(why)
+        clock.lap("solving")
+    return settled, absent
 
 
-def _settle(session: Session) -> tuple[Estimate, JointOutcome]:
+def _settle(name: str, session: Session) -> _Settled:
     """Adjust a recording by itself, as far as it goes."""
     kept: list[JointOutcome] = []
     estimate = run_joint(session, keep=kept.append, clocked=False)
     add_objections(session, estimate, "joint", "")
     if session.matching is not None:
         estimate.say("remark", *(r for r in session.matching.remarks if r not in estimate.remarks))
-    return estimate, kept[0]
+    return _Settled(name, session, estimate, kept[0])
 
 
 def _together(
-    names: Sequence[str],
-    settled: Sequence[tuple[Estimate, JointOutcome]],
-    site: Site,
-    *,
-    optional_terms: bool,
-) -> SeveralEstimate:
+    settled: list[_Settled], knowledge: StableKnowledge | None, *, optional_terms: bool
+) -> tuple[SeveralEstimate, list[_Settled], list[str]]:
+    """Adjust those that can be adjusted together; the others are named."""
     from tumble.calibration.turn_ons.estimate import several_estimate
-    from tumble.calibration.turn_ons.outcome import adjust_several
+    from tumble.calibration.turn_ons.outcome import adjust_several, find_strangers
 
-    outcome = adjust_several(names, [kept for _, kept in settled], optional_terms=optional_terms)
-    return several_estimate(outcome, [estimate for estimate, _ in settled], site)
+    names, outcomes = [own.name for own in settled], [own.outcome for own in settled]
+    strangers = find_strangers(names, outcomes, optional_terms=optional_terms)
+    said = [f"{names[k]} takes no part: {why}" for k, why in strangers.items()]
+    kept = [k for k in range(len(names)) if k not in strangers]
+    # An earlier calibration counts once, with the first that takes part.
+    outcomes[kept[0]] = replace(outcomes[kept[0]], knowledge=knowledge)
+    outcome = adjust_several(
+        [names[k] for k in kept], [outcomes[k] for k in kept], optional_terms=optional_terms
+    )
+    settled = [settled[k] for k in kept]
+    site = _one_site([own.session for own in settled])
+    return several_estimate(outcome, [own.estimate for own in settled], site), settled, said
 
 
 def _one_site(sessions: Sequence[Session]) -> Site:
@@ -225,23 +244,14 @@ def _one_site(sessions: Sequence[Session]) -> Site:
 def _run(
     sessions: Sequence[Session], several: SeveralEstimate, imu: tuple[str | None, str | None]
 ) -> CalibrationRun:
-    recording, timeline, means = _joined(sessions)
+    recording = join_recordings([session.recording for session in sessions])[0]
+    starts = np.cumsum([0, *(len(session.recording) for session in sessions)])[:-1].tolist()
+    timelines, means = [session.timeline for session in sessions], [session.means for session in sessions]
+    timeline, together = join_timelines(recording, timelines, means, starts)
     reason = REASON.format(count=len(sessions))
     confirm_scale = sessions[0].options.confirm_scale
     calibration = _document(recording, several, _one_site(sessions), reason, imu, confirm_scale)
-    return CalibrationRun(calibration, several.estimate, recording, timeline, means, reason)
-
-
-def _joined(sessions: Sequence[Session]) -> tuple[Recording, Timeline, HoldMeans]:
-    recording, _ = join_recordings([session.recording for session in sessions])
-    starts = np.cumsum([0, *(len(session.recording) for session in sessions)])
-    timeline, means = join_timelines(
-        recording,
-        [session.timeline for session in sessions],
-        [session.means for session in sessions],
-        starts[:-1].tolist(),
-    )
-    return recording, timeline, means
+    return CalibrationRun(calibration, several.estimate, recording, timeline, together, reason)
 
 
 def _document(
@@ -257,22 +267,17 @@ def _document(
     from tumble.document.turn_ons_block import turn_ons_block
 
     estimate, measured = several.estimate, {b.parameter: b.mean_sigma for b in several.turn_ons.biases}
-    judged = replace(
-        estimate,
-        parameters=[
-            replace(p, standard_uncertainty=measured.get(p.name, p.standard_uncertainty))
-            for p in estimate.parameters
-        ],
-    )
+    sigmas = [measured.get(p.name, p.standard_uncertainty) for p in estimate.parameters]
+    pairs = zip(estimate.parameters, sigmas, strict=True)
+    judged = replace(estimate, parameters=[replace(p, standard_uncertainty=sigma) for p, sigma in pairs])
     remarks = (reason, *dict.fromkeys(remark.text for remark in recording.remarks))
     made = calibration_from_estimate(
         judged, recording, site, remarks=remarks, imu=imu, confirm_scale=confirm_scale
     )
+    factors = zip(made.parameters, estimate.parameters, several.coverage_factors, strict=True)
     parameters = [
         block.model_copy(update={"standard_uncertainty": p.standard_uncertainty, "coverage_factor": factor})
-        for block, p, factor in zip(
-            made.parameters, estimate.parameters, several.coverage_factors, strict=True
-        )
+        for block, p, factor in factors
     ]
     return made.model_copy(update={"parameters": parameters, "turn_ons": turn_ons_block(several.turn_ons)})
 
