@@ -44,15 +44,9 @@ class ThermalPath:
 
     def followed(self, lag: float, width: float) -> tuple[Series, Series, Series]:
         """Return (grid,) of temperature, its rate and hysteresis, as `ThermalModel.path` follows them."""
-        model_defaults = ThermalModel.__dataclass_fields__
-        path = follow_temperature(
-            self.time,
-            self.recorded,
-            smoothing=float(model_defaults["smoothing"].default),
-            lag=max(lag, 0.0),
-            hysteresis_width=width,
-            dead_band=float(model_defaults["dead_band"].default),
-        )
+        usual = {name: ThermalModel.__dataclass_fields__[name].default for name in ("smoothing", "dead_band")}
+        lag = max(lag, 0.0)
+        path = follow_temperature(self.time, self.recorded, lag=lag, hysteresis_width=width, **usual)
         return path.temperature, path.rate, path.hysteresis
 
     def means(self, values: Table) -> Table:
@@ -241,23 +235,15 @@ def white_variance(parts: list[AnyArray]) -> Series:
     ----------
     parts : (samples, 3) of each rest.
     """
-    sizes = [
-        m
-        for m in (4, 8, 16, 32, 64, 128)
-        if sum(len(part) // m - 1 for part in parts if len(part) >= 2 * m) > 30
-    ]
+    counts = {m: sum(len(p) // m - 1 for p in parts if len(p) >= 2 * m) for m in (4, 8, 16, 32, 64, 128)}
+    sizes = [m for m, count in counts.items() if count > 30]
     if len(sizes) < 2:
-        return np.sum([np.sum(np.diff(p, axis=0) ** 2, axis=0) for p in parts], axis=0) / (
-            2.0 * sum(len(p) - 1 for p in parts)
-        )
+        squares = np.sum([np.sum(np.diff(p, axis=0) ** 2, axis=0) for p in parts], axis=0)
+        return squares / (2.0 * sum(len(p) - 1 for p in parts))
     level, weight = np.empty((len(sizes), 3)), np.empty((len(sizes), 3))
     for row, m in enumerate(sizes):
-        steps = [
-            np.diff(p[: len(p) // m * m].reshape(-1, m, 3).mean(axis=1), axis=0)
-            for p in parts
-            if len(p) >= 2 * m
-        ]
-        changes = np.concatenate(steps)
+        whole = [p[: len(p) // m * m].reshape(-1, m, 3).mean(axis=1) for p in parts if len(p) >= 2 * m]
+        changes = np.concatenate([np.diff(means, axis=0) for means in whole])
         level[row] = 0.5 * m * np.mean(changes**2, axis=0)
         weight[row] = np.sqrt(len(changes)) / np.maximum(level[row], 1e-300)
     white = np.empty(3)

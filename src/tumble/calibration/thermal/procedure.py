@@ -86,7 +86,7 @@ def calibrate_thermal(
     ConvergenceError
         If the adjustment does not settle.
     """
-    say = progress or _silent
+    say: Callable[[str], None] = progress or (lambda _: None)
     say("temperatures")
     cautions = require_time_base(recording, protocol)
     everything, factors, poses, count = _in_near_si(find_points(recording, timeline), recording)
@@ -158,12 +158,11 @@ def _in_near_si(
         poses = np.argmax(units @ units[chosen].T, axis=1)
         told = len(chosen)
         points = replace(points, force=force, force_covariance=points.force_covariance * force_factor**2)
+    force_factor, rate_factor = force_factor or 1.0, rate_factor or 1.0
     if points.rate is not None and points.rate_covariance is not None:
-        factor = rate_factor or 1.0
-        points = replace(
-            points, rate=points.rate * factor, rate_covariance=points.rate_covariance * factor**2
-        )
-    return points, (force_factor or 1.0, rate_factor or 1.0), poses, told
+        spread = points.rate_covariance * rate_factor**2
+        points = replace(points, rate=points.rate * rate_factor, rate_covariance=spread)
+    return points, (force_factor, rate_factor), poses, told
 
 
 def _told_by(points: ThermalPoints, poses: np.ndarray, count: int) -> int:
@@ -205,11 +204,8 @@ def _earth(site: Site, recording: Recording) -> tuple[float, float, float]:
         return 0.0, 0.0, 0.0
     if site.latitude is None:
         return 0.0, EARTH_RATE / np.sqrt(3.0), EARTH_RATE / np.sqrt(3.0)
-    return (
-        EARTH_RATE * float(np.sin(site.latitude)),
-        EARTH_RATE * float(np.cos(site.latitude)) / np.sqrt(2.0),
-        0.0,
-    )
+    vertical, level = EARTH_RATE * float(np.sin(site.latitude)), EARTH_RATE * float(np.cos(site.latitude))
+    return vertical, level / np.sqrt(2.0), 0.0
 
 
 def _first_path(test: ThermalTest, terms: ThermalTerms) -> ThermalTest:
@@ -301,7 +297,3 @@ def _tested(
         at += range(place.start, place.stop)[-last if last else None :]
     covariance = fit.adjustment.cofactor[np.ix_(at, at)]
     return wald_test(name, fit.values[at], covariance, max(fit.adjustment.redundancy, 1), limit)
-
-
-def _silent(_: str) -> None:
-    """Tell nobody."""

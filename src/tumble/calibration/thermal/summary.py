@@ -166,12 +166,10 @@ def _figures(found: ThermalOutcome, evidence: ThermalCurves) -> Figures:
     fit, seen = found.fit, np.abs(evidence.residuals[np.isfinite(evidence.residuals)])
     # How much biases wander was found from these rests, too.
     degrees = min(fit.levels.freedom.values())
+    floor, levels = ", flicker floor of the Allan deviation", fit.levels
     components = {
         f"{triad} bias{what}, {unit}": float(np.sqrt(level[kind]))
-        for what, level in (
-            (" from rest to rest", fit.levels.single),
-            (", flicker floor of the Allan deviation", fit.levels.flicker),
-        )
+        for what, level in ((" from rest to rest", levels.single), (floor, levels.flicker))
         for triad, kind, unit in (("accelerometer", "force", "m/s²"), ("gyro", "rate", "rad/s"))
     }
     return Figures(
@@ -185,17 +183,14 @@ def _figures(found: ThermalOutcome, evidence: ThermalCurves) -> Figures:
 
 
 def _left_out(found: ThermalOutcome) -> list[LeftOut]:
-    kept = found.points
-    what = {"force": "specific force", "rate": "angular rate"}
-    return [
-        LeftOut(
-            "hold",
-            int(kept.hold[o.group]),
-            f"between {kept.start[o.group]:.0f} and {kept.stop[o.group]:.0f} s its "
-            f"{what[o.kind]} is {o.normalised:.1f} times off what the others show",
-        )
-        for o in found.fit.outliers
-    ]
+    made: list[LeftOut] = []
+    for o in found.fit.outliers:
+        start, stop = found.points.start[o.group], found.points.stop[o.group]
+        what = "specific force" if o.kind == "force" else "angular rate"
+        off = f"its {what} is {o.normalised:.1f} times off what the others show"
+        said = f"between {start:.0f} and {stop:.0f} s {off}"
+        made.append(LeftOut("hold", int(found.points.hold[o.group]), said))
+    return made
 
 
 def _on_untested(evidence: ThermalCurves) -> list[str]:

@@ -20,6 +20,7 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Series, Square
 from tumble.calibration.thermal.conditions import ThermalConditions
+from tumble.calibration.thermal.points import ThermalPoints
 from tumble.estimation import Linearisation, Prior
 from tumble.records import dataclass
 
@@ -49,27 +50,32 @@ class Levels:
     freedom: dict[str, float] = field(default_factory=lambda: {"force": np.inf, "rate": np.inf})
 
 
-def _flicker_kernel(start: Series, stop: Series, whole: float) -> Square:
+def _flicker_kernel(points: ThermalPoints) -> Square:
     """Return (rests, rests): the covariance of the means of flicker with F = 1 over rests.
 
     Exact means of ``ln(whole / |t - t'|) / (2 ln 2)`` over both rests.
     """
+    start, stop = points.start, points.stop
+    whole = max(float(points.path.time[-1] - points.path.time[0]), 1e-9)
 
-    def twice_integrated(x: AnyArray) -> AnyArray:
-        size = np.maximum(np.abs(x), 1e-12)
+    def twice_integrated(first: Series, last: Series) -> AnyArray:
+        size = np.maximum(np.abs(last[:, None] - first[None]), 1e-12)
         return 0.5 * size**2 * np.log(size / whole) - 0.75 * size**2
 
-    length = np.maximum(stop - start, 1e-9)
     # The integral of k(t - t') over two intervals from the second antiderivative of k at their ends.
-    summed = (
-        twice_integrated(stop[:, None] - start[None])
-        - twice_integrated(stop[:, None] - stop[None])
-        - twice_integrated(start[:, None] - start[None])
-        + twice_integrated(start[:, None] - stop[None])
-    )
+    summed = twice_integrated(start, stop) - twice_integrated(stop, stop)
+    summed = summed - twice_integrated(start, start) + twice_integrated(stop, start)
+    length = np.maximum(stop - start, 1e-9)
     kernel = -summed / (length[:, None] * length[None]) / (2.0 * np.log(2.0))
     symmetric: Square = 0.5 * (kernel + kernel.T)
     return symmetric
+
+
+def _noise_of(conditions: ThermalConditions, name: str) -> AnyArray:
+    """Return (points, 3, 3): how a rest's noise enters its equations."""
+    if name == "force":
+        return conditions.force_noise
+    return np.broadcast_to(np.eye(3), (len(conditions.points), 3, 3))
 
 
 class WanderingConditions:
@@ -94,17 +100,14 @@ class WanderingConditions:
         linear = self.inner.linearise(parameters)
         if self._roots is None:
             self._roots = self._factored(linear)
-        rows, unknowns = linear.active.size, linear.design.shape[2]
-        misclosure = linear.misclosure.reshape(rows).copy()
-        design = linear.design.reshape(rows, unknowns).copy()
+        misclosure = linear.misclosure.ravel()
+        design = linear.design.reshape(misclosure.size, -1)
         for at, inverse in self._roots:
-            misclosure[at] = inverse @ misclosure[at]
-            design[at] = inverse @ design[at]
+            misclosure[at], design[at] = inverse @ misclosure[at], inverse @ design[at]
+        one = np.broadcast_to(np.eye(6), (len(linear.active), 6, 6))
         shape = linear.active.shape
-        one = np.repeat(np.eye(shape[1])[None], shape[0], axis=0)
-        return Linearisation(
-            misclosure.reshape(shape), design.reshape(*shape, unknowns), one, None, linear.active
-        )
+        misclosure, design = misclosure.reshape(shape), design.reshape(*shape, -1)
+        return Linearisation(misclosure, design, one, None, linear.active)
 
     def adjust_observations(self, multipliers: AnyArray) -> None:
         """Means are known so well that a second order in their noise is nothing."""
@@ -114,8 +117,8 @@ class WanderingConditions:
         roots: list[tuple[np.ndarray, AnyArray]] = []
         for name in TRIADS:
             for block in blocks_of(self.inner, linear, name):
-                covariance = block.own + self.levels.flicker[name] * block.flicker
-                roots.append((block.rows, np.asarray(np.linalg.inv(_root(covariance)), dtype=np.float64)))
+                root = np.linalg.cholesky(block.own + self.levels.flicker[name] * block.flicker)
+                roots.append((block.rows, np.asarray(np.linalg.inv(root), dtype=np.float64)))
         return roots
 
 
@@ -145,33 +148,22 @@ def blocks_of(conditions: ThermalConditions, linear: Linearisation, name: str) -
     name : "force" or "rate".
     """
     points, columns = conditions.points, TRIADS[name]
-    active = linear.active[:, columns]
+    active, own = linear.active[:, columns], linear.covariance[:, columns, columns]
     if not np.any(active):
         return []
-    whole = float(points.path.time[-1] - points.path.time[0])
-    kernel = _flicker_kernel(points.start, points.stop, max(whole, 1e-9))
+    kernel, noise = _flicker_kernel(points), _noise_of(conditions, name)
     kernel = kernel + JITTER * float(np.max(np.diag(kernel))) * np.eye(len(points))
-    straight = np.repeat(np.eye(3)[None], len(points), axis=0)
-    noise = conditions.force_noise if name == "force" else straight
-    own = linear.covariance[:, columns, columns]
-    apart = np.eye(3, dtype=bool)
-    couples = np.any(own[:, ~apart] != 0.0) or np.any(noise[:, ~apart] != 0.0)
-    groups = [np.ones(3, dtype=bool)] if couples else [apart[k] for k in range(3)]
+    apart = ~np.eye(3, dtype=bool)
+    couples = np.any(own[:, apart] != 0.0) or np.any(noise[:, apart] != 0.0)
     found: list[Block] = []
-    for group in groups:
+    for group in [np.ones(3, dtype=bool)] if couples else list(~apart):
         point, axis = np.nonzero(active & group)
-        if not point.size:
-            continue
-        same = point[:, None] == point[None]
-        shared = noise[point, axis] @ noise[point, axis].T
-        found.append(
-            Block(
-                6 * point + axis + columns.start,
-                np.where(same, own[point[:, None], axis[:, None], axis[None]], 0.0),
-                kernel[np.ix_(point, point)] * shared,
-                np.sum(noise[point, axis] ** 2, axis=1),
-            )
-        )
+        if point.size:
+            rows, here = 6 * point + axis + columns.start, noise[point, axis]
+            of_own = own[point[:, None], axis[:, None], axis[None]]
+            of_own = np.where(point[:, None] == point[None], of_own, 0.0)
+            shared = kernel[np.ix_(point, point)] * (here @ here.T)
+            found.append(Block(rows, of_own, shared, np.sum(here**2, axis=1)))
     return found
 
 
@@ -183,12 +175,9 @@ def wander_variance(conditions: ThermalConditions, levels: Levels) -> AnyArray:
     conditions : whose noise goes into a norm as it does in the last linearisation.
     levels : of the flicker.
     """
-    points = conditions.points
-    whole = max(float(points.path.time[-1] - points.path.time[0]), 1e-9)
-    own = np.diag(_flicker_kernel(points.start, points.stop, whole))[:, None]
-    force = np.sum(conditions.force_noise**2, axis=2) * levels.flicker["force"]
-    rate = np.full((len(points), 3), levels.flicker["rate"])
-    return np.concatenate([own * force, own * rate], axis=1)
+    own = np.diag(_flicker_kernel(conditions.points))[:, None]
+    squares = {name: np.sum(_noise_of(conditions, name) ** 2, axis=2) for name in TRIADS}
+    return np.concatenate([own * squares[name] * levels.flicker[name] for name in TRIADS], axis=1)
 
 
 def find_levels(conditions: ThermalConditions, values: Series, prior: Prior) -> Levels:
@@ -208,10 +197,8 @@ def find_levels(conditions: ThermalConditions, values: Series, prior: Prior) -> 
         conditions.extra = extra
     found = Levels()
     for name in TRIADS:
-        if blocks := blocks_of(conditions, linear, name):
-            parts = [_prepared(block, linear, values, prior) for block in blocks]
-            if not (parts := [part for part in parts if part.misclosure.size]):
-                continue
+        parts = [_prepared(block, linear, values, prior) for block in blocks_of(conditions, linear, name)]
+        if parts := [part for part in parts if part.misclosure.size]:
             found.single[name], found.flicker[name], found.freedom[name] = _expected(parts)
     return found
 
@@ -224,9 +211,8 @@ def _expected(parts: list[_Part]) -> tuple[float, float, float]:
     mixtures = [(share * own, (1.0 - share) * flicker) for share in SHARES]
     cost = np.array([sum(part.cost(*mixture) for part in parts) for mixture in mixtures])
     # Flat in the logarithm of the size, times the half-Cauchy of its root.
-    log_weight = (
-        -0.5 * cost + 0.5 * np.log(SIZES) - np.log1p(SIZES) - np.array(list(SHARES.values()))[:, None]
-    )
+    log_weight = -0.5 * cost + 0.5 * np.log(SIZES) - np.log1p(SIZES)
+    log_weight = log_weight - np.array(list(SHARES.values()))[:, None]
     weight = np.exp(log_weight - log_weight.max())
     weight /= weight.sum()
     by_size, by_mixture = weight.sum(axis=0), weight @ SIZES
@@ -257,22 +243,14 @@ class _Part:
 
 
 def _prepared(block: Block, linear: Linearisation, values: Series, prior: Prior) -> _Part:
-    unknowns = values.size
-    design = linear.design.reshape(-1, unknowns)[block.rows]
-    misclosure = linear.misclosure.reshape(-1)[block.rows]
     precision = np.diag(prior.precision)
-    known = precision > 0.0
-    random = design[:, known]
-    misclosure = misclosure + random @ (prior.mean - values)[known]
+    known, design = precision > 0.0, linear.design.reshape(-1, values.size)[block.rows]
+    random, seen = design[:, known], _independent(design[:, ~known])
+    misclosure = linear.misclosure.reshape(-1)[block.rows] + random @ (prior.mean - values)[known]
     covariance = block.own + (random / precision[known]) @ random.T
-    seen = _independent(design[:, ~known])
     beside = np.linalg.qr(seen, mode="complete")[0][:, seen.shape[1] :]
-    return _Part(
-        beside.T @ misclosure,
-        beside.T @ covariance @ beside,
-        (beside.T * block.white) @ beside,
-        beside.T @ block.flicker @ beside,
-    )
+    inner = (beside.T @ of @ beside for of in (covariance, np.diag(block.white), block.flicker))
+    return _Part(beside.T @ misclosure, *inner)
 
 
 def _independent(design: AnyArray) -> AnyArray:
@@ -283,7 +261,3 @@ def _independent(design: AnyArray) -> AnyArray:
         return seen
     left, strength, _ = np.linalg.svd(seen, full_matrices=False)
     return left[:, strength > 1e-9 * strength[0]]
-
-
-def _root(covariance: AnyArray) -> AnyArray:
-    return np.asarray(np.linalg.cholesky(covariance), dtype=np.float64)
