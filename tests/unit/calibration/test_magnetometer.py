@@ -85,7 +85,7 @@ def plain() -> tuple[Seen, Magnetometer]:
 
 def adjusted(one: Seen) -> FieldAdjustment:
     outcome = simulated()[1]
-    task = FieldAdjustment.of(outcome.task, field_means(one.time, one.values, outcome.data.base), 1.0)
+    task = FieldAdjustment.of(outcome.task, field_means(one.time, one.values, outcome.data.base))
     start_field(task)
     return task
 

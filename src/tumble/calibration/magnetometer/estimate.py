@@ -193,7 +193,7 @@ def magnetometer_from_holds(
         If the holds do not determine it; the message says what is missing.
     """
     seen = field_means(magnetic.time, magnetic.values, outcome.data.base)
-    task = FieldAdjustment.of(outcome.task, seen, 1.0)
+    task = FieldAdjustment.of(outcome.task, seen)
     start_field(task)
     whole, balanced = task.copy(), balance(task)
     moving = find_moving(task, balanced.solution)
@@ -229,7 +229,7 @@ def magnetometer_from_holds(
         names=NAMES,
         dip=dip,
         dip_sigma=dip_sigma,
-        scatter=float(np.sqrt(task.noise[FIELD_NOISE])) / task.norm,
+        scatter=float(np.sqrt(task.noise[FIELD_NOISE])),
         holds=_holds(task, norm),
         left_out=tuple(LeftOut(kind, hold, why) for hold, kind, why in said),
         moving=moving,
@@ -354,7 +354,7 @@ def _uncertainty(numbers: Series, covariance: Square, norm: float) -> float:
 
 def _scatter(fields: Vectors) -> float:
     """Standard deviation of norms as a share of their mean."""
-    norms = np.linalg.norm(fields, axis=1)
+    norms: Series = np.sqrt(np.sum(fields**2, axis=1))
     mean = float(np.mean(norms))
     return float(np.std(norms)) / mean if mean > 0.0 else float("nan")
 

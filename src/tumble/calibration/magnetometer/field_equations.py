@@ -1,8 +1,8 @@
 """The magnetometer in the joint adjustment: its twelve unknowns, the local field, and what each hold shows of it.
 
-The field is one vector of the place, in the level frame w of each section: norm, dip below the level, and an azimuth
-that belongs to the section as its heading does. What a hold shows is ``M C_wb' f + h`` (Kok and Schön 2016, (12)):
-with C_wb from gravity that is norm and dip alone; with headings that the gyros carry, the whole vector.
+The field is one vector of the place, in the level frame w of each section, in units of its norm: dip below the level,
+and an azimuth that belongs to the section as its heading does. What a hold shows is ``M C_wb' f + h`` (Kok and Schön
+2016, (12)): with C_wb from gravity that is norm and dip alone; with headings that the gyros carry, the whole vector.
 """
 
 from __future__ import annotations
@@ -101,25 +101,15 @@ def _field_layout(sections: int) -> Layout:
     pairs = [(a, b) for a in "xyz" for b in "xyz"]
     scale, across = "scale factor of magnetometer {0}", "what magnetometer {0} shows of a field along {1}"
     level = ("change of the level field", "change of the field's azimuth", "change of the upright field")
-    currents, stays = (
-        "a recording with the same currents from start to end",
-        "a recording in a field that stays",
-    )
+    currents = "a recording with the same currents from start to end"
+    by_three = "holds with {} along the field, against it and across it"
+    one_and_one = "a hold with {} along the field and one against it"
     made = {
-        MATRIX: [
-            (
-                (scale if a == b else across).format(a, b),
-                f"holds with {b} along the field, against it and across it",
-            )
-            for a, b in pairs
-        ],
-        BIAS: [
-            (f"bias of magnetometer {a}", f"a hold with {a} along the field and one against it")
-            for a in "xyz"
-        ],
+        MATRIX: [((scale if a == b else across).format(a, b), by_three.format(b)) for a, b in pairs],
+        BIAS: [(f"bias of magnetometer {a}", one_and_one.format(a)) for a in "xyz"],
         DIP: [("dip of the field", "holds with different faces up")],
         AZIMUTH: [(f"azimuth of the field in part {s + 1}", "more holds") for s in range(sections)],
-        IN_ROOM: [(of, stays) for of in level],
+        IN_ROOM: [(of, "a recording in a field that stays") for of in level],
         ON_UNIT: [(f"change of the bias of magnetometer {a}", currents) for a in "xyz"],
     }
     own = (Block(name, *map(tuple, zip(*words, strict=True))) for name, words in made.items())
@@ -133,23 +123,20 @@ class FieldAdjustment(JointAdjustment):
     Attributes
     ----------
     seen : what the holds show of the field.
-    norm : of the field, in the unit of the result.
     course : (holds,) how far a change of the field, or of the bias, has come in each hold, 0 to 1.
     """
 
     seen: FieldMeans = field(default_factory=lambda: FieldMeans(*(np.zeros(0),) * 4))
-    norm: float = 1.0
     course: Series = field(default_factory=lambda: np.zeros(0))
 
     @staticmethod
-    def of(task: JointAdjustment, seen: FieldMeans, norm: float) -> FieldAdjustment:
+    def of(task: JointAdjustment, seen: FieldMeans) -> FieldAdjustment:
         """Return a settled adjustment of both triads with the magnetometer, whose unknowns are zero as yet.
 
         Parameters
         ----------
         task : settled; it is copied.
         seen : the magnetometer's means.
-        norm : of the field.
         """
         made = task.copy()
         layout = _field_layout(len(made.sections))
@@ -169,7 +156,6 @@ class FieldAdjustment(JointAdjustment):
             taking_part,
             prior,
             seen,
-            norm,
             np.zeros(made.data.holds),
         )
 
@@ -218,16 +204,11 @@ class FieldAdjustment(JointAdjustment):
         across, down = np.array([-along[1], along[0], 0.0]), np.array([0.0, 0.0, 1.0])
         axes = np.column_stack([along, across, down])
         moved = (axes @ change)[None] * course[:, None]
-        value = self.norm * (np.cos(dip) * along + np.sin(dip) * down) + moved
-        by_dip = self.norm * (np.cos(dip) * down - np.sin(dip) * along)
+        value = np.cos(dip) * along + np.sin(dip) * down + moved
+        by_dip = np.cos(dip) * down - np.sin(dip) * along
         by_azimuth = np.column_stack([-value[:, 1], value[:, 0], np.zeros(len(value))])
-        count = len(course)
-        return (
-            value,
-            np.broadcast_to(by_dip, (count, 3))[:, :, None],
-            by_azimuth[:, :, None],
-            course[:, None, None] * axes,
-        )
+        by_dip = np.broadcast_to(by_dip, value.shape)[:, :, None]
+        return value, by_dip, by_azimuth[:, :, None], course[:, None, None] * axes
 
 
 def magnetometer_matrix(u: Unknowns) -> Matrix:

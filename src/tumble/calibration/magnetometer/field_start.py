@@ -67,7 +67,7 @@ def start_field(task: FieldAdjustment) -> None:
     for section in np.unique(place).tolist():
         along[section] = np.median(field_w[place == section], axis=0)
     u, matrix = task.unknowns, norm * size * inverted(A)
-    u[MATRIX][:] = matrix.ravel() / task.norm
+    u[MATRIX][:] = matrix.ravel()
     u[BIAS][:] = centre - matrix @ c / norm
     level = np.hypot(along[:, 0], along[:, 1])
     u[DIP][:] = float(np.median(np.arctan2(along[:, 2], level)))

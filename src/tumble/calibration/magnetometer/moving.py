@@ -140,7 +140,7 @@ def _gains(task: FieldAdjustment, course: Series) -> dict[str, tuple[float, floa
         if where == "unit":
             step = inverted(magnetometer_matrix(u)) @ step
         gain = float(gradient[at] @ spread @ gradient[at])
-        made[where] = gain, float(np.linalg.norm(step)) / task.norm, int(at.size)
+        made[where] = gain, float(np.linalg.norm(step)), int(at.size)
     return made
 
 
