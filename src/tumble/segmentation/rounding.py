@@ -6,6 +6,8 @@ samples of a rest lie on the steps determines what can be known: with noise of s
 a share Φ(((j + 1/2)Δ - x) / σ) - Φ(((j - 1/2)Δ - x) / σ) of them is jΔ, and their mean is off x by so much. σ is that
 of all rests together, x of each: over what the samples leave possible of both, the mean square of what the mean is off
 is the variance. Rests that show the same number are off by the same: together they know no more than one.
+
+Pulses of an integral are another thing: what is left of a step goes into the next sample, and a mean loses nothing.
 """
 
 from __future__ import annotations
@@ -32,6 +34,9 @@ _NOISE = np.geomspace(0.01, 0.8, 20)
 _PLACES = np.linspace(-0.75, 0.75, 61)
 # Steps beyond those seen that noise may reach.
 _BEYOND = 3
+# Sums of so many samples scatter less than this share of what samples that do not know of one another would make them;
+# chance does so more rarely than the second.
+_SUMMED, _LESS, _CHANCE = 16, 0.5, 1e-4
 
 
 def converter_step(values: Vectors) -> Vector:
@@ -79,7 +84,7 @@ def rounding_variance(signal: Vectors, items: Sequence[Item], means: Vectors) ->
     if not np.any(left):
         return left
     half = 0.5 * step_at_rests(signal, items) * (1.0 - 1e-6)
-    for axis in np.flatnonzero(np.any(left > 0.0, axis=0)).tolist():
+    for axis in np.flatnonzero(np.any(left > 0.0, axis=0) & ~carries_remainder(signal, items)).tolist():
         order = np.argsort(means[:, axis])
         value, sums = means[order, axis], np.concatenate([[0.0], np.cumsum(left[order, axis])])
         alike = np.searchsorted(value, [value - half[axis], value + half[axis]])
@@ -98,6 +103,11 @@ def rounding_of_each(signal: Vectors, items: Sequence[Item], means: Vectors) -> 
     step = step_at_rests(signal, items)
     if not np.any(step > 0.0):
         return left
+    carried = carries_remainder(signal, items)
+    # Of a carried remainder what is left at either end, as likely as any.
+    samples = np.array([sum(b - a for a, b in item) for item in items])
+    left[:, carried] = step[carried] ** 2 / 6.0 / samples[:, None] ** 2
+    step = np.where(carried, 0.0, step)
     chosen = [_evenly(item) for item in items]
     counts = np.array([len(at) for at in chosen])
     first = np.cumsum(counts) - counts
@@ -108,6 +118,37 @@ def rounding_of_each(signal: Vectors, items: Sequence[Item], means: Vectors) -> 
         if np.median(np.add.reduceat(away**2, first) / counts) <= _DITHERED:
             left[:, axis] = own**2 * _mean_square(np.split(seen, first[1:]), means[:, axis] / own)
     return left
+
+
+def carries_remainder(signal: Vectors, items: Sequence[Item]) -> np.ndarray:
+    """Return (3,) of bool: whether each channel counts pulses of an integral.
+
+    Such a converter carries what is left of a step on to the next sample, so that nothing is lost in a mean. Its
+    samples make up for one another, and their sums scatter less than those of samples that are rounded each.
+
+    Parameters
+    ----------
+    signal : (samples, 3) raw, as the converter wrote it.
+    items : half-open index ranges of each rest.
+    """
+    from scipy.special import chdtrc
+
+    square, degrees, own, count = np.zeros(3), 0, np.zeros(3), 0
+    for first, last in _some(items):
+        whole = min(last - first, _SEEN) // _SUMMED * _SUMMED
+        if whole < 2 * _SUMMED:
+            continue
+        away = np.asarray(signal[first : first + whole], dtype=float)
+        away = away - away.mean(axis=0)
+        square += np.sum(away.reshape(-1, _SUMMED, 3).sum(axis=1) ** 2, axis=0)
+        own += np.sum(away**2, axis=0)
+        degrees, count = degrees + whole // _SUMMED - 1, count + whole - 1
+    if not degrees:
+        return np.zeros(3, dtype=bool)
+    expected = np.maximum(_SUMMED * own / count, 1e-300)
+    ratios: list[float] = (square / expected).tolist()
+    chance = np.array([1.0 - float(chdtrc(float(degrees), one)) for one in ratios])
+    return (own > 0.0) & (square < _LESS * degrees * expected) & (chance < _CHANCE)
 
 
 def integral_variance(signal: Vectors, ranges: np.ndarray, left: Vector, jitter: float) -> Vectors:
