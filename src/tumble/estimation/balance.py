@@ -18,7 +18,7 @@ from tumble.arrays import Series
 from tumble.errors import ConvergenceError
 from tumble.estimation.equations import Tests
 from tumble.estimation.settled import Settled
-from tumble.estimation.solve import DIVERGED, TOLERANCE, Adjustable, solve
+from tumble.estimation.solve import TOLERANCE, Adjustable, solve
 from tumble.records import dataclass
 
 # Median of chi-square over its degrees of freedom, for 1 to 6 degrees.
@@ -273,9 +273,12 @@ def _settle(task: Balanceable, solution: Settled, *, robust: bool) -> Settled:
                 return solution
             break
         task.noise = noise
-        before, solution = solution, solve(task, once=True)
+        back, before = task.snapshot(), solution
+        solution = solve(task, once=True)
         if solution.start_sum > ASTRAY * max(before.square_sum, before.redundancy):
-            raise ConvergenceError(DIVERGED)
+            # With other weights a whole step may be too far.
+            back()
+            solution = solve(task)
     return solution if solution.last_step <= NEARLY else solve(task, tolerance=NEARLY)
 
 

@@ -213,8 +213,12 @@ def _moved(unknowns: Unknowns, step: Series) -> Unknowns:
 
 
 def _settled(task: Adjustable, made: _Made, iterations: int, last_step: float) -> Settled:
-    chain, known = made.chain, 0 if task.prior is None else task.prior.rank
-    redundancy = chain.chain.checks - task.unknowns.free.size + known
+    chain, free = made.chain, task.unknowns.free
+    # An unknown that is told by what was believed of it beforehand takes nothing off the checks.
+    believed = (
+        0.0 if task.prior is None else float(np.sum(task.prior.precision[np.ix_(free, free)] * made.cofactor))
+    )
+    redundancy = chain.chain.checks - free.size + round(believed)
     # Residuals have moved with the step, to where they are smallest.
     square_sum = chain.chain.square_sum
     sums = square_sum, redundancy, iterations, made.cost, last_step
