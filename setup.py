@@ -25,7 +25,6 @@ from setuptools.command.build_ext import build_ext
 
 SOURCES = [
     "src/tumble/attitude/kernels.py",
-    "src/tumble/calibration/closed_forms/kernels.py",
     "src/tumble/estimation/kernels.py",
     "src/tumble/navigation/kernels.py",
     "src/tumble/navigation/filter/kernels.py",
@@ -35,6 +34,7 @@ SOURCES = [
     "src/tumble/segmentation/kernels.py",
     "src/tumble/sensor/kernels.py",
     "src/tumble/simulation/kernels.py",
+    "src/tumble_papers/hayal/kernels.py",
     "src/tumble_papers/savage/strapdown_kernel.py",
     "src/tumble_papers/zhang/kernels.py",
 ]

@@ -102,7 +102,7 @@ def main() -> None:
         collector = StreamedDeviation(RATE, channels)
         for start in range(0, samples, 500_000):
             collector.add(signal[start : start + 500_000])
-        collector.deviation(noise=0)
+        collector.deviation()
 
     stream()
     octaves = best(lambda: allan_deviation(signal, RATE, noise=0), 2)

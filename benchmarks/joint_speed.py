@@ -22,7 +22,6 @@ import tracemalloc
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from tumble.calibration.closed_forms.norm_batch import adjust_norms
 from tumble.calibration.equations.adjustment import balance_recording
 from tumble.calibration.equations.gathering import gather
 from tumble.calibration.equations.imu_unknowns import imu_unknowns, unknowns_of
@@ -33,6 +32,7 @@ from tumble.estimation.solve import linearise
 from tumble.segmentation import Hold, NoiseFloor, Timeline, Turn, observe_holds
 from tumble.sensor import ImuModel, Triad
 from tumble.simulation import Motion, simulate_recording
+from tumble_papers.hayal.norm_batch import adjust_norms
 
 SITE = Site(9.81, 0.0, float(np.radians(48.0)), 300.0, "as simulated")
 MODEL = ImuModel(

@@ -17,9 +17,9 @@ from scipy.optimize import least_squares
 from timing import best, draw_piece_by_piece, generator
 
 from tumble.attitude.kernels import transform_sequence
-from tumble.calibration.closed_forms.norm_batch import adjust_norms
 from tumble.sensor.conventions.shin import matrix_from_shin
 from tumble_papers.hayal import thesis_simulation as hayal
+from tumble_papers.hayal.norm_batch import adjust_norms
 from tumble_papers.savage.strapdown_simulation import GRADES, START_NORM, run_study, simulate_run
 from tumble_papers.savage.strapdown_simulation import Setting as RotationTest
 from tumble_papers.zhang.turntable_evaluation import evaluate, in_paper_units, unit_parameters

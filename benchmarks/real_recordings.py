@@ -1,7 +1,6 @@
 """The real recordings: our calibration beside imu_tk's, on data each has and has not seen.
 
     python benchmarks/real_recordings.py
-    python benchmarks/real_recordings.py --joint    only what the joint estimator adds
 
 The yardstick: at each hold the norm of the mean specific force against gravity; over each turn the
 angle between gravity carried along by the corrected gyro and gravity seen at the next hold (windows of
@@ -14,7 +13,6 @@ and from them. Turns alone held out: one that has not seen the fold's turns, but
 from __future__ import annotations
 
 import os
-import sys
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
@@ -23,19 +21,18 @@ from pathlib import Path
 
 import numpy as np
 
-from tumble.calibration import calibrate_hand_held
+from tumble.calibration import Estimate, Options, Session, calibrate, find_procedure
 from tumble.calibration.canonical import named_values
 from tumble.calibration.checks.scores import hold_norm_errors, score_turns
-from tumble.calibration.closed_forms.start_values import rough_triad
 from tumble.calibration.equations.gathering import gather
 from tumble.calibration.equations.triad_unknowns import triad_from_unknowns, unknowns_from_triad
-from tumble.calibration.joint import calibrate_joint
-from tumble.calibration.procedures.multi_position import fit_norms
+from tumble.calibration.start_values import rough_triad
 from tumble.earth import Site
 from tumble.export.readers import read_imu_tk
 from tumble.recording import read_recording
 from tumble.segmentation import find_timeline, observe_holds
 from tumble.sensor import ImuModel, Triad, change_frame
+from tumble_papers.hayal.norm import adjust_norm
 
 HERE = Path(__file__).resolve().parents[1]
 REFERENCE = HERE / "tests" / "reference"
@@ -46,6 +43,12 @@ def score(model: ImuModel, data, gravity: float):
     return hold_norm_errors(model, data.force_mean, gravity), score_turns(model, data).angle
 
 
+def calibrated(recording, timeline, site: Site, *, optional_terms: bool = True) -> Estimate:
+    session = Session(recording, given_site=site, options=Options(optional_terms=optional_terms))
+    session.timeline = timeline
+    return calibrate(session, find_procedure("joint"))
+
+
 def line(name: str, norms: np.ndarray, angles: np.ndarray) -> None:
     angles = angles[np.isfinite(angles)]
     print(
@@ -54,7 +57,7 @@ def line(name: str, norms: np.ndarray, angles: np.ndarray) -> None:
     )
 
 
-def held_out(recording, timeline, site: Site, *, joint: bool = False, turns_alone: bool = False):
+def held_out(recording, timeline, site: Site, *, turns_alone: bool = False):
     """Return norms and angles of holds and turns that the estimate has not seen."""
     data = gather(recording, timeline, observe_holds(recording, timeline))
     norms, angles = np.full(data.holds, np.nan), np.full(data.holds, np.nan)
@@ -69,23 +72,10 @@ def held_out(recording, timeline, site: Site, *, joint: bool = False, turns_alon
             if turn.before in at and turn.after in at and (not turns_alone or turn.before % FOLDS != fold)
         )
         seen = replace(timeline, holds=tuple(timeline.holds[k] for k in kept), turns=turns)
-        means = observe_holds(recording, seen)
-        estimate = calibrate_hand_held(recording, seen, means, site)
-        if joint:
-            estimate = calibrate_joint(recording, seen, means, site, estimate)
+        estimate = calibrated(recording, seen, site)
         scored = score(estimate.model, data, site.gravity)
         norms[mine], angles[mine] = scored[0][mine], scored[1][mine]
     return norms, angles
-
-
-def compare_held_out(joint: np.ndarray, other: np.ndarray, unit: str, factor: float) -> None:
-    """Print by how much the mean squares of both differ, with a 95 % interval of a bootstrap over what is hidden."""
-    known = np.isfinite(joint) & np.isfinite(other)
-    change = (factor * joint[known]) ** 2 - (factor * other[known]) ** 2
-    rng = np.random.default_rng(0)
-    drawn = change[rng.integers(0, change.size, (10_000, change.size))].mean(axis=1)
-    low, high = np.quantile(drawn, (0.025, 0.975))
-    print(f"    mean square, joint less hand-held {change.mean():+10.4g} [{low:+.4g}, {high:+.4g}] ({unit})²")
 
 
 def held_out_plain_norms(data, gravity: float) -> np.ndarray:
@@ -98,33 +88,10 @@ def held_out_plain_norms(data, gravity: float) -> np.ndarray:
     for fold in range(FOLDS):
         mine, rest = holds[holds % FOLDS == fold], holds[holds % FOLDS != fold]
         start = rough_triad(data.force_mean[rest], gravity)
-        fit = fit_norms(data.force_mean[rest], alike[rest], gravity, start, np.arange(9), robust=False)
-        model = ImuModel(triad_from_unknowns(fit.unknowns), None)
+        unknowns, _ = adjust_norm(data.force_mean[rest], alike[rest], gravity, start, 9)
+        model = ImuModel(triad_from_unknowns(unknowns), None)
         norms[mine] = hold_norm_errors(model, data.force_mean[mine], gravity)
     return norms
-
-
-def show_joint(recording, timeline, means, site: Site, start) -> None:
-    """Print what the joint estimator makes of a recording: its terms, components and scores."""
-    estimate = calibrate_joint(recording, timeline, means, site, start)
-    data = gather(recording, timeline, means)
-    for term in estimate.terms:
-        kept = "kept" if term.kept else "not wanted"
-        print(
-            f"  joint, {term.name}: {kept}, F({term.degrees}) = {term.statistic:.1f}, p = {term.probability:.2g}"
-        )
-    told = "; ".join(f"{name}: {sigma:.2g}" for name, sigma in estimate.variance_components.items())
-    print(f"  joint, components: {told}")
-    for left in estimate.left_out:
-        print(f"  joint, {left.kind} {left.index + 1} left out: {left.reason}")
-    line("joint, on all of the recording", *score(estimate.model, data, site.gravity))
-    seen_by_neither = [held_out(recording, timeline, site, joint=joint) for joint in (True, False)]
-    line("joint, held out (5 interleaved folds)", *seen_by_neither[0])
-    for at, unit, factor in ((0, "mm/s²", 1e3), (1, "°", 180.0 / np.pi)):
-        compare_held_out(seen_by_neither[0][at], seen_by_neither[1][at], unit, factor)
-    for name, joint in (("hand-held", False), ("joint", True)):
-        scored = held_out(recording, timeline, site, joint=joint, turns_alone=True)
-        line(f"{name}, turns alone held out", *scored)
 
 
 def compare(model: ImuModel, estimate) -> None:
@@ -155,7 +122,6 @@ def compare(model: ImuModel, estimate) -> None:
 
 
 def main() -> None:
-    only_joint = "--joint" in sys.argv[1:]
     mpu = {"columns": "ax,ay,az,gx,gy,gz", "units": "m/s^2,rad/s", "rate": 100.0}
     folder = REFERENCE / "xsens_mti_hand"
     cases = (
@@ -166,15 +132,11 @@ def main() -> None:
     for name, paths, gravity, options in cases:
         recording, site = read_recording(paths, **options), Site.from_gravity(gravity)
         timeline = find_timeline(recording)
-        means = observe_holds(recording, timeline)
-        estimate = calibrate_hand_held(recording, timeline, means, site)
-        data = gather(recording, timeline, means)
+        estimate = calibrated(recording, timeline, site)
+        data = gather(recording, timeline, observe_holds(recording, timeline))
         print(
             f"{name}: {len(timeline.holds)} holds, {len(timeline.turns)} turns; sigma0 {estimate.sigma0:.2f}"
         )
-        if only_joint:
-            show_joint(recording, timeline, means, site, estimate)
-            continue
         for term in estimate.terms:
             print(
                 f"  {term.name}: {'kept' if term.kept else 'not wanted'}, F({term.degrees}) = {term.statistic:.1f}, "
@@ -183,10 +145,12 @@ def main() -> None:
         for left in estimate.left_out:
             print(f"  {left.kind} {left.index + 1} left out: {left.reason}")
         line("tumble, on all of the recording", *score(estimate.model, data, gravity))
-        without = calibrate_hand_held(recording, timeline, means, site, optional_terms=False)
+        told = "; ".join(f"{name}: {sigma:.2g}" for name, sigma in estimate.variance_components.items())
+        print(f"  components: {told}")
+        without = calibrated(recording, timeline, site, optional_terms=False)
         line("tumble, without optional terms", *score(without.model, data, gravity))
         line("tumble, held out (5 interleaved folds)", *held_out(recording, timeline, site))
-        show_joint(recording, timeline, means, site, estimate)
+        line("tumble, turns alone held out", *held_out(recording, timeline, site, turns_alone=True))
         plain = held_out_plain_norms(data, gravity)
         rms = 1e3 * np.sqrt(np.mean(plain**2))
         print(f"  {'norms alone, alike weights, held out':44s}{rms:8.2f} mm/s²")

@@ -1,6 +1,6 @@
 """Do the stated uncertainties hold? Simulated recordings, calibrated, errors over stated sigma.
 
-    python benchmarks/uncertainty.py --runs 200 --grade consumer-mems --procedure hand-held
+    python benchmarks/uncertainty.py --runs 200 --grade consumer-mems
 
 Every run draws a unit of the grade, tumbles it through 26 attitudes placed by hand (headings at
 random, each angle off by 2 degrees), records it, finds the holds, calibrates it, and compares every
@@ -25,12 +25,11 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from tumble.calibration import Estimate, calibrate_hand_held, calibrate_multi_position
+from tumble.calibration import Estimate, Session, calibrate, find_procedure
 from tumble.calibration.canonical import G_SENSITIVITY, GYRO_BIAS, GYRO_MATRIX, named_values
 from tumble.calibration.equations.triad_unknowns import unknowns_from_triad
 from tumble.earth import Site
 from tumble.errors import TumbleError
-from tumble.segmentation import find_timeline, observe_holds
 from tumble.sensor import ImuModel, change_frame
 from tumble.simulation import Motion, find_grade, poses_26, simulate_recording
 
@@ -111,17 +110,13 @@ def true_values(model: ImuModel, estimate: Estimate) -> dict[str, float]:
     return {value.name: value.value for value in named}
 
 
-def run(seed: int, grade: str, procedure: str, rate: float, hold: float, white: bool) -> Outcome:
+def run(seed: int, grade: str, rate: float, hold: float, white: bool) -> Outcome:
     site = Site.from_latitude(math.radians(48.0), 300.0)
     exact = Site(site.gravity, 0.0, site.latitude, site.height, "simulated")
     recording, model = simulate(seed, grade, rate, hold, exact, white)
     try:
-        timeline = find_timeline(recording)
-        means = observe_holds(recording, timeline)
-        if procedure == "hand-held":
-            estimate = calibrate_hand_held(recording, timeline, means, exact)
-        else:
-            estimate = calibrate_multi_position(recording, means, exact)
+        session = Session(recording, given_site=exact)
+        estimate = calibrate(session, find_procedure("hand-held"))
     except TumbleError as error:
         return Outcome(seed, failure=f"{type(error).__name__}: {error}")
     truth = true_values(model, estimate)
@@ -138,7 +133,7 @@ def run(seed: int, grade: str, procedure: str, rate: float, hold: float, white: 
         normalised=tuple(normalised),
         inside=tuple(inside),
         kept=tuple(term.name for term in estimate.terms if term.kept),
-        holds=len(timeline.holds),
+        holds=len(session.timeline.holds),
         left_out=len(estimate.left_out),
     )
 
@@ -147,7 +142,6 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--runs", type=int, default=200)
     parser.add_argument("--grade", default="consumer-mems")
-    parser.add_argument("--procedure", default="hand-held", choices=("hand-held", "multi-position"))
     parser.add_argument("--rate", type=float, default=100.0)
     parser.add_argument("--hold", type=float, default=4.0, help="seconds, times 0.8 to 1.5")
     parser.add_argument("--seed", type=int, default=1000)
@@ -156,7 +150,7 @@ def main() -> None:
     options = parser.parse_args()
     started = time.perf_counter()
     jobs = [
-        (options.seed + k, options.grade, options.procedure, options.rate, options.hold, options.white)
+        (options.seed + k, options.grade, options.rate, options.hold, options.white)
         for k in range(options.runs)
     ]
     if options.workers > 1:
@@ -170,7 +164,7 @@ def main() -> None:
 def report(outcomes: list[Outcome], options: argparse.Namespace, seconds: float) -> None:
     good = [outcome for outcome in outcomes if not outcome.failure]
     print(
-        f"{options.procedure}, {options.grade}{', white noise' if options.white else ''}, "
+        f"{options.grade}{', white noise' if options.white else ''}, "
         f"{options.rate:g} Hz, 26 holds of about {options.hold:g} s: "
         f"{len(outcomes)} runs in {seconds:.0f} s, {len(outcomes) - len(good)} failures"
     )

@@ -27,7 +27,7 @@ from expected_uncertainty import GRADES, opening, panel, rounded  # noqa: E402
 
 TABLE = FOLDER / "classical-uncertainty.csv"
 SECONDS, USUAL = (10.0, 30.0, 100.0), 30.0
-PLACEMENTS = (0.05, 0.2, 0.5, 2.0)  # degrees
+PLACEMENTS = (0.05, 0.2, 0.5)  # degrees
 RUNS = 5
 ACCELEROMETER = {
     "accelerometer bias": ("Accelerometer bias", 1e3, "mm/s²"),
@@ -39,10 +39,10 @@ GYRO = {
 }
 # Start of the parameters' names -> (title, factor from SI, unit), by procedure.
 GROUPS = {
-    "six-position": {**ACCELEROMETER, "gyro bias": GYRO["gyro bias"]},
-    "improved-six-position": {
+    "six-position": {
         **ACCELEROMETER,
         "accelerometer misalignment": ("Accelerometer misalignment", 1e3, "mrad"),
+        "gyro bias": GYRO["gyro bias"],
     },
     "rate-table": {**GYRO, "gyro misalignment": ("Gyro misalignment", 1e3, "mrad")},
     "modified-multi-position": {
@@ -54,8 +54,8 @@ GROUPS = {
     },
 }
 DRAWN = (
-    ("improved-six-position", "accelerometer bias", "six-position"),
-    ("improved-six-position", "accelerometer scale", "six-position"),
+    ("six-position", "accelerometer bias", "six-position"),
+    ("six-position", "accelerometer scale", "six-position"),
     ("rate-table", "gyro bias", "rate table"),
     ("rate-table", "gyro scale", "rate table"),
     ("modified-multi-position", "gyro scale", "modified"),
@@ -65,7 +65,7 @@ Job = tuple[str, str, float, float | None, int]
 
 
 def changed_protocol(procedure: str, seconds: float, placement: float | None):
-    """Return the named protocol with holds and spins of about `seconds`, placed to `placement` degrees."""
+    """Return the named protocol, holds and spins of `seconds`, placed to `placement` degrees, at exact rates."""
     from dataclasses import replace
 
     from tumble.protocol import HoldStep, SpinStep, named_protocol
@@ -73,7 +73,7 @@ def changed_protocol(procedure: str, seconds: float, placement: float | None):
     def changed(step):
         if isinstance(step, SpinStep):
             period = 2.0 * math.pi / abs(step.rate)
-            return replace(step, duration=math.ceil(seconds / period) * period)
+            return replace(step, duration=math.ceil(seconds / period) * period, sigma=0.0)
         if not isinstance(step, HoldStep):
             return step
         pose = step.pose
@@ -81,7 +81,7 @@ def changed_protocol(procedure: str, seconds: float, placement: float | None):
             pose = replace(pose, sigma=math.radians(placement))
         return replace(step, duration=seconds, pose=pose)
 
-    protocol = named_protocol(procedure.removeprefix("improved-"))
+    protocol = named_protocol(procedure)
     return replace(protocol, steps=tuple(changed(step) for step in protocol.steps))
 
 
@@ -89,16 +89,11 @@ def one_run(job: Job) -> dict[str, float]:
     """Return the median stated uncertainty of each group of parameters in one simulated calibration."""
     import numpy as np
 
-    from tumble.calibration import (
-        calibrate_modified_multi_position,
-        calibrate_rate_table,
-        calibrate_six_position,
-    )
+    from tumble.calibration import Session
     from tumble.earth import Site
-    from tumble.segmentation import find_timeline, observe_holds
-    from tumble.segmentation.matching import match_protocol, observe_matched_spins
     from tumble.simulation import find_grade
     from tumble.simulation.protocols import simulate_protocol
+    from tumble.workflows.procedures import run_procedure
 
     procedure, grade, seconds, placement, seed = job
     rng = np.random.default_rng([seed, round(seconds), round(100 * (placement or 0.0))])
@@ -106,16 +101,7 @@ def one_run(job: Job) -> dict[str, float]:
     site = Site(site.gravity, 0.0, site.latitude, site.height, "simulated")
     protocol = changed_protocol(procedure, seconds, placement)
     recording, _ = simulate_protocol(protocol, 100.0, rng, site=site, grade=find_grade(grade))
-    timeline = find_timeline(recording)
-    means = observe_holds(recording, timeline)
-    matching = match_protocol(protocol, recording, timeline, means)
-    if "six" in procedure:
-        improved = procedure.startswith("improved")
-        estimate = calibrate_six_position(recording, means, matching, protocol, site, improved=improved)
-    else:
-        spins = observe_matched_spins(protocol, recording, timeline, matching)
-        calibrate = calibrate_rate_table if procedure == "rate-table" else calibrate_modified_multi_position
-        estimate = calibrate(recording, means, spins, matching, protocol, site)
+    estimate, _ = run_procedure(Session(recording, protocol, site), procedure)
     return {
         group: median(p.standard_uncertainty for p in estimate.parameters if p.name.startswith(group))
         for group in GROUPS[procedure]
@@ -197,7 +183,7 @@ def table_lines(procedure: str) -> list[str]:
 def write_tables() -> None:
     """Put the tables between their marks on the procedures' pages."""
     for procedure in GROUPS:
-        page = FOLDER.parent / "procedures" / f"{procedure.removeprefix('improved-')}.md"
+        page = FOLDER.parent / "procedures" / f"{procedure}.md"
         start, end = f"<!-- {procedure} -->", f"<!-- /{procedure} -->"
         before, _, rest = page.read_text(encoding="utf-8").partition(start)
         table = "\n".join([start, "", *table_lines(procedure), "", end])

@@ -61,9 +61,8 @@ def one_run(job: tuple[str, float, int, int]) -> dict[str, float]:
     import numpy as np
     from scipy.spatial.transform import Rotation
 
-    from tumble.calibration import calibrate_hand_held
+    from tumble.calibration import Session, calibrate, find_procedure
     from tumble.earth import Site
-    from tumble.segmentation import find_timeline, observe_holds
     from tumble.simulation import Motion, find_grade, simulate_recording
 
     grade, seconds, count, seed = job
@@ -79,8 +78,7 @@ def one_run(job: tuple[str, float, int, int]) -> dict[str, float]:
         poses, rng.uniform(0.8, 1.2, count) * seconds, rng.uniform(1.5, 3.0, count - 1)
     )
     recording, _ = simulate_recording(motion, 100.0, rng, site=site, grade=find_grade(grade))
-    timeline = find_timeline(recording)
-    estimate = calibrate_hand_held(recording, timeline, observe_holds(recording, timeline), site)
+    estimate = calibrate(Session(recording, given_site=site), find_procedure("hand-held"))
     return {
         group: float(
             np.median([p.standard_uncertainty for p in estimate.parameters if p.name.startswith(group)])

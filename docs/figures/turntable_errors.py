@@ -1,8 +1,8 @@
-"""What a turntable's errors do to a calibration without noise: a table on each of the two procedures' pages.
+"""What a turntable's errors do to a calibration without noise: a table on the procedure's page.
 
     python docs/figures/turntable_errors.py
 
-Protocols turntable-9 and laboratory in full at 20 Hz; a unit without noise, placed within what the protocol
+Protocol turntable-9 in full at 20 Hz; a unit without noise, placed within what the protocol
 allows; the median over five tables of the largest error.
 """
 
@@ -79,12 +79,11 @@ def table_lines(name: str) -> list[str]:
 
 
 def main() -> None:
-    """Put the tables between their marks on the pages."""
-    for name, page_name in (("turntable-9", "turntable"), ("laboratory", "laboratory")):
-        page = FOLDER.parent / "procedures" / f"{page_name}.md"
-        before, _, rest = page.read_text(encoding="utf-8").partition("<!-- errors -->")
-        block = "\n".join(["<!-- errors -->", "", *table_lines(name), "", "<!-- /errors -->"])
-        page.write_text(before + block + rest.partition("<!-- /errors -->")[2], encoding="utf-8")
+    """Put the table between its marks on the page."""
+    page = FOLDER.parent / "procedures" / "turntable.md"
+    before, _, rest = page.read_text(encoding="utf-8").partition("<!-- errors -->")
+    block = "\n".join(["<!-- errors -->", "", *table_lines("turntable-9"), "", "<!-- /errors -->"])
+    page.write_text(before + block + rest.partition("<!-- /errors -->")[2], encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -88,13 +88,3 @@ def test_too_few_draws_are_refused_before_anything_is_read(tumble: Any, tmp_path
     assert answer.status == 2
     assert "from 1000 to 1000000" in answer.err
     assert not (tmp_path / "out").exists()
-
-
-def test_draws_need_the_joint_estimator(tumble: Any, recording: Path, tmp_path: Path) -> None:
-    answer = tumble(
-        *("calibrate", recording, "--procedure", "multi-position", "--gravity", 9.81),
-        *("--monte-carlo", 1000, "-o", tmp_path / "out"),
-    )
-    assert answer.status == 2
-    assert "--procedure joint" in answer.err
-    assert not (tmp_path / "out" / "calibration.json").exists()

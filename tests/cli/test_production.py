@@ -120,13 +120,13 @@ def test_units_over_years_are_due_and_differ(
     assert "6 units" in fleet.out
     another = ("--gravity", "9.81", "--procedure", "multi-position", "--imu-serial", "U9")
     next_unit = tumble(
-        "calibrate", recording, *another, "--data-sheet", tmp_path / "fleet.json", "-o", tmp_path / "next"
+        "calibrate", recording, *another, "--prior", tmp_path / "fleet.json", "-o", tmp_path / "next"
     )
     assert next_unit.status in (0, 1), next_unit
     assert next_unit.err == ""
-    said = tumble("calibrate", recording, *another, "--data-sheet", tmp_path / "one.json")
+    said = tumble("calibrate", recording, *another, "--prior", tmp_path / "one.json")
     assert said.status == 2
-    assert "is a unit's calibration and no fleet's" in said.err
+    assert "a prior must be of the same unit" in said.err
 
 
 def test_a_check_unit_that_changed_is_seen(tumble: Any, calibrated: Path, tmp_path: Path) -> None:

@@ -30,8 +30,7 @@ def test_what_it_says_to_type_next_works(
     calibrated = tumble(*following[1].split())
     assert calibrated.status == 0, calibrated
     document = json.loads((tmp_path / "trial" / "calibration" / "calibration.json").read_text("utf-8"))
-    # Six faces tell no gyro; turns by hand between 26 poses do, and the joint estimator takes them.
-    assert document["procedure"] == {"six-position": "six-position", "multi-position-26": "joint"}[protocol]
+    assert document["procedure"] == "joint"
     assert document["site"]["latitude_deg"] == pytest.approx(48.1)
 
 

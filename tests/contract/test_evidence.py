@@ -25,12 +25,7 @@ from tumble.calibration.evidence import (
     Evidence,
     Holds,
     RestlessHold,
-    RotationFit,
-    Rotations,
-    SequenceFit,
-    Sequences,
     Spins,
-    TurnedAngle,
     Turns,
 )
 from tumble.calibration.magnetometer.estimate import (
@@ -86,23 +81,6 @@ def spins(demo: Subject) -> Evidence:
     rates = np.array([0.7, -1.4])
     residuals = np.array([[1e-4, -2e-4, 3e-5], [4e-5, 5e-4, np.nan]])
     return Spins(rates, residuals, np.full((2, 3), 1.5e-5), (f"up {HOSTILE}", "down"))
-
-
-def rotations(demo: Subject) -> Evidence:
-    there = TurnedAngle(0, 31.4159, 3.1e-5, 1.7e-5, 180.5, from_rest=True)
-    back = TurnedAngle(1, -31.4159, -2.9e-5, 1.7e-5, 181.5, from_rest=False)
-    axis = np.array([1.0, 0.0, 0.0])
-    fit = RotationFit(
-        HOSTILE, axis, 1.55, 6.1e-5, 2.2e-5, 3.3e-4, (there, back), why="it was [bold]not[/bold]"
-    )
-    unseen = replace(fit, name="y", inclination=np.nan, missed=np.nan, plane_residual=np.nan, angles=(there,))
-    return Rotations((fit, unseen))
-
-
-def sequences(demo: Subject) -> Evidence:
-    fit = SequenceFit(HOSTILE, ((0, np.pi), (2, -np.pi / 2)), (1e-5, -2e-5, 3e-5, -4e-5), (7.8e-5,) * 4, 61.5)
-    names = ("kappa_lin", "kappa_asym", "upsilon", "lambda_bias", "lambda_lin", "lambda_asym", "mu")
-    return Sequences((fit,), tuple(dict.fromkeys(names, 10.0 ** (-k)) for k in (5, 8)))
 
 
 def thermal_curves(demo: Subject) -> Evidence:
@@ -189,8 +167,6 @@ EXAMPLES: dict[type[Evidence], Callable[[Subject], Evidence]] = {
     Holds: holds,
     Turns: turns,
     Spins: spins,
-    Rotations: rotations,
-    Sequences: sequences,
     ThermalCurves: thermal_curves,
     TurnOns: turn_ons,
     Beside: beside,

@@ -11,16 +11,16 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from tests.unit.adjusted import adjusted
 
-from tumble.calibration import Estimate, calibrate_hand_held, calibrate_multi_position
+from tumble.calibration import Estimate
 from tumble.calibration.evidence import Turns
 from tumble.calibration.prior import StableKnowledge
 from tumble.calibration.procedure import Procedure, all_procedures, find_procedure
-from tumble.calibration.session import Options
 from tumble.document import Calibration, calibration_from_estimate
 from tumble.document.composition import FRAME_WORDS
 from tumble.earth import Site
-from tumble.errors import ObservabilityError, UsageError
+from tumble.errors import UsageError
 from tumble.procedure_names import KNOWN_PROCEDURES
 from tumble.protocol import named_protocol
 from tumble.recording import Recording
@@ -40,17 +40,6 @@ class Scene:
 
 
 Calibrate = Callable[..., Estimate]
-
-
-def hand_held(scene: Scene, site: Site = SITE, **options: Any) -> Estimate:
-    return calibrate_hand_held(scene.recording, scene.timeline, scene.means, site, **options)
-
-
-def multi_position(scene: Scene, site: Site = SITE, **options: Any) -> Estimate:
-    return calibrate_multi_position(scene.recording, scene.means, site, **options)
-
-
-MEMBERS: dict[str, Calibrate] = {"hand-held": hand_held, "multi-position": multi_position}
 
 
 def tumbled(poses: np.ndarray, seed: int = 1) -> Scene:
@@ -73,14 +62,19 @@ def scene() -> Scene:
     return tumbled(np.random.default_rng(2).permutation(26)[:20])
 
 
-@pytest.fixture(scope="module", params=sorted(MEMBERS))
+@pytest.fixture(scope="module", params=["hand-held", "multi-position"])
 def name(request: pytest.FixtureRequest) -> str:
     return request.param
 
 
 @pytest.fixture(scope="module")
 def procedure(name: str) -> Calibrate:
-    return MEMBERS[name]
+    def calibrate(scene: Scene, site: Site = SITE, **options: Any) -> Estimate:
+        if name == "multi-position":
+            scene = seen(replace(scene.recording, angular_rate=None))
+        return adjusted(scene.recording, scene.timeline, site, scene.means, procedure=name, **options)
+
+    return calibrate
 
 
 @pytest.fixture(scope="module")
@@ -99,9 +93,6 @@ class TestRecord:
     def test_its_frame_is_one_that_a_document_can_describe(self, record: Procedure) -> None:
         assert record.frame in FRAME_WORDS
 
-    def test_it_takes_options_that_there_are(self, record: Procedure) -> None:
-        assert record.takes <= {"prior", "data_sheet", "unknowns"}
-
     def test_its_protocol_s_example_is_a_named_protocol_for_it(self, record: Procedure) -> None:
         if record.example:
             assert named_protocol(record.example).procedure == record.name
@@ -118,21 +109,14 @@ class TestRecord:
     def test_its_page_of_the_documentation_is_there(self, record: Procedure) -> None:
         assert (DOCS / record.page).is_file()
 
-    def test_an_option_that_it_does_not_take_is_refused_with_the_procedure_that_does(
-        self, record: Procedure
-    ) -> None:
-        if "unknowns" not in record.takes:
-            with pytest.raises(
-                UsageError, match="unknowns is for the multi-position procedure: add --procedure"
-            ):
-                check_procedure(record.name, Options(unknowns=6), has_protocol=True)
+    def test_without_a_protocol_it_is_refused_if_it_needs_one(self, record: Procedure) -> None:
+        if record.example:
+            with pytest.raises(UsageError, match=f"tumble simulate {record.example}"):
+                check_procedure(record.name, has_protocol=False)
 
 
 class TestProcedure:
     """The contract."""
-
-    def test_it_says_its_name(self, estimate: Estimate, name: str) -> None:
-        assert estimate.procedure == name
 
     def test_the_accelerometer_is_in_the_frame_accelerometer_x(self, estimate: Estimate) -> None:
         assert estimate.model.accelerometer is not None
@@ -201,7 +185,10 @@ class TestProcedure:
         np.testing.assert_allclose(
             moved.model.accelerometer.matrix, estimate.model.accelerometer.matrix, atol=1e-7
         )
-        np.testing.assert_allclose(moved.covariance, estimate.covariance, rtol=1e-4, atol=1e-15)
+        # Variances are sought to a share of themselves, and covariances are as uncertain as their variances.
+        sigma = np.sqrt(np.diag(estimate.covariance))
+        off = np.abs(moved.covariance - estimate.covariance)
+        assert np.all(off <= 1e-4 * np.outer(sigma, sigma))
 
     def test_other_raw_units_scale_the_matrix_and_nothing_else(
         self, procedure: Calibrate, estimate: Estimate, scene: Scene
@@ -243,11 +230,11 @@ class TestProcedure:
                 expected = np.hypot(before.standard_uncertainty, (1.0 + before.value) * 0.015 / 9.81)
                 assert after.standard_uncertainty == pytest.approx(expected, rel=1e-3)
 
-    def test_too_few_poses_are_refused_with_the_way_out(self, procedure: Calibrate) -> None:
-        with pytest.raises(
-            ObservabilityError, match=r"6 different poses were found and 9 are needed.*--prior"
-        ):
-            procedure(tumbled(np.array([0, 1, 2, 3, 4, 5])))
+    def test_too_few_poses_are_an_objection_with_the_way_out(self, procedure: Calibrate) -> None:
+        told = procedure(tumbled(np.array([0, 1, 2, 3, 4, 5]))).objections
+        assert any(
+            "6 different poses were found and 9 are needed" in said and "--prior" in said for said in told
+        )
 
     def test_six_poses_serve_with_a_prior(self, procedure: Calibrate) -> None:
         known = StableKnowledge(np.array([0.001, -0.002, 0.003]), np.diag([1e-4, 2e-4, 3e-4]) ** 2)
@@ -255,12 +242,6 @@ class TestProcedure:
         angles = [p for p in narrow.parameters if p.name.startswith("accelerometer non-orthogonality")]
         # In the order yz, zx, zy; six faces add next to nothing.
         assert [p.standard_uncertainty for p in angles] == pytest.approx([1e-4, 2e-4, 3e-4], rel=0.05)
-
-    def test_it_tells_in_words_what_it_is_doing(self, procedure: Calibrate, scene: Scene) -> None:
-        told: list[str] = []
-        procedure(scene, progress=told.append)
-        assert told
-        assert all(words and words == words.strip() for words in told)
 
     def test_its_document_is_complete_and_reads_back(self, estimate: Estimate, scene: Scene) -> None:
         document = calibration_from_estimate(estimate, scene.recording, SITE)

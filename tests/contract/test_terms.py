@@ -38,15 +38,14 @@ class TestTerm:
     def test_no_other_gives_way_as_soon(self, term: Term) -> None:
         assert [one.name for one in TERMS.values() if one.gives_way == term.gives_way] == [term.name]
 
-    def test_a_name_plate_bounds_it_and_holds_what_is_told_in_part(self, term: Term) -> None:
+    def test_a_name_plate_bounds_it_and_is_its_prior(self, term: Term) -> None:
         u = imu_unknowns(free=term_unknowns(term.name))
         u["force.scale"][:], u["gyro.matrix"][:] = SCALE, MATRIX.ravel()
         sigma = name_plate(u)[u.free]
         assert np.all(sigma > 0.0)
         prior = terms_prior(u)
-        assert (prior is not None) == term.in_part
-        if prior is not None:
-            np.testing.assert_allclose(np.diag(prior.precision)[u.free], sigma**-2, rtol=1e-12)
+        assert prior is not None
+        np.testing.assert_allclose(np.diag(prior.precision)[u.free], sigma**-2, rtol=1e-12)
 
     def test_a_sensor_s_curve_has_its_derivatives(self, term: Term) -> None:
         if not term.curve:

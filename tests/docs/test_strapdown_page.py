@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from tumble.calibration.closed_forms.rotation_sequences import sequence_model
-from tumble.calibration.closed_forms.sequence_inversion import solve_measurements
 from tumble.protocol.strapdown_rotation import SEQUENCES, start_down
 from tumble.sensor.conventions.savage import NAMES
+from tumble_papers.savage.rotation_sequences import sequence_model
+from tumble_papers.savage.sequence_inversion import solve_measurements
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 PAGE = DOCS / "procedures" / "strapdown-rotation.md"

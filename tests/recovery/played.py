@@ -2,29 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation as Attitudes
 
-from tumble.calibration import Estimate
+from tumble.calibration import Estimate, Options, Session, calibrate, find_procedure
 from tumble.calibration.canonical import canonical_names
+from tumble.calibration.outcome.estimate import JointOutcome
+from tumble.calibration.prior import StableKnowledge
+from tumble.calibration.procedure import Procedure
 from tumble.earth import Site
 from tumble.protocol import HoldStep, Protocol, SpinStep, Step, named_protocol
 from tumble.recording.recording import Recording
-from tumble.segmentation import (
-    Hold,
-    HoldMeans,
-    NoiseFloor,
-    SpinMeans,
-    Timeline,
-    Turn,
-    find_timeline,
-    observe_holds,
-)
-from tumble.segmentation.matching import Matching, match_protocol, observe_matched_spins
-from tumble.segmentation.rotations import Rotation, observe_rotations
+from tumble.segmentation import Hold, NoiseFloor, Timeline, Turn
 from tumble.sensor import ImuModel, Triad, change_frame
 from tumble.simulation import Motion, simulate_recording
 from tumble.simulation.recordings import Truth
@@ -63,26 +56,6 @@ def short(name: str, site: Site) -> Protocol:
     return replace(protocol, steps=tuple(changed(step) for step in protocol.steps), site=site)
 
 
-@dataclass(frozen=True)
-class Found:
-    """What was found of a protocol in a recording."""
-
-    timeline: Timeline
-    means: HoldMeans
-    matching: Matching
-    spins: SpinMeans
-    rotations: list[Rotation]
-
-    @classmethod
-    def of(cls, recording: Recording, protocol: Protocol) -> Found:
-        timeline = find_timeline(recording)
-        means = observe_holds(recording, timeline)
-        matching = match_protocol(protocol, recording, timeline, means)
-        spins = observe_matched_spins(protocol, recording, timeline, matching)
-        rotations = observe_rotations(protocol, recording, timeline, matching, means, spins)
-        return cls(timeline, means, matching, spins, rotations)
-
-
 def by_hand(poses: Attitudes, model: ImuModel, site: Site) -> tuple[Recording, Timeline]:
     """Holds of 3 s, turns of 2 s, 50 Hz, white noise; the timeline is where they were."""
     holds = len(poses)
@@ -95,6 +68,23 @@ def by_hand(poses: Attitudes, model: ImuModel, site: Site) -> tuple[Recording, T
     turns = tuple(Turn(k, k + 1, 250 * k + 150, 250 * (k + 1)) for k in range(holds - 1))
     floor = NoiseFloor(np.full(3, NOISE[0]), np.full(3, NOISE[1]), 1.0, "as simulated")
     return recording, Timeline(tuple(Hold(250 * k, 250 * k + 150) for k in range(holds)), turns, (), floor)
+
+
+def jointly(
+    session: Session,
+    procedure: str | Procedure = "joint",
+    *,
+    timeline: Timeline | None = None,
+    optional_terms: bool = True,
+    prior: StableKnowledge | None = None,
+    keep: Callable[[JointOutcome], None] | None = None,
+) -> Estimate:
+    """The joint estimate with a clock that is right; holds and turns are where `timeline` has them."""
+    if timeline is not None:
+        session.timeline = timeline
+    session.options, session.prior = Options(optional_terms=optional_terms), prior
+    record = find_procedure(procedure) if isinstance(procedure, str) else procedure
+    return calibrate(session, record, clocked=False, keep=keep)
 
 
 def in_frame(model: ImuModel | None, frame: str) -> ImuModel:

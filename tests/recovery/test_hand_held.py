@@ -1,4 +1,4 @@
-"""The hand-held procedure finds what made the data: turns played by scipy's rotations, not by our simulator."""
+"""By hand the truth comes back: turns played by scipy's rotations, not by our simulator."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tumble.calibration import Estimate, calibrate_hand_held
+from recovery.played import jointly
+from tumble.calibration import Estimate, Session
 from tumble.earth import Site
 from tumble.recording import Recording
-from tumble.segmentation import Hold, HoldMeans, NoiseFloor, Timeline, Turn, find_timeline, observe_holds
-from tumble.sensor import ImuModel, Triad
-from tumble.simulation import Motion, poses_26, simulate_recording
+from tumble.segmentation import Hold, HoldMeans, NoiseFloor, Timeline, Turn
+from tumble.sensor import Triad
 
 GRAVITY = 9.81
 RATE = 100.0
@@ -120,8 +120,10 @@ def exact_means(recording: Recording, holds: list[Hold], sigma: tuple[float, flo
     )
 
 
-def calibrate(scene: Scene, site: Site = SITE, **options: object) -> Estimate:
-    return calibrate_hand_held(scene.recording, scene.timeline, scene.means, site, **options)  # type: ignore[arg-type]
+def calibrate(scene: Scene, site: Site = SITE, *, optional_terms: bool = True) -> Estimate:
+    session = Session(scene.recording, None, site)
+    session.means = scene.means
+    return jointly(session, timeline=scene.timeline, optional_terms=optional_terms)
 
 
 def triads(estimate: Estimate) -> tuple[Triad, Triad]:
@@ -192,42 +194,6 @@ def test_with_a_latitude_the_earth_rate_is_told_from_g_sensitivity(latitude_deg:
     np.testing.assert_allclose(gyroscope.bias, B_G, atol=2e-6)
 
 
-def test_a_simulated_recording_without_noise_is_found_segmented_and_recovered() -> None:
-    """From samples to model: rest is found, too, although it is perfectly quiet but for rounding.
-
-    Truncation: a gyro sample is the mean over its interval and the accelerometer's the middle's
-    value, so that g-sensitivity and Earth rate are seen to (rate x step)² / 24 = 1e-4 of themselves
-    while turning; both are zero here. Rounding of 1e-6 m/s² and rad/s stands for noise.
-    """
-    rng = np.random.default_rng(3)
-    headings = Rotation.from_rotvec(np.outer(rng.uniform(0.0, 6.28, 26), [0.0, 0.0, 1.0]))
-    order = rng.permutation(26)
-    motion = Motion.between_poses((headings * poses_26())[order], np.full(26, 3.0), np.full(25, 2.0))
-    model = ImuModel(Triad(M_A, B_A), Triad(M_G, B_G))
-    played, _ = simulate_recording(motion, RATE, rng, site=SITE, distort=model.distort)
-    assert played.specific_force is not None
-    assert played.angular_rate is not None
-    recording = Recording(
-        time=played.time,
-        specific_force=played.specific_force + rng.uniform(-0.5e-6, 0.5e-6, played.specific_force.shape),
-        angular_rate=played.angular_rate + rng.uniform(-0.5e-6, 0.5e-6, played.angular_rate.shape),
-        specific_force_unit="m/s^2",
-        angular_rate_unit="rad/s",
-        rate=RATE,
-    )
-    timeline = find_timeline(recording)
-    assert len(timeline.holds) == 26
-    estimate = calibrate_hand_held(
-        recording, timeline, observe_holds(recording, timeline), SITE, optional_terms=False
-    )
-    accelerometer, gyroscope = triads(estimate)
-    # 3e-7 of noise a sample over 300 samples, times 10 for 21 numbers and poses that amplify.
-    np.testing.assert_allclose(accelerometer.matrix, M_A, atol=2e-8 * 10)
-    np.testing.assert_allclose(accelerometer.bias, B_A, atol=2e-7)
-    np.testing.assert_allclose(gyroscope.matrix, M_G, atol=1e-6)
-    np.testing.assert_allclose(gyroscope.bias, B_G, atol=1e-6)
-
-
 def test_sigma0_is_that_of_the_model_that_was_kept() -> None:
     """Noise as stated and a g-sensitivity: what it does to the rates at rest is explained, not noise.
 
@@ -247,10 +213,8 @@ def test_sigma0_is_that_of_the_model_that_was_kept() -> None:
     )
     floor = NoiseFloor(np.full(3, sigma[0]), np.full(3, sigma[1]), 1.0, "stated")
     timeline = replace(scene.timeline, noise_floor=floor)
-    estimate = calibrate_hand_held(noisy, timeline, exact_means(noisy, list(timeline.holds), sigma), SITE)
+    made = Scene(noisy, timeline, exact_means(noisy, list(timeline.holds), sigma))
+    estimate = calibrate(made)
     assert [term.name for term in estimate.terms if term.kept] == ["g_sensitivity"]
     assert 0.75 < estimate.sigma0 < 1.25
-    plain = calibrate_hand_held(
-        noisy, timeline, exact_means(noisy, list(timeline.holds), sigma), SITE, optional_terms=False
-    )
-    assert plain.sigma0 > 5.0
+    assert calibrate(made, optional_terms=False).sigma0 > 5.0

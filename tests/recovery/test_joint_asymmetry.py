@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from recovery.played import by_hand
+from recovery.played import by_hand, jointly
+from tumble.calibration import Session
 from tumble.calibration.equations.imu_unknowns import (
     LAYOUT,
     imu_unknowns,
@@ -14,9 +15,7 @@ from tumble.calibration.equations.imu_unknowns import (
     straightened,
 )
 from tumble.calibration.estimate import Estimate
-from tumble.calibration.joint import calibrate_joint
 from tumble.earth import Site
-from tumble.segmentation import observe_holds
 from tumble.sensor import ImuModel, Triad
 
 SITE = Site(9.81, 0.0, float(np.radians(48.0)), 300.0, "as simulated")
@@ -39,7 +38,7 @@ def _run() -> Estimate:
     )
     poses = Rotation.random(24, np.random.default_rng(5))
     recording, timeline = by_hand(poses, model, SITE)
-    return calibrate_joint(recording, timeline, observe_holds(recording, timeline), SITE)
+    return jointly(Session(recording, None, SITE), timeline=timeline)
 
 
 def test_asymmetries_of_both_triads_are_found_and_within_four_sigma() -> None:

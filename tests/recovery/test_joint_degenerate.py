@@ -8,16 +8,15 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from recovery.played import by_hand
+from recovery.played import by_hand, jointly
+from tumble.calibration import Session
 from tumble.calibration.canonical import canonical_names
 from tumble.calibration.estimate import Estimate
-from tumble.calibration.joint import calibrate_joint
 from tumble.calibration.prior import StableKnowledge
-from tumble.calibration.session import Session
 from tumble.earth import Site
 from tumble.errors import ObservabilityError
 from tumble.recording import Recording
-from tumble.segmentation import Timeline, observe_holds
+from tumble.segmentation import Timeline
 from tumble.segmentation.turns import find_saturated_axis
 from tumble.sensor import ImuModel, Triad
 from tumble.workflows.procedures import check_prior
@@ -37,8 +36,8 @@ def _played(poses: Rotation) -> tuple[Recording, Timeline]:
 
 
 def _calibrated(recording: Recording, timeline: Timeline, prior: StableKnowledge | None = None) -> Estimate:
-    means = observe_holds(recording, timeline)
-    return calibrate_joint(recording, timeline, means, SITE, prior=prior, optional_terms=False)
+    session = Session(recording, None, SITE)
+    return jointly(session, timeline=timeline, prior=prior, optional_terms=False)
 
 
 def _worst(estimate: Estimate) -> float:
@@ -119,11 +118,10 @@ def test_a_prior_of_another_unit_is_objected_to_and_the_units_own_is_not() -> No
     angles = np.array(
         [p.value for p in own.parameters if p.name.startswith("accelerometer non-orthogonality")]
     )
-    means = observe_holds(recording, timeline)
     for off, objected in ((np.zeros(3), False), (np.array([0.01, -0.02, 0.015]), True)):
         believed = StableKnowledge(angles + off, 1e-8 * np.eye(3))
         estimate = _calibrated(recording, timeline, believed)
         session = Session(recording, None, SITE)
-        session.timeline, session.means = timeline, means
+        session.timeline = timeline
         check_prior([session], believed, estimate)
         assert any("contradicts" in sentence for sentence in estimate.objections) == objected

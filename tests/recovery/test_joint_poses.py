@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 from scipy.stats import chi2
 
+from recovery.played import jointly
+from tumble.calibration import Session, find_procedure
 from tumble.calibration.canonical import canonical_names
-from tumble.calibration.equations.believed_poses import believed_poses
 from tumble.calibration.estimate import Estimate
 from tumble.calibration.evidence import Budget
-from tumble.calibration.joint import calibrate_joint
 from tumble.calibration.outcome.estimate import SITS
 from tumble.earth import Site
 from tumble.protocol import named_protocol
-from tumble.segmentation import find_timeline, observe_holds
-from tumble.segmentation.matching import match_protocol
 from tumble.sensor import ImuModel, change_frame
 from tumble.simulation import find_grade, simulate_protocol
 
@@ -33,12 +32,8 @@ def _run(name: str, grade: str, *, noise: bool, frame: str) -> tuple[Estimate, I
         noise=noise,
         placement=noise,
     )
-    timeline = find_timeline(recording)
-    means = observe_holds(recording, timeline)
-    poses = believed_poses(protocol, match_protocol(protocol, recording, timeline, means))
-    estimate = calibrate_joint(
-        recording, timeline, means, SITE, poses=poses, frame=frame, optional_terms=False
-    )
+    believed = replace(find_procedure(name), frame=frame)
+    estimate = jointly(Session(recording, protocol, SITE), believed, optional_terms=False)
     assert truth.model is not None
     return estimate, truth.model
 
@@ -111,10 +106,8 @@ def test_optional_terms_that_few_holds_cannot_tell_do_not_stop_the_adjustment() 
     """Six faces and the five turns between them tell both triads, and nothing of eighteen more unknowns."""
     protocol, rng = named_protocol("six-position"), np.random.default_rng([1000, 1])
     recording, truth = simulate_protocol(protocol, 50.0, rng, site=SITE, grade=find_grade("tactical"))
-    timeline = find_timeline(recording)
-    means = observe_holds(recording, timeline)
-    poses = believed_poses(protocol, match_protocol(protocol, recording, timeline, means))
-    estimate = calibrate_joint(recording, timeline, means, SITE, poses=poses)
+    believed = replace(find_procedure("six-position"), frame="accelerometer-x")
+    estimate = jointly(Session(recording, protocol, SITE), believed)
     assert not any(term.kept for term in estimate.terms)
     assert truth.model is not None
     found, true = _canonical(estimate.model), _canonical(change_frame(truth.model, "accelerometer-x"))

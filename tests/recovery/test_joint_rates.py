@@ -9,27 +9,25 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from recovery.played import Found
+from recovery.played import jointly
 from tumble.attitude.directions import twenty_six_directions
-from tumble.calibration.equations.believed_poses import believed_poses
+from tumble.calibration import Session, find_procedure
 from tumble.calibration.equations.imu_unknowns import LAYOUT
 from tumble.calibration.equations.rotation_equations import Windows
 from tumble.calibration.equations.stretches import RotationStretch
 from tumble.calibration.estimate import Estimate
-from tumble.calibration.joint import calibrate_joint
 from tumble.calibration.outcome.estimate import JointOutcome
 from tumble.earth import Site
 from tumble.estimation.equations import Linear
 from tumble.protocol.steps import HoldStep, Pose, Protocol, SpinStep, Step, TurnStep
-from tumble.segmentation import find_timeline, observe_holds
-from tumble.segmentation.matching import match_protocol, observe_matched_spins
-from tumble.segmentation.rotations import observe_rotations
+from tumble.segmentation import observe_holds
 from tumble.sensor import ImuModel
 from tumble.sensor.gauge import change_frame
 from tumble.simulation import find_grade, simulate_protocol
 
 SITE = Site.from_latitude(0.8)
 RATE = np.radians(60.0)
+BELIEVED = replace(find_procedure("rate-table"), frame="accelerometer-x")
 
 
 def _protocol() -> Protocol:
@@ -57,21 +55,12 @@ def _run(*, noise: bool, seed: int = 5) -> tuple[Estimate, ImuModel, JointOutcom
         for with_noise in (noise, True)
     )
     # Without noise a table that turns about the vertical looks like one at rest: the motion is the same in both.
-    timeline = find_timeline(noisy)
-    seen, exact = observe_holds(noisy, timeline), observe_holds(recording, timeline)
-    means = replace(seen, specific_force=exact.specific_force, angular_rate=exact.angular_rate)
-    matching = match_protocol(protocol, noisy, timeline, seen)
-    spins = observe_matched_spins(protocol, recording, timeline, matching)
-    rotations = observe_rotations(protocol, recording, timeline, matching, means, spins)
-    poses = believed_poses(protocol, matching)
+    session, told = (Session(one, protocol, SITE) for one in (recording, noisy))
+    session.timeline, session.matching = told.timeline, told.matching
+    exact = observe_holds(recording, told.timeline)
+    session.means = replace(told.means, specific_force=exact.specific_force, angular_rate=exact.angular_rate)
     kept: list[JointOutcome] = []
-    estimate = calibrate_joint(
-        *(recording, timeline, means, SITE),
-        rotations=rotations,
-        poses=poses,
-        optional_terms=False,
-        keep=kept.append,
-    )
+    estimate = jointly(session, BELIEVED, optional_terms=False, keep=kept.append)
     assert truth.model is not None
     return estimate, change_frame(truth.model, "accelerometer-x"), kept[0]
 
@@ -131,16 +120,13 @@ def test_a_spin_with_a_gap_breaks_the_section_and_gives_no_rate() -> None:
     recording, _ = simulate_protocol(
         *(protocol, 100.0, np.random.default_rng(5)), site=SITE, grade=find_grade("tactical")
     )
-    found = Found.of(recording, protocol)
-    after = found.rotations[1].start + 300
+    told = Session(recording, protocol, SITE)
+    after = told.rotations[1].start + 300
     late = recording.time.copy()
     late[after:] += 1.0
     gapped = replace(recording, time=late)
-    estimate = calibrate_joint(
-        *(gapped, found.timeline, found.means, SITE),
-        rotations=found.rotations,
-        poses=believed_poses(protocol, found.matching),
-        optional_terms=False,
-    )
+    session = Session(gapped, protocol, SITE)
+    session.means, session.matching, session.rotations = told.means, told.matching, told.rotations
+    estimate = jointly(session, BELIEVED, timeline=told.timeline, optional_terms=False)
     assert len(estimate.spins.names) == 5
     assert any("rotation 2" in remark and "missing" in remark for remark in estimate.remarks)

@@ -14,18 +14,20 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
+from recovery.played import jointly
 from tumble.attitude.rotations import matrices_from_rotation_vectors, skews
+from tumble.calibration import Session
 from tumble.calibration.equations.imu_unknowns import LAYOUT, imu_unknowns, raw_force
 from tumble.calibration.estimate import Estimate
 from tumble.calibration.evidence import Budget
-from tumble.calibration.joint import calibrate_joint
 from tumble.calibration.terms import lever_arms
 from tumble.calibration.terms.lever_arms import PAIRS
 from tumble.calibration.terms.time_lag import LAG_NAME, by_lag
 from tumble.earth import Site
 from tumble.protocol import HoldStep, Pose, Protocol, SpinStep, Step, TurnStep
 from tumble.recording.recording import Recording
-from tumble.segmentation import Hold, NoiseFloor, Timeline, Turn, observe_holds
+from tumble.segmentation import Hold, NoiseFloor, Timeline, Turn
+from tumble.segmentation.matching import MatchedSpin, Matching
 from tumble.segmentation.rotations import Rotation
 from tumble.sensor import ImuModel, Triad
 from tumble.simulation import Motion, play_protocol, simulate_recording
@@ -139,12 +141,19 @@ def _timeline(
     return Timeline(tuple(holds), turns, (), floor), rotations
 
 
+def _calibrated(recording: Recording, timeline: Timeline, rotations: list[Rotation], site: Site) -> Estimate:
+    session = Session(recording, None, site)
+    session.rotations = rotations
+    session.matching = Matching((), tuple(MatchedSpin(r.step, r.start, r.stop) for r in rotations), (), ())
+    return jointly(session, timeline=timeline)
+
+
 @cache
 def _estimate(axes: Axes, *, lag: float = 0.0, apart: bool = False, noise: bool = True) -> Estimate:
     site = SITE if noise else NO_EARTH
     recording = _recording(axes, lag=lag, arms=ARMS if apart else np.zeros((3, 3)), noise=noise, site=site)
     timeline, rotations = _timeline(_played(axes), recording, noise=noise)
-    return calibrate_joint(recording, timeline, observe_holds(recording, timeline), site, rotations=rotations)
+    return _calibrated(recording, timeline, rotations, site)
 
 
 @cache
@@ -167,8 +176,7 @@ def _curved(*, noise: bool) -> Estimate:
         rate = rate + NOISE[1] * rng.standard_normal(rate.shape)
     recording = replace(recording, specific_force=force, angular_rate=rate)
     timeline, rotations = _timeline(played, recording, noise=noise, rate=FAST)
-    means = observe_holds(recording, timeline)
-    return calibrate_joint(recording, timeline, means, site, rotations=rotations)
+    return _calibrated(recording, timeline, rotations, site)
 
 
 def _kept(estimate: Estimate) -> set[str]:

@@ -34,10 +34,16 @@ FULL: dict[str, tuple[str, tuple[str, ...]]] = {
     "laboratory": ("laboratory", ("accelerometer", "gyroscope")),
     "strapdown-rotation": ("strapdown-rotation", ("accelerometer", "gyroscope")),
 }
-# The strapdown rotation test integrates samples' mean rates while the Earth turns: second order is left of it. On a
-# turntable the joint estimator gives samples without noise a ten-millionth of the largest, and states 1.3e-8 itself:
-# three of these.
-ROUNDING = {"strapdown-rotation": 5e-8, "turntable": 4e-8}
+# A table's rotations are integrated in windows while the Earth turns: second order is left, some 1e-8, of which the
+# turntable states 1.3e-8 itself. Six poses tell the fixture's axes against the unit's by the prior of its mounting
+# alone, 0.2 rad, which pulls a rotation of some mrad, known to 1°.
+ROUNDING = {
+    "improved-six-position": 1e-5,
+    "laboratory": 2e-8,
+    "modified-multi-position": 1e-8,
+    "strapdown-rotation": 5e-8,
+    "turntable": 4e-8,
+}
 
 
 @pytest.fixture(autouse=True)
@@ -59,9 +65,9 @@ def white(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def played(
-    folder: Path, name: str, procedure: str, *, noise: bool, units: str, seed: int, jointly: bool = False
+    folder: Path, name: str, procedure: str, *, noise: bool, units: str, seed: int
 ) -> tuple[Any, Calibration]:
-    """Simulate a protocol, calibrate from what was written, by name or jointly, and return truth and calibration."""
+    """Simulate a protocol, calibrate from what was written, and return truth and calibration."""
     protocol = replace(named_protocol(name), site=SITE, procedure=procedure)
     write_protocol(protocol, folder / "todo.yaml")
     done = simulate(
@@ -72,8 +78,7 @@ def played(
         units=units,
         errors=SessionErrors(noise=noise, placement=noise),
     )
-    asked = None if jointly else procedure
-    return done.truth, calibrate(protocol=folder / "sim" / "protocol.yaml", procedure=asked).calibration
+    return done.truth, calibrate(protocol=folder / "sim" / "protocol.yaml").calibration
 
 
 def blocks_of(truth: Any, calibration: Calibration) -> Any:
@@ -98,25 +103,19 @@ def test_without_noise_and_placement_errors_the_truth_comes_back(tmp_path: Path,
         largest = 10.0 if triad == "accelerometer" else 1.0
         np.testing.assert_allclose(found.bias, bias, rtol=0, atol=limit * scale * largest)
     if procedure == "six-position":
-        # The standard test sees each sensor's own sensitivity and bias, and nothing of its neighbours'.
+        # Each sensor's own sensitivity and bias are of second order in how the unit sits.
         found = calibration.accelerometer
         assert found is not None
         assert found.matrix is not None
         true = np.array(blocks["accelerometer"]["matrix"])
-        np.testing.assert_allclose(np.diag(found.matrix), np.diag(true), rtol=1e-9)
+        np.testing.assert_allclose(np.diag(found.matrix), np.diag(true), rtol=1e-7)
         bias = np.array(blocks["accelerometer"]["bias"])
         np.testing.assert_allclose(found.bias, bias, rtol=0, atol=1e-8 * float(true[0, 0]))
 
 
 @pytest.mark.parametrize("name", ["multi-position-9", "multi-position-10", "multi-position-18"])
 def test_fewer_poses_give_the_truth_back_too(tmp_path: Path, name: str) -> None:
-    """In counts; ten nominal poses do not tell one angle, which has to be said."""
-    from tumble.errors import ObservabilityError
-
-    if name == "multi-position-10":
-        with pytest.raises(ObservabilityError, match="non-orthogonality of y to z"):
-            played(tmp_path, name, "multi-position", noise=False, units="counts", seed=3)
-        return
+    """In counts; the turns between ten nominal poses tell an angle that the poses do not."""
     truth, calibration = played(tmp_path, name, "multi-position", noise=False, units="counts", seed=3)
     assert calibration.accelerometer is not None
     assert calibration.accelerometer.matrix is not None
@@ -124,22 +123,17 @@ def test_fewer_poses_give_the_truth_back_too(tmp_path: Path, name: str) -> None:
     np.testing.assert_allclose(calibration.accelerometer.matrix, true, rtol=0, atol=1e-9 * true[0, 0])
 
 
-@pytest.mark.parametrize("jointly", [False, True], ids=["own, SI", "jointly, counts"])
+@pytest.mark.parametrize(("units", "seed"), [("SI", 1), ("counts", 2)])
 @pytest.mark.parametrize("procedure", sorted(FULL))
 def test_with_noise_and_placement_errors_the_truth_is_within_the_uncertainty(
-    tmp_path: Path, procedure: str, jointly: bool
+    tmp_path: Path, procedure: str, units: str, seed: int
 ) -> None:
     name, _ = FULL[procedure]
-    units, seed = ("counts", 2) if jointly else ("SI", 1)
-    truth, calibration = played(
-        tmp_path, name, procedure, noise=True, units=units, seed=seed, jointly=jointly
-    )
+    truth, calibration = played(tmp_path, name, procedure, noise=True, units=units, seed=seed)
     blocks = blocks_of(truth, calibration)
     sigma = np.sqrt(np.diag(calibration.covariance_matrix))
     looked_at = 0
     for index, parameter in enumerate(calibration.covariance_parameters):
-        if procedure == "multi-position" and parameter.startswith("gyroscope.matrix"):
-            continue  # its rotation against the accelerometers is not determined, and said to be
         if sigma[index] == 0.0:
             continue  # fixed by the frame or by the test
         error = entry(calibration.model_dump(), parameter) - entry(blocks, parameter)

@@ -14,16 +14,15 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from recovery.played import MODEL as UNIT
-from tumble.calibration import Estimate
+from recovery.played import jointly
+from tumble.calibration import Estimate, Session
 from tumble.calibration.equations.imu_unknowns import unknowns_of
-from tumble.calibration.joint import calibrate_joint
 from tumble.calibration.outcome.estimate import JointOutcome
 from tumble.calibration.turn_ons.adjustment import TurnOn, solve_several, with_free
 from tumble.calibration.turn_ons.estimate import SeveralEstimate, several_estimate
 from tumble.calibration.turn_ons.outcome import SeveralOutcome, adjust_several, find_strangers
 from tumble.earth import Site
 from tumble.errors import UsageError
-from tumble.segmentation import find_timeline, observe_holds
 from tumble.sensor import ImuModel, change_frame
 from tumble.simulation import Motion, find_grade, poses_26, simulate_recording
 
@@ -64,10 +63,8 @@ def settled(
     motion = Motion.between_poses(attitudes, np.full(poses.size, 3.0), np.full(poses.size - 1, 2.0))
     grade = find_grade("consumer-mems") if noise else None
     recording, _ = simulate_recording(motion, rate, rng, site=SITE, grade=grade, distort=model.distort)
-    timeline = find_timeline(recording)
-    means = observe_holds(recording, timeline)
     kept: list[JointOutcome] = []
-    estimate = calibrate_joint(recording, timeline, means, SITE, optional_terms=False, keep=kept.append)
+    estimate = jointly(Session(recording, None, SITE), optional_terms=False, keep=kept.append)
     return Played(estimate, kept[0], model)
 
 

@@ -1,4 +1,4 @@
-"""The turntable's own estimator on units of another simulator: wander, and an unseen g-sensitivity."""
+"""The turntable on units of another simulator: wander, and an unseen g-sensitivity."""
 
 from __future__ import annotations
 

@@ -13,13 +13,13 @@ import numpy as np
 import pytest
 from scipy.special import chdtri
 
-from tumble.calibration import calibrate_hand_held
+from recovery.played import jointly
+from tumble.calibration import Session
 from tumble.calibration.equations.adjustment import JointAdjustment
 from tumble.calibration.equations.causes import ANGLES, FORCE_REST, SOURCES, SWAY, TURNS
 from tumble.calibration.equations.imu_unknowns import force_matrix, gyro_matrix
 from tumble.calibration.equations.observed import observe, table_rotation
 from tumble.calibration.evidence import Budget
-from tumble.calibration.joint import calibrate_joint
 from tumble.calibration.outcome import draws as joint_draws
 from tumble.calibration.outcome.budget import NamedParameters
 from tumble.calibration.outcome.draws import draw_distributions, redrawn
@@ -31,7 +31,6 @@ from tumble.estimation.balance import Noise
 from tumble.estimation.gauss_helmert import invert_normal_matrix
 from tumble.estimation.solve import linearise, solve
 from tumble.protocol import named_protocol
-from tumble.segmentation import find_timeline, observe_holds
 from tumble.simulation import find_grade, simulate_protocol
 
 SITE = Site.from_latitude(np.radians(46.0))
@@ -47,10 +46,7 @@ def hand_held():
         site=SITE,
         grade=find_grade("consumer-mems"),
     )
-    timeline = find_timeline(recording)
-    means = observe_holds(recording, timeline)
-    start = calibrate_hand_held(recording, timeline, means, SITE, optional_terms=False)
-    return calibrate_joint(recording, timeline, means, SITE, start, optional_terms=False)
+    return jointly(Session(recording, None, SITE), optional_terms=False)
 
 
 def outcome_of(estimate) -> JointOutcome:

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tumble.calibration.closed_forms.norm_batch import ESTIMATORS
 from tumble.earth.site import EARTH_RATE
 from tumble_papers.hayal.estimators import THEORY, reproduce_norm_bias
+from tumble_papers.hayal.norm_batch import ESTIMATORS
 from tumble_papers.hayal.thesis_simulation import RATE_NOISE, run_setting, table_setting
 
 RUNS = 600

@@ -1,6 +1,6 @@
-"""Procedures: ways to estimate the sensor model from a recorded protocol.
+"""From a recording and what is believed of it to the sensor model: one adjustment, and procedures as records.
 
-One file a procedure; each builds conditions for `tumble.estimation` and writes no solver of its own.
+`calibrate` estimates, `Session` is what is given, `find_procedure` tells what a protocol is made for.
 """
 
 from __future__ import annotations
@@ -9,28 +9,18 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from tumble.calibration.estimate import Estimate
-    from tumble.calibration.procedures.hand_held import calibrate_hand_held
-    from tumble.calibration.procedures.modified_multi_position import calibrate_modified_multi_position
-    from tumble.calibration.procedures.multi_position import calibrate_multi_position
-    from tumble.calibration.procedures.rate_table import calibrate_rate_table
-    from tumble.calibration.procedures.six_position import calibrate_six_position
+    from tumble.calibration.joint import calibrate
+    from tumble.calibration.procedure import find_procedure
+    from tumble.calibration.session import Options, Session
 
-__all__ = [
-    "Estimate",
-    "calibrate_hand_held",
-    "calibrate_modified_multi_position",
-    "calibrate_multi_position",
-    "calibrate_rate_table",
-    "calibrate_six_position",
-]
+__all__ = ["Estimate", "Options", "Session", "calibrate", "find_procedure"]
 
 _MODULES = {
     "Estimate": "estimate",
-    "calibrate_hand_held": "procedures.hand_held",
-    "calibrate_modified_multi_position": "procedures.modified_multi_position",
-    "calibrate_multi_position": "procedures.multi_position",
-    "calibrate_rate_table": "procedures.rate_table",
-    "calibrate_six_position": "procedures.six_position",
+    "Options": "session",
+    "Session": "session",
+    "calibrate": "joint",
+    "find_procedure": "procedure",
 }
 
 

@@ -17,7 +17,6 @@ from tumble.calibration.equations.triad_unknowns import ANGLE, BIAS, QUADRATIC, 
 from tumble.calibration.estimate import Described, NamedValue, correlation_matrix
 from tumble.earth import Site
 from tumble.recording.recording import Recording
-from tumble.records import dataclass
 from tumble.sensor import ImuModel, Triad, propagate
 from tumble.sensor.conventions.shin import matrix_from_shin, shin_from_matrix
 from tumble.sensor.gauge import inverse, lower_factor
@@ -211,125 +210,8 @@ def describe_unknowns(
     )
 
 
-FIXTURE_UNKNOWNS = 18
 _FIXTURE_MATRIX, _FIXTURE_BIAS = slice(0, 9), slice(9, 12)
 _FIXTURE_TERMS = {"asymmetry": slice(12, 15), "quadratic": slice(15, 18)}
-
-
-@dataclass(frozen=True, slots=True)
-class DescribedTriad:
-    """One triad in the axes of a fixture: canonical names with their covariance, and named values with theirs."""
-
-    triad: Triad
-    names: list[str]
-    covariance: Square
-    parameters: list[NamedValue]
-    spread: Table
-
-
-def describe_apart(accelerometer: DescribedTriad, gyro: DescribedTriad | None) -> Described:
-    """Return two triads that were estimated one without the other.
-
-    Parameters
-    ----------
-    accelerometer : described.
-    gyro : described; None without one.
-    """
-    from scipy.linalg import block_diag
-
-    parts = [accelerometer] if gyro is None else [accelerometer, gyro]
-    return Described(
-        ImuModel(accelerometer.triad, None if gyro is None else gyro.triad),
-        [name for part in parts for name in part.names],
-        block_diag(*(part.covariance for part in parts)),
-        [value for part in parts for value in part.parameters],
-        correlation_matrix(block_diag(*(part.spread for part in parts))),
-    )
-
-
-def describe_fixture_triad(
-    kind: str,
-    unknowns: Series,
-    covariance: Square,
-    *,
-    known: np.ndarray,
-    unit: str,
-    factor: float | None,
-    terms: frozenset[str] = frozenset(),
-) -> DescribedTriad:
-    """Return a triad's canonical and named parameters in the frame ``fixture``.
-
-    Named are biases, scale factors (the length of a sensor's row) and misalignments: ``xy`` is the
-    angle by which the sensing axis of x leans towards the fixture's y axis.
-
-    Parameters
-    ----------
-    kind : "accelerometer" or "gyroscope".
-    unknowns, covariance : (18,), (18, 18): matrix by rows, bias, asymmetry, quadratic; raw units.
-    known : (3, 3) of bool, the elements of the matrix that were estimated; others have no name and no
-        uncertainty.
-    unit, factor : raw unit, and SI per raw unit or None for counts.
-    terms : of "asymmetry" and "quadratic", those that were estimated.
-    """
-    short, si = ("accelerometer", "m/s²") if kind == "accelerometer" else ("gyro", "rad/s")
-    at = [*np.flatnonzero(known.ravel()).tolist(), *range(9, 12)]
-    entries = _entries(f"{kind}.matrix")
-    names = [entries[i] for i in at[:-3]] + _axes(f"{kind}.bias")
-    labels = [(f"{short} bias {axis}", unit) for axis in "xyz"]
-    rows = [i for i in range(3) if known[i, i]]
-    scale_name = "scale factor error" if factor else "scale factor"
-    labels += [(f"{short} {scale_name} {'xyz'[i]}", "1" if factor else f"{unit}/({si})") for i in rows]
-    # Of counts a sensor's angle needs its scale factor; in SI the nominal one will do.
-    sized = [i for i in range(3) if factor or known[i, i]]
-    leans = [(i, j) for i in sized for j in range(3) if i != j and known[i, j]]
-    labels += [(f"{short} misalignment {'xyz'[i]}{'xyz'[j]}", "rad") for i, j in leans]
-    for term in sorted(terms):
-        place = _FIXTURE_TERMS[term]
-        at += range(place.start, place.stop)
-        names += _axes(f"{kind}.{term}")
-        labels += [
-            (f"{short} {term} {axis}", "1" if term == "asymmetry" else f"1/({unit})") for axis in "xyz"
-        ]
-
-    def evaluate(x: Complex) -> Complex:
-        matrix = x[_FIXTURE_MATRIX].reshape(3, 3)
-        # A sensor that counts backwards has a negative scale factor.
-        length = np.sign(np.real(np.diag(matrix))) * np.sqrt(np.sum(matrix * matrix, axis=1))
-        parts: list[Complex] = [x[_FIXTURE_BIAS], _scale(length, factor)[rows]]
-        parts += [np.array([np.arcsin(matrix[i, j] / length[i]) for i, j in leans])] if leans else []
-        parts += [x[_FIXTURE_TERMS[term]] for term in sorted(terms)]
-        return np.concatenate(parts)
-
-    values, spread = propagate(evaluate, unknowns, covariance)
-    sigmas = np.sqrt(np.maximum(np.diag(spread), 0.0))
-    named = [
-        NamedValue(name, float(value), float(sigma), of)
-        for (name, of), value, sigma in zip(labels, values, sigmas, strict=True)
-    ]
-    triad = Triad(
-        unknowns[_FIXTURE_MATRIX].reshape(3, 3).copy(),
-        unknowns[_FIXTURE_BIAS].copy(),
-        unknowns[_FIXTURE_TERMS["asymmetry"]].copy() if "asymmetry" in terms else None,
-        unknowns[_FIXTURE_TERMS["quadratic"]].copy() if "quadratic" in terms else None,
-    )
-    return DescribedTriad(triad, names, covariance[np.ix_(at, at)], named, spread)
-
-
-def describe_bias(bias: Series, covariance: Square, *, unit: str, nominal: float) -> DescribedTriad:
-    """Return gyros of which only the bias is known; their matrix is the `nominal` raw per SI unit.
-
-    Parameters
-    ----------
-    bias, covariance : (3,), (3, 3) raw.
-    unit : as for `describe_fixture_triad`.
-    """
-    sigmas = np.sqrt(np.diag(covariance))
-    named = [
-        NamedValue(f"gyro bias {axis}", float(value), float(sigma), unit)
-        for axis, value, sigma in zip("xyz", bias, sigmas, strict=True)
-    ]
-    triad = Triad(nominal * np.eye(3), bias.copy())
-    return DescribedTriad(triad, _axes("gyroscope.bias"), covariance, named, covariance)
 
 
 def gravity_covariance(unknowns: Series, site: Site) -> Square:

@@ -33,12 +33,10 @@ class Said:
     kind : a "remark" on how it was made; a "caution", which stands first in the verdict of what is fit: what its use
         depends on; an "objection", which makes it unfit for use, whatever its numbers say; what is "not determined".
     text : the sentence.
-    of_recording : it speaks of what was recorded, and holds for every estimate that is made of it.
     """
 
     kind: Kind
     text: str
-    of_recording: bool = False
 
 
 def said_of(
@@ -237,10 +235,6 @@ class Estimate:
         """Return all sentences of a kind, in their order."""
         return [said.text for said in self.said if said.kind == kind]
 
-    def said_of_recording(self) -> list[Said]:
-        """Return the sentences that hold for every estimate of the same recording."""
-        return [said for said in self.said if said.of_recording]
-
     def show(self, *evidence: Evidence) -> None:
         """Add evidence; a record of the same kind gives way."""
         kinds = {type(one) for one in evidence}
@@ -288,11 +282,11 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True)
 class Beside(Evidence):
-    """What another procedure made of the same recording, for comparison.
+    """What a paper's own estimator made of the same recording, for comparison.
 
     Attributes
     ----------
-    estimate : the other procedure's.
+    estimate : the paper's.
     """
 
     estimate: Estimate

@@ -10,7 +10,7 @@ from dataclasses import field
 
 import numpy as np
 
-from tumble.arrays import Series, Vector, Vectors
+from tumble.arrays import Series, Vectors
 from tumble.calibration.checks.uncertainty_statement import UncertaintyStatement
 from tumble.records import dataclass
 
@@ -96,98 +96,6 @@ class Spins(Evidence):
     residuals: Vectors = field(default_factory=lambda: np.zeros((0, 3)))
     sigmas: Vectors = field(default_factory=lambda: np.zeros((0, 3)))
     names: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True, slots=True)
-class TurnedAngle:
-    """One rotation of a table: its display's angle, and what the calibrated gyros made of it.
-
-    Attributes
-    ----------
-    spin : index into the estimate's spins.
-    angle : rad, the table's, with its sign.
-    residual, sigma : rad, gyros minus table about the common axis, and its standard deviation.
-    seconds : s that it took.
-    from_rest : whether it is from rest to rest; if not, at the constant rate.
-    """
-
-    spin: int
-    angle: float
-    residual: float
-    sigma: float
-    seconds: float
-    from_rest: bool
-
-
-@dataclass(frozen=True, slots=True)
-class RotationFit:
-    """Rotations both ways about one axis, as both triads saw it.
-
-    Attributes
-    ----------
-    name : the axis in words.
-    axis_b : (3,) unit vector in b, as the calibrated gyros show it.
-    inclination : rad, of the axis against the vertical, 0 to pi / 2.
-    missed, missed_sigma : rad, angle between the axes of both triads after calibration, and the standard
-        deviation of each of its two components; NaN where the accelerometers do not tell it.
-    plane_residual : m/s², rms distance of the specific forces from their plane.
-    angles : of each rotation.
-    why : why it takes no part in the inter-triad angles; empty if it does.
-    """
-
-    name: str
-    axis_b: Vector
-    inclination: float
-    missed: float
-    missed_sigma: float
-    plane_residual: float
-    angles: tuple[TurnedAngle, ...]
-    why: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class Rotations(Evidence):
-    """What a table's rotations showed, an axis each.
-
-    Attributes
-    ----------
-    fits : of each axis.
-    """
-
-    fits: tuple[RotationFit, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class SequenceFit:
-    """A rotation sequence and what the solution leaves of its measurements.
-
-    Attributes
-    ----------
-    name : as table 1 has it, or the protocol.
-    rotations : (axis, angle in rad) one after another.
-    residuals, sigmas : (4,) m/s²: two horizontal components, down at the start and at the end.
-    seconds : s that it took, measurements included.
-    """
-
-    name: str
-    rotations: tuple[tuple[int, float], ...]
-    residuals: tuple[float, ...]
-    sigmas: tuple[float, ...]
-    seconds: float
-
-
-@dataclass(frozen=True, slots=True)
-class Sequences(Evidence):
-    """What rotation sequences showed.
-
-    Attributes
-    ----------
-    fits : of each sequence.
-    passes : what each play-back of the recording changed, rms by group of errors, SI.
-    """
-
-    fits: tuple[SequenceFit, ...]
-    passes: tuple[dict[str, float], ...]
 
 
 @dataclass(slots=True)

@@ -12,19 +12,22 @@ arm, and how both biases wander. Optional terms are kept if the data want them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from tumble.arrays import Series, inverted
+from tumble.arrays import Matrix, Series, inverted
 from tumble.calibration.checks.observability import (
     Untold,
     angle_prior,
     find_untold,
     name_plate_prior,
+    sheet_prior,
+    sheet_priors,
     together,
 )
+from tumble.calibration.checks.triad_agreement import add_time_lag
 from tumble.calibration.checks.unseen import add_common_scale, rest_rate
 from tumble.calibration.equations.adjustment import JointAdjustment, balance_recording, solve_recording
 from tumble.calibration.equations.believed_poses import BelievedPoses
@@ -34,14 +37,13 @@ from tumble.calibration.equations.imu_unknowns import (
     PLAIN,
     force_matrix,
     gyro_matrix,
-    imu_unknowns,
     name_plate,
     term_unknowns,
     terms_prior,
-    unknowns_of,
 )
 from tumble.calibration.equations.observed import TableRotation, observe, table_rotation, with_rounding
 from tumble.calibration.equations.pose_equations import mounting_prior
+from tumble.calibration.equations.triad_unknowns import COUNT
 from tumble.calibration.equations.turn import HoldsAndTurns
 from tumble.calibration.estimate import Estimate, TermTest
 from tumble.calibration.optional_terms import (
@@ -57,133 +59,168 @@ from tumble.calibration.optional_terms import (
     worse_predicted,
 )
 from tumble.calibration.outcome.estimate import JointOutcome, joint_estimate
-from tumble.calibration.prior import StableKnowledge
-from tumble.calibration.procedures.hand_held import USUAL_STEPS, add_time_lag
-from tumble.calibration.start import gather_what_there_is, rough_start, rough_variances, start_adjustment
+from tumble.calibration.poses import require_poses
+from tumble.calibration.prior import FleetSheet, about_sheet, gyro_nine, prior_of_sheet
+from tumble.calibration.procedure import Procedure, find_procedure
+from tumble.calibration.session import Session
+from tumble.calibration.start import (
+    Offered,
+    gather_offered,
+    rough_start,
+    rough_variances,
+    start_adjustment,
+    with_stand_ins,
+)
 from tumble.calibration.terms import TERMS
 from tumble.counting import about
-from tumble.earth import Site
 from tumble.errors import ConvergenceError, ObservabilityError
 from tumble.estimation.balance import Balanced, Noise
 from tumble.estimation.solve import linearise, solve
 from tumble.estimation.unknowns import Unknowns
 from tumble.recording.recording import Recording
-from tumble.segmentation import HoldMeans, Timeline
+from tumble.records import dataclass
+from tumble.segmentation import HoldMeans
 from tumble.segmentation.rotations import Rotation
 from tumble.segmentation.turns import LONGEST_GAP
+from tumble.simulation import Grade
+from tumble.units import specific_force_factor
 
 # An axis that leans by less than this is upright; a window may then turn so far.
 UPRIGHT, UPRIGHT_ANGLE = 0.1, 3.0  # rad
+# No rough gyro is off by such a factor.
+UNLIKE = 1.15
+NOTHING_SHOWN = 1e6  # (m/s²)²
+# Of an adjustment that is balanced, and of its terms: recordings by hand took 8 to 45, half of them 13 to 17.
+USUAL_STEPS = 16
 # A recording tells its clock if it leaves less than this share of what is believed of it open.
 CLOCK_TOLD = 0.3
 
 
-def calibrate_joint(
-    recording: Recording,
-    timeline: Timeline,
-    means: HoldMeans,
-    site: Site,
-    start: Estimate | None = None,
-    *,
-    rotations: Sequence[Rotation] = (),
-    poses: BelievedPoses | None = None,
-    frame: str = "accelerometer-x",
-    prior: StableKnowledge | None = None,
-    alike: Mapping[str, float] | None = None,
-    partly: bool = True,
-    optional_terms: bool = True,
-    sought: frozenset[str] = frozenset(),
-    progress: Callable[[str], None] | None = None,
-    keep: Callable[[JointOutcome], None] | None = None,
-) -> Estimate:
-    """Calibrate both triads from everything that was recorded.
+def calibrate(session: Session, procedure: Procedure, *, clocked: bool = True) -> Estimate:
+    """Calibrate both triads from everything that was recorded and that the procedure believes.
 
     Parameters
     ----------
-    recording, timeline, means : raw samples, what was found in them, and the holds' means.
-    site : gravity; with a latitude, the Earth rate too.
-    start : what another procedure made of the same recording: start values, and the company in the report; None
-        starts from rough values.
-    rotations : of a table, from rest to rest, with the angles that were read.
-    poses : of holds, that are believed.
-    frame : of the result: "accelerometer-x", "mean-gyro", or "fixture" where poses tell it.
-    prior : what an earlier calibration knows of the accelerometers' angles.
-    alike : of what gyros are compared with and may be wrong alike, ``clock`` and ``table_rate``, one sigma as a share;
-        None takes both as exact.
-    partly : go on where some unknowns are not told, and leave them to the name plate.
-    optional_terms : try g-sensitivity, quadratic terms and asymmetries, on a table a lag between the triads and the
-        accelerometers' lever arms too, and keep what the data want.
-    sought : optional terms that the recording was made for: they are kept where it determines them.
-    progress : is told in words what is being done.
-    keep : is handed the settled solution with everything behind it, for adjustments that go on from there.
+    session : the recording, what was done, and what is known beforehand; its `joint` is the settled solution with
+        everything behind it, for adjustments that go on from there.
+    procedure : what is believed, the frame of the result, and the optional terms that are sought.
+    clocked : adjust what clock and table may be off by; else whoever goes on from the solution states it.
 
     Raises
     ------
     ObservabilityError
-        If what was recorded does not determine both triads.
+        If what was recorded determines nothing of the accelerometers, or not what the frame needs.
     ConvergenceError
         If the adjustment does not settle.
     """
-    say = progress or _silent
-    say("joint adjustment")
-    u = _start_values(recording, timeline, means, site, start)
-    base, has_gyro = gather_what_there_is(recording, timeline, means)
-    _refuse_undetermined(frame, poses)
-    broken: list[str] = []
+    session.say("joint adjustment")
+    begun, options = _begin(session, procedure, clocked=clocked), session.options
+    task, plain, has_gyro = begun.task, begun.plain, begun.offered.has_gyro
+    by_hand = has_gyro and begun.offered.has_force and not task.data.rotations
+    known = _known_terms(task.unknowns, wanted=options.optional_terms)
+    task.unknowns = task.unknowns.with_free(unknowns_with(plain, known))
+    of_table = _seen_on_table(task) if options.optional_terms and task.data.rotations else []
+    with about(USUAL_STEPS):
+        task, balanced, fresh = _settled_from(task, of_table, a_start=bool(known))
+    tests: list[TermTest] = []
+    untried: list[str] = []
+    if options.optional_terms:
+        task, balanced, tests, untried = _with_terms(
+            task, balanced, fresh, plain, of_table, procedure.seeks, session.say
+        )
+    outcome = session.joint = JointOutcome(
+        *(session.recording, task, balanced, tests, begun.untold, procedure.frame, has_gyro),
+        *(session.prior, untried, session.alike["table_rate"] if clocked else None),
+        has_force=begun.offered.has_force,
+    )
+    estimate = joint_estimate(outcome)
+    if "clock" in begun.alike and "clock" not in begun.adjusted:
+        add_common_scale(estimate, begun.alike["clock"], rest_rate(estimate, session.means))
+    if options.optional_terms and by_hand:
+        add_time_lag(estimate, task.data.base)
+    estimate.say("remark", *begun.broken)
+    if options.data_sheet is not None:
+        _say_of_sheet(estimate, outcome, options.data_sheet)
+    _say_missing(estimate, outcome, procedure)
+    return estimate
+
+
+@dataclass(slots=True)
+class _Begun:
+    """An adjustment that begins: what is free without any term, what is not told, and what may be wrong alike."""
+
+    offered: Offered
+    task: JointAdjustment
+    plain: np.ndarray
+    untold: Untold | None
+    alike: dict[str, float]
+    adjusted: dict[str, float]
+    broken: list[str]
+
+
+def _begin(session: Session, procedure: Procedure, *, clocked: bool) -> _Begun:
+    """Gather what was observed and what is believed, where a rough start puts everything."""
+    poses, site = session.poses_of(procedure), session.site
+    _refuse_undetermined(procedure.frame, poses)
+    offered = with_stand_ins(session.recording, session.timeline, session.means, poses, site)
+    poses, has_gyro = (poses if offered.has_force else None), offered.has_gyro
+    rotations = session.rotations if has_gyro and session.spun else []
+    u, base, broken = rough_start(offered, site, rotations), gather_offered(offered), list[str]()
     turned = _rotations(base, u, rotations, broken)
+    for one in [] if offered.has_force else turned:
+        # What stands in for accelerometers shows nothing while a table turns.
+        one.force_covariance = one.force_covariance + NOTHING_SHOWN * np.eye(3)
     data = observe(with_rounding(base, turned), u, turned)
     data.poses = poses
     plain = PLAIN if has_gyro else FORCE_ALONE
+    if not offered.has_force:
+        plain = np.setdiff1d(plain, FORCE_ALONE)
     if poses is not None:
         plain = np.concatenate([plain, LAYOUT.indices("fixture")])
-    known = _known_terms(u, wanted=optional_terms)
     task = start_adjustment(data, u.with_free(plain), site)
     task.taking_part["rate"] &= has_gyro
-    task.prior = together(angle_prior(u, prior), None if poses is None else mounting_prior(u))
-    given = {name: sigma for name, sigma in (alike or {}).items() if sigma > 0.0 and has_gyro}
-    adjusted, plain = _with_alike(task, given, plain)
+    task.prior = together(angle_prior(u, session.prior), None if poses is None else mounting_prior(u))
+    alike = {name: sigma for name, sigma in session.alike.items() if clocked and has_gyro and sigma > 0.0}
+    adjusted, plain = _with_alike(task, alike, plain)
+    sheet = session.options.data_sheet
+    sheets = [] if sheet is None else sheet_priors(sheet, session.recording)
+    task.prior = together(task.prior, sheet_prior(task.unknowns, sheets))
     untold = find_untold(linearise(task)[1], task.unknowns)
+    unsaid = np.setdiff1d(plain, np.concatenate([plain[:0], *(place for _, place, _ in sheets)]))
+    task.prior = together(task.prior, name_plate_prior(u.with_free(unsaid), session.recording))
     if untold is not None:
-        _refuse_nothing_told(untold, partly=partly)
-        task.prior = together(task.prior, name_plate_prior(u.with_free(plain)))
+        _refuse_nothing_told(untold, session.recording)
         task.noise = rough_variances(base, u, has_gyro=has_gyro)
-        optional_terms, known = False, []
-    task.unknowns = task.unknowns.with_free(unknowns_with(plain, known))
-    of_table = _seen_on_table(task) if optional_terms and has_gyro and data.rotations else []
-    with about(USUAL_STEPS):
-        task, balanced, fresh = _settled_from(
-            task, of_table, lambda: rough_start(recording, timeline, means, site), a_start=bool(known)
-        )
-    tests: list[TermTest] = []
-    untried: list[str] = []
-    if optional_terms:
-        task, balanced, tests, untried = _with_terms(task, balanced, fresh, plain, of_table, sought, say)
-    outcome = JointOutcome(recording, task, balanced, tests, start, untold, frame, has_gyro, prior, untried)
-    outcome.table_sigma = None if alike is None else alike.get("table_rate")
-    if keep is not None:
-        keep(outcome)
-    clock = None if "clock" in adjusted else given.get("clock")
-    return _completed(
-        outcome, base, means, clock, broken, lag=optional_terms and has_gyro and not data.rotations
-    )
+    return _Begun(offered, task, plain, untold, alike, adjusted, broken)
 
 
-def _completed(
-    outcome: JointOutcome,
-    base: HoldsAndTurns,
-    means: HoldMeans,
-    clock: float | None,
-    broken: Sequence[str],
-    *,
-    lag: bool,
+def calibrate_accelerometers(
+    session: Session, means: HoldMeans | None = None, holds: Sequence[int] | None = None
 ) -> Estimate:
-    """The estimate with what is found beside the adjustment: the clock's scale, a lag."""
-    estimate = joint_estimate(outcome)
-    if clock is not None:
-        add_common_scale(estimate, clock, rest_rate(estimate, means))
-    if lag:
-        add_time_lag(estimate, base)
-    estimate.say("remark", *broken)
+    """Calibrate the accelerometers alone, by gravity's norm in the holds, without what else is known or wanted.
+
+    Parameters
+    ----------
+    session : the recording.
+    means, holds : of those holds that count, and which these are; None for all.
+
+    Raises
+    ------
+    ObservabilityError
+        If the holds do not determine all of the accelerometers.
+    ConvergenceError
+        If the adjustment does not settle.
+    """
+    alone = Session(replace(session.recording, angular_rate=None), given_site=session.site)
+    timeline = session.timeline
+    if holds is not None:
+        timeline = replace(timeline, holds=tuple(timeline.holds[k] for k in holds), turns=())
+    alone.options, alone.timeline = replace(session.options, optional_terms=False), timeline
+    known = session.means if means is None else means
+    alone.means = replace(known, angular_rate=None, angular_rate_covariance=None, parts=None)
+    estimate = calibrate(alone, find_procedure("multi-position"))
+    if alone.joint is None or alone.joint.untold is not None:
+        raise ObservabilityError("The holds do not determine all of the accelerometers.")
     return estimate
 
 
@@ -255,6 +292,7 @@ def _rotations(
             )
             continue
         at_rate = not rotation.is_from_rest
+        _refuse_unlike_angle(rotation, inverse, u)
         # The search does not take a table's slow rotation for a turn where it cannot be told from a hold.
         if base.turn_start[before] < 0:
             base.turn_start[before] = base.tail[before, 1] - 1
@@ -277,6 +315,19 @@ def _rotations(
             )
         )
     return made
+
+
+def _refuse_unlike_angle(rotation: Rotation, inverse: Matrix, u: Unknowns) -> None:
+    """Refuse an angle of the protocol that the gyros contradict by far."""
+    turned = inverse @ (rotation.integral - rotation.seconds * u["gyro.bias"])
+    share = float(np.linalg.norm(turned)) / abs(rotation.angle)
+    if 1.0 / UNLIKE < share < UNLIKE:
+        return
+    raise ObservabilityError(
+        f"Step {rotation.step + 1}: the protocol says that the table turned {np.degrees(rotation.angle):.6g}°, and the "
+        f"gyros turned about {np.degrees(rotation.angle) * share:.4g}°. The table stopped early, or the display was "
+        "misread: put the angle that it did turn into the protocol (`angle_deg`)."
+    )
 
 
 def _beside(base: HoldsAndTurns, rotation: Rotation) -> tuple[int | None, int | None]:
@@ -305,32 +356,66 @@ def _window_sizes(u: Unknowns, base: HoldsAndTurns, before: int, rate: Series) -
     return {"largest_angle": UPRIGHT_ANGLE} if leaning < UPRIGHT else {}
 
 
-def _start_values(
-    recording: Recording, timeline: Timeline, means: HoldMeans, site: Site, start: Estimate | None
-) -> Unknowns:
-    """From another procedure's estimate as far as it goes, the rest roughly."""
-    model = None if start is None else start.model
-    if model is not None and model.accelerometer is not None and model.gyroscope is not None:
-        return imu_unknowns(unknowns_of(model))
-    u = rough_start(recording, timeline, means, site)
-    if start is not None and start.model.gyroscope is not None and _tells_gyros(start):
-        u["gyro.matrix"][:] = start.model.gyroscope.matrix.ravel()
-        u["gyro.bias"][:] = start.model.gyroscope.bias
-    return u
-
-
-def _tells_gyros(start: Estimate) -> bool:
-    return sum(name.startswith("gyroscope.matrix") for name in start.names) == 9
-
-
-def _refuse_nothing_told(untold: Untold, *, partly: bool) -> None:
-    """Refuse a recording that does not even tell biases and scale factors of the accelerometers, or not everything."""
-    if not partly:
+def _refuse_nothing_told(untold: Untold, recording: Recording) -> None:
+    """Refuse holds that tell nothing of accelerometers, or of counts not all: without a unit nothing is nominal."""
+    needed = np.isin(LAYOUT.indices("force.bias", "force.scale"), untold.unknowns)
+    if np.all(needed):
         raise ObservabilityError(
-            f"it needs a motion that determines all of both triads. {' '.join(untold.sentences[:1])}"
+            f"The holds determine nothing of the accelerometers. {untold.sentences(FORCE_ALONE)[0]}"
         )
-    if np.all(np.isin(LAYOUT.indices("force.bias", "force.scale"), untold.unknowns)):
-        raise ObservabilityError(f"The holds determine nothing of the accelerometers. {untold.sentences[0]}")
+    if np.any(needed) and specific_force_factor(recording.specific_force_unit) is None:
+        raise ObservabilityError(
+            "The accelerometers count in unknown units, and the holds do not determine all their scale factors and "
+            f"biases. {untold.sentences(FORCE_ALONE)[0]} Or say the unit with --units."
+        )
+
+
+def _say_of_sheet(estimate: Estimate, outcome: JointOutcome, sheet: Grade | FleetSheet) -> None:
+    """Say what the recording left to a data sheet, and what contradicts it."""
+    u, solution = outcome.task.unknowns, outcome.balanced.solution
+    covariance = solution.unit_weight * u.expanded(solution.cofactor)
+    for kind, place, _ in sheet_priors(sheet, outcome.recording):
+        if not np.all(np.isin(place, u.free)):
+            continue
+        own, of_triad = u.values[place], covariance[np.ix_(place, place)]
+        values, sigmas = own, np.sqrt(np.diag(of_triad))
+        if kind == "gyro":
+            values, sigmas = gyro_nine(own[:9].reshape(3, 3), own[9:], of_triad)
+        unit = (
+            outcome.recording.specific_force_unit if kind != "gyro" else outcome.recording.angular_rate_unit
+        )
+        before = prior_of_sheet(sheet, "accelerometer" if kind != "gyro" else "gyroscope", unit)
+        assert before is not None
+        remarks, objections = about_sheet(kind, values, sigmas, before)
+        estimate.say("remark", *remarks)
+        estimate.say("objection", *objections)
+
+
+def _say_missing(estimate: Estimate, outcome: JointOutcome, procedure: Procedure) -> None:
+    """Object where what was recorded does not determine what the procedure is made for."""
+    for triad in procedure.promises:
+        if not (outcome.has_gyro if triad == "gyros" else outcome.has_force):
+            said = f"The recording has no {triad}, and the procedure {procedure.name} is for them."
+            estimate.say("objection", said)
+            continue
+        own = FORCE_ALONE if triad == "accelerometers" else np.setdiff1d(PLAIN, FORCE_ALONE)
+        if outcome.untold is None or not np.any(np.isin(own, outcome.untold.unknowns)):
+            continue
+        missing = (_of_poses(outcome) if triad == "accelerometers" else []) or outcome.untold.sentences(own)
+        estimate.say(
+            "objection", f"What was recorded does not determine all of the {triad}. {' '.join(missing[:2])}"
+        )
+
+
+def _of_poses(outcome: JointOutcome) -> list[str]:
+    """What is said of poses that do not determine the accelerometers, and which would."""
+    recording, base = outcome.recording, outcome.data.base
+    factor, known = specific_force_factor(recording.specific_force_unit), outcome.values[:COUNT]
+    try:
+        require_poses(base.force_mean, known, has_prior=outcome.knowledge is not None, factor=factor)
+    except ObservabilityError as error:
+        return [str(error)]
+    return []
 
 
 def _seen_on_table(task: JointAdjustment) -> list[str]:
@@ -343,35 +428,21 @@ def _seen_on_table(task: JointAdjustment) -> list[str]:
 
 
 def _settled_from(
-    task: JointAdjustment, names: list[str], rough: Callable[[], Unknowns], *, a_start: bool
+    task: JointAdjustment, names: list[str], *, a_start: bool
 ) -> tuple[JointAdjustment, Balanced, JointAdjustment]:
     """Balance from the first start that settles; return the adjustment, and as it was before.
 
+    Without added variance a bias that wanders is first taken for an error of something else: then with rough ones.
     `a_start` : with terms that are yet to be tried, it is a start for the trials, and nothing is balanced.
     """
     fresh = task.copy()
     try:
         return task, _balanced_with(task, names, a_start=a_start), fresh
-    except (ConvergenceError, ObservabilityError) as error:
-        for other in _other_starts(fresh, rough()):
-            before = other.copy()
-            try:
-                return other, _balanced_with(other, names, a_start=a_start), before
-            except (ConvergenceError, ObservabilityError):
-                continue
-        raise error
-
-
-def _other_starts(fresh: JointAdjustment, rough: Unknowns) -> Iterator[JointAdjustment]:
-    """The same sensors with rough variances, then rough sensors with them.
-
-    Without added variance a bias that wanders is first taken for an error of something else.
-    """
-    has_gyro = fresh.unknowns.is_free("gyro.bias")
-    noise = rough_variances(fresh.data.base, fresh.unknowns, has_gyro=has_gyro)
-    again = start_adjustment(fresh.data, rough.with_free(fresh.unknowns.free), fresh.site)
-    for one in (fresh.copy(), again):
-        yield replace(one, noise=noise.copy(), taking_part=fresh.copy().taking_part, prior=fresh.prior)
+    except (ConvergenceError, ObservabilityError):
+        has_gyro = fresh.unknowns.is_free("gyro.bias")
+        again = replace(fresh, noise=rough_variances(fresh.data.base, fresh.unknowns, has_gyro=has_gyro))
+        before = again.copy()
+        return again, _balanced_with(again, names, a_start=a_start), before
 
 
 def _balanced_with(task: JointAdjustment, names: list[str], *, a_start: bool) -> Balanced:
@@ -418,7 +489,12 @@ def _with_terms(
     without a term may be the term. Returned last are the terms that were not tried.
     """
     say("optional terms")
-    offered = offered_terms(has_gyro=task.unknowns.is_free("gyro.bias")) + of_table
+    offered = (
+        offered_terms(
+            has_force=task.unknowns.is_free("force.bias"), has_gyro=task.unknowns.is_free("gyro.bias")
+        )
+        + of_table
+    )
     names: list[str] = _determined(task, fresh, plain, offered)
     untried = [name for name in offered if name not in names]
     limits, tests = term_limits(offered), dict[str, TermTest]()
@@ -549,7 +625,3 @@ def _determined(
         taking_part=fresh.copy().taking_part,
     )
     return determined_terms(linearise(trial)[1], trial.unknowns, plain, names)
-
-
-def _silent(_: str) -> None:
-    """Tell nobody."""

@@ -10,10 +10,10 @@ import numpy as np
 from tumble.arrays import Series, Square
 from tumble.calibration.checks.observability import TOLD
 from tumble.calibration.checks.snooping import NEEDLESS, wald_test
+from tumble.calibration.checks.triad_agreement import LAG_LIMIT, TERM_FALSE_ALARM
 from tumble.calibration.equations.adjustment import JointAdjustment
 from tumble.calibration.equations.imu_unknowns import LAYOUT, name_plate, term_unknowns
 from tumble.calibration.estimate import TermTest
-from tumble.calibration.procedures.hand_held import LAG_LIMIT, TERM_FALSE_ALARM
 from tumble.calibration.recording_influences import recording_influences
 from tumble.calibration.terms import TERMS
 from tumble.calibration.verdict import two_digits
@@ -51,9 +51,10 @@ def unknowns_with(plain: np.ndarray, names: list[str]) -> np.ndarray:
     return np.sort(np.concatenate([plain, *(term_unknowns(name) for name in names)]))
 
 
-def offered_terms(*, has_gyro: bool) -> list[str]:
-    """Return the terms that any recording is tried with."""
-    return [name for name in EVERYWHERE if has_gyro or TERMS[name].shown_by != "gyro"]
+def offered_terms(*, has_gyro: bool, has_force: bool = True) -> list[str]:
+    """Return the terms that any recording of these triads is tried with."""
+    has = {"force": has_force, "gyro": has_gyro}
+    return [name for name in EVERYWHERE if has.get(TERMS[name].shown_by, True)]
 
 
 def term_limits(names: list[str]) -> dict[str, float]:

@@ -50,8 +50,8 @@ def match_faces(means: HoldMeans, site: Site) -> tuple[Protocol, Matching]:
     ObservabilityError
         If there is no accelerometer to tell the faces.
     """
-    from tumble.calibration.closed_forms.start_values import rough_triad
     from tumble.calibration.equations.triad_unknowns import triad_from_unknowns
+    from tumble.calibration.start_values import rough_triad
     from tumble.segmentation.matching import MatchedHold, Matching
 
     if means.specific_force is None:
@@ -172,8 +172,7 @@ def _serves(held: Vectors, needed: int) -> str:
     options: list[str] = []
     if not describe_untold(held, 6):
         options.append(
-            "multi-position with unknowns=6, from Python, takes the non-orthogonalities as nominal and gives biases "
-            "and scale factors"
+            "--estimator multi-position-6 takes the non-orthogonalities as nominal and gives biases and scale factors"
         )
     if np.all(np.max(held @ twenty_six_directions()[:6].T, axis=0) > np.cos(FACE_ANGLE)):
         options.append("--procedure six-position gives these and believes that the faces were levelled")

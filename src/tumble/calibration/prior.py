@@ -25,7 +25,7 @@ from tumble.estimation import Prior
 from tumble.estimation.gauss_helmert import invert_normal_matrix
 from tumble.records import dataclass
 from tumble.sensor import propagate
-from tumble.sensor.conventions.shin import shin_from_matrix
+from tumble.sensor.conventions.shin import matrix_from_shin, shin_from_matrix
 from tumble.sensor.gauge import lower_factor
 from tumble.simulation import Grade, TriadGrade
 from tumble.units import angular_rate_factor, specific_force_factor
@@ -41,14 +41,13 @@ NAMES = [
 ]
 
 
-def sheet_prior(spread: TriadGrade, factor: float, *, knowledge: StableKnowledge | None = None) -> Prior:
+def sheet_prior(spread: TriadGrade, factor: float) -> Prior:
     """Return the prior of a triad's nine unknowns from its data sheet.
 
     Parameters
     ----------
     spread : one-sigma spreads, SI.
     factor : SI per raw unit.
-    knowledge : angles of an earlier calibration, which are known better and take the sheet's place.
 
     Notes
     -----
@@ -60,11 +59,7 @@ def sheet_prior(spread: TriadGrade, factor: float, *, knowledge: StableKnowledge
     sigma[BIAS] = spread.bias / factor
     sigma[SCALE] = spread.scale_factor / factor
     sigma[ANGLE] = np.sqrt(2.0) * spread.misalignment
-    precision = np.diag(sigma**-2)
-    if knowledge is not None:
-        mean[ANGLE] = knowledge.angles
-        precision[ANGLE, ANGLE] = np.linalg.inv(knowledge.angle_covariance)
-    return Prior(mean, precision)
+    return Prior(mean, np.diag(sigma**-2))
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,14 +100,13 @@ class FleetSheet:
     accelerometer: TriadFleet | None
     gyroscope: TriadFleet | None
 
-    def prior(self, kind: str, unit: str, *, knowledge: StableKnowledge | None = None) -> Prior | None:
+    def prior(self, kind: str, unit: str) -> Prior | None:
         """Return the prior of a triad's nine unknowns; None where the fleet says nothing of it.
 
         Parameters
         ----------
         kind : "accelerometer" or "gyroscope".
         unit : of the recording's raw numbers.
-        knowledge : angles of an earlier calibration of the unit, which take the fleet's place.
 
         Raises
         ------
@@ -133,22 +127,16 @@ class FleetSheet:
                 )
             raw[:6] = there / here
         mean, covariance = raw * fleet.mean, fleet.covariance * np.outer(raw, raw)
-        if knowledge is not None:
-            mean[ANGLE] = knowledge.angles
-            covariance[ANGLE, :] = covariance[:, ANGLE] = 0.0
-            covariance[ANGLE, ANGLE] = knowledge.angle_covariance
         return Prior(mean, invert_normal_matrix(covariance))
 
 
-def prior_of_sheet(
-    sheet: Grade | FleetSheet, kind: str, unit: str, *, knowledge: StableKnowledge | None = None
-) -> Prior | None:
+def prior_of_sheet(sheet: Grade | FleetSheet, kind: str, unit: str) -> Prior | None:
     """Return the prior of a triad's nine unknowns, from a data sheet or from a fleet; None where it says nothing.
 
     Parameters
     ----------
     sheet : the one or the other.
-    kind, unit, knowledge : as for `FleetSheet.prior`.
+    kind, unit : as for `FleetSheet.prior`.
 
     Raises
     ------
@@ -156,14 +144,44 @@ def prior_of_sheet(
         If a data sheet is to speak of raw counts, or a fleet of other raw units than its own.
     """
     if isinstance(sheet, FleetSheet):
-        return sheet.prior(kind, unit, knowledge=knowledge)
+        return sheet.prior(kind, unit)
     factor = (specific_force_factor if kind == "accelerometer" else angular_rate_factor)(unit)
     if factor is None:
         raise UsageError(
             "A data sheet speaks of SI units, and the recording is in counts: declare its units with --units, "
-            "or leave --data-sheet out."
+            "or leave --prior out."
         )
-    return sheet_prior(getattr(sheet, kind), factor, knowledge=knowledge)
+    return sheet_prior(getattr(sheet, kind), factor)
+
+
+def gyro_prior(nine: Prior, leaning: float) -> tuple[Series, Square]:
+    """Return (12,), (12, 12) mean and precision of a gyro's matrix, row by row, and its bias in another triad's frame.
+
+    Parameters
+    ----------
+    nine : of bias, scale factors and angles in the gyro's own frame.
+    leaning : rad, one sigma of the rotation between the triads about each axis.
+    """
+
+    def entries(x: np.ndarray) -> np.ndarray:
+        turned = np.eye(3) + np.array([[0.0, -x[11], x[10]], [x[11], 0.0, -x[9]], [-x[10], x[9], 0.0]])
+        return np.concatenate([(matrix_from_shin(x[SCALE], x[ANGLE]) @ turned).ravel(), x[BIAS]])
+
+    spread = np.diag(np.full(12, leaning**2))
+    spread[:9, :9] = invert_normal_matrix(nine.precision)
+    mean, covariance = propagate(entries, np.concatenate([nine.mean, np.zeros(3)]), spread)
+    return np.real(mean), invert_normal_matrix(covariance)
+
+
+def gyro_nine(matrix: Matrix, bias: Vector, covariance: Square) -> tuple[Series, Series]:
+    """Return (9,), (9,) bias, scale factors and angles of a gyro in its own frame, and their standard uncertainties.
+
+    Parameters
+    ----------
+    matrix, bias, covariance : raw units, and (12, 12) of the matrix, row by row, and the bias.
+    """
+    found = TriadFleet.of("", matrix, bias, covariance)
+    return found.mean, np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
 
 
 def about_sheet(name: str, values: Series, sigmas: Series, prior: Prior) -> tuple[list[str], list[str]]:
@@ -192,18 +210,17 @@ def about_sheet(name: str, values: Series, sigmas: Series, prior: Prior) -> tupl
         objections.append(
             f"The recording contradicts the data sheet: the {name}'s {NAMES[worst]} is {off[worst]:.0f} of the sheet's "
             "standard deviations off. It is another kind of unit, or a unit or column is wrong: calibrate without "
-            "--data-sheet."
+            "--prior."
         )
     return remarks, objections
 
 
 @dataclass(frozen=True, slots=True)
 class StableKnowledge:
-    """Accelerometer angles yz, zx, zy (rad) with their covariance (3, 3); of the unit itself, or of its fleet."""
+    """Accelerometer angles yz, zx, zy (rad) with their covariance (3, 3)."""
 
     angles: Vector
     angle_covariance: Square
-    of_fleet: bool = False
 
 
 def stable_knowledge(matrix: np.ndarray, covariance: Square) -> StableKnowledge:
@@ -252,13 +269,8 @@ def find_contradiction(prior: StableKnowledge, own: StableKnowledge) -> str | No
     if float(chdtrc(3.0, statistic)) >= CONTRADICTION_FALSE_ALARM:
         return None
     worst = float(np.max(np.abs(difference) / np.sqrt(np.diag(spread))))
-    cause = (
-        "The unit is of another kind than the fleet's, or it was damaged"
-        if prior.of_fleet
-        else "It is another unit's, or this unit has been dropped"
-    )
     return (
         "The prior contradicts the recording: its non-orthogonalities differ from those of these "
         f"poses by up to {1e3 * np.max(np.abs(difference)):.2g} mrad, {worst:.0f} standard "
-        f"uncertainties. {cause}: calibrate without --prior."
+        f"uncertainties. It is another unit's, or this unit has been dropped: calibrate without --prior."
     )

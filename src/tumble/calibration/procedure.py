@@ -19,6 +19,10 @@ from tumble.records import dataclass
 if TYPE_CHECKING:
     from tumble.calibration.estimate import Estimate
     from tumble.calibration.session import Session
+    from tumble.earth import Site
+    from tumble.protocol import Protocol
+    from tumble.segmentation import HoldMeans
+    from tumble.segmentation.matching import Matching
 
 
 FIRST_TRIED = "hand-held"
@@ -38,57 +42,44 @@ def _unasked(_: Session) -> Suits:
 
 @dataclass(frozen=True, slots=True)
 class Procedure:
-    """A way to estimate from a recorded protocol.
+    """What is known of a recording that was made for it: the estimate of all of them is the joint adjustment.
 
     Attributes
     ----------
     name : as ``--procedure`` and protocol files have it.
-    run : calibrates a recording.
-    frame : of its model: ``accelerometer-x``, ``fixture`` or ``mean-gyro``.
+    frame : of the result: ``accelerometer-x``, ``fixture`` or ``mean-gyro``.
     circumstances, needs, gives : a row of the table in the documentation.
     page : of the documentation, beside the table.
-    takes : of the options ``prior``, ``data_sheet`` and ``unknowns`` those that it uses.
+    promises : the triads that it is made to determine: of these everything has to be.
+    believes_poses : poses of its protocols are believed as well as the protocol says.
+    assumes : what was done, of a recording without a protocol: a protocol, and which hold is which step.
+    seeks : optional terms that its protocol is made to find, which are then kept.
     example : the named protocol that shows what its protocol file has to say; empty if it needs no file.
     remedy : what makes its uncertainties smaller.
-    norms_from : what the norms of its holds are expected from, where it is more than the noise.
     placement : what to do about the placement that limits it; empty if none does.
-    suits : whether it suits a recording of which nobody says what was done.
-    otherwise : the procedure to try next where it does not; empty for the last one, and those that are never tried.
-    failed : what is said where it was tried and the recording does not determine enough.
-    starts_joint : the joint estimator takes over from its estimate, unless the procedure is asked for by name.
-    believes : it takes poses or rates from the protocol, which a plan does not.
-    joint_believes : the joint estimator, too, takes the poses of its protocols from them.
     free_turns : turns between its holds are made by hand, and tell the gyros.
-    counts_between_holds : its covariance counts what the means of different holds have in common.
-    seeks : optional terms of the joint estimator that its protocol is made to find, which are then kept.
-    by_temperature : temperatures tell the steps of its protocols, and not poses.
-    gyros_from : what the gyros' scale factors are from: ``turns`` whose angles gravity tells, a ``table`` that shows
-        angles or keeps rates, known ``rates`` alone; empty where it determines none, or the Earth's rotation does.
+    suits : whether it suits a recording of which nobody says what was done.
+    otherwise : the procedure that is taken where it does not; empty for those that are never tried.
+    run : calibrates by temperatures, which tell the steps of its protocols; None for the joint adjustment.
     """
 
     name: str
-    run: Callable[[Session], Estimate]
     frame: str
     circumstances: str
     needs: str
     gives: str
     page: str
-    takes: frozenset[str] = frozenset()
+    promises: tuple[Literal["accelerometers", "gyros"], ...] = ()
+    believes_poses: bool = False
+    assumes: Callable[[HoldMeans, Site], tuple[Protocol, Matching]] | None = None
+    seeks: frozenset[str] = frozenset()
     example: str = ""
     remedy: str = "more holds and turns in more different poses are needed"
-    norms_from: str = ""
     placement: str = ""
+    free_turns: bool = True
     suits: Callable[[Session], Suits] = _unasked
     otherwise: str = ""
-    failed: str = ""
-    starts_joint: bool = True
-    believes: bool = False
-    joint_believes: bool = True
-    free_turns: bool = True
-    counts_between_holds: bool = False
-    seeks: frozenset[str] = frozenset()
-    by_temperature: bool = False
-    gyros_from: Literal["turns", "table", "rates", ""] = ""
+    run: Callable[[Session], Estimate] | None = None
 
     @property
     def row(self) -> str:

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-
 import numpy as np
 
-from tumble.arrays import AnyArray, Series, Vector, inverted
-from tumble.calibration.checks.bias_course import BiasCourse
-from tumble.calibration.checks.hold_wander import placed_density
+from tumble.arrays import Series, Vector, Vectors, inverted
 from tumble.calibration.equations.adjustment import JointAdjustment
-from tumble.calibration.equations.causes import COURSES, FORCE_WANDER, RATE_WANDER
+from tumble.calibration.equations.causes import FORCE_WANDER, RATE_WANDER
 from tumble.calibration.equations.hold_equations import Rate
 from tumble.calibration.equations.imu_unknowns import force_matrix, raw_force
 from tumble.estimation.influence import Influences, influences_of
@@ -41,22 +37,6 @@ def recording_influences(task: JointAdjustment, settled: Settled | None = None) 
     return influences_of(
         *(settled or settled_at(task), task.prior, densities, span), _between(task), data.wander_once
     )
-
-
-def with_courses(influences: Influences, courses: Mapping[str, Sequence[BiasCourse]]) -> Influences:
-    """Return influences that count what courses of biases do to each unknown.
-
-    Parameters
-    ----------
-    influences, courses : of one solution; see `outcome.estimate.JointOutcome`.
-    """
-    for source, own in courses.items():
-
-        def departure(time: Series, own: Sequence[BiasCourse] = own) -> AnyArray:
-            return sum((course.departure(time) for course in own), np.zeros((len(time), 3)))
-
-        influences = influences.with_course(source, COURSES[source], departure)
-    return influences
 
 
 def _between(task: JointAdjustment) -> dict[str, Vector]:
@@ -104,7 +84,7 @@ def _force_density(task: JointAdjustment, parts: RestParts) -> Vector:
     if poses is not None and data.holds < 2 * poses.hold.size <= 2 * MOST_HOLDS:
         at = np.isin(poses.hold, np.flatnonzero(task.taking_part["force"]))
         force = data.base.force_mean[poses.hold[at]]
-        return placed_density(parts, force, poses.hold[at], poses.up_f[at], poses.sigma[at])
+        return _placed_density(parts, force, poses.hold[at], poses.up_f[at], poses.sigma[at])
     assert parts.force is not None
     up_b = -np.concatenate([section.C_wb[:, 1, 2] for section in task.sections])
     shown = raw_force(u, task.site.gravity * up_b)
@@ -122,3 +102,13 @@ def _force_density(task: JointAdjustment, parts: RestParts) -> Vector:
         alike=up_b[holds] @ up_b[holds].T,
     )
     return density[0] * scale
+
+
+def _placed_density(
+    parts: RestParts, force: Vectors, holds: np.ndarray, up_b: Vectors, sigma: Series
+) -> Vector:
+    """Return (3,) raw²: the density by which the accelerometers' biases wander over holds in poses that are known."""
+    moved = float(np.max(np.linalg.norm(force, axis=1))) * sigma[:, None]
+    spread = moved**2 * (np.maximum(1.0 - up_b**2, 0.0) + 2.0 * sigma[:, None] ** 2)
+    design = np.column_stack([np.ones(len(holds)), up_b])
+    return find_density(parts, parts.force, parts.force_white, holds=holds, design=design, spread=spread)

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from tumble.calibration.equations.believed_poses import BelievedPoses
     from tumble.calibration.outcome.estimate import JointOutcome
     from tumble.calibration.prior import FleetSheet, StableKnowledge
+    from tumble.calibration.procedure import Procedure
     from tumble.protocol import Protocol
     from tumble.recording.clock import Clock
     from tumble.segmentation import HoldMeans, SpinMeans, Timeline
@@ -33,13 +34,11 @@ class Options:
     ----------
     optional_terms : try g-sensitivity, quadratic terms and the like.
     data_sheet : grade or fleet whose spreads are a prior; None for none.
-    unknowns : of a triad; None for all nine.
     confirm_scale : the user knows that the scale factors are beyond what units have.
     """
 
     optional_terms: bool = True
     data_sheet: Grade | FleetSheet | None = None
-    unknowns: int | None = None
     confirm_scale: bool = False
 
 
@@ -165,14 +164,28 @@ class Session:
         protocol, matching = self.matched
         return observe_rotations(protocol, self.recording, self.timeline, matching, self.means, self.spins)
 
-    @cached_property
-    def believed_poses(self) -> BelievedPoses | None:
-        """Poses of the protocol that the joint estimator believes; None where it believes none."""
-        from tumble.calibration.equations.believed_poses import believed_poses
-        from tumble.calibration.procedure import find_procedure
+    @property
+    def alike(self) -> dict[str, float]:
+        """Of what gyros are compared with and may be wrong alike, clock and table's rate: one sigma as a share."""
+        from tumble.calibration.checks.unseen import unseen_table
 
-        if self.protocol is None or self.matching is None:
-            return None
-        if not find_procedure(self.protocol.procedure).joint_believes:
+        table = None if self.protocol is None else unseen_table(self.protocol)
+        return {"clock": self.clock.sigma, "table_rate": 0.0 if table is None else table.sigma}
+
+    @property
+    def spun(self) -> bool:
+        """Whether a table turned the unit."""
+        return self.matching is not None and bool(self.matching.spins)
+
+    def poses_of(self, procedure: Procedure) -> BelievedPoses | None:
+        """Return the poses of the protocol that a procedure believes; None where it believes none.
+
+        Parameters
+        ----------
+        procedure : the record.
+        """
+        from tumble.calibration.equations.believed_poses import believed_poses
+
+        if not procedure.believes_poses or self.protocol is None or self.matching is None:
             return None
         return believed_poses(self.protocol, self.matching)

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from tumble.arrays import Matrices, Matrix, Square, Vectors, inverted
 from tumble.attitude.rotations import matrix_from_rotation_vector
-from tumble.calibration.closed_forms.start_values import rough_gyro_matrix, rough_triad
+from tumble.calibration.checks.triad_agreement import refuse_contradicting_axes
 from tumble.calibration.equations.adjustment import JointAdjustment, Section
+from tumble.calibration.equations.believed_poses import BelievedPoses
 from tumble.calibration.equations.gathering import gather
 from tumble.calibration.equations.imu_unknowns import gyro_matrix, imu_unknowns
 from tumble.calibration.equations.observed import Observed
@@ -18,12 +21,14 @@ from tumble.calibration.equations.rotation_equations import RotationState, start
 from tumble.calibration.equations.triad_unknowns import COUNT, triad_from_unknowns
 from tumble.calibration.equations.turn import HoldsAndTurns
 from tumble.calibration.equations.turn_equations import integrate_links
+from tumble.calibration.start_values import rough_gyro_matrix, rough_triad
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ObservabilityError
 from tumble.estimation.balance import Noise
 from tumble.estimation.unknowns import Unknowns
 from tumble.recording.recording import Recording
 from tumble.segmentation import HoldMeans, Timeline
+from tumble.segmentation.rotations import Rotation
 from tumble.units import angular_rate_factor, specific_force_factor
 
 # A rough matrix whose entries are less certain than this share is no better than the unit's own name plate.
@@ -31,6 +36,10 @@ ROUGH_ENOUGH = 0.03
 # Of a nominal scale, how far rough accelerometer values may be off before they are not believed.
 PLAUSIBLE = 0.3
 # By which a bias may wander, a turn err and a pose sway, as long as nobody knows better.
+# Of a sample of gyros that there are not: they say nothing of how a hold sways, and are no round-off's weight.
+NO_RATE = 1e-2  # rad/s
+# Rests, and how far their poses spread, from which on gyros at rest tell a g-sensitivity to start from.
+FEWEST_RESTS, LEAST_SPREAD = 9, 0.05
 START_FORCE, START_TURN, START_SWAY = 5e-3, 1e-3, 1e-4  # m/s², rad, rad
 
 
@@ -117,7 +126,7 @@ def rough_variances(base: HoldsAndTurns, u: Unknowns, *, has_gyro: bool) -> Nois
     return Noise(added)
 
 
-def rough_start(recording: Recording, timeline: Timeline, means: HoldMeans, site: Site) -> Unknowns:
+def rough_start(offered: Offered, site: Site, rotations: Sequence[Rotation] = ()) -> Unknowns:
     """Return rough values of both triads, of counts or SI alike.
 
     Accelerometers from the norms of the holds, the gyros' matrix from how turns turn gravity, or nominal where
@@ -125,34 +134,47 @@ def rough_start(recording: Recording, timeline: Timeline, means: HoldMeans, site
 
     Parameters
     ----------
-    recording, timeline, means, site : as for `calibrate_joint`.
+    offered, site : what was recorded, with stand-ins, and where.
+    rotations : of a table, whose angles tell the size of a gyro's counts where turns do not.
 
     Raises
     ------
     ObservabilityError
-        If there is no accelerometer, or a gyro in counts that no turn determines the scale of.
+        If a gyro is in counts and no turn determines its scale.
+    RecordingError
+        If the turns contradict the order, signs or units of the columns.
     """
-    if recording.specific_force is None or means.specific_force is None:
-        raise ObservabilityError(
-            "The recording has no accelerometer, and the joint estimator knows poses and turns from gravity: "
-            "record the accelerometers too, or spin the unit on a table and take --procedure rate-table."
-        )
+    recording, means = offered.recording, offered.means
+    assert means.specific_force is not None
+    assert means.angular_rate is not None
     u = imu_unknowns()
-    values = u.values
-    values[:COUNT] = rough_triad(means.specific_force, site.gravity)
+    u["force.scale"][:] = 1.0
     factor = specific_force_factor(recording.specific_force_unit)
-    scale = values[3:6]
-    if factor is not None and np.any(np.abs(scale * factor - 1.0) > PLAUSIBLE):
-        values[:COUNT] = 0.0
-        values[3:6] = 1.0 / factor
+    if offered.has_force:
+        u.values[:COUNT] = rough_triad(means.specific_force, site.gravity)
+        if factor is not None and np.any(np.abs(u["force.scale"] * factor - 1.0) > PLAUSIBLE):
+            u.values[:COUNT] = 0.0
+            u["force.scale"][:] = 1.0 / factor
     u["gyro.matrix"][:] = np.eye(3).ravel()
-    if recording.angular_rate is not None and means.angular_rate is not None:
+    if offered.has_gyro:
         u["gyro.bias"][:] = np.median(means.angular_rate, axis=0)
-        u["gyro.matrix"][:] = _gyro_matrix(recording, timeline, u).ravel()
+        u["gyro.matrix"][:] = _gyro_matrix(recording, offered.timeline, u, rotations).ravel()
+        _start_g_sensitivity(u, means.specific_force, means.angular_rate)
     return u
 
 
-def _gyro_matrix(recording: Recording, timeline: Timeline, u: Unknowns) -> Matrix:
+def _start_g_sensitivity(u: Unknowns, force: Vectors, rate: Vectors) -> None:
+    """Start the gyros' bias and g-sensitivity at the line of rates at rest on force, if there are poses enough."""
+    force_b = triad_from_unknowns(u.values[:COUNT]).correct(force)
+    design = np.column_stack([np.full(len(force_b), np.linalg.norm(force_b[0])), force_b])
+    line, _, rank, _ = np.linalg.lstsq(design, rate, rcond=LEAST_SPREAD)
+    if rank == 4 and len(force_b) >= FEWEST_RESTS:
+        u["gyro.bias"][:], u["gyro.g_sensitivity"][:] = design[0, 0] * line[0], line[1:].T.ravel()
+
+
+def _gyro_matrix(
+    recording: Recording, timeline: Timeline, u: Unknowns, rotations: Sequence[Rotation]
+) -> Matrix:
     assert recording.specific_force is not None
     assert recording.angular_rate is not None
     factor = angular_rate_factor(recording.angular_rate_unit)
@@ -167,6 +189,12 @@ def _gyro_matrix(recording: Recording, timeline: Timeline, u: Unknowns) -> Matri
             recording.time, recording.angular_rate, recording.specific_force, triad, u["gyro.bias"], stretches
         )
     except ValueError as error:
+        if factor is None and rotations:
+            sizes = [
+                np.linalg.norm(one.integral - one.seconds * u["gyro.bias"]) / abs(one.angle)
+                for one in rotations
+            ]
+            return float(np.median(sizes)) * np.eye(3)
         if factor is None:
             raise ObservabilityError(
                 "The gyros count in unknown units, and the turns do not determine their scale: "
@@ -176,41 +204,75 @@ def _gyro_matrix(recording: Recording, timeline: Timeline, u: Unknowns) -> Matri
         return np.eye(3) / factor
     size = float(np.linalg.norm(forward)) / np.sqrt(3.0)
     certain = float(np.sqrt(np.max(np.diag(covariance)))) < ROUGH_ENOUGH * size
+    if certain:
+        refuse_contradicting_axes(recording, forward)
     if factor is not None and not certain:
         return np.eye(3) / factor
     return inverted(forward)
 
 
-def gather_what_there_is(
-    recording: Recording, timeline: Timeline, means: HoldMeans
-) -> tuple[HoldsAndTurns, bool]:
-    """Return holds and turns, and whether there is a gyro; without one the rates are zeros that nobody asks.
+class Offered(NamedTuple):
+    """A recording with both triads, and which of them it has: the other is stood in for."""
+
+    recording: Recording
+    timeline: Timeline
+    means: HoldMeans
+    has_force: bool
+    has_gyro: bool
+
+
+def with_stand_ins(
+    recording: Recording, timeline: Timeline, means: HoldMeans, poses: BelievedPoses | None, site: Site
+) -> Offered:
+    """Return a recording with something in place of a triad that it lacks.
+
+    Without a gyro the rates are zeros that nobody asks. Without accelerometers believed poses show what these would,
+    and the sensors' axes are the fixture's.
 
     Parameters
     ----------
-    recording, timeline, means : as for `calibrate_joint`.
+    recording, timeline, means, site : what was recorded, and where.
+    poses : of the holds, that are believed.
 
     Raises
     ------
     ObservabilityError
-        If there is no accelerometer.
+        If there is no accelerometer, and no pose is believed.
     """
-    if recording.angular_rate is not None and means.angular_rate is not None:
-        return gather(recording, timeline, means), True
-    if recording.specific_force is None:
-        raise ObservabilityError("The recording has no accelerometer: nothing shows its poses.")
-    still = np.zeros_like(recording.specific_force)
-    holds = means.count.size
-    floor = replace(timeline.noise_floor, angular_rate=np.full(3, 1e-9))
-    base = gather(
-        replace(recording, angular_rate=still),
-        replace(timeline, noise_floor=floor),
-        replace(
-            means,
-            angular_rate=np.zeros((holds, 3)),
-            angular_rate_covariance=np.broadcast_to(1e-12 * np.eye(3), (holds, 3, 3)).copy(),
-        ),
-    )
-    base.turn_start[:] = -1
-    base.turn_stop[:] = -1
-    return base, False
+    has_force, has_gyro = means.specific_force is not None, means.angular_rate is not None
+    floor, holds = timeline.noise_floor, means.count.size
+    if not has_gyro:
+        recording = replace(recording, angular_rate=np.zeros((len(recording), 3)))
+        floor = replace(floor, angular_rate=np.full(3, NO_RATE))
+        nothing = np.broadcast_to(1e-12 * np.eye(3), (holds, 3, 3)).copy()
+        means = replace(means, angular_rate=np.zeros((holds, 3)), angular_rate_covariance=nothing)
+    if not has_force:
+        if poses is None or not holds:
+            raise ObservabilityError(
+                "The recording has no accelerometer, and nothing shows its poses. Record the accelerometers too, or "
+                "say in a protocol how the unit was placed (`up`, `uncertainty_deg`)."
+            )
+        at = np.clip(np.searchsorted(poses.hold, np.arange(holds), side="right") - 1, 0, None)
+        # Holds that share a placement share its error.
+        sigma = site.gravity * poses.sigma[at] * np.sqrt(np.bincount(at)[at])
+        force = site.gravity * poses.up_f[at]
+        starts = np.array([hold.start for hold in timeline.holds])
+        samples = np.clip(np.searchsorted(starts, np.arange(len(recording)), side="right") - 1, 0, None)
+        recording = replace(recording, specific_force=force[samples])
+        floor = replace(floor, specific_force=np.full(3, float(np.max(sigma * np.sqrt(means.count)))))
+        spread = sigma[:, None, None] ** 2 * np.eye(3)
+        means = replace(means, specific_force=force, specific_force_covariance=spread)
+    return Offered(recording, replace(timeline, noise_floor=floor), means, has_force, has_gyro)
+
+
+def gather_offered(offered: Offered) -> HoldsAndTurns:
+    """Return holds and turns; there is no turn without a gyro.
+
+    Parameters
+    ----------
+    offered : what was recorded, with stand-ins.
+    """
+    base = gather(offered.recording, offered.timeline, offered.means)
+    if not offered.has_gyro:
+        base.turn_start[:] = base.turn_stop[:] = -1
+    return base

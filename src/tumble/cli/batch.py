@@ -10,11 +10,11 @@ import typer
 
 from tumble.cli.groups import ADVANCED, FIRST, option
 from tumble.cli.options import (
-    DataSheet,
     FileOptions,
     Limits,
     NoteOption,
     PrintOptions,
+    Prior,
     Protocol,
     RegistryName,
     SiteOptions,
@@ -67,7 +67,7 @@ class UnitsOptions:
             "Of which units a report.html is written: none, failed (all that are not accepted; the default), all.",
         ),
     ] = "failed"
-    data_sheet: DataSheet = None
+    prior: Prior = None
     confirm_scale: Annotated[
         bool,
         option(

@@ -12,7 +12,6 @@ import typer
 
 from tumble.cli.groups import ADVANCED, FIRST, option, refuse_given
 from tumble.cli.options import (
-    DataSheet,
     FiguresOption,
     FileOptions,
     Intervals,
@@ -21,6 +20,7 @@ from tumble.cli.options import (
     NoiseFile,
     NoteOption,
     OptionalRecordings,
+    Prior,
     Protocol,
     RegistryName,
     SiteOptions,
@@ -36,6 +36,7 @@ from tumble.procedure_names import KNOWN_PROCEDURES
 from tumble.records import dataclass
 
 if TYPE_CHECKING:
+    from tumble.report.subject import Subject
     from tumble.workflows.calibrate import CalibrationRun
 
 
@@ -65,7 +66,6 @@ _SEVERAL = "Several recordings"
 class OneOptions:
     """What goes with one recording of one unit alone."""
 
-    data_sheet: DataSheet = None
     intervals: Intervals = None
     noise: NoiseFile = None
     field: Annotated[
@@ -77,12 +77,22 @@ class OneOptions:
             "magnetometer absolute. Or by the World Magnetic Model at --site (wmm,11.58,2026-05-03).",
         ),
     ] = None
+    estimator: Annotated[
+        str | None,
+        option(
+            ADVANCED,
+            "NAME",
+            "A paper's own estimator, whose result stands beside the joint one, with the difference in sigmas, and "
+            "with -o in calibration-NAME.json: six-position, multi-position-9, zhang-optimal, ... An unknown NAME "
+            "lists all.",
+        ),
+    ] = None
     monte_carlo: Annotated[
         int | None,
         option(
             ADVANCED,
             "N",
-            "For joint: propagate distributions with N draws (JCGM 101; 10000 take seconds) and say whether the "
+            "Propagate distributions with N draws (JCGM 101; 10000 take seconds) and say whether the "
             "stated intervals hold.",
         ),
     ] = None
@@ -105,7 +115,7 @@ class SeveralOptions:
             _SEVERAL,
             "",
             "Each RECORDING (a file, acc.csv,gyro.csv, or a protocol file) is the same unit switched on anew: "
-            "biases are each one's own, what is stable is common to all (procedure joint).",
+            "biases are each one's own, what is stable is common to all.",
             "--turn-ons",
         ),
     ] = False
@@ -115,14 +125,7 @@ class SeveralOptions:
 class EstimateOptions:
     """How parameters are estimated, of one recording or several."""
 
-    prior: Annotated[
-        Path | None,
-        option(
-            FIRST,
-            "CALIBRATION",
-            "An earlier calibration.json of this unit: its non-orthogonalities are kept, and six poses suffice.",
-        ),
-    ] = None
+    prior: Prior = None
     confirm_scale: Annotated[
         bool,
         option(
@@ -157,8 +160,8 @@ def calibrate_command(
         option(
             FIRST,
             "NAME",
-            f"{', '.join(KNOWN_PROCEDURES[:-1])} or {KNOWN_PROCEDURES[-1]}; without it the protocol or the "
-            "recording decides, and it is said why.",
+            f"What is believed: {', '.join(KNOWN_PROCEDURES[:-1])} or {KNOWN_PROCEDURES[-1]}; without it the "
+            "protocol or the recording decides, and it is said why.",
             complete=complete_procedure,
         ),
     ] = None,
@@ -249,9 +252,12 @@ def print_run(run: CalibrationRun, printed: LongPrintOptions) -> None:
     if printed.as_json:
         say_json_text(run.calibration.to_json())
         return
+    from tumble.calibration.estimate import Beside
     from tumble.report.advice import gravity_assumed
+    from tumble.report.evidence import render_evidence
     from tumble.report.planned import planned_sentence
     from tumble.report.summary import print_calibration, verdict_line
+    from tumble.report.terminal import print_blocks
 
     screen, more = console(), printed.verbose
     if printed.quiet:
@@ -266,6 +272,8 @@ def print_run(run: CalibrationRun, printed: LongPrintOptions) -> None:
         screen.print(f"- {line}", markup=False)
     if sentence := planned_sentence(run.calibration, run.predicted):
         screen.print(sentence, markup=False)
+    if run.papers:
+        print_blocks(render_evidence(_subject(run), Beside), screen)
     for step in _steps(run)[: None if more else 1]:
         screen.print(f"Next: {step}", markup=False)
     say_written(run.files)
@@ -278,13 +286,18 @@ def print_run(run: CalibrationRun, printed: LongPrintOptions) -> None:
     screen.print(f"Intervals, residuals, terms{remarks}: with -v, and in the report.", style="dim")
 
 
+def _subject(run: CalibrationRun) -> Subject:
+    from tumble.report.subject import Subject
+
+    return Subject(run.calibration, run.estimate, run.recording, run.timeline, run.means)
+
+
 def _steps(run: CalibrationRun) -> list[str]:
     """What would make the calibration better, the most useful first."""
     from tumble.document.field_document import FIELD_ALONE
     from tumble.report.advice import next_steps
-    from tumble.report.subject import Subject
 
     if run.calibration.procedure == FIELD_ALONE:
         return ["Hold the unit still in twelve attitudes or more, and all triads are calibrated."]
-    subject = Subject(run.calibration, run.estimate, run.recording, run.timeline, run.means)
+    subject = _subject(run)
     return next_steps(run.calibration, subject.rows, subject.up_b, run.recording, run.timeline, run.protocol)

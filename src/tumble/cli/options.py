@@ -175,13 +175,24 @@ NoteOption: TypeAlias = Annotated[
         "--note",
     ),
 ]
+Prior: TypeAlias = Annotated[
+    str | None,
+    option(
+        ADVANCED,
+        "CALIBRATION|GRADE",
+        "What is known beforehand: an earlier calibration.json of this unit (its non-orthogonalities are kept, and six "
+        f"poses suffice), a file of `tumble registry fleet`, or a kind of unit: {GRADES}. A batch takes the last two.",
+        "--prior",
+        complete=complete_grade,
+    ),
+]
 DataSheet: TypeAlias = Annotated[
     str | None,
     option(
         ADVANCED,
         "GRADE",
-        f"A kind of unit, whose data sheet says what is not known of this one: {GRADES}; calibrate, batch and plans of "
-        "poses also take the file of `tumble registry fleet`.",
+        f"A kind of unit, whose data sheet says what is not known of this one: {GRADES}; plans of poses also take "
+        "the file of `tumble registry fleet`.",
         "--data-sheet",
         complete=complete_grade,
     ),

@@ -228,6 +228,34 @@ class Chain:
         """Those of this chain and of all within it, which lie in one side by side."""
         return [*{id(chain.sums): (weight, chain.sums) for weight, chain in self._chains()}.values()]
 
+    def widened(self, columns: Callable[[Whitened], AnyArray | None], count: int) -> Chain:
+        """Return the same equations with unknowns outside that nobody has adjusted, after all others of the border.
+
+        Parameters
+        ----------
+        columns : whitened terms of one chain to their raw derivatives (terms, m, count); None where there are none.
+        count : of the unknowns.
+        """
+        return Chain._widened_all([self], columns, count)[0]
+
+    @staticmethod
+    def _widened_all(
+        chains: Sequence[Chain], columns: Callable[[Whitened], AnyArray | None], count: int
+    ) -> list[Chain]:
+        """The same of several chains, those side by side at once."""
+        made = list[Chain]()
+        wide: dict[int, Sums] = {}
+        for chain in chains:
+            if id(chain.sums) not in wide:
+                wide[id(chain.sums)] = chain.sums.widened(columns, count)
+            sums = wide[id(chain.sums)]
+            made.append(Chain.part(sums, chain.number, chain.own, chain.stretch))
+        within = [(outer, *joined) for outer, chain in enumerate(chains) for joined in chain.within]
+        fresh = Chain._widened_all([inner.chain for *_, inner in within], columns, count) if within else []
+        for (outer, place, _), inner in zip(within, _eliminated(fresh), strict=True):
+            made[outer].join(place, inner)
+        return made
+
     def eliminated(self) -> Eliminated:
         """Return the chain with nodes and own unknowns eliminated; the equations themselves are left as they are.
 

@@ -6,8 +6,8 @@ after another in the same arrays, so that each kind is whitened and added once a
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import field
+from collections.abc import Callable, Sequence
+from dataclasses import field, replace
 from typing import Any
 
 import numpy as np
@@ -72,6 +72,12 @@ class Whitened:
         by_node, by_next = (None if by is None else by[at] for by in (self.by_node, self.by_next))
         linear, root = self.linear.part(at, first), self.root[at]
         return Whitened(equations, linear, root, self.residual[at], by_node, by_next, self.by_border[at])
+
+    def beside(self, more: AnyArray, first: int) -> Whitened:
+        """Return the same terms with whitened derivatives (terms, m, ...) by unknowns of the border from `first` on."""
+        by_border = np.concatenate([self.by_border, more], axis=2)
+        columns = np.r_[self.linear.columns, first : first + more.shape[2]]
+        return replace(self, linear=replace(self.linear, columns=columns), by_border=by_border)
 
 
 NONE = Equations()
@@ -188,6 +194,23 @@ class Sums:
             across = np.swapaxes(flat, 1, 2)
             right = (across @ residual[at].reshape(*size, 1))[:, :, 0]
             add_squares(chain, columns, across @ flat, right, self.corner, self.corner_gradient)
+
+    def widened(self, columns: Callable[[Whitened], AnyArray | None], count: int) -> Sums:
+        """Return the same sums with more unknowns of the border; see `Chain.widened`."""
+        nodes, border = np.diff(self.stops, prepend=0).tolist(), self.corner.shape[1]
+        made = Sums.zero(nodes, self.diagonal.shape[1], border + count)
+        for rows in self.rows:
+            more: AnyArray | None = None
+            for chain, equations in enumerate(rows.equations):
+                at = rows.at(chain)
+                term = rows.whitened.part(equations, at, self.at(chain).start)
+                by = columns(term) if at.stop > at.start else None
+                if by is not None:
+                    more = np.zeros((*rows.whitened.residual.shape, count)) if more is None else more
+                    more[at] = np.linalg.solve(term.root, by)
+            whitened = rows.whitened if more is None else rows.whitened.beside(more, border)
+            made.add(replace(rows, whitened=whitened))
+        return made
 
     def add_all(self, given: Sequence[Sequence[Equations]], state: Any) -> None:
         """Add what is observed along each chain, all of one kind at once.

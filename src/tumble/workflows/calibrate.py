@@ -5,12 +5,14 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
+from tumble.calibration.estimate import Beside
+from tumble.calibration.estimators import find_estimator
 from tumble.calibration.procedure import find_procedure
 from tumble.calibration.session import Options, Session
 from tumble.document.display import calibration_html
@@ -28,9 +30,9 @@ from tumble.recording import Recording, read_recordings
 from tumble.recording.frames import Frame
 from tumble.recording.reading import Paths, recording_inputs
 from tumble.records import dataclass
-from tumble.workflows.given.data_sheet import find_sheet
 from tumble.workflows.given.noise_models import NoiseOfHolds
 from tumble.workflows.given.notes import Notes, notes_of
+from tumble.workflows.given.prior import known_beforehand, split_prior
 from tumble.workflows.given.protocols import GivenProtocol, read_given_protocol
 from tumble.workflows.given.site import given_site
 from tumble.workflows.magnetometer import (
@@ -71,7 +73,7 @@ class CalibrationRun:
 
     `reason` says why the procedure was chosen; `matching` which hold is which step of the `protocol`, where
     one was given; `seconds` what each stage took; `predicted` the standard uncertainties (SI) of a plan.json beside the
-    protocol.
+    protocol; `papers` by file name what a paper's own estimator makes of the recording.
     """
 
     calibration: Calibration
@@ -85,6 +87,7 @@ class CalibrationRun:
     files: list[Path] = field(default_factory=list[Path])
     seconds: dict[str, float] = field(default_factory=dict[str, float])
     predicted: dict[str, float] = field(default_factory=dict[str, float])
+    papers: dict[str, Calibration] = field(default_factory=dict[str, "Calibration"])
 
     @property
     def accepted(self) -> bool:
@@ -130,11 +133,10 @@ def calibrate(
     rate: float | str | None = None,
     topics: str | Sequence[str] | None = None,
     prior: str | os.PathLike[str] | None = None,
-    data_sheet: str | None = None,
     intervals: str | os.PathLike[str] | None = None,
     optional_terms: bool = True,
     confirm_scale: bool = False,
-    unknowns: int | None = None,
+    estimator: str | None = None,
     noise: str | os.PathLike[str] | None = None,
     monte_carlo: int | None = None,
     imu: tuple[str | None, str | None] = (None, None),
@@ -156,13 +158,12 @@ def calibrate(
     site : gravity and latitude; None takes the protocol's, or else assumes standard gravity with an
         uncertainty of 0.015 m/s².
     columns, units, rate, topics : what the files do not say, as for `tumble.read_recording`.
-    prior : an earlier calibration of the unit, whose non-orthogonalities are kept.
-    data_sheet : name of one of `tumble.simulation.GRADES`, or a file of `tumble registry fleet`, whose spreads are a
-        prior of all nine unknowns of both triads; for the multi-position procedure only.
+    prior : an earlier calibration of the unit, whose non-orthogonalities are kept; or the name of one of
+        `tumble.simulation.GRADES`, or a file of `tumble registry fleet`: what is known of such units beforehand.
     intervals : file of the holds' start and stop in seconds, instead of finding them.
     optional_terms : try g-sensitivity and quadratic terms.
     confirm_scale : scale factors beyond what units have are really the unit's, and no reason against its calibration.
-    unknowns : 9, 6 or 3 a triad, for the multi-position procedure only.
+    estimator : name of a paper's own estimator, whose result stands beside the joint one.
     noise : noise.json of the unit: its models instead of the holds' scatter say how well their means are known.
     monte_carlo : draws for the propagation of distributions (JCGM 101), for the joint estimator only.
     imu : (model, serial number) to note in the document.
@@ -182,9 +183,10 @@ def calibrate(
     """
     say = progress or silent
     site, noted = given_site(site), notes_of(notes)
-    sheet = None if data_sheet is None else find_sheet(data_sheet)
-    options = Options(optional_terms, sheet, unknowns, confirm_scale)
-    check_procedure(procedure, options, has_protocol=protocol is not None)
+    known, sheet = (None, None) if prior is None else split_prior(known_beforehand(prior, imu[1]))
+    options = Options(optional_terms, sheet, confirm_scale)
+    paper = None if estimator is None else find_estimator(estimator)
+    check_procedure(procedure, has_protocol=protocol is not None)
     _refuse_odd(monte_carlo)
     folder = results_folder(output)
     acceptance = None if limits is None else read_limits(Path(limits))
@@ -194,8 +196,7 @@ def calibrate(
     magnetic = given_field(field, site or (given and given.protocol.site))
     recording, told, files = read_as_told(paths, given, columns, units, rate, topics)
     refuse_field_of_none(recording, magnetic)
-    session = _session(recording, told, site, procedure, options, say)
-    session.prior = None if prior is None else read_prior(prior, imu[1])
+    session = _session(recording, told, site, procedure, options, known, say)
     modelled = None if noise is None else NoiseOfHolds.read(noise, recording)
     clock.lap("reading")
     try:
@@ -205,14 +206,33 @@ def calibrate(
             raise
         return finish_run(_field_run(session, magnetic, error, imu, clock), folder, clock, say)
     add_magnetometer(session, estimate, magnetic)
+    estimate.show(*([] if paper is None else [Beside(paper.estimate(session))]))
     _draw(estimate, monte_carlo, say)
     clock.lap("solving")
     made = _document(session, estimate, reason, imu, noted)
     made = completed(made, corrected_by_before(paths, given, topics), acceptance)
     run = CalibrationRun(made, estimate, recording, session.timeline, session.means, reason)
+    if estimator is not None:
+        run.papers = _papers(session, estimate, estimator, imu, noted)
     run.protocol, run.matching = told, session.matching
     run.predicted = {} if given is None else given.predicted()
     return finish_run(run, folder, clock, say)
+
+
+def _papers(
+    session: Session,
+    estimate: Estimate,
+    estimator: str,
+    imu: tuple[str | None, str | None],
+    notes: Mapping[str, str],
+) -> dict[str, Calibration]:
+    """The document of the paper's own estimate that stands beside, by its file's name."""
+    other, said = (
+        estimate.shown(Beside),
+        f"The estimator {estimator} as its paper has it, and not tumble's own.",
+    )
+    assert other is not None
+    return {f"calibration-{estimator}.json": _document(session, other.estimate, said, imu, notes)}
 
 
 def _read_consistent(protocol: str | os.PathLike[str]) -> GivenProtocol:
@@ -230,11 +250,14 @@ def _session(
     site: Site | None,
     procedure: str | None,
     options: Options,
+    known: StableKnowledge | None,
     say: Callable[[str], None],
 ) -> Session:
     chosen = procedure if procedure is not None or told is None else told.procedure
-    by_temperature = chosen is not None and find_procedure(chosen).by_temperature
-    return Session(recording, told, site, by_temperature=by_temperature, options=options, say=say)
+    by_temperature = chosen is not None and find_procedure(chosen).run is not None
+    return Session(
+        recording, told, site, by_temperature=by_temperature, prior=known, options=options, say=say
+    )
 
 
 def _estimated(
@@ -254,7 +277,7 @@ def _estimated(
     estimate.say("objection", *without_holds)
     add_objections(session, estimate, procedure, reason)
     if modelled is not None:
-        estimate.say("remark", *modelled.said(estimate.procedure))
+        estimate.say("remark", *modelled.said())
     if session.prior is not None:
         check_prior([session], session.prior, estimate)
     say_gravity([session], estimate)
@@ -500,44 +523,6 @@ def about_gravity(place: Site) -> str:
     )
 
 
-def read_prior(prior: str | os.PathLike[str], serial: str | None = None) -> StableKnowledge:
-    """Read what an earlier calibration knows of the accelerometers' angles.
-
-    Parameters
-    ----------
-    prior : a calibration.json, or the folder with it.
-    serial : of the unit, if it is known.
-
-    Raises
-    ------
-    CalibrationFileError
-        If it cannot be read, or states no uncertainty of these.
-    UsageError
-        If it is of another unit, or states no accelerometer matrix with its covariance.
-    """
-    from tumble.calibration.prior import stable_knowledge
-    from tumble.document.result import read_calibration
-
-    earlier = read_calibration(prior)
-    if serial is not None and earlier.imu.serial_number not in (None, serial):
-        raise UsageError(
-            f"{prior} is the calibration of unit {earlier.imu.serial_number}, and this is unit {serial}: "
-            "a prior must be of the same unit."
-        )
-    size = len(earlier.covariance_parameters)
-    names = {name: index for index, name in enumerate(earlier.covariance_parameters)}
-    at = [names.get(f"accelerometer.matrix[{i},{j}]", size) for i in range(3) for j in range(3)]
-    if size in at or earlier.accelerometer is None or earlier.accelerometer.matrix is None:
-        raise UsageError(
-            f"{prior} states no accelerometer matrix with its covariance: it cannot serve as --prior."
-        )
-    covariance = earlier.covariance_matrix[np.ix_(at, at)]
-    from tumble.fleet.fleet_document import PROCEDURE
-
-    known = stable_knowledge(np.array(earlier.accelerometer.matrix, dtype=float), covariance)
-    return replace(known, of_fleet=earlier.procedure == PROCEDURE)
-
-
 def write_run(run: CalibrationRun, folder: Path) -> None:
     """Write both files beside their places, then rename both.
 
@@ -556,8 +541,11 @@ def write_run(run: CalibrationRun, folder: Path) -> None:
 
     kept = _of_other_recordings(folder / "calibration.json", run.calibration)
     report = report_of(run)
+    papers = {folder / name: one.to_json() for name, one in run.papers.items()}
     run.files = write_texts(
-        {folder / "calibration.json": run.calibration.to_json(), folder / "report.html": report} | kept
+        {folder / "calibration.json": run.calibration.to_json(), folder / "report.html": report}
+        | papers
+        | kept
     )
 
 

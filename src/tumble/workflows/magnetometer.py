@@ -230,10 +230,11 @@ def _carrier(session: Session, estimate: Estimate) -> JointOutcome | None:
         return session.joint
     if session.recording.specific_force is None:
         return None
-    from tumble.calibration.procedures.joint import run_joint
+    from tumble.calibration.joint import calibrate
+    from tumble.calibration.procedure import find_procedure
 
     try:
-        run_joint(session, estimate, frame=estimate.frame)
+        calibrate(session, find_procedure("joint"))
     except (ObservabilityError, ConvergenceError, np.linalg.LinAlgError):
         return None
     return session.joint

@@ -2,46 +2,44 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tumble.calibration.checks.unseen import state_rounding, state_unseen
-from tumble.calibration.procedure import FIRST_TRIED, Procedure, all_procedures, find_procedure
-from tumble.calibration.session import Options, Session
+from tumble.calibration.procedure import FIRST_TRIED, Procedure, find_procedure
+from tumble.calibration.session import Session
 from tumble.errors import ConvergenceError, ObservabilityError, UsageError
 from tumble.recording import find_axis_contradiction, find_dead_channels, find_saturated_channels
 
 if TYPE_CHECKING:
     from tumble.calibration import Estimate
-    from tumble.calibration.estimate import Kind
     from tumble.calibration.prior import StableKnowledge
 
+CONTRADICTS = (
+    " No one adjustment fits all that was recorded. Two units may be in one recording, a bias may have jumped, samples "
+    "may be missing, or an angle, rate or pose of the protocol may be wrong."
+)
 # Noise alone brings single samples of a right hold to the largest number of a recording.
 STUCK = 0.05
 
 
-def check_procedure(procedure: str | None, options: Options, *, has_protocol: bool) -> None:
-    """Refuse a procedure that there is not, or that lacks what it needs.
+def check_procedure(procedure: str | None, *, has_protocol: bool) -> None:
+    """Refuse a procedure that there is not, or that lacks its protocol.
 
     Parameters
     ----------
     procedure : its name; None lets the recording decide.
-    options : what is asked of it.
     has_protocol : whether a protocol says what was done.
 
     Raises
     ------
     UsageError
-        If the name is unknown, or an option does not go with it.
+        If the name is unknown, or it needs a protocol.
     """
     found = None if procedure is None else find_procedure(procedure)
-    for option, spelled in (("unknowns", "unknowns"), ("data_sheet", "--data-sheet")):
-        if getattr(options, option) is not None and (found is None or option not in found.takes):
-            takers = [one.name for one in all_procedures() if option in one.takes]
-            named = f"{spelled} is for the {' or '.join(takers)} procedure"
-            raise UsageError(f"{named}: add --procedure {takers[0]}, or leave it out.")
     if found is not None and found.example and not has_protocol:
         raise UsageError(
             f"The procedure {procedure} has to know the table's rates and directions: write them into a protocol "
@@ -51,7 +49,7 @@ def check_procedure(procedure: str | None, options: Options, *, has_protocol: bo
 
 
 def run_procedure(session: Session, procedure: str | None) -> tuple[Estimate, str]:
-    """Run the procedure asked for, the protocol's own, or the one that the recording suits; say why.
+    """Calibrate by the procedure asked for, the protocol's own, or the one that the recording suits; say why.
 
     Parameters
     ----------
@@ -64,89 +62,60 @@ def run_procedure(session: Session, procedure: str | None) -> tuple[Estimate, st
         If the recording cannot serve.
     """
     try:
-        estimate, reason = _evaluated(session, procedure)
-    except ObservabilityError as error:
-        # Rests that were put aside are why poses are too few.
-        raise ObservabilityError(" ".join([*_of_other_rests(session), str(error)])) from error
+        chosen, reason = _chosen(session, procedure)
+        estimate = _calibrated(session, chosen)
+    except (ObservabilityError, ConvergenceError) as error:
+        # Rests that were put aside are why poses are too few, and a channel that is dead is why nothing settles.
+        said = [*_of_other_rests(session), *find_dead_channels(session.recording)]
+        asked = CONTRADICTS if isinstance(error, ConvergenceError) else ""
+        raise type(error)(" ".join([*said, f"{error}{asked}{_how_it_matched(session)}"])) from error
     state_unseen(session, estimate)
     state_rounding(session, estimate)
-    return estimate, reason
+    return estimate, f"{reason}."
 
 
-def _evaluated(session: Session, procedure: str | None) -> tuple[Estimate, str]:
+def _chosen(session: Session, procedure: str | None) -> tuple[Procedure, str]:
+    """The procedure, and why it is that; what it assumes of a recording without a protocol is told to the session."""
     if procedure is not None:
-        return _run(session, find_procedure(procedure)), f"Procedure {procedure}, as asked for."
-    if session.protocol is not None:
-        own = find_procedure(session.protocol.procedure)
-        said = f"Procedure {own.name}, as the protocol {session.protocol.name} says"
-        return _jointly(session, own, lambda here: _run(here, own), said)
-    return _most_telling(session)
+        chosen, reason = find_procedure(procedure), f"Procedure {procedure}, as asked for"
+    elif session.protocol is not None:
+        chosen = find_procedure(session.protocol.procedure)
+        reason = f"Procedure {chosen.name}, as the protocol {session.protocol.name} says"
+    else:
+        chosen, why = find_procedure(FIRST_TRIED), ""
+        while chosen.otherwise and not (suits := chosen.suits(session)).fits:
+            chosen, why = find_procedure(chosen.otherwise), suits.why
+        reason = f"Procedure {chosen.name}: {why or chosen.suits(session).why}"
+    if chosen.assumes is not None and session.protocol is None:
+        session.protocol, session.matching = chosen.assumes(session.means, session.site)
+    return chosen, reason
 
 
-def _run(session: Session, procedure: Procedure) -> Estimate:
-    if session.prior is not None and "prior" not in procedure.takes:
-        raise UsageError(
-            f"--prior is not used by the procedure {procedure.name}: leave it out, or take --procedure multi-position."
-        )
-    try:
+def _calibrated(session: Session, procedure: Procedure) -> Estimate:
+    from tumble.calibration.joint import calibrate
+
+    if procedure.run is not None:
+        if session.prior is not None:
+            raise UsageError(f"--prior is not used by the procedure {procedure.name}: leave it out.")
         estimate = procedure.run(session)
-    except ObservabilityError as error:
-        raise ObservabilityError(f"{error}{_how_it_matched(session)}") from error
+    else:
+        estimate = calibrate(session, believed(session, procedure))
     if session.matching is not None:
         estimate.say("remark", *(r for r in session.matching.remarks if r not in estimate.remarks))
     return estimate
 
 
-def _jointly(
-    session: Session, procedure: Procedure, run: Callable[[Session], Estimate], reason: str
-) -> tuple[Estimate, str]:
-    """Return the joint estimate with the procedure's own beside it; the own one where the joint one is refused."""
-    own: Estimate | None = None
-    failed: ConvergenceError | None = None
-    try:
-        own = run(session)
-    except ConvergenceError as error:
-        failed = error
-    # Of one triad there is nothing to join.
-    both = session.recording.specific_force is not None and session.recording.angular_rate is not None
-    if own is not None and not (procedure.starts_joint and both):
-        return own, f"{reason}."
-    from tumble.calibration.procedures.joint import run_joint
+def believed(session: Session, procedure: Procedure) -> Procedure:
+    """Return the record to calibrate by: where none is named, the protocol's own in the accelerometers' frame.
 
-    try:
-        joint = run_joint(session, own, frame=procedure.frame, partly=False)
-    except (ObservabilityError, ConvergenceError) as error:
-        if own is None:
-            assert failed is not None
-            raise failed from error
-        own.say(*_alone_because(session, procedure, error))
-        return own, f"{reason}."
-    if failed is not None:
-        joint.say("remark", f"The procedure {procedure.name} by itself does not settle: {failed}")
-    if session.matching is not None:
-        joint.say("remark", *(r for r in session.matching.remarks if r not in joint.remarks))
-    joint.say("remark", f"--procedure {procedure.name} gives that procedure's own estimate.")
-    return joint, f"{reason}; estimated jointly."
-
-
-def _alone_because(
-    session: Session, procedure: Procedure, error: ObservabilityError | ConvergenceError
-) -> tuple[Kind, str]:
-    """Say why a procedure's own estimate stands: against it where what is believed does not fit what was recorded."""
-    believed = session.matching is not None and (
-        bool(session.matching.spins) or session.believed_poses is not None
-    )
-    if isinstance(error, ConvergenceError) and believed:
-        return "objection", (
-            f"No one adjustment fits both what was recorded and what the protocol states: {error} So this is the "
-            f"estimate of the procedure {procedure.name} by itself, which does not see why. Check the protocol's "
-            "angles, rates and poses, the sample rate, and whether samples are missing. "
-            f"--procedure {procedure.name} takes its estimate as it is."
-        )
-    return "remark", (
-        f"The joint estimator does not serve here, so that this is the estimate of the procedure {procedure.name} "
-        f"by itself: {error}"
-    )
+    Parameters
+    ----------
+    session, procedure : what was recorded, and what was asked for.
+    """
+    if procedure.promises or session.protocol is None:
+        return procedure
+    own = find_procedure(session.protocol.procedure)
+    return procedure if own.run is not None else replace(own, frame=procedure.frame)
 
 
 def _how_it_matched(session: Session) -> str:
@@ -161,21 +130,6 @@ def _how_it_matched(session: Session) -> str:
         f" Of the {found + len(matching.missing)} holds and spins of the protocol {protocol.name} {found} were found"
         f"{beside}: if that is not what was done, give another protocol."
     )
-
-
-def _most_telling(session: Session) -> tuple[Estimate, str]:
-    """Run the first procedure that suits the recording, and whose observations determine it; the last one has to."""
-    procedure, why = find_procedure(FIRST_TRIED), ""
-    while procedure.otherwise:
-        suits = procedure.suits(session)
-        why = suits.why
-        if suits.fits:
-            try:
-                return _jointly(session, procedure, procedure.run, f"Procedure {procedure.name}: {why}")
-            except ObservabilityError as error:
-                why = f"{procedure.failed}. {error}"
-        procedure = find_procedure(procedure.otherwise)
-    return _jointly(session, procedure, procedure.run, f"Procedure {procedure.name}: {why.rstrip('.')}")
 
 
 def add_objections(session: Session, estimate: Estimate, procedure: str | None, reason: str) -> None:
@@ -193,7 +147,7 @@ def add_objections(session: Session, estimate: Estimate, procedure: str | None, 
         # Holds do not tell which way the gyro counts; where there are turns between them, these do.
         contradiction = find_axis_contradiction(recording)
         estimate.say("objection", *([] if contradiction is None else [contradiction]))
-    estimate.say("objection", *_of_other_rests(session), *_of_force_step(session, estimate))
+    estimate.say("objection", *_of_other_rests(session))
     estimate.say("remark", *_of_hidden_jumps(session, estimate))
     elsewhere = find_other_latitude(estimate, session.site)
     estimate.say("objection", *([] if elsewhere is None else [elsewhere]))
@@ -239,15 +193,17 @@ def _of_other_rests(session: Session) -> list[str]:
 def _of_limits(session: Session) -> list[str]:
     """What is said of holds in which an accelerometer is at its limit: they show less than gravity."""
     from tumble.recording.saturation import limits_reached
+    from tumble.segmentation.rounding import carries_remainder
 
     recording, said = session.recording, list[str]()
     force = recording.specific_force
     if force is None:
         return said
+    carried = carries_remainder(force, [hold.stretches() for hold in session.timeline.holds])
     for limit in limits_reached(force):
         channel = force[:, "xyz".index(limit.channel)]
-        if float(np.median(np.abs(np.diff(channel)))) == 0.0:
-            # Steps coarser than the noise repeat their numbers at rest, too.
+        if float(np.median(np.abs(np.diff(channel)))) == 0.0 or carried["xyz".index(limit.channel)]:
+            # Steps coarser than the noise repeat their numbers at rest, too, and so do pulses.
             continue
         stuck = channel == limit.value
         holds = session.timeline.holds
@@ -259,30 +215,6 @@ def _of_limits(session: Session) -> list[str]:
                 f"hold {', '.join(at[:4])}{more}: there it shows less than gravity. Choose a larger range."
             )
     return said
-
-
-def _of_force_step(session: Session, estimate: Estimate) -> list[str]:
-    """What is said of accelerometers whose biases jump between two holds."""
-    from tumble.calibration.checks.bias_course import switched_on_anew
-    from tumble.calibration.checks.scores import find_norm_course
-
-    means, triad = session.means, estimate.model.accelerometer
-    force, covariance, norms = means.specific_force, means.specific_force_covariance, estimate.holds.norms
-    if (
-        triad is None
-        or force is None
-        or covariance is None
-        or len(norms) != len(means.time)
-        or estimate.thermal is not None
-    ):
-        return []
-    gone = [left.index for left in estimate.left_out if left.kind == "hold"]
-    limits = means.time - 0.5 * means.duration, means.time + 0.5 * means.duration
-    course = find_norm_course(triad, force, covariance, limits, norms, gone)
-    if course is None or course.after is None or not course.is_contradiction:
-        return []
-    where = f"between hold {course.after + 1} and hold {course.after + 2}, at about {course.since:.0f} s"
-    return [switched_on_anew("accelerometers", where)]
 
 
 def _of_hidden_jumps(session: Session, estimate: Estimate) -> list[str]:
@@ -320,10 +252,7 @@ def check_prior(sessions: Sequence[Session], knowledge: StableKnowledge, estimat
     if not seen:
         estimate.say(
             "caution",
-            "The non-orthogonalities are the fleet's, as far as its units are alike: the poses are too few to check "
-            "that this unit is one of them. Record nine poses or more to determine its own."
-            if knowledge.of_fleet
-            else "The prior is taken on trust: the poses are too few to check it against them, and with another "
+            "The prior is taken on trust: the poses are too few to check it against them, and with another "
             "unit's the result would look the same and be wrong. Be sure that it is this unit's, or record nine poses "
             "or more.",
         )
@@ -335,11 +264,11 @@ def check_prior(sessions: Sequence[Session], knowledge: StableKnowledge, estimat
 
 def _own_angles(session: Session) -> StableKnowledge | None:
     """What a recording's poses tell of the angles without any prior; None where they are too few."""
-    from tumble.calibration import calibrate_multi_position
+    from tumble.calibration.joint import calibrate_accelerometers
     from tumble.calibration.prior import stable_knowledge
 
     try:
-        alone = calibrate_multi_position(session.recording, session.means, session.site)
+        alone = calibrate_accelerometers(session)
     except (ObservabilityError, ConvergenceError):
         return None
     assert alone.model.accelerometer is not None

@@ -10,10 +10,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from tumble.calibration.closed_forms.norm_batch import ESTIMATORS
 from tumble.counting import counted
 from tumble.earth.site import EARTH_RATE
 from tumble.reproduction.outcome import INSIDE, OUTSIDE, Outcome, Row
+from tumble_papers.hayal.norm_batch import ESTIMATORS
 from tumble_papers.hayal.thesis_simulation import RATE_NOISE, RATE_NOISE_HG1900, run_setting, table_setting
 
 # (words, attitudes, seconds, noise of a sample)

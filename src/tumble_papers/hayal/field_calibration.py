@@ -12,12 +12,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tumble.arrays import Series, Vector, Vectors
-from tumble.calibration.closed_forms.start_values import rough_triad
+from tumble.arrays import Matrices, Series, Vector, Vectors
 from tumble.calibration.equations.triad_unknowns import BIAS, COUNT, SCALE, triad_from_unknowns
-from tumble.calibration.procedures.multi_position import fit_norms
+from tumble.calibration.start_values import rough_triad
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ConvergenceError, ObservabilityError, SegmentationError
+from tumble.estimation import Adjustment, snoop_groups
 from tumble.recording.recording import Recording
 from tumble.segmentation import HoldMeans, Timeline, find_timeline, observe_holds
 from tumble.sensor import ImuModel, Triad
@@ -26,6 +26,7 @@ from tumble.simulation import Grade, find_grade
 from tumble.simulation.field_campaign import POSES, WARM_UP, pose_motion, warming
 from tumble.simulation.grades import TriadGrade
 from tumble.simulation.recordings import simulate_recording
+from tumble_papers.hayal.norm import adjust_norm
 from tumble_papers.hayal.thesis_simulation import GRAVITY, LATITUDE
 
 SITE = Site(GRAVITY, 0.0, LATITUDE)
@@ -33,6 +34,9 @@ RATE = 10.0  # Hz, of the recording of the poses: nothing is lost in means of mi
 TRIADS = ("accelerometer", "gyro")
 # s in which a wandering bias has spread to the sheet's in-run stability; no sheet says it.
 STABILITY_TIME = 3600.0
+# Steps by which a variance of the norms settles, to a share that no number of attitudes can tell; residuals this likely
+# by chance ask for none.
+STEPS, SETTLED, CHANCE = 8, 0.03, 0.025
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,11 +175,52 @@ def calibrate_triad(means: HoldMeans, which: slice, triad: str, unknowns: int) -
     start = rough_triad(observed, SITE.gravity) if force else _rate_start(observed)
     reference = SITE.gravity if force else EARTH_RATE
     try:
-        fit = fit_norms(observed, covariance, reference, start, np.arange(unknowns), robust=False)
+        values, adjustment, alone = _adjusted(observed, covariance, reference, start, unknowns)
     except (ConvergenceError, ObservabilityError):
         return None
-    plain = np.sqrt(np.diag(fit.covariance))[:9]
-    return TriadResult(triad_from_unknowns(fit.unknowns), fit.adjustment.sigma0 * plain, plain, fit.alone)
+    plain = np.zeros(9)
+    plain[:unknowns] = np.sqrt(np.diag(adjustment.cofactor))
+    return TriadResult(triad_from_unknowns(values), adjustment.sigma0 * plain, plain, alone)
+
+
+def _adjusted(
+    observed: Vectors, covariance: Matrices, reference: float, start: Series, unknowns: int
+) -> tuple[Series, Adjustment, float]:
+    """Adjust with as much variance of the norms as residuals ask for; unknowns, adjustment, sigma0 without it."""
+    from scipy.special import chdtrc
+
+    values = start
+
+    def solve(extra: float, *, once: bool) -> Adjustment:
+        nonlocal values
+        values, adjustment = adjust_norm(
+            observed, covariance, reference, values, unknowns, extra_variance=extra, once=once
+        )
+        return adjustment
+
+    alone = solve(0.0, once=False).sigma0
+    extra, adjustment = 0.0, solve(0.0, once=False)
+    for _ in range(STEPS):
+        total = observed.shape[0] / float(np.sum(1.0 / adjustment.linearisation.covariance))
+        wanted = max(0.0, extra + (_residual_ratio(adjustment) - 1.0) * total)
+        if abs(wanted - extra) <= SETTLED * total:
+            break
+        extra = wanted
+        adjustment = solve(extra, once=True)
+    if extra > 0.0:
+        plain = solve(0.0, once=True)
+        # One degree of freedom tells nothing of the noise.
+        checks = plain.redundancy
+        if checks < 2 or float(chdtrc(checks, checks * _residual_ratio(plain))) > CHANCE:
+            extra = 0.0
+    adjustment = solve(extra, once=False)
+    return values, adjustment, alone
+
+
+def _residual_ratio(adjustment: Adjustment) -> float:
+    """Return how many times as large as its noise the mean square of the residuals is."""
+    tests = [test for test in snoop_groups(adjustment, slice(0, 1)) if test.degrees]
+    return sum(test.statistic for test in tests) / sum(test.degrees for test in tests)
 
 
 def _rate_start(observed: Vectors) -> Vector:

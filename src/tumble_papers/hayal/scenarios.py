@@ -20,12 +20,12 @@ from typing import Any
 import numpy as np
 
 from tumble.arrays import AnyArray, Series, Table, Vectors
-from tumble.calibration.closed_forms.norm_batch import NormBatch, adjust_norms
 from tumble.counting import counted
 from tumble.estimation.weak_directions import find_weak_directions
 from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED, Outcome, Row
 from tumble.simulation import TriadNoise, find_grade
 from tumble.simulation.noise import simulate_noise
+from tumble_papers.hayal.norm_batch import NormBatch, adjust_norms
 from tumble_papers.hayal.thesis_simulation import (
     ATTITUDES,
     FORCE_NOISE,

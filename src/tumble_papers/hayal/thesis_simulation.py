@@ -18,10 +18,10 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Series, Table, Vectors
 from tumble.attitude.directions import twenty_six_directions
-from tumble.calibration.closed_forms.norm_batch import NormBatch, adjust_norms
 from tumble.earth.site import EARTH_RATE
 from tumble.errors import UsageError
 from tumble.sensor.conventions.shin import matrix_from_shin
+from tumble_papers.hayal.norm_batch import NormBatch, adjust_norms
 
 LATITUDE = np.radians(40.0)  # 4.1.1
 GRAVITY = 9.801  # m/s², 4.5
@@ -52,7 +52,7 @@ class Setting:
     samples : averaged in each attitude.
     noise : standard deviation of a sample, SI.
     rate_factor : how many times the Earth's rate the reference is.
-    estimator : see `tumble.calibration.closed_forms.norm_batch.ESTIMATORS`.
+    estimator : see `tumble_papers.hayal.norm_batch.ESTIMATORS`.
     """
 
     triad: str
@@ -175,7 +175,7 @@ def simulate_means(setting: Setting, runs: int, rng: np.random.Generator) -> Any
     ----------
     setting, runs, rng : as for `run_setting`.
     """
-    from tumble.calibration.closed_forms.kernels import add_mean_noise
+    from tumble_papers.hayal.kernels import add_mean_noise
 
     true = simulate_true(setting, runs, rng)
     errors = setting.errors

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from tumble.arrays import AnyArray
-from tumble.calibration.closed_forms.rotation_sequences import sequence_model
 from tumble.protocol.strapdown_rotation import (
     AXES,
     SEQUENCES,
@@ -21,6 +20,7 @@ from tumble.sensor.conventions.savage import NAMES, SavageErrors
 from tumble.sensor.imu import ImuModel
 from tumble.units import STANDARD_GRAVITY
 from tumble_papers.published import savage
+from tumble_papers.savage.rotation_sequences import sequence_model
 from tumble_papers.savage.strapdown_simulation import (
     AS_PRINTED,
     Setting,

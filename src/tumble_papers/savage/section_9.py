@@ -8,8 +8,6 @@ from typing import Any
 import numpy as np
 
 from tumble.arrays import AnyArray, Series
-from tumble.calibration.closed_forms.rotation_sequences import sequence_model
-from tumble.calibration.closed_forms.sequence_measurements import window_weights
 from tumble.counting import counted
 from tumble.protocol.strapdown_rotation import start_down
 from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED, Outcome, Row, claim_row
@@ -18,6 +16,8 @@ from tumble.sensor.imu import ImuModel
 from tumble.units import ARCSECOND, DEGREE_PER_HOUR, STANDARD_GRAVITY
 from tumble_papers.published import savage
 from tumble_papers.savage.formulas import BY_NAME, COMPONENTS, evaluated
+from tumble_papers.savage.rotation_sequences import sequence_model
+from tumble_papers.savage.sequence_measurements import window_weights
 from tumble_papers.savage.strapdown_simulation import (
     AS_PRINTED,
     DEGREE_PER_ROOT_HOUR,

@@ -23,15 +23,15 @@ import numpy as np
 import numpy.typing as npt
 
 from tumble.arrays import AnyArray, Matrix, Series, Vector, Vectors
-from tumble.calibration.closed_forms.rotation_sequences import SequenceModel, sequence_model
-from tumble.calibration.closed_forms.sequence_inversion import invert_measurements, solve_measurements
-from tumble.calibration.closed_forms.sequence_measurements import measure_sequence, window_weights
 from tumble.earth.site import EARTH_RATE, Site
 from tumble.protocol.strapdown_rotation import SEQUENCES, RotationSequence, fixture_rotation, start_down
 from tumble.sensor.conventions.savage import GROUPS, SavageErrors, savage_from_model
 from tumble.sensor.imu import ImuModel
 from tumble.sensor.triad import Triad
 from tumble.units import ARCSECOND, DEGREE_PER_HOUR, MICRO_G, STANDARD_GRAVITY
+from tumble_papers.savage.rotation_sequences import SequenceModel, sequence_model
+from tumble_papers.savage.sequence_inversion import invert_measurements, solve_measurements
+from tumble_papers.savage.sequence_measurements import measure_sequence, window_weights
 
 DEGREE_PER_ROOT_HOUR = np.pi / 180.0 / 60.0
 LARGEST_LATITUDE = 75.0 * np.pi / 180.0

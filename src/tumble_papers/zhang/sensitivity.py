@@ -8,7 +8,6 @@ import numpy as np
 
 from tumble.arrays import Series, Table, Vector, Vectors
 from tumble.attitude.directions import twenty_six_directions
-from tumble.calibration.closed_forms.separate_norms import ellipsoid_from_norms
 from tumble.calibration.poses import describe_direction
 from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED, Outcome, Row
 from tumble.sensor.conventions.zhang import matrix_from_zhang
@@ -28,6 +27,7 @@ from tumble_papers.zhang.pose_sets import (
     paper_nine,
     predict_sigma,
 )
+from tumble_papers.zhang.separate_norms import ellipsoid_from_norms
 
 GRAVITY = 9.8  # what the paper's µg and counts are of
 PRINTED_RUNS = 500

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 from tumble.arrays import AnyArray, Series
-from tumble.calibration.closed_forms.separate_norms import ellipsoid_from_norms
 from tumble.counting import part
 from tumble.errors import ObservabilityError
 from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED, Outcome, Row
 from tumble.units import ARCSECOND
 from tumble_papers.published import zhang
+from tumble_papers.zhang.separate_norms import ellipsoid_from_norms
 from tumble_papers.zhang.turntable_evaluation import (
     CHOICES,
     GROUPS,

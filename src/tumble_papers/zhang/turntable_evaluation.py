@@ -7,19 +7,21 @@ from dataclasses import dataclass
 import numpy as np
 
 from tumble.arrays import AnyArray, Series, Table
-from tumble.calibration.closed_forms.inter_triad import rotation_from_two_axes, triad_rotation, wahba_rotation
-from tumble.calibration.closed_forms.rotation_planes import (
+from tumble.sensor.conventions.zhang import inter_triad_angles
+from tumble.units import ARCSECOND, DEGREE_PER_HOUR
+from tumble_papers.zhang.inter_triad import (
     axis_from_rotation,
     axis_from_scatter,
+    rotation_from_two_axes,
     scatter_in_p,
+    triad_rotation,
+    wahba_rotation,
 )
-from tumble.calibration.closed_forms.separate_norms import (
+from tumble_papers.zhang.separate_norms import (
     bias_from_static_pairs,
     ellipsoid_from_norms,
     matrix_from_rotations,
 )
-from tumble.sensor.conventions.zhang import inter_triad_angles
-from tumble.units import ARCSECOND, DEGREE_PER_HOUR
 from tumble_papers.zhang.turntable_simulation import GRAVITY, MICRO_G, Statistics, Unit
 
 GROUPS = (

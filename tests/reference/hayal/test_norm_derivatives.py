@@ -150,16 +150,3 @@ def test_after_an_adjustment_of_the_observations_the_misclosure_is_pope_s() -> N
         by_raw = complex_step(lambda y: condition(UNKNOWNS, y), moved[k])
         expected = condition(UNKNOWNS, moved[k]) + by_raw @ (OBSERVED[k] - moved[k])  # 3.44
         assert second.misclosure[k, 0] == pytest.approx(expected, rel=1e-10)
-
-
-def test_holds_that_take_no_part_leave_no_trace() -> None:
-    covariance = np.tile(np.eye(3), (4, 1, 1))
-    active = np.array([True, False, True, True])
-    conditions = NormConditions(OBSERVED, covariance, K, UNKNOWNS, np.arange(9), active, extra_variance=0.5)
-    linear = conditions.linearise(UNKNOWNS[:9])
-    assert linear.misclosure[1, 0] == 0.0
-    assert not linear.design[1].any()
-    assert linear.covariance[1, 0, 0] == 1.0
-    B = conditions._by_observed[0]
-    assert linear.covariance[0, 0, 0] == pytest.approx(B @ B + 0.5, rel=1e-14)
-    assert np.array_equal(linear.active[:, 0], active)

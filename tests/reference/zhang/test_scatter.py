@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tumble.calibration.closed_forms.separate_norms import ellipsoid_from_norms
+from tumble_papers.zhang.separate_norms import ellipsoid_from_norms
 from tumble_papers.zhang.tables import theory_of_nine
 from tumble_papers.zhang.turntable_evaluation import (
     CHOICES,

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tests.unit.adjusted import adjusted
 
 from tumble.attitude.directions import twenty_six_directions
-from tumble.calibration import Estimate, calibrate_multi_position
+from tumble.calibration import Estimate
 from tumble.calibration.prior import NAMES, FleetSheet, StableKnowledge, TriadFleet, about_sheet, sheet_prior
 from tumble.earth import Site
-from tumble.errors import ObservabilityError, UsageError
+from tumble.errors import UsageError
 from tumble.recording import Recording
-from tumble.segmentation import HoldMeans
+from tumble.segmentation import Hold, NoiseFloor, Timeline
 from tumble.sensor.conventions.shin import matrix_from_shin
 from tumble.simulation import find_grade
 
@@ -21,33 +22,24 @@ HG1700 = find_grade("hg1700")
 BIAS = np.array([0.011, -0.006, 0.009])
 SCALE_ERROR = 1e-6 * np.array([250.0, -410.0, 130.0])
 ANGLES = 1e-6 * np.array([120.0, -90.0, 60.0])
-NOISE = 1e-4  # m/s² of a hold's mean
+NOISE, REST = 1e-4, 60  # m/s² of a hold's mean; samples
 
 
-def means_in(up: np.ndarray, *, scale_error: np.ndarray = SCALE_ERROR, factor: float = 1.0) -> HoldMeans:
+def tumbled_in(up: np.ndarray, *, scale_error: np.ndarray = SCALE_ERROR, unit: str = "m/s^2") -> Recording:
+    """Rests of 60 samples, one a second."""
     rng = np.random.default_rng(8)
     matrix = np.real(matrix_from_shin(1.0 + scale_error, ANGLES))
-    force = 9.8 * up @ matrix.T + BIAS + NOISE * rng.standard_normal(up.shape)
-    holds = len(up)
-    return HoldMeans(
-        specific_force=force / factor,
-        specific_force_covariance=np.tile((NOISE / factor) ** 2 * np.eye(3), (holds, 1, 1)),
-        specific_force_dof=np.full(holds, 99.0),
-        angular_rate=None,
-        angular_rate_covariance=None,
-        angular_rate_dof=None,
-        duration=np.full(holds, 60.0),
-        time=90.0 * np.arange(holds, dtype=float),
-        count=np.full(holds, 60.0),
-        temperature=None,
-    )
+    force = np.repeat(9.8 * up @ matrix.T + BIAS, REST, axis=0)
+    force += NOISE * np.sqrt(REST) * rng.standard_normal(force.shape)
+    return Recording(np.arange(len(force), dtype=float), force, None, unit, "rad/s", 1.0)
 
 
-def calibrate(
-    means: HoldMeans, unit: str = "m/s^2", *, sheet: bool = True, prior: StableKnowledge | None = None
-) -> Estimate:
-    recording = Recording(means.time, means.specific_force, None, unit, "rad/s", 1.0)
-    return calibrate_multi_position(recording, means, SITE, prior=prior, data_sheet=HG1700 if sheet else None)
+def calibrate(recording: Recording, *, sheet: bool = True, prior: StableKnowledge | None = None) -> Estimate:
+    holds = tuple(Hold(k, k + REST) for k in range(0, len(recording.time), REST))
+    floor = NoiseFloor(np.full(3, NOISE * np.sqrt(REST)), np.ones(3), 1.0, "as simulated")
+    timeline = Timeline(holds, (), (), floor)
+    sheets = {"data_sheet": HG1700} if sheet else {}
+    return adjusted(recording, timeline, SITE, procedure="multi-position", prior=prior, **sheets)
 
 
 def errors_of(estimate: Estimate) -> np.ndarray:
@@ -61,9 +53,8 @@ FACES = twenty_six_directions()[:6]
 
 
 def test_six_faces_alone_are_too_few_and_suffice_with_a_sheet() -> None:
-    with pytest.raises(ObservabilityError):
-        calibrate(means_in(FACES), sheet=False)
-    estimate = calibrate(means_in(FACES))
+    assert calibrate(tumbled_in(FACES), sheet=False).objections
+    estimate = calibrate(tumbled_in(FACES))
     # bias and scale: NOISE over the root of two, five sigma of it; angles: the sheet's 141 µrad, five sigma
     errors = errors_of(estimate)
     assert np.all(np.abs(errors[6:]) < 5.0 * NOISE / np.sqrt(2.0))
@@ -73,7 +64,7 @@ def test_six_faces_alone_are_too_few_and_suffice_with_a_sheet() -> None:
 
 def test_what_six_faces_leave_to_the_sheet_is_said() -> None:
     """Faces show biases and scale factors; the angles keep the sheet's zero and the sheet's sigma."""
-    estimate = calibrate(means_in(FACES))
+    estimate = calibrate(tumbled_in(FACES))
     told = [r for r in estimate.remarks if "next to nothing" in r]
     assert len(told) == 1
     assert "non-orthogonality yz, non-orthogonality zx, non-orthogonality zy" in told[0]
@@ -83,7 +74,7 @@ def test_what_six_faces_leave_to_the_sheet_is_said() -> None:
 
 def test_with_26_poses_the_sheet_says_nothing_and_nothing_is_said() -> None:
     up = twenty_six_directions()
-    with_sheet, alone = calibrate(means_in(up)), calibrate(means_in(up), sheet=False)
+    with_sheet, alone = calibrate(tumbled_in(up)), calibrate(tumbled_in(up), sheet=False)
     assert not [r for r in with_sheet.remarks if "data sheet" in r]
     assert with_sheet.objections == ()
     # a prior of 300 ppm and 141 µrad beside sigmas of 5 to 10 ppm: it moves nothing by more than 1 %
@@ -95,10 +86,10 @@ def test_with_26_poses_the_sheet_says_nothing_and_nothing_is_said() -> None:
 def test_a_unit_that_is_none_of_the_sheet_s_is_objected_to() -> None:
     """A scale factor of 0.5 % is 17 of the sheet's 300 ppm."""
     scale_error = np.array([SCALE_ERROR[0], 5e-3, SCALE_ERROR[2]])
-    estimate = calibrate(means_in(twenty_six_directions(), scale_error=scale_error))
+    estimate = calibrate(tumbled_in(twenty_six_directions(), scale_error=scale_error))
     (said,) = estimate.objections
     assert "accelerometer's scale factor y is 17 of the sheet's standard deviations off" in said
-    assert "calibrate without --data-sheet" in said
+    assert "calibrate without --prior" in said
 
 
 def test_a_parameter_that_nothing_is_told_of_cannot_contradict() -> None:
@@ -164,23 +155,16 @@ def test_a_fleet_in_counts_serves_counts_and_no_other_unit() -> None:
     assert fleet.prior("gyroscope", "counts") is None
 
 
-def test_angles_of_an_earlier_calibration_take_the_fleet_s_place() -> None:
-    covariance = 1e-12 * np.array([[25.0, 3.0, -2.0], [3.0, 16.0, 1.0], [-2.0, 1.0, 9.0]])
-    prior = fleet_of("g", 9.8).prior("accelerometer", "g", knowledge=StableKnowledge(ANGLES, covariance))
-    np.testing.assert_allclose(prior.mean[6:], ANGLES)
-    np.testing.assert_allclose(np.linalg.inv(prior.precision)[6:, 6:], covariance, rtol=1e-6)
-
-
 def test_counts_have_no_data_sheet() -> None:
     with pytest.raises(UsageError, match="--units"):
-        calibrate(means_in(twenty_six_directions()), "counts")
+        calibrate(tumbled_in(twenty_six_directions(), unit="counts"))
 
 
 @pytest.mark.parametrize("sheet", [True, False])
 def test_six_faces_suffice_with_angles_of_an_earlier_calibration_beside_a_sheet_or_alone(sheet: bool) -> None:
     """Hayal, chapter 6: angles stay where biases and scale factors do not."""
     covariance = 1e-12 * np.array([[25.0, 3.0, -2.0], [3.0, 16.0, 1.0], [-2.0, 1.0, 9.0]])
-    estimate = calibrate(means_in(FACES), sheet=sheet, prior=StableKnowledge(ANGLES, covariance))
+    estimate = calibrate(tumbled_in(FACES), sheet=sheet, prior=StableKnowledge(ANGLES, covariance))
     errors = errors_of(estimate)
     assert np.all(np.abs(errors[6:]) < 5.0 * NOISE / np.sqrt(2.0))
     # angles known to 3 to 5 µrad: five sigma, on scale factors of one

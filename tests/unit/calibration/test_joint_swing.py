@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.unit.adjusted import adjusted
 
 from tumble.calibration import Estimate
 from tumble.calibration.equations.adjustment import balance_recording
@@ -14,11 +15,9 @@ from tumble.calibration.equations.hold_equations import Swing
 from tumble.calibration.equations.observed import hold_swings
 from tumble.calibration.equations.turn import HoldsAndTurns
 from tumble.calibration.evidence import RestlessHold
-from tumble.calibration.joint import calibrate_joint
 from tumble.calibration.outcome.restless import restless_remarks
 from tumble.report.evidence.holds import restless
 from tumble.report.page import Table
-from tumble.segmentation import observe_holds
 
 
 @pytest.fixture(scope="module")
@@ -112,8 +111,7 @@ def leaning(play: Any, site: Any, model: Any) -> Estimate:
     )
     # a clock that does not start at zero: times are told from the first sample on
     recording = replace(recording, specific_force=force, angular_rate=rate, time=recording.time + 1000.0)
-    means = observe_holds(recording, tumbled.timeline)
-    return calibrate_joint(recording, tumbled.timeline, means, site, optional_terms=False)
+    return adjusted(recording, tumbled.timeline, site, optional_terms=False)
 
 
 def test_the_hold_is_named_with_its_time_and_its_sway(leaning: Estimate) -> None:

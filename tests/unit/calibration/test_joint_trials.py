@@ -6,13 +6,12 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from tests.unit.adjusted import adjusted
 
 from tumble.calibration.equations.imu_unknowns import PLAIN
 from tumble.calibration.equations.observed import table_rotation
-from tumble.calibration.joint import calibrate_joint
 from tumble.estimation.balance import Outlier, _without_chance
 from tumble.estimation.solve import solve
-from tumble.segmentation import observe_holds
 
 
 def test_what_a_trial_changes_is_its_own(tumbled: Any, model: Any, started: Any) -> None:
@@ -44,7 +43,7 @@ def test_what_was_left_out_before_the_terms_were_tried_is_told(play: Any, site: 
     force[2000:2300, 0] += 0.2
     rate[3300:3500, 0] += 0.05
     recording = replace(tumbled.recording, specific_force=force, angular_rate=rate)
-    estimate = calibrate_joint(recording, tumbled.timeline, observe_holds(recording, tumbled.timeline), site)
+    estimate = adjusted(recording, tumbled.timeline, site)
     assert [test.name for test in estimate.terms if test.kept] == ["g_sensitivity"]
     assert {(left.kind, left.index) for left in estimate.left_out} == {("hold", 4), ("turn", 6)}
 

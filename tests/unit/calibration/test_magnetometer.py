@@ -12,6 +12,7 @@ from second_simulator import GRADES, Simulation
 from second_simulator.magnetometer import Disturbance, Seen, draw_magnetometer, see
 from second_simulator.procedures import by_hand
 from tumble.attitude.rotations import matrices_from_rotation_vectors
+from tumble.calibration import calibrate, find_procedure
 from tumble.calibration.equations.adjustment import NODE
 from tumble.calibration.magnetometer.estimate import (
     LOCAL,
@@ -31,7 +32,6 @@ from tumble.calibration.magnetometer.field_equations import (
 from tumble.calibration.magnetometer.field_start import start_field
 from tumble.calibration.magnetometer.verdict import judge_magnetometer
 from tumble.calibration.outcome.estimate import JointOutcome
-from tumble.calibration.procedures.joint import run_joint
 from tumble.calibration.session import Options, Session
 from tumble.errors import ObservabilityError
 from tumble.recording import Recording
@@ -59,7 +59,7 @@ def settled(made: Simulation, *, gyro: bool = True) -> JointOutcome:
         rate=100.0,
     )
     session = Session(recording, options=Options(optional_terms=gyro))
-    run_joint(session)
+    calibrate(session, find_procedure("hand-held" if gyro else "multi-position"))
     return session.joint
 
 

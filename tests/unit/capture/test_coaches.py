@@ -163,6 +163,6 @@ def test_a_protocol_is_evaluated_as_that_protocol(tmp_path: Path) -> None:
     )
     run = run_capture(order)
     assert run.calibration is not None
-    assert run.calibration.calibration.procedure == "six-position"
+    assert "Procedure six-position" in run.calibration.reason
     events = [json.loads(line) for line in (tmp_path / "out" / "session.jsonl").read_text().splitlines()]
     assert [event["event"] for event in events].count("enough") == 1

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import tomllib
+from importlib import import_module
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -189,3 +193,16 @@ def test_estimates_that_no_unit_has_are_named() -> None:
 
 def test_every_field_table_is_simulated() -> None:
     assert set(TABLES) == {t for t in hayal()["tables"] if not t.startswith("4.")}
+
+
+def test_every_estimator_that_is_declared_is_found_under_its_own_name_once(root: Path) -> None:
+    """The entry points as the project declares them, installed or not."""
+    declared = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))["project"]["entry-points"]
+    found: list[str] = []
+    for place in declared["tumble.estimators"].values():
+        module, _, attribute = place.partition(":")
+        for name, estimator in getattr(import_module(module), attribute).items():
+            assert estimator.name == name
+            found.append(name)
+    assert len(set(found)) == len(found)
+    assert {"zhang-closed-form", "zhang-inter-triad", "zhang-optimal", "savage-inversion"} <= set(found)

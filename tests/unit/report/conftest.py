@@ -8,9 +8,9 @@ from importlib.resources import as_file, files
 from typing import Any
 
 import pytest
+from tests.unit.adjusted import adjusted
 from tests.unit.written import WRITTEN, parameters, written
 
-from tumble.calibration import calibrate_multi_position
 from tumble.document import calibration_from_estimate
 from tumble.document.result import Calibration
 from tumble.earth import Site
@@ -114,7 +114,7 @@ def _by_poses(recording: Any) -> dict[str, Any]:
     timeline = find_timeline(recording)
     means = observe_holds(recording, timeline)
     site = Site.unknown()
-    estimate = calibrate_multi_position(recording, means, site)
+    estimate = adjusted(recording, timeline, site, means, procedure="multi-position")
     calibration = calibration_from_estimate(estimate, recording, site)
     return {
         "calibration": calibration,

@@ -79,9 +79,7 @@ def test_directions_on_one_side_do_not_determine_it(tmp_path: Path) -> None:
 
 
 def test_a_recording_of_seconds_is_too_short_for_any_triad(tmp_path: Path) -> None:
-    with pytest.raises(
-        TumbleError, match=r"too short: it lasts 3\.0 s, .* hold the unit also .* The magnetometer"
-    ):
+    with pytest.raises(TumbleError, match=r"too short: it lasts 3\.0 s, .* The magnetometer"):
         calibrate(turned(tmp_path / "short.csv", cap=0.45, rows=150, others=True))
 
 

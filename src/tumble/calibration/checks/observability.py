@@ -8,16 +8,20 @@ or the turn that would tell them.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from tumble.arrays import Square, inverted
-from tumble.calibration.equations.imu_unknowns import LAYOUT, name_plate
-from tumble.calibration.prior import StableKnowledge
+from tumble.calibration.equations.imu_unknowns import LAYOUT, NAME_PLATE_SHARE, PLAIN, name_plate
+from tumble.calibration.prior import FleetSheet, StableKnowledge, gyro_prior, prior_of_sheet
 from tumble.errors import ObservabilityError
 from tumble.estimation import Prior, find_weak_directions
 from tumble.estimation.unknowns import Unknowns
-from tumble.estimation.weak_directions import WeakDirection
+from tumble.recording.recording import Recording
 from tumble.records import dataclass
+from tumble.simulation import Grade
+from tumble.units import angular_rate_factor, specific_force_factor
 
 # An unknown is told if its sigma is below this share of the name plate's.
 TOLD = 0.5
@@ -32,13 +36,24 @@ class Untold:
     Attributes
     ----------
     unknowns : indices that are not told.
-    directions : combinations that are not told, in sizes of the name plate, worst first.
-    sentences : the same in words, with what would tell each.
+    leading : indices of what each combination that is not told is made of, in sizes of the name plate, worst first.
     """
 
     unknowns: np.ndarray
-    directions: list[WeakDirection]
-    sentences: list[str]
+    leading: list[list[int]]
+
+    def sentences(self, among: np.ndarray | None = None) -> list[str]:
+        """Return in words what is not told, with what would tell each.
+
+        Parameters
+        ----------
+        among : indices of unknowns that each combination has to have one of; None for all.
+        """
+        found = [own for own in self.leading if among is None or np.any(np.isin(own, among))]
+        said = [_in_words(own) for own in found[:MOST_COMBINATIONS]]
+        if len(found) > MOST_COMBINATIONS:
+            said.append(f"Not determined: {len(found) - MOST_COMBINATIONS} more combinations like these.")
+        return list(dict.fromkeys(said))
 
 
 def find_untold(normal: Square, u: Unknowns) -> Untold | None:
@@ -58,24 +73,68 @@ def find_untold(normal: Square, u: Unknowns) -> Untold | None:
     directions = find_weak_directions(normal, sizes, TOLD)
     if not np.any(without) and not directions:
         return None
-    sentences = [_in_words(direction, free) for direction in directions[:MOST_COMBINATIONS]]
-    if len(directions) > MOST_COMBINATIONS:
-        sentences.append(
-            f"Not determined: {len(directions) - MOST_COMBINATIONS} more combinations like these."
-        )
-    return Untold(free[without], directions, list(dict.fromkeys(sentences)))
+    return Untold(free[without], [[int(free[i]) for i in one.leading()] for one in directions])
 
 
-def name_plate_prior(u: Unknowns) -> Prior:
-    """Return what the name plate knows of the free unknowns, about their start values.
+def name_plate_prior(u: Unknowns, recording: Recording) -> Prior:
+    """Return what the name plate knows of the free unknowns: nominal ones, of counts as they start.
 
     Parameters
     ----------
     u : start values.
+    recording : its units.
     """
-    precision = np.zeros((u.values.size, u.values.size))
-    precision[u.free, u.free] = 1.0 / name_plate(u)[u.free] ** 2
-    return Prior(u.values.copy(), precision)
+    precision, mean = np.zeros((u.values.size, u.values.size)), u.copy()
+    at = np.intersect1d(u.free, PLAIN)
+    precision[at, at] = 1.0 / name_plate(u)[at] ** 2
+    force, rate = (
+        specific_force_factor(recording.specific_force_unit),
+        angular_rate_factor(recording.angular_rate_unit),
+    )
+    if force is not None:
+        mean["force.bias"][:], mean["force.scale"][:], mean["force.angle"][:] = 0.0, 1.0 / force, 0.0
+    if rate is not None:
+        mean["gyro.bias"][:], mean["gyro.matrix"][:] = 0.0, np.eye(3).ravel() / rate
+    return Prior(mean.values, precision)
+
+
+def sheet_prior(u: Unknowns, sheets: Sequence[tuple[str, np.ndarray, Prior]]) -> Prior | None:
+    """Return what data sheets know of the free unknowns; None where they know nothing.
+
+    Parameters
+    ----------
+    u : start values.
+    sheets : of each triad, see `sheet_priors`.
+    """
+    precision, mean = np.zeros((u.values.size, u.values.size)), u.values.copy()
+    own = [(place, prior) for _, place, prior in sheets if np.all(np.isin(place, u.free))]
+    for place, prior in own:
+        mean[place], precision[np.ix_(place, place)] = prior.mean, prior.precision
+    return Prior(mean, precision) if own else None
+
+
+def sheet_priors(sheet: Grade | FleetSheet, recording: Recording) -> list[tuple[str, np.ndarray, Prior]]:
+    """Return of each triad that a sheet knows its name, where its unknowns are, and what is known of them.
+
+    Parameters
+    ----------
+    sheet, recording : what is known of the kind of unit, and the recording's units.
+
+    Raises
+    ------
+    UsageError
+        If a data sheet is to speak of raw counts, or a fleet of other raw units than its own.
+    """
+    made: list[tuple[str, np.ndarray, Prior]] = []
+    force = prior_of_sheet(sheet, "accelerometer", recording.specific_force_unit)
+    if force is not None:
+        made.append(("accelerometer", LAYOUT.indices("force.bias", "force.scale", "force.angle"), force))
+    rate = prior_of_sheet(sheet, "gyroscope", recording.angular_rate_unit)
+    if rate is not None:
+        made.append(
+            ("gyro", LAYOUT.indices("gyro.matrix", "gyro.bias"), Prior(*gyro_prior(rate, NAME_PLATE_SHARE)))
+        )
+    return made
 
 
 def angle_prior(u: Unknowns, knowledge: StableKnowledge | None) -> Prior | None:
@@ -121,9 +180,7 @@ def together(first: Prior | None, second: Prior | None) -> Prior | None:
     return Prior(mean, precision)
 
 
-def _in_words(direction: WeakDirection, free: np.ndarray) -> str:
-    leading = direction.leading()
-    indices = [int(free[i]) for i in leading]
+def _in_words(indices: list[int]) -> str:
     named = [LAYOUT.label(i) for i in indices[:4]]
     what = named[0] if len(named) == 1 else "a combination of " + ", ".join(named[:-1]) + " and " + named[-1]
     if len(indices) > 4:

@@ -2,24 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-
 import numpy as np
 
 from tumble.arrays import Matrices, Matrix, Series, Vectors, inverted, range_means
 from tumble.attitude import angle_between, integrate_turns
 from tumble.attitude.integration import average_at_edge
-from tumble.calibration.checks.bias_course import (
-    FALSE_ALARM,
-    BiasCourse,
-    Rests,
-    find_force_course,
-    likelier_course,
-)
-from tumble.calibration.checks.snooping import Outlier
 from tumble.calibration.equations.turn import HoldsAndTurns
-from tumble.calibration.estimate import LeftOut
-from tumble.calibration.evidence import Holds
 from tumble.records import dataclass
 from tumble.sensor import ImuModel, Triad
 
@@ -56,51 +44,6 @@ def hold_norm_errors(model: ImuModel, means: Vectors, gravity: float) -> Series:
     return np.linalg.norm(model.accelerometer.correct(means), axis=1) - gravity
 
 
-def holds_evidence(
-    triad: Triad, means: Vectors, covariance: Matrices, gravity: float, wander: float = 0.0
-) -> Holds:
-    """Return what holds' corrected norms differ from gravity by, with what noise and wander make of them.
-
-    Parameters
-    ----------
-    triad : the accelerometers.
-    means, covariance : (holds, 3) and (holds, 3, 3) raw, of the holds.
-    gravity : m/s².
-    wander : (m/s²)², the variance that a bias has from hold to hold.
-    """
-    length = np.linalg.norm(triad.correct(means), axis=1)
-    return Holds(length - gravity, np.sqrt(hold_norm_variances(triad, means, covariance) + wander))
-
-
-def find_norm_course(
-    triad: Triad,
-    means: Vectors,
-    covariance: Matrices,
-    limits: tuple[Series, Series],
-    norms: Series,
-    left_out: Sequence[int],
-) -> BiasCourse | None:
-    """Return how the accelerometers' biases jump or drift, m/s², by the norms of the holds; None if they only wander.
-
-    Parameters
-    ----------
-    triad, means, covariance : as for `holds_evidence`.
-    limits : (holds,) and (holds,) s, when the holds begin and end.
-    norms : (holds,) m/s², corrected norm minus gravity; NaN of those without.
-    left_out : see `likelier_course`.
-    """
-    force = triad.correct(means)
-    up = force / np.linalg.norm(force, axis=1, keepdims=True)
-    variance = hold_norm_variances(triad, means, covariance)
-    further = not triad.is_straight
-
-    def of_holds(used: np.ndarray) -> BiasCourse | None:
-        rests = Rests(limits[0][used], limits[1][used], variance[used])
-        return find_force_course(norms[used], up[used], rests, further=further)
-
-    return likelier_course(of_holds, np.flatnonzero(np.isfinite(norms)), left_out, FALSE_ALARM)
-
-
 def hold_norm_variances(triad: Triad, means: Vectors, covariance: Matrices) -> Series:
     """Return (holds,) (m/s²)², variances of the corrected means' norms by what the means are uncertain by.
 
@@ -111,25 +54,6 @@ def hold_norm_variances(triad: Triad, means: Vectors, covariance: Matrices) -> S
     corrected = triad.correct(means)
     along = (corrected / np.linalg.norm(corrected, axis=1, keepdims=True)) @ inverted(triad.matrix)
     return np.einsum("ka,kab,kb->k", along, covariance, along)
-
-
-def left_out_holds(outliers: Iterable[Outlier], norms: Series) -> list[LeftOut]:
-    """Return holds that gravity's norm left out, in words.
-
-    Parameters
-    ----------
-    outliers : of a kind whose groups are holds.
-    norms : (holds,) m/s², corrected norm minus gravity.
-    """
-    return [
-        LeftOut(
-            "hold",
-            o.group,
-            f"its specific force is off gravity by {1e3 * norms[o.group]:+.1f} mm/s², "
-            f"{o.normalised:.1f} times what the others show",
-        )
-        for o in outliers
-    ]
 
 
 def angle_off(angle: float) -> str:

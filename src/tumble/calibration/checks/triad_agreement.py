@@ -16,10 +16,14 @@ What turns cannot show: the overall sign of gravity, and both triads permuted in
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from tumble.arrays import Matrix, Series, Vectors
 from tumble.calibration.equations.turn import HoldsAndTurns
+from tumble.calibration.estimate import Estimate, NamedValue, TermTest, coverage_factor
+from tumble.calibration.evidence import Budget
 from tumble.errors import RecordingError
 from tumble.recording import describe_axis_contradiction, unit_of_scale
 from tumble.recording.recording import Recording
@@ -60,6 +64,10 @@ def refuse_contradicting_axes(recording: Recording, gyro_inverse: Matrix) -> Non
         )
 
 
+# A term that is not there is kept in fewer than this share of recordings, all terms together; the lag by hand takes a
+# third of it.
+TERM_FALSE_ALARM = 0.02
+LAG_LIMIT = TERM_FALSE_ALARM / 3
 WINDOW = 0.1  # s: short against a turn's acceleration, long against accelerometer noise
 SMALLEST_TURNS = 8
 # Of a sample's step: what the trapezoids between samples leave, (rate x step)² / 12 with 6 rad/s at 25 Hz.
@@ -138,3 +146,55 @@ def _window_products(
     residual = force[last] - force[first] - carried
     weight = 1.0 / np.maximum(np.linalg.norm(residual, axis=1), 0.3)[:, None]
     return np.sum(weight * regressor * residual, axis=1), np.sum(weight * regressor**2, axis=1)
+
+
+def add_time_lag(estimate: Estimate, data: HoldsAndTurns) -> None:
+    """Test whether the triads are sampled at the same instants; note a lag that is significant.
+
+    Parameters
+    ----------
+    estimate : gets the test, and the lag as a parameter and a remark.
+    data : holds and turns.
+    """
+    from scipy.special import stdtr
+
+    found = estimate_time_lag(data, estimate.model)
+    if found is None:
+        return
+    ratio = found.lag / max(found.sigma, 1e-12)
+    probability = 2.0 * float(stdtr(found.turns - 1, -abs(ratio)))
+    kept = probability < LAG_LIMIT
+    estimate.terms.append(
+        TermTest("time_lag", kept, ratio**2, 1, probability, LAG_LIMIT, f"{ratio:+.1f} sigma")
+    )
+    if not kept:
+        return
+    name = "lag of the accelerometer behind the gyro"
+    estimate.parameters.append(NamedValue(name, found.lag, found.sigma, "s"))
+    size = estimate.correlations.shape[0]
+    correlations = np.eye(size + 1)
+    correlations[:size, :size] = estimate.correlations
+    estimate.correlations = correlations
+    budget = estimate.shown(Budget)
+    if budget is not None:
+        _add_lag(budget, found.sigma, found.turns - 1)
+    earlier = "earlier" if found.lag > 0 else "later"
+    estimate.say(
+        "remark",
+        f"The accelerometer's samples belong to instants {abs(1e3 * found.lag):.1f} ms (± "
+        f"{1e3 * found.sigma:.1f} ms) {earlier} than the gyro's. The estimate does not depend on it. "
+        "`tumble apply --shift-lag` takes it out, or give it to your filter.",
+    )
+
+
+def _add_lag(budget: Budget, sigma: float, degrees: int) -> None:
+    """Append the lag: the turns tell it, and nothing else of the budget does."""
+    shares, told = budget.shares, budget.statement
+    cause = "gyros while turning" if "gyros while turning" in shares else next(iter(shares))
+    budget.shares = {name: np.append(part, sigma if name == cause else 0.0) for name, part in shares.items()}
+    if told is not None:
+        told.effective_degrees = np.append(told.effective_degrees, float(degrees))
+        told.coverage_factors = np.append(told.coverage_factors, coverage_factor(degrees))
+        told.model_choice = [
+            replace(choice, change=np.append(choice.change, 0.0)) for choice in told.model_choice
+        ]

@@ -22,7 +22,6 @@ from tumble.calibration.checks.uncertainty_statement import coverage_factors
 from tumble.calibration.equations.causes import SAMPLE_RATE, TABLE_RATE
 from tumble.calibration.estimate import Estimate, Unseen, correlation_matrix
 from tumble.calibration.evidence import Budget
-from tumble.calibration.procedure import find_procedure
 from tumble.protocol.steps import SpinStep
 
 if TYPE_CHECKING:
@@ -92,11 +91,8 @@ def state_unseen(session: Session, estimate: Estimate) -> None:
         found = [one for one in (clock, table) if one is not None and one.source in within]
         shares = [within[one.source] for one in found]
     else:
-        rated = _is_from_rates(session, estimate)
-        found = [] if rated is None else [table if rated and table is not None else clock]
-        shares = [_scale_slope(estimate) * one.sigma for one in found]
-        if rated is False:
-            add_common_scale(estimate, clock.sigma, rest_rate(estimate, session.means))
+        found, shares = [clock], [_scale_slope(estimate) * clock.sigma]
+        add_common_scale(estimate, clock.sigma, rest_rate(estimate, session.means))
     for one, share in zip(found, shares, strict=True):
         if one.sigma > 0.0:
             _say(estimate, one, share)
@@ -109,7 +105,7 @@ def state_rounding(session: Session, estimate: Estimate) -> None:
     ----------
     session, estimate : what was recorded, and its estimate.
     """
-    from tumble.segmentation.rounding import step_at_rests
+    from tumble.segmentation.rounding import carries_remainder, step_at_rests
 
     recording, means = session.recording, session.means
     rests = [hold.stretches() for hold in session.timeline.holds]
@@ -132,13 +128,19 @@ def state_rounding(session: Session, estimate: Estimate) -> None:
         if signal is None or rounding is None or covariance is None or not np.any(rounding):
             continue
         share = np.median(rounding / np.diagonal(covariance, axis1=1, axis2=2), axis=0)
-        if np.max(share) > DECIDES:
-            step = float(np.max(step_at_rests(signal, rests)))
+        step, pulses = step_at_rests(signal, rests), carries_remainder(signal, rests)
+        if np.any(pulses & (step > 0.0)):
             estimate.say(
                 "remark",
-                f"The {name}'s output goes in steps of {step:.2g} {unit}, coarser than its noise: a mean at rest is "
-                "off by up to half a step, however long the hold. It is in the uncertainties. A smaller measuring "
-                "range, a wider filter or more decimals in the file make it less.",
+                f"The {name}'s output are pulses of {float(np.max(step[pulses])):.2g} {unit}: what is left of a step "
+                "is in the next sample, so that means lose nothing.",
+            )
+        elif np.max(share) > DECIDES:
+            estimate.say(
+                "remark",
+                f"The {name}'s output goes in steps of {float(np.max(step)):.2g} {unit}, coarser than its noise: a "
+                "mean at rest is off by up to half a step, however long the hold. It is in the uncertainties. A "
+                "smaller measuring range, a wider filter or more decimals in the file make it less.",
             )
 
 
@@ -164,14 +166,6 @@ def _within(estimate: Estimate) -> dict[str, Series] | None:
         return None
     budget = estimate.shown(Budget)
     return {SAMPLE_RATE: _scale_slope(estimate)} if budget is None else budget.shares
-
-
-def _is_from_rates(session: Session, estimate: Estimate) -> bool | None:
-    """Whether gyro scale factors are from a table's rates, and not from angles; None where they are from neither."""
-    told = find_procedure(estimate.procedure).gyros_from
-    if told == "table" and session.matching is not None:
-        return not any(rotation.is_from_rest for rotation in session.rotations)
-    return {"rates": True, "turns": False}.get(told)
 
 
 def rest_rate(estimate: Estimate, means: HoldMeans) -> Vector:

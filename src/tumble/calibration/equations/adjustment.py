@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrices, Series, Square, Vector
-from tumble.calibration.equations.imu_unknowns import force_matrix
+from tumble.calibration.equations.imu_unknowns import PLAIN, force_matrix
 from tumble.calibration.equations.observed import Observed
 from tumble.earth import EARTH_RATE, Site
 from tumble.estimation.balance import (
@@ -219,13 +219,14 @@ class JointAdjustment:
         return back
 
     def copy(self, free: np.ndarray | None = None) -> JointAdjustment:
-        """Return an adjustment of its own; with other unknowns free, what is then held is zero.
+        """Return an adjustment of its own; with other unknowns free, the terms that are then held are zero.
 
         Parameters
         ----------
         free : indices of the unknowns to adjust; None for the same, with all values as they are.
         """
         unknowns = self.unknowns.copy() if free is None else self.unknowns.with_free(free).only_free()
+        unknowns.values[PLAIN] = self.unknowns.values[PLAIN]
         return replace(
             self,
             unknowns=unknowns,

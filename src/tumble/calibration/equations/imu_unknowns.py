@@ -257,15 +257,15 @@ def term_unknowns(name: str) -> np.ndarray:
 
 
 def terms_prior(u: Unknowns) -> Prior | None:
-    """Return what holds terms of which the motion may determine a part, by the name plate; None if none is free.
+    """Return what the name plate knows of the optional terms; None if none is free.
 
-    Accelerometers of a unit, say, are a few centimetres apart: what the motion does not tell stays small.
+    What the motion does not tell of them stays small.
 
     Parameters
     ----------
     u : the unknowns.
     """
-    held = [term for term in TERMS.values() if term.in_part and u.is_free(term.block.name)]
+    held = [term for term in TERMS.values() if u.is_free(term.block.name)]
     if not held:
         return None
     precision, plate = np.zeros((u.values.size, u.values.size)), name_plate(u)

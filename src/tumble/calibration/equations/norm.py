@@ -71,17 +71,6 @@ class NormConditions:
             self.active[:, None],
         )
 
-    def between_holds(self, between: AnyArray) -> AnyArray:
-        """Return (holds, holds): the conditions' covariance that is between holds, at the last linearisation.
-
-        Parameters
-        ----------
-        between : (3, holds, holds) covariance of the means for each axis, whose diagonal is left out.
-        """
-        by = np.where(self.active[:, None], self._by_observed, 0.0)
-        total = np.einsum("ka,akl,la->kl", by, between, by)
-        return total - np.diag(np.diag(total))
-
     def adjust_observations(self, multipliers: AnyArray) -> None:
         """Set the hold means to observed + e, with e = -Q B' C^-1 (w + A xi) (3.38)."""
         moved = np.einsum("kab,kb->ka", self.covariance, self._by_observed) * multipliers

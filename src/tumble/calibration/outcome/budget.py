@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrix, Series, Table, Vector, inverted
+from tumble.calibration.checks.bias_course import with_courses
 from tumble.calibration.checks.uncertainty_statement import (
     Detectable,
     GlobalTest,
@@ -35,7 +36,7 @@ from tumble.calibration.equations.causes import (
 from tumble.calibration.equations.imu_unknowns import force_matrix, gyro_matrix, term_unknowns
 from tumble.calibration.evidence import Budget
 from tumble.calibration.outcome.description import named_function
-from tumble.calibration.recording_influences import recording_influences, with_courses
+from tumble.calibration.recording_influences import recording_influences
 from tumble.calibration.terms import TERMS
 from tumble.estimation.equations import Tests
 from tumble.estimation.influence import PRIOR, Influences

@@ -7,11 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tumble.arrays import Series
+from tumble.calibration.checks.table_rates import find_wrong_rates
 from tumble.calibration.equations.imu_unknowns import LAYOUT
-from tumble.calibration.equations.rotation_equations import Links, Windows
-from tumble.calibration.equations.spin_readings import LEAST_CONTRADICTION, contradicting_rates
+from tumble.calibration.equations.rotation_equations import Windows
 from tumble.errors import ConvergenceError, ObservabilityError
-from tumble.estimation.gauss_helmert import Prior
 from tumble.estimation.solve import solve
 
 if TYPE_CHECKING:
@@ -33,15 +32,10 @@ CONTRADICTION, SMALLEST_VERTICAL = 5.0, 5e-7  # rad/s
 LEAST_MISSED = 5e-4  # rad
 # Gravity that goes round with a table, against the gyros: no table shakes by so much for seconds.
 LARGEST_TABLE_MISFIT = 1e-3  # rad
-# A share that is believed is looked at closer where it is off by so many standard uncertainties; next to nothing is
-# believed of it then.
-SUSPECTED, UNBELIEVED = 1.5, 1.0
 # Twice the log-likelihood that it has to gain: of five turns chance does it in one of thirty thousand recordings.
 EVIDENT = 20.0
 # Numbers that move by less than so many standard uncertainties are the same result.
 ANOTHER_RESULT = 1.0
-# Turns are no better than this; and so often their noise is halved.
-LEAST_TURN_NOISE, FINEST = 1e-5, 10  # rad
 
 
 def contradictions(outcome: JointOutcome) -> list[str]:
@@ -57,8 +51,7 @@ def contradictions(outcome: JointOutcome) -> list[str]:
         *_of_angle_left_out(outcome),
         *_of_fixture_turns(outcome),
         *_of_earth(outcome),
-        *_of_rates(outcome),
-        *_of_belief(outcome),
+        *find_wrong_rates(outcome.task, outcome.table_sigma),
         *_of_gravity_on_tables(outcome),
     ]
 
@@ -188,7 +181,7 @@ def _of_fixture_turns(outcome: JointOutcome) -> list[str]:
 def _of_earth(outcome: JointOutcome) -> list[str]:
     """The vertical Earth rate that the gyros show at rest by themselves, against the latitude's."""
     tests = outcome.balanced.tests.get("earth")
-    if tests is None or not np.any(tests.degrees > 0):
+    if tests is None or not outcome.has_gyro or not np.any(tests.degrees > 0):
         return []
     worst = int(np.argmax(tests.statistic))
     certain = float(np.sqrt(tests.statistic[worst]))
@@ -202,129 +195,6 @@ def _of_earth(outcome: JointOutcome) -> list[str]:
         "gravity, or biases follow the poses."
     )
     return [said]
-
-
-def _of_rates(outcome: JointOutcome) -> list[str]:
-    """Believed rates of a table, against what the corrected gyros show while it turns."""
-    rates: list[float] = []
-    errors: list[float] = []
-    sigmas: list[float] = []
-    names: list[str] = []
-    taking_part: list[bool] = []
-    for found in outcome.balanced.solution.chains():
-        kinds = {term.equations.kind: term.equations for term in found.chain.terms}
-        links = kinds.get("links")
-        if not isinstance(links, Links) or links.spin.turn_rate is None:
-            continue
-        shown = links.mean_rate(outcome.task.unknowns)
-        rates.append(abs(links.spin.turn_rate))
-        errors.append(shown - abs(links.spin.turn_rate))
-        sigmas.append(float(np.hypot(links.mean_rate_sigma(outcome.task), links.spin.rate_sigma)))
-        names.append(links.spin.name)
-        taking_part.append(bool(outcome.task.taking_part["table rate"][links.stretch.k]))
-    if not rates:
-        return []
-    said = contradicting_rates(np.array(rates), np.array(errors))
-    times = np.where(taking_part, np.abs(errors) / np.array(sigmas), 0.0)
-    worst = int(np.argmax(times))
-    if not said and times[worst] > CONTRADICTION and abs(errors[worst]) > LEAST_CONTRADICTION * rates[worst]:
-        off, way = 100.0 * abs(errors[worst]) / rates[worst], "more" if errors[worst] > 0.0 else "less"
-        sentence = (
-            f"In {names[worst]} the gyros show {off:.2g} % {way} than the rate that the protocol states, "
-            f"{times[worst]:.2g} times what noise explains. Look at the table's rate there."
-        )
-        return [sentence]
-    return said
-
-
-def _of_belief(outcome: JointOutcome) -> list[str]:
-    """The share by which a table's rates are believed to be off at most, against what the turns show of it.
-
-    A table that is believed to be exact has that share, too: it is free in the test alone.
-    """
-    believed, rotations = outcome.table_sigma, outcome.data.rotations.values()
-    if believed is None or all(rotation.turn_rate is None for rotation in rotations):
-        return []
-    # Without turns nothing shows the share.
-    if not np.any(outcome.task.taking_part["turn"]):
-        return []
-    try:
-        turn = float(outcome.task.noise["turn"])
-        # Noise that was raised beyond the gyros' own may be what a wrong belief needs, and hides it.
-        if turn <= float(np.median(_turn_variances(outcome))):
-            off, sigma, _ = _released(outcome, turn)
-            if abs(off) < SUSPECTED * np.hypot(sigma, believed):
-                return []
-        off, sigma, evidence = _unbelieved(outcome)
-    except (ConvergenceError, ObservabilityError) as error:
-        return [
-            f"Whether the turns between the holds agree with the table's rates could not be found: {error}"
-        ]
-    if evidence < EVIDENT or abs(off) < CONTRADICTION * np.hypot(sigma, believed):
-        return []
-    way = "faster" if off > 0.0 else "slower"
-    said = (
-        f"The turns between the holds show that the table turned {100.0 * abs(off):.2g} % (± {100.0 * sigma:.1g} %) "
-        f"{way} than the protocol says. It promises {1e6 * believed:.2g} ppm. Check its rates and the sample "
-        "rate, or state what the table keeps (`uncertainty_ppm`)."
-    )
-    return [said]
-
-
-def _unbelieved(outcome: JointOutcome) -> tuple[float, float, float]:
-    """The table's share as all but the belief in it shows it, its standard uncertainty, and the log-likelihood gained.
-
-    Twice that, to be exact. The turns' noise was raised until the belief was no contradiction, which hides it. So it
-    is the one that is most likely without the belief.
-    """
-    turn, floors = float(outcome.task.noise["turn"]), _turn_variances(outcome)
-
-    def unlikely(square_sum: float, variance: float) -> float:
-        # Two directions a turn: its heading is nobody's business.
-        return square_sum + 2.0 * float(np.sum(np.log(floors + variance)))
-
-    found = [
-        (unlikely(square_sum, variance), off, sigma)
-        for variance in np.unique(turn * 0.25 ** np.arange(FINEST)).tolist()
-        for off, sigma, square_sum in [_released(outcome, variance)]
-    ]
-    best = min(found)
-    return best[1], best[2], unlikely(outcome.balanced.solution.square_sum, turn) - best[0]
-
-
-def _turn_variances(outcome: JointOutcome) -> Series:
-    """(turns,) rad², what each turn that takes part is uncertain by without the noise that was added for all."""
-    made: list[float] = []
-    for found in outcome.balanced.solution.chains():
-        for term in found.chain.terms:
-            if term.equations.kind == "turn":
-                spread = np.trace(term.linear.covariance, axis1=1, axis2=2) / 3.0
-                active = slice(None) if term.linear.active is None else term.linear.active
-                made += (spread - outcome.task.noise["turn"])[active].tolist()
-    return np.maximum(np.array(made), LEAST_TURN_NOISE**2)
-
-
-def _released(outcome: JointOutcome, variance: float) -> tuple[float, float, float]:
-    """The table's share with nothing believed of it, its standard uncertainty, and the square sum.
-
-    The turns have another variance.
-    """
-    task = outcome.task.copy()
-    (place,) = task.unknowns.layout.indices("table_rate")
-    task.unknowns = task.unknowns.with_free(np.union1d(task.unknowns.free, [place]))
-    size = task.unknowns.values.size
-    prior = Prior(np.zeros(size), np.zeros((size, size))) if task.prior is None else task.prior
-    precision = prior.precision.copy()
-    precision[place, :] = precision[:, place] = 0.0
-    precision[place, place] = UNBELIEVED**-2
-    mean = prior.mean.copy()
-    mean[place] = 0.0
-    task.prior = Prior(mean, precision)
-    task.noise.set("turn", variance)
-    # One step is not enough: the estimate has gone far to fit a wrong rate, where axes lean by degrees farthest.
-    made = solve(task)
-    (at,) = task.unknowns.places(["table_rate"])
-    return float(task.unknowns.values[place]), float(np.sqrt(made.cofactor[at, at])), made.square_sum
 
 
 def _of_gravity_on_tables(outcome: JointOutcome) -> list[str]:

@@ -9,19 +9,17 @@ import numpy as np
 
 from tumble.arrays import Matrix, Series, Square
 from tumble.calibration.canonical import describe_unknowns
-from tumble.calibration.checks.bias_course import BiasCourse, Rests, find_rate_courses, rate_course_words
+from tumble.calibration.checks.bias_course import BiasCourse, find_courses, with_courses
 from tumble.calibration.checks.observability import Untold
 from tumble.calibration.checks.scores import (
     angle_off,
-    find_norm_course,
     hold_norm_errors,
     hold_norm_variances,
     score_turns,
 )
 from tumble.calibration.equations.adjustment import JointAdjustment, rest_noise
 from tumble.calibration.equations.causes import FORCE_WANDER, RATE_WANDER
-from tumble.calibration.equations.hold_equations import Rate
-from tumble.calibration.equations.imu_unknowns import LAYOUT, gyro_matrix
+from tumble.calibration.equations.imu_unknowns import LAYOUT
 from tumble.calibration.equations.observed import Observed
 from tumble.calibration.equations.rotation_equations import (
     CHECKED_ANGLE,
@@ -34,7 +32,6 @@ from tumble.calibration.equations.rotation_equations import (
 from tumble.calibration.equations.turn import TOTAL
 from tumble.calibration.equations.turn_equations import integrate_links, link_covariance
 from tumble.calibration.estimate import (
-    Beside,
     Described,
     Estimate,
     Figures,
@@ -46,14 +43,14 @@ from tumble.calibration.estimate import (
     estimate_of,
     said_of,
 )
-from tumble.calibration.evidence import Holds, RestlessHold, Rotations, Sequences, Spins, Turns
+from tumble.calibration.evidence import Holds, RestlessHold, Spins, Turns
 from tumble.calibration.optional_terms import OF_FORCE, implausible_words, untried_words
 from tumble.calibration.outcome.budget import state_uncertainty
 from tumble.calibration.outcome.contradictions import contradictions
 from tumble.calibration.outcome.description import describe, rotation_of_frame
 from tumble.calibration.outcome.restless import find_restless, restless_remarks
 from tumble.calibration.prior import StableKnowledge
-from tumble.calibration.recording_influences import recording_influences, with_courses
+from tumble.calibration.recording_influences import recording_influences
 from tumble.calibration.terms import TERMS
 from tumble.calibration.terms.lever_arms import lever_arms_of
 from tumble.earth import EARTH_RATE, Site
@@ -90,7 +87,6 @@ class JointOutcome:
     recording : what was recorded.
     task, balanced : observations with their noise, all unknowns, solution and tests.
     terms : tests of optional terms.
-    start : the other procedure's estimate that it started from; None if there was none.
     untold : what the motion does not tell; None if it shows everything.
     frame : in which the result is asked for.
     has_gyro : whether the recording has one.
@@ -99,19 +95,20 @@ class JointOutcome:
     table_sigma : share by which a table's rates are believed to be off, one sigma, zero for exact ones; None if nobody
         says.
     courses : source -> raw, what biases do besides that wander.
+    has_force : whether the recording has accelerometers, or believed poses stand in for them.
     """
 
     recording: Recording
     task: JointAdjustment
     balanced: Balanced
     terms: list[TermTest]
-    start: Estimate | None
     untold: Untold | None = None
     frame: str = "accelerometer-x"
     has_gyro: bool = True
     knowledge: StableKnowledge | None = None
     untried: list[str] = field(default_factory=list[str])
     table_sigma: float | None = None
+    has_force: bool = True
     courses: dict[str, list[BiasCourse]] = field(default_factory=dict[str, list[BiasCourse]])
 
     @property
@@ -146,13 +143,12 @@ def joint_estimate(outcome: JointOutcome) -> Estimate:
     influences = recording_influences(outcome.task)
     described = _describe_joint(outcome, influences)
     norms, sigmas = _norms(outcome, described.model)
-    courses = _find_courses(outcome, described.model, norms)
+    courses = _find_courses(outcome)
     if outcome.courses:
         influences = with_courses(influences, outcome.courses)
         described = _describe_joint(outcome, influences)
     angles, sizes = _turn_scores(outcome, described.model)
     restless = find_restless(outcome.data, outcome.task.noise, float(outcome.recording.time[0]))
-    start = outcome.start
     figures = Figures(
         _alone(outcome).sigma0,
         solution.sigma0,
@@ -163,35 +159,40 @@ def joint_estimate(outcome: JointOutcome) -> Estimate:
     )
     estimate = estimate_of(
         "joint",
-        described,
+        described if outcome.has_force else _of_gyros(described),
         figures,
         left_out=_left_out(outcome.balanced, norms, angles),
         terms=outcome.terms,
-        # What another procedure says of its own estimate need not hold for this one.
-        said=[
-            *([] if start is None else start.said_of_recording()),
-            *said_of(
-                remarks=[*_remarks(outcome, described.parameters, restless), *courses["remark"]],
-                cautions=[*_of_unchecked_turns(outcome), *_of_clock(outcome), *courses["caution"]],
-                objections=[*contradictions(outcome), *courses["objection"]],
-                not_determined=_not_determined(outcome),
-            ),
-        ],
+        said=said_of(
+            remarks=[*_remarks(outcome, described.parameters, restless)],
+            cautions=[*_of_unchecked_turns(outcome), *_of_clock(outcome), *courses["caution"]],
+            objections=[*contradictions(outcome), *courses["objection"]],
+            not_determined=_not_determined(outcome),
+        ),
         evidence=[
-            Holds(norms, sigmas, tuple(restless)),
+            *([Holds(norms, sigmas, tuple(restless))] if outcome.has_force else []),
             Turns(angles, np.where(np.isfinite(angles), _turn_sigmas(outcome, sizes), np.nan), sizes),
             _spins(outcome),
         ],
         frame=outcome.frame,
         lever_arms=_lever_arms(outcome),
     )
-    if start is not None:
-        estimate.show(
-            *(one for one in start.evidence if isinstance(one, Rotations | Sequences)), Beside(start)
-        )
-    if outcome.untold is None and outcome.has_gyro:
+    if outcome.untold is None and outcome.has_gyro and outcome.has_force:
         state_uncertainty(estimate, outcome, influences)
     return estimate
+
+
+def _of_gyros(described: Described) -> Described:
+    """What is left of a description where believed poses stand in for accelerometers."""
+    names = [k for k, name in enumerate(described.names) if name.startswith("gyroscope")]
+    rows = [k for k, one in enumerate(described.parameters) if one.name.startswith("g")]
+    return Described(
+        replace(described.model, accelerometer=None),
+        [described.names[k] for k in names],
+        described.covariance[np.ix_(names, names)],
+        [described.parameters[k] for k in rows],
+        described.correlations[np.ix_(rows, rows)],
+    )
 
 
 def _describe_joint(outcome: JointOutcome, influences: Influences) -> Described:
@@ -246,39 +247,18 @@ def require_positive(covariance: Square, u: Unknowns) -> None:
         worst = int(np.argmin(variances))
     raise ObservabilityError(
         "What the observations leave uncertain cannot be stated: the covariance of the adjustment is not positive "
-        f"definite, most of all for the {u.layout.label(int(u.free[worst]))}. Record more holds in different poses, or "
-        "take the procedure that the recording was made for (--procedure NAME)."
+        f"definite, most of all for the {u.layout.label(int(u.free[worst]))}. Record more holds in different poses."
     )
 
 
-def _find_courses(outcome: JointOutcome, model: ImuModel, norms: Series) -> dict[Kind, list[str]]:
+def _find_courses(outcome: JointOutcome) -> dict[Kind, list[str]]:
     """Find how the biases jump or drift, keep it with the outcome, and return what is said of it, by kind."""
-    course = _force_course(outcome, model, norms)
-    if course is not None:
-        assert model.accelerometer is not None
-        outcome.courses[FORCE_WANDER] = [replace(course, size=model.accelerometer.matrix @ course.size)]
-    rests, of_gyros = _rate_courses(outcome)
-    if of_gyros:
-        outcome.courses[RATE_WANDER] = of_gyros
-    words = rate_course_words(of_gyros, rests, np.linalg.norm(gyro_matrix(outcome.task.unknowns), axis=1))
-    words["caution"] = [*_of_course(course), *words["caution"]]
-    return words
-
-
-def _rate_courses(outcome: JointOutcome) -> tuple[Rests, list[BiasCourse]]:
-    """How the gyros' biases jump or drift, raw, by what they show at rest beyond what they should."""
-    task, base = outcome.task, outcome.data.base
-    variance = np.diagonal(base.rate_covariance, axis1=1, axis2=2)
-    rests = Rests(base.time[base.head[:, 0]], base.time[base.tail[:, 1] - 1], variance)
-    if not outcome.has_gyro:
-        return rests, []
-    residual = np.zeros((outcome.data.holds, 3))
-    for section in task.sections:
-        (linear,) = Rate(section).linearise(task)
-        residual[section.holds] = -linear.residual
-    gone = [outlier.group for outlier in outcome.balanced.outliers if outlier.kind == "rate"]
-    known = base.force_mean if "g_sensitivity" in outcome.kept else None
-    return rests, find_rate_courses(residual, rests, known, gone)
+    said: dict[Kind, list[str]] = {"caution": [], "objection": []}
+    sources = [*([FORCE_WANDER] if outcome.has_force else []), *([RATE_WANDER] if outcome.has_gyro else [])]
+    for triad, found in find_courses(outcome.task, sources):
+        outcome.courses.setdefault(triad.source, []).append(triad.course(found))
+        said["objection" if found.alternative is triad.jumps else "caution"].append(found.said)
+    return said
 
 
 def _lever_arms(outcome: JointOutcome) -> Matrix | None:
@@ -305,14 +285,16 @@ def _not_determined(outcome: JointOutcome) -> list[str]:
     said = [SITS] if outcome.frame == "fixture" else []
     if not outcome.has_gyro:
         said.append("The gyros: the recording has none.")
+    if not outcome.has_force:
+        said.append("The accelerometers: the recording has none.")
     if outcome.untold is not None:
-        said += outcome.untold.sentences
+        said += outcome.untold.sentences()
     said += untried_words(outcome.untried, outcome.task)
     return list(dict.fromkeys(said))
 
 
 def _turn_scores(outcome: JointOutcome, model: ImuModel) -> tuple[Series, Series]:
-    if not outcome.has_gyro:
+    if not (outcome.has_gyro and outcome.has_force):
         return np.full(outcome.data.holds, np.nan), np.full(outcome.data.holds, np.nan)
     scores = score_turns(model, outcome.data.base)
     return scores.angle, scores.size
@@ -323,7 +305,7 @@ def _alone(outcome: JointOutcome) -> Settled:
     task = outcome.task.copy()
     task.noise = rest_noise()
     for kind in ("force", "rate", "turn", "pose"):
-        task.taking_part[kind][:] = True
+        task.taking_part[kind][:] = kind != "rate" or outcome.has_gyro
     return solve(task, once=True)
 
 
@@ -335,31 +317,6 @@ def _norms(outcome: JointOutcome, model: ImuModel) -> tuple[Series, Series]:
         hold_norm_variances(model.accelerometer, base.force_mean, base.force_covariance) + noise["force"]
     )
     return norms, np.sqrt(variance)
-
-
-def _force_course(outcome: JointOutcome, model: ImuModel, norms: Series) -> BiasCourse | None:
-    """How the accelerometers' biases jump or drift, m/s²; None if they only wander."""
-    base, triad = outcome.data.base, model.accelerometer
-    assert triad is not None
-    limits = base.time[base.head[:, 0]], base.time[base.tail[:, 1] - 1]
-    gone = [outlier.group for outlier in outcome.balanced.outliers if outlier.kind == "force"]
-    return find_norm_course(triad, base.force_mean, base.force_covariance, limits, norms, gone)
-
-
-def _of_course(course: BiasCourse | None) -> list[str]:
-    """What is said of accelerometers that drift; the objection to those that jump is everybody's."""
-    if course is None or course.is_contradiction:
-        return []
-    size = 1e3 * float(np.linalg.norm(course.size))
-    how = f"drift by about {size:.2g} mm/s² (time constant about {course.constant:.2g} s), as of a unit that warms up"
-    if course.after is not None:
-        where = f"between hold {course.after + 1} and hold {course.after + 2}, at about {course.since:.0f} s"
-        how = f"jump by about {size:.2g} mm/s² {where}"
-    said = (
-        f"The biases of the accelerometers seem to {how}. The uncertainties count what it does to each number, and how "
-        "far the last biases are off the stated ones. Let the unit warm up, and record again."
-    )
-    return [said]
 
 
 def _turn_sigmas(outcome: JointOutcome, sizes: Series) -> Series:

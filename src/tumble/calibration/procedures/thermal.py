@@ -21,14 +21,12 @@ def _run(session: Session) -> Estimate:
 
 PROCEDURE = Procedure(
     "thermal",
-    _run,
     "accelerometer-x",
     "a chamber, or a fridge",
     "rests at several temperatures, soaked or in a slow sweep, and the sensor's thermometer",
     "accelerometers in full and gyro biases as functions of temperature, its rate and its history",
     "thermal.md",
     remedy="hold nine poses or more at more temperatures",
-    starts_joint=False,
-    by_temperature=True,
-    gyros_from="turns",
+    promises=("accelerometers",),
+    run=_run,
 )

@@ -15,10 +15,10 @@ from dataclasses import replace
 import numpy as np
 
 from tumble.calibration.checks.snooping import wald_test
-from tumble.calibration.closed_forms.start_values import rough_triad
 from tumble.calibration.equations.triad_unknowns import BIAS, SCALE
 from tumble.calibration.estimate import Estimate, TermTest
 from tumble.calibration.poses import describe_untold, distinct_poses
+from tumble.calibration.start_values import rough_triad
 from tumble.calibration.thermal.conditions import LEAST_WIDTH, ThermalTest
 from tumble.calibration.thermal.coverage import Coverage, find_coverage, require_time_base
 from tumble.calibration.thermal.doubt import (

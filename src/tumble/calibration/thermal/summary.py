@@ -7,7 +7,6 @@ import numpy as np
 from tumble.arrays import Matrices, Series, Table, Vectors
 from tumble.calibration.canonical import describe_unknowns
 from tumble.calibration.checks.snooping import Kind, balance
-from tumble.calibration.closed_forms.start_values import rough_triad
 from tumble.calibration.equations.norm import NormConditions
 from tumble.calibration.equations.triad_unknowns import BIAS, SCALE
 from tumble.calibration.estimate import (
@@ -22,6 +21,7 @@ from tumble.calibration.estimate import (
     said_of,
 )
 from tumble.calibration.evidence import Holds
+from tumble.calibration.start_values import rough_triad
 from tumble.calibration.thermal.evidence import BiasCurve, SeparateBias, ThermalCurves
 from tumble.calibration.thermal.fit import REFUSED, name_of
 from tumble.calibration.thermal.model import ThermalOutcome, bias_curve

@@ -284,7 +284,7 @@ def balance_several(unit: UnitAdjustment) -> UnitAdjustment:
         part.balanced = replace(part.outcome.balanced, outliers=[])
         if alone and np.array_equal(part.free, part.outcome.task.unknowns.free):
             continue
-        plate = None if alone else name_plate_prior(part.task.unknowns)
+        plate = None if alone else name_plate_prior(part.task.unknowns, part.outcome.recording)
         part.task.prior = both_priors(part.given, plate)
         try:
             part.balanced = balance_recording(part.task)

@@ -256,7 +256,7 @@ def _untold(parts: Sequence[TurnOn]) -> tuple[int, str, TumbleError] | None:
     """Return the recording of which all together leave something untold, and what."""
     for k, (part, told) in enumerate(zip(parts, all_told(parts), strict=True)):
         if (untold := find_untold(told, part.task.unknowns)) is not None:
-            why = untold.sentences[0]
+            why = untold.sentences()[0]
             return (
                 k,
                 why,
@@ -343,7 +343,6 @@ def settled_outcome(outcome: SeveralOutcome, index: int) -> JointOutcome:
         task=part.task,
         balanced=balanced,
         terms=outcome.terms,
-        start=None,
         untold=None,
         frame="accelerometer-x",
     )

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from tumble.calibration.estimate import Beside
-from tumble.calibration.evidence import Budget, Evidence, Holds, Rotations, Sequences, Spins, Turns
+from tumble.calibration.evidence import Budget, Evidence, Holds, Spins, Turns
 from tumble.calibration.magnetometer.estimate import Magnetometer
 from tumble.calibration.thermal.evidence import ThermalCurves
 from tumble.calibration.turn_ons.biases import TurnOns
@@ -14,8 +14,6 @@ from tumble.report.evidence.beside import beside
 from tumble.report.evidence.budget import budget
 from tumble.report.evidence.holds import holds
 from tumble.report.evidence.magnetometer import magnetometer
-from tumble.report.evidence.rotations import rotations
-from tumble.report.evidence.sequences import sequences
 from tumble.report.evidence.spins import spins
 from tumble.report.evidence.thermal import thermal
 from tumble.report.evidence.turn_ons import turn_ons
@@ -28,8 +26,6 @@ RENDERERS: dict[type[Evidence], Callable[[Any, Subject], list[Block]]] = {
     ThermalCurves: thermal,
     Holds: holds,
     Spins: spins,
-    Rotations: rotations,
-    Sequences: sequences,
     Turns: turns,
     Magnetometer: magnetometer,
     TurnOns: turn_ons,

@@ -1,4 +1,4 @@
-"""The joint estimate and the procedure's own, side by side: values and uncertainties."""
+"""The joint estimate and a paper's own estimator, side by side: values and uncertainties."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from tumble.report.parameters import ParameterRow
     from tumble.report.subject import Subject
 
-# Differences beyond so many of the procedure's standard uncertainties are worth a sentence.
+# Differences beyond so many of the estimator's standard uncertainties are worth a sentence.
 FAR = 3.0
 
 
@@ -25,9 +25,9 @@ class Compared:
     Attributes
     ----------
     row : of the joint estimate.
-    value, sigma : the procedure's own.
-    difference : joint minus the procedure's, in standard uncertainties of the procedure's.
-    ratio : the joint standard uncertainty over the procedure's.
+    value, sigma : the estimator's own.
+    difference : joint minus the estimator's, in standard uncertainties of the estimator's.
+    ratio : the joint standard uncertainty over the estimator's.
     """
 
     row: ParameterRow
@@ -61,7 +61,7 @@ def beside(told: Beside, subject: Subject) -> list[Block]:
         for one in found
     ]
     words = Sentences([_words(found, name)], "paragraphs")
-    return section("The procedure's own estimate beside", words, Table(heads, rows))
+    return section("A paper's own estimator beside", words, Table(heads, rows))
 
 
 def parameters_beside(told: Beside, estimate: Estimate, rows: list[ParameterRow]) -> list[Compared]:
@@ -69,7 +69,7 @@ def parameters_beside(told: Beside, estimate: Estimate, rows: list[ParameterRow]
 
     Parameters
     ----------
-    told : the procedure's own estimate.
+    told : the estimator's.
     estimate : the joint one.
     rows : the joint parameters for readers.
     """
@@ -96,7 +96,7 @@ def _words(found: list[Compared], name: str) -> str:
     far = [one for one in found if abs(one.difference) > FAR]
     typical = math.exp(sum(math.log(one.ratio) for one in found) / len(found))
     told = (
-        f"Both are made from the same recording: {name} as its paper or page has it, the joint estimate from every "
+        f"Both are made from the same recording: {name} as its paper has it, the joint estimate from every "
         f"sample at once. Joint standard uncertainties are {fixed(typical, 2)} times {name}'s in the (geometric) mean. "
         f"± is one standard uncertainty; differences are in those of {name}: where the model is right, below about "
         "two. The last column is the joint uncertainty over the other."

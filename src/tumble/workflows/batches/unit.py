@@ -54,7 +54,7 @@ class BatchOptions:
     units: str | None = None
     rate: float | None = None
     topics: tuple[str, ...] = ()
-    data_sheet: str | None = None
+    prior: str | None = None
     limits: str | None = None
     notes: tuple[str, ...] = ()
     confirm_scale: bool = False
@@ -85,7 +85,7 @@ def check_options(options: BatchOptions) -> None:
     from tumble.calibration.procedure import find_procedure
     from tumble.limits import read_limits
     from tumble.recording.declared import read_units_option
-    from tumble.workflows.given.data_sheet import find_sheet
+    from tumble.workflows.given.prior import find_sheet
     from tumble.workflows.given.protocols import read_given_protocol
     from tumble.workflows.given.site import choose_site
 
@@ -96,7 +96,7 @@ def check_options(options: BatchOptions) -> None:
         (options.procedure, find_procedure),
         (options.protocol, read_given_protocol),
         (options.limits, lambda name: read_limits(Path(name))),
-        (options.data_sheet, find_sheet),
+        (options.prior, find_sheet),
         (options.units, read_units_option),
     )
     for given, read in checks:
@@ -156,8 +156,7 @@ def _key(task: UnitTask, options: BatchOptions) -> str:
         "files": [[Path(name).name, _content_hash(Path(name))] for name in task.files],
     }
     named = {
-        name: task.told.get(name) or getattr(options, name, None)
-        for name in ("protocol", "prior", "noise", "data_sheet")
+        name: task.told.get(name) or getattr(options, name, None) for name in ("protocol", "prior", "noise")
     }
     named |= {"limits": options.limits, "intervals": task.told.get("intervals")}
     # Of a file the content counts, and neither where it lies nor which reports were asked for.
@@ -261,10 +260,9 @@ def _calibrated(task: UnitTask, options: BatchOptions) -> CalibrationRun:
         units=told.get("units", options.units),
         rate=float(told["rate"]) if "rate" in told else options.rate,
         topics=topics or None,
-        prior=told.get("prior"),
+        prior=told.get("prior", options.prior),
         noise=told.get("noise"),
         intervals=told.get("intervals"),
-        data_sheet=options.data_sheet,
         confirm_scale=options.confirm_scale,
         imu=(told.get("model"), task.unit),
         notes=_notes(task, options),

@@ -7,7 +7,6 @@ from dataclasses import field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-from tumble.calibration.procedure import find_procedure
 from tumble.errors import UsageError
 from tumble.files import number_of, read_json, reading
 from tumble.noise.terms import GaussMarkov, Line, NoiseModel
@@ -200,20 +199,10 @@ class NoiseOfHolds:
         self.remarks += modelled.remarks
         return modelled.means
 
-    def said(self, procedure: str) -> list[str]:
-        """Return what a user is told.
-
-        Parameters
-        ----------
-        procedure : that evaluated the holds.
-        """
-        counted = (
-            "that neighbouring holds are off together is counted in the uncertainties"
-            if find_procedure(procedure).counts_between_holds
-            else "that neighbouring holds are off together is not counted: this procedure takes what wanders as new in "
-            "every hold"
+    def said(self) -> list[str]:
+        """Return what a user is told."""
+        said = (
+            f"How well the means of holds are known comes from the noise models in {self.source}; that neighbouring "
+            "holds are off together is counted in the uncertainties."
         )
-        return [
-            f"How well the means of holds are known comes from the noise models in {self.source}; {counted}.",
-            *self.remarks,
-        ]
+        return [said, *self.remarks]

@@ -62,7 +62,7 @@ class PoseOrder:
     ----------
     procedure : one of `tumble.workflows.planning.plan.SEARCHED`.
     imu : grade of the unit.
-    data_sheet : a grade whose spreads are believed beforehand, as `calibrate --data-sheet` does.
+    data_sheet : a grade whose spreads are believed beforehand, as `calibrate --prior` does.
     poses, minutes : how many poses of `hold` seconds each, or how long the whole test may last with as many poses and
         dwells as is best; by default nine poses.
     hold, turn : s of a pose, and of the turn to the next.
@@ -341,7 +341,7 @@ def _sheet(name: str | None, gravity: float) -> Square | None:
     if name is None:
         return None
     from tumble.calibration.prior import prior_of_sheet
-    from tumble.workflows.given.data_sheet import find_sheet
+    from tumble.workflows.given.prior import find_sheet
 
     prior = prior_of_sheet(find_sheet(name), "accelerometer", "m/s^2")
     if prior is None:

@@ -347,7 +347,7 @@ def _remarks(done: ProtocolPlanned, site: Site | None) -> list[str]:
             f"Of {unread} spins no angle is read off the table: counted is what the gyros carry across them, not the "
             "rate that the protocol states. Read the display at rest before and after each (angle_deg in the protocol)."
         )
-    if find_procedure(task.protocol.procedure).believes:
+    if find_procedure(task.protocol.procedure).believes_poses:
         words.append(
             "This predicts the joint estimator, which believes no pose and no rate. The procedure "
             f"{task.protocol.procedure} believes them, which determines more where they deserve it."

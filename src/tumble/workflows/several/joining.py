@@ -145,12 +145,11 @@ def _force_difference(session: Session, *holds: np.ndarray) -> str:
     """By how much the accelerometers differ that the holds of each of two files tell by themselves."""
     if session.means.specific_force is None or min(own.size for own in holds) < FEWEST_ALONE:
         return ""
-    from tumble.calibration import calibrate_multi_position
+    from tumble.calibration.joint import calibrate_accelerometers
 
     try:
         one, other = (
-            calibrate_multi_position(session.recording, _means_of(session.means, own), session.site)
-            for own in holds
+            calibrate_accelerometers(session, _means_of(session.means, own), own.tolist()) for own in holds
         )
     except (ObservabilityError, ConvergenceError):
         return ""

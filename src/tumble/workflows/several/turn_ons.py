@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tumble.calibration.checks.unseen import state_unseen_clock
-from tumble.calibration.procedures.joint import run_joint
+from tumble.calibration.joint import calibrate
+from tumble.calibration.procedure import find_procedure
 from tumble.calibration.session import Options, Session
 from tumble.counting import counted
 from tumble.earth import Site
@@ -28,13 +29,13 @@ from tumble.workflows.calibrate import (
     find_holds,
     finish_run,
     read_as_told,
-    read_prior,
     say_gravity,
 )
 from tumble.workflows.given.notes import Notes, notes_of
+from tumble.workflows.given.prior import known_beforehand, split_prior
 from tumble.workflows.given.protocols import GivenProtocol, read_given_protocol
 from tumble.workflows.magnetometer import left_out_of
-from tumble.workflows.procedures import add_objections, check_prior
+from tumble.workflows.procedures import add_objections, believed, check_prior
 from tumble.workflows.progress import silent
 from tumble.workflows.several.joining import join_recordings, join_timelines, require_one_unit
 
@@ -118,7 +119,11 @@ def calibrate_turn_ons(
     folder = results_folder(output)
     acceptance = None if limits is None else read_limits(Path(limits))
     named = _named(recordings, protocol)
-    knowledge = None if prior is None else read_prior(prior, imu[1])
+    knowledge, sheet = (None, None) if prior is None else split_prior(known_beforehand(prior, imu[1]))
+    if sheet is not None:
+        raise UsageError(
+            f"--turn-ons takes an earlier calibration of the unit as --prior, and {prior} is none."
+        )
     clock = Clock()
     how = columns, units, rate, topics
     read = [(one, *read_as_told([str(f) for f in one.files], one.given, *how)[:2]) for one in named]
@@ -142,9 +147,8 @@ def calibrate_turn_ons(
     several.estimate.say("remark", *left_out_of([s.recording for s in sessions]))
     clock.lap("solving")
     run = _run(sessions, several, imu)
-    run.calibration = run.calibration.model_copy(update={"notes": noted})
     before = corrected_by_before([file for one in named if one.name in taken for file in one.files], None)
-    run.calibration = completed(run.calibration, before, acceptance)
+    run.calibration = completed(run.calibration.model_copy(update={"notes": noted}), before, acceptance)
     return finish_run(run, folder, clock, say)
 
 
@@ -207,12 +211,12 @@ def _settle_all(
 
 def _settle(name: str, session: Session) -> _Settled:
     """Adjust a recording by itself, as far as it goes."""
-    kept: list[JointOutcome] = []
-    estimate = run_joint(session, keep=kept.append, clocked=False)
+    estimate = calibrate(session, believed(session, find_procedure("joint")), clocked=False)
     add_objections(session, estimate, "joint", "")
     if session.matching is not None:
         estimate.say("remark", *(r for r in session.matching.remarks if r not in estimate.remarks))
-    return _Settled(name, session, estimate, kept[0])
+    assert session.joint is not None
+    return _Settled(name, session, estimate, session.joint)
 
 
 def _together(

@@ -1,0 +1,264 @@
+"""Zhang et al. (2010) on a recording of a turntable: means at rest, and rotations both ways about axes nobody aligned.
+
+Observed are the mean of every rest, the difference of the integrals of every pair of rotations, the angle that the
+table's display says of it, and the plane that the specific forces lay in meanwhile. Every parameter is an explicit
+function of these, and so is its covariance.
+
+Where the paper leaves a choice:
+
+- Rests weigh by how long they lasted; the paper's last alike.
+- R is fitted to all axes that are not vertical. The paper says so at the end of section 4; (40) takes two.
+- Without the inter-triad rotation the frames o and p count as one, by what assembly leaves of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from tumble.arrays import AnyArray, Matrix, Series, Square, Vectors, inverted
+from tumble.attitude import matrix_from_rotation_vector
+from tumble.attitude.directions import twenty_six_directions
+from tumble.calibration.estimate import Estimate, said_of
+from tumble.calibration.estimators import Estimator
+from tumble.calibration.session import Session
+from tumble.earth import EARTH_RATE
+from tumble.errors import ObservabilityError
+from tumble.recording.recording import Recording
+from tumble.records import dataclass
+from tumble.segmentation import HoldMeans
+from tumble.sensor import ImuModel, Triad
+from tumble_papers.estimates import carried_estimate, require_both_triads
+from tumble_papers.zhang.inter_triad import axis_from_rotation, axis_from_scatter, wahba_rotation
+from tumble_papers.zhang.rotation_pairs import RotationPair, pair_rotations
+from tumble_papers.zhang.separate_norms import (
+    bias_from_static_pairs,
+    ellipsoid_from_norms,
+    matrix_from_rotations,
+)
+
+ROTATION_SIGMA = 0.01  # rad: by which assembly turns the triads against one another
+NO_ROTATION = (
+    "The rotation between the triads is not determined: it is taken for none, with a standard uncertainty of "
+    f"{1e3 * ROTATION_SIGMA:g} mrad about each axis."
+)
+# The least sine of an axis' angle to the vertical: below 6 degrees gravity shows less than a tenth of itself.
+SMALLEST_SINE = 0.1
+# A mean at rest shows the Earth rate if it is known to so much of it: the bias by (25) is then off by its square.
+SEEN = 0.2
+# A pose or an axis is one of the optimal set if it is so near; the next one is 45 degrees away.
+NEAR = np.radians(20.0)
+
+
+@dataclass(frozen=True, slots=True)
+class TableObservations:
+    """What the closed forms are made from, in raw units, with its noise.
+
+    Attributes
+    ----------
+    force, rate : (rests, 3) means.
+    seconds : (rests,) how long they lasted.
+    rotation : (pairs, 3) raw·s, the left of (18) before the gyros' matrix.
+    angle : (pairs,) rad, the right of (19).
+    normal, tangents : (pairs, 3), (pairs, 2, 3) unit vectors of the plane of the raw specific forces.
+    sine : (pairs,) the radius of their circle, over that of gravity: of the axis' angle to the vertical.
+    noise : covariance of force, rate, rotation, angle and of the normal's two components, in this order.
+    """
+
+    force: Vectors
+    rate: Vectors
+    seconds: Series
+    rotation: Vectors
+    angle: Series
+    normal: Vectors
+    tangents: AnyArray
+    sine: Series
+    noise: Square
+
+    def model(self, gravity: float, change: Series, *, inter_triad: bool) -> ImuModel:
+        """Return both triads in p.
+
+        Parameters
+        ----------
+        gravity : m/s².
+        change : of all observations, in the order of `noise`; without `inter_triad` also (3,) rad of R.
+        inter_triad : find the rotation between the triads, or take it for none.
+        """
+        rests, pairs = len(self.force), len(self.rotation)
+        parts = np.split(change, np.cumsum([3 * rests, 3 * rests, 3 * pairs, pairs, 2 * pairs]))
+        force, rate, rotation = (
+            of + part.reshape(-1, 3)
+            for of, part in zip((self.force, self.rate, self.rotation), parts[:3], strict=True)
+        )
+        # (12) to (14)
+        force_matrix, force_bias = ellipsoid_from_norms(force, gravity, self.seconds)
+        # (18) to (22)
+        own = matrix_from_rotations(rotation, self.angle + parts[3])
+        # (24), (25)
+        rate_bias = bias_from_static_pairs(own, rate, self.seconds)
+        if inter_triad:
+            normal = self.normal + np.einsum("kj,kji->ki", parts[4].reshape(-1, 2), self.tangents)
+            C_op = self._rotation(force_matrix, own, rotation, normal)
+        else:
+            C_op = matrix_from_rotation_vector(parts[5])
+        return ImuModel(Triad(force_matrix, force_bias), Triad(own @ C_op, rate_bias))
+
+    def _rotation(self, force_matrix: Matrix, own: Matrix, rotation: Vectors, normal: Vectors) -> Matrix:
+        """R_p^o of the axes that both triads saw."""
+        seen = self.sine > SMALLEST_SINE
+        axes_o = axis_from_rotation(own, rotation[seen])  # (41)
+        # (42) in raw readings: their normal is inv(K T).T l, so that l is (K T).T of it.
+        axes_p = normal[seen] @ force_matrix
+        axes_p /= np.linalg.norm(axes_p, axis=1, keepdims=True)  # (47)
+        # The null vector of (46) has two ends.
+        axes_p *= np.sign(np.sum(axes_o * axes_p, axis=1, keepdims=True))
+        return wahba_rotation(axes_o, axes_p)  # (39)
+
+
+def _observe(session: Session, *, optimal: bool) -> TableObservations:
+    """Gather rests and pairs of rotations: all, or the paper's optimal set."""
+    require_both_triads(session)
+    protocol, matching = session.matched
+    means, pairs = session.means, pair_rotations(session.rotations, matching, protocol)
+    assert means.specific_force is not None
+    assert means.specific_force_covariance is not None
+    assert means.angular_rate is not None
+    assert means.angular_rate_covariance is not None
+    if len(pairs) < 6:
+        raise ObservabilityError(
+            f"The table turned both ways about {len(pairs)} axes, and the gyros' six scale factors and misalignments "
+            "need six: x, y, z, and one between each two of them (21)."
+        )
+    _require_earth(means, pairs)
+    matrix, bias = ellipsoid_from_norms(means.specific_force, session.site.gravity, means.duration)
+    kept = np.arange(len(means))
+    if optimal:
+        faces, edges = twenty_six_directions()[:6], twenty_six_directions()[6:18]
+        between = [edges[edges[:, axis] == 0.0] for axis in range(3)]
+        along = [np.array([face for face in faces if face[axis] != 0.0]) for axis in range(3)]
+        up = (means.specific_force - bias) @ inverted(matrix).T
+        kept = _chosen("pose", up, [*faces[:, None], *between], means.duration)
+        turned = np.array([pair.difference(means) for pair in pairs])
+        pairs = [
+            pairs[k] for k in _chosen("rotation axis", turned, [*along, *between], [p.angle for p in pairs])
+        ]
+    planes = [_plane(session.recording, pair) for pair in pairs]
+    return TableObservations(
+        force=means.specific_force[kept],
+        rate=means.angular_rate[kept],
+        seconds=means.duration[kept],
+        rotation=np.array([pair.difference(means) for pair in pairs]),
+        angle=np.array([pair.angle for pair in pairs]),
+        normal=np.array([axes[0] for axes, _, _ in planes]),
+        tangents=np.array([axes[1:] for axes, _, _ in planes]),
+        sine=np.array([radius for _, radius, _ in planes])
+        / (session.site.gravity * float(np.mean(np.diag(matrix)))),
+        noise=np.asarray(
+            block_diag(
+                *means.specific_force_covariance[kept],
+                *means.angular_rate_covariance[kept],
+                *(pair.covariance for pair in pairs),
+                np.diag([pair.angle_sigma**2 for pair in pairs]),
+                *(np.diag(variance) for _, _, variance in planes),
+            ),
+            dtype=np.float64,
+        ),
+    )
+
+
+def _require_earth(means: HoldMeans, pairs: Sequence[RotationPair]) -> None:
+    """Refuse gyros to whose means (24) says nothing."""
+    assert means.angular_rate_covariance is not None
+    # raw per rad/s
+    size = np.median([np.linalg.norm(pair.difference(means)) / pair.angle for pair in pairs])
+    variance = np.trace(means.angular_rate_covariance, axis1=1, axis2=2) / 3.0
+    if np.sqrt(np.average(variance, weights=means.duration)) > SEEN * EARTH_RATE * size:
+        raise ObservabilityError(
+            "The gyros' biases come from the norm of the Earth rate (24), and these gyros are too noisy to see it at "
+            "rest: hold longer."
+        )
+
+
+def _chosen(
+    what: str, vectors: Vectors, wanted: Sequence[Vectors], size: Sequence[float] | Series
+) -> list[int]:
+    """Return for each group of unit vectors the row near to one of them, the one of the largest size of several."""
+    units = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+    found: list[int] = []
+    for group in wanted:
+        near = np.max(units @ group.T, axis=1) > np.cos(NEAR)
+        if not np.any(near):
+            raise ObservabilityError(
+                f"The optimal set of Zhang et al. has a {what} near one of "
+                f"{', '.join(str(unit.round(2).tolist()) for unit in group)}, and the recording has none."
+            )
+        found.append(int(np.argmax(np.where(near, size, -np.inf))))
+    return found
+
+
+def _plane(recording: Recording, pair: RotationPair) -> tuple[AnyArray, float, Series]:
+    """Return normal and tangents (3, 3) by rows, the circle's radius, raw, and the variances (2,) of the normal."""
+    assert recording.specific_force is not None
+    pieces = [
+        np.asarray(recording.specific_force[r.start : r.stop], dtype=np.float64) for r in pair.rotations
+    ]
+    about = np.concatenate([piece - piece.mean(axis=0) for piece in pieces])
+    scatter = about.T @ about / len(about)
+    values, vectors = np.linalg.eigh(scatter)
+    axes = np.vstack([axis_from_scatter(scatter), vectors[:, 1:].T])  # (44) to (46)
+    # What is left across the plane is the noise of a sample.
+    return axes, float(np.sqrt(values[1] + values[2])), max(values[0], 0.0) / (len(about) * values[1:])
+
+
+def calibrate_zhang(
+    session: Session, name: str, *, inter_triad: bool = True, optimal: bool = False
+) -> Estimate:
+    """Calibrate both triads in closed form.
+
+    Parameters
+    ----------
+    session : a turntable's recording with its protocol.
+    name : of the estimator.
+    inter_triad : find the rotation between the triads (39) to (47); otherwise it is taken for none.
+    optimal : from the paper's nine poses and six rotations alone, those that were held and turned longest.
+
+    Raises
+    ------
+    ObservabilityError
+        If rests or rotations are too few or too alike, the gyros do not see the Earth rate, or all axes are vertical.
+    """
+    seen, gravity = _observe(session, optimal=optimal), session.site.gravity
+    method = partial(seen.model, gravity, inter_triad=inter_triad)
+    noise = seen.noise
+    if inter_triad and np.count_nonzero(seen.sine > SMALLEST_SINE) < 2:
+        raise ObservabilityError(
+            "The rotation between the triads needs two rotation axes that are not vertical (42): tilt the table's "
+            "axis, or take the estimator zhang-closed-form."
+        )
+    if not inter_triad:
+        noise = block_diag(noise, ROTATION_SIGMA**2 * np.eye(3))
+    said = said_of(not_determined=[] if inter_triad else [NO_ROTATION])
+    return carried_estimate(name, session, method, noise, said=said)
+
+
+_METHODS = (
+    ("zhang-closed-form", "each triad by itself in closed form, from the norms at rest and the angles of a table",
+     "(12) to (25)", False, False),
+    ("zhang-inter-triad", "the same, and the rotation between the triads from the axes that both saw",
+     "(12) to (25), (39) to (47)", True, False),
+    ("zhang-optimal", "the same from nine poses and six rotations alone, the paper's optimal set",
+     "(12) to (47)", True, True),
+)  # fmt: skip
+ESTIMATORS: dict[str, Estimator] = {
+    name: Estimator(
+        name,
+        title,
+        f"Zhang et al. 2010, {equations}",
+        partial(calibrate_zhang, name=name, inter_triad=inter_triad, optimal=optimal),
+    )
+    for name, title, equations, inter_triad, optimal in _METHODS
+}
+"""What the entry point offers."""
