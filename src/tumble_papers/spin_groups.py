@@ -16,12 +16,6 @@ from tumble.protocol import HoldStep, Pose, Protocol, SpinStep, TurnStep
 from tumble.records import dataclass
 from tumble.segmentation.matching import Matching
 
-REVERSED = (
-    "The gyros turn the other way than the protocol says. A positive rate is counter-clockwise, seen "
-    "from where the axis points to. For an axis that points up that is from above. Put the signs of "
-    "the rates right in the protocol, or those of the columns (--columns)."
-)
-
 
 @dataclass(slots=True)
 class SpinGroup:
@@ -41,12 +35,6 @@ class SpinGroup:
     holds: list[int] = field(default_factory=list[int])
     rows: list[int] = field(default_factory=list[int])
     spins: list[SpinStep] = field(default_factory=list[SpinStep])
-
-    def rate_about(self, up_b: Vector, spin: SpinStep) -> float:
-        """Return the rate of a spin about `up_b`, rad/s: the protocol's axis may point down."""
-        if spin.axis_b is None:
-            return spin.rate
-        return spin.rate if float(np.dot(spin.axis_b, up_b)) >= 0.0 else -spin.rate
 
 
 def group_spins(matching: Matching, protocol: Protocol) -> list[SpinGroup]:

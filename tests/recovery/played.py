@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +10,6 @@ from scipy.spatial.transform import Rotation as Attitudes
 
 from tumble.calibration import Estimate, Options, Session, calibrate, find_procedure
 from tumble.calibration.canonical import canonical_names
-from tumble.calibration.outcome.estimate import JointOutcome
 from tumble.calibration.prior import StableKnowledge
 from tumble.calibration.procedure import Procedure
 from tumble.earth import Site
@@ -77,14 +75,13 @@ def jointly(
     timeline: Timeline | None = None,
     optional_terms: bool = True,
     prior: StableKnowledge | None = None,
-    keep: Callable[[JointOutcome], None] | None = None,
 ) -> Estimate:
     """The joint estimate with a clock that is right; holds and turns are where `timeline` has them."""
     if timeline is not None:
         session.timeline = timeline
     session.options, session.prior = Options(optional_terms=optional_terms), prior
     record = find_procedure(procedure) if isinstance(procedure, str) else procedure
-    return calibrate(session, record, clocked=False, keep=keep)
+    return calibrate(session, record, clocked=False)
 
 
 def in_frame(model: ImuModel | None, frame: str) -> ImuModel:

@@ -38,6 +38,7 @@ FULL: dict[str, tuple[str, tuple[str, ...]]] = {
 # turntable states 1.3e-8 itself. Six poses tell the fixture's axes against the unit's by the prior of its mounting
 # alone, 0.2 rad, which pulls a rotation of some mrad, known to 1°.
 ROUNDING = {
+    "rate-table": 1e-5,
     "improved-six-position": 1e-5,
     "laboratory": 2e-8,
     "modified-multi-position": 1e-8,

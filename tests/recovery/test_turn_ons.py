@@ -63,9 +63,10 @@ def settled(
     motion = Motion.between_poses(attitudes, np.full(poses.size, 3.0), np.full(poses.size - 1, 2.0))
     grade = find_grade("consumer-mems") if noise else None
     recording, _ = simulate_recording(motion, rate, rng, site=SITE, grade=grade, distort=model.distort)
-    kept: list[JointOutcome] = []
-    estimate = jointly(Session(recording, None, SITE), optional_terms=False, keep=kept.append)
-    return Played(estimate, kept[0], model)
+    session = Session(recording, None, SITE)
+    estimate = jointly(session, optional_terms=False)
+    assert session.joint is not None
+    return Played(estimate, session.joint, model)
 
 
 @cache

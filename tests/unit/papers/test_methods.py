@@ -208,7 +208,7 @@ def test_in_counts_it_is_the_same(method: str) -> None:
     bench = CASES[method][0]
     counts = replace(bench, units=("counts", "counts"), counts=(400.0, 2e6))
     if method == "multi-position-3":
-        with pytest.raises(ObservabilityError, match="Biases alone cannot be told in raw counts"):
+        with pytest.raises(ObservabilityError, match="Biases alone are not determined in raw counts"):
             estimated(method, counts)
         return
     one, other = estimated(method, bench), estimated(method, counts)

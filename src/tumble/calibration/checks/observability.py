@@ -15,7 +15,6 @@ import numpy as np
 from tumble.arrays import Square, inverted
 from tumble.calibration.equations.imu_unknowns import LAYOUT, NAME_PLATE_SHARE, PLAIN, name_plate
 from tumble.calibration.prior import FleetSheet, StableKnowledge, gyro_prior, prior_of_sheet
-from tumble.errors import ObservabilityError
 from tumble.estimation import Prior, find_weak_directions
 from tumble.estimation.unknowns import Unknowns
 from tumble.recording.recording import Recording
@@ -87,10 +86,8 @@ def name_plate_prior(u: Unknowns, recording: Recording) -> Prior:
     precision, mean = np.zeros((u.values.size, u.values.size)), u.copy()
     at = np.intersect1d(u.free, PLAIN)
     precision[at, at] = 1.0 / name_plate(u)[at] ** 2
-    force, rate = (
-        specific_force_factor(recording.specific_force_unit),
-        angular_rate_factor(recording.angular_rate_unit),
-    )
+    force = specific_force_factor(recording.specific_force_unit)
+    rate = angular_rate_factor(recording.angular_rate_unit)
     if force is not None:
         mean["force.bias"][:], mean["force.scale"][:], mean["force.angle"][:] = 0.0, 1.0 / force, 0.0
     if rate is not None:
@@ -160,16 +157,9 @@ def together(first: Prior | None, second: Prior | None) -> Prior | None:
     Parameters
     ----------
     first, second : of the same unknowns, or None.
-
-    Raises
-    ------
-    ObservabilityError
-        If one knows of other unknowns than the other.
     """
     if first is None or second is None:
         return second if first is None else first
-    if first.mean.size != second.mean.size:
-        raise ObservabilityError("Two kinds of prior knowledge are of different unknowns.")
     precision = first.precision + second.precision
     right = first.precision @ first.mean + second.precision @ second.mean
     known = np.flatnonzero(np.diag(precision) > 0.0)

@@ -1,21 +1,6 @@
-"""The conditions of a recording tumbled by hand: holds, and the turns between them.
-
-Nothing is known of the motion but that the unit rests in the holds. Each hold k gives a group of six:
-
-- norm: the hold's mean specific force, corrected, has the norm of gravity;
-- rate (3): the hold's mean raw rate is the gyro's bias, its g-sensitivity times the specific force,
-  and what it sees of the Earth's rotation;
-- turn (2): the specific force at the end of hold k, carried by the integrated gyro over the turn to
-  hold k + 1, is the specific force seen there; two components, perpendicular to it.
+"""What holds and the turns between them offer, in raw units, as arrays.
 
 Frames: s is the body frame at the last sample of hold k, e that at the first sample of hold k + 1.
-The Earth turns by ``earth_rate_s * T`` meanwhile, so that with C_se from the gyro
-
-    C_se @ f_e = (1 + skew(earth_rate_s) T) @ f_s.
-
-The Earth's rotation is three unknowns in the body frame of the first hold, carried along by the gyro;
-their prior is what the site tells. Where the gyro cannot be integrated (a gap) the chain starts anew
-with a prior-sized variance instead.
 """
 
 from __future__ import annotations
@@ -24,22 +9,11 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Matrices, Matrix, Series, Vector, Vectors, inverted
 from tumble.attitude.integration import average_at_edge
-from tumble.calibration.equations.triad_unknowns import COUNT
 from tumble.records import dataclass
 from tumble.segmentation.rest_wander import RestParts
 
-# Where each unknown stands in the full list.
-FORCE = slice(0, COUNT)
-GYRO_MATRIX = slice(12, 21)
-GYRO_BIAS = slice(21, 24)
-G_SENSITIVITY = slice(24, 33)
-EARTH = slice(33, 36)
 TOTAL = 36
-
-NORM, RATE, TURN = slice(0, 1), slice(1, 4), slice(4, 6)
-GROUP = 6
-# Of the flicker floor of a hold's mean, what lies between it and the mean of a part.
-FLICKER_SHARE = 0.5
+"""Unknowns of both triads with g-sensitivity and the Earth rate, as plain parameters have them."""
 
 
 @dataclass(frozen=True, slots=True)
