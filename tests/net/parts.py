@@ -134,7 +134,7 @@ def calibrations() -> Entries:
             by_hand,
             "--seed",
             13,
-            more=(*SITE, "--procedure", "multi-position", "--data-sheet", "consumer-mems"),
+            more=(*SITE, "--procedure", "multi-position", "--prior", "consumer-mems"),
         ),
         "multi-position-own": partial(by_hand, "--seed", 14, more=(*SITE, "--procedure", "multi-position")),
         "improved-six-position": partial(
