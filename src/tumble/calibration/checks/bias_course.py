@@ -18,8 +18,8 @@ from tumble.estimation.wander import covariance_about_the_mean, first_of_neighbo
 from tumble.records import dataclass
 
 # Chance that what a triad's biases wander by looks like a jump on any axis anywhere, which makes the result unfit, or
-# like a drift, which is counted. At 0.2 % two of 543 right recordings of another hand were called, and of 152 of tumble's
-# simulator, whose biases wander more between placements, two to be jumps.
+# like a drift, which is counted. At 0.2 % two of 543 right recordings of another hand were called, and two
+# jumps of 152 of tumble's simulator, whose biases wander more between placements.
 JUMP_FALSE_ALARM, DRIFT_FALSE_ALARM = 0.0005, 0.005
 # Holds needed on either side of a jump to tell it from one odd hold.
 SMALLEST_SIDE = 4
