@@ -72,10 +72,3 @@ def test_a_step_that_was_done_twice_is_there_twice() -> None:
     )
     (group,) = group_spins(twice, protocol)
     assert (group.holds, group.rows, len(group.spins)) == ([0, 2], [0, 1], 2)
-
-
-def test_a_rate_about_an_axis_that_points_down_is_the_opposite_about_up() -> None:
-    protocol = Protocol("p", "rate-table", (HoldStep(5.0), SpinStep(9.0, 0.5, axis_b=-X_UP)))
-    (group,) = group_spins(matched(protocol), protocol)
-    assert group.rate_about(X_UP, group.spins[0]) == -0.5
-    assert group.rate_about(-X_UP, group.spins[0]) == 0.5
