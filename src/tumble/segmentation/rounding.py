@@ -35,8 +35,8 @@ _PLACES = np.linspace(-0.75, 0.75, 61)
 # Steps beyond those seen that noise may reach.
 _BEYOND = 3
 # Sums of so many samples scatter less than this share of what samples that do not know of one another would make them;
-# chance does so more rarely than the second.
-_SUMMED, _LESS, _CHANCE = 16, 0.5, 1e-4
+# chance does so more rarely than the third. Noise that makes up for itself but is rounded each sample keeps a third.
+_SUMMED, _LESS, _CHANCE = 32, 0.25, 1e-4
 
 
 def converter_step(values: Vectors) -> Vector:

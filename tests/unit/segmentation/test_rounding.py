@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 
 from tumble.segmentation.averages import mean_covariance
-from tumble.segmentation.rounding import converter_step, integral_variance, rounding_variance
+from tumble.segmentation.rounding import (
+    carries_remainder,
+    converter_step,
+    integral_variance,
+    rounding_variance,
+)
 
 STEP = np.array([0.4, 3.0, 0.07])
 
@@ -90,3 +95,16 @@ def test_an_integral_over_a_tables_ramp_is_off_by_what_one_number_hides_and_by_l
     late = integral_variance(ramp, np.array([[0, samples], [-1, 5]]), np.zeros(3), 0.01)
     np.testing.assert_allclose(late[0], 1e-4 * 59.25 * (ramp[-1] / 60.0) ** 2, rtol=1e-9)
     np.testing.assert_array_equal(late[1], np.zeros(3))
+
+
+@pytest.mark.parametrize("own", [0.0, 0.3])
+def test_pulses_of_an_integral_are_told_from_samples_that_are_rounded_each(own: float) -> None:
+    """Their remainder is carried on. Noise that makes up for itself, too, is rounded each sample in the other."""
+    rng = np.random.default_rng(5)
+    shown = np.array([3.07, -1.4, 0.31]) + own * np.diff(rng.standard_normal((2001, 3)), axis=0)
+    rests = [[(k * 200, (k + 1) * 200)] for k in range(10)]
+    pulses = np.diff(np.floor(np.cumsum(np.vstack([np.zeros((1, 3)), shown]), axis=0)), axis=0)
+    assert np.all(carries_remainder(pulses, rests))
+    assert not np.any(carries_remainder(np.round(shown), rests))
+    means = pulses.reshape(10, 200, 3).mean(axis=1)
+    assert np.max(rounding_variance(pulses, rests, means)) < 1e-4
