@@ -20,13 +20,14 @@ import numpy as np
 
 from tumble.arrays import Matrix, Series, inverted
 from tumble.calibration.checks.observability import (
+    TriadSheet,
     Untold,
     angle_prior,
     find_untold,
     name_plate_prior,
-    sheet_prior,
-    sheet_priors,
+    sheets_prior,
     together,
+    triad_sheets,
 )
 from tumble.calibration.checks.triad_agreement import add_time_lag
 from tumble.calibration.checks.unseen import add_common_scale, rest_rate
@@ -61,9 +62,9 @@ from tumble.calibration.optional_terms import (
 )
 from tumble.calibration.outcome.estimate import JointOutcome, joint_estimate
 from tumble.calibration.poses import require_poses
-from tumble.calibration.prior import FleetSheet, about_sheet, gyro_nine, prior_of_sheet
+from tumble.calibration.prior import about_sheet, gyro_nine
 from tumble.calibration.procedure import Procedure, find_procedure
-from tumble.calibration.session import Session
+from tumble.calibration.session import Options, Session
 from tumble.calibration.start import (
     Offered,
     gather_offered,
@@ -83,13 +84,13 @@ from tumble.records import dataclass
 from tumble.segmentation import HoldMeans
 from tumble.segmentation.rotations import Rotation
 from tumble.segmentation.turns import LONGEST_GAP
-from tumble.simulation import Grade
 from tumble.units import specific_force_factor
 
 # An axis that leans by less than this is upright; a window may then turn so far.
 UPRIGHT, UPRIGHT_ANGLE = 0.1, 3.0  # rad
 # Rough gyros are off by less than such a share of an angle against one another.
 UNLIKE = 0.15
+# Of a window of what stands in for accelerometers: far above gravity's square.
 NOTHING_SHOWN = 1e6  # (m/s²)²
 # Of an adjustment that is balanced, and of its terms: recordings by hand took 8 to 45, half of them 13 to 17.
 USUAL_STEPS = 16
@@ -121,12 +122,11 @@ def calibrate(session: Session, procedure: Procedure, *, clocked: bool = True) -
     known = _known_terms(task.unknowns, wanted=options.optional_terms)
     task.unknowns = task.unknowns.with_free(unknowns_with(plain, known))
     of_table = _seen_on_table(task) if options.optional_terms and task.data.rotations else []
-    with about(USUAL_STEPS), _explained(begun.unlike):
-        task, balanced, fresh = _settled_from(task, of_table, a_start=bool(known))
-    tests: list[TermTest] = []
-    untried: list[str] = []
-    if options.optional_terms:
-        with _explained(begun.unlike):
+    tests, untried = list[TermTest](), list[str]()
+    with _explained(begun.unlike):
+        with about(USUAL_STEPS):
+            task, balanced, fresh = _settled_from(task, of_table, a_start=bool(known))
+        if options.optional_terms:
             task, balanced, tests, untried = _with_terms(
                 task, balanced, fresh, plain, of_table, procedure.seeks, session.say
             )
@@ -141,8 +141,7 @@ def calibrate(session: Session, procedure: Procedure, *, clocked: bool = True) -
     if options.optional_terms and by_hand:
         add_time_lag(estimate, task.data.base)
     estimate.say("remark", *begun.broken)
-    if options.data_sheet is not None:
-        _say_of_sheet(estimate, outcome, options.data_sheet)
+    _say_of_sheets(estimate, outcome, begun.sheets)
     _say_missing(estimate, outcome, procedure)
     return estimate
 
@@ -159,6 +158,7 @@ class _Begun:
     adjusted: dict[str, float]
     broken: list[str]
     unlike: str
+    sheets: list[TriadSheet]
 
 
 def _begin(session: Session, procedure: Procedure, *, clocked: bool) -> _Begun:
@@ -175,9 +175,8 @@ def _begin(session: Session, procedure: Procedure, *, clocked: bool) -> _Begun:
         one.force_covariance = one.force_covariance + NOTHING_SHOWN * np.eye(3)
     data = observe(with_rounding(base, turned), u, turned)
     data.poses = poses
-    plain = PLAIN if has_gyro else FORCE_ALONE
-    if not offered.has_force:
-        plain = np.setdiff1d(plain, FORCE_ALONE)
+    lacking = FORCE_ALONE[:0] if offered.has_force else FORCE_ALONE
+    plain = np.setdiff1d(PLAIN if has_gyro else FORCE_ALONE, lacking)
     if poses is not None:
         plain = np.concatenate([plain, LAYOUT.indices("fixture")])
     task = start_adjustment(data, u.with_free(plain), site)
@@ -185,17 +184,16 @@ def _begin(session: Session, procedure: Procedure, *, clocked: bool) -> _Begun:
     task.prior = together(angle_prior(u, session.prior), None if poses is None else mounting_prior(u))
     alike = {name: sigma for name, sigma in session.alike.items() if clocked and has_gyro and sigma > 0.0}
     adjusted, plain = _with_alike(task, alike, plain)
-    sheet = session.options.data_sheet
-    sheets = [] if sheet is None else sheet_priors(sheet, session.recording)
-    task.prior = together(task.prior, sheet_prior(task.unknowns, sheets))
+    sheets = triad_sheets(session.options.data_sheet, session.recording)
+    task.prior = together(task.prior, sheets_prior(task.unknowns, sheets))
     untold = find_untold(linearise(task)[1], task.unknowns)
-    unsaid = np.setdiff1d(plain, np.concatenate([plain[:0], *(place for _, place, _ in sheets)]))
+    unsaid = np.setdiff1d(plain, np.concatenate([plain[:0], *(one.place for one in sheets)]))
     task.prior = together(task.prior, name_plate_prior(u.with_free(unsaid), session.recording))
     if untold is not None:
         _refuse_nothing_told(untold, session.recording)
         task.noise = rough_variances(base, u, has_gyro=has_gyro)
     unlike = _unlike_angle(rotations, inverted(gyro_matrix(u)), u)
-    return _Begun(offered, task, plain, untold, alike, adjusted, broken, unlike)
+    return _Begun(offered, task, plain, untold, alike, adjusted, broken, unlike, sheets)
 
 
 def calibrate_accelerometers(
@@ -216,10 +214,10 @@ def calibrate_accelerometers(
         If the adjustment does not settle.
     """
     alone = Session(replace(session.recording, angular_rate=None), given_site=session.site)
-    timeline = session.timeline
+    alone.options, alone.timeline = Options(optional_terms=False), session.timeline
     if holds is not None:
-        timeline = replace(timeline, holds=tuple(timeline.holds[k] for k in holds), turns=())
-    alone.options, alone.timeline = replace(session.options, optional_terms=False), timeline
+        found = session.timeline.holds
+        alone.timeline = replace(session.timeline, holds=tuple(found[k] for k in holds), turns=())
     known = session.means if means is None else means
     alone.means = replace(known, angular_rate=None, angular_rate_covariance=None, parts=None)
     estimate = calibrate(alone, find_procedure("multi-position"))
@@ -389,22 +387,18 @@ def _refuse_nothing_told(untold: Untold, recording: Recording) -> None:
         )
 
 
-def _say_of_sheet(estimate: Estimate, outcome: JointOutcome, sheet: Grade | FleetSheet) -> None:
-    """Say what the recording left to a data sheet, and what contradicts it."""
+def _say_of_sheets(estimate: Estimate, outcome: JointOutcome, sheets: Sequence[TriadSheet]) -> None:
+    """Say what the recording left to data sheets, and what contradicts them."""
     u, solution = outcome.task.unknowns, outcome.balanced.solution
     covariance = solution.unit_weight * u.expanded(solution.cofactor)
-    for kind, place, _ in sheet_priors(sheet, outcome.recording):
+    for name, place, _, nine in sheets:
         if not np.all(np.isin(place, u.free)):
             continue
-        own, of_triad = u.values[place], covariance[np.ix_(place, place)]
-        values, sigmas, triad = own, np.sqrt(np.diag(of_triad)), kind
-        unit = outcome.recording.specific_force_unit
-        if kind == "gyro":
-            values, sigmas = gyro_nine(own[:9].reshape(3, 3), own[9:], of_triad)
-            unit, triad = outcome.recording.angular_rate_unit, "gyroscope"
-        before = prior_of_sheet(sheet, triad, unit)
-        assert before is not None
-        remarks, objections = about_sheet(kind, values, sigmas, before)
+        values, spread = u.values[place], covariance[np.ix_(place, place)]
+        sigmas = np.sqrt(np.diag(spread))
+        if name == "gyro":
+            values, sigmas = gyro_nine(values[:9].reshape(3, 3), values[9:], spread)
+        remarks, objections = about_sheet(name, values, sigmas, nine)
         estimate.say("remark", *remarks)
         estimate.say("objection", *objections)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tumble.arrays import Series, Vector, Vectors, inverted
+from tumble.arrays import Vector, inverted
 from tumble.calibration.equations.adjustment import JointAdjustment
 from tumble.calibration.equations.causes import FORCE_WANDER, RATE_WANDER
 from tumble.calibration.equations.hold_equations import Rate
@@ -83,8 +83,11 @@ def _force_density(task: JointAdjustment, parts: RestParts) -> Vector:
     data, u, poses = task.data, task.unknowns, task.data.poses
     if poses is not None and data.holds < 2 * poses.hold.size <= 2 * MOST_HOLDS:
         at = np.isin(poses.hold, np.flatnonzero(task.taking_part["force"]))
-        force = data.base.force_mean[poses.hold[at]]
-        return _placed_density(parts, force, poses.hold[at], poses.up_f[at], poses.sigma[at])
+        holds, up_b, sigma = poses.hold[at], poses.up_f[at], poses.sigma[at, None]
+        moved = float(np.max(np.linalg.norm(data.base.force_mean[holds], axis=1))) * sigma
+        spread = moved**2 * (np.maximum(1.0 - up_b**2, 0.0) + 2.0 * sigma**2)
+        design = np.column_stack([np.ones(len(holds)), up_b])
+        return find_density(parts, parts.force, parts.force_white, holds=holds, design=design, spread=spread)
     assert parts.force is not None
     up_b = -np.concatenate([section.C_wb[:, 1, 2] for section in task.sections])
     shown = raw_force(u, task.site.gravity * up_b)
@@ -102,13 +105,3 @@ def _force_density(task: JointAdjustment, parts: RestParts) -> Vector:
         alike=up_b[holds] @ up_b[holds].T,
     )
     return density[0] * scale
-
-
-def _placed_density(
-    parts: RestParts, force: Vectors, holds: np.ndarray, up_b: Vectors, sigma: Series
-) -> Vector:
-    """Return (3,) raw²: the density by which the accelerometers' biases wander over holds in poses that are known."""
-    moved = float(np.max(np.linalg.norm(force, axis=1))) * sigma[:, None]
-    spread = moved**2 * (np.maximum(1.0 - up_b**2, 0.0) + 2.0 * sigma[:, None] ** 2)
-    design = np.column_stack([np.ones(len(holds)), up_b])
-    return find_density(parts, parts.force, parts.force_white, holds=holds, design=design, spread=spread)

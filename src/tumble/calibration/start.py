@@ -35,11 +35,13 @@ from tumble.units import angular_rate_factor, specific_force_factor
 ROUGH_ENOUGH = 0.03
 # Of a nominal scale, how far rough accelerometer values may be off before they are not believed.
 PLAUSIBLE = 0.3
-# By which a bias may wander, a turn err and a pose sway, as long as nobody knows better.
 # Of a sample of gyros that there are not: they say nothing of how a hold sways, and are no round-off's weight.
 NO_RATE = 1e-2  # rad/s
+# Of the direction up in a hold that nobody says the placement of.
+UNPLACED = 10.0  # rad
 # Rests, and how far their poses spread, from which on gyros at rest tell a g-sensitivity to start from.
 FEWEST_RESTS, LEAST_SPREAD = 9, 0.05
+# By which a bias may wander, a turn err and a pose sway, as long as nobody knows better.
 START_FORCE, START_TURN, START_SWAY = 5e-3, 1e-3, 1e-4  # m/s², rad, rad
 
 
@@ -252,14 +254,19 @@ def with_stand_ins(
                 "The recording has no accelerometer, and nothing shows its poses. Record the accelerometers too, or "
                 "say in a protocol how the unit was placed (`up`, `uncertainty_deg`)."
             )
-        at = np.clip(np.searchsorted(poses.hold, np.arange(holds), side="right") - 1, 0, None)
-        # Holds that share a placement share its error.
-        sigma = site.gravity * poses.sigma[at] * np.sqrt(np.bincount(at)[at])
+        known = np.isin(np.arange(holds), list(poses.placed))
+        first = np.array([poses.placed.get(k, int(poses.hold[0])) for k in range(holds)])
+        at = np.searchsorted(poses.hold, first)
+        # Holds that share a placement share its error; of a hold in no known placement nothing is known.
+        shared = poses.sigma[at] * np.sqrt(np.bincount(at, known)[at])
+        sigma = site.gravity * np.where(known, shared, UNPLACED)
         force = site.gravity * poses.up_f[at]
         starts = np.array([hold.start for hold in timeline.holds])
-        samples = np.clip(np.searchsorted(starts, np.arange(len(recording)), side="right") - 1, 0, None)
-        recording = replace(recording, specific_force=force[samples])
-        floor = replace(floor, specific_force=np.full(3, float(np.max(sigma * np.sqrt(means.count)))))
+        samples = np.searchsorted(starts, np.arange(len(recording)), side="right") - 1
+        recording = replace(recording, specific_force=force[np.maximum(samples, 0)])
+        floor = replace(
+            floor, specific_force=np.full(3, float(np.max((sigma * np.sqrt(means.count))[known])))
+        )
         spread = sigma[:, None, None] ** 2 * np.eye(3)
         means = replace(means, specific_force=force, specific_force_covariance=spread)
     return Offered(recording, replace(timeline, noise_floor=floor), means, has_force, has_gyro)

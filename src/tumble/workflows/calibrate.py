@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from tumble.calibration.estimate import Beside
-from tumble.calibration.estimators import find_estimator
+from tumble.calibration.estimators import Estimator, find_estimator
 from tumble.calibration.procedure import find_procedure
 from tumble.calibration.session import Options, Session
 from tumble.document.display import calibration_html
@@ -206,14 +206,13 @@ def calibrate(
             raise
         return finish_run(_field_run(session, magnetic, error, imu, clock), folder, clock, say)
     add_magnetometer(session, estimate, magnetic)
-    estimate.show(*([] if paper is None else [Beside(paper.estimate(session))]))
     _draw(estimate, monte_carlo, say)
     clock.lap("solving")
     made = _document(session, estimate, reason, imu, noted)
     made = completed(made, corrected_by_before(paths, given, topics), acceptance)
     run = CalibrationRun(made, estimate, recording, session.timeline, session.means, reason)
-    if estimator is not None:
-        run.papers = _papers(session, estimate, estimator, imu, noted)
+    if paper is not None:
+        run.papers = _papers(session, estimate, paper, imu, noted)
     run.protocol, run.matching = told, session.matching
     run.predicted = {} if given is None else given.predicted()
     return finish_run(run, folder, clock, say)
@@ -222,17 +221,14 @@ def calibrate(
 def _papers(
     session: Session,
     estimate: Estimate,
-    estimator: str,
+    paper: Estimator,
     imu: tuple[str | None, str | None],
     notes: Mapping[str, str],
 ) -> dict[str, Calibration]:
-    """The document of the paper's own estimate that stands beside, by its file's name."""
-    other, said = (
-        estimate.shown(Beside),
-        f"The estimator {estimator} as its paper has it, and not tumble's own.",
-    )
-    assert other is not None
-    return {f"calibration-{estimator}.json": _document(session, other.estimate, said, imu, notes)}
+    """Put a paper's own estimate beside; return its document by its file's name."""
+    own, said = paper.estimate(session), f"The estimator {paper.name} as its paper has it, not tumble's own."
+    estimate.show(Beside(own))
+    return {f"calibration-{paper.name}.json": _document(session, own, said, imu, notes)}
 
 
 def _read_consistent(protocol: str | os.PathLike[str]) -> GivenProtocol:

@@ -3,15 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+import tumble
 from tumble.calibration import Estimate, Session, calibrate, find_procedure
+from tumble.calibration.equations.believed_poses import believed_poses
+from tumble.calibration.estimate import Beside
+from tumble.document import read_calibration
 from tumble.earth import Site
+from tumble.errors import UsageError
+from tumble.protocol import HoldStep, named_protocol
+from tumble.segmentation.matching import MatchedHold, Matching
 from tumble.simulation import Motion, find_grade, poses_26, simulate_recording
 from tumble.workflows.procedures import run_procedure
+from tumble.workflows.simulate import simulate
 
 SITE = Site.from_latitude(0.8)
 
@@ -96,3 +105,35 @@ def test_seven_poses_and_the_turns_between_them_suffice() -> None:
     estimate, _ = run_procedure(tumbled([0, 1, 2, 3, 4, 6, 10]), None)
     assert not estimate.objections
     assert len([name for name in estimate.names if name.startswith("accelerometer.matrix")]) == 9
+
+
+def test_a_papers_estimator_stands_beside_with_a_document_of_its_own(tmp_path: Path) -> None:
+    simulate("six-position", output=tmp_path / "six", seed=5, site=SITE)
+    run = tumble.calibrate(protocol=tmp_path / "six", estimator="six-position", output=tmp_path / "out")
+    own = read_calibration(tmp_path / "out" / "calibration-six-position.json")
+    beside = run.estimate.shown(Beside)
+    assert beside is not None
+    assert own.accelerometer is not None
+    assert own.procedure == beside.estimate.procedure == "six-position"
+    assert own.identity != run.calibration.identity
+    assert "six-position as its paper has it" in (tmp_path / "out" / "report.html").read_text("utf-8")
+    with pytest.raises(UsageError, match=r"There is no estimator 'six'\. There are: .*zhang-optimal"):
+        tumble.calibrate(protocol=tmp_path / "six", estimator="six")
+
+
+def test_holds_of_a_placement_that_is_hardly_known_are_in_no_pose_that_is_believed() -> None:
+    protocol = named_protocol("rate-table")
+    holds = [at for at, step in enumerate(protocol.steps) if isinstance(step, HoldStep)]
+    matching = Matching(tuple(MatchedHold(step, k) for k, step in enumerate(holds)), (), (), ())
+    believed = believed_poses(protocol, matching)
+    assert believed is not None
+    assert sorted(believed.placed) == list(range(len(holds)))
+    first = protocol.steps[holds[0]]
+    assert isinstance(first, HoldStep)
+    assert first.pose is not None
+    loose = replace(first, pose=replace(first.pose, sigma=1.0))
+    steps = tuple(loose if step is first else step for step in protocol.steps)
+    less = believed_poses(replace(protocol, steps=steps), matching)
+    assert less is not None
+    gone = {k for k, first_hold in believed.placed.items() if first_hold == 0}
+    assert set(less.placed) == set(believed.placed) - gone

@@ -9,11 +9,12 @@ or the turn that would tell them.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from tumble.arrays import Square, inverted
-from tumble.calibration.equations.imu_unknowns import LAYOUT, NAME_PLATE_SHARE, PLAIN, name_plate
+from tumble.calibration.equations.imu_unknowns import FORCE_ALONE, LAYOUT, NAME_PLATE_SHARE, PLAIN, name_plate
 from tumble.calibration.prior import FleetSheet, StableKnowledge, gyro_prior, prior_of_sheet
 from tumble.estimation import Prior, find_weak_directions
 from tumble.estimation.unknowns import Unknowns
@@ -95,43 +96,52 @@ def name_plate_prior(u: Unknowns, recording: Recording) -> Prior:
     return Prior(mean.values, precision)
 
 
-def sheet_prior(u: Unknowns, sheets: Sequence[tuple[str, np.ndarray, Prior]]) -> Prior | None:
-    """Return what data sheets know of the free unknowns; None where they know nothing.
+class TriadSheet(NamedTuple):
+    """What a sheet knows of a triad: its name, where its unknowns are, what is known of them, and of its own nine."""
+
+    name: str
+    place: np.ndarray
+    prior: Prior
+    nine: Prior
+
+
+def triad_sheets(sheet: Grade | FleetSheet | None, recording: Recording) -> list[TriadSheet]:
+    """Return what a sheet knows of each triad.
 
     Parameters
     ----------
-    u : start values.
-    sheets : of each triad, see `sheet_priors`.
-    """
-    precision, mean = np.zeros((u.values.size, u.values.size)), u.values.copy()
-    own = [(place, prior) for _, place, prior in sheets if np.all(np.isin(place, u.free))]
-    for place, prior in own:
-        mean[place], precision[np.ix_(place, place)] = prior.mean, prior.precision
-    return Prior(mean, precision) if own else None
-
-
-def sheet_priors(sheet: Grade | FleetSheet, recording: Recording) -> list[tuple[str, np.ndarray, Prior]]:
-    """Return of each triad that a sheet knows its name, where its unknowns are, and what is known of them.
-
-    Parameters
-    ----------
-    sheet, recording : what is known of the kind of unit, and the recording's units.
+    sheet, recording : what is known of the kind of unit, None for nothing, and the recording's units.
 
     Raises
     ------
     UsageError
         If a data sheet is to speak of raw counts, or a fleet of other raw units than its own.
     """
-    made: list[tuple[str, np.ndarray, Prior]] = []
+    made: list[TriadSheet] = []
+    if sheet is None:
+        return made
     force = prior_of_sheet(sheet, "accelerometer", recording.specific_force_unit)
     if force is not None:
-        made.append(("accelerometer", LAYOUT.indices("force.bias", "force.scale", "force.angle"), force))
+        made.append(TriadSheet("accelerometer", FORCE_ALONE, force, force))
     rate = prior_of_sheet(sheet, "gyroscope", recording.angular_rate_unit)
     if rate is not None:
-        made.append(
-            ("gyro", LAYOUT.indices("gyro.matrix", "gyro.bias"), Prior(*gyro_prior(rate, NAME_PLATE_SHARE)))
-        )
+        place = LAYOUT.indices("gyro.matrix", "gyro.bias")
+        made.append(TriadSheet("gyro", place, Prior(*gyro_prior(rate, NAME_PLATE_SHARE)), rate))
     return made
+
+
+def sheets_prior(u: Unknowns, sheets: Sequence[TriadSheet]) -> Prior | None:
+    """Return what data sheets know of the free unknowns; None where they know nothing.
+
+    Parameters
+    ----------
+    u, sheets : start values, and what is known of triads.
+    """
+    precision, mean = np.zeros((u.values.size, u.values.size)), u.values.copy()
+    own = [one for one in sheets if np.all(np.isin(one.place, u.free))]
+    for one in own:
+        mean[one.place], precision[np.ix_(one.place, one.place)] = one.prior.mean, one.prior.precision
+    return Prior(mean, precision) if own else None
 
 
 def angle_prior(u: Unknowns, knowledge: StableKnowledge | None) -> Prior | None:

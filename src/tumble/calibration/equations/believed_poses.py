@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -30,6 +31,7 @@ class BelievedPoses:
     C_nf : (poses, 3, 3) nominal attitude; of unknown heading where `has_heading` is False.
     has_heading : (poses,) of bool.
     sigma : (poses,) rad about each axis.
+    placed : hold -> the hold whose pose it is in still, for all that a believed pose is known of.
     """
 
     hold: np.ndarray
@@ -37,6 +39,7 @@ class BelievedPoses:
     C_nf: Matrices
     has_heading: np.ndarray
     sigma: Series
+    placed: dict[int, int] = field(default_factory=dict[int, int])
 
     def of(self, first: int, last: int) -> np.ndarray:
         """Return the indices of the poses of holds `first` to `last` (half-open)."""
@@ -57,15 +60,20 @@ def believed_poses(protocol: Protocol, matching: Matching) -> BelievedPoses | No
     """
     made: list[tuple[int, Vectors, Matrices, bool, float]] = []
     last_step: int | None = None
+    placed: dict[int, int] = {}
+    last: int | None = None
     for match in matching.holds:
         step = protocol.steps[match.step]
         stays = last_step is not None and _stays(protocol, last_step, match.step)
-        last_step = match.step
+        last_step, last = match.step, last if stays else None
+        if last is not None:
+            placed[match.hold] = last
         if not isinstance(step, HoldStep) or step.pose is None or stays or step.pose.sigma > LOOSEST:
             continue
         pose = step.pose
         up = np.asarray(pose.up_b, dtype=np.float64) / float(np.linalg.norm(pose.up_b))
         C_nf = pose.C_nb()
+        placed[match.hold] = last = match.hold
         made.append((match.hold, up, C_nf, pose.heading is not None, max(pose.sigma, LEAST_SIGMA)))
     if not made:
         return None
@@ -76,6 +84,7 @@ def believed_poses(protocol: Protocol, matching: Matching) -> BelievedPoses | No
         np.array([m[2] for m in made]),
         np.array([m[3] for m in made]),
         np.array([m[4] for m in made]),
+        placed,
     )
 
 

@@ -8,7 +8,6 @@ from dataclasses import field, replace
 import numpy as np
 
 from tumble.arrays import Matrix, Series, Square
-from tumble.calibration.canonical import describe_unknowns
 from tumble.calibration.checks.bias_course import BiasCourse, find_courses, with_courses
 from tumble.calibration.checks.observability import Untold
 from tumble.calibration.checks.scores import (
@@ -29,7 +28,6 @@ from tumble.calibration.equations.rotation_equations import (
     Links,
     RotationEquations,
 )
-from tumble.calibration.equations.turn import TOTAL
 from tumble.calibration.equations.turn_equations import integrate_links, link_covariance
 from tumble.calibration.estimate import (
     Described,
@@ -204,12 +202,6 @@ def _describe_joint(outcome: JointOutcome, influences: Influences) -> Described:
         own = wider(own, -influences.neighbours.get(FORCE_WANDER, np.zeros(own.shape)))
     require_positive(own, task.unknowns)
     covariance = solution.unit_weight * task.unknowns.expanded(own)
-    plain = outcome.untold is None and outcome.has_gyro and outcome.frame == "accelerometer-x"
-    if plain and not _has_further(task.unknowns.free):
-        told = slice(0, TOTAL)
-        return describe_unknowns(
-            values[told], covariance[told, told], outcome.site, outcome.recording, terms=terms, gyro="full"
-        )
     return describe(
         *(values, covariance, outcome.site, outcome.recording),
         terms=terms,
@@ -217,11 +209,6 @@ def _describe_joint(outcome: JointOutcome, influences: Influences) -> Described:
         frame=outcome.frame,
         all_told=outcome.untold is None,
     )
-
-
-def _has_further(free: np.ndarray) -> bool:
-    """Whether unknowns of the sensors are adjusted that the plain model has not; clock and table are none of theirs."""
-    return bool(np.any((free >= TOTAL - 3) & (free < LAYOUT["clock"].start)))
 
 
 def require_positive(covariance: Square, u: Unknowns) -> None:
