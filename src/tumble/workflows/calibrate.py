@@ -19,6 +19,7 @@ from tumble.document.display import calibration_html
 from tumble.earth import Site
 from tumble.errors import (
     CalibrationFileError,
+    ConvergenceError,
     ObservabilityError,
     SegmentationError,
     TumbleError,
@@ -32,7 +33,7 @@ from tumble.recording.reading import Paths, recording_inputs
 from tumble.records import dataclass
 from tumble.workflows.given.noise_models import NoiseOfHolds
 from tumble.workflows.given.notes import Notes, notes_of
-from tumble.workflows.given.prior import known_beforehand, split_prior
+from tumble.workflows.given.prior import known_beforehand
 from tumble.workflows.given.protocols import GivenProtocol, read_given_protocol
 from tumble.workflows.given.site import given_site
 from tumble.workflows.magnetometer import (
@@ -183,7 +184,7 @@ def calibrate(
     """
     say = progress or silent
     site, noted = given_site(site), notes_of(notes)
-    known, sheet = (None, None) if prior is None else split_prior(known_beforehand(prior, imu[1]))
+    known, sheet = (None, None) if prior is None else known_beforehand(prior, imu[1])
     options = Options(optional_terms, sheet, confirm_scale)
     paper = None if estimator is None else find_estimator(estimator)
     check_procedure(procedure, has_protocol=protocol is not None)
@@ -226,8 +227,12 @@ def _papers(
     notes: Mapping[str, str],
 ) -> dict[str, Calibration]:
     """Put a paper's own estimate beside; return its document by its file's name."""
-    own, said = paper.estimate(session), f"The estimator {paper.name} as its paper has it, not tumble's own."
+    try:
+        own = paper.estimate(session)
+    except (SegmentationError, ObservabilityError, ConvergenceError) as error:
+        raise type(error)(f"The estimator {paper.name} does not serve here: {error} Leave it out.") from error
     estimate.show(Beside(own))
+    said = f"The estimator {paper.name} as its paper has it, not tumble's own."
     return {f"calibration-{paper.name}.json": _document(session, own, said, imu, notes)}
 
 

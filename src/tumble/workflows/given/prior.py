@@ -16,8 +16,8 @@ from tumble.simulation.grades import GRADES, Grade, find_grade
 
 def known_beforehand(
     prior: str | os.PathLike[str], serial: str | None = None
-) -> StableKnowledge | Grade | FleetSheet:
-    """Return what is known of a unit before its recording.
+) -> tuple[StableKnowledge | None, Grade | FleetSheet | None]:
+    """Return what is known before a recording of the unit itself, or of its kind.
 
     Parameters
     ----------
@@ -34,10 +34,10 @@ def known_beforehand(
     """
     text = os.fspath(prior)
     if text in GRADES or not (Path(text).exists() or text.endswith(".json")):
-        return find_grade(text)
+        return None, find_grade(text)
     earlier = read_calibration(text)
     if earlier.procedure == PROCEDURE:
-        return FleetSheet(_triad(earlier, "accelerometer"), _triad(earlier, "gyroscope"))
+        return None, FleetSheet(_triad(earlier, "accelerometer"), _triad(earlier, "gyroscope"))
     if serial is not None and earlier.imu.serial_number not in (None, serial):
         raise UsageError(
             f"{prior} is the calibration of unit {earlier.imu.serial_number}, and this is unit {serial}: "
@@ -50,21 +50,8 @@ def known_beforehand(
         raise UsageError(
             f"{prior} states no accelerometer matrix with its covariance: it cannot serve as --prior."
         )
-    return stable_knowledge(
-        np.array(earlier.accelerometer.matrix, dtype=float), earlier.covariance_matrix[np.ix_(at, at)]
-    )
-
-
-def split_prior(
-    known: StableKnowledge | Grade | FleetSheet,
-) -> tuple[StableKnowledge | None, Grade | FleetSheet | None]:
-    """Return what is known of the unit itself, and what is known of its kind.
-
-    Parameters
-    ----------
-    known : of `known_beforehand`.
-    """
-    return (known, None) if isinstance(known, StableKnowledge) else (None, known)
+    matrix = np.array(earlier.accelerometer.matrix, dtype=float)
+    return stable_knowledge(matrix, earlier.covariance_matrix[np.ix_(at, at)]), None
 
 
 def find_sheet(name: str | os.PathLike[str]) -> Grade | FleetSheet:
@@ -81,12 +68,12 @@ def find_sheet(name: str | os.PathLike[str]) -> Grade | FleetSheet:
     CalibrationFileError
         If the file cannot be read.
     """
-    found = known_beforehand(name)
-    if isinstance(found, StableKnowledge):
+    _, sheet = known_beforehand(name)
+    if sheet is None:
         raise UsageError(
             f"{name} is a unit's calibration and no fleet's: `tumble registry fleet -o fleet.json` writes one."
         )
-    return found
+    return sheet
 
 
 def _triad(document: Calibration, kind: str) -> TriadFleet | None:

@@ -32,7 +32,7 @@ from tumble.workflows.calibrate import (
     say_gravity,
 )
 from tumble.workflows.given.notes import Notes, notes_of
-from tumble.workflows.given.prior import known_beforehand, split_prior
+from tumble.workflows.given.prior import known_beforehand
 from tumble.workflows.given.protocols import GivenProtocol, read_given_protocol
 from tumble.workflows.magnetometer import left_out_of
 from tumble.workflows.procedures import add_objections, believed, check_prior
@@ -119,7 +119,7 @@ def calibrate_turn_ons(
     folder = results_folder(output)
     acceptance = None if limits is None else read_limits(Path(limits))
     named = _named(recordings, protocol)
-    knowledge, sheet = (None, None) if prior is None else split_prior(known_beforehand(prior, imu[1]))
+    knowledge, sheet = (None, None) if prior is None else known_beforehand(prior, imu[1])
     if sheet is not None:
         raise UsageError(
             f"--turn-ons takes an earlier calibration of the unit as --prior, and {prior} is none."
