@@ -9,7 +9,7 @@ import numpy as np
 from tumble.arrays import Series, Square
 from tumble.calibration.checks.scores import hold_norm_variances
 from tumble.calibration.equations.imu_unknowns import LAYOUT, unknowns_of
-from tumble.calibration.estimate import Estimate, Figures, Said, estimate_of
+from tumble.calibration.estimate import Estimate, Figures, Said
 from tumble.calibration.evidence import Holds
 from tumble.calibration.outcome.description import describe
 from tumble.calibration.session import Session
@@ -84,7 +84,7 @@ def carried_estimate(
     left, degrees = holds.norms / holds.sigmas, max(len(means) - 9, 1)
     sigma0 = float(np.sqrt(left @ left / degrees))
     figures = Figures(sigma0, sigma0, degrees, 1.96, float(np.max(np.abs(left))), {})
-    return estimate_of(name, described, figures, said=said, evidence=[holds], frame=frame)
+    return Estimate(name, *described, *figures, said=[*said], evidence=[holds], frame=frame)
 
 
 def _unknowns(model: ImuModel) -> Series:

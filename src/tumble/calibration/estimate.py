@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import field
-from typing import Literal, TypeAlias, TypeVar
+from typing import Literal, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 
 from tumble.arrays import Matrix, Square, Table
-from tumble.calibration.evidence import (
-    Evidence,
-    Holds,
-    Spins,
-    Turns,
-)
-from tumble.estimation import Adjustment, snoop_groups
+from tumble.calibration.evidence import Evidence, Holds, Spins, Turns
 from tumble.records import dataclass
 from tumble.sensor import ImuModel
 from tumble.sensor.thermal import ThermalModel
@@ -71,8 +65,7 @@ class NamedValue:
     unit: str
 
 
-@dataclass(frozen=True, slots=True)
-class Described:
+class Described(NamedTuple):
     """What was estimated as everybody else knows it, with covariance: the first fields of an `Estimate`."""
 
     model: ImuModel
@@ -104,9 +97,8 @@ class TermTest:
     largest: str
 
 
-@dataclass(frozen=True, slots=True)
-class Figures:
-    """How well an adjustment fits: the figures of an `Estimate` by these names."""
+class Figures(NamedTuple):
+    """How well an adjustment fits: the next fields of an `Estimate`."""
 
     sigma0: float
     sigma0_final: float
@@ -114,31 +106,6 @@ class Figures:
     coverage_factor: float
     largest_normalised: float
     variance_components: dict[str, float]
-
-    @classmethod
-    def of(
-        cls,
-        adjustment: Adjustment,
-        alone: float,
-        components: dict[str, float],
-        *,
-        tested: Sequence[slice],
-        estimated: bool = True,
-    ) -> Figures:
-        """Return the figures of a Gauss-Helmert adjustment.
-
-        Parameters
-        ----------
-        adjustment : settled.
-        alone : square root of the variance of unit weight against the noise seen at rest alone.
-        components : standard deviations beyond that, SI.
-        tested : columns of the conditions, a kind each, whose residuals are tested a group at a time.
-        estimated : whether the noise was estimated from residuals, which are so many; else it is known.
-        """
-        tests = [t.normalised for columns in tested for t in snoop_groups(adjustment, columns) if t.degrees]
-        factor = coverage_factor(adjustment.redundancy) if estimated else 1.96
-        largest = max(tests, default=0.0)
-        return cls(alone, adjustment.sigma0, adjustment.redundancy, factor, largest, components)
 
 
 @dataclass(frozen=True, slots=True)
@@ -290,51 +257,6 @@ class Beside(Evidence):
     """
 
     estimate: Estimate
-
-
-def estimate_of(
-    procedure: str,
-    described: Described,
-    figures: Figures,
-    *,
-    said: Iterable[Said] = (),
-    evidence: Iterable[Evidence] = (),
-    terms: Iterable[TermTest] = (),
-    left_out: Iterable[LeftOut] = (),
-    frame: str = "accelerometer-x",
-    thermal: OverTemperature | None = None,
-    lever_arms: Matrix | None = None,
-) -> Estimate:
-    """Return the estimate of a procedure.
-
-    Parameters
-    ----------
-    procedure : its name.
-    described : model and parameters with their covariance.
-    figures : how well the adjustment fits.
-    said, evidence, terms, left_out, frame, thermal, lever_arms : as in `Estimate`.
-    """
-    return Estimate(
-        procedure=procedure,
-        model=described.model,
-        names=described.names,
-        covariance=described.covariance,
-        parameters=described.parameters,
-        correlations=described.correlations,
-        sigma0=figures.sigma0,
-        sigma0_final=figures.sigma0_final,
-        degrees_of_freedom=figures.degrees_of_freedom,
-        coverage_factor=figures.coverage_factor,
-        largest_normalised=figures.largest_normalised,
-        variance_components=figures.variance_components,
-        terms=list(terms),
-        left_out=list(left_out),
-        said=list(said),
-        evidence=list(evidence),
-        frame=frame,
-        thermal=thermal,
-        lever_arms=lever_arms,
-    )
 
 
 def coverage_factor(degrees_of_freedom: int) -> float:

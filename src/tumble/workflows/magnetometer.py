@@ -170,7 +170,7 @@ def field_alone(
     ObservabilityError
         If the samples determine no magnetometer either, and the recording was to calibrate other triads.
     """
-    from tumble.calibration.estimate import Described, Figures, estimate_of
+    from tumble.calibration.estimate import Described, Estimate, Figures
     from tumble.calibration.magnetometer.estimate import magnetometer_alone
     from tumble.calibration.magnetometer.verdict import judge_magnetometer
     from tumble.document.field_document import FIELD_ALONE, field_document
@@ -185,7 +185,7 @@ def field_alone(
     verdict = judge_magnetometer(found, session.site.latitude)
     nothing = Described(ImuModel(None, None, None, found.triad), [], np.zeros((0, 0)), [], np.zeros((0, 0)))
     figures = Figures(np.nan, np.nan, 0, found.coverage_factor, 0.0, {})
-    estimate = estimate_of(FIELD_ALONE, nothing, figures, evidence=[found])
+    estimate = Estimate(FIELD_ALONE, *nothing, *figures, evidence=[found])
     remarks = tuple(remark.text for remark in recording.remarks)
     document = field_document(found, verdict, recording, session.site, why=why, remarks=remarks, imu=imu)
     return document, estimate

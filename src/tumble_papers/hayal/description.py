@@ -15,7 +15,6 @@ from tumble.calibration.estimate import (
     NamedValue,
     correlation_matrix,
     coverage_factor,
-    estimate_of,
     said_of,
 )
 from tumble.records import dataclass
@@ -94,7 +93,7 @@ def estimate_of_triads(
     assert first is not None
     factor = coverage_factor(first.redundancy) if first.redundancy else 1.96
     figures = Figures(first.sigma0, first.sigma0, first.redundancy, factor, 0.0, {})
-    return estimate_of(method, described, figures, said=said_of(not_determined=not_determined), frame=frame)
+    return Estimate(method, *described, *figures, said=said_of(not_determined=not_determined), frame=frame)
 
 
 def _triad(found: FoundTriad | None) -> Triad | None:

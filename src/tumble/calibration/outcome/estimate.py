@@ -38,7 +38,6 @@ from tumble.calibration.estimate import (
     NamedValue,
     TermTest,
     coverage_factor,
-    estimate_of,
     said_of,
 )
 from tumble.calibration.evidence import Holds, RestlessHold, Spins, Turns
@@ -155,12 +154,12 @@ def joint_estimate(outcome: JointOutcome) -> Estimate:
         _largest(outcome.balanced),
         _components(outcome),
     )
-    estimate = estimate_of(
+    estimate = Estimate(
         "joint",
-        described if outcome.has_force else _of_gyros(described),
-        figures,
+        *(described if outcome.has_force else _of_gyros(described)),
+        *figures,
         left_out=_left_out(outcome.balanced, norms, angles),
-        terms=outcome.terms,
+        terms=[*outcome.terms],
         said=said_of(
             remarks=[*_remarks(outcome, described.parameters, restless)],
             cautions=[*_of_unchecked_turns(outcome), *_of_clock(outcome), *courses["caution"]],

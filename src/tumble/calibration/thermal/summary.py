@@ -17,7 +17,6 @@ from tumble.calibration.estimate import (
     OverTemperature,
     correlation_matrix,
     coverage_factor,
-    estimate_of,
     said_of,
 )
 from tumble.calibration.evidence import Holds
@@ -124,12 +123,12 @@ def thermal_estimate(found: ThermalOutcome) -> Estimate:
     """Return the estimate that the procedure hands over."""
     solution, evidence = found.solution, thermal_evidence(found)
     norms, sigmas = _norms(found)
-    return estimate_of(
+    return Estimate(
         "thermal",
-        _described(found),
-        _figures(found, evidence),
+        *_described(found),
+        *_figures(found, evidence),
         left_out=_left_out(found),
-        terms=found.tests,
+        terms=[*found.tests],
         said=said_of(
             remarks=[*thermal_remarks(found, evidence), *found.coverage.remarks],
             cautions=found.coverage.cautions,

@@ -15,7 +15,6 @@ from tumble.calibration.estimate import (
     Figures,
     LeftOut,
     coverage_factor,
-    estimate_of,
     said_of,
 )
 from tumble.calibration.evidence import Holds, Spins, Turns
@@ -232,12 +231,12 @@ def _joined(
         {f"{of} ({name})": size for name, own in named for of, size in own.variance_components.items()},
     )
     spins = tuple(f"{name}, {of}" for name, own in named for of in own.spins.names)
-    return estimate_of(
+    return Estimate(
         "joint",
-        described,
-        figures,
+        *described,
+        *figures,
         left_out=_left_out(outcome, parts),
-        terms=outcome.terms,
+        terms=[*outcome.terms],
         said=said_of(
             remarks=_said(outcome, [own.remarks for own in alone]),
             objections=_said(outcome, [own.objections for own in alone]),
