@@ -22,10 +22,11 @@ from pathlib import Path
 import numpy as np
 
 from tumble.calibration import Estimate, Options, Session, calibrate, find_procedure
-from tumble.calibration.canonical import named_values
 from tumble.calibration.checks.scores import hold_norm_errors, score_turns
 from tumble.calibration.equations.gathering import gather
+from tumble.calibration.equations.imu_unknowns import LAYOUT
 from tumble.calibration.equations.triad_unknowns import triad_from_unknowns, unknowns_from_triad
+from tumble.calibration.outcome.description import named_function
 from tumble.calibration.start_values import rough_triad
 from tumble.earth import Site
 from tumble.export.readers import read_imu_tk
@@ -97,26 +98,20 @@ def held_out_plain_norms(data, gravity: float) -> np.ndarray:
 def compare(model: ImuModel, estimate) -> None:
     """Print imu_tk's values beside ours, all in Shin's convention and our frame."""
     turned = change_frame(model, "accelerometer-x")
-    x = np.zeros(36)
+    x = np.zeros(LAYOUT.size)
     x[:12] = unknowns_from_triad(Triad(np.tril(turned.accelerometer.matrix), turned.accelerometer.bias))
     x[12:21], x[21:24] = turned.gyroscope.matrix.ravel(), turned.gyroscope.bias
-    theirs, _ = named_values(
-        x,
-        np.zeros((36, 36)),
-        terms=frozenset(),
-        gyro="full",
-        units=("counts", "counts"),
-        factors=(None, None),
-    )
+    labels, values = named_function(frozenset(), "full", "accelerometer-x", ("counts", "counts"))
+    theirs = {name: float(value) for (name, _), value in zip(labels, values(x), strict=True)}
     ours = {p.name: p for p in estimate.parameters}
     print(
         f"  {'parameter':42s}{'tumble':>13s}{'± sigma':>10s}{'imu_tk':>13s}{'difference / sigma':>20s}  unit"
     )
-    for value in theirs:
-        own = ours[value.name]
-        difference = (value.value - own.value) / own.standard_uncertainty
+    for name, value in theirs.items():
+        own = ours[name]
+        difference = (value - own.value) / own.standard_uncertainty
         print(
-            f"  {value.name:42s}{own.value:13.6g}{own.standard_uncertainty:10.2g}{value.value:13.6g}"
+            f"  {name:42s}{own.value:13.6g}{own.standard_uncertainty:10.2g}{value:13.6g}"
             f"{difference:20.1f}  {own.unit}"
         )
 

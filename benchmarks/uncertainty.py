@@ -26,8 +26,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from tumble.calibration import Estimate, Session, calibrate, find_procedure
-from tumble.calibration.canonical import G_SENSITIVITY, GYRO_BIAS, GYRO_MATRIX, named_values
+from tumble.calibration.equations.imu_unknowns import LAYOUT
 from tumble.calibration.equations.triad_unknowns import unknowns_from_triad
+from tumble.calibration.outcome.description import named_function
 from tumble.earth import Site
 from tumble.errors import TumbleError
 from tumble.sensor import ImuModel, change_frame
@@ -91,23 +92,17 @@ def without_wander(triad):
 def true_values(model: ImuModel, estimate: Estimate) -> dict[str, float]:
     """Return the truth in the estimate's own parameters."""
     turned = change_frame(model, "accelerometer-x")
-    x = np.zeros(36)
+    x = np.zeros(LAYOUT.size)
     # Round-off above the diagonal is cut off.
     x[:12] = unknowns_from_triad(
         type(turned.accelerometer)(np.tril(turned.accelerometer.matrix), turned.accelerometer.bias)
     )
-    x[GYRO_MATRIX], x[GYRO_BIAS] = turned.gyroscope.matrix.ravel(), turned.gyroscope.bias
+    x[LAYOUT["gyro.matrix"]], x[LAYOUT["gyro.bias"]] = turned.gyroscope.matrix.ravel(), turned.gyroscope.bias
     if turned.g_sensitivity is not None:
-        x[G_SENSITIVITY] = turned.g_sensitivity.ravel()
-    named, _ = named_values(
-        x,
-        np.zeros((36, 36)),
-        terms=frozenset({"g_sensitivity"}),
-        gyro="full",
-        units=("m/s^2", "rad/s"),
-        factors=(1.0, 1.0),
-    )
-    return {value.name: value.value for value in named}
+        x[LAYOUT["gyro.g_sensitivity"]] = turned.g_sensitivity.ravel()
+    units = ("m/s^2", "rad/s")
+    labels, values = named_function(frozenset({"g_sensitivity"}), "full", "accelerometer-x", units)
+    return {name: float(value) for (name, _), value in zip(labels, values(x), strict=True)}
 
 
 def run(seed: int, grade: str, rate: float, hold: float, white: bool) -> Outcome:

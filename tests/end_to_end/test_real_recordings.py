@@ -16,10 +16,11 @@ import pytest
 
 from tumble.calibration import Estimate, Options, Session, find_procedure
 from tumble.calibration import calibrate as joint
-from tumble.calibration.canonical import named_values
 from tumble.calibration.checks.scores import hold_norm_errors, score_turns
 from tumble.calibration.equations.gathering import gather
+from tumble.calibration.equations.imu_unknowns import LAYOUT
 from tumble.calibration.equations.triad_unknowns import unknowns_from_triad
+from tumble.calibration.outcome.description import named_function
 from tumble.document import read_calibration
 from tumble.earth import Site
 from tumble.export.readers import read_imu_tk
@@ -175,24 +176,18 @@ def test_with_imu_tk_s_own_model_our_parameters_are_its_parameters(
     turned = change_frame(imu_tk, "accelerometer-x")
     assert turned.accelerometer is not None
     assert turned.gyroscope is not None
-    x = np.zeros(36)
+    x = np.zeros(LAYOUT.size)
     # Round-off above the diagonal is cut off.
     x[:12] = unknowns_from_triad(Triad(np.tril(turned.accelerometer.matrix), turned.accelerometer.bias))
     x[12:21], x[21:24] = turned.gyroscope.matrix.ravel(), turned.gyroscope.bias
-    theirs, _ = named_values(
-        x,
-        np.zeros((36, 36)),
-        terms=frozenset(),
-        gyro="full",
-        units=("counts", "counts"),
-        factors=(None, None),
-    )
+    labels, values = named_function(frozenset(), "full", "accelerometer-x", ("counts", "counts"))
+    theirs = {name: float(value) for (name, _), value in zip(labels, values(x), strict=True)}
     ours = {parameter.name: parameter for parameter in without_g_sensitivity.parameters}
     assert len(theirs) == 21
-    for value in theirs:
-        own = ours[value.name]
-        limit = 10.0 if value.name.startswith("gyro bias") else 3.0
-        assert abs(value.value - own.value) < limit * own.standard_uncertainty, value.name
+    for name, value in theirs.items():
+        own = ours[name]
+        limit = 10.0 if name.startswith("gyro bias") else 3.0
+        assert abs(value - own.value) < limit * own.standard_uncertainty, name
 
 
 def test_the_xsens_gyro_is_g_sensitive_and_quadratic_terms_are_not_wanted(xsens: CalibrationRun) -> None:

@@ -15,9 +15,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tumble.calibration import Estimate
-from tumble.calibration.canonical import canonical_names
 from tumble.calibration.estimate import NamedValue, TermTest, said_of
 from tumble.calibration.evidence import Holds, Turns
+from tumble.calibration.outcome.description import canonical_names
 from tumble.document import Calibration, calibration_from_estimate, read_calibration
 from tumble.document.result import calibration_schema
 from tumble.earth import Site

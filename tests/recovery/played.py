@@ -9,7 +9,7 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation as Attitudes
 
 from tumble.calibration import Estimate, Options, Session, calibrate, find_procedure
-from tumble.calibration.canonical import canonical_names
+from tumble.calibration.outcome.description import canonical_names
 from tumble.calibration.prior import StableKnowledge
 from tumble.calibration.procedure import Procedure
 from tumble.earth import Site

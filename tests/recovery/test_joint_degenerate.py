@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from recovery.played import by_hand, jointly
 from tumble.calibration import Session
-from tumble.calibration.canonical import canonical_names
 from tumble.calibration.estimate import Estimate
+from tumble.calibration.outcome.description import canonical_names
 from tumble.calibration.prior import StableKnowledge
 from tumble.earth import Site
 from tumble.errors import ObservabilityError

@@ -10,9 +10,9 @@ from scipy.stats import chi2
 
 from recovery.played import jointly
 from tumble.calibration import Session, find_procedure
-from tumble.calibration.canonical import canonical_names
 from tumble.calibration.estimate import Estimate
 from tumble.calibration.evidence import Budget
+from tumble.calibration.outcome.description import canonical_names
 from tumble.calibration.outcome.estimate import SITS
 from tumble.earth import Site
 from tumble.protocol import named_protocol

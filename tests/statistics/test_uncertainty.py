@@ -19,7 +19,8 @@ from scipy.spatial.transform import Rotation
 
 from recovery.played import jointly
 from tumble.calibration import Estimate, Session
-from tumble.calibration.canonical import canonical_parameters
+from tumble.calibration.equations.imu_unknowns import LAYOUT
+from tumble.calibration.outcome.description import canonical_function
 from tumble.earth import Site
 from tumble.recording import Recording
 from tumble.segmentation import HoldMeans, Timeline
@@ -269,10 +270,10 @@ def test_a_jump_of_the_gyro_s_bias_is_told(runs: list[Run]) -> None:
 def test_canonical_names_and_numbers_belong_together(runs: list[Run]) -> None:
     """The order of names is that of the covariance's own function."""
     run = runs[0]
-    unknowns = np.arange(36.0) + 0.5
+    unknowns = np.arange(float(LAYOUT.size)) + 0.5
     unknowns[6:9] = [0.01, -0.02, 0.03]
     terms = frozenset(term.name for term in run.estimate.terms if term.kept)
-    numbers = canonical_parameters(unknowns, terms & {"g_sensitivity", "quadratic"}, "full")
+    numbers = canonical_function(terms, "full", "accelerometer-x")(unknowns)
     by_name = dict(zip(run.estimate.names, numbers, strict=True))
     assert by_name["accelerometer.bias[1]"] == 1.5
     assert by_name["gyroscope.matrix[0,0]"] == 12.5

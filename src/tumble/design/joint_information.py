@@ -14,13 +14,13 @@ import numpy as np
 import numpy.typing as npt
 
 from tumble.arrays import Series, Square, Table, inverted
-from tumble.calibration.canonical import named_parameters
 from tumble.calibration.equations.adjustment import JointAdjustment, Section, still_sway
 from tumble.calibration.equations.imu_unknowns import LAYOUT, PLAIN, imu_unknowns, unknowns_of
 from tumble.calibration.equations.observed import Observed
 from tumble.calibration.equations.reference_equations import Heading
 from tumble.calibration.equations.stretches import RecordingStretch, SectionStretch
 from tumble.calibration.equations.turn_equations import Link, Turn
+from tumble.calibration.outcome.description import named_function
 from tumble.calibration.recording_influences import recording_influences
 from tumble.calibration.start import start_adjustment
 from tumble.earth import Site
@@ -40,7 +40,7 @@ Complex = npt.NDArray[Any]
 FREE = np.sort(np.concatenate([PLAIN, LAYOUT.indices("gyro.g_sensitivity")]))
 """The shared unknowns that a plan looks at: both triads and g-sensitivity."""
 _TERMS = frozenset({"g_sensitivity"})
-LABELS, _EVALUATE = named_parameters(terms=_TERMS, gyro="full", units=("m/s²", "rad/s"), factors=(1.0, 1.0))
+LABELS, _EVALUATE = named_function(_TERMS, "full", "accelerometer-x", ("m/s²", "rad/s"))
 NAMES = tuple(name for name, _ in LABELS)
 """Of the thirty parameters, in the order of every matrix here."""
 UNITS = tuple(unit for _, unit in LABELS)

@@ -11,9 +11,9 @@ import polars as pl
 import pytest
 
 from tumble.calibration import Estimate
-from tumble.calibration.canonical import canonical_names
 from tumble.calibration.estimate import OverTemperature
 from tumble.calibration.evidence import Holds
+from tumble.calibration.outcome.description import canonical_names
 from tumble.document import Calibration, calibration_from_estimate, read_calibration
 from tumble.document.corrector import Corrector
 from tumble.document.result import RecordingName

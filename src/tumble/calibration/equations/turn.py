@@ -12,9 +12,6 @@ from tumble.attitude.integration import average_at_edge
 from tumble.records import dataclass
 from tumble.segmentation.rest_wander import RestParts
 
-TOTAL = 36
-"""Unknowns of both triads with g-sensitivity and the Earth rate, as plain parameters have them."""
-
 
 @dataclass(frozen=True, slots=True)
 class HoldsAndTurns:

@@ -35,7 +35,7 @@ from tumble.calibration.equations.causes import (
 )
 from tumble.calibration.equations.imu_unknowns import force_matrix, gyro_matrix, term_unknowns
 from tumble.calibration.evidence import Budget
-from tumble.calibration.outcome.description import named_function
+from tumble.calibration.outcome.description import gravity_slope, named_function
 from tumble.calibration.recording_influences import recording_influences
 from tumble.calibration.terms import TERMS
 from tumble.estimation.equations import Tests
@@ -45,7 +45,6 @@ from tumble.estimation.solve import solve
 from tumble.recording.temperature import mean_celsius
 from tumble.records import dataclass
 from tumble.sensor.propagation import Function, jacobian
-from tumble.units import angular_rate_factor, specific_force_factor
 
 if TYPE_CHECKING:
     from tumble.calibration.estimate import Estimate
@@ -85,9 +84,8 @@ class NamedParameters:
         """
         recording = outcome.recording
         units = recording.specific_force_unit, recording.angular_rate_unit
-        factors = specific_force_factor(units[0]), angular_rate_factor(units[1])
         gyro = "full" if outcome.has_gyro else "none"
-        labels, function = named_function(outcome.kept, gyro, outcome.frame, units, factors)
+        labels, function = named_function(outcome.kept, gyro, outcome.frame, units)
         at = {name: row for row, (name, _) in enumerate(labels)}
         rows = [at[name] for name in names]
         values = outcome.values
@@ -161,7 +159,8 @@ def budget_of(
         source: scale * np.sqrt(np.maximum(np.einsum("pa,ab,pb->p", named.slope, share, named.slope), 0.0))
         for source, share in influences.shares(SOURCES).items()
     }
-    made[GRAVITY] = np.abs(named.slope @ gravity_slope(outcome)) * outcome.site.gravity_sigma
+    moved = gravity_slope(outcome.values, outcome.site)[outcome.task.unknowns.free]
+    made[GRAVITY] = np.abs(named.slope @ moved) * outcome.site.gravity_sigma
     for source, slope in _seen_by_nothing(outcome).items():
         made[source] = scale * np.abs(named.slope @ slope)
         made[PRIOR] = np.sqrt(np.maximum(made[PRIOR] ** 2 - made[source] ** 2, 0.0))
@@ -179,20 +178,6 @@ def _seen_by_nothing(outcome: JointOutcome) -> dict[str, Series]:
                 task.prior.precision[place, place]
             )
     return made
-
-
-def gravity_slope(outcome: JointOutcome) -> Series:
-    """Return (free,) by how much the unknowns move per m/s² of gravity, see `gravity_covariance`.
-
-    Parameters
-    ----------
-    outcome : the solution.
-    """
-    u = outcome.task.unknowns
-    slope = u.at(np.zeros(u.values.size))
-    for name in ("force.scale", "gyro.g_sensitivity"):
-        slope[name][:] = -u[name] / outcome.site.gravity
-    return slope.values[u.free]
 
 
 def source_degrees(outcome: JointOutcome) -> dict[str, float]:

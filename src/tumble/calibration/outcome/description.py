@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tumble.arrays import Series, Square
-from tumble.calibration.canonical import canonical_names, gravity_covariance, named_parameters
+from tumble.attitude.rotations import analytic_rotation_vector
 from tumble.calibration.equations.imu_unknowns import (
     LAYOUT,
     NAME_PLATE_FORCE,
@@ -23,7 +23,8 @@ from tumble.earth import Site
 from tumble.recording.recording import Recording
 from tumble.sensor import ImuModel, Triad, polar_rotation, propagate
 from tumble.sensor.conventions.savage import OFF_DIAGONAL, PAIRS
-from tumble.sensor.conventions.shin import matrix_from_shin
+from tumble.sensor.conventions.shin import matrix_from_shin, shin_from_matrix
+from tumble.sensor.gauge import inverse, lower_factor
 from tumble.units import angular_rate_factor, specific_force_factor
 
 Complex = npt.NDArray[Any]
@@ -47,17 +48,19 @@ def describe(
     unknowns, covariance : all of `LAYOUT`.
     site, recording : how well gravity is known; units.
     terms : optional terms that were kept.
-    gyro : "full" or "none".
+    gyro : "full" (matrix and bias), "bias" or "none".
     frame : "accelerometer-x", "fixture" or "mean-gyro".
     all_told : name every parameter, however uncertain.
     """
-    values, spread = unknowns, covariance + gravity_covariance(unknowns, site)
-    units = (recording.specific_force_unit, recording.angular_rate_unit)
-    factors = (specific_force_factor(units[0]), angular_rate_factor(units[1]))
-    names = _canonical_names(terms, gyro)
-    numbers, own = propagate(_canonical(terms, gyro, frame), values, spread)
+    # All accelerometer scale factors, and what gyros show of gravity, are as wrong as it is.
+    off = site.gravity_sigma * gravity_slope(unknowns, site)
+    values, spread = unknowns, covariance + np.outer(off, off)
+    names = canonical_names(terms, gyro)
+    numbers, own = propagate(canonical_function(terms, gyro, frame), values, spread)
     keep = _worth_naming(names, numbers, own, values, all_told=all_told)
-    labels, evaluate = named_function(terms, gyro, frame, units, factors)
+    labels, evaluate = named_function(
+        terms, gyro, frame, (recording.specific_force_unit, recording.angular_rate_unit)
+    )
     shown, told = propagate(evaluate, values, spread)
     sigmas = np.sqrt(np.maximum(np.diag(told), 0.0))
     named = np.ones(len(labels), dtype=bool)
@@ -67,7 +70,7 @@ def describe(
     rows = [i for i in np.flatnonzero(named) if all_told or _is_told(labels[i], shown[i], sigmas[i], values)]
     parameters = [NamedValue(*_pair(labels[i], shown[i], sigmas[i])) for i in rows]
     return Described(
-        _model(values, terms, gyro, frame),
+        model_of(values, terms, gyro, frame),
         [names[i] for i in keep],
         own[np.ix_(keep, keep)],
         parameters,
@@ -106,7 +109,27 @@ def _force_matrix(x: Complex) -> Complex:
     return matrix_from_shin(x[LAYOUT["force.scale"]], x[LAYOUT["force.angle"]])
 
 
-def _canonical(terms: frozenset[str], gyro: str, frame: str) -> Callable[[Complex], Complex]:
+def gravity_slope(unknowns: Series, site: Site) -> Series:
+    """Return (unknowns,) by how much they move per m/s² of gravity: ``-scale / gravity``, and g-sensitivity alike.
+
+    Parameters
+    ----------
+    unknowns, site : all of `LAYOUT`, and where.
+    """
+    slope = np.zeros(unknowns.size)
+    for at in (LAYOUT["force.scale"], LAYOUT["gyro.g_sensitivity"]):
+        slope[at] = -unknowns[at] / site.gravity
+    return slope
+
+
+def canonical_function(terms: frozenset[str], gyro: str, frame: str) -> Callable[[Complex], Complex]:
+    """Return the (analytic) function of all unknowns that gives the numbers of `canonical_names`.
+
+    Parameters
+    ----------
+    terms, gyro, frame : as for `describe`.
+    """
+
     def evaluate(x: Complex) -> Complex:
         C_bf = rotation_of_frame(x, frame)
         parts: list[Complex] = [
@@ -114,8 +137,8 @@ def _canonical(terms: frozenset[str], gyro: str, frame: str) -> Callable[[Comple
             x[LAYOUT["force.bias"]],
         ]
         parts += [x[LAYOUT["force.quadratic"]]] if "quadratic" in terms else []
-        if gyro == "full":
-            parts += [(x[LAYOUT["gyro.matrix"]].reshape(3, 3) @ C_bf).ravel(), x[LAYOUT["gyro.bias"]]]
+        parts += [(x[LAYOUT["gyro.matrix"]].reshape(3, 3) @ C_bf).ravel()] if gyro == "full" else []
+        parts += [x[LAYOUT["gyro.bias"]]] if gyro != "none" else []
         if "g_sensitivity" in terms:
             parts.append((x[LAYOUT["gyro.g_sensitivity"]].reshape(3, 3) @ C_bf).ravel())
         parts += [x[LAYOUT[term.block.name]] for term in _kept(terms, "curve")]
@@ -130,9 +153,22 @@ def _kept(terms: frozenset[str], what: Literal["curve", "parameters"]) -> list[T
     return [term for term in found if getattr(term, what)]
 
 
-def _canonical_names(terms: frozenset[str], gyro: str) -> list[str]:
-    names = canonical_names(terms, gyro)
-    return names + [f"{t.of}.{t.curve}[{i}]" for t in _kept(terms, "curve") for i in range(3)]
+def canonical_names(terms: frozenset[str], gyro: str) -> list[str]:
+    """Return the names of the canonical parameters, as `calibration.json` lists them.
+
+    Parameters
+    ----------
+    terms, gyro : as for `describe`.
+    """
+    groups = ["accelerometer.matrix", "accelerometer.bias"]
+    groups += ["accelerometer.quadratic"] if "quadratic" in terms else []
+    groups += ["gyroscope.matrix"] if gyro == "full" else []
+    groups += ["gyroscope.bias"] if gyro != "none" else []
+    groups += ["gyroscope.g_sensitivity"] if "g_sensitivity" in terms else []
+    groups += [f"{term.of}.{term.curve}" for term in _kept(terms, "curve")]
+    square = [f"{i},{j}" for i in range(3) for j in range(3)]
+    of_square = ("matrix", "sensitivity")
+    return [f"{group}[{i}]" for group in groups for i in (square if group.endswith(of_square) else range(3))]
 
 
 def _worth_naming(
@@ -172,76 +208,92 @@ def _is_told(label: tuple[str, str], value: float, sigma: float, values: Series)
 
 
 def named_function(
-    terms: frozenset[str],
-    gyro: str,
-    frame: str,
-    units: tuple[str, str],
-    factors: tuple[float | None, float | None],
+    terms: frozenset[str], gyro: str, frame: str, units: tuple[str, str]
 ) -> tuple[list[tuple[str, str]], Callable[[Complex], Complex]]:
     """Return names and units of the parameters, and the (analytic) function of all unknowns that gives them.
 
+    Scale factors are errors where the raw unit is known, and raw per SI of counts. In ``accelerometer-x`` they are
+    Shin and El-Sheimy's: the gyros' matrix is split into its own lower-triangular factor and the rotation between the
+    triads, given as a rotation vector from b to the gyros' own frame.
+
     Parameters
     ----------
-    terms, gyro, frame : as for `describe_wide`.
-    units, factors : raw units, and SI per raw unit or None for counts.
+    terms, gyro, frame : as for `describe`.
+    units : raw units of specific force and angular rate.
     """
-    curves, others = (
-        _kept(terms, "curve"),
-        [(LAYOUT[t.block.name], t.parameters) for t in _kept(terms, "parameters") if t.parameters],
-    )
-    extra = [label for term in curves for label in term.curve_labels(units)]
-    extra += [label for _, own in others for label in own.labels(frame)]
-
-    def further(x: Complex) -> list[Complex]:
-        C_bf = rotation_of_frame(x, frame)
-        own = [x[LAYOUT[term.block.name]] for term in curves]
-        return own + [parameters.values(x[place], C_bf, frame) for place, parameters in others]
-
-    if frame == "accelerometer-x":
-        labels, own = named_parameters(terms=terms, gyro=gyro, units=units, factors=factors)
-        return [*labels, *extra], lambda x: np.concatenate([own(x[:36]), *further(x)])
-    savage = frame == "mean-gyro"
-    labels = _labels("accelerometer", units[0], factors[0], "m/s²")
+    factors = specific_force_factor(units[0]), angular_rate_factor(units[1])
+    curves = _kept(terms, "curve")
+    others = [(LAYOUT[t.block.name], t.parameters) for t in _kept(terms, "parameters") if t.parameters]
+    shin, savage = frame == "accelerometer-x", frame == "mean-gyro"
+    labels = _labels("accelerometer", units[0], factors[0], "m/s²", SHIN if shin else LEANS)
     if "quadratic" in terms:
         labels += [(f"accelerometer quadratic {axis}", f"1/({units[0]})") for axis in "xyz"]
-    if gyro == "full":
-        labels += _labels("gyro", units[1], factors[1], "rad/s", symmetric=savage)
+    if gyro != "none":
+        own = _labels("gyro", units[1], factors[1], "rad/s", SHIN if shin else SYMMETRIC if savage else LEANS)
+        labels += own if gyro == "full" else own[:3]
+    if gyro == "full" and shin:
+        labels += [(f"rotation between the triads {axis}", "rad") for axis in "xyz"]
     if "g_sensitivity" in terms:
         pairs = [(a, b) for a in "xyz" for b in "xyz"]
         labels += [(f"g-sensitivity of gyro {a} to force {b}", f"{units[1]}/(m/s²)") for a, b in pairs]
+    labels += [label for term in curves for label in term.curve_labels(units)]
+    labels += [label for _, parameters in others for label in parameters.labels(frame)]
     values = _savage_values if savage else _fixture_values
 
     def evaluate(x: Complex) -> Complex:
         C_bf = rotation_of_frame(x, frame)
-        parts = values(_force_matrix(x) @ C_bf, x[LAYOUT["force.bias"]], factors[0], symmetric=False)
+        if shin:
+            parts = [_scaled(x[LAYOUT["force.scale"]], factors[0]), x[LAYOUT["force.angle"]]]
+        else:
+            parts = values(_force_matrix(x) @ C_bf, factors[0], symmetric=False)
+        parts = [x[LAYOUT["force.bias"]], *parts]
         parts += [x[LAYOUT["force.quadratic"]]] if "quadratic" in terms else []
+        parts += [x[LAYOUT["gyro.bias"]]] if gyro != "none" else []
         if gyro == "full":
             matrix = x[LAYOUT["gyro.matrix"]].reshape(3, 3) @ C_bf
-            parts += values(matrix, x[LAYOUT["gyro.bias"]], factors[1], symmetric=savage)
+            parts += (
+                _shin_values(matrix, factors[1]) if shin else values(matrix, factors[1], symmetric=savage)
+            )
         if "g_sensitivity" in terms:
             parts.append((x[LAYOUT["gyro.g_sensitivity"]].reshape(3, 3) @ C_bf).ravel())
-        return np.concatenate([*parts, *further(x)])
+        parts += [x[LAYOUT[term.block.name]] for term in curves]
+        parts += [parameters.values(x[place], C_bf, frame) for place, parameters in others]
+        return np.concatenate(parts)
 
-    return [*labels, *extra], evaluate
+    return labels, evaluate
+
+
+# Angles of a triad: of its own axes one by one, of a symmetric matrix by pairs of axes, or where each axis leans.
+SHIN = tuple(f"non-orthogonality {angle}" for angle in ("yz", "zx", "zy"))
+SYMMETRIC = tuple(f"non-orthogonality {'xyz'[i]}{'xyz'[j]}" for i, j in PAIRS)
+LEANS = tuple(f"misalignment {'xyz'[i]}{'xyz'[j]}" for i, j in OFF_DIAGONAL)
 
 
 def _labels(
-    short: str, unit: str, factor: float | None, si: str, *, symmetric: bool = False
+    short: str, unit: str, factor: float | None, si: str, angles: tuple[str, ...]
 ) -> list[tuple[str, str]]:
-    """Names and units of a triad; of a symmetric matrix by its pairs of axes, of any other by where each axis leans."""
-    if symmetric:
-        angles = [f"{short} non-orthogonality {'xyz'[i]}{'xyz'[j]}" for i, j in PAIRS]
-    else:
-        angles = [f"{short} misalignment {'xyz'[i]}{'xyz'[j]}" for i, j in OFF_DIAGONAL]
+    """Names and units of a triad."""
     kind = "scale factor error" if factor else "scale factor"
     return [
         *((f"{short} bias {axis}", unit) for axis in "xyz"),
         *((f"{short} {kind} {axis}", "1" if factor else f"{unit}/({si})") for axis in "xyz"),
-        *((angle, "rad") for angle in angles),
+        *((f"{short} {angle}", "rad") for angle in angles),
     ]
 
 
-def _savage_values(matrix: Complex, bias: Complex, factor: float | None, *, symmetric: bool) -> list[Complex]:
+def _scaled(scale: Complex, factor: float | None) -> Complex:
+    """Scale factors as errors against SI where the raw unit is known."""
+    return scale if factor is None else scale * factor - 1.0
+
+
+def _shin_values(matrix: Complex, factor: float | None) -> list[Complex]:
+    """Of `_labels`, and the rotation between the triads."""
+    own = lower_factor(matrix)
+    scale, angles = shin_from_matrix(own)
+    return [_scaled(scale, factor), angles, analytic_rotation_vector(inverse(own) @ matrix)]
+
+
+def _savage_values(matrix: Complex, factor: float | None, *, symmetric: bool) -> list[Complex]:
     """Of `_labels` as Savage (2018, (6) to (11)) has them, to first order of his small angles."""
     scale = np.diag(matrix)
     # Of counts each sensor's angle is against its own scale factor.
@@ -249,20 +301,23 @@ def _savage_values(matrix: Complex, bias: Complex, factor: float | None, *, symm
     told = (
         [angle[i, j] + angle[j, i] for i, j in PAIRS] if symmetric else [angle[i, j] for i, j in OFF_DIAGONAL]
     )
-    return [bias, scale * factor - 1.0 if factor else scale, np.array(told)]
+    return [_scaled(scale, factor), np.array(told)]
 
 
-def _fixture_values(
-    matrix: Complex, bias: Complex, factor: float | None, *, symmetric: bool
-) -> list[Complex]:
+def _fixture_values(matrix: Complex, factor: float | None, *, symmetric: bool) -> list[Complex]:
     """Of `_labels`, by each axis's length and where it leans."""
     length = np.sign(np.real(np.diag(matrix))) * np.sqrt(np.sum(matrix * matrix, axis=1))
-    scale = length if factor is None else length * factor - 1.0
     leans = [np.arcsin(matrix[i, j] / length[i]) for i, j in OFF_DIAGONAL]
-    return [bias, scale, np.array(leans)]
+    return [_scaled(length, factor), np.array(leans)]
 
 
-def _model(x: Series, terms: frozenset[str], gyro: str, frame: str) -> ImuModel:
+def model_of(x: Series, terms: frozenset[str], gyro: str, frame: str) -> ImuModel:
+    """Return the sensor model of all unknowns.
+
+    Parameters
+    ----------
+    x, terms, gyro, frame : as for `describe`.
+    """
     C_bf = np.real(rotation_of_frame(x, frame))
     curves = {"accelerometer": dict[str, Series](), "gyroscope": dict[str, Series]()}
     for term in TERMS.values():
@@ -272,7 +327,7 @@ def _model(x: Series, terms: frozenset[str], gyro: str, frame: str) -> ImuModel:
         np.real(_force_matrix(x)) @ C_bf, x[LAYOUT["force.bias"]].copy(), **curves["accelerometer"]
     )
     gyroscope = None
-    if gyro == "full":
+    if gyro != "none":
         matrix = x[LAYOUT["gyro.matrix"]].reshape(3, 3) @ C_bf
         gyroscope = Triad(matrix, x[LAYOUT["gyro.bias"]].copy(), **curves["gyroscope"])
     sensitivity = x[LAYOUT["gyro.g_sensitivity"]].reshape(3, 3) @ C_bf if "g_sensitivity" in terms else None

@@ -26,10 +26,10 @@ from tumble.calibration.equations.turn_equations import Turn
 from tumble.calibration.evidence import Budget
 from tumble.calibration.outcome.budget import (
     NamedParameters,
-    gravity_slope,
     outcome_influences,
     source_degrees,
 )
+from tumble.calibration.outcome.description import gravity_slope
 from tumble.counting import counted
 from tumble.errors import ConvergenceError, UsageError
 from tumble.estimation.solve import solve
@@ -126,7 +126,7 @@ def _draw_unknowns(outcome: JointOutcome, runs: int, rng: np.random.Generator, s
     drawn = np.tile(outcome.values, (runs, 1))
     drawn[:, free] += off
     gravity = _draw_gravity(outcome, runs, rng)
-    at = free[np.flatnonzero(gravity_slope(outcome))]
+    at = free[np.flatnonzero(gravity_slope(outcome.values, outcome.site)[free])]
     drawn[:, at] *= (outcome.site.gravity / gravity)[:, None]
     return drawn
 

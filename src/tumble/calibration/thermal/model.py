@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from tumble.arrays import Series, Square, Table, Vectors
-from tumble.calibration.canonical import G_SENSITIVITY, GYRO_BIAS, GYRO_MATRIX
-from tumble.calibration.equations.triad_unknowns import ANGLE, BIAS, SCALE
-from tumble.calibration.equations.turn import TOTAL
+from tumble.calibration.equations.imu_unknowns import LAYOUT
 from tumble.calibration.estimate import TermTest
+from tumble.calibration.outcome.description import model_of
 from tumble.calibration.thermal.coverage import Coverage
 from tumble.calibration.thermal.doubt import Doubts
 from tumble.calibration.thermal.evidence import BiasCurve, Candidate
@@ -19,8 +20,7 @@ from tumble.calibration.thermal.unknowns import Complex, ThermalLayout
 from tumble.earth import Site
 from tumble.recording.recording import Recording
 from tumble.records import dataclass
-from tumble.sensor import ImuModel, Triad
-from tumble.sensor.conventions.shin import matrix_from_shin, shin_from_matrix
+from tumble.sensor.conventions.shin import shin_from_matrix
 from tumble.sensor.propagation import propagate
 from tumble.sensor.thermal import SHAPES, ThermalModel
 
@@ -33,7 +33,7 @@ class ThermalSolution:
     ----------
     model : raw units.
     covariance : of `model.names`, raw units.
-    unknowns, unknowns_covariance : (36,), (36, 36) of the reference, as `describe_unknowns` takes them.
+    unknowns, unknowns_covariance : of the reference, all of `LAYOUT`.
     """
 
     model: ThermalModel
@@ -88,9 +88,9 @@ class ThermalOutcome:
 def _numbers(
     x: Complex, layout: ThermalLayout, factors: tuple[float, float]
 ) -> tuple[Complex, tuple[dict[str, Complex], ...]]:
-    """Return the 36 unknowns of the reference, and terms by temperature, rate and hysteresis; raw, analytic."""
+    """Return all of `LAYOUT` at the reference, and terms by temperature, rate and hysteresis; raw, analytic."""
     terms, functions = layout.terms, layout.terms.basis.size
-    reference = np.zeros(TOTAL, dtype=x.dtype)
+    reference = np.zeros(LAYOUT.size, dtype=x.dtype)
     by_temperature, by_rate, loops = (dict[str, Complex]() for _ in range(3))
     for name, mark, factor in (("accelerometer", "", factors[0]), ("gyroscope", "g", factors[1])):
         if layout.has(f"{mark}b"):
@@ -99,17 +99,18 @@ def _numbers(
             loops |= {f"{name}.bias": x[layout[f"{mark}h"]] / factor} if terms.hysteresis else {}
     if layout.has_force:
         matrix = layout.matrices(x, np.eye(1, functions + 1))[0]
-        reference[SCALE], reference[ANGLE] = shin_from_matrix(matrix / factors[0])
+        scale, angles = shin_from_matrix(matrix / factors[0])
+        reference[LAYOUT["force.scale"]], reference[LAYOUT["force.angle"]] = scale, angles
         if layout.has("b0"):
-            reference[BIAS] = x[layout["b0"]] / factors[0]
+            reference[LAYOUT["force.bias"]] = x[layout["b0"]] / factors[0]
         if layout.has("M"):
             by_temperature["accelerometer.matrix"] = _padded(layout.matrix_changes(x), functions) / factors[0]
     if layout.has_rate:
         own = x[layout["N0"]].reshape(-1, 9).sum(axis=0)
-        reference[GYRO_MATRIX] = (np.eye(3).ravel() + own) / factors[1]
-        reference[GYRO_BIAS] = x[layout["gb0"]] / factors[1]
+        reference[LAYOUT["gyro.matrix"]] = (np.eye(3).ravel() + own) / factors[1]
+        reference[LAYOUT["gyro.bias"]] = x[layout["gb0"]] / factors[1]
         if layout.has("G"):
-            reference[G_SENSITIVITY] = x[layout["G"]] / factors[1]
+            reference[LAYOUT["gyro.g_sensitivity"]] = x[layout["G"]] / factors[1]
         if layout.has("N"):
             given = x[layout["N"]].reshape(-1, 3, 3)
             by_temperature["gyroscope.matrix"] = _padded(given, functions) / factors[1]
@@ -149,14 +150,10 @@ def thermal_solution(
 
     spread = propagate(evaluate, values, known)[1]
     x, (by_temperature, by_rate, loops) = _numbers(values, layout, factors)
-    accelerometer = gyroscope = sensitivity = None
-    if layout.has_force:
-        accelerometer = Triad(np.real(matrix_from_shin(x[SCALE], x[ANGLE])), x[BIAS].copy())
-    if layout.has_rate:
-        gyroscope = Triad(x[GYRO_MATRIX].reshape(3, 3).copy(), x[GYRO_BIAS].copy())
-        sensitivity = x[G_SENSITIVITY].reshape(3, 3).copy() if layout.has("G") else None
+    size, terms = x.size, frozenset({"g_sensitivity"} if layout.has("G") else ())
+    reference = model_of(x, terms, "full" if layout.has_rate else "none", "accelerometer-x")
     model = ThermalModel(
-        ImuModel(accelerometer, gyroscope, sensitivity),
+        reference if layout.has_force else replace(reference, accelerometer=None),
         layout.terms.basis,
         by_temperature,
         by_rate,
@@ -166,7 +163,7 @@ def thermal_solution(
         span_celsius=coverage.span,
         largest_rate=coverage.largest_rate,
     )
-    return ThermalSolution(model, spread[TOTAL:, TOTAL:], x, spread[:TOTAL, :TOTAL])
+    return ThermalSolution(model, spread[size:, size:], x, spread[:size, :size])
 
 
 def bias_curve(fit: ThermalFit, covariance: Square, mark: str, factor: float, celsius: Series) -> BiasCurve:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from tumble.arrays import Matrices, Series, Table, Vectors
-from tumble.calibration.canonical import describe_unknowns
 from tumble.calibration.checks.snooping import Kind, balance
 from tumble.calibration.equations.norm import NormConditions
 from tumble.calibration.equations.triad_unknowns import BIAS, SCALE
@@ -20,6 +19,7 @@ from tumble.calibration.estimate import (
     said_of,
 )
 from tumble.calibration.evidence import Holds
+from tumble.calibration.outcome.description import describe
 from tumble.calibration.start_values import rough_triad
 from tumble.calibration.thermal.evidence import BiasCurve, SeparateBias, ThermalCurves
 from tumble.calibration.thermal.fit import REFUSED, name_of
@@ -146,7 +146,9 @@ def _described(found: ThermalOutcome) -> Described:
     gyro = "none" if not layout.has_rate else ("bias" if found.turned is None else "full")
     optional = frozenset({"g_sensitivity"}) if terms.g_sensitivity else frozenset[str]()
     unknowns, spread = solution.unknowns, solution.unknowns_covariance
-    made = describe_unknowns(unknowns, spread, found.site, found.recording, terms=optional, gyro=gyro)
+    made = describe(
+        *(unknowns, spread, found.site, found.recording), terms=optional, gyro=gyro, all_told=True
+    )
     # Of the accelerometers nothing is known at the reference but what the sheet says: not named.
     hidden = {0: "accelerometer", 6: "accelerometer non-orthogonality", 9: "nothing"}[terms.poses]
     at = [i for i, name in enumerate(made.names) if not name.startswith(hidden)]

@@ -37,7 +37,6 @@ from tumble.earth import Site
 from tumble.recording.recording import Recording
 from tumble.records import dataclass
 from tumble.sensor.propagation import jacobian
-from tumble.units import angular_rate_factor, specific_force_factor
 
 FRAME = "accelerometer-x"
 BIASES = {"accelerometer": "force.bias", "gyro": "gyro.bias"}
@@ -147,8 +146,7 @@ def _units_of(unit: UnitAdjustment) -> Recording:
 def _named(outcome: SeveralOutcome, values: Series) -> _Named:
     recording = _units_of(outcome.solution)
     units = recording.specific_force_unit, recording.angular_rate_unit
-    factors = specific_force_factor(units[0]), angular_rate_factor(units[1])
-    labels, function = named_function(outcome.kept, _gyro(outcome.solution), FRAME, units, factors)
+    labels, function = named_function(outcome.kept, _gyro(outcome.solution), FRAME, units)
     return _Named(labels, np.real(function(values.astype(complex))), jacobian(function, values))
 
 

@@ -269,7 +269,6 @@ def _true_parameters(truth: Truth, recording: Recording, frame: str) -> list[dic
     from tumble.calibration.equations.imu_unknowns import LAYOUT, unknowns_of
     from tumble.calibration.outcome.description import named_function
     from tumble.calibration.terms import TERMS
-    from tumble.units import angular_rate_factor, specific_force_factor
 
     assert truth.model is not None
     own = _in_gauge(truth.model, "accelerometer-x")
@@ -288,8 +287,7 @@ def _true_parameters(truth: Truth, recording: Recording, frame: str) -> list[dic
             terms.add(term.name)
             unknowns[LAYOUT[term.block.name]] = 0.0 if curve is None else curve
     units = recording.specific_force_unit, recording.angular_rate_unit
-    factors = specific_force_factor(units[0]), angular_rate_factor(units[1])
-    labels, named = named_function(frozenset(terms), "full", frame, units, factors)
+    labels, named = named_function(frozenset(terms), "full", frame, units)
     session = unknowns.copy()
     session[LAYOUT["force.bias"]] += _mean_wander(truth)[0]
     session[LAYOUT["gyro.bias"]] += _mean_wander(truth)[1]
