@@ -27,7 +27,6 @@ import time
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field, replace
-from unittest.mock import patch
 
 import numpy as np
 from uncertainty import GROUPS, true_values, without_wander
@@ -41,8 +40,7 @@ from tumble.errors import TumbleError
 from tumble.protocol import named_protocol
 from tumble.recording.recording import Recording
 from tumble.sensor import ImuModel
-from tumble.simulation import find_grade, recordings, simulate_protocol
-from tumble.simulation.noise import simulate_wander
+from tumble.simulation import find_grade, simulate_protocol
 from tumble.workflows.procedures import run_procedure
 
 PROTOCOLS = {
@@ -87,19 +85,12 @@ def simulate(procedure: str, grade_name: str, rate: float, white: bool, seed: in
         )
     protocol = replace(named_protocol(PROTOCOLS[procedure]), site=site)
     rng = np.random.default_rng([1000, seed])
-    wanders: list[np.ndarray] = []
-
-    def kept(*arguments):
-        wanders.append(simulate_wander(*arguments))
-        return wanders[-1]
-
-    with patch.object(recordings, "simulate_wander", kept):
-        recording, truth = simulate_protocol(protocol, rate, rng, site=site, grade=grade)
+    recording, truth = simulate_protocol(protocol, rate, rng, site=site, grade=grade)
     model = truth.model
     # The bias of a session is the bias that it had on average, over all that was recorded: what wandered
     # belongs to it.
-    force = replace(model.accelerometer, bias=model.accelerometer.bias + wanders[0].mean(axis=0))
-    gyro = replace(model.gyroscope, bias=model.gyroscope.bias + wanders[1].mean(axis=0))
+    force = replace(model.accelerometer, bias=model.accelerometer.bias + truth.mean_wander[0])
+    gyro = replace(model.gyroscope, bias=model.gyroscope.bias + truth.mean_wander[1])
     return recording, protocol, replace(model, accelerometer=force, gyroscope=gyro)
 
 

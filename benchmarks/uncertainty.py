@@ -80,8 +80,8 @@ def simulate(seed: int, grade_name: str, rate: float, hold: float, site: Site, w
     recording, truth = simulate_recording(motion, rate, rng, site=site, grade=grade)
     # The bias of a session is the bias that it had on average: what wandered belongs to it.
     model = truth.model
-    force = replace(model.accelerometer, bias=model.accelerometer.bias + truth.force_wander.mean(axis=0))
-    gyro = replace(model.gyroscope, bias=model.gyroscope.bias + truth.rate_wander.mean(axis=0))
+    force = replace(model.accelerometer, bias=model.accelerometer.bias + truth.mean_wander[0])
+    gyro = replace(model.gyroscope, bias=model.gyroscope.bias + truth.mean_wander[1])
     return recording, replace(model, accelerometer=force, gyroscope=gyro)
 
 

@@ -101,10 +101,8 @@ def vector(model: ImuModel) -> Array:
 def normalised(estimate: Estimate, truth: Truth) -> Array:
     """Errors over stated sigmas of what the frame leaves free; the bias of a session is what it was on average."""
     error = vector(estimate.model) - vector(in_frame(truth.model, estimate.frame))
-    seconds = np.diff(truth.hold_edges, axis=1)[:, 0]
-    share = seconds / seconds.sum()
-    error[9:12] -= share @ truth.force_wander
-    error[21:24] -= share @ truth.rate_wander
+    error[9:12] -= truth.mean_wander[0]
+    error[21:24] -= truth.mean_wander[1]
     sigma = np.sqrt(np.diag(estimate.covariance))[[estimate.names.index(name) for name in NAMES]]
     fixed = sigma == 0.0
     assert np.count_nonzero(fixed) == (0 if estimate.frame == "fixture" else 3)

@@ -55,13 +55,11 @@ def entry(model: ImuModel, name: str) -> float:
 
 
 def normalised(estimate: Estimate, truth: Truth) -> np.ndarray:
-    """Error over standard uncertainty of each parameter; a bias against its mean over the rests."""
+    """Error over standard uncertainty of each parameter; a bias against its mean over the recording."""
     assert truth.model is not None
     assert estimate.frame == "mean-gyro"
     true = change_frame(truth.model, "mean-gyro")
-    share = np.diff(truth.hold_edges, axis=1)[:, 0]
-    share /= share.sum()
-    wandered = {"accelerometer": share @ truth.force_wander, "gyroscope": share @ truth.rate_wander}
+    wandered = {"accelerometer": truth.mean_wander[0], "gyroscope": truth.mean_wander[1]}
     error = [entry(estimate.model, name) - entry(true, name) for name in estimate.names]
     for k, name in enumerate(estimate.names):
         triad, _, rest = name.partition(".")

@@ -51,6 +51,7 @@ class Truth:
     specific_force_b, angular_rate_ib_b : (holds, 3) true means over the samples that lie wholly in each
         hold, m/s², rad/s; NaN for a hold of which no sample was recorded.
     force_wander, rate_wander : (holds, 3) raw, how far each bias had wandered in each hold (its mean).
+    mean_wander : (2, 3) raw, the same of the accelerometers and of the gyros over the whole recording.
     model : the sensor's errors, raw units as in the recording, where they were drawn or a protocol was played.
     site : gravity and Earth rate.
     step_edges : (steps, 2) s, when each step of the protocol began and ended, where one was played; a
@@ -69,6 +70,7 @@ class Truth:
     angular_rate_ib_b: AnyArray
     force_wander: AnyArray
     rate_wander: AnyArray
+    mean_wander: AnyArray
     model: ImuModel | None
     site: Site
     step_edges: AnyArray = field(default_factory=lambda: np.zeros((0, 2)))
@@ -147,13 +149,12 @@ def simulate_recording(
     distort = model.distort if model is not None else distort
     with part(0.3, 0.5):
         raw_force, raw_rate = (force, angular_rate) if distort is None else distort(force, angular_rate)
-    wander = (np.zeros_like(raw_force), np.zeros_like(raw_rate))
+    force_wander, rate_wander = np.zeros_like(raw_force), np.zeros_like(raw_rate)
     if grade is not None:
         with part(0.5, 0.7):
             raw_force, force_wander = _sensed(raw_force, grade.accelerometer.noise, rate, rng)
         with part(0.7, 1.0):
             raw_rate, rate_wander = _sensed(raw_rate, grade.gyroscope.noise, rate, rng)
-        wander = (force_wander, rate_wander)
     raw_force = count_increments(raw_force, rate, chain.velocity_increment)
     raw_rate = count_increments(raw_rate, rate, chain.angle_increment)
     stamps = scatter_stamps(middle, rate, chain.jitter, rng)
@@ -168,7 +169,7 @@ def simulate_recording(
         gaps=_gaps(keep),
         said_clock=exact_clock(rate),
     )
-    return recording, _truth(motion, edges, (force, angular_rate, *wander), model, site)
+    return recording, _truth(motion, edges, (force, angular_rate, force_wander, rate_wander), model, site)
 
 
 def _sample(motion: Motion, edges: Series, site: Site) -> tuple[Vectors, Vectors]:
@@ -220,12 +221,8 @@ def _truth(
 
     force, angular_rate, force_wander, rate_wander = (means(signal) for signal in signals)
     return Truth(
-        hold_edges=edges,
-        quaternions_nb=motion.hold_quaternions_nb,
-        specific_force_b=force,
-        angular_rate_ib_b=angular_rate,
-        force_wander=force_wander,
-        rate_wander=rate_wander,
-        model=model,
-        site=site,
+        *(edges, motion.hold_quaternions_nb, force, angular_rate, force_wander, rate_wander),
+        np.stack([wander.mean(axis=0) for wander in signals[2:]]),
+        model,
+        site,
     )

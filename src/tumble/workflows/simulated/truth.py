@@ -178,6 +178,7 @@ def read_in_other_axes(truth: Truth, C_new_raw: Matrix) -> Truth:
         ),
         force_wander=truth.force_wander @ C_new_raw.T,
         rate_wander=truth.rate_wander @ C_new_raw.T,
+        mean_wander=truth.mean_wander @ C_new_raw.T,
     )
 
 
@@ -226,22 +227,7 @@ def _in_gauge(model: ImuModel, frame: str) -> ImuModel | None:
         return None
 
 
-def _mean_wander(truth: Truth) -> tuple[Vector, Vector]:
-    """How far the biases of the accelerometers and the gyros had wandered, (3,) raw, on average over the holds."""
-    seen = np.all(np.isfinite(truth.force_wander), axis=1)
-    weight = (truth.hold_edges[:, 1] - truth.hold_edges[:, 0]) * seen
-    if not weight.sum() > 0.0:
-        return np.zeros(3), np.zeros(3)
-    force, rate = (
-        np.average(wander[seen], axis=0, weights=weight[seen])
-        for wander in (truth.force_wander, truth.rate_wander)
-    )
-    return force, rate
-
-
 def _blocks(model: ImuModel, truth: Truth) -> dict[str, Any]:
-    force_wander, rate_wander = _mean_wander(truth)
-
     def block(triad: Triad | None, wander: Vector, g_sensitivity: AnyArray | None) -> dict[str, Any] | None:
         if triad is None:
             return None
@@ -255,15 +241,15 @@ def _blocks(model: ImuModel, truth: Truth) -> dict[str, Any]:
         }
 
     return {
-        "accelerometer": block(model.accelerometer, force_wander, None),
-        "gyroscope": block(model.gyroscope, rate_wander, model.g_sensitivity),
+        "accelerometer": block(model.accelerometer, truth.mean_wander[0], None),
+        "gyroscope": block(model.gyroscope, truth.mean_wander[1], model.g_sensitivity),
     }
 
 
 def _true_parameters(truth: Truth, recording: Recording, frame: str) -> list[dict[str, Any]]:
     """Return name, value and unit of each parameter as the joint estimator names them in that frame.
 
-    A bias has a ``session_value``, too: the one that this recording's holds had on average.
+    A bias has a ``session_value``, too: the one that it had on average over the recording.
     """
     from tumble.attitude.rotations import rotation_vector_from_matrix
     from tumble.calibration.equations.imu_unknowns import LAYOUT, unknowns_of
@@ -289,8 +275,8 @@ def _true_parameters(truth: Truth, recording: Recording, frame: str) -> list[dic
     units = recording.specific_force_unit, recording.angular_rate_unit
     labels, named = named_function(frozenset(terms), "full", frame, units)
     session = unknowns.copy()
-    session[LAYOUT["force.bias"]] += _mean_wander(truth)[0]
-    session[LAYOUT["gyro.bias"]] += _mean_wander(truth)[1]
+    session[LAYOUT["force.bias"]] += truth.mean_wander[0]
+    session[LAYOUT["gyro.bias"]] += truth.mean_wander[1]
     return [
         {"name": name, "value": float(value), "unit": unit}
         | ({"session_value": float(moved)} if " bias " in name else {})
