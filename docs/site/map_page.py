@@ -11,7 +11,7 @@ import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 
-from tumble.calibration.procedure import all_procedures
+from tumble.calibration.procedure import PROCEDURES
 from tumble.calibration.terms import TERMS
 
 HERE = Path(__file__).resolve().parent
@@ -46,7 +46,11 @@ def pages_with_tables() -> dict[Path, str]:
     return {
         page: with_rows(page.read_text(encoding="utf-8"), heading, [record.row for record in records])
         for page, heading, records in (
-            (docs / "procedures" / "index.md", "| you have | procedure | needs | gives |", all_procedures()),
+            (
+                docs / "procedures" / "index.md",
+                "| you have | procedure | needs | gives |",
+                PROCEDURES.values(),
+            ),
             (docs / "joint.md", "| term | unknowns | tried | what it is good for |", TERMS.values()),
         )
     }

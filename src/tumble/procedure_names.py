@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from pkgutil import iter_modules
-
-_ROOM = Path(__file__).parent / "calibration" / "procedures"
-
-KNOWN_PROCEDURES = tuple(sorted(module.name.replace("_", "-") for module in iter_modules([str(_ROOM)])))
-"""A file each in the room of procedures: a protocol that names another one is mistaken."""
+KNOWN_PROCEDURES = (
+    *("hand-held", "improved-six-position", "joint", "laboratory", "modified-multi-position"),
+    *("multi-position", "rate-table", "six-position", "strapdown-rotation", "thermal", "turntable"),
+)
+"""Those that have a record in `tumble.calibration.procedure`: a protocol that names another one is mistaken."""

@@ -16,7 +16,7 @@ from tests.unit.adjusted import adjusted
 from tumble.calibration import Estimate
 from tumble.calibration.evidence import Turns
 from tumble.calibration.prior import StableKnowledge
-from tumble.calibration.procedure import Procedure, all_procedures, find_procedure
+from tumble.calibration.procedure import PROCEDURES, Procedure, find_procedure
 from tumble.document import Calibration, calibration_from_estimate
 from tumble.document.composition import FRAME_WORDS
 from tumble.earth import Site
@@ -82,13 +82,13 @@ def estimate(procedure: Calibrate, scene: Scene) -> Estimate:
     return procedure(scene)
 
 
-@pytest.mark.parametrize("record", all_procedures(), ids=lambda record: record.name)
+@pytest.mark.parametrize("record", PROCEDURES.values(), ids=lambda record: record.name)
 class TestRecord:
-    """What a record owes, in whatever file it stands."""
+    """What a record owes."""
 
-    def test_it_has_the_name_of_its_file(self, record: Procedure) -> None:
+    def test_it_is_found_by_its_name_and_a_protocol_may_ask_for_it(self, record: Procedure) -> None:
         assert find_procedure(record.name) is record
-        assert record.name in KNOWN_PROCEDURES
+        assert set(PROCEDURES) == set(KNOWN_PROCEDURES)
 
     def test_its_frame_is_one_that_a_document_can_describe(self, record: Procedure) -> None:
         assert record.frame in FRAME_WORDS

@@ -1,19 +1,15 @@
-"""A procedure as a record, and the procedures that there are: one file of `calibration.procedures` each.
+"""A procedure as a record, and the procedures that there are: what is known about the motion.
 
-A file of that room is named after its procedure and has its record as `PROCEDURE`. Everything that depends on which
-procedures there are is asked of the records: the choice, options, remedies, help, the table in the documentation and
-the contract that every procedure is held to.
+Everything that depends on which procedures there are is asked of the records: the choice, options, remedies, help, the
+table in the documentation and the contract that every procedure is held to.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
-from importlib import import_module
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from tumble.errors import UsageError
-from tumble.procedure_names import KNOWN_PROCEDURES
 from tumble.records import dataclass
 
 if TYPE_CHECKING:
@@ -87,7 +83,188 @@ class Procedure:
         return f"| {self.circumstances} | [{self.name}]({self.page}) | {self.needs} | {self.gives} |"
 
 
-@cache
+SMALLEST_TURNS = 5
+"""Fewer turns between holds than this do not determine a gyro."""
+
+
+def _by_hand(session: Session) -> Suits:
+    recording, timeline = session.recording, session.timeline
+    if recording.specific_force is None or recording.angular_rate is None:
+        return Suits(False, "the recording has one triad only")
+    turns = sum(turn.usable for turn in timeline.turns)
+    if turns < SMALLEST_TURNS:
+        return Suits(
+            False,
+            f"{turns} turns between holds can be used, and the hand-held procedure needs {SMALLEST_TURNS}",
+        )
+    return Suits(True, f"{len(timeline.holds)} holds and {turns} turns suffice")
+
+
+def _faces(means: HoldMeans, site: Site) -> tuple[Protocol, Matching]:
+    from tumble.calibration.poses import match_faces
+
+    return match_faces(means, site)
+
+
+def _over_temperature(session: Session) -> Estimate:
+    from tumble.calibration.thermal.procedure import calibrate_thermal
+
+    return calibrate_thermal(
+        session.recording, session.timeline, session.site, protocol=session.protocol, progress=session.say
+    )
+
+
+_RECORDS = (
+    # Tumbled by hand: rests in many poses, and turns between them that the gyros follow.
+    # Nothing is believed but gravity: the accelerometers see it in each hold, and the gyros carry it over each turn.
+    Procedure(
+        "hand-held",
+        "accelerometer-x",
+        "nothing but hands",
+        "both triads, nine or more poses, five or more turns between them that can be integrated",
+        "everything: both triads in full, the rotation between them, g-sensitivity of the gyros if the data want it",
+        "hand-held.md",
+        promises=("accelerometers", "gyros"),
+        suits=_by_hand,
+        otherwise="multi-position",
+    ),
+    # The improved six-position test: the same faces, placed with care and often, for the whole matrix.
+    Procedure(
+        "improved-six-position",
+        "fixture",
+        "the same, placed with care",
+        "each axis up and down, levelled",
+        "the accelerometers' whole matrix, as exactly as the faces are placed",
+        "six-position.md",
+        promises=("accelerometers",),
+        placement="The placement limits the misalignments one to one: repeat the six positions with the "
+        "unit placed anew, or use the multi-position procedure, whose non-orthogonalities need no level.",
+        believes_poses=True,
+        assumes=_faces,
+    ),
+    # What the protocol's own procedure believes, and the result in the frame of the accelerometers.
+    Procedure(
+        "joint",
+        "accelerometer-x",
+        "any of these",
+        "what the procedure needs that the recording was made for",
+        "the same from one adjustment of everything that was recorded, with a budget of uncertainty",
+        "../joint.md",
+    ),
+    # The traditional laboratory method: known attitudes, known axes (24 positions and a three-axis rotation).
+    Procedure(
+        "laboratory",
+        "fixture",
+        "a table levelled and aligned to north",
+        "each axis up and down with four headings, three axes turned about both ways",
+        "both triads against the table's axes, as exactly as the table is aligned",
+        "laboratory.md",
+        promises=("accelerometers", "gyros"),
+        placement="The table's alignment limits the misalignments one to one, and nothing in the residuals shows it. "
+        "The turntable procedure calibrates both triads on the same table without any alignment.",
+        example="laboratory",
+        believes_poses=True,
+        free_turns=False,
+    ),
+    # Modified multi-position calibration on a single-axis table (Syed et al. 2007; Hayal 2010, 2.4.2.2).
+    # The unit leans on the table in poses that nobody has to know, and the table turns about the vertical at
+    # known rates.
+    Procedure(
+        "modified-multi-position",
+        "accelerometer-x",
+        "a single-axis table and hands",
+        "nine or more poses on the table, each spun both ways",
+        "both triads in full, and the rotation between them",
+        "modified-multi-position.md",
+        promises=("accelerometers", "gyros"),
+        example="modified-multi-position",
+        believes_poses=True,
+        free_turns=False,
+    ),
+    # Many poses that nobody has to know (Shin and El-Sheimy; Hayal 2010): gravity has the same norm in all of them.
+    Procedure(
+        "multi-position",
+        "accelerometer-x",
+        "nothing, and a gyro without turns",
+        "nine or more poses (six with an earlier calibration); turns do not matter",
+        "accelerometers in full; of the gyros what the Earth's rotation and the turns determine",
+        "multi-position.md",
+        promises=("accelerometers",),
+    ),
+    # The rotation-rate test (Hayal 2010, 2.4.1.2): a table turns the unit at known rates, both ways, about known axes.
+    Procedure(
+        "rate-table",
+        "fixture",
+        "a rate table",
+        "each axis up on the table, spun both ways at several rates",
+        "gyro biases, scale factors, misalignments against the fixture, linearity and asymmetry; of the accelerometers "
+        "what the faces show",
+        "rate-table.md",
+        promises=("gyros",),
+        example="rate-table",
+        placement="The placement on the table limits the misalignments one to one. The modified multi-position "
+        "procedure finds them from the same table without believing the placement, and calibrates the accelerometers "
+        "too.",
+        believes_poses=True,
+    ),
+    # The six-position test (Aggarwal et al. 2008; Hayal 2010, 2.3 to 2.12): each axis up and down, as level as is said.
+    Procedure(
+        "six-position",
+        "fixture",
+        "a levelled plate and a cube's faces",
+        "each axis up and down, levelled",
+        "accelerometer biases and scale factors, and misalignments as exactly as the faces are placed",
+        "six-position.md",
+        promises=("accelerometers",),
+        placement="The placement limits the scale factors and biases: level the plate, use the unit's own flat "
+        "faces, and say in the protocol how well (`uncertainty_deg`). The hand-held and multi-position procedures need "
+        "no level.",
+        believes_poses=True,
+        assumes=_faces,
+    ),
+    # The strapdown rotation test on a two-axis fixture (Savage 2018): rotations from rest to rest.
+    # Optional terms are sought: sequences of rotations both ways are made to show asymmetry.
+    Procedure(
+        "strapdown-rotation",
+        "mean-gyro",
+        "a fixture with two axes, good to 0.1°",
+        "17 sequences of rotations, at rest before and after each; roughly where north is",
+        "both triads in full with the asymmetry of their scale factors, and what is between them",
+        "strapdown-rotation.md",
+        promises=("accelerometers", "gyros"),
+        example="strapdown-rotation",
+        believes_poses=True,
+        seeks=frozenset({"accelerometer_asymmetry", "gyro_asymmetry"}),
+    ),
+    # Calibration over temperature: rests at several temperatures, in soaks or in a slow sweep (see the room `thermal`).
+    Procedure(
+        "thermal",
+        "accelerometer-x",
+        "a chamber, or a fridge",
+        "rests at several temperatures, soaked or in a slow sweep, and the sensor's thermometer",
+        "accelerometers in full and gyro biases as functions of temperature, its rate and its history",
+        "thermal.md",
+        remedy="hold nine poses or more at more temperatures",
+        promises=("accelerometers",),
+        run=_over_temperature,
+    ),
+    # Calibration on a turntable that needs no alignment (Zhang et al. 2010): the angles that it shows are believed.
+    Procedure(
+        "turntable",
+        "accelerometer-x",
+        "a table whose angle is read, tilted",
+        "nine or more poses at rest, six axes turned about both ways; nothing aligned",
+        "both triads in full, the rotation between them; gyros as exactly as the angles",
+        "turntable.md",
+        promises=("accelerometers", "gyros"),
+        example="turntable-9",
+        free_turns=False,
+    ),
+)
+PROCEDURES = {record.name: record for record in _RECORDS}
+"""All procedures by name."""
+
+
 def find_procedure(name: str) -> Procedure:
     """Return the procedure of a name.
 
@@ -100,23 +277,6 @@ def find_procedure(name: str) -> Procedure:
     UsageError
         If there is none.
     """
-    if name not in KNOWN_PROCEDURES:
-        raise UsageError(f"There is no procedure {name!r}: choose one of {', '.join(KNOWN_PROCEDURES)}.")
-    module = import_module(f"tumble.calibration.procedures.{name.replace('-', '_')}")
-    procedure: Procedure = module.PROCEDURE
-    return procedure
-
-
-def procedure_or_none(name: str) -> Procedure | None:
-    """Return the procedure of a name; None of a calibration that another program or a hand has made.
-
-    Parameters
-    ----------
-    name : as a document has it.
-    """
-    return find_procedure(name) if name in KNOWN_PROCEDURES else None
-
-
-def all_procedures() -> list[Procedure]:
-    """Return all procedures by name."""
-    return [find_procedure(name) for name in KNOWN_PROCEDURES]
+    if name not in PROCEDURES:
+        raise UsageError(f"There is no procedure {name!r}: choose one of {', '.join(PROCEDURES)}.")
+    return PROCEDURES[name]

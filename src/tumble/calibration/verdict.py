@@ -13,7 +13,7 @@ import numpy as np
 
 from tumble.arrays import Series
 from tumble.calibration.estimate import Estimate, NamedValue
-from tumble.calibration.procedure import procedure_or_none
+from tumble.calibration.procedure import PROCEDURES
 from tumble.recording.recording import Recording
 from tumble.records import dataclass
 from tumble.sensor import Triad
@@ -300,7 +300,7 @@ def _implausible(estimate: Estimate, recording: Recording) -> list[str]:
 
 def _too_uncertain(estimate: Estimate) -> list[str]:
     against: list[str] = []
-    own = procedure_or_none(estimate.procedure)
+    own = PROCEDURES.get(estimate.procedure)
     remedy = "another estimator may determine more" if own is None else own.remedy
     for parameter in estimate.parameters:
         relative = _relative_sigma(parameter)

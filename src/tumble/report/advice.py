@@ -10,7 +10,7 @@ import numpy as np
 
 from tumble.arrays import Vector, Vectors
 from tumble.calibration.poses import describe_direction, most_telling_poses, norm_rows
-from tumble.calibration.procedure import procedure_or_none
+from tumble.calibration.procedure import PROCEDURES
 from tumble.report.parameters import ACCELEROMETER, BETWEEN, GYRO, Measure, ParameterRow
 from tumble.report.rounding import with_uncertainty
 from tumble.units import STANDARD_GRAVITY
@@ -45,7 +45,7 @@ def next_steps(
     steps: list[str] = []
     if not calibration.verdict.fit:
         steps.append("The calibration is not fit for use: mend what the verdict names, and record again.")
-    procedure = procedure_or_none(calibration.procedure if protocol is None else protocol.procedure)
+    procedure = PROCEDURES.get(calibration.procedure if protocol is None else protocol.procedure)
     if procedure is not None and procedure.placement:
         steps.append(procedure.placement)
     elif up_b is not None:

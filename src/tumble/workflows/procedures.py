@@ -135,7 +135,7 @@ def _how_it_matched(session: Session) -> str:
 def add_objections(session: Session, estimate: Estimate, procedure: str | None, reason: str) -> None:
     """Say what a user who meant a whole calibration does not get, and what was wrong with the sensors."""
     from tumble.calibration.checks.latitude import find_other_latitude
-    from tumble.calibration.procedures.hand_held import SMALLEST_TURNS
+    from tumble.calibration.procedure import SMALLEST_TURNS
 
     recording, timeline = session.recording, session.timeline
     estimate.say("objection", *find_dead_channels(recording))
