@@ -20,9 +20,8 @@ from tumble.calibration import Session
 from tumble.calibration.equations.imu_unknowns import LAYOUT, imu_unknowns, raw_force
 from tumble.calibration.estimate import Estimate
 from tumble.calibration.evidence import Budget
-from tumble.calibration.terms import lever_arms
+from tumble.calibration.terms import LAG_NAME, by_lag, lever_arms
 from tumble.calibration.terms.lever_arms import PAIRS
-from tumble.calibration.terms.time_lag import LAG_NAME, by_lag
 from tumble.earth import Site
 from tumble.protocol import HoldStep, Pose, Protocol, SpinStep, Step, TurnStep
 from tumble.recording.recording import Recording

@@ -115,6 +115,12 @@ def calibrate(session: Session, procedure: Procedure, *, clocked: bool = True) -
     ConvergenceError
         If the adjustment does not settle.
     """
+    if procedure.by_temperature:
+        # Who calibrates at one temperature needs none of it.
+        from tumble.calibration.thermal.procedure import calibrate_thermal
+
+        what = session.recording, session.timeline, session.site
+        return calibrate_thermal(*what, protocol=session.protocol, progress=session.say)
     session.say("joint adjustment")
     begun, options = _begin(session, procedure, clocked=clocked), session.options
     task, plain, has_gyro = begun.task, begun.plain, begun.offered.has_gyro

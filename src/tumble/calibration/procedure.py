@@ -13,7 +13,6 @@ from tumble.errors import UsageError
 from tumble.records import dataclass
 
 if TYPE_CHECKING:
-    from tumble.calibration.estimate import Estimate
     from tumble.calibration.session import Session
     from tumble.earth import Site
     from tumble.protocol import Protocol
@@ -56,7 +55,7 @@ class Procedure:
     free_turns : turns between its holds are made by hand, and tell the gyros.
     suits : whether it suits a recording of which nobody says what was done.
     otherwise : the procedure that is taken where it does not; empty for those that are never tried.
-    run : calibrates by temperatures, which tell the steps of its protocols; None for the joint adjustment.
+    by_temperature : temperatures tell the steps of its protocols, and its estimate is a function of them.
     """
 
     name: str
@@ -75,7 +74,7 @@ class Procedure:
     free_turns: bool = True
     suits: Callable[[Session], Suits] = _unasked
     otherwise: str = ""
-    run: Callable[[Session], Estimate] | None = None
+    by_temperature: bool = False
 
     @property
     def row(self) -> str:
@@ -104,14 +103,6 @@ def _faces(means: HoldMeans, site: Site) -> tuple[Protocol, Matching]:
     from tumble.calibration.poses import match_faces
 
     return match_faces(means, site)
-
-
-def _over_temperature(session: Session) -> Estimate:
-    from tumble.calibration.thermal.procedure import calibrate_thermal
-
-    return calibrate_thermal(
-        session.recording, session.timeline, session.site, protocol=session.protocol, progress=session.say
-    )
 
 
 _RECORDS = (
@@ -246,7 +237,7 @@ _RECORDS = (
         "thermal.md",
         remedy="hold nine poses or more at more temperatures",
         promises=("accelerometers",),
-        run=_over_temperature,
+        by_temperature=True,
     ),
     # Calibration on a turntable that needs no alignment (Zhang et al. 2010): the angles that it shows are believed.
     Procedure(

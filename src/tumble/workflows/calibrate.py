@@ -255,7 +255,7 @@ def _session(
     say: Callable[[str], None],
 ) -> Session:
     chosen = procedure if procedure is not None or told is None else told.procedure
-    by_temperature = chosen is not None and find_procedure(chosen).run is not None
+    by_temperature = chosen is not None and find_procedure(chosen).by_temperature
     return Session(
         recording, told, site, by_temperature=by_temperature, prior=known, options=options, say=say
     )

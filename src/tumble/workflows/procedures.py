@@ -94,12 +94,9 @@ def _chosen(session: Session, procedure: str | None) -> tuple[Procedure, str]:
 def _calibrated(session: Session, procedure: Procedure) -> Estimate:
     from tumble.calibration.joint import calibrate
 
-    if procedure.run is not None:
-        if session.prior is not None:
-            raise UsageError(f"--prior is not used by the procedure {procedure.name}: leave it out.")
-        estimate = procedure.run(session)
-    else:
-        estimate = calibrate(session, believed(session, procedure))
+    if procedure.by_temperature and session.prior is not None:
+        raise UsageError(f"--prior is not used by the procedure {procedure.name}: leave it out.")
+    estimate = calibrate(session, believed(session, procedure))
     if session.matching is not None:
         estimate.say("remark", *(r for r in session.matching.remarks if r not in estimate.remarks))
     return estimate
@@ -115,7 +112,7 @@ def believed(session: Session, procedure: Procedure) -> Procedure:
     if procedure.promises or session.protocol is None:
         return procedure
     own = find_procedure(session.protocol.procedure)
-    return procedure if own.run is not None else replace(own, frame=procedure.frame)
+    return procedure if own.by_temperature else replace(own, frame=procedure.frame)
 
 
 def _how_it_matched(session: Session) -> str:

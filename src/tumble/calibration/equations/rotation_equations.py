@@ -50,8 +50,7 @@ from tumble.calibration.equations.turn_equations import (
     link_covariance,
     link_residuals,
 )
-from tumble.calibration.terms import lever_arms
-from tumble.calibration.terms.time_lag import by_lag
+from tumble.calibration.terms import by_lag, lever_arms
 from tumble.estimation.equations import Drift, Equations, Linear, View
 from tumble.estimation.unknowns import Unknowns
 from tumble.estimation.wander import faster_variance

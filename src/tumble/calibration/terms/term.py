@@ -92,47 +92,6 @@ class Term:
         return [(f"{called} {self.curve} {axis}", raw) for axis in "xyz"]
 
 
-def curve_term(
-    of: Literal["accelerometer", "gyroscope"],
-    curve: str,
-    *,
-    words: str,
-    tried: str,
-    label: str,
-    remedy: str,
-    plate: float,
-    shown_by: Literal["force", "gyro", "table"],
-    gives_way: int,
-    name: str = "",
-) -> Term:
-    """Return the term of a curve that each sensor of a triad has for itself.
-
-    Parameters
-    ----------
-    of, curve, words, tried, shown_by, gives_way : as `Term` has them.
-    label, remedy : of an unknown, with `{}` for the axis.
-    plate : one sigma of the name plate, in SI.
-    name : as users know it; empty for the triad's and the curve's.
-    """
-    begins, called = KINDS[of]
-    power = CURVES[curve].power
-    block = Block(
-        f"{begins}.{curve}", *(tuple(text.format(axis) for axis in "xyz") for text in (label, remedy))
-    )
-    return Term(
-        name or f"{called}_{curve}",
-        words,
-        tried,
-        "taken out",
-        block,
-        lambda raw: plate / np.maximum(raw, 1e-300) ** power,
-        of,
-        shown_by,
-        gives_way,
-        curve=curve,
-    )
-
-
 def curves_of(terms: dict[str, Term], kind: str) -> list[tuple[str, Curve]]:
     """Return the blocks of a triad's curves, and these.
 
