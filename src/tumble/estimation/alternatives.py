@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from itertools import combinations
+from operator import attrgetter
 
 import numpy as np
 
@@ -102,6 +103,11 @@ class Found:
     probability: float
 
     @property
+    def rarity(self) -> float:
+        """How much rarer it is by chance than what is allowed; it is believed below 1."""
+        return self.probability / self.alternative.false_alarm
+
+    @property
     def said(self) -> str:
         """The family's sentence."""
         return self.alternative.sentence(self)
@@ -112,37 +118,31 @@ def find(trials: Sequence[Adjustable], alternatives: Sequence[Alternative]) -> l
 
     Parameters
     ----------
-    trials : the task where it has settled; beside it, if it left anything out, with all that was recorded: what was
-        left out may be all there is of a fault, or what hides it.
-    alternatives : all that are declared.
+    trials : the task where it has settled, without noise of what the suspect wanders by; beside it, if it left anything
+        out, with all that was recorded: what was left out may be all there is of a fault, or what hides it.
+    alternatives : all that are declared of one suspect.
 
     Raises
     ------
     ObservabilityError
         If what was observed does not determine the unknowns.
     """
-    suspects = [*{id(one.suspect): one.suspect for one in alternatives}.values()]
-    tables = [_scores(task, suspects) for task in trials]
-    found: list[Found] = []
-    for at, suspect in enumerate(suspects):
-        own = [one for one in alternatives if one.suspect is suspect]
-        left = np.arange(suspect.axes)
-        scores: list[_Scores] = [table[at] for table in tables]
-        while left.size:
-            tested = [_likeliest(score, one, left, len(trials)) for one in own for score in scores]
-            best = min((one for one in tested if one is not None), key=_evidence, default=None)
-            if best is None or _evidence(best) >= 1.0:
-                break
-            found.append(best)
-            shape = best.alternative.shapes[best.shape]
-            scores = [score.without(shape, best.size != 0.0) for score in scores]
-            left = left[best.size[left] == 0.0]
-    return sorted(found, key=_evidence)
+    suspect, found = alternatives[0].suspect, list[Found]()
+    scores: list[_Scores] = [_scores(task, suspect) for task in trials]
+    left = np.arange(suspect.axes)
+    while left.size:
+        tested = [_likeliest(score, one, left, len(trials)) for one in alternatives for score in scores]
+        best = min((one for one in tested if one is not None), key=_rarity, default=None)
+        if best is None or best.rarity >= 1.0:
+            break
+        found.append(best)
+        shape = best.alternative.shapes[best.shape]
+        scores = [score.without(shape, best.size != 0.0) for score in scores]
+        left = left[best.size[left] == 0.0]
+    return sorted(found, key=_rarity)
 
 
-def _evidence(found: Found) -> float:
-    """How much rarer it is than what is allowed; it is believed below 1."""
-    return found.probability / found.alternative.false_alarm
+_rarity = attrgetter("rarity")
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,33 +183,20 @@ class _Numbers:
     shown: AnyArray
 
 
-def _scores(task: Adjustable, suspects: Sequence[Suspect]) -> list[_Scores]:
-    """Scores of all suspects' amplitudes at the task's state, with everything that is adjusted taken out."""
+def _scores(task: Adjustable, suspect: Suspect) -> _Scores:
+    """Scores of a suspect's amplitudes at the task's state, with everything that is adjusted taken out."""
     chain, normal, gradient = linearise(task)
-    sizes = [one.places * one.axes for one in suspects]
-    ends = np.cumsum(sizes)
+    size, n = suspect.places * suspect.axes, len(normal)
 
     def columns(term: Whitened) -> AnyArray | None:
-        made: AnyArray | None = None
-        for one, end, size in zip(suspects, ends.tolist(), sizes, strict=True):
-            by = one.columns(term.equations, term.linear)
-            if by is not None:
-                made = np.zeros((*term.residual.shape, int(ends[-1]))) if made is None else made
-                made[:, :, end - size : end] = by
-        return made
+        return suspect.columns(term.equations, term.linear)
 
-    wide, n = chain.chain.widened(columns, int(ends[-1])).eliminated(), len(normal)
+    wide = chain.chain.widened(columns, size).eliminated()
     across = wide.matrix[:n, n:]
     gain = invert_normal_matrix(normal) @ np.column_stack([across, gradient])
     whole = wide.matrix[n:, n:] - across.T @ gain[:, :-1]
     score = across.T @ gain[:, -1] - wide.right[n:]
-    return [
-        _Scores(
-            score[end - size : end].reshape(one.places, one.axes),
-            0.5 * (whole + whole.T)[end - size : end, end - size : end],
-        )
-        for one, end, size in zip(suspects, ends.tolist(), sizes, strict=True)
-    ]
+    return _Scores(score.reshape(suspect.places, suspect.axes), 0.5 * (whole + whole.T))
 
 
 def _likeliest(scores: _Scores, alternative: Alternative, axes: np.ndarray, tried: int) -> Found | None:

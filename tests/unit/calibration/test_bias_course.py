@@ -78,7 +78,7 @@ def test_one_bias_all_along_is_the_bias_itself_and_no_suspicion(procedure: str, 
 
     task = settled(procedure, grade)
     for source in BOTH:
-        (scores,) = _scores(task, [TriadBiases(task, source).jumps.suspect])
+        scores = _scores(task, TriadBiases(task, source).jumps.suspect)
         places, axes = scores.score.shape
         constant = np.kron(np.ones((places, 1)), np.eye(axes))
         left = constant.T @ scores.covariance @ constant

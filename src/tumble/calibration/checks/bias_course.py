@@ -9,7 +9,7 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Series, Vectors
 from tumble.calibration.equations.adjustment import JointAdjustment
-from tumble.calibration.equations.causes import COURSES, FORCE_WANDER, RATE_WANDER
+from tumble.calibration.equations.causes import COURSES, RATE_WANDER
 from tumble.calibration.equations.imu_unknowns import force_matrix, gyro_matrix
 from tumble.estimation.alternatives import Alternative, Found, Suspect, find
 from tumble.estimation.equations import Equations, Linear
@@ -17,9 +17,8 @@ from tumble.estimation.influence import Influences
 from tumble.estimation.wander import covariance_about_the_mean, first_of_neighbours
 from tumble.records import dataclass
 
-# Chance that what a triad's biases wander by looks like a jump on any axis anywhere, which makes the result unfit, or
-# like a drift, which is counted. At 0.2 % two of 543 right recordings of another hand were called, and two
-# jumps of 152 of tumble's simulator, whose biases wander more between placements.
+# Chance that what a triad's biases wander by looks like a jump on any axis anywhere, which makes a right result unfit,
+# or like a drift, which is counted.
 JUMP_FALSE_ALARM, DRIFT_FALSE_ALARM = 0.0005, 0.005
 # Holds needed on either side of a jump to tell it from one odd hold.
 SMALLEST_SIDE = 4
@@ -144,10 +143,6 @@ class TriadBiases:
         name = f"drift of the {self.name}"
         return Alternative(name, self._suspect, shapes, DRIFT_FALSE_ALARM, self._drift, all_axes=True)
 
-    def declares(self, found: Found) -> bool:
-        """Whether what was found is of this triad."""
-        return found.alternative is self.jumps or found.alternative is self.drifts
-
     def course(self, found: Found) -> BiasCourse:
         """Return how the biases go by what was found, raw.
 
@@ -207,22 +202,21 @@ def find_courses(task: JointAdjustment, sources: Sequence[str]) -> list[tuple[Tr
 
     Notes
     -----
-    What was added to the noise from hold to hold may be what a course left there: it is taken away, and sought anew
-    with each alternative.
+    What biases wander by is no noise here: it is taken away, and sought anew with each alternative. Were a part of it
+    counted as noise that each hold has for itself, too, a wander that neighbours share would look like a jump.
     """
-    alone = task.copy()
-    alone.noise = task.noise.copy()
-    alone.noise.added.update(force=0.0, rate=0.0)
-    trials = [alone]
-    # Where there is no gyro nothing of its rate takes part.
-    kinds = [{FORCE_WANDER: "force", RATE_WANDER: "rate"}[source] for source in sources]
-    if not all(np.all(task.taking_part[kind]) for kind in kinds):
-        trials.append(alone.copy())
-        for kind in kinds:
+    found: list[tuple[TriadBiases, Found]] = []
+    for source in sources:
+        triad, trials = TriadBiases(task, source), [task.copy()]
+        kind = "rate" if triad.of_gyros else "force"
+        trials[0].noise, trials[0].data = task.noise.copy(), task.data.without_wander(kind)
+        trials[0].noise.added[kind] = 0.0
+        # Where there is no gyro nothing of its rate takes part.
+        if not np.all(task.taking_part[kind]):
+            trials.append(trials[0].copy())
             trials[1].taking_part[kind][:] = True
-    triads = [TriadBiases(task, source) for source in sources]
-    found = find(trials, [one for triad in triads for one in (triad.jumps, triad.drifts)])
-    return [(triad, one) for one in found for triad in triads if triad.declares(one)]
+        found += [(triad, one) for one in find(trials, [triad.jumps, triad.drifts])]
+    return sorted(found, key=lambda one: one[1].rarity)
 
 
 def with_courses(influences: Influences, courses: Mapping[str, Sequence[BiasCourse]]) -> Influences:

@@ -147,13 +147,13 @@ class Rate(HoldEquations):
     def causes(self, state: JointAdjustment, linear: Linear) -> dict[str, AnyArray]:
         """Return what the bias wanders by, and the rest."""
         matrix = gyro_matrix(state.unknowns)
-        wander = self._floors(state.data) + state.noise["rate"] * (matrix @ matrix.T)
+        wander = state.data.rate_wander[self.place] + state.noise["rate"] * (matrix @ matrix.T)
         return {RATE_REST: linear.covariance - wander, RATE_WANDER: wander}
 
     def drifts(self, state: JointAdjustment, linear: Linear, first: int) -> dict[str, Drift]:
         """Return that the bias of a hold is in its mean rate."""
         assert linear.by_bias is not None
-        floor = np.minimum(self._floors(state.data), np.diag(state.data.base.rate_floor))
+        floor = np.minimum(state.data.rate_wander[self.place], np.diag(state.data.base.rate_floor))
         return {RATE_WANDER: Drift(*self.span(state.data), linear.by_bias, floor)}
 
     def directions(self, state: JointAdjustment) -> Table:
@@ -164,16 +164,6 @@ class Rate(HoldEquations):
     def say(index: int, times: str) -> tuple[str, str]:
         """Return that the unit did not rest."""
         return "hold", f"the gyro's output at rest is off by {times}: did it really rest?"
-
-    def _floors(self, data: Observed) -> AnyArray:
-        """Return (holds, 3, 3) of each hold's mean rate what white noise and rounding do not explain."""
-        base, k = data.base, self.place
-        step = (base.time[-1] - base.time[0]) / max(base.time.shape[0] - 1, 1)
-        white = base.rate_random_walk / (base.hold_samples[k, None] * step)
-        if base.rate_rounding is not None:
-            white = white + base.rate_rounding[k]
-        beyond = np.maximum(np.diagonal(base.rate_covariance[k], axis1=1, axis2=2) - white, 0.0)
-        return beyond[:, :, None] * np.eye(3)
 
 
 class Swing(HoldEquations):

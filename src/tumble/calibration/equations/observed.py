@@ -98,6 +98,7 @@ class Observed:
     rotations : by the index of the hold before.
     poses : of holds, that are believed; None for none.
     wander_once : covariances of stretches of time by 1/f noise, once one of them has been asked for.
+    steady : "force" or "rate" of a triad whose biases are taken for constant but within rotations.
     """
 
     base: HoldsAndTurns
@@ -112,6 +113,7 @@ class Observed:
     rotations: dict[int, TableRotation] = field(default_factory=dict[int, TableRotation])
     poses: BelievedPoses | None = None
     wander_once: dict[bytes, AnyArray] = field(default_factory=dict[bytes, AnyArray])
+    steady: str = ""
 
     @property
     def holds(self) -> int:
@@ -122,6 +124,26 @@ class Observed:
     def turns(self) -> np.ndarray:
         """Holds after which a usable turn follows."""
         return np.flatnonzero(self.base.turn_start >= 0)
+
+    @property
+    def rate_wander(self) -> Matrices:
+        """(holds, 3, 3) raw², of each hold's mean rate what white noise and rounding do not explain."""
+        base = self.base
+        step = (base.time[-1] - base.time[0]) / max(base.time.shape[0] - 1, 1)
+        white = base.rate_random_walk / (base.hold_samples[:, None] * step)
+        if base.rate_rounding is not None:
+            white = white + base.rate_rounding
+        beyond = np.maximum(np.diagonal(base.rate_covariance, axis1=1, axis2=2) - white, 0.0)
+        return beyond[:, :, None] * np.eye(3)
+
+    def without_wander(self, kind: str) -> Observed:
+        """Return the same as if biases of "force" or "rate" wandered by nothing from one hold or turn to the next."""
+        base, none = self.base, np.zeros(3)
+        if kind == "force":
+            parts = self.parts_covariance - np.tile(np.diag(base.force_floor), (3, 3))
+            return replace(self, base=replace(base, force_floor=none), parts_covariance=parts, steady=kind)
+        covariance = base.rate_covariance - np.minimum(self.rate_wander, np.diag(base.rate_floor))
+        return replace(self, base=replace(base, rate_floor=none, rate_covariance=covariance), steady=kind)
 
 
 def observe(

@@ -581,8 +581,12 @@ def _wander_variances(state: JointAdjustment, spins: Sequence[TableRotation]) ->
         noise["rate"] * np.sum(gyro_matrix(u) ** 2, axis=1) + rounding,
     )
     force, rate = (
-        np.concatenate([(constant * density + more)[:, None], share * density], axis=1)
-        for density, more in zip((data.force_density, data.rate_density), added, strict=True)
+        np.concatenate(
+            [(constant * density * (kind != data.steady) + more)[:, None], share * density], axis=1
+        )
+        for kind, density, more in zip(
+            ("force", "rate"), (data.force_density, data.rate_density), added, strict=True
+        )
     )
     step = seconds / np.array([max(spin.offsets.size, 1) for spin in spins])
     # Never quite nothing, so that the wander is always determined.

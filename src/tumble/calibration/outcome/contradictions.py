@@ -47,8 +47,7 @@ def contradictions(outcome: JointOutcome) -> list[str]:
     """
     return [
         *_of_poses(outcome),
-        *_of_pose_left_out(outcome),
-        *_of_angle_left_out(outcome),
+        *_of_left_out(outcome),
         *_of_fixture_turns(outcome),
         *_of_earth(outcome),
         *find_wrong_rates(outcome.task, outcome.table_sigma),
@@ -106,38 +105,22 @@ def _stands_on_poses(outcome: JointOutcome) -> bool:
     return bool(np.any(variance[asked] > MUCH_LESS_CERTAIN**2 * np.diag(solution.cofactor)[asked]))
 
 
-def _of_pose_left_out(outcome: JointOutcome) -> list[str]:
-    """A pose that was left out where another one's error explains what was recorded about as well."""
-    poses = outcome.data.poses
-    if poses is None:
-        return []
-    exchanged = _exchanged(outcome, "pose", poses.hold)
-    if exchanged is None or not _stands_on_poses(outcome):
-        return []
-    left_out, other = exchanged
-    said = (
-        f"The pose of hold {left_out + 1} contradicts the rest and was left out. Were that of hold {other + 1} wrong "
-        "instead, it would explain what was recorded about as well, and the result would be another. Place the unit in "
-        "both again, or in more poses."
-    )
-    return [said]
-
-
-def _of_angle_left_out(outcome: JointOutcome) -> list[str]:
-    """An angle that was left out where another one's error explains what was recorded about as well."""
-    rotations = outcome.data.rotations
-    exchanged = _exchanged(
-        outcome, "angle", np.array([k for k, s in rotations.items() if s.angle is not None], int)
-    )
-    if exchanged is None:
-        return []
-    left_out, other = (rotations[k].name for k in exchanged)
-    said = (
-        f"The angle of {left_out} contradicts the rest and was left out. Were that of {other} wrong instead, it would "
-        "explain what was recorded about as well, and the result would be another. Look at both in the protocol "
-        "(`angle_deg`), or turn again."
-    )
-    return [said]
+def _of_left_out(outcome: JointOutcome) -> list[str]:
+    """A pose or an angle that was left out where another one's error explains what was recorded about as well."""
+    poses, rotations, said = outcome.data.poses, outcome.data.rotations, list[str]()
+    read = np.array([k for k, spin in rotations.items() if spin.angle is not None], int)
+    for kind, rows, again in (
+        ("pose", read[:0] if poses is None else poses.hold, "Place the unit in both again, or in more poses"),
+        ("angle", read, "Look at both in the protocol (`angle_deg`), or turn again"),
+    ):
+        exchanged = _exchanged(outcome, kind, rows)
+        if exchanged is not None and (kind == "angle" or _stands_on_poses(outcome)):
+            one, other = (f"hold {k + 1}" if kind == "pose" else rotations[k].name for k in exchanged)
+            said.append(
+                f"The {kind} of {one} contradicts the rest and was left out. Were that of {other} wrong instead, it "
+                f"would explain what was recorded about as well, and the result would be another. {again}."
+            )
+    return said
 
 
 def _exchanged(outcome: JointOutcome, kind: str, rows: np.ndarray) -> tuple[int, int] | None:
