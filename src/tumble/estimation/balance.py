@@ -219,7 +219,7 @@ def balance(task: Balanceable) -> Balanced:
     outliers: list[Outlier] = []
     for _ in range(PASSES):
         solution = _settle(task, solution, robust=True)
-        found = _gross_errors(task, solution.tests(), outliers, FALSE_ALARM)
+        found = gross_errors(task.screens, solution.tests(), outliers)
         if not found:
             break
         for outlier in found:
@@ -292,7 +292,7 @@ def _raise_component(noise: Noise, component: Component, tests: Tests, *, robust
         return False
     total = float(checked.sum() / np.sum(1.0 / tests.variance[checked]))
     before, moved = noise[name], False
-    wanted = max(component.least, before + (_ratio(tests, robust=robust) - 1.0) * total)
+    wanted = max(component.least, before + (noise_ratio(tests, robust=robust) - 1.0) * total)
     if abs(wanted - before) > SETTLED * total:
         noise.set(name, wanted)
         moved = True
@@ -342,7 +342,13 @@ def _raise_chains(task: Balanceable, solution: Settled) -> bool:
     return moved
 
 
-def _ratio(tests: Tests, *, robust: bool) -> float:
+def noise_ratio(tests: Tests, *, robust: bool) -> float:
+    """Return how many times as large as their noise the squares of what is checked are, on average or by their median.
+
+    Parameters
+    ----------
+    tests, robust : of a kind, and whether by the median.
+    """
     checked = tests.degrees > 0
     statistic, degrees = tests.statistic[checked], tests.degrees[checked]
     if robust:
@@ -368,12 +374,15 @@ def _explained_by_chance(tests: Tests | None) -> bool:
     return float(chdtrc(degrees, degrees * float(tests.square.sum()) / mean)) > CHANCE
 
 
-def _gross_errors(
-    task: Balanceable, tests: dict[str, Tests], before: list[Outlier], false_alarm: float
-) -> list[Outlier]:
-    """Return what exceeds its kind's limit, the worst and what is half as bad."""
+def gross_errors(screens: Sequence[Screen], tests: dict[str, Tests], before: list[Outlier]) -> list[Outlier]:
+    """Return what exceeds its kind's limit, the worst and what is half as bad.
+
+    Parameters
+    ----------
+    screens, tests, before : how it is looked for, by name, and what was found before.
+    """
     found: list[Outlier] = []
-    for screen in task.screens:
+    for screen in screens:
         told = tests.get(screen.name)
         at = np.zeros(0, dtype=int) if told is None else np.flatnonzero(told.degrees > 0)
         if told is None or not at.size:
@@ -381,7 +390,7 @@ def _gross_errors(
         gone = sum(outlier.kind == screen.name for outlier in before)
         allowed = int(LARGEST_SHARE_LEFT_OUT * (at.size + gone)) - gone
         allowed = 1 if screen.given else min(allowed, max(1, int(SHARE_AT_A_TIME * at.size)))
-        beyond = told.statistic[at] / _limits(screen, told, at, false_alarm)
+        beyond = told.statistic[at] / _limits(screen, told, at)
         normalised = np.sqrt(told.statistic[at] / told.degrees[at])
         worst = [i for i in np.argsort(-beyond).tolist() if beyond[i] > 1.0]
         found += [
@@ -392,15 +401,15 @@ def _gross_errors(
     return found
 
 
-def _limits(screen: Screen, tests: Tests, at: np.ndarray, false_alarm: float) -> Series:
+def _limits(screen: Screen, tests: Tests, at: np.ndarray) -> Series:
     if screen.given:
         from scipy.special import chdtri
 
-        single = false_alarm / max(tests.place.size, 1)
+        single = FALSE_ALARM / max(tests.place.size, 1)
         return np.array([float(chdtri(int(d), single)) for d in tests.degrees[at].tolist()])
     whole = int(tests.degrees[at].sum())
     return np.array(
-        [limit_of_largest(int(d), at.size, whole, false_alarm) for d in tests.degrees[at].tolist()]
+        [limit_of_largest(int(d), at.size, whole, FALSE_ALARM) for d in tests.degrees[at].tolist()]
     )
 
 

@@ -20,20 +20,18 @@ import numpy as np
 from tumble.arrays import AnyArray, Series, Square
 from tumble.counting import stepped
 from tumble.errors import ConvergenceError, ObservabilityError
-from tumble.estimation.block_chain import BlockChain
 from tumble.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)
 class Linearisation:
-    """Conditions in linear form, grouped along a chain.
+    """Conditions in linear form, in groups that have no noise in common.
 
     Attributes
     ----------
     misclosure : (groups, size), w.
     design : (groups, size, parameters), A.
-    covariance : (groups, size, size), the diagonal blocks of C.
-    covariance_lower : (groups - 1, size, size), blocks of C in row k + 1, column k, or None.
+    covariance : (groups, size, size), the blocks of C.
     active : (groups, size) of bool: conditions that take part. Of inactive ones the solver wants
         zero rows in `misclosure` and `design` and a unit row in `covariance`.
     """
@@ -41,23 +39,18 @@ class Linearisation:
     misclosure: AnyArray
     design: AnyArray
     covariance: AnyArray
-    covariance_lower: AnyArray | None
     active: np.ndarray
 
     @staticmethod
-    def masked(
-        w: AnyArray, A: AnyArray, C: AnyArray, active: np.ndarray, lower: AnyArray | None = None
-    ) -> Linearisation:
+    def masked(w: AnyArray, A: AnyArray, C: AnyArray, active: np.ndarray) -> Linearisation:
         """Return conditions of which those that take no part say nothing.
 
         Parameters
         ----------
-        w, A, C, active, lower : misclosure, design, covariance and so on of all conditions.
+        w, A, C, active : misclosure, design, covariance and so on of all conditions.
         """
-        if lower is not None:
-            lower = np.where(active[1:, :, None] & active[:-1, None, :], lower, 0.0)
         V = np.where(active[:, :, None] & active[:, None, :], C, np.eye(active.shape[1]))
-        return Linearisation(np.where(active, w, 0.0), np.where(active[:, :, None], A, 0.0), V, lower, active)
+        return Linearisation(np.where(active, w, 0.0), np.where(active[:, :, None], A, 0.0), V, active)
 
 
 @runtime_checkable
@@ -101,9 +94,8 @@ class Adjustment:
     square_sum : e' P e, with the prior's own term.
     redundancy : conditions plus prior knowledge minus parameters.
     iterations : how many it took.
-    linearisation, chain : of the last iteration, for tests and diagnostics.
+    linearisation : of the last iteration, for tests and diagnostics.
     residual : (groups, size), w + A xi: the conditions' remaining misclosure.
-    multipliers : (groups, size), C^-1 times `residual`.
     """
 
     parameters: Series
@@ -112,9 +104,7 @@ class Adjustment:
     redundancy: int
     iterations: int
     linearisation: Linearisation
-    chain: BlockChain
     residual: AnyArray
-    multipliers: AnyArray
 
     @property
     def sigma0(self) -> float:
@@ -159,10 +149,15 @@ def adjust(
         linear = conditions.linearise(parameters)
         if not (np.all(np.isfinite(linear.misclosure)) and np.all(np.isfinite(linear.covariance))):
             raise ConvergenceError("The adjustment diverged: its unknowns left all bounds.")
-        chain = BlockChain.factor(linear.covariance, linear.covariance_lower)
-        whitened = chain.solve(linear.design).reshape(-1, parameters.size)
-        normal = linear.design.reshape(-1, parameters.size).T @ whitened
-        right = -(whitened.T @ linear.misclosure.ravel())
+        try:
+            root = np.linalg.inv(np.linalg.cholesky(linear.covariance))
+        except np.linalg.LinAlgError:
+            raise ConvergenceError(
+                "The covariance of the observations is not positive definite: "
+                "a hold has no noise at all, or too few samples."
+            ) from None
+        white = (root @ linear.design).reshape(-1, parameters.size)
+        normal, right = white.T @ white, -white.T @ np.einsum("gij,gj->gi", root, linear.misclosure).ravel()
         if prior is not None:
             normal = normal + prior.precision
             right = right - prior.precision @ (parameters - prior.mean)
@@ -171,7 +166,7 @@ def adjust(
         if not np.all(np.isfinite(step)):
             raise ConvergenceError("The adjustment diverged: its unknowns left all bounds.")
         residual = linear.misclosure + linear.design @ step
-        multipliers = chain.solve(residual[..., None])[..., 0]
+        multipliers = np.einsum("gji,gjk,gk->gi", root, root, residual, optimize=True)
         conditions.adjust_observations(multipliers)
         parameters = parameters + step
         size = float(np.max(np.abs(step) / np.sqrt(np.diag(cofactor))))
@@ -185,9 +180,7 @@ def adjust(
                 square_sum += float(off @ prior.precision @ off)
                 known = prior.rank
             redundancy = int(np.count_nonzero(linear.active)) + known - parameters.size
-            return Adjustment(
-                parameters, cofactor, square_sum, redundancy, iteration, linear, chain, residual, multipliers
-            )
+            return Adjustment(parameters, cofactor, square_sum, redundancy, iteration, linear, residual)
         step_before = size
     raise ConvergenceError(f"The adjustment did not settle within {iterations} iterations.")
 

@@ -10,105 +10,38 @@ and the parameter's gain g (for one number it is Baarda's own formula).
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from tumble.arrays import AnyArray, Series, Square, Table
+from tumble.arrays import Series, Square, Table
+from tumble.estimation.equations import Look, Tests, View, tested
 from tumble.estimation.gauss_helmert import Adjustment
 from tumble.records import dataclass
 
 
-@dataclass(frozen=True, slots=True)
-class GroupTest:
-    """The test of some conditions of one group against a gross error in them.
+def snoop_groups(adjustment: Adjustment, columns: slice) -> Tests:
+    """Return the tests of the conditions `columns` of every group that has any of them active.
 
-    `statistic` is chi-square with `degrees` of freedom if there is none (and the noise given is the
-    true one).
-    """
+    A group that no other observation checks has no degrees.
 
-    group: int
-    statistic: float
-    degrees: int
-
-    @property
-    def normalised(self) -> float:
-        """Root of the statistic per degree of freedom: about 1 where nothing is wrong."""
-        return float(np.sqrt(self.statistic / self.degrees)) if self.degrees else 0.0
-
-
-@dataclass(frozen=True, slots=True)
-class Reliability:
-    """How well each condition of an adjustment is checked by the others.
-
-    Attributes
+    Parameters
     ----------
-    adjustment : what is judged.
-    inverse : (groups, size, size), diagonal blocks of P = C^-1.
-    loss : (groups, size, size), diagonal blocks of P A N^-1 A' P: what the unknowns take up.
+    adjustment : settled.
+    columns : of a kind of conditions, which has no noise in common with the others of the group.
     """
-
-    adjustment: Adjustment
-    inverse: AnyArray
-    loss: AnyArray
-
-    @staticmethod
-    def of(adjustment: Adjustment) -> Reliability:
-        """Return the reliability of an adjustment, with the work that all kinds of conditions share."""
-        linear, chain = adjustment.linearisation, adjustment.chain
-        weighted = chain.solve(linear.design)
-        root = np.linalg.cholesky(adjustment.cofactor)
-        moved = weighted @ root
-        return Reliability(adjustment, chain.inverse_diagonal(), moved @ np.swapaxes(moved, 1, 2))
-
-    def snoop(self, columns: slice) -> list[GroupTest]:
-        """Test the conditions `columns` of every group that has them active.
-
-        Notes
-        -----
-        With P = C^-1 and v the conditions' residual, P v has the cofactor
-        S = P - P A N^-1 A' P. A gross error in the group's own conditions shows in
-        T = (P v)_g' S_gg^-1 (P v)_g, chi-square under the hypothesis that there is none. A group
-        whose S_gg vanishes is not checked by any other observation: its degrees are 0.
-        """
-        rows: npt.NDArray[np.int64] = np.arange(
-            self.adjustment.linearisation.misclosure.shape[1], dtype=np.int64
-        )[columns]
-        active = self.adjustment.linearisation.active[:, rows]
-        block = self.inverse[:, rows[:, None], rows]
-        # Whitened by the group's own part of P, the eigenvalues are shares of redundancy, 0 to 1.
-        whiten = np.linalg.inv(np.linalg.cholesky(block))
-        own_loss = self.loss[:, rows[:, None], rows]
-        spread = np.eye(rows.size) - whiten @ own_loss @ np.swapaxes(whiten, 1, 2)
-        # Inactive rows take no part: their own redundancy is set to nothing.
-        spread = np.where(active[:, :, None] & active[:, None, :], spread, 0.0)
-        eigenvalues, vectors = np.linalg.eigh(spread)
-        # A share of redundancy below 1e-6 is no check at all.
-        checked = eigenvalues > 1e-6
-        pulls = np.einsum("gst,gt->gs", whiten, np.where(active, self.adjustment.multipliers[:, rows], 0.0))
-        components = np.einsum("gse,gs->ge", vectors, pulls) ** 2
-        parts = np.divide(components, eigenvalues, out=np.zeros_like(components), where=checked)
-        statistics, degrees = parts.sum(axis=1), checked.sum(axis=1)
-        return [
-            GroupTest(group, float(statistics[group]), int(degrees[group]))
-            for group in np.flatnonzero(active.any(axis=1)).tolist()
-        ]
+    active = adjustment.linearisation.active[:, columns]
+    groups = np.flatnonzero(active.any(axis=1))
+    residual, A, C = (
+        of[groups][:, columns]
+        for of in (adjustment.residual, adjustment.linearisation.design, adjustment.linearisation.covariance)
+    )
+    # What takes no part is taken whole: nothing of it is left to be checked.
+    taken = A @ adjustment.cofactor @ np.swapaxes(A, 1, 2) + ~active[groups][:, :, None] * np.eye(
+        active.shape[1]
+    )
+    return tested([Look.at(groups, residual, C[:, :, columns], taken, View("", least=UNTESTED))])[0]
 
 
-def snoop_groups(adjustment: Adjustment, columns: slice) -> list[GroupTest]:
-    """Test the conditions `columns` of every group: `Reliability.snoop` for one kind alone."""
-    return Reliability.of(adjustment).snoop(columns)
-
-
-def critical_value(degrees: int, groups: int, false_alarm: float = 0.01) -> float:
-    """Return the limit that the largest of `groups` chi-square statistics passes by chance rarely.
-
-    `false_alarm` is the chance that any of them does when nothing is wrong (Sidak's inequality).
-    """
-    from scipy.special import chdtri
-
-    single: float = 1.0 - (1.0 - false_alarm) ** (1.0 / max(groups, 1))
-    return float(chdtri(degrees, single))
-
-
+# A share of redundancy below this is no check at all.
+UNTESTED = 1e-6
 # Baarda's false-alarm rate and power.
 ALPHA, POWER = 0.001, 0.8
 # Of the size of the largest: a direction less checked than this is not checked.

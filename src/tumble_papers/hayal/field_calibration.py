@@ -18,6 +18,7 @@ from tumble.calibration.start_values import rough_triad
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ConvergenceError, ObservabilityError, SegmentationError
 from tumble.estimation import Adjustment, snoop_groups
+from tumble.estimation.balance import noise_ratio
 from tumble.recording.recording import Recording
 from tumble.segmentation import HoldMeans, Timeline, find_timeline, observe_holds
 from tumble.sensor import ImuModel, Triad
@@ -219,8 +220,7 @@ def _adjusted(
 
 def _residual_ratio(adjustment: Adjustment) -> float:
     """Return how many times as large as its noise the mean square of the residuals is."""
-    tests = [test for test in snoop_groups(adjustment, slice(0, 1)) if test.degrees]
-    return sum(test.statistic for test in tests) / sum(test.degrees for test in tests)
+    return noise_ratio(snoop_groups(adjustment, slice(0, 1)), robust=False)
 
 
 def _rate_start(observed: Vectors) -> Vector:

@@ -31,29 +31,28 @@ class LineWithErrorsInBoth:
         design = np.column_stack([-np.ones(x.size), -x])
         variance = np.sum(self.by_observed**2 * self.variance, axis=1)
         active = np.ones((x.size, 1), dtype=bool)
-        return Linearisation(misclosure[:, None], design[:, None, :], variance[:, None, None], None, active)
+        return Linearisation(misclosure[:, None], design[:, None, :], variance[:, None, None], active)
 
     def adjust_observations(self, multipliers: Array) -> None:
         self.adjusted = self.observed - self.variance * self.by_observed * multipliers
 
 
 class LinearModel:
-    """A xi - y = e, in groups along a chain: what weighted least squares solves in one step."""
+    """A xi - y = e, in groups: what weighted least squares solves in one step."""
 
     def __init__(
         self,
         design: Array,
         observed: Array,
         covariance: Array,
-        lower: Array | None = None,
         active: npt.NDArray[np.bool_] | None = None,
     ) -> None:
-        self.design, self.observed, self.covariance, self.lower = design, observed, covariance, lower
+        self.design, self.observed, self.covariance = design, observed, covariance
         self.active = np.ones(observed.shape, dtype=bool) if active is None else active
 
     def linearise(self, parameters: Array) -> Linearisation:
         misclosure = self.design @ parameters - self.observed
-        return Linearisation.masked(misclosure, self.design, self.covariance, self.active, self.lower)
+        return Linearisation.masked(misclosure, self.design, self.covariance, self.active)
 
     def adjust_observations(self, multipliers: Array) -> None:
         """Linear in parameters and observations: there is nothing to relinearise."""
@@ -64,27 +63,17 @@ class LinearModel:
         for k in range(groups):
             own = slice(k * size, (k + 1) * size)
             dense[own, own] = self.covariance[k]
-            if k and self.lower is not None:
-                before = slice((k - 1) * size, k * size)
-                dense[own, before] = self.lower[k - 1]
-                dense[before, own] = self.lower[k - 1].T
         return dense
 
 
 def draw_linear_model(seed: int, groups: int = 8, size: int = 3, parameters: int = 4) -> LinearModel:
-    """A linear model whose neighbouring groups share noise, with noise drawn from that covariance."""
+    """A linear model whose conditions share noise within a group, with noise drawn from that covariance."""
     rng = np.random.default_rng(seed)
     own = 0.5 * rng.standard_normal((groups, size, size)) + 2.0 * np.eye(size)
-    shared = 0.7 * rng.standard_normal((groups, size, size))
-    covariance = own @ np.swapaxes(own, 1, 2)
-    covariance[1:] += shared[1:] @ np.swapaxes(shared[1:], 1, 2)
-    lower = shared[1:] @ np.swapaxes(own[:-1], 1, 2)
-    noise = rng.standard_normal((groups, size))
-    errors = np.einsum("gst,gt->gs", own, noise)
-    errors[1:] += np.einsum("gst,gt->gs", shared[1:], noise[:-1])
+    errors = np.einsum("gst,gt->gs", own, rng.standard_normal((groups, size)))
     design = rng.standard_normal((groups, size, parameters))
     truth = np.arange(1.0, parameters + 1.0)
-    return LinearModel(design, design @ truth + errors, covariance, lower)
+    return LinearModel(design, design @ truth + errors, own @ np.swapaxes(own, 1, 2))
 
 
 @pytest.fixture

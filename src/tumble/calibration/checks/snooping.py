@@ -9,23 +9,13 @@ an outlier cannot hide by inflating the noise; afterwards their mean square does
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from tumble.arrays import Series, Square
 from tumble.calibration.estimate import TermTest
-from tumble.estimation import Adjustment, GroupTest, Reliability
-from tumble.estimation.balance import (
-    CHANCE,
-    FALSE_ALARM,
-    LARGEST_SHARE_LEFT_OUT,
-    MEDIAN_CHI_SQUARE,
-    SETTLED,
-    SHARE_AT_A_TIME,
-    Outlier,
-    limit_of_largest,
-)
+from tumble.estimation import Adjustment, snoop_groups
+from tumble.estimation.balance import CHANCE, ROUNDS, SETTLED, Outlier, Screen, gross_errors, noise_ratio
 from tumble.records import dataclass
 
 # A term that chance explains so often, tested by one step from the adjustment without it, is needless: the noise was
@@ -79,16 +69,11 @@ class Kind:
     columns: slice
 
 
-@runtime_checkable
-class Solve(Protocol):
-    """Adjusts with extra variances by kind (SI²) and a mask of active conditions.
+Solve = Callable[[dict[str, float], np.ndarray, bool], Adjustment]
+"""Adjusts with extra variances by kind (SI²) and a mask of active conditions.
 
-    With `once` a single step from the latest solution is enough: little has changed since.
-    """
-
-    def __call__(self, extra: dict[str, float], active: np.ndarray, *, once: bool) -> Adjustment:
-        """Return the adjustment."""
-        ...
+With the last true a single step from the latest solution is enough: little has changed since.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,14 +85,7 @@ class Balanced:
     outliers: list[Outlier]
 
 
-def balance(
-    solve: Solve,
-    kinds: list[Kind],
-    active: np.ndarray,
-    *,
-    extra: dict[str, float] | None = None,
-    robust: bool = True,
-) -> Balanced:
+def balance(solve: Solve, kinds: list[Kind], active: np.ndarray, *, robust: bool = True) -> Balanced:
     """Adjust, add variance where residuals ask for it, and leave out what is no noise.
 
     Parameters
@@ -115,7 +93,6 @@ def balance(
     solve : the adjustment; its last call is the one whose result is returned.
     kinds : the kinds of conditions that may need more variance.
     active : (groups, size) of bool, changed in place: outliers are switched off.
-    extra : variances to start from.
     robust : look for outliers at all.
 
     Raises
@@ -123,27 +100,28 @@ def balance(
     ConvergenceError, ObservabilityError
         From the adjustment.
     """
-    variances = {kind.name: 0.0 for kind in kinds} if extra is None else dict(extra)
-    adjustment = solve(variances, active, once=False)
+    variances, columns = {kind.name: 0.0 for kind in kinds}, {kind.name: kind.columns for kind in kinds}
+    adjustment = solve(variances, active, False)
     outliers: list[Outlier] = []
     for _ in range(_PASSES if robust else 0):
-        adjustment, variances = _settle(solve, kinds, active, adjustment, variances, _robust_ratio)
-        found = _gross_errors(adjustment, kinds, outliers, FALSE_ALARM)
+        adjustment, variances = _settle(solve, kinds, active, adjustment, variances, robust=True)
+        tests = {kind.name: snoop_groups(adjustment, kind.columns) for kind in kinds}
+        found = gross_errors([Screen(kind.name) for kind in kinds], tests, outliers)
         if not found:
             break
-        for outlier, columns in found:
-            active[outlier.group, columns] = False
-            outliers.append(outlier)
-        adjustment = solve(variances, active, once=True)
-    adjustment, variances = _settle(solve, kinds, active, adjustment, variances, _mean_ratio)
+        for outlier in found:
+            active[outlier.group, columns[outlier.kind]] = False
+        outliers += found
+        adjustment = solve(variances, active, True)
+    adjustment, variances = _settle(solve, kinds, active, adjustment, variances, robust=False)
     for kind in kinds:
         # A component that chance explains is no component: taking every excess for real, and no
         # deficit, would make the uncertainties too wide on average.
         if variances[kind.name] > 0.0:
             without = {**variances, kind.name: 0.0}
-            if _explained_by_chance(solve(without, active, once=True), kind):
+            if _explained_by_chance(solve(without, active, True), kind):
                 variances = without
-    return Balanced(solve(variances, active, once=False), variances, outliers)
+    return Balanced(solve(variances, active, False), variances, outliers)
 
 
 def _settle(
@@ -152,24 +130,26 @@ def _settle(
     active: np.ndarray,
     adjustment: Adjustment,
     extra: dict[str, float],
-    ratio: Callable[[list[GroupTest]], float],
+    *,
+    robust: bool,
 ) -> tuple[Adjustment, dict[str, float]]:
     """Move the extra variances until each kind's residuals are as large as its variance says."""
-    for _ in range(8):
-        moved = False
-        reliability = Reliability.of(adjustment)
+    for _ in range(ROUNDS):
+        before = extra
         for kind in kinds:
-            tests = [test for test in reliability.snoop(kind.columns) if test.degrees]
-            if not tests:
+            tests = snoop_groups(adjustment, kind.columns)
+            if not np.any(tests.degrees):
                 continue
-            total = _typical_variance(adjustment, kind)
-            wanted = max(0.0, extra[kind.name] + (ratio(tests) - 1.0) * total)
+            # What the weight is worth: the harmonic mean of the conditions' variances.
+            diagonal = np.diagonal(adjustment.linearisation.covariance, axis1=1, axis2=2)[:, kind.columns]
+            used = diagonal[adjustment.linearisation.active[:, kind.columns]]
+            total = float(used.size / np.sum(1.0 / used))
+            wanted = max(0.0, extra[kind.name] + (noise_ratio(tests, robust=robust) - 1.0) * total)
             if abs(wanted - extra[kind.name]) > SETTLED * total:
                 extra = {**extra, kind.name: wanted}
-                moved = True
-        if not moved:
+        if extra is before:
             break
-        adjustment = solve(extra, active, once=True)
+        adjustment = solve(extra, active, True)
     return adjustment, extra
 
 
@@ -177,57 +157,7 @@ def _explained_by_chance(adjustment: Adjustment, kind: Kind) -> bool:
     """Return whether the residuals of a kind are no larger than noise makes them in 97.5 % of cases."""
     from scipy.special import chdtrc
 
-    reliability = Reliability.of(adjustment)
-    tests = [test for test in reliability.snoop(kind.columns) if test.degrees]
-    redundancy = _redundancy(adjustment, kind)
-    statistic = _mean_ratio(tests) * redundancy if tests else 0.0
+    tests = snoop_groups(adjustment, kind.columns)
+    redundancy = float(tests.redundancy.sum())
+    statistic = noise_ratio(tests, robust=False) * redundancy if np.any(tests.degrees) else 0.0
     return redundancy < 1.0 or float(chdtrc(redundancy, statistic)) > CHANCE
-
-
-def _redundancy(adjustment: Adjustment, kind: Kind) -> float:
-    """Return the share of a kind's conditions that is left to check it, summed: its own redundancy."""
-    linear, chain = adjustment.linearisation, adjustment.chain
-    weighted = chain.solve(linear.design)[:, kind.columns]
-    taken = np.einsum("gsp,gsq->pq", linear.design[:, kind.columns], weighted)
-    loss = float(np.sum(taken * adjustment.cofactor))
-    return float(np.count_nonzero(linear.active[:, kind.columns])) - loss
-
-
-def _typical_variance(adjustment: Adjustment, kind: Kind) -> float:
-    """Return the harmonic mean of the conditions' variances: what the weight is worth."""
-    diagonal = np.diagonal(adjustment.linearisation.covariance, axis1=1, axis2=2)[:, kind.columns]
-    used = diagonal[adjustment.linearisation.active[:, kind.columns]]
-    return float(used.size / np.sum(1.0 / used))
-
-
-def _mean_ratio(tests: list[GroupTest]) -> float:
-    return sum(test.statistic for test in tests) / sum(test.degrees for test in tests)
-
-
-def _robust_ratio(tests: list[GroupTest]) -> float:
-    ratios = [test.statistic / MEDIAN_CHI_SQUARE[min(test.degrees, 6) - 1] for test in tests]
-    return float(np.median(ratios))
-
-
-def _gross_errors(
-    adjustment: Adjustment, kinds: list[Kind], before: list[Outlier], false_alarm: float
-) -> list[tuple[Outlier, slice]]:
-    """Return the groups of each kind that exceed their limit, the worst and what is half as bad."""
-    found: list[tuple[Outlier, slice]] = []
-    reliability = Reliability.of(adjustment)
-    for kind in kinds:
-        tests = [test for test in reliability.snoop(kind.columns) if test.degrees]
-        gone = sum(outlier.kind == kind.name for outlier in before)
-        allowed = int(LARGEST_SHARE_LEFT_OUT * (len(tests) + gone)) - gone
-        allowed = min(allowed, max(1, int(SHARE_AT_A_TIME * len(tests))))
-        degrees = sum(test.degrees for test in tests)
-        # The noise level itself is estimated from the same residuals: F instead of chi-square.
-        limits = {
-            d: limit_of_largest(d, len(tests), degrees, false_alarm) for d in {t.degrees for t in tests}
-        }
-        beyond = [test for test in tests if test.statistic > limits[test.degrees]]
-        beyond.sort(key=lambda test: -test.statistic / limits[test.degrees])
-        for test in beyond[: max(allowed, 0)]:
-            if 2.0 * test.normalised >= beyond[0].normalised:
-                found.append((Outlier(kind.name, test.group, test.normalised), kind.columns))
-    return found

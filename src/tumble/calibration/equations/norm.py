@@ -67,7 +67,6 @@ class NormConditions:
             misclosure[:, None],
             design[:, None, :],
             (variance + self.extra_variance * self.active)[:, None, None],
-            None,
             self.active[:, None],
         )
 

@@ -83,15 +83,15 @@ def balanced(
     """Balance conditions from the start values; the second is sigma0 with their own noise alone."""
     values = [start]
 
-    def solve(extra: dict[str, float], active: np.ndarray, *, once: bool) -> Adjustment:
-        conditions.extra, conditions.active = extra, active
+    def solve(extra: dict[str, float], active: np.ndarray, once: bool) -> Adjustment:
+        conditions.extra, conditions.active = {**none, **extra}, active
         adjustment = adjust(conditions, values[-1], prior=prior, once=once)
         values.append(adjustment.parameters)
         return adjustment
 
     active, none = conditions.active.copy(), dict.fromkeys(conditions.extra, 0.0)
-    alone = solve(none, active, once=False).sigma0
-    made = balance(solve, kinds, active, extra=none, robust=robust)
+    alone = solve(none, active, False).sigma0
+    made = balance(solve, kinds, active, robust=robust)
     conditions.active = active
     return made, alone
 

@@ -107,7 +107,7 @@ def _norms_alone(force: Vectors, covariance: Matrices, gravity: float) -> Adjust
     start = rough_triad(force, gravity)
     values, everything = [start], np.arange(9)
 
-    def solve(extra: dict[str, float], active: np.ndarray, *, once: bool) -> Adjustment:
+    def solve(extra: dict[str, float], active: np.ndarray, once: bool) -> Adjustment:
         conditions = NormConditions(
             force, covariance, gravity, values[-1], everything, active[:, 0], extra["norm"]
         )

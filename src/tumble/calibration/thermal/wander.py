@@ -107,7 +107,7 @@ class WanderingConditions:
         one = np.broadcast_to(np.eye(6), (len(linear.active), 6, 6))
         shape = linear.active.shape
         misclosure, design = misclosure.reshape(shape), design.reshape(*shape, -1)
-        return Linearisation(misclosure, design, one, None, linear.active)
+        return Linearisation(misclosure, design, one, linear.active)
 
     def adjust_observations(self, multipliers: AnyArray) -> None:
         """Means are known so well that a second order in their noise is nothing."""
