@@ -25,9 +25,8 @@ from tumble.calibration import Estimate, Options, Session, calibrate, find_proce
 from tumble.calibration.checks.scores import hold_norm_errors, score_turns
 from tumble.calibration.equations.gathering import gather
 from tumble.calibration.equations.imu_unknowns import LAYOUT
-from tumble.calibration.equations.triad_unknowns import triad_from_unknowns, unknowns_from_triad
+from tumble.calibration.equations.triad_unknowns import rough_triad, triad_from_unknowns, unknowns_from_triad
 from tumble.calibration.outcome.description import named_function
-from tumble.calibration.start_values import rough_triad
 from tumble.earth import Site
 from tumble.export.readers import read_imu_tk
 from tumble.recording import read_recording

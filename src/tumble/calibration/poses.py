@@ -50,8 +50,7 @@ def match_faces(means: HoldMeans, site: Site) -> tuple[Protocol, Matching]:
     ObservabilityError
         If there is no accelerometer to tell the faces.
     """
-    from tumble.calibration.equations.triad_unknowns import triad_from_unknowns
-    from tumble.calibration.start_values import rough_triad
+    from tumble.calibration.equations.triad_unknowns import rough_triad, triad_from_unknowns
     from tumble.segmentation.matching import MatchedHold, Matching
 
     if means.specific_force is None:

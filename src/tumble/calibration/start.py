@@ -18,10 +18,14 @@ from tumble.calibration.equations.imu_unknowns import gyro_matrix, imu_unknowns
 from tumble.calibration.equations.observed import Observed
 from tumble.calibration.equations.pose_equations import align_with_poses
 from tumble.calibration.equations.rotation_equations import RotationState, start_rotation
-from tumble.calibration.equations.triad_unknowns import COUNT, triad_from_unknowns
+from tumble.calibration.equations.triad_unknowns import (
+    COUNT,
+    rough_gyro_matrix,
+    rough_triad,
+    triad_from_unknowns,
+)
 from tumble.calibration.equations.turn import HoldsAndTurns
 from tumble.calibration.equations.turn_equations import integrate_links
-from tumble.calibration.start_values import rough_gyro_matrix, rough_triad
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ObservabilityError
 from tumble.estimation.balance import Noise

@@ -62,8 +62,10 @@ class Conditions(Protocol):
         ...
 
     def adjust_observations(self, multipliers: AnyArray) -> None:
-        """Take ``C^-1 (w + A xi)``, (groups, size), and set the observations to Y_observed + e."""
-        ...
+        """Take ``C^-1 (w + A xi)``, (groups, size), and set the observations to Y_observed + e.
+
+        By default nothing is set: means are known so well that a second order in their noise is nothing.
+        """
 
 
 @dataclass(frozen=True, slots=True)

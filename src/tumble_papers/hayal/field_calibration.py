@@ -13,8 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tumble.arrays import Matrices, Series, Vector, Vectors
-from tumble.calibration.equations.triad_unknowns import BIAS, COUNT, SCALE, triad_from_unknowns
-from tumble.calibration.start_values import rough_triad
+from tumble.calibration.equations.triad_unknowns import BIAS, COUNT, SCALE, rough_triad, triad_from_unknowns
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ConvergenceError, ObservabilityError, SegmentationError
 from tumble.estimation import Adjustment, snoop_groups

@@ -23,12 +23,11 @@ from functools import partial
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrices, Series, Vectors
-from tumble.calibration.equations.triad_unknowns import ANGLE, BIAS, SCALE
+from tumble.calibration.equations.triad_unknowns import ANGLE, BIAS, SCALE, rough_triad
 from tumble.calibration.estimate import Estimate
 from tumble.calibration.estimators import Estimator
 from tumble.calibration.poses import match_faces
 from tumble.calibration.session import Session
-from tumble.calibration.start_values import rough_triad
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ConvergenceError, ObservabilityError
 from tumble.protocol import HoldStep, Pose, Protocol, SpinStep, TurnStep

@@ -28,8 +28,8 @@ from tumble.calibration.magnetometer.field_equations import (
     FieldAdjustment,
     FieldSeen,
     field_means,
+    start_field,
 )
-from tumble.calibration.magnetometer.field_start import start_field
 from tumble.calibration.magnetometer.verdict import judge_magnetometer
 from tumble.calibration.outcome.estimate import JointOutcome
 from tumble.calibration.session import Options, Session

@@ -11,9 +11,9 @@ from tests.unit.adjusted import adjusted
 
 from tumble.calibration.checks.scores import hold_norm_errors, score_turns
 from tumble.calibration.checks.triad_agreement import estimate_time_lag, refuse_contradicting_axes
+from tumble.calibration.equations.triad_unknowns import rough_gyro_matrix, rough_triad
 from tumble.calibration.poses import twenty_six_directions
 from tumble.calibration.prior import stable_knowledge
-from tumble.calibration.start_values import rough_gyro_matrix, rough_triad
 from tumble.earth import Site
 from tumble.errors import CalibrationFileError, RecordingError
 

@@ -10,9 +10,9 @@ from tumble.calibration.turn_ons.biases import (
     TurnOns,
     agreement_of,
     bias_scatter,
-    disagreement,
 )
-from tumble.calibration.turn_ons.words import amount, turn_on_cautions, turn_on_sentences
+from tumble.calibration.turn_ons.estimate import amount, turn_on_cautions, turn_on_sentences
+from tumble.calibration.turn_ons.outcome import disagreement
 
 
 def test_scatter_and_the_next_turn_on_by_hand() -> None:
@@ -87,9 +87,9 @@ def test_what_only_one_recording_tells_cannot_disagree() -> None:
 def test_directions_that_a_recording_does_not_tell_are_no_degrees_of_freedom() -> None:
     """Two recordings of three unknowns, the second tells one of them: four directions for three unknowns."""
     precisions = [np.diag([1.0, 4.0, 9.0]), np.diag([1.0, 0.0, 0.0])]
-    covariances = [np.diag([1.0, 0.25, 1.0 / 9.0]), np.diag([1.0, 1e4, 1e4])]
-    estimates = [np.array([1.0, 0.0, 0.0]), np.array([-1.0, 0.0, 0.0])]
-    squares, degrees, probability = disagreement(estimates, covariances, precisions, np.zeros(3))
+    first = np.array([1.0, 0.0, 0.0]), np.diag([1.0, 0.25, 1.0 / 9.0])
+    second = np.array([-1.0, 0.0, 0.0]), np.diag([1.0, 1e4, 1e4])
+    squares, degrees, probability = disagreement([first, second], precisions, np.zeros(3), 1.0)
     assert squares == pytest.approx(2.0)
     assert degrees == 1
     assert probability == pytest.approx(0.1573, abs=1e-4)  # chi-square of 2 with one degree of freedom

@@ -8,7 +8,7 @@ an outlier cannot hide by inflating the noise; afterwards their mean square does
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -16,7 +16,6 @@ from tumble.arrays import Series, Square
 from tumble.calibration.estimate import TermTest
 from tumble.estimation import Adjustment, snoop_groups
 from tumble.estimation.balance import CHANCE, ROUNDS, SETTLED, Outlier, Screen, gross_errors, noise_ratio
-from tumble.records import dataclass
 
 # A term that chance explains so often, tested by one step from the adjustment without it, is needless: the noise was
 # found without it, and is larger by what it would explain.
@@ -61,14 +60,6 @@ def wald_test(name: str, estimates: Series, covariance: Square, freedom: int, li
 _PASSES = 12
 
 
-@dataclass(frozen=True, slots=True)
-class Kind:
-    """One kind of condition: its columns in a group."""
-
-    name: str
-    columns: slice
-
-
 Solve = Callable[[dict[str, float], np.ndarray, bool], Adjustment]
 """Adjusts with extra variances by kind (SI²) and a mask of active conditions.
 
@@ -76,22 +67,15 @@ With the last true a single step from the latest solution is enough: little has 
 """
 
 
-@dataclass(frozen=True, slots=True)
-class Balanced:
-    """A settled adjustment, the variance added to each kind, and what was left out."""
-
-    adjustment: Adjustment
-    extra: dict[str, float]
-    outliers: list[Outlier]
-
-
-def balance(solve: Solve, kinds: list[Kind], active: np.ndarray, *, robust: bool = True) -> Balanced:
-    """Adjust, add variance where residuals ask for it, and leave out what is no noise.
+def balance(
+    solve: Solve, kinds: Mapping[str, slice], active: np.ndarray, *, robust: bool = True
+) -> tuple[Adjustment, list[Outlier]]:
+    """Return an adjustment with variance added where residuals ask for it, and what was left out as no noise.
 
     Parameters
     ----------
     solve : the adjustment; its last call is the one whose result is returned.
-    kinds : the kinds of conditions that may need more variance.
+    kinds : the kinds of conditions that may need more variance, and their columns in a group.
     active : (groups, size) of bool, changed in place: outliers are switched off.
     robust : look for outliers at all.
 
@@ -100,33 +84,33 @@ def balance(solve: Solve, kinds: list[Kind], active: np.ndarray, *, robust: bool
     ConvergenceError, ObservabilityError
         From the adjustment.
     """
-    variances, columns = {kind.name: 0.0 for kind in kinds}, {kind.name: kind.columns for kind in kinds}
+    variances = dict.fromkeys(kinds, 0.0)
     adjustment = solve(variances, active, False)
     outliers: list[Outlier] = []
     for _ in range(_PASSES if robust else 0):
         adjustment, variances = _settle(solve, kinds, active, adjustment, variances, robust=True)
-        tests = {kind.name: snoop_groups(adjustment, kind.columns) for kind in kinds}
-        found = gross_errors([Screen(kind.name) for kind in kinds], tests, outliers)
+        tests = {kind: snoop_groups(adjustment, columns) for kind, columns in kinds.items()}
+        found = gross_errors([Screen(kind) for kind in kinds], tests, outliers)
         if not found:
             break
         for outlier in found:
-            active[outlier.group, columns[outlier.kind]] = False
+            active[outlier.group, kinds[outlier.kind]] = False
         outliers += found
         adjustment = solve(variances, active, True)
     adjustment, variances = _settle(solve, kinds, active, adjustment, variances, robust=False)
     for kind in kinds:
         # A component that chance explains is no component: taking every excess for real, and no
         # deficit, would make the uncertainties too wide on average.
-        if variances[kind.name] > 0.0:
-            without = {**variances, kind.name: 0.0}
-            if _explained_by_chance(solve(without, active, True), kind):
+        if variances[kind] > 0.0:
+            without = {**variances, kind: 0.0}
+            if _explained_by_chance(solve(without, active, True), kinds[kind]):
                 variances = without
-    return Balanced(solve(variances, active, False), variances, outliers)
+    return solve(variances, active, False), outliers
 
 
 def _settle(
     solve: Solve,
-    kinds: list[Kind],
+    kinds: Mapping[str, slice],
     active: np.ndarray,
     adjustment: Adjustment,
     extra: dict[str, float],
@@ -136,28 +120,28 @@ def _settle(
     """Move the extra variances until each kind's residuals are as large as its variance says."""
     for _ in range(ROUNDS):
         before = extra
-        for kind in kinds:
-            tests = snoop_groups(adjustment, kind.columns)
+        for kind, columns in kinds.items():
+            tests = snoop_groups(adjustment, columns)
             if not np.any(tests.degrees):
                 continue
             # What the weight is worth: the harmonic mean of the conditions' variances.
-            diagonal = np.diagonal(adjustment.linearisation.covariance, axis1=1, axis2=2)[:, kind.columns]
-            used = diagonal[adjustment.linearisation.active[:, kind.columns]]
+            diagonal = np.diagonal(adjustment.linearisation.covariance, axis1=1, axis2=2)[:, columns]
+            used = diagonal[adjustment.linearisation.active[:, columns]]
             total = float(used.size / np.sum(1.0 / used))
-            wanted = max(0.0, extra[kind.name] + (noise_ratio(tests, robust=robust) - 1.0) * total)
-            if abs(wanted - extra[kind.name]) > SETTLED * total:
-                extra = {**extra, kind.name: wanted}
+            wanted = max(0.0, extra[kind] + (noise_ratio(tests, robust=robust) - 1.0) * total)
+            if abs(wanted - extra[kind]) > SETTLED * total:
+                extra = {**extra, kind: wanted}
         if extra is before:
             break
         adjustment = solve(extra, active, True)
     return adjustment, extra
 
 
-def _explained_by_chance(adjustment: Adjustment, kind: Kind) -> bool:
+def _explained_by_chance(adjustment: Adjustment, columns: slice) -> bool:
     """Return whether the residuals of a kind are no larger than noise makes them in 97.5 % of cases."""
     from scipy.special import chdtrc
 
-    tests = snoop_groups(adjustment, kind.columns)
+    tests = snoop_groups(adjustment, columns)
     redundancy = float(tests.redundancy.sum())
     statistic = noise_ratio(tests, robust=False) * redundancy if np.any(tests.degrees) else 0.0
     return redundancy < 1.0 or float(chdtrc(redundancy, statistic)) > CHANCE

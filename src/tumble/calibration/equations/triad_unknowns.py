@@ -2,13 +2,18 @@
 
 Twelve numbers in this order: bias (3, raw units), scale factor (3, raw per SI unit), the angles
 yz, zx, zy (rad), quadratic terms (3, 1 / raw unit). An adjustment frees any subset of them.
+
+Rough values to start an adjustment from, raw counts or SI alike.
+
+Without them the adjustment converges from zero only up to a scale error of 1 and a bias of 0.5 g;
+from a scale of the wrong sign it lands in the mirror root 1 + s = -1 with the same residuals.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Matrix, Series, Vectors, inverted
+from tumble.arrays import AnyArray, Matrix, Series, Vector, Vectors, inverted
 from tumble.records import dataclass
 from tumble.sensor import Triad
 from tumble.sensor.conventions.shin import matrix_from_shin, shin_derivatives, shin_from_matrix
@@ -74,3 +79,113 @@ def correct_with_derivatives(unknowns: Series, raw: Vectors) -> CorrectedOutput:
     moves = np.einsum("ab,bcp->acp", inverse, shin_derivatives(unknowns[3:9]))
     by_unknowns[:, :, 3:9] = -np.einsum("acp,kc->kap", moves, true)
     return CorrectedOutput(true, by_unknowns, by_raw)
+
+
+def rough_triad(means: Vectors, reference: float) -> Series:
+    """Return the twelve unknowns of a rough six-position solution of hold means.
+
+    The ellipsoid with axes along the sensors, ``sum(((y - b) / S)²) = reference²``, is fitted by
+    linear least squares; where it is no ellipsoid (too few poses), half the span of each axis is
+    its scale and the middle its bias (Hayal 2.3, 2.4 with the extreme poses). Scale factors come out
+    positive: the norm cannot tell a sign.
+    """
+    middle = 0.5 * (means.max(axis=0) + means.min(axis=0))
+    span = np.maximum(0.5 * (means.max(axis=0) - means.min(axis=0)), 1e-300)
+    unknowns = np.zeros(COUNT)
+    unknowns[BIAS], unknowns[SCALE] = middle, np.maximum(span, 0.2 * span.max()) / reference
+    if means.shape[0] >= 6:
+        scaled = (means - middle) / span.max()
+        design = np.column_stack([scaled**2, scaled])
+        solution, _, rank, _ = np.linalg.lstsq(design, np.ones(means.shape[0]), rcond=1e-6)
+        square, linear = solution[:3], solution[3:]
+        if rank == 6 and np.all(square > 0):
+            centre = -0.5 * linear / square
+            size = 1.0 + float(np.sum(square * centre**2))
+            unknowns[BIAS] = middle + span.max() * centre
+            unknowns[SCALE] = span.max() * np.sqrt(size / square) / reference
+    return unknowns
+
+
+def rough_gyro_matrix(
+    time: Series,
+    raw_rate: Vectors,
+    raw_force: Vectors,
+    triad: Triad,
+    gyro_bias: Vector,
+    stretches: list[tuple[int, int]],
+    window: float = 0.25,
+) -> tuple[Matrix, AnyArray]:
+    """Return a rough (3, 3) rad/s per raw unit that maps raw rates to rates in b, and its covariance.
+
+    Needs no start value, sign or axis order: over each short window of a turn the change of the
+    specific force is regressed on the raw rates, ``f(t2) - f(t1) = integral of cross(f, A (raw - bias))``,
+    which is linear in A. The hand's accelerations are noise in it; they average out over many turns
+    to a few per cent.
+
+    Parameters
+    ----------
+    raw_rate, raw_force : (samples, 3) raw units.
+    triad : the accelerometers, roughly.
+    stretches : half-open sample ranges of the turns.
+    window : seconds of motion per equation.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than nine windows of motion, or no turn determines one of the gyro's axes.
+    """
+    designs: list[AnyArray] = []
+    changes: list[AnyArray] = []
+    for start, stop in stretches:
+        steps = np.diff(time[start:stop])
+        edges = np.arange(0, stop - start, max(1, round(window / max(float(np.median(steps)), 1e-9))))
+        if edges.size < 2:
+            continue
+        force, rate = triad.correct(raw_force[start:stop]), raw_rate[start:stop] - gyro_bias
+        # cross(f, A r)_i = sum_jk f_[i,j] A_jk r_k with f_ the cross-product matrix of f.
+        middle = (force[:-1] + force[1:])[:, :, None] * (rate[:-1] + rate[1:])[:, None, :]
+        outer = np.add.reduceat((0.25 * steps[:, None, None] * middle)[: edges[-1]], edges[:-1])
+        cross = np.zeros((len(outer), 3, 3, 3))
+        cross[:, 0, 1], cross[:, 0, 2] = -outer[:, 2], outer[:, 1]
+        cross[:, 1, 0], cross[:, 1, 2] = outer[:, 2], -outer[:, 0]
+        cross[:, 2, 0], cross[:, 2, 1] = -outer[:, 1], outer[:, 0]
+        designs.append(cross.reshape(-1, 9))
+        changes.append(np.diff(force[edges], axis=0).ravel())
+    if sum(map(len, designs)) < 27:
+        raise ValueError("too little motion to determine the gyro's axes")
+    design, change = np.concatenate(designs), np.concatenate(changes)
+    weight = _huber_weights(design, change)
+    normal = design.T @ (design * weight[:, None])
+    _require_all_axes(normal)
+    inverse = np.linalg.pinv(normal, hermitian=True)
+    solution = inverse @ (design.T @ (weight * change))
+    residual = change - design @ solution
+    variance = float(np.sum(weight * residual**2) / max(change.size - 9, 1))
+    return solution.reshape(3, 3), np.asarray(inverse * variance, dtype=np.float64)
+
+
+# Of the information that equally spread turns would give, the least that still determines an axis: turns
+# that go astray by 3 degrees from a single axis give 1/400.
+SMALLEST_EXCITATION = 3e-3
+
+
+def _require_all_axes(normal: AnyArray) -> None:
+    """Refuse motion that leaves an axis of the gyro untold."""
+    # Column k of the gyro's matrix has the unknowns A_0k, A_1k, A_2k.
+    information = [float(np.linalg.eigvalsh(normal[k::3, k::3])[0]) for k in range(3)]
+    weakest = int(np.argmin(information))
+    if information[weakest] < SMALLEST_EXCITATION * float(np.trace(normal)) / 9.0:
+        axis = "xyz"[weakest]
+        raise ValueError(f"no turn goes about its {axis} axis, or only while {axis} stands upright")
+
+
+def _huber_weights(design: AnyArray, change: Series) -> Series:
+    """Return weights that bound the pull of knocks (a residual beyond 1.5 robust sigma)."""
+    weight = np.ones(change.size)
+    for _ in range(5):
+        root = np.sqrt(weight)
+        solution = np.linalg.lstsq(design * root[:, None], change * root, rcond=None)[0]
+        residual = np.abs(change - design @ solution)
+        limit = 1.5 * 1.4826 * max(float(np.median(residual)), 1e-300)
+        weight = np.minimum(1.0, limit / np.maximum(residual, 1e-300))
+    return weight

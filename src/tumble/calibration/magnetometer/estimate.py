@@ -30,8 +30,8 @@ from tumble.calibration.magnetometer.field_equations import (
     field_means,
     field_of_holds,
     magnetometer_matrix,
+    start_field,
 )
-from tumble.calibration.magnetometer.field_start import start_field
 from tumble.calibration.magnetometer.moving import Moving, find_moving, with_change
 from tumble.calibration.outcome.description import rotation_of_frame
 from tumble.errors import ConvergenceError, ObservabilityError

@@ -10,17 +10,163 @@ A point is a short rest at the sensor's temperature T, with dT/dt and the state 
   latitude; its horizontal part is unknown in each placement, with the size that it has.
 
 All raw numbers are divided by one nominal scale factor beforehand, so that they are near SI.
+
+Which unknowns there are, and where each stands in the vector, follows from the model's terms.
 """
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+import numpy.typing as npt
 
 from tumble.arrays import AnyArray, Series, Table, Vectors
+from tumble.calibration.equations.turn import tangent_bases
 from tumble.calibration.thermal.points import ThermalPoints
-from tumble.calibration.thermal.unknowns import ThermalLayout, ThermalTerms
-from tumble.estimation import Linearisation, Prior
+from tumble.estimation import Conditions, Linearisation, Prior
+from tumble.estimation.unknowns import Block, Layout
 from tumble.records import dataclass
+from tumble.sensor.thermal import TemperatureBasis
+
+Complex = npt.NDArray[Any]
+# Entries of a lower triangular matrix, scale factors first, and each as a matrix.
+_ENTRIES = ((0, 0), (1, 1), (2, 2), (1, 0), (2, 0), (2, 1))
+_SHAPES = np.array([np.outer(np.eye(3)[i], np.eye(3)[j]) for i, j in _ENTRIES])
+_NO_FORCE: Vectors = np.zeros((1, 3))
+
+
+@dataclass(frozen=True, slots=True)
+class ThermalTerms:
+    """Which unknowns a thermal model has.
+
+    Attributes
+    ----------
+    basis : the functions of temperature, `basis.size` of them for the biases.
+    poses : what the poses tell of the accelerometers: 9, 6 (no non-orthogonality) or 0 (changes of bias alone).
+    matrix_functions : how many of the functions the accelerometers' matrix has.
+    rate, hysteresis : of the biases.
+    lag, width : are estimated, not fixed.
+    g_sensitivity : of the gyros.
+    doubt : (m/s², rad/s) per K/s, one sigma of a dependence on the rate that the recording does not tell, such as
+        in soaks that have all but settled; it is in the uncertainties and not in the model. None for none.
+    """
+
+    basis: TemperatureBasis
+    poses: int
+    matrix_functions: int = 0
+    rate: bool = False
+    hysteresis: bool = False
+    lag: bool = False
+    width: bool = False
+    g_sensitivity: bool = False
+    doubt: tuple[float, float] | None = None
+
+    @property
+    def entries(self) -> int:
+        """How many entries of the accelerometers' matrix are unknown."""
+        return {9: 6, 6: 3, 0: 0}[self.poses]
+
+
+@dataclass(frozen=True, slots=True)
+class ThermalLayout:
+    """Where each kind of unknown is: biases b0, b, r, h (of the gyros with a g), matrices M0, M and N0, N, the others.
+
+    What a triad shows is linear in them: one, the functions of temperature, its rate and the hysteresis, in this order
+    (points, functions + 3), times biases and matrices.
+    """
+
+    terms: ThermalTerms
+    has_force: bool
+    has_rate: bool
+    blocks: Layout
+
+    @staticmethod
+    def of(
+        terms: ThermalTerms, has_force: bool, has_rate: bool, placements: int = 0, turned: int = 0
+    ) -> ThermalLayout:
+        """Return the layout for placements with unknowns of their own, and so many matrices from turns."""
+        sizes: dict[str, int] = {}
+        for mark, there, reference in (("", has_force, terms.poses > 0), ("g", has_rate, True)):
+            counts = (reference, terms.basis.size, terms.rate or terms.doubt is not None, terms.hysteresis)
+            sizes |= {
+                mark + name: 3 * there * n for name, n in zip(("b0", "b", "r", "h"), counts, strict=True)
+            }
+        entries = has_force * terms.entries
+        sizes |= {
+            "M0": entries,
+            "M": entries * terms.matrix_functions,
+            "G": 9 * has_rate * terms.g_sensitivity,
+        }
+        sizes |= {"lag": terms.lag, "width": terms.width, "N0": 9 * (turned > 0), "N": 9 * max(turned - 1, 0)}
+        sizes |= {
+            "directions": (2 if terms.poses else 3) * has_force * placements,
+            "earth": 3 * has_rate * placements,
+        }
+        nameless = {name: ("",) * int(size) for name, size in sizes.items()}
+        return ThermalLayout(
+            terms, has_force, has_rate, Layout(tuple(Block(name, of, of) for name, of in nameless.items()))
+        )
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns."""
+        return self.blocks.size
+
+    @property
+    def shared(self) -> int:
+        """Number of unknowns that are no placement's own."""
+        return self["directions"].start
+
+    def __getitem__(self, name: str) -> slice:
+        """Return where a kind of unknown is."""
+        return self.blocks[name]
+
+    def has(self, name: str) -> bool:
+        """Whether there is any of a kind."""
+        return self[name].stop > self[name].start
+
+    def columns(self, mark: str, functions: Table, force: Vectors = _NO_FORCE) -> AnyArray:
+        """Return (points, 3, unknowns): what multiplies each in a triad's raw output, "" or "g", beside the nominal."""
+        terms, count = self.terms, len(functions)
+        size, force = terms.basis.size, np.broadcast_to(force, (count, 3))
+        bias, entries = np.broadcast_to(np.eye(3), (count, 3, 3)), _SHAPES[: terms.entries]
+        kinds = {f"{mark}b0": (0, 1, bias), f"{mark}b": (1, size + 1, bias)}
+        kinds |= {f"{mark}r": (size + 1, size + 2, bias), f"{mark}h": (size + 2, size + 3, bias)}
+        if mark:
+            kinds["G"] = (0, 1, (np.eye(3)[:, :, None] * force[:, None, None, :]).reshape(count, 3, 9))
+        else:
+            shown = np.einsum("nj,cij->nic", force, entries)
+            kinds |= {"M0": (0, 1, shown), "M": (1, terms.matrix_functions + 1, shown)}
+        made = np.zeros((count, 3, self.size))
+        for name, (first, last, each) in kinds.items():
+            if self.has(name):
+                weighted = functions[:, None, first:last, None] * each[:, :, None, :]
+                made[:, :, self[name]] = weighted.reshape(count, 3, -1)
+        return made
+
+    def matrices(self, values: Complex, functions: Table) -> Complex:
+        """Return (points, 3, 3) of the accelerometers' matrix, nominal where the poses do not tell it."""
+        if not self.terms.entries:
+            return np.broadcast_to(np.eye(3), (len(functions), 3, 3))
+        changes = self.matrix_changes(values)
+        at_reference = np.einsum("c,cij->ij", values[self["M0"]], _SHAPES[: self.terms.entries])
+        return at_reference + np.einsum("nk,kij->nij", functions[:, 1 : len(changes) + 1], changes)
+
+    def matrix_changes(self, values: Complex) -> Complex:
+        """Return (matrix functions, 3, 3) of the accelerometers' matrix, by the functions of temperature."""
+        count = self.terms.entries
+        own = values[self["M"]].reshape(self.terms.matrix_functions, count)
+        return np.einsum("kc,cij->kij", own, _SHAPES[:count])
+
+    def at_temperature(
+        self, celsius: AnyArray, rate: AnyArray | float = 0.0, state: AnyArray | float = 0.0
+    ) -> Table:
+        """Return (points, functions + 3): one, the functions of temperature, its rate (K/s) and the hysteresis."""
+        made = np.ones((celsius.size, self.terms.basis.size + 3))
+        made[:, 1:-2], made[:, -2], made[:, -1] = self.terms.basis.values(celsius), rate, state
+        return made
+
 
 # What is known of the lag before: sensors inside a case are some tens of seconds behind a thermometer beside them.
 LAG_PRIOR, LAG_SIGMA = 60.0, 60.0  # s
@@ -57,7 +203,7 @@ class ThermalTest:
     soaks: Series | None = None
 
 
-class ThermalConditions:
+class ThermalConditions(Conditions):
     """`Conditions` for the adjustment: six rows a point, three of each triad, in near SI."""
 
     def __init__(self, test: ThermalTest, terms: ThermalTerms) -> None:
@@ -74,18 +220,15 @@ class ThermalConditions:
         self.active = self.rows()
         # How a point's noise enters its three force equations: (points, 3 equations, 3 axes).
         self.force_noise = np.repeat(np.eye(3)[None], len(points), axis=0)
-        # Base directions of the placements with several points.
-        self.directions = np.zeros((self.several.size, 3))
+        # Base directions of the placements with several points, and two directions across each.
+        self.directions, self.tangents = np.zeros((self.several.size, 3)), np.zeros((self.several.size, 3, 2))
         # The pose that most points have, where one has several.
         self.main: Series | None = None
         if points.force is not None and self.several.size:
             means = self._placement_means()
             self.directions = means / np.linalg.norm(means, axis=1, keepdims=True)
+            self.tangents = tangent_bases(self.directions)
             self.main = self.directions[int(np.argmax(np.bincount(self.own[self.own >= 0])))]
-        helper = np.eye(3)[np.argmin(np.abs(self.directions), axis=1)]
-        first = np.cross(self.directions, helper)
-        first /= np.maximum(np.linalg.norm(first, axis=1, keepdims=True), 1e-300)
-        self.tangents = np.stack([first, np.cross(self.directions, first)], axis=2)
         self._draw_lines(test.lag, test.width)
 
     def own_of(self, placement: np.ndarray) -> np.ndarray:
@@ -215,9 +358,6 @@ class ThermalConditions:
                 parameters, functions, forces
             )
         return Linearisation.masked(misclosure, design, covariance, self.active)
-
-    def adjust_observations(self, multipliers: AnyArray) -> None:
-        """Means are known so well that a second order in their noise is nothing."""
 
     def _columns(self, mark: str, values: Series, functions: Table, forces: Vectors) -> AnyArray:
         """Return (points, 3, unknowns): derivatives of a triad's raw output by what placements share."""

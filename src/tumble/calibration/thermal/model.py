@@ -10,13 +10,12 @@ from tumble.arrays import Series, Square, Table, Vectors
 from tumble.calibration.equations.imu_unknowns import LAYOUT
 from tumble.calibration.estimate import TermTest
 from tumble.calibration.outcome.description import model_of
+from tumble.calibration.thermal.conditions import Complex, ThermalLayout
 from tumble.calibration.thermal.coverage import Coverage
-from tumble.calibration.thermal.doubt import Doubts
 from tumble.calibration.thermal.evidence import BiasCurve, Candidate
-from tumble.calibration.thermal.fit import ThermalFit
+from tumble.calibration.thermal.fit import Doubts, ThermalFit
 from tumble.calibration.thermal.points import ThermalPoints
 from tumble.calibration.thermal.turns import TurnedMatrix
-from tumble.calibration.thermal.unknowns import Complex, ThermalLayout
 from tumble.earth import Site
 from tumble.recording.recording import Recording
 from tumble.records import dataclass

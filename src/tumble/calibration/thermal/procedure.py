@@ -15,32 +15,28 @@ from dataclasses import replace
 import numpy as np
 
 from tumble.calibration.checks.snooping import wald_test
-from tumble.calibration.equations.triad_unknowns import BIAS, SCALE
+from tumble.calibration.equations.triad_unknowns import BIAS, SCALE, rough_triad
 from tumble.calibration.estimate import Estimate, TermTest
 from tumble.calibration.poses import describe_untold, distinct_poses
-from tumble.calibration.start_values import rough_triad
-from tumble.calibration.thermal.conditions import LEAST_WIDTH, ThermalTest
+from tumble.calibration.thermal.conditions import LEAST_WIDTH, ThermalTerms, ThermalTest
 from tumble.calibration.thermal.coverage import Coverage, find_coverage, require_time_base
-from tumble.calibration.thermal.doubt import (
+from tumble.calibration.thermal.fit import (
     RATE_SECONDS,
     Doubts,
-    changes_per_kelvin,
-    with_hysteresis_doubt,
-    with_pull,
-)
-from tumble.calibration.thermal.fit import (
     ThermalFit,
+    changes_per_kelvin,
     choose_terms,
     fit_thermal,
     highest_order,
     soaks_of,
     try_fit,
+    with_hysteresis_doubt,
+    with_pull,
 )
 from tumble.calibration.thermal.model import ThermalOutcome, thermal_solution
 from tumble.calibration.thermal.points import ThermalPoints, find_points
 from tumble.calibration.thermal.summary import thermal_estimate
 from tumble.calibration.thermal.turns import estimate_turned_matrix
-from tumble.calibration.thermal.unknowns import ThermalTerms
 from tumble.counting import about
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ConvergenceError, ObservabilityError

@@ -5,14 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from tumble.arrays import Matrices, Series, Table, Vectors
-from tumble.calibration.checks.snooping import Kind, balance
+from tumble.calibration.checks.snooping import balance
 from tumble.calibration.equations.norm import NormConditions
-from tumble.calibration.equations.triad_unknowns import BIAS, SCALE
+from tumble.calibration.equations.triad_unknowns import BIAS, SCALE, rough_triad
 from tumble.calibration.estimate import (
     Described,
     Estimate,
     Figures,
     LeftOut,
+    NamedValue,
     OverTemperature,
     correlation_matrix,
     coverage_factor,
@@ -20,13 +21,13 @@ from tumble.calibration.estimate import (
 )
 from tumble.calibration.evidence import Holds
 from tumble.calibration.outcome.description import describe
-from tumble.calibration.start_values import rough_triad
+from tumble.calibration.thermal.conditions import ThermalTerms
 from tumble.calibration.thermal.evidence import BiasCurve, SeparateBias, ThermalCurves
-from tumble.calibration.thermal.fit import REFUSED, name_of
+from tumble.calibration.thermal.fit import LOOP_KELVINS, PULL_FACTOR, RATE_SECONDS, REFUSED, name_of
 from tumble.calibration.thermal.model import ThermalOutcome, bias_curve
 from tumble.calibration.thermal.wander import wander_variance
-from tumble.calibration.thermal.words import not_determined_words, thermal_parameters, thermal_remarks
 from tumble.estimation import Adjustment, adjust
+from tumble.units import angular_rate_factor, specific_force_factor
 
 CURVE = 41
 # A model that more rests than this contradict does not describe them; as many of one branch are more than chance.
@@ -116,7 +117,7 @@ def _norms_alone(force: Vectors, covariance: Matrices, gravity: float) -> Adjust
         return adjustment
 
     active = np.ones((len(force), 1), dtype=bool)
-    return balance(solve, [Kind("norm", slice(0, 1))], active, robust=False).adjustment
+    return balance(solve, {"norm": slice(0, 1)}, active, robust=False)[0]
 
 
 def thermal_estimate(found: ThermalOutcome) -> Estimate:
@@ -250,3 +251,191 @@ def _norms(found: ThermalOutcome) -> tuple[Series, Series]:
     unit = corrected / length[:, None]
     spread = kept.force_covariance + (fit.levels.single["force"] + fit.levels.flicker["force"]) * np.eye(3)
     return length - conditions.gravity, np.sqrt(np.einsum("na,nab,nb->n", unit, spread, unit))
+
+
+def thermal_parameters(found: ThermalOutcome) -> list[NamedValue]:
+    """Return the thermal coefficients with their standard uncertainties and units."""
+    model = found.solution.model
+    sigmas = np.sqrt(np.maximum(np.diag(found.solution.covariance), 0.0))
+    named: list[NamedValue] = []
+    for name, value, sigma in zip(model.names, model.vector(), sigmas, strict=True):
+        if sigma > 0.0:
+            words, unit = _words(name, found)
+            named.append(NamedValue(words, float(value), float(sigma), unit))
+    for name, words, value, unit in (
+        ("lag", "thermal lag of the sensors behind the thermometer", model.lag, "s"),
+        ("width", "thermal width of the hysteresis", model.hysteresis_width, "K"),
+    ):
+        if np.isfinite(sigma := found.sigma_of(name)):
+            named.append(NamedValue(words, value, sigma, unit))
+    return named
+
+
+def _words(name: str, found: ThermalOutcome) -> tuple[str, str]:
+    """Return a coefficient's name in words, and its unit."""
+    head, _, place = name.partition("[")
+    of, _, what = head.rpartition(".")
+    first, *axes = (int(part) for part in place.rstrip("]").split(","))
+    triad, raw, true = "accelerometer", found.recording.specific_force_unit, "m/s^2"
+    if not head.startswith(triad):
+        triad, raw, true = "gyro", found.recording.angular_rate_unit, "rad/s"
+    if what == "rate":
+        return f"thermal {triad} bias by rate {'xyz'[first]}", f"{raw}/(K/s)"
+    if what == "hysteresis":
+        return f"thermal {triad} bias hysteresis {'xyz'[first]}", raw
+    basis = found.fit.terms.basis
+    label, per = basis.labels[first], basis.units[first]
+    words = f"{'by' if per else 'at'} {label} {''.join('xyz'[axis] for axis in axes)}"
+    divided = f"/{per}" if per else ""
+    if of.endswith("matrix"):
+        return f"thermal {triad} matrix {words}", f"{raw}/({true}){divided}"
+    return f"thermal {triad} bias {words}", f"{raw}{divided}"
+
+
+def not_determined_words(found: ThermalOutcome) -> list[str]:
+    """Return what rests at these temperatures cannot tell, a sentence each."""
+    terms, kind, with_rate = found.fit.terms, found.coverage.kind, found.doubts.rate
+    force, rate = found.fit.layout.has_force, found.recording.angular_rate is not None
+    turned = 0 if found.turned is None else len(found.turned.matrices)
+    rows = (
+        (force and terms.poses == 0, _ONE_POSE),
+        (force and terms.poses == 6, _FACES),
+        (force and terms.poses == 9 and not terms.matrix_functions, _ONE_MATRIX),
+        (rate and terms.poses == 0, _about_pull(found)),
+        (rate and turned == 1, _FEW_TURNS),
+        (rate and turned == 0, _NO_TURNS),
+        (not found.coverage.both_branches, _about_loop(found)),
+        (with_rate, _ONE_WAY),
+        (kind == "soak" and not with_rate, _SETTLED),
+        (kind == "ramp" and not with_rate and not terms.rate, _NO_RATE),
+        (kind == "ramp" and not with_rate and not terms.lag, _NO_LAG),
+    )
+    return [text for untold, text in rows if untold]
+
+
+_ONE_POSE = (
+    "The accelerometers' biases, scale factors and non-orthogonalities at the reference temperature, and how scale "
+    "factors and non-orthogonalities change with temperature. From so few poses they cannot be separated from a bias, "
+    "because gravity on an axis that does not move is a constant. The stated change of a bias with temperature is what "
+    "that axis shows in the pose of the test. It includes the change of its scale factor times its share of gravity. "
+    "Hold nine poses or more at several temperatures (thermal-soak), or tumble the unit during the sweep."
+)
+_FACES = (
+    "The accelerometers' non-orthogonalities: faces alone do not determine them, and they have their nominal values. "
+    "Hold edges, too."
+)
+_ONE_MATRIX = (
+    "The accelerometers' scale factors and non-orthogonalities are one for all temperatures: a change of theirs did "
+    "not predict what was left out any better."
+)
+_FEW_TURNS = (
+    "How the gyros' scale factors and misalignments change with temperature: there are too few turns for it; the "
+    "matrix is one for all temperatures."
+)
+_NO_TURNS = (
+    "The gyros' scale factors, misalignments and their change with temperature: rests show the Earth's rotation only. "
+    "Nine turns by hand or more between poses at each of several temperatures determine them, recorded with 20 samples "
+    "a turn or more. The matrix is the nominal one, without a stated uncertainty."
+)
+_ONE_WAY = (
+    "Lag between the sensors and the thermometer, and the biases' dependence on the rate of temperature: while the "
+    "temperature goes one way they look like a dependence on it. A lag of 30 s is taken, and what "
+    f"{RATE_SECONDS:.0f} s of lag or the like would do is in the standard uncertainties. Sweep there and back "
+    "(thermal-ramp) to determine them."
+)
+_SETTLED = (
+    "Lag between the sensors and the thermometer, and the biases' dependence on the rate of temperature: only settled "
+    "temperatures were used. A sweep (thermal-ramp) determines them."
+)
+_NO_RATE = "A dependence of the biases on the rate of temperature beside the lag: the recording does not determine it."
+_NO_LAG = (
+    "Lag between the sensors and the thermometer: the sweep does not separate it from what else it does, and none is "
+    "in the model."
+)
+
+
+def _orders(terms: ThermalTerms, order: int) -> str:
+    return "as the biases do" if terms.basis.kind != "polynomial" else f"to the order {order}"
+
+
+def _about_loop(found: ThermalOutcome) -> str:
+    """Return what one branch leaves open, with what was added for it."""
+    of, loops = found.recording, found.doubts.loops or (0.0, 0.0)
+    parts: list[str] = []
+    if of.specific_force is not None and specific_force_factor(of.specific_force_unit) is not None:
+        parts.append(f"± {1e3 * loops[0]:.2g} mm/s²")
+    if of.angular_rate is not None and angular_rate_factor(of.angular_rate_unit) is not None:
+        parts.append(f"± {np.degrees(loops[1]):.2g} °/s")
+    added = " and ".join(parts) or "as much"
+    return (
+        "Hysteresis: the temperatures were come to from one side only, and a single branch cannot show it. "
+        f"{added[0].upper() + added[1:]} (what {LOOP_KELVINS:g} K of temperature do in this unit) was believed of half "
+        "the loop, and is in the standard uncertainties of the biases."
+    )
+
+
+def _about_pull(found: ThermalOutcome) -> str:
+    """Return what poses too few to tell a g-sensitivity leave in the gyros' biases."""
+    pull, across, unit = found.doubts.pull, found.doubts.earth, found.recording.angular_rate_unit
+    in_si = angular_rate_factor(unit) is not None
+    size = f"± {np.degrees(pull):.2g} °/s" if in_si else f"± {pull:.2g} {unit}"
+    earth = (
+        f"the part of the Earth rate across the vertical, whose heading is not known (± {np.degrees(across):.2g} °/s)"
+        if across > 0.0
+        else "the Earth rate, which cannot be taken off numbers in counts (up to 0.0042 °/s)"
+    )
+    return (
+        "The gyros' biases apart from what the pose of the test adds to them: a g-sensitivity, believed to be "
+        f"{PULL_FACTOR:g} times what they are unsteady by ({size}), and {earth}. Both are in the standard "
+        "uncertainties of the biases, and not in those of their changes with temperature."
+    )
+
+
+def thermal_remarks(found: ThermalOutcome, evidence: ThermalCurves) -> list[str]:
+    """Return how the model was made, a sentence each."""
+    (low, high), soaked = found.coverage.span, found.coverage.kind == "soak"
+    terms, turned, what = found.fit.terms, found.turned, "soaks" if soaked else "a sweep"
+    poses = "one pose" if found.poses == 1 else f"{found.poses} poses"
+    rests = f"{len(found.points)} stretches of rest, each within a kelvin or so, in {poses}"
+    between = f"from {what} between {low:.1f} and {high:.1f} °C ({rests})."
+    remarks = [
+        f"Biases are interpolated linearly between {terms.basis.nodes.size} temperatures, {between}"
+        if terms.basis.kind == "linear"
+        else f"Biases are a {name_of(terms.basis)} in the sensors' temperature about "
+        f"{terms.basis.reference_celsius:g} °C, {between}"
+    ]
+    if found.candidates:
+        left = "soaks" if soaked else "bands of temperature"
+        remarks.append(
+            f"The functions were chosen among {len(found.candidates)} by what each predicts of {left} that were "
+            "left out; of those that predict alike the one with the fewest unknowns."
+        )
+    if terms.poses and terms.matrix_functions:
+        orders = _orders(terms, terms.matrix_functions)
+        remarks.append(f"The accelerometers' matrix changes with temperature {orders}.")
+    if turned is not None:
+        bends, orders = len(turned.matrices) - 1, "one for all temperatures"
+        orders = f"changing with temperature {_orders(terms, bends)}" if bends else orders
+        remarks.append(
+            f"The gyros' matrix is from {turned.turns} turns between the rests, {orders}: their scale factors, "
+            "non-orthogonalities and the rotation between the triads."
+        )
+    if np.isfinite(sigma := found.sigma_of("lag")):
+        remarks.append(
+            f"The sensors are {evidence.lag:.0f} ± {sigma:.0f} s behind the thermometer (before the "
+            "recording 60 ± 60 s were believed)."
+        )
+    ratios = [float(np.mean(s.joint_sigma / s.sigma)) for s in evidence.separate]
+    if ratios:
+        remarks.append(
+            f"The standard uncertainty of the accelerometers' biases is {np.mean(ratios):.2f} times what each of the "
+            f"{len(ratios)} soaks alone gives: one adjustment of all temperatures."
+        )
+    for name, kind, unit in (("accelerometers", "force", "m/s²"), ("gyros", "rate", "rad/s")):
+        if (flicker := found.fit.levels.flicker[kind]) > 0.0:
+            remarks.append(
+                f"The biases of the {name} wander beside what temperature does. A flicker floor of "
+                f"the Allan deviation of {np.sqrt(flicker):.2g} {unit} was found from the rests. "
+                "Neighbours were taken to have it in common."
+            )
+    return remarks

@@ -18,13 +18,13 @@ from tumble.arrays import AnyArray, Matrices, Series, Square, Table, Vectors, ra
 from tumble.attitude import integrate_turns
 from tumble.attitude.integration import IntegratedTurns, average_at_edge
 from tumble.attitude.rotations import skews
-from tumble.calibration.checks.snooping import Kind, wald_test
+from tumble.calibration.checks.snooping import wald_test
 from tumble.calibration.equations.gathering import gather
 from tumble.calibration.equations.turn import HoldsAndTurns, tangent_bases
 from tumble.calibration.thermal.fit import REFUSED, ThermalFit, balanced
 from tumble.earth import EARTH_RATE
 from tumble.errors import ObservabilityError, SegmentationError
-from tumble.estimation import Adjustment, Linearisation
+from tumble.estimation import Adjustment, Conditions, Linearisation
 from tumble.recording.recording import Recording
 from tumble.records import dataclass
 from tumble.segmentation import Timeline, observe_holds
@@ -82,7 +82,7 @@ class _Turns:
     noise: Series
 
 
-class _TurnEquations:
+class _TurnEquations(Conditions):
     """`Conditions` of turns for D0 and D_k, as many matrices as `count`."""
 
     def __init__(self, turns: _Turns, count: int, gravity: float) -> None:
@@ -119,9 +119,6 @@ class _TurnEquations:
         self.by_bias = -np.einsum("tga,tab,tbi->tgi", by_rotation, sums[..., 3], inverse, optimize=True)
         covariance = self.variance[:, None, None] * np.eye(2)
         return Linearisation.masked(misclosure, design, covariance, self.active)
-
-    def adjust_observations(self, multipliers: AnyArray) -> None:
-        """Edges are known so well that a second order in their noise is nothing."""
 
     def by_rests(self, fit: ThermalFit) -> AnyArray:
         """Return (turns, 2, shared): how the equations move with the unknowns of the rests."""
@@ -177,7 +174,7 @@ def _fitted(turns: _Turns, fit: ThermalFit) -> tuple[_TurnEquations, Adjustment]
             break
         equations = _TurnEquations(turns, count, fit.conditions.gravity)
         try:
-            adjustment = balanced(equations, np.zeros(9 * count), [Kind("turn", slice(0, 2))])[0].adjustment
+            adjustment = balanced(equations, np.zeros(9 * count), {"turn": slice(0, 2)})[0]
         except REFUSED:
             break
         if count > 2 and polynomial:

@@ -21,7 +21,7 @@ import numpy as np
 from tumble.arrays import AnyArray, Series, Square
 from tumble.calibration.thermal.conditions import ThermalConditions
 from tumble.calibration.thermal.points import ThermalPoints
-from tumble.estimation import Linearisation, Prior
+from tumble.estimation import Conditions, Linearisation, Prior
 from tumble.records import dataclass
 
 TRIADS = {"force": slice(0, 3), "rate": slice(3, 6)}
@@ -78,7 +78,7 @@ def _noise_of(conditions: ThermalConditions, name: str) -> AnyArray:
     return np.broadcast_to(np.eye(3), (len(conditions.points), 3, 3))
 
 
-class WanderingConditions:
+class WanderingConditions(Conditions):
     """`Conditions` of a thermal test with biases that wander: equations made independent of one another.
 
     The rows of `ThermalConditions` are multiplied by the inverse root of their whole covariance, which leaves as many
@@ -108,9 +108,6 @@ class WanderingConditions:
         shape = linear.active.shape
         misclosure, design = misclosure.reshape(shape), design.reshape(*shape, -1)
         return Linearisation(misclosure, design, one, linear.active)
-
-    def adjust_observations(self, multipliers: AnyArray) -> None:
-        """Means are known so well that a second order in their noise is nothing."""
 
     def _factored(self, linear: Linearisation) -> list[tuple[np.ndarray, AnyArray]]:
         """Return the rows of each independent block with the inverse root of its covariance."""

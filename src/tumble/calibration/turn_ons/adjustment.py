@@ -113,14 +113,6 @@ class Told:
     precision: Square
     right: Series
 
-    @staticmethod
-    def sum(several: Sequence[Told]) -> Told:
-        """Return what recordings tell together."""
-        return Told(
-            np.sum([told.precision for told in several], axis=0),
-            np.sum([told.right for told in several], axis=0),
-        )
-
 
 class UnitStretch:
     """All recordings of a unit, each with its part of the border; its unknowns are no chain's own."""
@@ -247,11 +239,11 @@ def solve_several(parts: Sequence[TurnOn]) -> UnitAdjustment:
     settled = solve(unit)
     redundancy = -len(settled.cofactor)
     unit.told = [tell(part, unit.stable) for part in unit.parts]
-    together = Told.sum(unit.told)
+    precision, right = sum(told.precision for told in unit.told), sum(told.right for told in unit.told)
     spreads = Spread(settled.chain, settled.cofactor).within()
     for part, spread, own in zip(unit.parts, spreads, unit.told, strict=True):
         chain, given = spread.chain, part.given
-        others = Told(together.precision - own.precision, together.right - own.right)
+        others = Told(precision - own.precision, right - own.right)
         part.task.prior = _with_others(part, unit.stable, others)
         redundancy += chain.chain.checks + (0 if given is None else given.rank)
         left = chain.chain.checks - part.free.size + part.task.prior.rank

@@ -228,28 +228,3 @@ def agreement_of(
         squares = float(weight @ (values[told] - mean) ** 2)
     probability = float(chdtrc(degrees, squares)) if degrees else 1.0
     return Agreement(parameter, unit, values, sigmas, *together, squares, degrees, probability, limit)
-
-
-def disagreement(
-    estimates: Sequence[Series], covariances: Sequence[Square], precisions: Sequence[Square], value: Series
-) -> tuple[float, int, float]:
-    """Return chi-square, degrees of freedom and probability of several estimates against a common value.
-
-    Parameters
-    ----------
-    estimates, covariances : (unknowns,), (unknowns, unknowns) of each recording, finite where it determines nothing.
-    precisions : (unknowns, unknowns) what each determines, singular where it determines nothing.
-    value : (unknowns,) their weighted mean.
-
-    Notes
-    -----
-    A recording has as many degrees of freedom as it determines directions: the trace of covariance times precision.
-    """
-    from scipy.special import chdtrc
-
-    squares, told = 0.0, 0.0
-    for estimate, covariance, precision in zip(estimates, covariances, precisions, strict=True):
-        squares += float((estimate - value) @ precision @ (estimate - value))
-        told += float(np.sum(covariance * precision))
-    degrees = round(told) - value.size
-    return squares, max(degrees, 0), float(chdtrc(degrees, squares)) if degrees > 0 else 1.0

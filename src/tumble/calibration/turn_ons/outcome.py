@@ -37,7 +37,6 @@ from tumble.calibration.turn_ons.adjustment import (
     tell,
     with_free,
 )
-from tumble.calibration.turn_ons.biases import disagreement
 from tumble.errors import ConvergenceError, ObservabilityError, TumbleError, UsageError
 from tumble.estimation.solve import settled_at
 from tumble.records import dataclass
@@ -310,21 +309,29 @@ def _probability(difference: Series, covariance: Square) -> float:
     return float(chdtrc(difference.size, squares))
 
 
-def whole_disagreement(outcome: SeveralOutcome) -> tuple[float, int, float]:
-    """Return chi-square, degrees of freedom and probability of all differences between the recordings.
+def disagreement(
+    own: Sequence[tuple[Series, Square]], precisions: Sequence[Square], value: Series, weight: float
+) -> tuple[float, int, float]:
+    """Return chi-square, degrees of freedom and probability of all differences between recordings.
 
     Parameters
     ----------
-    outcome : settled.
+    own : (unknowns,), (unknowns, unknowns) each one's estimate and covariance, finite where it determines nothing.
+    precisions : (unknowns, unknowns) what each determines, singular where it determines nothing.
+    value, weight : (unknowns,) of all of them, and the variance of unit weight.
+
+    Notes
+    -----
+    A recording has as many degrees of freedom as it determines directions: the trace of covariance times precision.
     """
-    solution = outcome.solution
-    scale = solution.settled.unit_weight
-    return disagreement(
-        [value for value, _ in outcome.own],
-        [scale * covariance for _, covariance in outcome.own],
-        [own.precision / scale for own in solution.told],
-        solution.values,
-    )
+    from scipy.special import chdtrc
+
+    squares, told = 0.0, 0.0
+    for (estimate, covariance), precision in zip(own, precisions, strict=True):
+        squares += float((estimate - value) @ precision @ (estimate - value)) / weight
+        told += float(np.sum(covariance * precision))
+    degrees = round(told) - value.size
+    return squares, max(degrees, 0), float(chdtrc(degrees, squares)) if degrees > 0 else 1.0
 
 
 def settled_outcome(outcome: SeveralOutcome, index: int) -> JointOutcome:

@@ -36,8 +36,7 @@ def nominal_hold_norms(recording: Recording, means: HoldMeans, gravity: float) -
         return Uncalibrated(
             np.linalg.norm(factor * means.specific_force, axis=1) - gravity, "the raw values in their unit"
         )
-    from tumble.calibration.equations.triad_unknowns import BIAS, SCALE
-    from tumble.calibration.start_values import rough_triad
+    from tumble.calibration.equations.triad_unknowns import BIAS, SCALE, rough_triad
 
     rough = rough_triad(means.specific_force, gravity)
     corrected = (means.specific_force - rough[BIAS]) / rough[SCALE]
