@@ -13,20 +13,18 @@ import pytest
 from rich.console import Console
 from tests.unit.report.test_calibration import Page as ReadPage
 
-from tumble.calibration.checks.uncertainty_statement import (
-    Detectable,
-    GlobalTest,
-    ModelChoice,
-    UncertaintyStatement,
-)
 from tumble.calibration.estimate import Beside, LeftOut
 from tumble.calibration.evidence import (
     Budget,
+    Detectable,
     Evidence,
+    GlobalTest,
     Holds,
+    ModelChoice,
     RestlessHold,
     Spins,
     Turns,
+    UncertaintyStatement,
 )
 from tumble.calibration.magnetometer.estimate import (
     FieldHold,

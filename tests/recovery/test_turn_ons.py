@@ -18,9 +18,8 @@ from recovery.played import jointly
 from tumble.calibration import Estimate, Session
 from tumble.calibration.equations.imu_unknowns import unknowns_of
 from tumble.calibration.outcome.estimate import JointOutcome
-from tumble.calibration.turn_ons.adjustment import TurnOn, solve_several, with_free
+from tumble.calibration.turn_ons import adjustment as several
 from tumble.calibration.turn_ons.estimate import SeveralEstimate, several_estimate
-from tumble.calibration.turn_ons.outcome import SeveralOutcome, adjust_several, find_strangers
 from tumble.earth import Site
 from tumble.errors import UsageError
 from tumble.sensor import ImuModel, change_frame
@@ -75,14 +74,14 @@ def turn_on(number: int) -> Played:
     return settled(switched_on(UNIT, number - 1.0), 20 + number, rate=80.0 if number == 1 else 50.0)
 
 
-def together(*played: Played) -> tuple[SeveralOutcome, SeveralEstimate]:
+def together(*played: Played) -> tuple[several.SeveralOutcome, SeveralEstimate]:
     names = [f"recording {k}.csv" for k in range(1, len(played) + 1)]
-    outcome = adjust_several(names, [p.outcome for p in played], optional_terms=False)
+    outcome = several.adjust_several(names, [p.outcome for p in played], optional_terms=False)
     return outcome, several_estimate(outcome, [p.estimate for p in played], SITE)
 
 
 @cache
-def of_three() -> tuple[SeveralOutcome, SeveralEstimate]:
+def of_three() -> tuple[several.SeveralOutcome, SeveralEstimate]:
     return together(*(turn_on(number) for number in range(3)))
 
 
@@ -93,8 +92,8 @@ def own_frame(model: ImuModel) -> npt.NDArray[np.float64]:
 def test_without_noise_the_unit_and_each_turn_ons_biases_come_back() -> None:
     """To the coning that 50 Hz leave of a turn, as of one recording."""
     played = [settled(switched_on(UNIT, times), 3, noise=False) for times in (0.0, 1.0)]
-    parts = [with_free(TurnOn.of("", p.outcome), np.r_[0:9, 12:24]) for p in played]
-    solution = solve_several(parts)
+    parts = [several.with_free(several.TurnOn.of("", p.outcome), np.r_[0:9, 12:24]) for p in played]
+    solution = several.solve_several(parts)
     true = own_frame(UNIT)
     np.testing.assert_allclose(solution.values, true[solution.stable], rtol=0, atol=2e-6)
     for part, one in zip(solution.parts, played, strict=True):
@@ -168,11 +167,11 @@ def test_another_unit_among_three_is_named_and_left_out_and_of_two_refused() -> 
     skewed = UNIT.accelerometer.matrix + np.array([[0.0, 0.0, 0.0], [0.008, 0.0, 0.0], [0.0, 0.0, 0.0]])
     other = settled(replace(UNIT, accelerometer=replace(UNIT.accelerometer, matrix=skewed)), 24)
     names, outcomes = ["a", "b", "c"], [turn_on(0).outcome, turn_on(1).outcome, other.outcome]
-    strangers = find_strangers(names, outcomes, optional_terms=False)
+    strangers = several.find_strangers(names, outcomes, optional_terms=False)
     assert list(strangers) == [2]
     assert "no unit's does from one day to the next" in strangers[2]
     with pytest.raises(UsageError, match=r"(a and c|c and a) are not of one unit"):
-        find_strangers(["a", "c"], [outcomes[0], outcomes[2]], optional_terms=False)
+        several.find_strangers(["a", "c"], [outcomes[0], outcomes[2]], optional_terms=False)
 
 
 def test_a_recording_that_does_not_tell_the_unit_by_itself_takes_part_with_its_biases() -> None:

@@ -21,8 +21,7 @@ from tumble.calibration.equations.observed import observe
 from tumble.calibration.equations.triad_unknowns import QUADRATIC
 from tumble.calibration.start import start_adjustment
 from tumble.earth import Site
-from tumble.estimation.settled import Settled
-from tumble.estimation.solve import solve
+from tumble.estimation.solve import Settled, solve
 from tumble.recording.recording import Recording
 from tumble.segmentation import Hold, NoiseFloor, Timeline, Turn, observe_holds
 from tumble.sensor import ImuModel, Triad

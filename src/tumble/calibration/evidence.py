@@ -2,6 +2,9 @@
 
 Evidence that grows in another room stands there: `ThermalCurves` in `thermal`, `TurnOns` in `turn_ons`, and `Beside`,
 an estimate in itself, next to `Estimate`.
+
+The statement of uncertainty is what a metrologist asks beside a standard uncertainty: tests, degrees of freedom,
+reliability, what is not in it.
 """
 
 from __future__ import annotations
@@ -10,9 +13,205 @@ from dataclasses import field
 
 import numpy as np
 
-from tumble.arrays import Series, Vectors
-from tumble.calibration.checks.uncertainty_statement import UncertaintyStatement
+from tumble.arrays import Series, Table, Vectors
 from tumble.records import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class GlobalTest:
+    """The square sum of all residuals against chi-square.
+
+    Attributes
+    ----------
+    statistic, degrees : the square sum, and what is left to check it.
+    probability : that chance alone gives one so far off on its side, twice: 1 in the middle.
+    alone : the same of the noise seen at rest alone, without variance components.
+    components : how many variance components were estimated from the same residuals.
+    """
+
+    statistic: float
+    degrees: int
+    probability: float
+    alone: float
+    components: int
+
+
+@dataclass(frozen=True, slots=True)
+class Detectable:
+    """One observation, and the largest error in it that may go unnoticed.
+
+    Attributes
+    ----------
+    kind : "force", "rate", "turn" or "angle".
+    index : the hold, or the hold before the turn or rotation.
+    count : how many numbers it is.
+    redundancy : how much of them the others check, 0 to `count`.
+    size : minimal detectable bias in the direction that does most harm, SI (m/s², rad/s, rad); infinite if
+        nothing checks it.
+    parameter : which of the estimate's parameters it moves most, by its index.
+    effect : by how many of that parameter's standard uncertainties.
+    """
+
+    kind: str
+    index: int
+    count: int
+    redundancy: float
+    size: float
+    parameter: int
+    effect: float
+
+
+@dataclass(frozen=True, slots=True)
+class ModelChoice:
+    """An optional term whose test is near its limit, and what taking the other model would change.
+
+    Attributes
+    ----------
+    name : of the term.
+    kept : whether the estimate has it.
+    probability, limit : of its test.
+    change : (parameters,) other model minus this one, in the parameters' units; NaN for those that it lacks.
+    """
+
+    name: str
+    kept: bool
+    probability: float
+    limit: float
+    change: Series
+
+
+@dataclass(frozen=True, slots=True)
+class DrawnDistributions:
+    """What propagation of distributions gave (JCGM 101), beside the intervals of the GUM.
+
+    Attributes
+    ----------
+    runs : draws of all errors.
+    intervals : (parameters, 2) ends of the shortest 95 % intervals.
+    off : (parameters,) by how much an end of the GUM's interval is off them at most.
+    spread : (parameters,) standard deviation of the ends by chance, from blocks of the draws.
+    tolerance : (parameters,) half a unit of the one significant digit of the standard uncertainty.
+    readjusted : how many times observations were drawn anew and adjusted in full.
+    readjusted_ratio : (parameters,) their root mean square error over the first order's sigma; empty without.
+    why_not_readjusted : why there are none, or no more; empty if nothing stood against it.
+    """
+
+    runs: int
+    intervals: Table
+    off: Series
+    spread: Series
+    tolerance: Series
+    readjusted: int
+    readjusted_ratio: Series
+    why_not_readjusted: str
+
+    @property
+    def validated(self) -> np.ndarray:
+        """(parameters,) of bool: the GUM's interval is within the tolerance at both ends (JCGM 101, clause 8)."""
+        return self.off <= self.tolerance
+
+    @property
+    def contradicted(self) -> np.ndarray:
+        """(parameters,) of bool: it is off by more than that, and by more than chance in the draws explains."""
+        return self.off > self.tolerance + 2.0 * self.spread
+
+    def words(self) -> str:
+        """Return what it says in a sentence or two."""
+        valid, count = int(np.count_nonzero(self.validated)), self.off.size
+        said = (
+            f"Propagation of distributions, {self.runs} draws: the 95 % intervals of the GUM are validated to one "
+            f"significant digit of the standard uncertainty for {valid} of {count} parameters (JCGM 101, clause 8)"
+        )
+        against = int(np.count_nonzero(self.contradicted))
+        if against:
+            said += f", and contradicted for {against}: of those take the drawn intervals"
+        if valid + against < count:
+            said += f", and open for {count - valid - against}, which more draws would decide"
+        said += "."
+        if self.readjusted:
+            spread = 1.0 / np.sqrt(2.0 * self.readjusted)
+            said += (
+                f" {self.readjusted} full adjustments of observations drawn anew scatter by "
+                f"{float(np.sqrt(np.mean(self.readjusted_ratio**2))):.2f} of what the first order says (1 ± "
+                f"{spread:.2f} for each parameter)."
+            )
+        if self.why_not_readjusted:
+            said += f" Full adjustments: {self.why_not_readjusted}."
+        return said
+
+
+@dataclass(slots=True)
+class UncertaintyStatement:
+    """Everything beside the standard uncertainties, in the order of an estimate's parameters.
+
+    Attributes
+    ----------
+    effective_degrees : (parameters,) of freedom after Welch and Satterthwaite; may be infinite.
+    coverage_factors : (parameters,) for 95 %.
+    source_degrees : source -> degrees of freedom with which its size is known.
+    test : of all residuals together; None where nothing is left to check.
+    detectable : of every observation that was used.
+    alpha, power : of the tests that the detectable errors are for.
+    model_choice : terms near their limit.
+    not_included : sentences on what the uncertainties do not contain.
+    drawn : propagation of distributions, where it was asked for.
+    outcome : the procedure's own solution (`JointOutcome`), from which distributions can be drawn.
+    """
+
+    effective_degrees: Series = field(default_factory=lambda: np.zeros(0))
+    coverage_factors: Series = field(default_factory=lambda: np.zeros(0))
+    source_degrees: dict[str, float] = field(default_factory=dict[str, float])
+    test: GlobalTest | None = None
+    detectable: list[Detectable] = field(default_factory=list[Detectable])
+    alpha: float = 0.001
+    power: float = 0.8
+    model_choice: list[ModelChoice] = field(default_factory=list[ModelChoice])
+    not_included: list[str] = field(default_factory=list[str])
+    drawn: DrawnDistributions | None = None
+    outcome: object = None
+
+
+def effective_degrees(contributions: dict[str, Series], degrees: dict[str, float]) -> Series:
+    """Return the degrees of freedom of a combined standard uncertainty (Welch and Satterthwaite, GUM G.4.1).
+
+    Parameters
+    ----------
+    contributions : source -> (parameters,) standard uncertainties, whose squares add up.
+    degrees : source -> degrees of freedom; a source that is not named is known exactly.
+    """
+    size = len(next(iter(contributions.values())))
+    total, spread = np.zeros(size), np.zeros(size)
+    for name, sigma in contributions.items():
+        total += sigma**2
+        known = degrees.get(name, np.inf)
+        spread += sigma**4 / known
+    return np.divide(total**2, spread, out=np.full(size, np.inf), where=spread > 0.0)
+
+
+def coverage_factors(degrees: Series) -> Series:
+    """Return Student's factors for 95 %, of degrees of freedom rounded down (GUM G.4.1), at least one.
+
+    Parameters
+    ----------
+    degrees : (parameters,), may be infinite.
+    """
+    from scipy.special import stdtrit
+
+    whole = np.floor(np.maximum(degrees, 1.0) * (1.0 + 1e-9))
+    finite = np.minimum(whole, 1e9)
+    return np.asarray(stdtrit(finite, 0.975), dtype=np.float64)
+
+
+def chi_square_probability(statistic: float, degrees: float) -> float:
+    """Return how likely chance makes a chi-square at least as far off on its side, doubled for both sides.
+
+    Parameters
+    ----------
+    statistic, degrees : not negative; positive.
+    """
+    from scipy.special import chdtr, chdtrc
+
+    return float(min(1.0, 2.0 * min(chdtrc(degrees, statistic), chdtr(degrees, statistic))))
 
 
 class Evidence:

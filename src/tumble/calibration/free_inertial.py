@@ -58,10 +58,6 @@ class Predicted:
     covariance: Square
     parts: dict[str, Square]
 
-    def along(self, direction: Vector) -> float:
-        """Return the standard uncertainty along a unit vector."""
-        return float(np.sqrt(max(float(direction @ self.covariance @ direction), 0.0)))
-
     def across(self, direction: Vector) -> float:
         """Return the root sum square of both standard uncertainties across a unit vector."""
         plane = np.eye(3) - np.outer(direction, direction)

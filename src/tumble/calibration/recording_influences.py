@@ -10,8 +10,7 @@ from tumble.calibration.equations.causes import FORCE_WANDER, RATE_WANDER
 from tumble.calibration.equations.hold_equations import Rate
 from tumble.calibration.equations.imu_unknowns import force_matrix, raw_force
 from tumble.estimation.influence import Influences, influences_of
-from tumble.estimation.settled import Settled
-from tumble.estimation.solve import settled_at
+from tumble.estimation.solve import Settled, settled_at
 from tumble.segmentation.rest_wander import RestParts, find_density
 
 # Of which density is found: more show nothing more.

@@ -27,8 +27,8 @@ from tumble.earth import Site
 from tumble.estimation import Prior
 from tumble.estimation.chain import Chain, Eliminated
 from tumble.estimation.influence import Influences
+from tumble.estimation.reliability import WeakDirection, find_weak_directions
 from tumble.estimation.solve import solve
-from tumble.estimation.weak_directions import WeakDirection, find_weak_directions
 from tumble.records import dataclass
 from tumble.sensor import ImuModel
 from tumble.sensor.conventions.shin import shin_from_matrix

@@ -4,8 +4,7 @@ This room knows no IMU.
 """
 
 from tumble.estimation.gauss_helmert import Adjustment, Conditions, Linearisation, Prior, adjust
-from tumble.estimation.reliability import snoop_groups
-from tumble.estimation.weak_directions import WeakDirection, find_weak_directions
+from tumble.estimation.reliability import WeakDirection, find_weak_directions, snoop_groups
 
 __all__ = [
     "Adjustment",

@@ -17,8 +17,7 @@ import numpy as np
 from tumble.arrays import Series
 from tumble.errors import ConvergenceError
 from tumble.estimation.equations import Tests
-from tumble.estimation.settled import Settled
-from tumble.estimation.solve import TOLERANCE, Adjustable, solve
+from tumble.estimation.solve import TOLERANCE, Adjustable, Settled, solve
 from tumble.records import dataclass
 
 # Median of chi-square over its degrees of freedom, for 1 to 6 degrees.

@@ -17,7 +17,7 @@ from tumble.arrays import AnyArray, Series, Square, Vector
 from tumble.estimation.chain import Spread
 from tumble.estimation.equations import Drift, Equations
 from tumble.estimation.gauss_helmert import Prior
-from tumble.estimation.settled import Settled
+from tumble.estimation.solve import Settled
 from tumble.estimation.sums import Whitened
 from tumble.estimation.wander import carried, shared_wander, wider
 from tumble.records import dataclass

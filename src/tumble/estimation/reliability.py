@@ -5,6 +5,8 @@ Commission 2 (1968)) minimal detectable bias: the error whose test, at false-ala
 stated. An observation here is a few numbers, with an error in any direction; of all directions the one that moves a
 parameter most while it stays at the edge of being found is taken, which is ``M^-1 g`` for the test's matrix M
 and the parameter's gain g (for one number it is Baarda's own formula).
+
+Weak directions are the combinations of parameters that the observations tell badly.
 """
 
 from __future__ import annotations
@@ -111,3 +113,40 @@ def undetected(left: Square, directions: Table, gain: Table, sigma: Series) -> U
         return Undetected(redundancy, needed / float(np.sqrt(max(values.max(), 1e-300))), worst, 0.0)
     error = needed * (vectors @ (inverse * along[worst])) / norm / own
     return Undetected(redundancy, float(np.linalg.norm(error)), worst, float(effects[worst]))
+
+
+@dataclass(frozen=True, slots=True)
+class WeakDirection:
+    """A combination of parameters and its standard uncertainty.
+
+    `direction` is in units of `scale` (the sizes in which the parameters matter), of length 1;
+    `sigma` is the combination's standard uncertainty in the same units, infinite if undetermined.
+    """
+
+    direction: Series
+    sigma: float
+
+    def leading(self, share: float = 0.3) -> list[int]:
+        """Return the parameters that carry at least `share` of the largest weight, largest first."""
+        weights = np.abs(self.direction)
+        order = np.argsort(-weights)
+        return [int(i) for i in order if weights[i] >= share * weights[order[0]]]
+
+
+def find_weak_directions(normal: Square, scale: Series, limit: float) -> list[WeakDirection]:
+    """Return the combinations whose sigma exceeds `limit`, worst first.
+
+    Parameters
+    ----------
+    normal : (parameters, parameters) information matrix.
+    scale : (parameters,) the size at which each parameter matters to the user, in its unit.
+    limit : in those sizes: 1 asks for what cannot be told better than its own size.
+    """
+    eigenvalues, vectors = np.linalg.eigh(normal * np.outer(scale, scale))
+    floor = max(float(eigenvalues[-1]), 0.0) * 1e-14
+    weak: list[WeakDirection] = []
+    for eigenvalue, vector in zip(eigenvalues, vectors.T, strict=True):
+        sigma = float("inf") if eigenvalue <= floor else float(1.0 / np.sqrt(eigenvalue))
+        if sigma > limit:
+            weak.append(WeakDirection(vector, sigma))
+    return weak

@@ -21,7 +21,7 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Series, Table, Vectors
 from tumble.counting import counted
-from tumble.estimation.weak_directions import find_weak_directions
+from tumble.estimation.reliability import find_weak_directions
 from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED, Outcome, Row
 from tumble.simulation import TriadNoise, find_grade
 from tumble.simulation.noise import simulate_noise

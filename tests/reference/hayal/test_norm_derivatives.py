@@ -9,8 +9,8 @@ import numpy.typing as npt
 import pytest
 from numpy import cos, sin, tan
 
-from tumble.calibration.equations.norm import NormConditions
 from tumble.calibration.equations.triad_unknowns import (
+    NormConditions,
     correct_with_derivatives,
     triad_from_unknowns,
     unknowns_from_triad,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tumble.calibration.turn_ons.adjustment import disagreement
 from tumble.calibration.turn_ons.biases import (
     RecordingOfUnit,
     TurnOns,
@@ -12,7 +13,6 @@ from tumble.calibration.turn_ons.biases import (
     bias_scatter,
 )
 from tumble.calibration.turn_ons.estimate import amount, turn_on_cautions, turn_on_sentences
-from tumble.calibration.turn_ons.outcome import disagreement
 
 
 def test_scatter_and_the_next_turn_on_by_hand() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tumble.calibration.checks.uncertainty_statement import (
+from tumble.calibration.evidence import (
     chi_square_probability,
     coverage_factors,
     effective_degrees,

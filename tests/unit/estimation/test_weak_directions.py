@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tumble.estimation import find_weak_directions
-from tumble.estimation.weak_directions import WeakDirection
+from tumble.estimation.reliability import WeakDirection
 
 
 def test_a_known_combination_is_found_with_its_sigma() -> None:

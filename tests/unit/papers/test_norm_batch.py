@@ -11,7 +11,7 @@ from numpy import cos, sin
 from scipy.optimize import least_squares
 
 from tumble.attitude.directions import twenty_six_directions
-from tumble.calibration.equations.norm import NormConditions
+from tumble.calibration.equations.triad_unknowns import NormConditions
 from tumble.errors import UsageError
 from tumble.estimation import adjust
 from tumble_papers.hayal.norm_batch import ESTIMATORS, NormBatch, adjust_norms

@@ -18,10 +18,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tumble.arrays import Series, Vector
-from tumble.calibration.checks.uncertainty_statement import coverage_factors
 from tumble.calibration.equations.causes import SAMPLE_RATE, TABLE_RATE
 from tumble.calibration.estimate import Estimate, Unseen, correlation_matrix
-from tumble.calibration.evidence import Budget
+from tumble.calibration.evidence import Budget, coverage_factors
 from tumble.protocol.steps import SpinStep
 
 if TYPE_CHECKING:

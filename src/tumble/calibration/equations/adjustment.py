@@ -28,8 +28,7 @@ from tumble.estimation.balance import (
 )
 from tumble.estimation.chain import Eliminated, Spread
 from tumble.estimation.gauss_helmert import Prior
-from tumble.estimation.settled import Settled
-from tumble.estimation.solve import solve
+from tumble.estimation.solve import Settled, solve
 from tumble.estimation.unknowns import Unknowns
 from tumble.records import dataclass
 

@@ -27,12 +27,14 @@ from tumble.calibration.magnetometer.field_equations import (
     MATRIX,
     FieldAdjustment,
     FieldSeen,
+    Moving,
     field_means,
     field_of_holds,
+    find_moving,
     magnetometer_matrix,
     start_field,
+    with_change,
 )
-from tumble.calibration.magnetometer.moving import Moving, find_moving, with_change
 from tumble.calibration.outcome.description import rotation_of_frame
 from tumble.errors import ConvergenceError, ObservabilityError
 from tumble.estimation.balance import balance

@@ -11,7 +11,7 @@ from typing import Literal, SupportsFloat
 import numpy as np
 
 from tumble.calibration.magnetometer.estimate import LOCAL, NAME_PLATE, Magnetometer, nearest_axes
-from tumble.calibration.magnetometer.moving import FALSE_ALARM, Moving
+from tumble.calibration.magnetometer.field_equations import FALSE_ALARM, Moving
 from tumble.records import dataclass
 from tumble.units import magnetic_field_factor
 

@@ -8,15 +8,6 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Matrix, Series, Table, Vector, inverted
 from tumble.calibration.checks.bias_course import with_courses
-from tumble.calibration.checks.uncertainty_statement import (
-    Detectable,
-    GlobalTest,
-    ModelChoice,
-    UncertaintyStatement,
-    chi_square_probability,
-    coverage_factors,
-    effective_degrees,
-)
 from tumble.calibration.equations.causes import (
     AXIS,
     FORCE_REST,
@@ -34,7 +25,16 @@ from tumble.calibration.equations.causes import (
     TURNS,
 )
 from tumble.calibration.equations.imu_unknowns import force_matrix, gyro_matrix, term_unknowns
-from tumble.calibration.evidence import Budget
+from tumble.calibration.evidence import (
+    Budget,
+    Detectable,
+    GlobalTest,
+    ModelChoice,
+    UncertaintyStatement,
+    chi_square_probability,
+    coverage_factors,
+    effective_degrees,
+)
 from tumble.calibration.outcome.description import gravity_slope, named_function
 from tumble.calibration.recording_influences import recording_influences
 from tumble.calibration.terms import TERMS
@@ -117,7 +117,7 @@ def state_uncertainty(estimate: Estimate, outcome: JointOutcome, influences: Inf
     influences : of the same solution.
     """
     named = NamedParameters.of(outcome, [p.name for p in estimate.parameters])
-    scale = _scale(estimate)
+    scale = residual_scale(estimate)
     everything = budget_of(influences, named, outcome, scale)
     total = sum((part**2 for part in everything.values()), np.zeros(len(named.slope)))
     shares = {
@@ -236,7 +236,13 @@ def _of_wander(floor: float, extra: float, tests: Tests | None, holds: int) -> f
     return total**2 / spread if spread > 0.0 else float("inf")
 
 
-def _scale(estimate: Estimate) -> float:
+def residual_scale(estimate: Estimate) -> float:
+    """Return the factor on standard uncertainties of residuals that are larger than stated.
+
+    Parameters
+    ----------
+    estimate : with the square root of its variance of unit weight.
+    """
     sigma0 = estimate.sigma0_final
     return max(1.0, sigma0) if np.isfinite(sigma0) else 1.0
 

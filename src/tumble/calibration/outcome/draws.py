@@ -18,15 +18,15 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Series, Square, Table, inverted
 from tumble.attitude.rotations import matrices_from_rotation_vectors
-from tumble.calibration.checks.uncertainty_statement import DrawnDistributions, coverage_factors
 from tumble.calibration.equations.adjustment import JointAdjustment
 from tumble.calibration.equations.causes import SOURCES
 from tumble.calibration.equations.hold_equations import Force, Rate, Swing
 from tumble.calibration.equations.turn_equations import Turn
-from tumble.calibration.evidence import Budget
+from tumble.calibration.evidence import Budget, DrawnDistributions, coverage_factors
 from tumble.calibration.outcome.budget import (
     NamedParameters,
     outcome_influences,
+    residual_scale,
     source_degrees,
 )
 from tumble.calibration.outcome.description import gravity_slope
@@ -84,7 +84,7 @@ def draw_distributions(
         )
     named = NamedParameters.of(outcome, [p.name for p in estimate.parameters])
     progress("distributions")
-    drawn = _parameters(named, _draw_unknowns(outcome, runs, rng, _scale(estimate)))
+    drawn = _parameters(named, _draw_unknowns(outcome, runs, rng, residual_scale(estimate)))
     low, high = shortest_intervals(drawn, COVERAGE)
     values = np.array([p.value for p in estimate.parameters])
     sigma = np.array([p.standard_uncertainty for p in estimate.parameters])
@@ -104,11 +104,6 @@ def draw_distributions(
         why_not_readjusted=again.why_none,
     )
     estimate.say("remark", told.drawn.words())
-
-
-def _scale(estimate: Estimate) -> float:
-    sigma0 = estimate.sigma0_final
-    return max(1.0, sigma0) if np.isfinite(sigma0) else 1.0
 
 
 def _draw_unknowns(outcome: JointOutcome, runs: int, rng: np.random.Generator, scale: float = 1.0) -> Table:

@@ -54,8 +54,7 @@ from tumble.errors import ObservabilityError
 from tumble.estimation.balance import Balanced, Noise
 from tumble.estimation.equations import Equations
 from tumble.estimation.influence import Influences
-from tumble.estimation.settled import Settled
-from tumble.estimation.solve import solve
+from tumble.estimation.solve import Settled, solve
 from tumble.estimation.unknowns import Unknowns
 from tumble.estimation.wander import wider
 from tumble.recording.recording import Recording

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import field
 
-import numpy as np
-
 from tumble.arrays import Series, Table, Vectors
 from tumble.calibration.evidence import Evidence
 from tumble.records import dataclass
@@ -84,7 +82,7 @@ class ThermalCurves(Evidence):
     candidates : bases that were tried.
     rejected : (start, stop) s and why, of rests that took no part.
     path_time, path_celsius : a thinned course of temperature.
-    lag, lag_sigma, width, width_sigma : s and K; sigma NaN where it was not estimated.
+    lag, width : s and K.
     poses : how many different poses there were.
     """
 
@@ -106,7 +104,5 @@ class ThermalCurves(Evidence):
     candidates: list[Candidate] = field(default_factory=list[Candidate])
     rejected: list[tuple[float, float, str]] = field(default_factory=list[tuple[float, float, str]])
     lag: float = 0.0
-    lag_sigma: float = float(np.nan)
     width: float = 5.0
-    width_sigma: float = float(np.nan)
     poses: int = 0

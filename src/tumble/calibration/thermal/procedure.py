@@ -33,10 +33,9 @@ from tumble.calibration.thermal.fit import (
     with_hysteresis_doubt,
     with_pull,
 )
-from tumble.calibration.thermal.model import ThermalOutcome, thermal_solution
+from tumble.calibration.thermal.model import ThermalOutcome, estimate_turned_matrix, thermal_solution
 from tumble.calibration.thermal.points import ThermalPoints, find_points
 from tumble.calibration.thermal.summary import thermal_estimate
-from tumble.calibration.thermal.turns import estimate_turned_matrix
 from tumble.counting import about
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ConvergenceError, ObservabilityError

@@ -6,8 +6,7 @@ import numpy as np
 
 from tumble.arrays import Matrices, Series, Table, Vectors
 from tumble.calibration.checks.snooping import balance
-from tumble.calibration.equations.norm import NormConditions
-from tumble.calibration.equations.triad_unknowns import BIAS, SCALE, rough_triad
+from tumble.calibration.equations.triad_unknowns import BIAS, SCALE, NormConditions, rough_triad
 from tumble.calibration.estimate import (
     Described,
     Estimate,
@@ -74,9 +73,7 @@ def thermal_evidence(found: ThermalOutcome) -> ThermalCurves:
         found.candidates,
         found.coverage.rejected,
         model.lag,
-        found.sigma_of("lag"),
         model.hysteresis_width,
-        found.sigma_of("width"),
         found.poses,
     )
 

@@ -21,7 +21,14 @@ from tumble.calibration.evidence import Holds, Spins, Turns
 from tumble.calibration.outcome.description import describe, named_function
 from tumble.calibration.outcome.estimate import joint_estimate
 from tumble.calibration.terms.lever_arms import lever_arms_of
-from tumble.calibration.turn_ons.adjustment import TurnOn, UnitAdjustment
+from tumble.calibration.turn_ons.adjustment import (
+    SeveralOutcome,
+    TurnOn,
+    UnitAdjustment,
+    disagreement,
+    settled_outcome,
+    tells,
+)
 from tumble.calibration.turn_ons.biases import (
     FALSE_ALARM,
     Agreement,
@@ -31,7 +38,6 @@ from tumble.calibration.turn_ons.biases import (
     agreement_of,
     bias_scatter,
 )
-from tumble.calibration.turn_ons.outcome import SeveralOutcome, disagreement, settled_outcome, tells
 from tumble.calibration.verdict import WORST_FORCE_BIAS_SIGMA, two_digits
 from tumble.earth import Site
 from tumble.recording.recording import Recording

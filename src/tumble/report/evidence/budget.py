@@ -12,14 +12,14 @@ from tumble.report.figures.plot import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, T
 from tumble.report.page import Block, Figure, Figures, Plot, Sentences, Table, section
 
 if TYPE_CHECKING:
-    from tumble.calibration.checks.uncertainty_statement import (
+    from tumble.calibration.estimate import Estimate
+    from tumble.calibration.evidence import (
+        Budget,
         Detectable,
         GlobalTest,
         ModelChoice,
         UncertaintyStatement,
     )
-    from tumble.calibration.estimate import Estimate
-    from tumble.calibration.evidence import Budget
     from tumble.report.parameters import ParameterRow
     from tumble.report.subject import Subject
 

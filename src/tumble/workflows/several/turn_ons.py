@@ -223,8 +223,8 @@ def _together(
     settled: list[_Settled], knowledge: StableKnowledge | None, *, optional_terms: bool
 ) -> tuple[SeveralEstimate, list[_Settled], list[str]]:
     """Adjust those that can be adjusted together; the others are named."""
+    from tumble.calibration.turn_ons.adjustment import adjust_several, find_strangers
     from tumble.calibration.turn_ons.estimate import several_estimate
-    from tumble.calibration.turn_ons.outcome import adjust_several, find_strangers
 
     names, outcomes = [own.name for own in settled], [own.outcome for own in settled]
     strangers = find_strangers(names, outcomes, optional_terms=optional_terms)
