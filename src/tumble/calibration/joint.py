@@ -45,9 +45,9 @@ from tumble.calibration.equations.imu_unknowns import (
 )
 from tumble.calibration.equations.observed import TableRotation, observe, table_rotation, with_rounding
 from tumble.calibration.equations.pose_equations import mounting_prior
-from tumble.calibration.equations.triad_unknowns import COUNT
 from tumble.calibration.equations.turn import HoldsAndTurns
 from tumble.calibration.estimate import Estimate, TermTest
+from tumble.calibration.objections import say_missing, say_of_sheets
 from tumble.calibration.optional_terms import (
     determined_terms,
     gives_way,
@@ -61,8 +61,6 @@ from tumble.calibration.optional_terms import (
     worse_predicted,
 )
 from tumble.calibration.outcome.estimate import JointOutcome, joint_estimate
-from tumble.calibration.poses import require_poses
-from tumble.calibration.prior import about_sheet, gyro_nine
 from tumble.calibration.procedure import Procedure, find_procedure
 from tumble.calibration.session import Options, Session
 from tumble.calibration.start import (
@@ -147,8 +145,8 @@ def calibrate(session: Session, procedure: Procedure, *, clocked: bool = True) -
     if options.optional_terms and by_hand:
         add_time_lag(estimate, task.data.base)
     estimate.say("remark", *begun.broken)
-    _say_of_sheets(estimate, outcome, begun.sheets)
-    _say_missing(estimate, outcome, procedure)
+    say_of_sheets(estimate, outcome, begun.sheets)
+    say_missing(estimate, outcome, procedure)
     return estimate
 
 
@@ -391,48 +389,6 @@ def _refuse_nothing_told(untold: Untold, recording: Recording) -> None:
             "The accelerometers count in unknown units, and the holds do not determine all their scale factors and "
             f"biases. {untold.sentences(FORCE_ALONE)[0]} Or say the unit with --units."
         )
-
-
-def _say_of_sheets(estimate: Estimate, outcome: JointOutcome, sheets: Sequence[TriadSheet]) -> None:
-    """Say what the recording left to data sheets, and what contradicts them."""
-    u, solution = outcome.task.unknowns, outcome.balanced.solution
-    covariance = solution.unit_weight * u.expanded(solution.cofactor)
-    for name, place, _, nine in sheets:
-        if not np.all(np.isin(place, u.free)):
-            continue
-        values, spread = u.values[place], covariance[np.ix_(place, place)]
-        sigmas = np.sqrt(np.diag(spread))
-        if name == "gyro":
-            values, sigmas = gyro_nine(values[:9].reshape(3, 3), values[9:], spread)
-        remarks, objections = about_sheet(name, values, sigmas, nine)
-        estimate.say("remark", *remarks)
-        estimate.say("objection", *objections)
-
-
-def _say_missing(estimate: Estimate, outcome: JointOutcome, procedure: Procedure) -> None:
-    """Object where what was recorded does not determine what the procedure is made for."""
-    for triad in procedure.promises:
-        if not (outcome.has_gyro if triad == "gyros" else outcome.has_force):
-            estimate.say("objection", f"The recording has no {triad}, which {procedure.name} is made for.")
-            continue
-        own = FORCE_ALONE if triad == "accelerometers" else np.setdiff1d(PLAIN, FORCE_ALONE)
-        if outcome.untold is None or not np.any(np.isin(own, outcome.untold.unknowns)):
-            continue
-        missing = (_of_poses(outcome) if triad == "accelerometers" else []) or outcome.untold.sentences(own)
-        estimate.say(
-            "objection", f"What was recorded does not determine all of the {triad}. {' '.join(missing[:2])}"
-        )
-
-
-def _of_poses(outcome: JointOutcome) -> list[str]:
-    """What is said of poses that do not determine the accelerometers, and which would."""
-    factor = specific_force_factor(outcome.recording.specific_force_unit)
-    force, has_prior = outcome.data.base.force_mean, outcome.knowledge is not None
-    try:
-        require_poses(force, outcome.values[:COUNT], has_prior=has_prior, factor=factor)
-    except ObservabilityError as error:
-        return [str(error)]
-    return []
 
 
 def _seen_on_table(task: JointAdjustment) -> list[str]:

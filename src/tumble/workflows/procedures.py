@@ -131,7 +131,7 @@ def _how_it_matched(session: Session) -> str:
 
 def add_objections(session: Session, estimate: Estimate, procedure: str | None, reason: str) -> None:
     """Say what a user who meant a whole calibration does not get, and what was wrong with the sensors."""
-    from tumble.calibration.checks.latitude import find_other_latitude
+    from tumble.calibration.objections import find_other_latitude
     from tumble.calibration.procedure import SMALLEST_TURNS
 
     recording, timeline = session.recording, session.timeline
@@ -146,8 +146,7 @@ def add_objections(session: Session, estimate: Estimate, procedure: str | None, 
         estimate.say("objection", *([] if contradiction is None else [contradiction]))
     estimate.say("objection", *_of_other_rests(session))
     estimate.say("remark", *_of_hidden_jumps(session, estimate))
-    elsewhere = find_other_latitude(estimate, session.site)
-    estimate.say("objection", *([] if elsewhere is None else [elsewhere]))
+    estimate.say("objection", *filter(None, [find_other_latitude(estimate, session.site)]))
     if procedure is None and session.protocol is not None:
         return
     lost = [turn for turn in timeline.turns if not turn.usable]

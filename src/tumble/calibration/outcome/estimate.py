@@ -41,9 +41,9 @@ from tumble.calibration.estimate import (
     said_of,
 )
 from tumble.calibration.evidence import Holds, RestlessHold, Spins, Turns
+from tumble.calibration.objections import contradictions
 from tumble.calibration.optional_terms import OF_FORCE, implausible_words, untried_words
 from tumble.calibration.outcome.budget import state_uncertainty
-from tumble.calibration.outcome.contradictions import contradictions
 from tumble.calibration.outcome.description import describe, rotation_of_frame
 from tumble.calibration.prior import StableKnowledge
 from tumble.calibration.recording_influences import recording_influences

@@ -1,20 +1,35 @@
-"""What a settled joint estimate finds in its own residuals that speaks against what it was told."""
+"""Whatever makes an estimate unfit for use beside the limits of `verdict`: what speaks against what it was told.
+
+What a settled joint estimate finds in its own residuals, what contradicts a data sheet, what a procedure was made for
+and the recording does not determine, and a latitude that is not the one of the gyros at rest. There the specific force
+is g along the vertical, so that a vertical rate w of the Earth which nobody knows of looks like a g-sensitivity: of
+gyros with the matrix M it is ``M w / g``. That is one number where a sensor's own g-sensitivity has nine.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tumble.arrays import Series
+from tumble.arrays import Matrix, Series, Square, inverted
 from tumble.calibration.checks.table_rates import find_wrong_rates
-from tumble.calibration.equations.imu_unknowns import LAYOUT
+from tumble.calibration.equations.imu_unknowns import FORCE_ALONE, LAYOUT, PLAIN
 from tumble.calibration.equations.rotation_equations import Windows
+from tumble.calibration.equations.triad_unknowns import COUNT
+from tumble.calibration.estimate import Estimate
+from tumble.calibration.poses import require_poses
+from tumble.calibration.prior import about_sheet, gyro_nine
+from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ConvergenceError, ObservabilityError
 from tumble.estimation.solve import solve
+from tumble.units import specific_force_factor
 
 if TYPE_CHECKING:
+    from tumble.calibration.checks.observability import TriadSheet
     from tumble.calibration.outcome.estimate import JointOutcome
+    from tumble.calibration.procedure import Procedure
 
 MISSING = (
     "Samples are missing that left no trace in the stamps, the gyros saturate, or the mount gives. Record the stamps "
@@ -45,32 +60,29 @@ def contradictions(outcome: JointOutcome) -> list[str]:
     ----------
     outcome : the settled solution.
     """
-    return [
-        *_of_poses(outcome),
-        *_of_left_out(outcome),
-        *_of_fixture_turns(outcome),
-        *_of_earth(outcome),
+    each = (
+        *(_of_poses(outcome), *_of_left_out(outcome), _of_fixture_turns(outcome), _of_earth(outcome)),
         *find_wrong_rates(outcome.task, outcome.table_sigma),
-        *_of_gravity_on_tables(outcome),
-    ]
+        _of_gravity_on_tables(outcome),
+    )
+    return [said for said in each if said]
 
 
-def _of_poses(outcome: JointOutcome) -> list[str]:
+def _of_poses(outcome: JointOutcome) -> str:
     poses, added = outcome.data.poses, float(np.sqrt(outcome.task.noise["placement"]))
     if poses is None:
-        return []
+        return ""
     stated = float(np.median(poses.sigma))
     if (
         added <= max(stated, LEAST_OBJECTED)
         or _chance_of_scatter(outcome, added / stated) > SCATTER_FALSE_ALARM
         or not _stands_on_poses(outcome)
     ):
-        return []
-    said = (
+        return ""
+    return (
         f"The poses scatter by {np.degrees(added):.2g}° beyond the {np.degrees(stated):.2g}° that the protocol "
         "promises: give the sigma that the fixture keeps, or place the unit better."
     )
-    return [said]
 
 
 def _chance_of_scatter(outcome: JointOutcome, times: float) -> float:
@@ -144,43 +156,41 @@ def _exchanged(outcome: JointOutcome, kind: str, rows: np.ndarray) -> tuple[int,
     return min(found)[1:]
 
 
-def _of_fixture_turns(outcome: JointOutcome) -> list[str]:
+def _of_fixture_turns(outcome: JointOutcome) -> str:
     """What turns miss beyond the gyros' noise, where a fixture makes them: no hand, no bandwidth explains it there."""
     poses, missed = outcome.data.poses, float(np.sqrt(outcome.task.noise["turn"]))
     if poses is None or not outcome.data.turns.size:
-        return []
+        return ""
     known = poses.hold[poses.has_heading]
     made = np.isin(outcome.data.turns, known) & np.isin(outcome.data.turns + 1, known)
     kept = float(np.median(poses.sigma))
     if 2 * np.count_nonzero(made) < made.size or missed <= max(kept, LEAST_MISSED):
-        return []
-    said = (
+        return ""
+    return (
         f"The fixture's turns miss its poses by {np.degrees(missed):.2g}° beyond the gyros' noise, and the protocol "
         f"promises {np.degrees(kept):.2g}°. {MISSING}"
     )
-    return [said]
 
 
-def _of_earth(outcome: JointOutcome) -> list[str]:
+def _of_earth(outcome: JointOutcome) -> str:
     """The vertical Earth rate that the gyros show at rest by themselves, against the latitude's."""
     tests = outcome.balanced.tests.get("earth")
     if tests is None or not outcome.has_gyro or not np.any(tests.degrees > 0):
-        return []
+        return ""
     worst = int(np.argmax(tests.statistic))
     certain = float(np.sqrt(tests.statistic[worst]))
     # By how much the gyros alone say otherwise; down is the third axis.
     upward = -float(np.sign(tests.residual[worst, 0]) * np.sqrt(tests.predicted[worst]))
     if certain < CONTRADICTION or abs(upward) < SMALLEST_VERTICAL:
-        return []
-    said = (
+        return ""
+    return (
         f"The gyros show at rest {upward:+.2g} ± {abs(upward) / certain:.1g} rad/s more of the Earth "
         "rate upwards than the latitude gives. Either the site is another one (--site), and with it "
         "gravity, or biases follow the poses."
     )
-    return [said]
 
 
-def _of_gravity_on_tables(outcome: JointOutcome) -> list[str]:
+def _of_gravity_on_tables(outcome: JointOutcome) -> str:
     """Where the accelerometers see gravity while a table turns, against where the gyros have it.
 
     What shakes a table is over in less than a window.
@@ -196,9 +206,118 @@ def _of_gravity_on_tables(outcome: JointOutcome) -> list[str]:
                 missed.append(max(beyond, 0.0) ** 0.5 / scale)
     usual = float(np.quantile(missed, 0.75)) if missed else 0.0
     if usual <= LARGEST_TABLE_MISFIT:
-        return []
-    said = (
+        return ""
+    return (
         f"While the table turns, the accelerometers see gravity {np.degrees(usual):.2g}° from where the gyros have it, "
         f"in a quarter of the {len(missed)} rotations or more. {MISSING}"
     )
-    return [said]
+
+
+# By so many of its standard uncertainties the one number is not zero, and so likely chance makes the axes differ.
+# What is across is smaller: with the vertical part of the Earth's rotation the horizontal one is wrong, too.
+CERTAIN, CHANCE = 5.0, 0.001
+# A latitude has a sine; beyond this the rate is not the Earth's.
+LARGEST_SINE = 1.02
+_NAMES = [f"gyroscope.g_sensitivity[{i},{j}]" for i in range(3) for j in range(3)]
+
+
+def find_other_latitude(estimate: Estimate, site: Site) -> str:
+    """Return an objection to a g-sensitivity that is another latitude's Earth rate; empty where it is none.
+
+    Parameters
+    ----------
+    estimate, site : with a g-sensitivity, and a latitude, or there is nothing to ask.
+    """
+    found, gyroscope = estimate.model.g_sensitivity, estimate.model.gyroscope
+    if site.latitude is None or found is None or gyroscope is None or not set(_NAMES) <= set(estimate.names):
+        return ""
+    at = [estimate.names.index(name) for name in _NAMES]
+    return latitude_shown(
+        found, gyroscope.matrix, estimate.covariance[np.ix_(at, at)], site.latitude, site.gravity
+    )
+
+
+def latitude_shown(found: Matrix, matrix: Matrix, covariance: Square, latitude: float, gravity: float) -> str:
+    """Return `find_other_latitude` of numbers.
+
+    Parameters
+    ----------
+    found, matrix : (3, 3) raw per m/s² and raw per rad/s, g-sensitivity and gyros.
+    covariance : (9, 9) of the g-sensitivity's entries, row by row.
+    latitude, gravity : rad, m/s².
+    """
+    from scipy.special import chdtrc
+
+    inverse = inverted(matrix)
+    turned = np.kron(inverse, np.eye(3))
+    seen = gravity * (inverse @ found).ravel()
+    weight = inverted((gravity**2 * turned @ covariance @ turned.T)[::4, ::4])
+    along, across = seen[::4], np.delete(seen, [0, 4, 8])
+    precision = float(np.sum(weight))
+    upward = float(np.sum(weight @ along)) / precision
+    left = float(along @ weight @ along) - upward**2 * precision
+    sine = np.sin(latitude) + upward / EARTH_RATE
+    is_one = abs(upward) * precision**0.5 > CERTAIN and float(chdtrc(2, max(left, 0.0))) > CHANCE
+    is_one = is_one and float(np.sqrt(np.mean(across**2))) < abs(upward)
+    if not is_one or abs(sine) > LARGEST_SINE:
+        return ""
+    shown = np.degrees(np.arcsin(np.clip(sine, -1.0, 1.0)))
+    return (
+        f"The gyros at rest show {upward:+.2g} ± {precision**-0.5:.1g} rad/s more of the Earth's rotation upwards than "
+        f"the latitude {np.degrees(latitude):.1f}° gives, as at {shown:.1f}°. It stands in the g-sensitivity, "
+        "which is the same on all axes. Check the latitude (--site), and with it gravity."
+    )
+
+
+def say_of_sheets(estimate: Estimate, outcome: JointOutcome, sheets: Sequence[TriadSheet]) -> None:
+    """Say what the recording left to data sheets, and what contradicts them.
+
+    Parameters
+    ----------
+    estimate, outcome : of the recording.
+    sheets : what was believed.
+    """
+    u, solution = outcome.task.unknowns, outcome.balanced.solution
+    covariance = solution.unit_weight * u.expanded(solution.cofactor)
+    for name, place, _, nine in sheets:
+        if not np.all(np.isin(place, u.free)):
+            continue
+        values, spread = u.values[place], covariance[np.ix_(place, place)]
+        sigmas = np.sqrt(np.diag(spread))
+        if name == "gyro":
+            values, sigmas = gyro_nine(values[:9].reshape(3, 3), values[9:], spread)
+        remarks, objections = about_sheet(name, values, sigmas, nine)
+        estimate.say("remark", *remarks)
+        estimate.say("objection", *objections)
+
+
+def say_missing(estimate: Estimate, outcome: JointOutcome, procedure: Procedure) -> None:
+    """Object where what was recorded does not determine what the procedure is made for.
+
+    Parameters
+    ----------
+    estimate, outcome : of the recording.
+    procedure : with its promises.
+    """
+    for triad in procedure.promises:
+        if not (outcome.has_gyro if triad == "gyros" else outcome.has_force):
+            estimate.say("objection", f"The recording has no {triad}, which {procedure.name} is made for.")
+            continue
+        own = FORCE_ALONE if triad == "accelerometers" else np.setdiff1d(PLAIN, FORCE_ALONE)
+        if outcome.untold is None or not np.any(np.isin(own, outcome.untold.unknowns)):
+            continue
+        missing = (_wanting(outcome) if triad == "accelerometers" else []) or outcome.untold.sentences(own)
+        estimate.say(
+            "objection", f"What was recorded does not determine all of the {triad}. {' '.join(missing[:2])}"
+        )
+
+
+def _wanting(outcome: JointOutcome) -> list[str]:
+    """What is said of poses that do not determine the accelerometers, and which would."""
+    factor = specific_force_factor(outcome.recording.specific_force_unit)
+    force, has_prior = outcome.data.base.force_mean, outcome.knowledge is not None
+    try:
+        require_poses(force, outcome.values[:COUNT], has_prior=has_prior, factor=factor)
+    except ObservabilityError as error:
+        return [str(error)]
+    return []
