@@ -32,8 +32,8 @@ import numpy as np
 from uncertainty import GROUPS, true_values, without_wander
 
 from tumble.calibration import Estimate
-from tumble.calibration.estimators import find_estimator
 from tumble.calibration.evidence import Budget
+from tumble.calibration.procedure import find_estimator
 from tumble.calibration.session import Session
 from tumble.earth import Site
 from tumble.errors import TumbleError

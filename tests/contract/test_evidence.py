@@ -15,14 +15,18 @@ from tests.unit.report.test_calibration import Page as ReadPage
 
 from tumble.calibration.estimate import Beside, LeftOut
 from tumble.calibration.evidence import (
+    BiasCurve,
     Budget,
+    Candidate,
     Detectable,
     Evidence,
     GlobalTest,
     Holds,
     ModelChoice,
     RestlessHold,
+    SeparateBias,
     Spins,
+    ThermalCurves,
     Turns,
     UncertaintyStatement,
 )
@@ -33,7 +37,6 @@ from tumble.calibration.magnetometer.estimate import (
     magnetometer_alone,
 )
 from tumble.calibration.magnetometer.verdict import judge_magnetometer
-from tumble.calibration.thermal.evidence import BiasCurve, Candidate, SeparateBias, ThermalCurves
 from tumble.calibration.turn_ons.biases import Agreement, BiasScatter, RecordingOfUnit, TurnOns
 from tumble.document.magnetometer_block import magnetometer_block
 from tumble.document.turn_ons_block import turn_ons_block

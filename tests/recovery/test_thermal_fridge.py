@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tumble.calibration.estimate import Estimate
-from tumble.calibration.thermal.evidence import ThermalCurves
+from tumble.calibration.evidence import ThermalCurves
 from tumble.calibration.thermal.procedure import calibrate_thermal
 from tumble.earth import Site
 from tumble.protocol import named_protocol

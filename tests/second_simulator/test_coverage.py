@@ -82,7 +82,7 @@ def test_accelerometers_that_wander_on_a_table_are_found_by_every_rest_and_not_b
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Of 30 rests six are placed, to 0.2°: these alone left what data sheets give, a quarter of it."""
-    from tumble.calibration import recording_influences as influences
+    from tumble.calibration.outcome import budget as influences
 
     densities: list[np.ndarray] = []
     between = influences._between  # pyright: ignore[reportPrivateUsage]

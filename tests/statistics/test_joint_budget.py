@@ -21,10 +21,9 @@ from tumble.calibration.equations.imu_unknowns import force_matrix, gyro_matrix
 from tumble.calibration.equations.observed import observe, table_rotation
 from tumble.calibration.evidence import Budget
 from tumble.calibration.outcome import draws as joint_draws
-from tumble.calibration.outcome.budget import NamedParameters
+from tumble.calibration.outcome.budget import NamedParameters, recording_influences
 from tumble.calibration.outcome.draws import draw_distributions, redrawn
 from tumble.calibration.outcome.estimate import JointOutcome
-from tumble.calibration.recording_influences import recording_influences
 from tumble.calibration.start import start_adjustment
 from tumble.earth import Site
 from tumble.estimation.balance import Noise

@@ -1,7 +1,6 @@
 """What an estimate rests on, for those who look at it: one record a kind, and the report has one renderer a kind.
 
-Evidence that grows in another room stands there: `ThermalCurves` in `thermal`, `TurnOns` in `turn_ons`, and `Beside`,
-an estimate in itself, next to `Estimate`.
+`TurnOns` stands in `turn_ons`, and `Beside`, an estimate in itself, next to `Estimate`.
 
 The statement of uncertainty is what a metrologist asks beside a standard uncertainty: tests, degrees of freedom,
 reliability, what is not in it.
@@ -309,3 +308,102 @@ class Budget(Evidence):
 
     shares: dict[str, Series]
     statement: UncertaintyStatement | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class BiasCurve:
+    """A triad's bias against the sensor's temperature.
+
+    Attributes
+    ----------
+    celsius : (temperatures,) °C.
+    bias, sigma : (temperatures, 3) raw, settled and half way through the loop, and its standard uncertainty.
+    heating, cooling : (temperatures, 3) raw, at the two ends of the loop.
+    """
+
+    celsius: Series
+    bias: Vectors
+    sigma: Vectors
+    heating: Vectors
+    cooling: Vectors
+
+
+@dataclass(frozen=True, slots=True)
+class SeparateBias:
+    """The accelerometers' bias from the multi-position test at one temperature alone.
+
+    Attributes
+    ----------
+    celsius : °C.
+    bias, sigma : (3,) raw.
+    joint_sigma : (3,) raw, of the one adjustment at that temperature.
+    """
+
+    celsius: float
+    bias: Series
+    sigma: Series
+    joint_sigma: Series
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """A basis that was tried.
+
+    Attributes
+    ----------
+    name, unknowns : what it is, and how many unknowns that makes.
+    score, spread : mean square of what it predicts wrongly, in sigmas, over the folds; its standard error.
+    folds : of each fold.
+    chosen : whether it is the one.
+    """
+
+    name: str
+    unknowns: int
+    score: float
+    spread: float
+    folds: tuple[float, ...] = ()
+    chosen: bool = False
+
+
+@dataclass(slots=True)
+class ThermalCurves(Evidence):
+    """Behind a thermal model.
+
+    Attributes
+    ----------
+    kind : "soak" or "ramp".
+    basis : in words.
+    start, stop : (points,) s of the rests used.
+    celsius, celsius_rate, hysteresis : (points,) °C, K/s, -1 to 1, of the sensors.
+    force, rate : (points, 3) raw bias that each rest shows, where it shows one (NaN elsewhere).
+    rate_sigma : (points, 3) raw.
+    residuals : (points, 6) in sigmas, specific force and angular rate; NaN where there is no equation.
+    curves : "accelerometer" and "gyroscope": bias against temperature with its standard uncertainty.
+    separate : of each soak alone.
+    candidates : bases that were tried.
+    rejected : (start, stop) s and why, of rests that took no part.
+    path_time, path_celsius : a thinned course of temperature.
+    lag, width : s and K.
+    poses : how many different poses there were.
+    """
+
+    kind: str
+    basis: str
+    start: Series
+    stop: Series
+    celsius: Series
+    celsius_rate: Series
+    hysteresis: Series
+    force: Vectors
+    rate: Vectors
+    rate_sigma: Vectors
+    residuals: Table
+    curves: dict[str, BiasCurve]
+    path_time: Series
+    path_celsius: Series
+    separate: list[SeparateBias] = field(default_factory=list[SeparateBias])
+    candidates: list[Candidate] = field(default_factory=list[Candidate])
+    rejected: list[tuple[float, float, str]] = field(default_factory=list[tuple[float, float, str]])
+    lag: float = 0.0
+    width: float = 5.0
+    poses: int = 0

@@ -17,7 +17,7 @@ from tumble.calibration.checks.triad_agreement import LAG_LIMIT, TERM_FALSE_ALAR
 from tumble.calibration.equations.adjustment import JointAdjustment
 from tumble.calibration.equations.imu_unknowns import LAYOUT, name_plate, term_unknowns
 from tumble.calibration.estimate import TermTest
-from tumble.calibration.recording_influences import recording_influences
+from tumble.calibration.outcome.budget import recording_influences
 from tumble.calibration.terms import TERMS
 from tumble.calibration.verdict import two_digits
 from tumble.estimation.balance import Balanced

@@ -20,8 +20,8 @@ from tumble.calibration.equations.observed import Observed
 from tumble.calibration.equations.reference_equations import Heading
 from tumble.calibration.equations.stretches import RecordingStretch, SectionStretch
 from tumble.calibration.equations.turn_equations import Link, Turn
+from tumble.calibration.outcome.budget import recording_influences
 from tumble.calibration.outcome.description import named_function
-from tumble.calibration.recording_influences import recording_influences
 from tumble.calibration.start import start_adjustment
 from tumble.earth import Site
 from tumble.estimation import Prior

@@ -5,8 +5,8 @@ from __future__ import annotations
 from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
+from tumble.calibration.evidence import ThermalCurves
 from tumble.calibration.magnetometer.estimate import Magnetometer
-from tumble.calibration.thermal.evidence import ThermalCurves
 from tumble.report.advice import next_steps
 from tumble.report.evidence import RENDERERS, render_evidence
 from tumble.report.evidence.magnetometer import magnetometer_blocks

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from tumble.calibration.estimate import Beside
-from tumble.calibration.estimators import Estimator, find_estimator
-from tumble.calibration.procedure import find_procedure
+from tumble.calibration.procedure import Estimator, find_estimator, find_procedure
 from tumble.calibration.session import Options, Session
 from tumble.document.display import calibration_html
 from tumble.earth import Site

@@ -25,8 +25,8 @@ import numpy as np
 from tumble.arrays import AnyArray, Matrices, Series, Vectors
 from tumble.calibration.equations.triad_unknowns import ANGLE, BIAS, SCALE, rough_triad
 from tumble.calibration.estimate import Estimate
-from tumble.calibration.estimators import Estimator
 from tumble.calibration.poses import match_faces
+from tumble.calibration.procedure import Estimator
 from tumble.calibration.session import Session
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ConvergenceError, ObservabilityError

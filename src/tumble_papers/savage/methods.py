@@ -20,7 +20,7 @@ from scipy.linalg import block_diag
 from tumble.arrays import AnyArray, Square, Table, inverted
 from tumble.attitude import skew
 from tumble.calibration.estimate import Estimate
-from tumble.calibration.estimators import Estimator
+from tumble.calibration.procedure import Estimator
 from tumble.calibration.session import Session
 from tumble.records import dataclass
 from tumble.segmentation import HoldMeans

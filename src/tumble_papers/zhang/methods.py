@@ -23,7 +23,7 @@ from tumble.arrays import AnyArray, Matrix, Series, Square, Vectors, inverted
 from tumble.attitude import matrix_from_rotation_vector
 from tumble.attitude.directions import twenty_six_directions
 from tumble.calibration.estimate import Estimate, said_of
-from tumble.calibration.estimators import Estimator
+from tumble.calibration.procedure import Estimator
 from tumble.calibration.session import Session
 from tumble.earth import EARTH_RATE
 from tumble.errors import ObservabilityError

@@ -10,7 +10,7 @@ import pytest
 
 from tumble.calibration.equations.causes import FORCE_WANDER, RATE_WANDER, SOURCES
 from tumble.calibration.equations.imu_unknowns import imu_unknowns
-from tumble.calibration.recording_influences import recording_influences
+from tumble.calibration.outcome.budget import recording_influences
 from tumble.estimation.equations import Drift
 from tumble.estimation.influence import Influences
 from tumble.estimation.solve import solve

@@ -27,8 +27,8 @@ from tumble.calibration.optional_terms import (
     wanted_terms,
     worse_predicted,
 )
+from tumble.calibration.outcome.budget import recording_influences
 from tumble.calibration.outcome.estimate import require_positive
-from tumble.calibration.recording_influences import recording_influences
 from tumble.errors import ObservabilityError
 from tumble.estimation.balance import Balanced
 from tumble.estimation.unknowns import Unknowns

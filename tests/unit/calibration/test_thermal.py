@@ -9,7 +9,7 @@ import pytest
 
 from tumble.attitude.directions import twenty_six_directions
 from tumble.calibration.estimate import Estimate
-from tumble.calibration.thermal.evidence import ThermalCurves
+from tumble.calibration.evidence import ThermalCurves
 from tumble.calibration.thermal.procedure import calibrate_thermal
 from tumble.earth import Site
 from tumble.errors import ObservabilityError

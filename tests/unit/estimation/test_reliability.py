@@ -22,7 +22,6 @@ def test_the_statistic_is_what_leaving_the_group_out_takes_from_the_sum(
     adjusted = adjust(model, np.zeros(4))
     for columns in (ALL, slice(1, 3), slice(0, 1)):
         if columns != ALL:
-            # Kinds of conditions have no noise in common.
             model.covariance = model.covariance * np.eye(3)
             adjusted = adjust(model, np.zeros(4))
         tests = snoop_groups(adjusted, columns)
@@ -32,7 +31,6 @@ def test_the_statistic_is_what_leaving_the_group_out_takes_from_the_sum(
             without = adjust(
                 linear_model(model.design, model.observed, model.covariance, active), np.zeros(4)
             )
-            # round-off of sums of some twenty
             assert statistic == pytest.approx(adjusted.square_sum - without.square_sum, abs=1e-7)
             assert degrees == adjusted.redundancy - without.redundancy
 

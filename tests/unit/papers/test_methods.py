@@ -20,7 +20,7 @@ from scipy.spatial.transform import Rotation
 
 from tumble.attitude.directions import twenty_six_directions
 from tumble.calibration import Estimate
-from tumble.calibration.estimators import GROUP
+from tumble.calibration.procedure import GROUP
 from tumble.calibration.session import Session
 from tumble.document import Calibration, calibration_from_estimate
 from tumble.earth import EARTH_RATE, Site

@@ -43,10 +43,9 @@ from tumble.calibration.estimate import (
 from tumble.calibration.evidence import Holds, RestlessHold, Spins, Turns
 from tumble.calibration.objections import contradictions
 from tumble.calibration.optional_terms import OF_FORCE, implausible_words, untried_words
-from tumble.calibration.outcome.budget import state_uncertainty
+from tumble.calibration.outcome.budget import recording_influences, state_uncertainty
 from tumble.calibration.outcome.description import describe, rotation_of_frame
 from tumble.calibration.prior import StableKnowledge
-from tumble.calibration.recording_influences import recording_influences
 from tumble.calibration.terms import TERMS
 from tumble.calibration.terms.lever_arms import lever_arms_of
 from tumble.earth import EARTH_RATE, Site

@@ -18,6 +18,7 @@ import numpy as np
 
 from tumble.arrays import Series, Square
 from tumble.calibration.checks.snooping import balance
+from tumble.calibration.evidence import Candidate
 from tumble.calibration.thermal.conditions import (
     LEAST_WIDTH,
     ThermalConditions,
@@ -25,7 +26,6 @@ from tumble.calibration.thermal.conditions import (
     ThermalTerms,
     ThermalTest,
 )
-from tumble.calibration.thermal.evidence import Candidate
 from tumble.calibration.thermal.points import ThermalPoints
 from tumble.calibration.thermal.wander import TRIADS, Levels, WanderingConditions, find_levels
 from tumble.counting import counted, part

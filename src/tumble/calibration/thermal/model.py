@@ -26,10 +26,10 @@ from tumble.calibration.equations.gathering import gather
 from tumble.calibration.equations.imu_unknowns import LAYOUT
 from tumble.calibration.equations.turn import HoldsAndTurns, tangent_bases
 from tumble.calibration.estimate import TermTest
+from tumble.calibration.evidence import BiasCurve, Candidate
 from tumble.calibration.outcome.description import model_of
 from tumble.calibration.thermal.conditions import Complex, ThermalLayout
 from tumble.calibration.thermal.coverage import Coverage
-from tumble.calibration.thermal.evidence import BiasCurve, Candidate
 from tumble.calibration.thermal.fit import REFUSED, Doubts, ThermalFit, balanced
 from tumble.calibration.thermal.points import ThermalPoints
 from tumble.earth import EARTH_RATE, Site

@@ -18,10 +18,9 @@ from tumble.calibration.estimate import (
     coverage_factor,
     said_of,
 )
-from tumble.calibration.evidence import Holds
+from tumble.calibration.evidence import BiasCurve, Holds, SeparateBias, ThermalCurves
 from tumble.calibration.outcome.description import describe
 from tumble.calibration.thermal.conditions import ThermalTerms
-from tumble.calibration.thermal.evidence import BiasCurve, SeparateBias, ThermalCurves
 from tumble.calibration.thermal.fit import LOOP_KELVINS, PULL_FACTOR, RATE_SECONDS, REFUSED, name_of
 from tumble.calibration.thermal.model import ThermalOutcome, bias_curve
 from tumble.calibration.thermal.wander import wander_variance

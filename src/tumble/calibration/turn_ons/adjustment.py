@@ -38,8 +38,8 @@ from tumble.calibration.optional_terms import (
     term_test,
     unknowns_with,
 )
+from tumble.calibration.outcome.budget import recording_influences
 from tumble.calibration.outcome.estimate import JointOutcome
-from tumble.calibration.recording_influences import recording_influences
 from tumble.calibration.terms import TERMS
 from tumble.errors import ConvergenceError, ObservabilityError, TumbleError, UsageError
 from tumble.estimation import Prior

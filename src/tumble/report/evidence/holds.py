@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tumble.arrays import Series
-from tumble.calibration.thermal.evidence import ThermalCurves
+from tumble.calibration.evidence import ThermalCurves
 from tumble.report.evidence.uncalibrated import Uncalibrated, nominal_hold_norms
 from tumble.report.figures.plot import BLUE, GREY, RED, base_layout, plain, scatter, text_axis
 from tumble.report.page import Block, Figure, Figures, Plot, Sentences, Table, section

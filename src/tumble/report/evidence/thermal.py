@@ -24,7 +24,7 @@ from tumble.report.page import Block, Figure, Figures, Plot, Sentences, section
 
 if TYPE_CHECKING:
     from tumble.arrays import Series
-    from tumble.calibration.thermal.evidence import ThermalCurves
+    from tumble.calibration.evidence import ThermalCurves
     from tumble.recording.recording import Recording
     from tumble.report.subject import Subject
 
