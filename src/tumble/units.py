@@ -39,23 +39,7 @@ _Table = dict[str, tuple[float | None, tuple[str, ...]]]
 _COUNTS: tuple[float | None, tuple[str, ...]] = (None, ("count", "raw", "lsb", "adc", "digits", "ticks"))
 
 _SPECIFIC_FORCE: _Table = {
-    "m/s^2": (
-        1.0,
-        (
-            "m/s2",
-            "m/s/s",
-            "ms^-2",
-            "ms-2",
-            "m s^-2",
-            "m s-2",
-            "m*s^-2",
-            "m.s^-2",
-            "mps2",
-            "m_s2",
-            "m_s^2",
-            "si",
-        ),
-    ),
+    "m/s^2": (1.0, ("m/s2", "m/s/s", "ms^-2", "ms-2", "m*s^-2", "m.s^-2", "mps2", "m_s2", "m_s^2", "si")),
     "g": (STANDARD_GRAVITY, ("g_n", "gn", "g0", "gee", "gees", "gs", "g-force")),
     "mg": (STANDARD_GRAVITY * 1e-3, ("milli-g", "millig", "m-g", "mgee", "milli g")),
     "ug": (STANDARD_GRAVITY * 1e-6, ("micro-g", "microg")),
@@ -149,22 +133,12 @@ _KINDS: dict[str, _Table] = {
 }
 
 
+_ASCII = str.maketrans({"²": "^2", "⁻": "^-", "¹": "1", "°": "deg", "µ": "u", "μ": "u", "·": "*", "−": "-"})
+
+
 def _plain(name: str) -> str:
     """Return the name as it is compared: lower case, no spaces, ASCII."""
-    text = name.strip().lower()
-    for old, new in (
-        ("²", "^2"),
-        ("⁻¹", "^-1"),
-        ("⁻²", "^-2"),
-        ("**", "^"),
-        ("°", "deg"),
-        ("µ", "u"),
-        ("μ", "u"),
-        ("·", "*"),
-        ("−", "-"),
-    ):
-        text = text.replace(old, new)
-    return "".join(text.split())
+    return "".join(name.lower().replace("**", "^").replace("⁻²", "^-2").translate(_ASCII).split())
 
 
 _INDEX: dict[str, dict[str, str]] = {

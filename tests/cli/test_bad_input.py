@@ -127,10 +127,6 @@ def test_following_the_advice_on_the_columns_is_enough(
     assert answer.status == 0, answer
 
 
-def content_of_csv(rows: np.ndarray, header: str = "t,ax,ay,az,gx,gy,gz") -> list[str]:
-    return [header] + [",".join(f"{value:.7g}" for value in row) for row in rows]
-
-
 @pytest.mark.parametrize(
     ("content", "words"),
     [
@@ -169,51 +165,6 @@ def test_a_folder_and_a_missing_file_are_told_apart(
         2, "does not exist"
     )
     assert [p.name for p in tmp_path.iterdir()] == ["a-folder"]
-
-
-@pytest.mark.parametrize("command", ["calibrate", "apply", "verify"])
-def test_text_in_a_cell_is_refused_with_line_and_column(
-    tumble: Any, calibrated: Path, rows: np.ndarray, tmp_path: Path, command: str
-) -> None:
-    lines = content_of_csv(rows)
-    cells = lines[500].split(",")
-    cells[2] = "oops"
-    lines[500] = ",".join(cells)
-    path = tmp_path / "input.csv"
-    path.write_text("\n".join(lines) + "\n")
-    answer = tumble(*call(command, calibrated, path, tmp_path / "out.csv"))
-    answer.is_told(2, "line 501", "'ay'", "'oops'")
-    assert [p.name for p in tmp_path.iterdir()] == ["input.csv"]
-
-
-@pytest.mark.parametrize("word", ["-inf", ""])
-def test_rows_that_hold_no_number_are_left_out_and_it_is_said(
-    tumble: Any, rows: np.ndarray, tmp_path: Path, word: str
-) -> None:
-    """They are lost samples, not lies: the result stands, and the document says what was left out."""
-    lines = content_of_csv(rows)
-    for line in (500, 901):
-        cells = lines[line].split(",")
-        cells[2] = word
-        lines[line] = ",".join(cells)
-    path = tmp_path / "input.csv"
-    path.write_text("\n".join(lines) + "\n")
-    answer = tumble("calibrate", path, "--gravity", 9.81, "-o", tmp_path / "results", "--json")
-    assert answer.status == 0, answer.err
-    remarks = json.loads(answer.out)["remarks"]
-    assert any("2 rows" in remark or "2 row" in remark for remark in remarks), remarks
-
-
-def test_a_truncated_last_line_is_left_out_and_it_is_said(
-    tumble: Any, rows: np.ndarray, tmp_path: Path
-) -> None:
-    text = "\n".join(content_of_csv(rows))
-    path = tmp_path / "input.csv"
-    path.write_text(text[: text.rindex(",") - 5])
-    answer = tumble("calibrate", path, "--gravity", 9.81, "-o", tmp_path / "results", "--json")
-    assert answer.status == 0, answer.err
-    remarks = json.loads(answer.out)["remarks"]
-    assert any("last" in remark for remark in remarks), remarks
 
 
 def test_what_gravity_and_turns_cannot_show_is_stated_as_unchecked(calibrated: Path) -> None:

@@ -234,25 +234,6 @@ def test_apply_corrects_as_the_formula_in_the_file_says(
     )
 
 
-def test_apply_by_blocks_equals_apply_of_the_whole(
-    tumble: Any, calibrated: Path, recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Blocks of 700 samples, a number that divides nothing, against one block."""
-    from tumble.recording.formats import npy
-
-    np.save(tmp_path / "raw.npy", np.loadtxt(recording, delimiter=",", skiprows=1))
-    options = ["--columns", ",".join(COLUMNS), "--units", "m/s^2,rad/s", "-q"]
-    tumble("apply", calibrated, tmp_path / "raw.npy", "-o", tmp_path / "whole.parquet", *options)
-    real = npy.read_table_blocks
-    monkeypatch.setattr(npy, "read_table_blocks", lambda path, rows=700: real(path, rows))
-    for name in ("blocks.parquet", "blocks.csv"):
-        answer = tumble("apply", calibrated, tmp_path / "raw.npy", "-o", tmp_path / name, *options)
-        assert answer.status == 0, answer
-    whole = pl.read_parquet(tmp_path / "whole.parquet")
-    assert whole.equals(pl.read_parquet(tmp_path / "blocks.parquet"))
-    assert whole.equals(pl.read_csv(tmp_path / "blocks.csv"))
-
-
 def test_apply_scales_another_unit_of_the_same_kind(
     tumble: Any, written: Any, calibrated: Path, rows: np.ndarray, recording: Path, tmp_path: Path
 ) -> None:

@@ -76,9 +76,8 @@ def test_correcting_undoes_distorting(basis: TemperatureBasis) -> None:
     time, temperature, force, rate = sweep()
     raw = model.distort(time, force, rate, temperature)
     assert np.abs(raw[0] - force).max() > 0.1
-    back = model.correct(time, *raw, temperature)
-    np.testing.assert_allclose(back[0], force, atol=1e-12)
-    np.testing.assert_allclose(back[1], rate, atol=1e-12)
+    back = model.correct_along(model.path(time, temperature), time, *raw)
+    np.testing.assert_allclose(np.array(back), [force, rate], atol=1e-12)
 
 
 @pytest.mark.parametrize("basis", BASES, ids=NAMES)
@@ -87,7 +86,8 @@ def test_each_sample_is_distorted_by_the_unit_at_its_own_temperature(basis: Temp
     model = thermal_unit(basis)
     time, temperature, force, rate = sweep(300)
     raw_force, raw_rate = model.distort(time, force, rate, temperature)
-    inside, speed, state = model.sensor_temperature(time, temperature)
+    path = model.path(time, temperature)
+    inside, speed, state = path.temperature, path.rate, path.hysteresis
     for k in range(0, 300, 37):
         there = model.at(inside[k], speed[k], state[k])
         expected = there.distort(force[k : k + 1], rate[k : k + 1])
@@ -171,7 +171,8 @@ def test_the_loop_of_heating_and_cooling_opens_by_twice_the_coefficient() -> Non
     model = replace(thermal_unit(BASES[0]), lag=0.0, rate_coefficients={}, dead_band=0.05)
     time = np.arange(0.0, 20000.0)
     temperature = np.interp(time, [0.0, 5000.0, 10000.0, 15000.0, 20000.0], [20.0, 55.0, -15.0, 55.0, 20.0])
-    inside, speed, state = model.sensor_temperature(time, temperature)
+    path = model.path(time, temperature)
+    inside, speed, state = path.temperature, path.rate, path.hysteresis
     cooling = int(np.argmin(np.abs(inside[5000:10000] - 20.0))) + 5000
     heating = int(np.argmin(np.abs(inside[10000:15000] - 20.0))) + 10000
     for name in ("accelerometer", "gyroscope"):
@@ -240,16 +241,15 @@ def test_beyond_the_span_it_refuses_or_holds_or_extrapolates_as_told() -> None:
     )
     time, force = np.arange(50.0), np.tile([1.0, -2.0, 9.0], (50, 1))
     rate = np.tile([0.1, -0.2, 0.3], (50, 1))
-    model.correct(time, force, rate, np.full(50, 51.9))  # within the margin
-    hot = np.full(50, 57.0)
+    within, hot = (model.path(time, np.full(50, celsius)) for celsius in (51.9, 57.0))
+    model.correct_along(within, time, force, rate)  # within the margin
     with pytest.raises(ThermalSpanError, match=r"57\.0 °C at 0\.0 s .* outside the 0\.0 to 50\.0 °C"):
-        model.correct(time, force, rate, hot)
-    held = model.correct(time, force, rate, hot, outside="hold")
-    extrapolated = model.correct(time, force, rate, hot, outside="extrapolate")
+        model.correct_along(hot, time, force, rate)
+    held = model.correct_along(hot, time, force, rate, outside="hold")
+    extrapolated = model.correct_along(hot, time, force, rate, outside="extrapolate")
     for celsius, outcome in ((50.0, held), (57.0, extrapolated)):
         expected = model.at(celsius).correct(force, rate)
-        np.testing.assert_allclose(outcome[0], expected[0], atol=1e-13)
-        np.testing.assert_allclose(outcome[1], expected[1], atol=1e-13)
+        np.testing.assert_allclose(np.array(outcome), np.array(expected), atol=1e-13)
 
 
 def test_a_turned_unit_sees_the_turned_world() -> None:

@@ -76,10 +76,7 @@ def _of_force(live: LiveBlocks) -> list[str]:
         return []
     size = float(np.median(np.linalg.norm(force, axis=1))) * factor / STANDARD_GRAVITY
     if size < 0.2:
-        words = (
-            f"The accelerometer shows {size:.2f} g, so the device takes gravity out: send the raw acceleration, not "
-            "the linear one."
-        )
+        words = f"The accelerometer shows {size:.2f} g, so the device takes gravity out: send the raw acceleration."
         return [words]
     if not LEAST_FORCE < size < MOST_FORCE:
         words = (
@@ -96,16 +93,11 @@ def _of_rate(live: LiveBlocks) -> list[str]:
     if rate is None or not len(rate):
         return []
     if np.all(rate == 0.0):
-        words = (
-            "The gyro shows exactly zero: the device takes its bias out at rest, or the gyro is off. Switch its own "
-            "calibration off and send raw rates."
-        )
-        return [words]
+        return [
+            "The gyro shows exactly zero: it is off, or corrected at rest. Switch that off and send raw rates."
+        ]
     if np.mean(np.all(rate == 0.0, axis=1)) > 0.5:
-        words = (
-            "The gyro shows exactly zero for much of the time: the device corrects it already. Switch its own "
-            "calibration (bias tracking, dead band) off."
-        )
+        words = "The gyro shows exactly zero for much of the time: the device corrects it. Switch its dead band off."
         return [words]
     if factor is not None and float(np.median(np.linalg.norm(rate, axis=1))) * factor > MOST_RATE:
         return [

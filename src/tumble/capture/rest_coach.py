@@ -78,9 +78,8 @@ class RestCoach:
                 return Progress(words=("Computing what the noise still needs.",))
         enough, words = self._found.result()
         self._found = None
-        return Progress(
-            advice=None if enough else Advice("leave the unit alone", words), enough=enough, words=(words,)
-        )
+        advice = None if enough else Advice("leave the unit alone", words)
+        return Progress(advice=advice, enough=enough, words=(words,))
 
 
 def _judged(recording: Recording) -> tuple[bool, str]:
@@ -89,11 +88,9 @@ def _judged(recording: Recording) -> tuple[bool, str]:
         channels = characterise(recording, taus="octave").channels
     except (RecordingError, UsageError) as error:
         return False, str(error)
-    triads = {
-        "Accelerometers": [c for c in channels if not c.is_gyro],
-        "Gyros": [c for c in channels if c.is_gyro],
-    }
-    said = [_needs(name, of, recording.duration) for name, of in triads.items() if of]
+    forces, gyros = ([c for c in channels if c.is_gyro == gyro] for gyro in (False, True))
+    triads = (("Accelerometers", forces), ("Gyros", gyros))
+    said = [_needs(name, of, recording.duration) for name, of in triads if of]
     return all(enough for enough, _ in said), " ".join(words for _, words in said)
 
 
@@ -101,8 +98,7 @@ def _needs(name: str, channels: list[Channel], seconds: float) -> tuple[bool, st
     fits = [channel.fit for channel in channels if channel.fit is not None]
     if not fits:
         return False, f"{name}: no model of the noise yet."
-    known: list[str] = []
-    parts: list[str] = []
+    known, parts = list[str](), list[str]()
     for letter in "NBK":
         needed = max(seconds_needed(fit, letter) for fit in fits)
         left = needed - seconds

@@ -289,8 +289,8 @@ def _path_test(model: ThermalModel) -> PathTest:
     recorded = np.interp(
         np.arange(13.0), [0.0, 1.0, 7.0, 8.0, 12.0], [low, low, high, high, 0.5 * (low + high)]
     )
-    temperature, rate, state = model.sensor_temperature(time, recorded)
-    parts: tuple[Series, ...] = (time, recorded, temperature, rate, state)
+    path = model.path(time, recorded)
+    parts = (time, recorded, path.temperature, path.rate, path.hysteresis)
     keys = ("time", "recorded_celsius", "sensor_celsius", "rate", "hysteresis_state")
     return PathTest.model_validate({key: part.tolist() for key, part in zip(keys, parts, strict=True)})
 

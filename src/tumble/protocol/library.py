@@ -13,6 +13,7 @@ import numpy as np
 
 from tumble.arrays import Vector
 from tumble.attitude.directions import twenty_six_directions
+from tumble.errors import ProtocolError
 from tumble.protocol.steps import HoldStep, Pose, Protocol, RampStep, SoakStep, SpinStep, Step, TurnStep
 from tumble.protocol.strapdown_rotation import strapdown_rotation_steps
 from tumble.records import dataclass
@@ -60,10 +61,6 @@ def _holds(directions: np.ndarray, sigma: float) -> tuple[Step, ...]:
             steps.append(TurnStep(TURN))
         steps.append(HoldStep(HOLD, Pose(up_b, None, sigma), _direction_name(up_b)))
     return tuple(steps)
-
-
-def _six_position() -> tuple[Step, ...]:
-    return _holds(twenty_six_directions()[:6], LEVELLED)
 
 
 def _multi_position(count: int) -> tuple[Step, ...]:
@@ -221,7 +218,7 @@ class _Named:
 _NAMED = {
     "six-position": _Named(
         "six-position",
-        _six_position,
+        lambda: _holds(twenty_six_directions()[:6], LEVELLED),
         "Each face up once, on a levelled plate: accelerometer biases and scale factors.",
     ),
     "multi-position-26": _Named(
@@ -340,8 +337,6 @@ def named_protocol(name: str) -> Protocol:
         If there is none; the message lists those that there are.
     """
     if name not in _NAMED:
-        from tumble.errors import ProtocolError
-
         raise ProtocolError(f"There is no protocol {name!r}: choose one of {', '.join(PROTOCOLS)}.")
     named = _NAMED[name]
     return Protocol(name, named.procedure, named.steps(), description=named.description)

@@ -140,48 +140,6 @@ class ThermalModel:
             start_hysteresis=self.start_hysteresis,
         )
 
-    def sensor_temperature(self, time: Series, temperature_celsius: Series) -> tuple[Series, Series, Series]:
-        """Return (samples,) of the sensor's temperature (°C), its rate (K/s) and the hysteresis state.
-
-        Raises
-        ------
-        ValueError
-            If there is no sample, or no temperature among them that is a number.
-        """
-        path = self.path(time, temperature_celsius)
-        return path.temperature, path.rate, path.hysteresis
-
-    def correct(
-        self,
-        time: Series,
-        raw_force: Vectors,
-        raw_rate: Vectors,
-        temperature_celsius: Series,
-        *,
-        outside: Outside = "refuse",
-    ) -> tuple[Vectors, Vectors]:
-        """Return the true (specific force, angular rate) in b for raw ones and the recorded temperature.
-
-        Parameters
-        ----------
-        outside : what to do beyond the calibrated span and its margin of 2 K: refuse, hold the
-            parameters of the span's end, or extrapolate the functions of temperature.
-
-        Raises
-        ------
-        ThermalSpanError
-            If the temperature leaves the span and `outside` is ``refuse``.
-        ValueError
-            If a triad is missing, or its matrix is singular at some temperature.
-        """
-        if self.reference.accelerometer is None or self.reference.gyroscope is None:
-            raise ValueError("the model lacks a triad: use correct_along")
-        path = self.path(time, temperature_celsius)
-        force, rate = self.correct_along(path, time, raw_force, raw_rate, outside=outside)
-        assert force is not None
-        assert rate is not None
-        return force, rate
-
     def correct_along(
         self,
         path: TemperaturePath,
@@ -191,7 +149,15 @@ class ThermalModel:
         *,
         outside: Outside = "refuse",
     ) -> tuple[Vectors | None, Vectors | None]:
-        """Return what `correct` does along a known path; a triad without model or numbers gives None.
+        """Return true (specific force, angular rate) in b along a path; a triad without model or numbers gives None.
+
+        Parameters
+        ----------
+        path : of the sensor's temperature, see `path`.
+        time : (samples,) s.
+        raw_force, raw_rate : (samples, 3) as recorded, or None.
+        outside : what to do beyond the calibrated span and its margin of 2 K: refuse, hold the
+            parameters of the span's end, or extrapolate the functions of temperature.
 
         Raises
         ------
@@ -222,7 +188,7 @@ class ThermalModel:
     def distort(
         self, time: Series, force: Vectors, rate: Vectors, temperature_celsius: Series
     ) -> tuple[Vectors, Vectors]:
-        """Return the raw (specific force, angular rate) for true ones in b: the inverse of `correct`.
+        """Return the raw (specific force, angular rate) for true ones in b: the inverse of `correct_along`.
 
         The functions of temperature are used as they are, beyond the span too.
 

@@ -70,10 +70,7 @@ def _read_tcp(address: str, options: SourceOptions) -> Iterator[Piece]:
 
 
 def pieces_of_port(
-    listen: Callable[[str, int], Link],
-    name: str,
-    address: str,
-    options: SourceOptions,
+    listen: Callable[[str, int], Link], name: str, address: str, options: SourceOptions
 ) -> Iterator[Piece]:
     """Yield what is sent to a port of this machine.
 

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from select import select
 
-from tumble.capture.link import Link, pieces_of_link
+from tumble.capture.link import pieces_of_link
 from tumble.capture.source import Piece, Source, SourceOptions
 from tumble.errors import UsageError
 
@@ -76,11 +76,7 @@ def follow(address: str, options: SourceOptions) -> Iterator[Piece]:
         If what is in it can be no recording.
     """
     path = Path(address)
-
-    def connect() -> Link:
-        return _Growing(path)
-
-    return pieces_of_link(connect, path.name, options)
+    return pieces_of_link(lambda: _Growing(path), path.name, options)
 
 
 SOURCES = (

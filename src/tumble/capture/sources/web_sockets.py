@@ -36,11 +36,7 @@ class _WebSocket:
             # The library wants it as a context, which the link is not.
             self._context = ExitStack()
             opened: Any = connect(
-                url,
-                open_timeout=_CONNECT,
-                close_timeout=_ANSWER,
-                max_size=_LONGEST,
-                proxy=None,
+                url, open_timeout=_CONNECT, close_timeout=_ANSWER, max_size=_LONGEST, proxy=None
             )
             self._own: Any = self._context.enter_context(opened)
         except (OSError, WebSocketException, ValueError) as error:
@@ -96,7 +92,7 @@ class _Phone(_WebSocket):
         return first or super().read(seconds)
 
 
-def _read_sensor_server(address: str, options: SourceOptions) -> Iterator[Piece]:
+def _read_app(address: str, options: SourceOptions) -> Iterator[Piece]:
     """Yield what the app SensorServer sends."""
     host, port = split_address(address if ":" in address else f"{address}:8080", None)
     return pieces_of_link(lambda: _Phone(host, port), f"the phone at {host}", options)
@@ -104,10 +100,5 @@ def _read_sensor_server(address: str, options: SourceOptions) -> Iterator[Piece]
 
 SOURCES = (
     Source("ws", "a WebSocket that sends lines", "ws://HOST:PORT/PATH", _read_web_socket),
-    Source(
-        "sensorserver",
-        "an Android phone with the app SensorServer",
-        "sensorserver:HOST:8080",
-        _read_sensor_server,
-    ),
+    Source("sensorserver", "an Android phone with the app SensorServer", "sensorserver:HOST:8080", _read_app),
 )
