@@ -119,7 +119,12 @@ def main() -> None:
     mpu = {"columns": "ax,ay,az,gx,gy,gz", "units": "m/s^2,rad/s", "rate": 100.0}
     folder = REFERENCE / "xsens_mti_hand"
     cases = (
-        ("Xsens MTi", [folder / "xsens_acc.txt.gz", folder / "xsens_gyro.txt.gz"], 9.81744, {}),
+        (
+            "Xsens MTi",
+            [folder / "xsens_acc.txt.gz", folder / "xsens_gyro.txt.gz"],
+            9.81744,
+            {"rate": "crystal"},
+        ),
         ("MPU-9150 imu0", HERE / "src/tumble/data/mpu9150-imu0.csv.gz", 9.81, mpu),
         ("MPU-9150 imu1", REFERENCE / "mpu9150" / "imu1.log.gz", 9.81, mpu),
     )

@@ -58,6 +58,7 @@ def xsens(reference_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Cal
         xsens_files(reference_data),
         output=tmp_path_factory.mktemp("xsens"),
         site=Site.from_gravity(XSENS_GRAVITY),
+        rate="crystal",
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import field, replace
+from dataclasses import field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -86,8 +86,7 @@ class Session:
         """
         given, said = self.given_site, None if self.protocol is None else self.protocol.site
         if given is not None and given.latitude is None and said is not None:
-            place = said.with_gravity(given.gravity)
-            return replace(place, gravity_sigma=given.gravity_sigma, source=given.source)
+            return said.with_gravity(given)
         return given or said or Site.unknown()
 
     @cached_property

@@ -23,8 +23,9 @@ from tumble.capture.live_holds import LiveHold
 from tumble.capture.targets import limits_of
 from tumble.earth import Site
 from tumble.errors import ObservabilityError
-from tumble.recording.clock import CRYSTAL, clock_of_stamps
+from tumble.recording.clock import clock_of_stamps
 from tumble.recording.recording import Recording
+from tumble.sample_rates import CRYSTAL
 from tumble.segmentation import Hold, HoldMeans, NoiseFloor, Timeline, observe_holds
 from tumble.segmentation.activity import Activity, noise_per_sample
 from tumble.segmentation.turns import find_turns
@@ -102,8 +103,9 @@ class Guide:
             return
         self._stamps = np.concatenate([self._stamps, time[: ENOUGH_STAMPS - len(self._stamps)]])
         clock = clock_of_stamps(self._stamps, self._rate)
-        # What few stamps jitter by is nothing over a session.
-        self.clock_sigma = clock.sigma if clock.kind in ("nominal", "stated") else CRYSTAL
+        # What few stamps jitter by is nothing over a session; live ones are held against this computer's clock.
+        live = not self._patient and clock.kind != "stated"
+        self.clock_sigma = CRYSTAL if live or clock.kind == "host" else clock.sigma
 
     def due(self, time: float) -> bool:
         """Say whether the way on, which was not computed yet, is to be asked for again.

@@ -17,11 +17,12 @@ from tumble.capture.machine import Capture
 from tumble.capture.samples import Channels
 from tumble.capture.source import Notice, Piece, Source, SourceOptions
 from tumble.capture.sources.replay import replay, split_speed
-from tumble.capture.stamps import ForwardClock
+from tumble.capture.stamps import ENOUGH, ForwardClock, kept_beside
 from tumble.earth import Site
 from tumble.errors import ConvergenceError, ObservabilityError, RecordingError, SegmentationError, UsageError
 from tumble.files import GrowingFile
 from tumble.protocol.library import REST
+from tumble.recording.clock import NOMINAL
 from tumble.recording.samples import Samples, joined
 from tumble.records import dataclass
 from tumble.sample_rates import SampleRate
@@ -194,6 +195,7 @@ class _UnderWay:
         self._capture = before
         self._clock = ForwardClock(leaps=order.source.live)
         self._from: float | None = None
+        self._beside: list[tuple[float, float]] = []
         self._flushed = self._heard = time.monotonic()
         self._silent = False
 
@@ -251,12 +253,14 @@ class _UnderWay:
             samples = samples.cut(samples.time > self._from)
         samples, jumps = self._clock.carry_on(samples, waited)
         for before, after in jumps:
+            self._beside.clear()
             words = (
                 f"The unit's clock jumped from {before:.3f} to {after:.3f} s: a turn across that is not used."
             )
             events.append(self._event("clock_jumped", words, before=before, after=after))
         if len(samples):
             self._files.add(samples)
+            self._beside.append((now, float(samples.time[-1])))
             # Before anything is computed of them, which may take a moment.
             self._flush(now)
             for tap in self._taps:
@@ -321,7 +325,7 @@ class _UnderWay:
                 run.noise = _noise(self._order, files.recording)
                 self._say([self._event("characterised", " ".join(run.noise.noise.sentences))])
             else:
-                run.calibration = _calibrate(self._order, files.recording, capture)
+                run.calibration = _calibrate(self._order, files.recording, capture, self._rate())
                 self._say([_outcome(run.calibration, capture)])
         except (ObservabilityError, SegmentationError, ConvergenceError, RecordingError) as error:
             run.refusal = str(error)
@@ -330,6 +334,21 @@ class _UnderWay:
             files.close()
         return run
 
+    def _rate(self) -> float | str | None:
+        """What is known of the rate: as stated with its uncertainty, or as the unit's clock runs beside this one."""
+        stated = self._order.options.rate
+        # How sure a stated rate is belongs to the calibration; the rate itself is in the stamps by now.
+        if isinstance(stated, SampleRate) and stated.uncertainty is not None:
+            return stated
+        told = self._order.source.live and len(self._beside) >= ENOUGH
+        share = kept_beside(self._beside) if told else NOMINAL
+        if share >= NOMINAL:
+            return None
+        rate = f"±{1e6 * share:.0f}ppm"
+        words = f"The stamps keep to this computer's clock: to calibrate them again say --rate {rate}."
+        self._say([self._event("remark", words)])
+        return rate
+
 
 def _noise(order: CaptureOrder, recording: Path) -> NoiseAnalysis:
     from tumble.workflows.noise import analyse_noise
@@ -337,7 +356,7 @@ def _noise(order: CaptureOrder, recording: Path) -> NoiseAnalysis:
     return analyse_noise(recording, output=order.folder)
 
 
-def _calibrate(order: CaptureOrder, recording: Path, capture: Capture) -> CalibrationRun:
+def _calibrate(order: CaptureOrder, path: Path, capture: Capture, rate: float | str | None) -> CalibrationRun:
     """Calibrate the file; where a person dropped holds, with the list of those that count."""
     from tumble.files import write_text
     from tumble.workflows.calibrate import calibrate
@@ -347,11 +366,8 @@ def _calibrate(order: CaptureOrder, recording: Path, capture: Capture) -> Calibr
         intervals = order.folder / HOLDS
         lines = [f"{told.hold.start!r},{told.hold.stop!r}\n" for told in capture.holds]
         write_text(intervals, "".join(lines))
-    stated = order.options.rate
-    # How sure a stated rate is belongs to the calibration; the rate itself is in the stamps by now.
-    rate = stated if isinstance(stated, SampleRate) and stated.uncertainty is not None else None
     return calibrate(
-        recording,
+        path,
         output=order.folder,
         site=order.site,
         intervals=intervals,

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+
 import numpy as np
 
 from tumble.recording.samples import Samples
+from tumble.sample_rates import CRYSTAL
 
 # s that a clock may step ahead or back before it is said: longer silences of a live unit are told by the silence.
 LARGEST_STEP = 1.0
 # s after the last sample at which a clock that began anew goes on.
 AFTER_A_JUMP = 1.0
+# Batches of samples that show how a clock runs beside another.
+ENOUGH = 20
 
 
 class ForwardClock:
@@ -71,6 +77,21 @@ class ForwardClock:
         shift = to - float(time[place])
         time[place:] += shift
         self._offset += shift
+
+
+def kept_beside(pairs: Sequence[tuple[float, float]]) -> float:
+    """Return what a unit's clock is good to beside the host's, one sigma as a share.
+
+    Parameters
+    ----------
+    pairs : (arrival by the host's clock, stamp of the unit), s, of `ENOUGH` batches or more over a session.
+    """
+    arrived, stamps = (np.array(pairs, dtype=np.float64) - pairs[0]).T
+    centred = arrived - arrived.mean()
+    slope = float(centred @ stamps / (centred @ centred))
+    late = float(np.std(stamps - slope * arrived))
+    # What the unit's clock is off is not taken out of its stamps, and the host's is a crystal itself.
+    return math.hypot(slope - 1.0, math.sqrt(2.0) * late / float(arrived[-1]), CRYSTAL)
 
 
 class ArrivalClock:

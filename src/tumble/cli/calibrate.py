@@ -253,7 +253,6 @@ def print_run(run: CalibrationRun, printed: LongPrintOptions) -> None:
         say_json_text(run.calibration.to_json())
         return
     from tumble.calibration.estimate import Beside
-    from tumble.report.advice import gravity_assumed
     from tumble.report.evidence import render_evidence
     from tumble.report.planned import planned_sentence
     from tumble.report.summary import print_calibration, verdict_line
@@ -267,8 +266,7 @@ def print_run(run: CalibrationRun, printed: LongPrintOptions) -> None:
     # A guess is said, and so is what was changed; what was merely found or cannot be seen, on request.
     read = [r for r in run.recording.remarks if more or r.kind in ("assumed", "mended", "corrected")]
     screen.print(run.reason, markup=False)
-    said = [f"{r.kind}: {r.text}" for r in read] + gravity_assumed(run.calibration)
-    for line in (*said, *(run.estimate.remarks if more else ())):
+    for line in (*(f"{r.kind}: {r.text}" for r in read), *(run.estimate.remarks if more else ())):
         screen.print(f"- {line}", markup=False)
     if sentence := planned_sentence(run.calibration, run.predicted):
         screen.print(sentence, markup=False)

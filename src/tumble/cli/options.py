@@ -290,7 +290,8 @@ class StreamOptions:
         option(
             FILE,
             "HZ[±HZ]",
-            "Sampling rate, for a file without time stamps; with its standard uncertainty, as 100±0.1, for any.",
+            "Sampling rate of a file without time stamps; of any with its standard uncertainty, as 100±0.1; crystal "
+            "where a crystal times the stamps.",
         ),
     ] = None
 
@@ -321,12 +322,12 @@ class SiteOptions:
     site: Annotated[
         str | None,
         option(
-            PLACE, "LAT[,H]", "Latitude in degrees and height in metres; gravity is WGS 84's normal gravity."
+            PLACE, "LAT[,H]", "Latitude in degrees and height in metres, for gravity and the Earth's rate."
         ),
     ] = None
     gravity: Annotated[
-        float | None,
-        option(PLACE, "G", "Gravity there in m/s², if a survey knows it better than the latitude."),
+        str | None,
+        option(PLACE, "G[±U]", "Gravity there in m/s², good to half its last digit, or as 9.80788±0.00002."),
     ] = None
 
 

@@ -175,7 +175,7 @@ def site_block(site: Site) -> SiteBlock:
     """
     return SiteBlock(
         latitude_deg=None if site.latitude is None else float(np.degrees(site.latitude)),
-        height_m=site.height if site.latitude is not None else None,
+        height_m=site.height,
         gravity=site.gravity,
         gravity_standard_uncertainty=site.gravity_sigma,
         gravity_source=site.source,

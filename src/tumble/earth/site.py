@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from tumble.border import border
 from tumble.earth.gravity import normal_gravity
 from tumble.errors import SiteError
 from tumble.records import dataclass
+from tumble.sample_rates import rounding, stated_number
 from tumble.units import STANDARD_GRAVITY
 
 EARTH_RATE = 7.292115e-5  # rad/s, WGS 84 (NGA.STND.0036, table 3.1)
@@ -18,9 +20,27 @@ EARTH_RATE = 7.292115e-5  # rad/s, WGS 84 (NGA.STND.0036, table 3.1)
 # Normal gravity runs from 9.780 at the equator to 9.832 m/s² at the poles; an unknown site is
 # given the middle and an even spread over that range, as the GUM (4.3.7) does with limits.
 _UNKNOWN_SITE_SIGMA = (9.832 - 9.780) / math.sqrt(12.0)
-_NORMAL_GRAVITY_SIGMA = 3e-4  # m/s²: rms gravity disturbance of the Earth, about 30 mGal
+# Real gravity differs from normal gravity by 30 mGal rms where the land is flat. What stands above the land around it
+# pulls besides, 2 pi G rho = 0.1119 mGal a metre (Hofmann-Wellenhof and Moritz, Physical Geodesy, 2006, 3.4); of a
+# place's height that is about half, the other half is balanced below (isostasy): 95 mGal at 1,600 m, 116 at 2,000 m.
+_FLAT, _TERRAIN = 3e-4, 0.5 * 1.119e-6  # m/s², 1/s²
+# Half of mankind lives below 200 m, and nearly all of it below 2,500 m (Cohen and Small, PNAS 95, 1998, 14009): sea
+# level is 0.7 sigma off this, 1,600 m 1.6 and 2,500 m 2.9. Gravity falls by 3.086e-6 m/s² a metre in free air.
+_HEIGHT, _HEIGHT_SIGMA, _FREE_AIR = 500.0, 700.0, 3.086e-6
+_HIGHEST_HOME = 5100.0  # m, La Rinconada
 # The largest disturbances on land are some 300 to 400 mGal (EGM2008); 500 is none.
 _LARGEST_DISTURBANCE = 5e-3  # m/s²
+
+
+# Where gravity came from, and how to say it better.
+_NORMAL = "normal gravity of WGS 84 at the latitude and height given"
+_NO_HEIGHT = "normal gravity of WGS 84 at the latitude given, 500 ± 700 m high because no height was given"
+_ROUNDED = "given, good to half of its last digit"
+_ASSUMED = "assumed: standard gravity, because no site was given"
+_BETTER = {
+    _NO_HEIGHT: "give the height too, as --site LATITUDE,HEIGHT in degrees and metres",
+    _ASSUMED: "give --site LATITUDE,HEIGHT in degrees and metres",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,20 +52,23 @@ class Site:
     gravity : magnitude, m/s².
     gravity_sigma : its standard uncertainty, m/s².
     latitude : geodetic, rad, or None if only gravity is known.
-    height : metres above the ellipsoid.
+    height : metres above the ellipsoid, or None if nobody says.
     source : where gravity came from, in words.
     """
 
     gravity: float
     gravity_sigma: float
     latitude: float | None = None
-    height: float = 0.0
+    height: float | None = None
     source: str = "given"
 
     @staticmethod
     @border
-    def from_latitude(latitude: float, height: float = 0.0) -> Site:
+    def from_latitude(latitude: float, height: float | None = None) -> Site:
         """Return the site at geodetic `latitude` (rad) and `height` (m), with normal gravity.
+
+        Without a height it is 500 ± 700 m, which covers where people live, and gravity is known to 0.002 m/s². With
+        one it is known to 0.0003 m/s² where the land is flat, 0.001 m/s² in mountains.
 
         Raises
         ------
@@ -57,51 +80,58 @@ class Site:
                 f"The latitude {math.degrees(latitude):g} degrees is beyond the poles: "
                 "give --site LATITUDE[,HEIGHT] with a latitude from -90 to 90."
             )
-        if not -500.0 <= height <= 10_000.0:
-            raise SiteError(f"The height {height:g} m is not on the Earth's surface (-500 to 10000 m).")
-        return Site(
-            gravity=normal_gravity(latitude, height),
-            gravity_sigma=_NORMAL_GRAVITY_SIGMA,
-            latitude=latitude,
-            height=height,
-            source="normal gravity of WGS 84 at the latitude and height given",
-        )
+        at, doubt, words = (_HEIGHT, _HEIGHT_SIGMA, _NO_HEIGHT) if height is None else (height, 0.0, _NORMAL)
+        if not -500.0 <= at <= 10_000.0:
+            raise SiteError(f"The height {at:g} m is not on the Earth's surface (-500 to 10000 m).")
+        sigma = math.hypot(_FLAT, _TERRAIN * at, _FREE_AIR * doubt)
+        return Site(normal_gravity(latitude, at), sigma, latitude, height, words)
 
     @staticmethod
     @border
-    def from_gravity(gravity: float) -> Site:
-        """Return a site of which only gravity is known, in m/s².
+    def from_gravity(gravity: float | str, sigma: float | None = None) -> Site:
+        """Return a site of which only gravity is known, in m/s², as a number or as a text such as 9.80788±0.00002.
+
+        Without `sigma`, its standard uncertainty, gravity is good to half of its last digit, evenly spread: 9.81 is
+        9.81 ± 0.0029. A number has the digits of its shortest decimal text. Exact is what has a sigma of 0.
 
         Raises
         ------
         SiteError
-            If it is outside 9.75 to 9.85 m/s², which no place on the Earth's surface is.
+            If it is outside 9.75 to 9.85 m/s², which no place on the Earth's surface is, or the text no number.
         """
-        if not 9.75 <= gravity <= 9.85:
+        try:
+            value, sigma = stated_number(gravity) if isinstance(gravity, str) else (gravity, sigma)
+        except ValueError:
+            value = math.nan
+        if not 9.75 <= value <= 9.85:
             raise SiteError(
-                f"Gravity of {gravity:g} m/s² is found nowhere on the Earth's surface (9.76 to 9.84): "
-                "give --gravity in m/s², or --site LATITUDE[,HEIGHT]."
+                f"Gravity of {gravity} m/s² is found nowhere on the Earth's surface (9.76 to 9.84): give --gravity in "
+                "m/s², as 9.81 or 9.80788±0.00002, or --site LATITUDE[,HEIGHT]."
             )
-        return Site(gravity=gravity, gravity_sigma=0.0, source="given as an exact value")
+        if sigma is None:
+            return Site(value, min(rounding(gravity), _UNKNOWN_SITE_SIGMA), source=_ROUNDED)
+        return Site(value, sigma)
 
-    def with_gravity(self, gravity: float) -> Site:
-        """Return this place with a gravity that was given, in m/s².
+    def with_gravity(self, given: Site) -> Site:
+        """Return this place with the gravity of `given`; with its own where that is known better than to given digits.
 
         Raises
         ------
         SiteError
             If no place has it, or if it is not that of the latitude and height, where these are known.
         """
-        given = Site.from_gravity(gravity)
         if self.latitude is None:
             return given
-        normal = normal_gravity(self.latitude, self.height)
-        if abs(gravity - normal) > _LARGEST_DISTURBANCE:
+        heights = (0.0, _HIGHEST_HOME) if self.height is None else (self.height, self.height)
+        most, least = (normal_gravity(self.latitude, height) for height in heights)
+        if not least - _LARGEST_DISTURBANCE <= given.gravity <= most + _LARGEST_DISTURBANCE:
             raise SiteError(
-                f"Gravity of {gravity:g} m/s² contradicts the latitude {math.degrees(self.latitude):g}° and the height "
-                f"{self.height:g} m, where it is {normal:.4f} m/s²: give the one that you trust."
+                f"Gravity of {given.gravity:g} m/s² contradicts the latitude {math.degrees(self.latitude):g}° and the "
+                f"height, where it is {least:.4f} to {most:.4f} m/s²: give the one that you trust."
             )
-        return Site(gravity, 0.0, self.latitude, self.height, given.source)
+        if given.source == _ROUNDED and self.gravity_sigma < given.gravity_sigma:
+            return self
+        return replace(given, latitude=self.latitude, height=self.height)
 
     @staticmethod
     def unknown() -> Site:
@@ -109,8 +139,18 @@ class Site:
         return Site(
             gravity=STANDARD_GRAVITY,
             gravity_sigma=_UNKNOWN_SITE_SIGMA,
-            source="assumed: standard gravity, because no site was given",
+            source=_ASSUMED,
         )
+
+    @property
+    def mend(self) -> str:
+        """What to say to have gravity known better, as a clause."""
+        return _BETTER.get(self.source, "say so, as --gravity 9.80788±0.00002")
+
+    @property
+    def is_evenly_spread(self) -> bool:
+        """Whether gravity is as likely anywhere within limits: that of no known place, or a rounded one."""
+        return self.source in (_ASSUMED, _ROUNDED)
 
     @property
     def earth_rate_n(self) -> Vector:

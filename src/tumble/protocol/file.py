@@ -230,23 +230,26 @@ def _site(root: Entry, keys: dict[str, Entry]) -> Site:
 
 def _site_of(found: dict[str, Entry]) -> Site:
     """Return the site that a file's entries say: gravity as given, else normal gravity."""
-    height = found["height_m"].number(least=-500.0, most=10_000.0) if "height_m" in found else 0.0
+    height = found["height_m"].number(least=-500.0, most=10_000.0) if "height_m" in found else None
     latitude = None
     if "latitude_deg" in found:
         beyond = "Beyond 90 there are the poles; is it the longitude?"
         latitude = found["latitude_deg"].number(DEGREE, least=-90.0, most=90.0, instead=beyond)
     site = None if latitude is None else Site.from_latitude(latitude, height)
+    sigma = found["gravity_uncertainty"].number(least=0.0) if "gravity_uncertainty" in found else None
     if "gravity" in found:
         gravity = found["gravity"].number(
             least=9.75, most=9.85, instead="No place on the Earth's surface has another, in m/s²."
         )
         try:
-            site = site.with_gravity(gravity) if site else replace(Site.from_gravity(gravity), height=height)
+            site = replace(
+                (site or Site.unknown()).with_gravity(Site.from_gravity(gravity, sigma)), height=height
+            )
         except SiteError as error:
             raise found["gravity"].error(str(error)) from None
     assert site is not None
-    if "gravity_uncertainty" in found:
-        site = replace(site, gravity_sigma=found["gravity_uncertainty"].number(least=0.0))
+    if sigma is not None:
+        site = replace(site, gravity_sigma=sigma)
     if "source" in found:
         site = replace(site, source=found["source"].text())
     return site

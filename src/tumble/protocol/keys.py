@@ -5,7 +5,7 @@ The reader takes from here which keys there are, the schema and the documentatio
 
 from __future__ import annotations
 
-from dataclasses import field
+from dataclasses import field, replace
 from math import pi
 from typing import Any
 
@@ -30,6 +30,7 @@ _POSITIVE: dict[str, Any] = {"type": "number", "exclusiveMinimum": 0}
 _LEAST_0: dict[str, Any] = {"type": "number", "minimum": 0}
 _TURN: dict[str, Any] = {"type": "number", "minimum": -360, "maximum": 360}
 _TEXT: dict[str, Any] = {"type": "string"}
+_STATED = r"^[0-9.eE]+ ?(±|\+/?-) ?[0-9.eE+-]+ ?(ppm|%)?$"
 _SIGMA: dict[str, Any] = {"type": "number", "minimum": 0, "maximum": 180}
 
 
@@ -68,7 +69,7 @@ SITE = {
         {"type": "number", "minimum": -90, "maximum": 90},
     ),
     "height_m": Key(
-        "height above the ellipsoid", "m", "0", {"type": "number", "minimum": -500, "maximum": 10000}
+        "height above the ellipsoid", "m", "500 ± 700", {"type": "number", "minimum": -500, "maximum": 10000}
     ),
     "gravity": Key(
         "gravity there, where it is known better than from the latitude",
@@ -79,7 +80,7 @@ SITE = {
     "gravity_uncertainty": Key(
         "its standard uncertainty",
         "m/s²",
-        "0 (exact) of a gravity given; 0.0003 of normal gravity",
+        "of a gravity given, half of its last digit over √3; of normal gravity by the height, 0.0003 and more",
         {"type": "number", "minimum": 0},
     ),
     "source": Key("where the gravity is from, in words", default="a sentence that says which of the above"),
@@ -170,12 +171,7 @@ SOAK = {
     "soak": Key("the step's name", default="empty", schema=_NAME),
     "temperature_celsius": Key("what the surroundings are brought to", "°C", "", _CELSIUS),
     "tolerance_k": Key("how near the unit has to come to it for the soak to be done", "K", "1", _POSITIVE),
-    "seconds": Key(
-        "from when the former temperature is left until the next step",
-        "s",
-        "the length of `interval_s`; one of the two is needed",
-        _POSITIVE,
-    ),
+    "seconds": replace(_SECONDS, words="from when the former temperature is left until the next step"),
     **_COMMON,
 }
 RAMP_STEP = {
@@ -218,10 +214,10 @@ PROTOCOL = {
     "units": Key("of those files, as `--units` takes them", default="as the files say"),
     "columns": Key("of those files, as `--columns` takes them", default="as the files say"),
     "rate_hz": Key(
-        "sampling rate of files without stamps, or of any with its standard uncertainty, as `100±0.1`",
+        "sampling rate of files without stamps, or of any with its standard uncertainty, as `100±0.1` or `100±50ppm`",
         "Hz",
         "as the stamps say",
-        {"oneOf": [_POSITIVE, {"type": "string", "pattern": r"^[0-9.eE]+ ?(±|\\+/?-) ?[0-9.eE+-]+$"}]},
+        {"oneOf": [_POSITIVE, {"type": "string", "pattern": _STATED}]},
     ),
     "like": Key("a named protocol whose steps are meant, instead of `steps`", default="see `steps`"),
     "steps": Key("list of holds, turns, spins, soaks and ramps, in order", default="those of `like`"),

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from contextlib import suppress
 from typing import Any, cast
 
 import numpy as np
 
 from tumble.arrays import Vector
 from tumble.earth.site import Site
-from tumble.errors import ProtocolError
+from tumble.errors import ProtocolError, SiteError
 from tumble.protocol.keys import ANGLES, ARC_SECOND, FORMAT, FRAME, PPM, REVOLUTION, VERSION
 from tumble.protocol.numerals import numeral_of, value_of
 from tumble.protocol.steps import HoldStep, Protocol, RampStep, SoakStep, SpinStep, Step, TurnStep
@@ -71,15 +71,14 @@ def _site_lines(site: Site) -> list[str]:
     lines: list[str] = []
     if site.latitude is not None:
         lines.append(f"latitude_deg: {numeral_of(site.latitude, DEGREE)}")
-    if site.latitude is not None or site.height:
+    if site.height is not None:
         lines.append(f"height_m: {numeral_of(site.height)}")
-    if site.latitude is not None and abs(site.latitude) <= np.pi / 2 and -500.0 <= site.height <= 10_000.0:
-        implied = Site.from_latitude(site.latitude, site.height)
-        if site == implied:
+    with suppress(SiteError):
+        if site.latitude is not None and site == Site.from_latitude(site.latitude, site.height):
             return lines
     lines.append(f"gravity: {numeral_of(site.gravity)}")
     lines.append(f"gravity_uncertainty: {numeral_of(site.gravity_sigma)}")
-    if site != replace(site, source="given as an exact value"):
+    if site.source != "given":
         lines.append(f"source: {_quoted(site.source)}")
     return lines
 

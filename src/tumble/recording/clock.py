@@ -4,33 +4,37 @@ Nothing in a recording shows a clock that runs fast: all angles that gyros add u
 scale factors, are wrong by as much. So what is known of the clock is stated, as a standard uncertainty of its rate:
 
 - *stated*: whoever recorded says the rate with its uncertainty (``--rate 100±0.1``).
+- *trusted*: whoever recorded says how good the clock of the stamps is (``--rate crystal``, ``--rate ±50ppm``), or the
+  kind of file is of units whose crystal times samples and stamps alike.
 - *nominal*: no stamps, or stamps that are perfectly regular, which one clock wrote and counted alike. What the sensor
   did is what its data sheet allows: usually 1 % to either side, and any value as likely as any other.
-- *device* and *host*: stamps that jitter were read from a clock other than the sensor's own. That is a crystal, of a
-  microcontroller or a computer, and known to some ten parts in a million; how unevenly the stamps lie adds what it may
-  do to the whole length of the recording.
+- *device* and *host*: stamps that jitter were read from a clock other than the sensor's own. Where the kind of file
+  says so (an autopilot, a phone, a bag of ROS), or seconds since 1970 or of GNSS, that clock is a crystal, known to
+  some ten parts in a million; how unevenly the stamps lie adds what it may do to the whole length of the recording.
+- *board*: stamps that jitter, of nobody knows what. Crystals look the same as ceramic resonators, which are off by
+  0.5 % and with temperature and age by 1 %, and as the oscillator inside a microcontroller, trimmed to 1 or 2 %. So
+  what data sheets allow a sensor is allowed a board.
 - *exact*: a simulation's.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Literal
+from typing import Literal, TypeAlias
 
 import numpy as np
 
 from tumble.arrays import Series
 from tumble.records import dataclass
-from tumble.sample_rates import SampleRate
+from tumble.sample_rates import CRYSTAL, SampleRate
 
-Kind = Literal["exact", "stated", "nominal", "device", "host"]
+Kind = Literal["exact", "stated", "trusted", "nominal", "device", "host", "board"]
+Known: TypeAlias = "Kind | float | None"
 
 NOMINAL_TOLERANCE = 0.01
 """Share by which data sheets of MEMS units let the output data rate be off: 1 % is the usual one."""
 NOMINAL = float(NOMINAL_TOLERANCE / np.sqrt(3.0))
 """One sigma of what may be anywhere within it: a limit without a distribution is rectangular (GUM 4.3.7)."""
-CRYSTAL = 5e-5
-"""One sigma of a crystal's rate: ± 20 to 100 ppm of cut, temperature and age."""
 # Seconds since 1970 from 2001 to 2100: nothing but a computer counts so far.
 _UNIX = (1e9, 4.1e9)
 # Of a step: stamps that are regular to this are so beyond what any two clocks agree to.
@@ -74,6 +78,9 @@ class Clock:
             f"{self.rate:.6g} Hz, ± {100.0 * NOMINAL_TOLERANCE:g} % by data sheets",
             "device": f"the stamps are of a device's crystal ({self.rate:.6g} Hz by it)",
             "host": f"the stamps are of a computer's clock ({self.rate:.6g} Hz by it)",
+            "trusted": f"the clock of the stamps ({self.rate:.6g} Hz by it) is as good as it is said to be",
+            "board": f"the stamps ({self.rate:.6g} Hz by them) are of a clock that nobody knows, a crystal or an "
+            f"oscillator within ± {100.0 * NOMINAL_TOLERANCE:g} %",
         }[self.kind]
 
 
@@ -98,21 +105,42 @@ def clock_without_stamps(rate: float) -> Clock:
     return Clock("nominal", float(rate), NOMINAL) if stated is None else Clock("stated", float(rate), stated)
 
 
-def clock_of_stamps(time: Series, stated: float | None = None) -> Clock:
+def clock_of_stamps(time: Series, stated: float | None = None, known: Known = None) -> Clock:
     """Return the clock that stamps are from, by how they lie.
 
     Parameters
     ----------
     time : (samples,) s, strictly increasing, as the file has it.
     stated : Hz, as somebody says besides; it counts where its uncertainty is said too.
+    known : "device" or "host", where the file's kind says who read the stamps off a clock; or one sigma of the rate of
+        what times stamps and samples, as a share.
     """
-    some = time[:_ENOUGH]
-    own = _by_itself(time, some)
+    rate, jitter, regular = _as_they_lie(time)
+    if regular and not isinstance(known, float):
+        own = Clock("nominal", rate, NOMINAL, counted=time.size > 2)
+    else:
+        own = clock_read_off(rate, jitter, float(time[0]), known)
     if not isinstance(stated, SampleRate) or stated.relative is None:
         return own
     # What the stamps are off the stated rate is not taken out of them.
     sigma = float(np.hypot(stated.relative, own.rate / float(stated) - 1.0))
     return own if own.sigma < sigma else replace(own, kind="stated", sigma=sigma)
+
+
+def clock_read_off(rate: float, jitter: float, start: float, known: Known) -> Clock:
+    """Return the clock that stamps were read from, other than what counts the samples.
+
+    Parameters
+    ----------
+    rate : by the stamps, Hz.
+    jitter : what the stamps' unevenness may do to the rate, as a share.
+    start : s, the first stamp.
+    known : as for `clock_of_stamps`.
+    """
+    if isinstance(known, float | int):
+        return Clock("trusted", rate, float(np.hypot(known, jitter)))
+    kind = "host" if _UNIX[0] < start < _UNIX[1] else known or "board"
+    return Clock(kind, rate, NOMINAL if kind == "board" else min(float(np.hypot(CRYSTAL, jitter)), NOMINAL))
 
 
 def stamp_jitter(time: Series) -> float:
@@ -142,18 +170,19 @@ def stamp_jitter(time: Series) -> float:
     return max(-float(alike), 0.0) ** 0.5
 
 
-def _by_itself(time: Series, some: Series) -> Clock:
+def _as_they_lie(time: Series) -> tuple[float, float, bool]:
+    """Return the rate by stamps, Hz, what their jitter may do to it as a share, and whether they merely count."""
+    some = time[:_ENOUGH]
     steps = np.diff(some)
     if steps.size < 2:
-        return Clock("nominal", 1.0 / float(steps[0]) if steps.size else 1.0, NOMINAL)
+        return 1.0 / float(steps[0]) if steps.size else 1.0, 0.0, True
     step, elapsed = float(np.median(steps)), some - some[0]
     pitch, off = _line(_counted(np.maximum(np.round(steps / step), 1.0)), elapsed)
     if _is_regular(some, pitch, float(np.max(np.abs(off)))):
-        return Clock("nominal", 1.0 / pitch, NOMINAL, counted=True)
+        return 1.0 / pitch, 0.0, True
     # Stamps that jitter by half a step count no samples; a longer step has some missing.
     pitch, off = _line(_counted(np.where(steps > _MISSING * step, np.round(steps / step), 1.0)), elapsed)
-    sigma = float(np.hypot(CRYSTAL, np.sqrt(2.0 * np.mean(off**2)) / float(time[-1] - time[0])))
-    return Clock("host" if _UNIX[0] < some[0] < _UNIX[1] else "device", 1.0 / pitch, min(sigma, NOMINAL))
+    return 1.0 / pitch, float(np.sqrt(2.0 * np.mean(off**2)) / (time[-1] - time[0])), False
 
 
 def _counted(samples: Series) -> Series:

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from tumble.arrays import AnyArray, Series, Vectors
 from tumble.errors import RecordingError, UsageError
 from tumble.recording import content, stamps
-from tumble.recording.clock import clock_without_stamps
+from tumble.recording.clock import Known, clock_without_stamps
 from tumble.recording.columns import (
     AXES,
     ColumnPlan,
@@ -34,8 +34,11 @@ from tumble.recording.temperature import COLDEST, HOTTEST, without_slips
 from tumble.recording.unit_choice import Interpretation, about_units, decide_force, decide_rate
 from tumble.recording.unnamed_columns import Said, plan_from_content
 from tumble.records import dataclass
-from tumble.sample_rates import sample_rate
+from tumble.sample_rates import sample_rate, stated_clock
 from tumble.units import COUNTS, celsius_from, find_unit, time_factor
+
+# In the name of a column of time: seconds of GNSS, or of a computer whose clock is set by a network.
+_DISCIPLINED = ("gps", "gnss", "tow", "utc", "unix", "host")
 
 __all__ = ["BlockState", "Interpretation", "choose_columns", "interpret", "interpret_block"]
 
@@ -77,7 +80,7 @@ def choose_columns(
 
 def _said(units: DeclaredUnits, rate: float | str | None, table: RawTable) -> Said:
     """Return what the user, or the table, declares that matters where no column has a name."""
-    hertz = table.rate if rate is None else sample_rate(rate)
+    hertz = table.rate if rate is None or stated_clock(rate) is not None else sample_rate(rate)
     increments = units.velocity_increment is not None
     return Said(hertz, units.specific_force, increments, units.magnetic_field)
 
@@ -145,9 +148,11 @@ def _header_words(table: RawTable, plan: ColumnPlan) -> str:
 
 
 def _ordered(
-    table: RawTable, signals: Signals, unit: str | None, rate: float | None, parted: bool
+    table: RawTable, plan: ColumnPlan, unit: str | None, asked: float | str | None, parted: bool
 ) -> tuple[Signals, stamps.Stamps]:
     """Put the rows in time: by their stamps, or by the declared rate where there are none."""
+    signals, good_to = pick_signals(table, plan, parted=parted), stated_clock(asked)
+    rate = _declared_rate(table, plan, asked if good_to is None else None)
     parts = (signals.stamps, signals.force, signals.rates, signals.magnetic)
     count = next(len(p) for p in parts if p is not None)
     rows = np.arange(count) if signals.rows is None else signals.rows
@@ -157,7 +162,7 @@ def _ordered(
         if rate is None:
             raise RecordingError(
                 f"{table.path.name} has no column of time stamps; give the sampling rate with --rate HZ "
-                "(or name the time column with --columns)."
+                "(100±50ppm where a crystal keeps it), or name the time column with --columns."
             )
         gaps = tuple(int(i) + 1 for i in np.flatnonzero(np.diff(rows) > 1))
         return signals, stamps.Stamps(
@@ -167,10 +172,18 @@ def _ordered(
     def place(row: int) -> str:
         return table.place(int(rows[row]))
 
+    known, name = _reader(table, plan) if good_to is None else good_to, table.path.name
+    unit = unit or plan.time_unit
     ordered = stamps.order_stamps(
-        signals.stamps, unit=unit, rate=rate, name=table.path.name, place=place, parted=parted
+        signals.stamps, unit=unit, rate=rate, name=name, place=place, parted=parted, known=known
     )
     return signals.cut(ordered.keep), ordered
+
+
+def _reader(table: RawTable, plan: ColumnPlan) -> Known:
+    """Who read the stamps off a clock, as the file's kind or the column's name says."""
+    name = "" if table.names is None or plan.time is None else table.names[plan.time].lower()
+    return "host" if any(word in name for word in _DISCIPLINED) else table.clock
 
 
 def interpret(
@@ -199,16 +212,9 @@ def interpret(
     UsageError
         If the declared rate is not positive.
     """
-    declared_rate = _declared_rate(table, plan, rate)
     remarks = [*table.remarks, *remarks, *about_units(table, plan, units)]
     plan = replace(plan, temperature_unit=units.temperature or plan.temperature_unit)
-    signals, ordered = _ordered(
-        table,
-        pick_signals(table, plan, parted=parted),
-        units.time or plan.time_unit,
-        declared_rate,
-        parted,
-    )
+    signals, ordered = _ordered(table, plan, units.time, rate, parted)
     remarks += [*signals.remarks, *ordered.remarks]
     recording = Recording(
         time=ordered.time,

@@ -124,14 +124,14 @@ def merge_pair(first: RawTable, second: RawTable, pairing: Pairing) -> RawTable:
         _check_stamps(first, own.time, second, other.time)
     both = ((first, own), (second, other))
     stamps = [table.columns[plan.time] for table, plan in both if plan.time is not None]
-    return RawTable(
-        path=first.path,
+    return replace(
+        first,
         names=None,
         columns=[*stamps[:1], *(table.columns[i] for table, plan in both for i, _ in _triad(plan))],
-        source=first.source,
         remarks=[*first.remarks, *second.remarks],
-        place=first.place,
         rate=first.rate or second.rate,
+        judged=False,
+        field=None,
     )
 
 

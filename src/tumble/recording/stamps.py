@@ -11,13 +11,7 @@ import numpy.typing as npt
 
 from tumble.arrays import Series
 from tumble.errors import RecordingError
-from tumble.recording.clock import (
-    AGREES,
-    AGREES_AT_LEAST,
-    CRYSTAL,
-    Clock,
-    clock_of_stamps,
-)
+from tumble.recording.clock import AGREES, AGREES_AT_LEAST, Clock, Known, clock_of_stamps, clock_read_off
 from tumble.recording.recording import Remark
 from tumble.records import dataclass
 from tumble.sample_rates import SampleRate
@@ -137,6 +131,7 @@ def order_stamps(
     name: str,
     place: Callable[[int], str],
     parted: bool = False,
+    known: Known = None,
 ) -> Stamps:
     """Turn raw stamps into strictly increasing seconds.
 
@@ -152,6 +147,7 @@ def order_stamps(
     name : the file's name, for messages.
     place : turns a row number into words.
     parted : whether a clock that begins anew parts the recording instead, where the steps on both sides agree.
+    known : of the clock, see `clock_of_stamps`.
 
     Raises
     ------
@@ -181,7 +177,7 @@ def order_stamps(
             Remark("mended", f"{name}: {doubles} row(s) with a repeated stamp left out (first: {first}).")
         )
         raw, steps = raw[keep], steps[steps > 0.0]
-    evened = _even_out(raw, steps, unit, rate, name)
+    evened = _even_out(raw, steps, unit, rate, name, known)
     if evened is not None:
         _check_rate(evened.rate, rate, name, evened.unit)
         return replace(evened, keep=keep, remarks=[*remarks, *evened.remarks])
@@ -202,7 +198,7 @@ def order_stamps(
         text = f"A rate of {found:.3g} Hz is unusual for an IMU{other}; check the unit of time ({unit}, --units)."
         remarks.append(Remark("doubtful" if other and found > _USUAL_RATE[1] else "unchecked", text))
     gaps = _gaps_of(steps, found) if time.size > 2 else ()
-    return Stamps(time, keep, gaps, found, unit, clock_of_stamps(time, rate), remarks)
+    return Stamps(time, keep, gaps, found, unit, clock_of_stamps(time, rate, known), remarks)
 
 
 def _require_order(raw: Series, steps: Series, name: str, place: Callable[[int], str]) -> None:
@@ -221,7 +217,9 @@ def _require_order(raw: Series, steps: Series, name: str, place: Callable[[int],
         )
 
 
-def _even_out(raw: Series, steps: Series, unit: str | None, rate: float | None, name: str) -> Stamps | None:
+def _even_out(
+    raw: Series, steps: Series, unit: str | None, rate: float | None, name: str, known: Known
+) -> Stamps | None:
     """Stamps of samples that arrive in bursts, laid evenly; None where they do not.
 
     Such stamps are of the arrival: within a burst they are as near as a computer reads, and between bursts far apart,
@@ -256,8 +254,8 @@ def _even_out(raw: Series, steps: Series, unit: str | None, rate: float | None, 
         f"arrival. The samples are taken as evenly spaced, at {found:.5g} Hz."
     )
     said.append(Remark("assumed", text))
-    arrival = float(np.hypot(CRYSTAL, factor * between / float(even[-1] - even[0])))
-    clock = Clock("host", found, arrival)
+    arrival = factor * between / float(even[-1] - even[0])
+    clock = clock_read_off(found, arrival, float(even[0]), known)
     return Stamps(even, np.ones(raw.size, bool), tuple(edges[1:-1]), found, unit, clock, said)
 
 

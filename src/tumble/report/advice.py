@@ -13,7 +13,6 @@ from tumble.calibration.poses import describe_direction, most_telling_poses, nor
 from tumble.calibration.procedure import PROCEDURES
 from tumble.report.parameters import ACCELEROMETER, BETWEEN, GYRO, Measure, ParameterRow
 from tumble.report.rounding import with_uncertainty
-from tumble.units import STANDARD_GRAVITY
 
 if TYPE_CHECKING:
     from tumble.document.result import Calibration
@@ -191,32 +190,9 @@ def _turned_about_horizontal(
     return total if np.any(total) else None
 
 
-def gravity_assumed(calibration: Calibration) -> list[str]:
-    """Return that nobody said where it was recorded, in a sentence; empty where somebody did.
-
-    Parameters
-    ----------
-    calibration : the result.
-    """
-    site = calibration.site
-    if calibration.accelerometer is None or site.gravity_standard_uncertainty <= 2e-3:
-        return []
-    share = 1e2 * site.gravity_standard_uncertainty / STANDARD_GRAVITY
-    gravity = with_uncertainty(site.gravity, site.gravity_standard_uncertainty)
-    return [
-        (
-            f"assumed: gravity {gravity} m/s², which alone makes all accelerometer scale factors uncertain by "
-            f"{share:.2g} %: give --site LATITUDE,HEIGHT."
-        )
-    ]
-
-
 def _gravity(calibration: Calibration) -> list[str]:
-    site = calibration.site
-    if assumed := gravity_assumed(calibration):
-        return [f"{assumed[0][0].upper()}{assumed[0][1:]}"]
     # Only turns tell the Earth rate from the gyros' own errors.
-    if site.latitude_deg is None and calibration.procedure == "hand-held":
+    if calibration.site.latitude_deg is None and calibration.procedure == "hand-held":
         return [
             (
                 "With `--site LATITUDE,HEIGHT` instead of `--gravity` the Earth's rotation is known too, which helps "

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
+from tumble.calibration.checks.unseen import state_gravity
 from tumble.calibration.estimate import Beside
 from tumble.calibration.procedure import Estimator, find_estimator, find_procedure
 from tumble.calibration.session import Options, Session
@@ -280,22 +281,8 @@ def _estimated(
         estimate.say("remark", *modelled.said())
     if session.prior is not None:
         check_prior([session], session.prior, estimate)
-    say_gravity([session], estimate)
+    state_gravity(session.site, estimate)
     return estimate, reason
-
-
-def say_gravity(sessions: Sequence[Session], estimate: Estimate) -> None:
-    """Say what it costs that nobody said where the recordings were made, if nobody did.
-
-    Parameters
-    ----------
-    sessions : of the recordings.
-    estimate : is told.
-    """
-    if all(
-        one.given_site is None and (one.protocol is None or one.protocol.site is None) for one in sessions
-    ):
-        estimate.say("remark", about_gravity(sessions[0].site))
 
 
 def _document(
@@ -507,20 +494,6 @@ def find_holds(session: Session, intervals: str | os.PathLike[str] | None, clock
     # Asked for now, so that what is wrong with holds is said before anything else.
     _ = session.means, session.matching
     clock.lap("segmenting")
-
-
-def about_gravity(place: Site) -> str:
-    """Return what it costs that nobody said where the recording was made.
-
-    Parameters
-    ----------
-    place : with the gravity that was assumed.
-    """
-    return (
-        f"Gravity was not given and is taken as {place.gravity:.5f} ± {place.gravity_sigma:.3f} m/s², which makes "
-        f"every accelerometer scale factor uncertain by {100 * place.gravity_sigma / place.gravity:.2f} %: "
-        "give --site LATITUDE[,HEIGHT] or --gravity."
-    )
 
 
 def write_run(run: CalibrationRun, folder: Path) -> None:

@@ -100,7 +100,7 @@ def _field_by_model(text: str, site: Site | None) -> GivenField:
         ) from None
     if not abs(longitude) <= 360.0:
         raise UsageError(f"--field {text}: a longitude is from -180 to 360 degrees.")
-    found = earth_field(site.latitude, math.radians(longitude), site.height, when)
+    found = earth_field(site.latitude, math.radians(longitude), site.height or 0.0, when)
     return GivenField(
         found.norm, found.norm_sigma, found.dip, f"the World Magnetic Model {found.model}", found.dip_sigma
     )

@@ -161,8 +161,11 @@ def _place(given: Protocol, site: Site | None, errors: SessionErrors, remarks: l
     """Where it is played; what is assumed, or changes nothing, is remarked on."""
     place = given_site(site) or given.site
     if place is None:
-        place = Site.from_latitude(DEFAULT_LATITUDE)
+        place = Site.from_latitude(DEFAULT_LATITUDE, 0.0)
         remarks.append("No site was given: it is played at latitude 45°, height 0 m; --site says another.")
+    elif place.latitude is not None and place.height is None and place.source.startswith("normal"):
+        # Where it is played is known.
+        place = Site.from_latitude(place.latitude, 0.0)
     if errors.table is not None and not any(isinstance(step, SpinStep) for step in given.steps):
         remarks.append(
             f"The protocol {given.name} has no spins: what is wrong with the table changes nothing."

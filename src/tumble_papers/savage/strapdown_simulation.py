@@ -268,7 +268,7 @@ def simulate_run(
     from tumble_papers.savage.strapdown_kernel import play_sequences
 
     truth = truth or draw_truth(setting, rng, asymmetry=asymmetry)
-    site = Site.from_latitude(float(rng.uniform(-LARGEST_LATITUDE, LARGEST_LATITUDE)))
+    site = Site.from_latitude(float(rng.uniform(-LARGEST_LATITUDE, LARGEST_LATITUDE)), 0.0)
     earth_n = site.earth_rate_n if setting.earth else np.zeros(3)
     azimuth = float(rng.uniform(-np.pi, np.pi))
     fixture = _Fixture.drawn(setting, azimuth, rng)

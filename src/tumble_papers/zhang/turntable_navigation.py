@@ -35,7 +35,7 @@ DURATION = {"I": 8700.0, "II": 8400.0}  # s
 RATE = 10.0  # Hz: a degree and a half a sample at the fastest
 # s after which the height is put back to what is known.
 HEIGHT_HELD = 30.0
-SITE = Site.from_latitude(float(LATITUDE))
+SITE = Site.from_latitude(float(LATITUDE), 0.0)
 PLACE = (float(LATITUDE), 0.0, 0.0)
 # First attitude: level, x to the north-east, so that no axis points along the Earth's rate.
 FIRST = Rotation.from_euler("ZYX", [0.25 * np.pi, 0.0, 0.0])

@@ -100,26 +100,6 @@ def test_named_parameters_and_their_correlations_grow_alike(by_hand: tuple[Sessi
     assert np.linalg.eigvalsh(grown.correlations)[0] > -1e-12
 
 
-@pytest.mark.slow
-def test_a_drawn_clock_is_covered() -> None:
-    """Ten recordings of ten units, clocks anywhere within 1 %: the gyro scale factors are as far off as is stated."""
-    rng, z = np.random.default_rng(8), np.zeros((10, 3))
-    for run in range(10):
-        session, made = _recorded(
-            "by-hand", 100 + run, faster=float(rng.uniform(-0.01, 0.01)), poses=12, rate=50.0
-        )
-        session.options = Options(optional_terms=False)
-        estimate, _ = run_procedure(session, "hand-held")
-        assert session.clock.kind == "nominal"
-        scales = [p for p in estimate.parameters if p.name.startswith("gyro scale")]
-        truth = made.truth.terms("accelerometer-x")["gyroscope.matrix"]
-        true = np.linalg.norm(truth, axis=1) - 1.0
-        z[run] = [(p.value - t) / p.standard_uncertainty for p, t in zip(scales, true, strict=True)]
-    # One error a run, of a rectangular distribution whose ends are root three sigmas off.
-    assert np.max(np.abs(z)) < np.sqrt(3.0) + 0.2
-    assert 0.5 < np.sqrt(np.mean(z**2)) < 1.5
-
-
 def test_an_exact_clock_adds_nothing_and_a_crystal_a_remark(by_hand: tuple[Session, Estimate]) -> None:
     session, _ = by_hand
     for sigma, spoken in ((0.0, 0), (2e-5, 1)):

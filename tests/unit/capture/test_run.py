@@ -101,7 +101,7 @@ def test_sigma_falls_and_ends_near_what_calibrate_states(recorded: Path, tmp_pat
 def test_a_rate_that_is_stated_with_its_uncertainty_is_believed() -> None:
     time = np.arange(4000) / 100.0
     for rate, sigma in ((None, 0.01 / np.sqrt(3.0)), (sample_rate("100±0.02"), 2e-4)):
-        guide = Guide(find_grade("tactical"), Site.unknown(), 3.0, {}, rate=rate)
+        guide = Guide(find_grade("tactical"), Site.unknown(), 3.0, {}, rate=rate, patient=True)
         guide.look_at_clock(time[:1000])
         guide.look_at_clock(time[1000:])
         assert guide.clock_sigma == pytest.approx(sigma, rel=1e-3)
@@ -171,6 +171,8 @@ def test_samples_are_handed_to_the_disk_each_second(tmp_path: Path, monkeypatch:
 
     run_capture(CaptureOrder(Source("test", "", "", pieces), "", SourceOptions(), folder, imu=None))
     assert rows_in(folder) == len(recording)
+    # What the stamps of a live unit are good to, it is told by this computer's clock.
+    assert any("say --rate ±50ppm" in str(event["words"]) for event in events_of(folder))
 
 
 def test_two_captures_into_one_folder_are_refused(tmp_path: Path) -> None:

@@ -15,13 +15,31 @@ from tumble.errors import SiteError
 def test_a_latitude_gives_normal_gravity_with_what_the_real_field_differs_by() -> None:
     site = Site.from_latitude(math.radians(48.0), 520.0)
     assert site.gravity == normal_gravity(math.radians(48.0), 520.0)
-    assert site.gravity_sigma == 3e-4
+    # 30 mGal, and half of 520 m of rock: 0.1119 mGal a metre
+    assert site.gravity_sigma == pytest.approx(math.hypot(30e-5, 260 * 0.1119e-5))
+    assert Site.from_latitude(0.7, 1800.0).gravity_sigma == pytest.approx(100e-5, rel=0.1)
     assert (site.latitude, site.height) == (math.radians(48.0), 520.0)
 
 
-def test_gravity_alone_is_exact_and_says_nothing_of_the_latitude() -> None:
-    site = Site.from_gravity(9.81744)
-    assert (site.gravity, site.gravity_sigma, site.latitude) == (9.81744, 0.0, None)
+@pytest.mark.parametrize("height", [0.0, 1600.0, 2500.0])
+def test_without_a_height_gravity_holds_from_the_sea_to_the_high_towns(height: float) -> None:
+    site = Site.from_latitude(0.7)
+    assert abs(normal_gravity(0.7, height) - site.gravity) < 3.0 * site.gravity_sigma
+    assert site.gravity_sigma < 2.3e-3
+    assert site.height is None
+    assert "no height was given" in site.source
+    assert "--site LATITUDE,HEIGHT" in site.mend
+
+
+def test_gravity_alone_is_good_to_half_its_last_digit_and_says_nothing_of_the_latitude() -> None:
+    site = Site.from_gravity(9.81)
+    assert (site.gravity, site.latitude) == (9.81, None)
+    assert site.gravity_sigma == pytest.approx(0.005 / math.sqrt(3.0))
+    assert Site.from_gravity("9.8100").gravity_sigma == pytest.approx(0.00005 / math.sqrt(3.0))
+    assert Site.from_gravity("9.80788 +- 0.00002").gravity_sigma == 2e-5
+    assert Site.from_gravity(9.80788, 0.0).gravity_sigma == 0.0
+    # one digit is not known worse than no place at all
+    assert Site.from_gravity(9.8).gravity_sigma == Site.unknown().gravity_sigma
     with pytest.raises(SiteError, match="needs a latitude: give --site LATITUDE"):
         _ = site.earth_rate_n
 
@@ -61,3 +79,5 @@ def test_a_height_off_the_earth_s_surface_is_refused(height: float) -> None:
 def test_a_gravity_that_no_place_has_is_refused(gravity: float) -> None:
     with pytest.raises(SiteError, match="nowhere on the Earth's surface"):
         Site.from_gravity(gravity)
+    with pytest.raises(SiteError, match=r"9\.80788±0\.00002"):
+        Site.from_gravity(f"{gravity}±x")

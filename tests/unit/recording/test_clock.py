@@ -8,9 +8,9 @@ import pytest
 
 import tumble
 from tumble.errors import RecordingError, UsageError
-from tumble.recording.clock import CRYSTAL, NOMINAL, clock_of_stamps, clock_without_stamps, stamp_jitter
+from tumble.recording.clock import NOMINAL, clock_of_stamps, clock_without_stamps, stamp_jitter
 from tumble.recording.recording import Recording
-from tumble.sample_rates import SampleRate, sample_rate
+from tumble.sample_rates import CRYSTAL, SampleRate, sample_rate, stated_clock
 
 K = np.arange(6000)
 RNG = np.random.default_rng(3)
@@ -39,11 +39,23 @@ def test_stamps_that_are_perfectly_regular_are_nominal(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", READ)
-def test_stamps_that_jitter_are_of_a_crystal(name: str) -> None:
-    clock = clock_of_stamps(READ[name])
-    assert clock.kind == "device"
-    assert clock.rate == pytest.approx(99.37, rel=1e-5)
-    assert CRYSTAL <= clock.sigma < 1.1 * CRYSTAL
+def test_stamps_that_jitter_are_of_an_unknown_board_unless_somebody_knows_better(name: str) -> None:
+    """A ceramic resonator is 0.5 % off, and its stamps look as a crystal's do."""
+    board = clock_of_stamps(READ[name])
+    assert (board.kind, board.sigma) == ("board", NOMINAL)
+    device, trusted = (
+        clock_of_stamps(READ[name], None, known) for known in ("device", stated_clock("crystal"))
+    )
+    assert (device.kind, trusted.kind) == ("device", "trusted")
+    for clock in (device, trusted):
+        assert clock.rate == pytest.approx(99.37, rel=1e-5)
+        assert CRYSTAL <= clock.sigma < 1.1 * CRYSTAL
+
+
+def test_what_counts_the_samples_is_as_good_as_somebody_says() -> None:
+    """The kind of file says who read a clock, which regular stamps are none of; a stated share is of any stamps."""
+    assert clock_of_stamps(REGULAR["counted"], None, "device").kind == "nominal"
+    assert clock_of_stamps(REGULAR["counted"], None, stated_clock("±20ppm")).sigma == pytest.approx(2e-5)
 
 
 def test_a_computers_stamps_are_as_uncertain_as_jitter_over_the_length_makes_them() -> None:
@@ -65,10 +77,13 @@ def test_a_rate_that_is_stated_is_as_uncertain_as_it_is_stated_and_as_the_stamps
     assert stated.kind == "stated"
     assert stated.sigma == pytest.approx(np.hypot(0.03 / 99.97, 100.0 / 99.97 - 1.0), rel=1e-6)
     # a crystal is better than that, and is believed
-    assert clock_of_stamps(READ["device"], SampleRate(99.4, 0.1)).kind == "device"
+    assert clock_of_stamps(READ["device"], SampleRate(99.4, 0.1), "device").kind == "device"
+    assert clock_of_stamps(READ["device"], SampleRate(99.4, 0.1)).kind == "stated"
 
 
-@pytest.mark.parametrize("text", ["100±0.1", "100+-0.1", "100 +/- 0.1", " 1e2 ± 1e-1 "])
+@pytest.mark.parametrize(
+    "text", ["100±0.1", "100+-0.1", "100 +/- 0.1", " 1e2 ± 1e-1 ", "100±0.1%", "100 +- 1000 ppm"]
+)
 def test_a_rate_is_read_with_its_uncertainty(text: str) -> None:
     rate = sample_rate(text)
     assert (float(rate), rate.uncertainty, rate.relative) == (100.0, 0.1, pytest.approx(1e-3))
@@ -97,6 +112,20 @@ def test_stamps_that_contradict_a_rate_stated_with_its_uncertainty_are_refused()
         tumble.read_recording(frame, rate="100±0.1")
     assert tumble.read_recording(frame, rate=100.0).clock.kind == "nominal"
     assert tumble.read_recording(frame, rate="99.6±0.2").clock.kind == "stated"
+
+
+@pytest.mark.parametrize(
+    ("name", "said", "kind"),
+    [("time (s)", None, "board"), ("time (s)", "crystal", "trusted"), ("time (s)", "±0.1%", "trusted"),
+     ("gps_time (s)", None, "host"), ("utc (s)", None, "host")],
+)  # fmt: skip
+def test_a_plain_table_has_a_crystal_where_its_column_or_the_user_says_so(
+    name: str, said: str | None, kind: str
+) -> None:
+    columns = _frame(99.5)
+    time = columns.pop("time (s)") + 1e-4 * RNG.uniform(size=3000)
+    clock = tumble.read_recording(pl.DataFrame({name: time, **columns}), rate=said).clock
+    assert clock.kind == kind
 
 
 def test_pieces_of_a_recording_keep_its_clock() -> None:

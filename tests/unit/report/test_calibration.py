@@ -135,11 +135,6 @@ def test_verdict_reasons_and_remarks_are_there(run: dict[str, Any], page: Page) 
         assert sentence.replace("`", "") in plain
 
 
-def test_an_assumed_gravity_is_named_as_what_to_mend(run: dict[str, Any], page: Page) -> None:
-    assumed = run["calibration"].site.gravity_standard_uncertainty > 0.0
-    assert ("Assumed: gravity 9." in page.text) == assumed
-
-
 def test_numbers_of_the_formula_are_the_calibrations(run: dict[str, Any], page: Page) -> None:
     """Nine digits of every entry of the matrix stand in the text."""
     for row in run["calibration"].accelerometer.matrix:

@@ -1,4 +1,4 @@
-"""What nothing in a recording can see, and all gyro scale factors follow: its clock, and the rate of a table.
+"""What nothing in a recording can see, and all scale factors follow: clock, rate of a table, gravity.
 
 Gyros whose scale factors come from angles are as wrong as the clock that their rates were added up by; those that come
 from a table's rates are as wrong as the table. No residual shows either. The joint estimator has both among its
@@ -7,7 +7,9 @@ estimate gets what it depends on afterwards, here: one error that all its gyros 
 
     raw rate = M rate + b:  times too long by a share e  =>  M (1 + e),  b - e M (Earth rate seen at rest)
 
-Accelerometers, non-orthogonalities and terms of raw numbers (asymmetry, g-sensitivity) stay as they are.
+Accelerometers, non-orthogonalities and terms of raw numbers (asymmetry, g-sensitivity) stay as they are. Accelerometers
+are as wrong as the gravity that they were compared with, which is in every covariance from the start
+(`outcome.description`) and is said here.
 """
 
 from __future__ import annotations
@@ -18,13 +20,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tumble.arrays import Series, Vector
-from tumble.calibration.equations.causes import SAMPLE_RATE, TABLE_RATE
+from tumble.calibration.equations.causes import GRAVITY, SAMPLE_RATE, TABLE_RATE
 from tumble.calibration.estimate import Estimate, Unseen, correlation_matrix
 from tumble.calibration.evidence import Budget, coverage_factors
 from tumble.protocol.steps import SpinStep
 
 if TYPE_CHECKING:
     from tumble.calibration.session import Session
+    from tumble.earth import Site
     from tumble.protocol import Protocol
     from tumble.recording.clock import Clock
     from tumble.segmentation import HoldMeans
@@ -32,20 +35,19 @@ if TYPE_CHECKING:
 # From this share of a gyro scale factor's standard uncertainty on its use depends on what cannot be seen; below the
 # second it does not count.
 DECIDES, COUNTS = 0.5, 0.05
-_SCALE = "gyro scale factor"
+_WHOSE = {SAMPLE_RATE: "the clock's", TABLE_RATE: "the table's", GRAVITY: "gravity's"}
 
 
 def _unseen_clock(clock: Clock) -> Unseen:
     """Return what is not known of a recording's clock."""
-    return Unseen(
-        SAMPLE_RATE,
-        clock.sigma,
-        clock.words,
-        # The example is this recording's own rate, with a crystal's 100 ppm.
-        f"give it, as --rate {clock.rate:.4g}±{clock.rate * 1e-4:.1g}"
-        + (", or record the times of a clock" if clock.kind == "nominal" and not clock.counted else ""),
-        clock.rate if clock.kind == "nominal" else None,
-    )
+    # The example is this recording's own rate, with a crystal's 100 ppm.
+    mend = f"give it, as --rate {clock.rate:.4g}±{clock.rate * 1e-4:.1g}"
+    if clock.kind == "board":
+        mend = f"say --rate crystal where a crystal times the board, else {mend}"
+    elif clock.kind == "nominal" and not clock.counted:
+        mend += ", or record the times of a clock"
+    nominal = clock.rate if clock.kind == "nominal" else None
+    return Unseen(SAMPLE_RATE, clock.sigma, clock.words, mend, nominal)
 
 
 def unseen_table(protocol: Protocol) -> Unseen | None:
@@ -95,6 +97,19 @@ def state_unseen(session: Session, estimate: Estimate) -> None:
     for one, share in zip(found, shares, strict=True):
         if one.sigma > 0.0:
             _say(estimate, one, share)
+
+
+def state_gravity(site: Site, estimate: Estimate) -> None:
+    """Say what gravity makes all accelerometer scale factors uncertain by.
+
+    Parameters
+    ----------
+    site : of the recording, the least known one of several.
+    estimate : is told.
+    """
+    because = f"{site.gravity:.6g} m/s² is {site.source}"
+    one = Unseen(GRAVITY, site.gravity_sigma / site.gravity, because, site.mend)
+    _say(estimate, one, _scale_slope(estimate, triad="accelerometer") * one.sigma)
 
 
 def state_rounding(session: Session, estimate: Estimate) -> None:
@@ -239,12 +254,12 @@ def _with_source(budget: Budget, share: Series, grown: Series) -> Budget:
     return replace(budget, shares=shares, statement=statement)
 
 
-def _scale_slope(estimate: Estimate, at_rest: Vector | None = None) -> Series:
-    """Return (parameters,) by how much each moves per share of all gyro scale factors, in its own unit."""
-    slope = np.zeros(len(estimate.parameters))
+def _scale_slope(estimate: Estimate, at_rest: Vector | None = None, triad: str = "gyro") -> Series:
+    """Return (parameters,) by how much each moves per share of all scale factors of a triad, in its own unit."""
+    slope, scale = np.zeros(len(estimate.parameters)), f"{triad} scale factor"
     for at, parameter in enumerate(estimate.parameters):
-        if parameter.name.startswith(_SCALE):
-            slope[at] = parameter.value + (1.0 if parameter.name.startswith(f"{_SCALE} error") else 0.0)
+        if parameter.name.startswith(scale):
+            slope[at] = parameter.value + (1.0 if parameter.name.startswith(f"{scale} error") else 0.0)
         elif at_rest is not None and parameter.name in _BIASES:
             slope[at] = -at_rest[_BIASES.index(parameter.name)]
     return slope
@@ -254,20 +269,17 @@ _BIASES = [f"gyro bias {axis}" for axis in "xyz"]
 
 
 def _say(estimate: Estimate, one: Unseen, share: Series) -> None:
-    """Say what the gyro scale factors stand or fall with: first of all where it decides what they are worth."""
-    at = [k for k, p in enumerate(estimate.parameters) if p.name.startswith(_SCALE)]
+    """Say what a triad's scale factors stand or fall with: first of all where it decides what they are worth."""
+    triad = "accelerometer" if one.source == GRAVITY else "gyro"
+    at = [k for k, p in enumerate(estimate.parameters) if p.name.startswith(f"{triad} scale factor")]
     sigmas = np.array([estimate.parameters[k].standard_uncertainty for k in at])
     part = float(np.max(np.abs(share[at]) / np.maximum(sigmas, 1e-300), initial=0.0))
     if part < COUNTS:
         return
-    decides = part > DECIDES
-    size = f"{100.0 * one.sigma:.2g} %" if one.sigma >= 1e-3 else f"{1e6 * one.sigma:.2g} ppm"
-    what = "the clock" if one.source == SAMPLE_RATE else "the table"
-    said = (
-        f"All gyro scale factors share {what}'s uncertainty, {size} (one sigma), which no residual shows: "
-        f"{one.because}"
-    )
-    if decides:
+    size = f"{100.0 * one.sigma:.2g} %" if one.sigma >= 1e-3 else f"{1e6 * one.sigma:.3g} ppm"
+    said = f"All {triad} scale factors share {_WHOSE[one.source]} uncertainty, {size} (one sigma), "
+    said += f"which no residual shows: {one.because}"
+    if part > DECIDES:
         estimate.say("caution", f"{said}. If you know it better, {one.mend}.")
     else:
         estimate.say("remark", f"{said}.")

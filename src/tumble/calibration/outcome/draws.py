@@ -127,9 +127,9 @@ def _draw_unknowns(outcome: JointOutcome, runs: int, rng: np.random.Generator, s
 
 
 def _draw_gravity(outcome: JointOutcome, runs: int, rng: np.random.Generator) -> Series:
-    """Return (runs,) m/s²: rectangular where gravity was merely assumed, else normal."""
+    """Return (runs,) m/s²: rectangular where gravity was assumed or rounded, else normal."""
     site = outcome.site
-    if site.source.startswith("assumed"):
+    if site.is_evenly_spread:
         half = np.sqrt(3.0) * site.gravity_sigma
         return rng.uniform(site.gravity - half, site.gravity + half, runs)
     return rng.normal(site.gravity, site.gravity_sigma, runs)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import field
+from dataclasses import field, replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -183,18 +183,14 @@ def _table(path: Path, gathered: _Gathered) -> RawTable:
     chosen = [(number, clock, values) for number, clock, form, values in gathered.rows if form == key]
     remarks = _remarks(path, gathered, key, counts)
     columns = list(np.array([values for _, _, values in chosen], dtype=np.float64).T)
-    names = key if isinstance(key, tuple) else None
-    clocks = np.array([clock for _, clock, _ in chosen])
-    if names is not None and not any((role_of(n) or ("",))[0] == "t" for n in names):
-        stamps = _stamps(path, clocks, remarks)
-        if stamps is not None:
-            names, columns = ("t [s]", *names), [stamps, *columns]
-    elif names is None and not _grows(columns[0]):
-        stamps = _stamps(path, clocks, remarks)
-        if stamps is not None:
-            columns = [stamps, *columns]
+    names, stamps = key if isinstance(key, tuple) else None, None
+    if not (_grows(columns[0]) if names is None else any((role_of(n) or ("",))[0] == "t" for n in names)):
+        stamps = _stamps(path, np.array([clock for _, clock, _ in chosen]), remarks)
+    if stamps is not None:
+        columns, names = [stamps, *columns], names and ("t [s]", *names)
     numbers = [number for number, _, _ in chosen]
-    return RawTable(path, names, columns, hash_file(path), remarks, lambda row: f"line {numbers[row]}")
+    made = RawTable(path, names, columns, hash_file(path), remarks, lambda row: f"line {numbers[row]}")
+    return made if stamps is None else replace(made, clock="host")
 
 
 def _in_si(key: _Key) -> bool:

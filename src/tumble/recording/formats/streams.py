@@ -60,7 +60,8 @@ def table_of_samples(
     if samples.temperature is not None:
         names.append("temperature")
         columns.append(samples.temperature)
-    return RawTable(path, tuple(names), columns, source, list(remarks))
+    # Whoever writes streams, a computer, an autopilot or a phone, runs by a crystal.
+    return RawTable(path, tuple(names), columns, source, list(remarks), clock="device")
 
 
 @dataclass(slots=True)

@@ -15,6 +15,7 @@ import numpy.typing as npt
 from tumble.arrays import Matrix, Series, Vectors
 from tumble.counting import counted
 from tumble.files import opened, shown, size_of
+from tumble.recording.clock import Known
 from tumble.recording.recording import Remark, Source
 from tumble.records import dataclass
 
@@ -77,6 +78,7 @@ class RawTable:
     rate : sampling rate in Hz if the file states one.
     judged : whether the units in the names were judged when tumble wrote the file.
     field : the magnetometer's samples where they have stamps of their own; the first column is time then.
+    clock : what the kind of file says of the clock, see `tumble.recording.clock.clock_of_stamps`.
     """
 
     path: Path
@@ -88,6 +90,7 @@ class RawTable:
     rate: float | None = None
     judged: bool = False
     field: FieldStream | None = None
+    clock: Known = None
 
     def __len__(self) -> int:
         return int(self.columns[0].shape[0]) if self.columns else 0
@@ -108,18 +111,12 @@ class RawTable:
 
     def cut(self, start: int, stop: int) -> RawTable:
         """Return rows `start` up to `stop` as a table (views, no copies)."""
-        place = self.place
-        return RawTable(
-            path=self.path,
-            names=self.names,
-            columns=[column[start:stop] for column in self.columns],
-            source=self.source,
-            remarks=self.remarks,
-            place=lambda row: place(row + start),
-            rate=self.rate,
-            judged=self.judged,
-            field=self._field_between(start, stop),
-        )
+
+        def moved(row: int) -> str:
+            return self.place(row + start)
+
+        columns = [column[start:stop] for column in self.columns]
+        return replace(self, columns=columns, place=moved, field=self._field_between(start, stop))
 
 
 def measurable(table: RawTable) -> RawTable:

@@ -23,6 +23,7 @@ from tumble.files import opened
 from tumble.recording.formats import text
 from tumble.recording.formats.table import RawTable
 from tumble.recording.recording import Remark
+from tumble.sample_rates import CRYSTAL, sample_rate
 
 NAME = "Xsens text"
 ENDINGS = (".txt", ".csv")
@@ -81,10 +82,10 @@ def _interpreted(table: RawTable, head: bytes) -> RawTable:
         found["temperature"] = temperature
     rate = table.rate
     if "t [us]" not in found and (match := _RATE.search(head)):
-        rate = float(match.group(1))
+        rate = sample_rate(f"{float(match.group(1))}±{1e6 * CRYSTAL}ppm")
         text_ = f"{table.path.name} has no stamps; its header says {rate:g} Hz."
         table.remarks.append(Remark("found", text_))
-    return replace(table, names=tuple(found), columns=list(found.values()), rate=rate)
+    return replace(table, names=tuple(found), columns=list(found.values()), rate=rate, clock=CRYSTAL)
 
 
 def _clock(columns: dict[str, Series]) -> dict[str, Series]:

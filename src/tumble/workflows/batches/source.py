@@ -16,6 +16,7 @@ from pathlib import Path
 from tumble.errors import UsageError
 from tumble.files import HIDDEN, number_of, read_text, reading, shown, without_password
 from tumble.records import dataclass
+from tumble.sample_rates import stated_clock
 
 MANIFEST = "manifest.csv"
 """In a folder it says what the units are."""
@@ -258,9 +259,9 @@ def _check_head(head: str, manifest: str) -> None:
 
 
 def _check_number(told: dict[str, str], key: str, where: str) -> None:
-    if key in told:
+    if key in told and not (key == "rate" and stated_clock(told[key])):
         try:
-            number_of(told[key])
+            number_of(told[key] if key == "temperature" else told[key].replace("+-", "±").partition("±")[0])
         except ValueError as error:
             units = {"rate": "Hz", "gravity": "m/s²", "temperature": "°C"}[key]
             raise UsageError(f"{where}: {key}: {error}; give {units} without the unit.") from None

@@ -49,10 +49,10 @@ class BatchOptions:
     protocol: str | None = None
     procedure: str | None = None
     site: str | None = None
-    gravity: float | None = None
+    gravity: str | None = None
     columns: str | None = None
     units: str | None = None
-    rate: float | None = None
+    rate: float | str | None = None
     topics: tuple[str, ...] = ()
     prior: str | None = None
     limits: str | None = None
@@ -248,7 +248,7 @@ def _calibrated(task: UnitTask, options: BatchOptions) -> CalibrationRun:
     own_place = "site" in told or "gravity" in told
     place = choose_site(
         told.get("site") if own_place else options.site,
-        float(told["gravity"]) if "gravity" in told else None if own_place else options.gravity,
+        told.get("gravity") if own_place else options.gravity,
     )
     topics = tuple(told["topic"].split(";")) if "topic" in told else options.topics
     return calibrate(
@@ -258,7 +258,7 @@ def _calibrated(task: UnitTask, options: BatchOptions) -> CalibrationRun:
         site=place,
         columns=told.get("columns", options.columns),
         units=told.get("units", options.units),
-        rate=float(told["rate"]) if "rate" in told else options.rate,
+        rate=told.get("rate", options.rate),
         topics=topics or None,
         prior=told.get("prior", options.prior),
         noise=told.get("noise"),

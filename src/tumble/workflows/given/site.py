@@ -8,8 +8,8 @@ from tumble.earth import Site
 from tumble.errors import SiteError, UsageError
 
 
-def choose_site(site: str | None, gravity: float | None) -> Site | None:
-    """Return the site for ``--site LATITUDE[,HEIGHT]`` (degrees, metres) or ``--gravity G`` (m/s²).
+def choose_site(site: str | None, gravity: str | None) -> Site | None:
+    """Return the site for ``--site LATITUDE[,HEIGHT]`` (degrees, metres) or ``--gravity G[±U]`` (m/s²).
 
     None if neither is given.
 
@@ -35,7 +35,7 @@ def choose_site(site: str | None, gravity: float | None) -> Site | None:
     if abs(numbers[0]) > 90.0:
         raise SiteError(f"The latitude {numbers[0]:g} is beyond the poles: give degrees from -90 to 90.")
     place = Site.from_latitude(math.radians(numbers[0]), *numbers[1:])
-    return place if gravity is None else place.with_gravity(gravity)
+    return place if gravity is None else place.with_gravity(Site.from_gravity(gravity))
 
 
 def given_site(site: object) -> Site | None:
@@ -52,7 +52,7 @@ def given_site(site: object) -> Site | None:
         return None
     if isinstance(site, Site):
         if site.latitude is not None:
-            site.with_gravity(site.gravity)
+            site.with_gravity(site)
         return site
     raise UsageError(
         f"site is a {type(site).__name__}: give a tumble.Site, as tumble.Site.from_latitude(math.radians(48.1), 520.0) "

@@ -101,7 +101,7 @@ def planned_place(site: Site | None, ending: str) -> tuple[Site, list[str]]:
     """
     if site is not None:
         return site, []
-    place = Site.from_latitude(math.radians(_DEFAULT_LATITUDE_DEG))
+    place = Site.from_latitude(math.radians(_DEFAULT_LATITUDE_DEG), 0.0)
     return place, [f"No site was given: latitude {_DEFAULT_LATITUDE_DEG:g}° at height 0 {ending}"]
 
 

@@ -177,8 +177,10 @@ def judge_protocol(
 def _planned_clock(protocol: Protocol, rate: str | None) -> float:
     """Return what `calibrate` will take a recording's sample rate to be uncertain by, as a share."""
     from tumble.recording.clock import clock_without_stamps
-    from tumble.sample_rates import sample_rate
+    from tumble.sample_rates import sample_rate, stated_clock
 
+    if (share := stated_clock(rate)) is not None:
+        return share
     stated = protocol.rate if rate is None else sample_rate(rate)
     return clock_without_stamps(1.0 if stated is None else stated).sigma
 

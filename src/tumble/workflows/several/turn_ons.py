@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tumble.calibration.checks.unseen import state_unseen_clock
+from tumble.calibration.checks.unseen import state_gravity, state_unseen_clock
 from tumble.calibration.joint import calibrate
 from tumble.calibration.procedure import find_procedure
 from tumble.calibration.session import Options, Session
@@ -29,7 +29,6 @@ from tumble.workflows.calibrate import (
     find_holds,
     finish_run,
     read_as_told,
-    say_gravity,
 )
 from tumble.workflows.given.notes import Notes, notes_of
 from tumble.workflows.given.prior import known_beforehand
@@ -143,7 +142,7 @@ def calibrate_turn_ons(
     state_unseen_clock(max((s.clock for s in sessions), key=lambda one: one.sigma), several.estimate)
     if knowledge is not None:
         check_prior(sessions, knowledge, several.estimate)
-    say_gravity(sessions, several.estimate)
+    state_gravity(_one_site(sessions), several.estimate)
     several.estimate.say("remark", *left_out_of([s.recording for s in sessions]))
     clock.lap("solving")
     run = _run(sessions, several, imu)

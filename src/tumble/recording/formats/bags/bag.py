@@ -355,7 +355,7 @@ def _bag_table(bag: Bag, wanted: Sequence[str], source: Source) -> RawTable:
     if len(tables) == 1:
         return replace(tables[0], remarks=remarks, field=magnetic)
     columns = [np.concatenate([t.columns[i] for t in tables]) for i in range(len(tables[0].columns))]
-    return RawTable(tables[0].path, tables[0].names, columns, tables[0].source, remarks, field=magnetic)
+    return replace(tables[0], columns=columns, remarks=remarks, field=magnetic)
 
 
 def _read_field(bag: Bag, name: str) -> FieldStream | None:
