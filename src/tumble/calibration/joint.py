@@ -74,7 +74,7 @@ from tumble.calibration.start import (
 from tumble.calibration.terms import TERMS
 from tumble.counting import about
 from tumble.errors import ConvergenceError, ObservabilityError
-from tumble.estimation.balance import Balanced, Noise
+from tumble.estimation.balance import Balanced
 from tumble.estimation.solve import linearise, solve
 from tumble.estimation.unknowns import Unknowns
 from tumble.recording.recording import Recording
@@ -592,9 +592,5 @@ def _determined(
 
     All that was recorded counts: a turn may have been left out for the very term that nothing else shows.
     """
-    trial = replace(
-        task.copy(unknowns_with(plain, names)),
-        noise=Noise(dict(task.noise.added), fresh.noise.copy().factors),
-        taking_part=fresh.copy().taking_part,
-    )
+    trial = _from_before(task, fresh, unknowns_with(plain, names))
     return determined_terms(linearise(trial)[1], trial.unknowns, plain, names)

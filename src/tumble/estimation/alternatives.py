@@ -164,23 +164,15 @@ class _Scores:
             (s - turned @ (gain @ (columns.T @ s))).reshape(places, count), left.reshape(V.shape[0], -1)
         )
 
-    def numbers(self, axes: np.ndarray, share: float) -> _Numbers:
-        """Those of some axes as independent numbers of unit variance."""
+    def numbers(self, axes: np.ndarray, share: float) -> tuple[Series, AnyArray]:
+        """Those of some axes as independent numbers of unit variance, and (numbers, places, axes) what each shows."""
         places, count = self.score.shape
         at = np.concatenate([count * place + axes for place in range(places)])
         values, vectors = np.linalg.eigh(self.covariance[np.ix_(at, at)])
         telling = values > share * max(float(values[-1]), 1e-300)
         root, turned = np.sqrt(values[telling]), vectors[:, telling].T
         shown = (root[:, None] * turned).reshape(-1, places, len(axes))
-        return _Numbers(turned @ self.score.ravel()[at] / root, shown)
-
-
-@dataclass(frozen=True, slots=True)
-class _Numbers:
-    """What is seen: (numbers,) of unit variance, and (numbers, places, axes) what each shows of the amplitudes."""
-
-    seen: Series
-    shown: AnyArray
+        return turned @ self.score.ravel()[at] / root, shown
 
 
 def _scores(task: Adjustable, suspect: Suspect) -> _Scores:
@@ -208,10 +200,10 @@ def _likeliest(scores: _Scores, alternative: Alternative, axes: np.ndarray, trie
     # One axis may wander more than the others.
     alone = [axes[k : k + 1] for k in range(axes.size)] if suspect.apart else [axes]
     each = [scores.numbers(some, suspect.telling) for some in alone]
-    count = min((len(one.seen) for one in each), default=0)
+    count = min((len(seen) for seen, _ in each), default=0)
     if count < LEAST_NUMBERS or not len(shapes):
         return None
-    fits = [_Fits.of(one, shapes, suspect.wanders) for one in each]
+    fits = [_Fits.of(*one, shapes, suspect.wanders) for one in each]
     if suspect.apart:
         of_each = np.concatenate([one.ratio([(0,)]) for one in fits], axis=1)
         ratio = np.stack([of_each[:, some].sum(axis=1) for some in sets], axis=1)
@@ -224,15 +216,14 @@ def _likeliest(scores: _Scores, alternative: Alternative, axes: np.ndarray, trie
     # What chance hardly ever does may be as good as zero of several.
     likeliest = int(np.argmax(np.where(left == np.min(left), ratio, -1.0)))
     at, chosen = (int(k) for k in np.unravel_index(likeliest, left.shape))
-    chances = tried * left.size * max(len(suspect.wanders), 1)
     taken = axes[list(sets[-1] if alternative.all_axes else sets[chosen])]
     size, sigma = np.zeros(suspect.axes), np.zeros(suspect.axes)
     for one, own in zip(fits, alone, strict=True):
         there = np.isin(own, taken)
         size[own[there]], sigma[own[there]] = one.size(at, np.flatnonzero(there))
-    probability = min(1.0, chances * float(left[at, chosen]))
+    chance = tried * left.size * max(len(suspect.wanders), 1) * float(left[at, chosen])
     named = tuple(axes[list(sets[chosen])].tolist())
-    return Found(alternative, at, named, size, sigma, float(ratio[at, chosen]), probability)
+    return Found(alternative, at, named, size, sigma, float(ratio[at, chosen]), min(1.0, chance))
 
 
 @dataclass(frozen=True, slots=True)
@@ -250,15 +241,15 @@ class _Fits:
     shown: Sequence[AnyArray]
 
     @staticmethod
-    def of(numbers: _Numbers, shapes: AnyArray, wanders: Sequence[Square]) -> _Fits:
+    def of(numbers: Series, shows: AnyArray, shapes: AnyArray, wanders: Sequence[Square]) -> _Fits:
         """In the directions of each kind of wander."""
-        columns = np.einsum("cp,npa->cna", shapes, numbers.shown, optimize=True)
+        columns = np.einsum("cp,npa->cna", shapes, shows, optimize=True)
         weights, seen, shown = list[AnyArray](), list[Series](), list[AnyArray]()
-        for wander in wanders or [np.zeros((numbers.shown.shape[1],) * 2)]:
-            spread = np.einsum("npa,pq,mqa->nm", numbers.shown, wander, numbers.shown, optimize=True)
+        for wander in wanders or [np.zeros((shows.shape[1],) * 2)]:
+            spread = np.einsum("npa,pq,mqa->nm", shows, wander, shows, optimize=True)
             values, vectors = np.linalg.eigh(spread / max(float(np.trace(spread)) / len(spread), 1e-300))
             weights.append(1.0 / (1.0 + _SHARES[:, None] * np.maximum(values, 0.0)))
-            seen.append(vectors.T @ numbers.seen)
+            seen.append(vectors.T @ numbers)
             shown.append(vectors.T @ columns)
         return _Fits(weights, seen, shown)
 
@@ -304,15 +295,10 @@ def _explained(weight: AnyArray, seen: Series, shown: AnyArray, sets: Sequence[t
     normal = (weight @ products).reshape(-1, shapes, axes, axes)
     pull = (weight * seen @ shown.reshape(numbers, -1)).reshape(-1, shapes, axes)
     least = SEEN * np.trace(normal, axis1=2, axis2=3)[:, :, None, None] + 1e-150
-    return np.stack([_squares(normal + least * np.eye(axes), pull, of) for of in sets], axis=2)
-
-
-def _squares(normal: AnyArray, pull: AnyArray, axes: tuple[int, ...]) -> AnyArray:
-    """Squares that some axes explain: the first one, and what the others do beyond it."""
-    first, size = axes[0], normal[..., axes[0], axes[0]]
-    squares = np.asarray(pull[..., first] ** 2 / size, dtype=np.float64)
-    if len(axes) == 1:
-        return squares
-    share = normal[..., first] / size[..., None]
-    rest = normal - share[..., :, None] * normal[..., first, None, :]
-    return squares + _squares(rest, pull - share * pull[..., first, None], axes[1:])
+    normal = normal + least * np.eye(axes)
+    made = list[AnyArray]()
+    for of in map(list, sets):
+        by = np.asarray(pull[..., of, None], dtype=np.float64)
+        solved = np.asarray(np.linalg.solve(normal[..., of, :][..., of], by), dtype=np.float64)
+        made.append(np.einsum("kcai,kcai->kc", by, solved))
+    return np.stack(made, axis=2)

@@ -15,7 +15,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 
 from tumble.arrays import Series
-from tumble.errors import ConvergenceError
+from tumble.errors import ConvergenceError, ObservabilityError
 from tumble.estimation.equations import Tests
 from tumble.estimation.solve import TOLERANCE, Adjustable, Settled, solve
 from tumble.records import dataclass
@@ -252,7 +252,7 @@ def _without_chance(task: Balanceable, component: Component, solution: Settled) 
                 break
             if trial.last_step <= NEARLY:
                 return trial
-    except ConvergenceError:
+    except (ConvergenceError, ObservabilityError):
         pass
     back()
     return solution
@@ -260,6 +260,7 @@ def _without_chance(task: Balanceable, component: Component, solution: Settled) 
 
 def _settle(task: Balanceable, solution: Settled, *, robust: bool) -> Settled:
     """Move the variances until each kind's residuals are as large as they say; not `robust`, from a settled one."""
+    back = task.snapshot()
     for number in range(ROUNDS):
         moved = _raise_chains(task, solution)
         noise = task.noise.copy()
@@ -272,12 +273,18 @@ def _settle(task: Balanceable, solution: Settled, *, robust: bool) -> Settled:
                 return solution
             break
         task.noise = noise
-        back, before = task.snapshot(), solution
-        solution = solve(task, once=True)
-        if solution.start_sum > ASTRAY * max(before.square_sum, before.redundancy):
-            # With other weights a whole step may be too far.
+        here, before = task.snapshot(), solution
+        try:
+            solution = solve(task, once=True)
+            astray = solution.start_sum > ASTRAY * max(before.square_sum, before.redundancy)
+        except (ConvergenceError, ObservabilityError):
+            astray = True
+        if astray:
+            # With the weights that it had the last step was too far.
             back()
+            task.noise = noise
             solution = solve(task)
+        back = here
     return solution if solution.last_step <= NEARLY else solve(task, tolerance=NEARLY)
 
 

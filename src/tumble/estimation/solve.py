@@ -116,10 +116,10 @@ ITERATIONS = 100
 DIVERGED = "The joint adjustment diverged: its unknowns left all bounds."
 # A thousandth of a sigma: the step itself is still taken, and the next would be a millionth.
 TOLERANCE, ROUND_OFF = 1e-3, 1e-2
-# An adjustment that goes round in circles is given up: within so many steps the shortest is to lose a tenth.
-PATIENCE, SHORTER = 15, 0.9
 # A square sum may grow by so much and not be worse; a smaller share of a step is no step.
 SLACK, LEAST_SHARE = 0.1, 1e-3
+# A step that undoes so much of the last one belongs to equations that are bent: a share of it leads there.
+GOES_BACK = -0.3
 
 
 @runtime_checkable
@@ -198,22 +198,20 @@ def solve(task: Adjustable, *, once: bool = False, tolerance: float = TOLERANCE)
     Gauss-Newton. A step after which the square sum is larger, or nothing is determined any more, is taken back, and a
     quarter of it is tried; the share grows again with each step that is good.
     """
-    before, share, last = np.inf, 1.0, _Step(np.inf, None)
-    shortest, since, iteration = np.inf, 0, 0
+    before, share, last = np.inf, 1.0, _Step(np.inf)
     for iteration in range(1, ITERATIONS + 1):
         made = _equations(task, final=last.back is None or share <= LEAST_SHARE)
         if last.back is not None and share > LEAST_SHARE and (made is None or last.is_bad(made.cost)):
             last.back()
-            share, last = 0.25 * share, _Step(np.inf, None)
+            share, last = 0.25 * share, _Step(np.inf)
             continue
         assert made is not None
         step = -made.cofactor @ made.gradient
         if not np.all(np.isfinite(step)):
             raise ConvergenceError(DIVERGED)
-        size = longest(step, made.cofactor)
-        shortest, since = (size, iteration) if size < SHORTER * shortest else (shortest, since)
-        if iteration - since > PATIENCE:
-            break
+        sigmas = step / np.sqrt(np.diag(made.cofactor))
+        size = float(np.max(np.abs(sigmas), initial=0.0))
+        share = last.share_after(sigmas, share)
         taken = 1.0 if once or size <= ROUND_OFF else share
         back = None if once else task.snapshot()
         here = np.maximum(np.abs(task.unknowns.values[task.unknowns.free]), 1.0)
@@ -225,9 +223,9 @@ def solve(task: Adjustable, *, once: bool = False, tolerance: float = TOLERANCE)
         if done:
             return _settled(task, made, iteration, size)
         # What is believed may have changed with the step: then the square sum says nothing of it.
-        last = _Step(np.inf if changed else made.cost, back)
+        last = _Step(np.inf if changed else made.cost, back, sigmas, taken)
         before, share = size, min(1.0, 2.0 * share)
-    raise ConvergenceError(f"The joint adjustment did not settle within {iteration} iterations.")
+    raise ConvergenceError(f"The joint adjustment did not settle within {ITERATIONS} iterations.")
 
 
 @dataclass(frozen=True, slots=True)
@@ -257,10 +255,19 @@ def _equations(task: Adjustable, *, final: bool) -> _Made | None:
 
 @dataclass(frozen=True, slots=True)
 class _Step:
-    """The square sum before a step, and the way back."""
+    """A step: the square sum before it, the way back, its parts in sigmas as it was whole, and what share was taken."""
 
     cost: float
-    back: Callable[[], None] | None
+    back: Callable[[], None] | None = None
+    sigmas: Series | None = None
+    taken: float = 1.0
+
+    def share_after(self, sigmas: Series, share: float) -> float:
+        """What share to take of the next one: less where it goes back, for then the last one was too long by that."""
+        if self.sigmas is None:
+            return share
+        ahead = float(sigmas @ self.sigmas) / max(float(self.sigmas @ self.sigmas), 1e-300)
+        return min(share, self.taken / (1.0 - ahead)) if ahead < GOES_BACK else share
 
     def is_bad(self, cost: float) -> bool:
         """Whether the square sum has grown by more than nothing."""
@@ -274,16 +281,6 @@ def _cost(task: Adjustable, chain: Eliminated) -> float:
         off = task.unknowns.values - task.prior.mean
         cost += float(off @ task.prior.precision @ off)
     return cost
-
-
-def longest(step: Series, covariance: Square) -> float:
-    """Return the longest step in standard uncertainties; 0 of none.
-
-    Parameters
-    ----------
-    step, covariance : (unknowns,), (unknowns, unknowns).
-    """
-    return float(np.max(np.abs(step) / np.sqrt(np.diag(covariance)), initial=0.0))
 
 
 def settled_at(task: Adjustable) -> Settled:

@@ -11,16 +11,6 @@ from tumble.arrays import AnyArray, Series, Square, Vector, inverted
 from tumble.errors import ObservabilityError
 from tumble.estimation.equations import Drift
 
-# Cosines over a rotation in which a bias wanders, at least, a revolution, and at most; what is faster is as good
-# as white. Gravity goes round once a revolution, which is two of them for its cosine; its sine takes many, and what
-# they left out of it would seem free of wander.
-FEWEST_MODES, MODES_A_REVOLUTION, MOST_MODES = 8, 6, 32
-
-
-def mode_count(windows: int, revolutions: float) -> int:
-    """Return how many cosines stand for a wander over so many windows in which a table goes round so often."""
-    return min(max(FEWEST_MODES, int(np.ceil(MODES_A_REVOLUTION * revolutions))), MOST_MODES, windows - 1)
-
 
 def wander_basis(places: Series, count: int) -> tuple[AnyArray, Series]:
     """Return cosines (places, count) over a rotation, and the variance of each one's amplitude by 1/f noise.

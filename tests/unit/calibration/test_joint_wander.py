@@ -10,6 +10,7 @@ import pytest
 
 from tumble.calibration.equations.causes import FORCE_WANDER, RATE_WANDER, SOURCES
 from tumble.calibration.equations.imu_unknowns import imu_unknowns
+from tumble.calibration.equations.observed import mode_count
 from tumble.calibration.outcome.budget import recording_influences
 from tumble.estimation.equations import Drift
 from tumble.estimation.influence import Influences
@@ -17,7 +18,6 @@ from tumble.estimation.solve import solve
 from tumble.estimation.wander import (
     covariance_about_the_mean,
     faster_variance,
-    mode_count,
     shared_wander,
     wander_basis,
 )

@@ -24,13 +24,17 @@ from tumble.calibration.equations.believed_poses import BelievedPoses
 from tumble.calibration.equations.imu_unknowns import force_matrix, gyro_matrix
 from tumble.calibration.equations.turn import HoldsAndTurns, window_directions
 from tumble.estimation.unknowns import Unknowns
-from tumble.estimation.wander import covariance_about_the_mean, mode_count, wander_basis
+from tumble.estimation.wander import covariance_about_the_mean, wander_basis
 from tumble.recording.clock import stamp_jitter
 from tumble.records import dataclass
 from tumble.segmentation.rounding import integral_variance, rounding_of_each, rounding_variance
 
 # The share of a window that the other parts must leave for a middle of its own.
 SMALLEST_MIDDLE = 0.05
+# Cosines over a rotation in which a bias wanders, at least, a revolution, and at most; what is faster is as good
+# as white. Gravity goes round once a revolution, which is two of them for its cosine; its sine takes many, and what
+# they left out of it would seem free of wander.
+FEWEST_MODES, MODES_A_REVOLUTION, MOST_MODES = 8, 6, 32
 
 
 @dataclass(slots=True)
@@ -326,6 +330,11 @@ def _modes(base: HoldsAndTurns, windows: int, seconds: float, rate: float) -> in
     if not (np.any(base.force_floor > 0.0) or np.any(base.rate_floor > 0.0)):
         return 0
     return mode_count(windows, seconds * rate / (2.0 * np.pi))
+
+
+def mode_count(windows: int, revolutions: float) -> int:
+    """Return how many cosines stand for a wander over so many windows in which a table goes round so often."""
+    return min(max(FEWEST_MODES, int(np.ceil(MODES_A_REVOLUTION * revolutions))), MOST_MODES, windows - 1)
 
 
 def with_rounding(base: HoldsAndTurns, rotations: list[TableRotation]) -> HoldsAndTurns:
