@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tumble.calibration import Estimate
-from tumble.calibration.estimate import NamedValue, TermTest, said_of
+from tumble.calibration.estimate import NamedValue, Said, TermTest
 from tumble.calibration.evidence import Holds, Turns
 from tumble.calibration.outcome.description import canonical_names
 from tumble.document import Calibration, calibration_from_estimate, read_calibration
@@ -93,7 +93,7 @@ def estimate_of(numbers: list[float], *, terms: frozenset[str], counts: bool) ->
             Turns(np.array([1e-3, np.nan]), np.array([1e-3, np.nan]), np.array([1.0, 0.0])),
         ],
         terms=[TermTest("g_sensitivity", True, 9.0, 9, 1e-9, 0.01, "+9 sigma")],
-        said=said_of(not_determined=["nothing"]),
+        said=[Said("not determined", "nothing")],
     )
 
 

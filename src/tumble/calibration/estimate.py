@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import field
 from typing import Literal, NamedTuple, TypeAlias, TypeVar
 
@@ -31,28 +30,6 @@ class Said:
 
     kind: Kind
     text: str
-
-
-def said_of(
-    *,
-    remarks: Iterable[str] = (),
-    cautions: Iterable[str] = (),
-    objections: Iterable[str] = (),
-    not_determined: Iterable[str] = (),
-) -> list[Said]:
-    """Return sentences of each kind as one list, in the order of each.
-
-    Parameters
-    ----------
-    remarks, cautions, objections, not_determined : sentences.
-    """
-    kinds: tuple[tuple[Kind, Iterable[str]], ...] = (
-        ("remark", remarks),
-        ("caution", cautions),
-        ("objection", objections),
-        ("not determined", not_determined),
-    )
-    return [Said(kind, text) for kind, texts in kinds for text in texts]
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,11 +92,10 @@ class OverTemperature:
     Attributes
     ----------
     model : what is added to it.
-    names, covariance : of its parameters (`ThermalModel.names`) and (n, n).
+    covariance : (n, n) of its parameters (`ThermalModel.names`).
     """
 
     model: ThermalModel
-    names: list[str]
     covariance: Table
 
 

@@ -22,28 +22,13 @@ from tumble.units import angular_rate_factor, specific_force_factor
 # Start of a component's name: its ceiling, a factor to the unit shown, that unit, what to do. Phones' accelerometers
 # wander by 0.3 mg and drift by 0.5 mg/K, their gyros by 0.01 °/s and by 0.03 (°/s)/K: 2 mg and 0.2 °/s are three to
 # five kelvin. A table is levelled to 0.1° with a bubble.
+_MOVED = "look for holds in which the unit moved, and for a wrong range or unit"
+_WENT_WRONG = "look for holds or turns that went wrong, and for lost samples"
+_LEVEL, _TABLE = "level the table, and fasten the unit", "table's axis against the vertical"
 _CEILINGS = (
-    (
-        "accelerometer bias",
-        0.02,
-        1e3,
-        "mm/s²",
-        "look for holds in which the unit moved, and for a wrong range or unit",
-    ),
-    (
-        "gyro bias",
-        np.radians(0.2),
-        np.degrees(1.0),
-        "°/s",
-        "look for holds or turns that went wrong, and for lost samples",
-    ),
-    (
-        "table's axis against the vertical",
-        np.radians(0.3),
-        np.degrees(1.0),
-        "°",
-        "level the table, and fasten the unit",
-    ),
+    ("accelerometer bias", 0.02, 1e3, "mm/s²", _MOVED),
+    ("gyro bias", np.radians(0.2), np.degrees(1.0), "°/s", _WENT_WRONG),
+    (_TABLE, np.radians(0.3), np.degrees(1.0), "°", _LEVEL),
 )
 
 

@@ -131,7 +131,7 @@ def _refuse_unsound(estimate: Estimate) -> None:
     for named in estimate.parameters:
         fault = fault or not_finite(named.name, np.array([named.value, named.standard_uncertainty]))
     if estimate.thermal is not None:
-        fault = fault or covariance_fault(estimate.thermal.covariance, estimate.thermal.names)
+        fault = fault or covariance_fault(estimate.thermal.covariance, estimate.thermal.model.names)
     if fault:
         raise ConvergenceError(
             f"The adjustment came to no usable numbers: {fault}. What was recorded determines too "
@@ -154,7 +154,7 @@ def _thermal(estimate: Estimate) -> ThermalBlock | None:
     """Return the block of what changes with temperature, None where nothing was modelled."""
     if estimate.thermal is None:
         return None
-    return thermal_block(estimate.thermal.model, estimate.thermal.names, estimate.thermal.covariance)
+    return thermal_block(estimate.thermal.model, estimate.thermal.model.names, estimate.thermal.covariance)
 
 
 def _factors(estimate: Estimate) -> list[float | None]:

@@ -13,9 +13,9 @@ from tumble.calibration.estimate import (
     Estimate,
     Figures,
     NamedValue,
+    Said,
     correlation_matrix,
     coverage_factor,
-    said_of,
 )
 from tumble.records import dataclass
 from tumble.sensor import ImuModel, Triad, propagate
@@ -93,7 +93,8 @@ def estimate_of_triads(
     assert first is not None
     factor = coverage_factor(first.redundancy) if first.redundancy else 1.96
     figures = Figures(first.sigma0, first.sigma0, first.redundancy, factor, 0.0, {})
-    return Estimate(method, *described, *figures, said=said_of(not_determined=not_determined), frame=frame)
+    said = [Said("not determined", text) for text in not_determined]
+    return Estimate(method, *described, *figures, said=said, frame=frame)
 
 
 def _triad(found: FoundTriad | None) -> Triad | None:

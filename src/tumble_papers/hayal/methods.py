@@ -76,8 +76,7 @@ def estimate_six_position(session: Session, *, whole: bool) -> Estimate:
     true = session.site.gravity * up_b  # 2.9
     force = _solve(shown[holds], covariance[holds], true, None if whole else faces)
     gyro, missing = _gyro_in_poses(session, poses, up_b, faces, whole=whole)
-    if not whole:
-        missing.append("The misalignments: the sensing axes are taken as the fixture's.")
+    missing += [] if whole else ["The misalignments: the sensing axes are taken as the fixture's."]
     name = "improved-six-position" if whole else "six-position"
     return estimate_of_triads(name, _units(session), "fixture", force, gyro, missing)
 

@@ -22,7 +22,7 @@ from scipy.linalg import block_diag
 from tumble.arrays import AnyArray, Matrix, Series, Square, Vectors, inverted
 from tumble.attitude import matrix_from_rotation_vector
 from tumble.attitude.directions import twenty_six_directions
-from tumble.calibration.estimate import Estimate, said_of
+from tumble.calibration.estimate import Estimate, Said
 from tumble.calibration.procedure import Estimator
 from tumble.calibration.session import Session
 from tumble.earth import EARTH_RATE
@@ -41,9 +41,10 @@ from tumble_papers.zhang.separate_norms import (
 )
 
 ROTATION_SIGMA = 0.01  # rad: by which assembly turns the triads against one another
-NO_ROTATION = (
+NO_ROTATION = Said(
+    "not determined",
     "The rotation between the triads is not determined: it is taken for none, with a standard uncertainty of "
-    f"{1e3 * ROTATION_SIGMA:g} mrad about each axis."
+    f"{1e3 * ROTATION_SIGMA:g} mrad about each axis.",
 )
 # The least sine of an axis' angle to the vertical: below 6 degrees gravity shows less than a tenth of itself.
 SMALLEST_SINE = 0.1
@@ -240,8 +241,7 @@ def calibrate_zhang(
         )
     if not inter_triad:
         noise = block_diag(noise, ROTATION_SIGMA**2 * np.eye(3))
-    said = said_of(not_determined=[] if inter_triad else [NO_ROTATION])
-    return carried_estimate(name, session, method, noise, said=said)
+    return carried_estimate(name, session, method, noise, said=() if inter_triad else (NO_ROTATION,))
 
 
 _METHODS = (

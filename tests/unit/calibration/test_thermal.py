@@ -146,7 +146,7 @@ def test_a_sweep_tells_lag_and_hysteresis(swept: Estimate) -> None:
     assert evidence.kind == "ramp"
     lag = next(p for p in estimate.parameters if p.name.startswith("thermal lag"))
     assert abs(evidence.lag - 40.0) < 4.0 * lag.standard_uncertainty < 40.0
-    sigma = dict(zip(told.names, np.sqrt(np.diag(told.covariance)), strict=True))
+    sigma = dict(zip(told.model.names, np.sqrt(np.diag(told.covariance)), strict=True))
     for axis, true in enumerate(unit().hysteresis["gyroscope.bias"]):
         error = told.model.hysteresis["gyroscope.bias"][axis] - true
         assert abs(error) < 4.5 * sigma[f"gyroscope.bias.hysteresis[{axis}]"]

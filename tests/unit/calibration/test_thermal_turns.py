@@ -62,7 +62,7 @@ def test_scale_misalignment_and_rotation_are_recovered_within_their_uncertaintie
     error = found.reference.gyroscope.matrix - replace(unit().reference).gyroscope.matrix  # type: ignore[union-attr]
     # 18 numbers of one seed: one beyond 4.5 sigmas happens in 10 000 seeds.
     assert np.all(np.abs(error) < 4.5 * own)
-    thermal = dict(zip(told.names, np.sqrt(np.diag(told.covariance)), strict=True))
+    thermal = dict(zip(told.model.names, np.sqrt(np.diag(told.covariance)), strict=True))
     own = np.array(
         [[thermal[f"gyroscope.matrix.temperature[0,{i},{j}]"] for j in range(3)] for i in range(3)]
     )

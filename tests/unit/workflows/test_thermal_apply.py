@@ -81,7 +81,7 @@ def document_of(model: ThermalModel | ImuModel, recording: Recording) -> Calibra
         evidence=[Holds(np.zeros(3), np.ones(3))],
     )
     if isinstance(model, ThermalModel):
-        estimate.thermal = OverTemperature(model, model.names, 1e-8 * np.eye(len(model.names)))
+        estimate.thermal = OverTemperature(model, 1e-8 * np.eye(len(model.names)))
     document = calibration_from_estimate(estimate, recording, SITE)
     return document.model_copy(update={"recordings": [RecordingName(name="another", sha256="0" * 64)]})
 

@@ -154,15 +154,15 @@ def g_sensitivity(u: Unknowns) -> Matrix:
 
 
 @dataclass(frozen=True, slots=True)
-class RawForce:
-    """Raw output of the accelerometers: (rows, 3), by the true force (rows, 3, 3), by blocks (rows, 3, block)."""
+class RawOutput:
+    """Raw output of a triad: (rows, 3), by the true force or rate (rows, 3, 3), by blocks (rows, 3, block)."""
 
     value: Vectors
     by_true: AnyArray
     by_blocks: dict[str, AnyArray]
 
 
-def raw_force(u: Unknowns, true: Vectors, apart: AnyArray | None = None) -> RawForce:
+def raw_force(u: Unknowns, true: Vectors, apart: AnyArray | None = None) -> RawOutput:
     """Return what the accelerometers show for a specific force in b, with derivatives.
 
     Parameters
@@ -185,19 +185,10 @@ def raw_force(u: Unknowns, true: Vectors, apart: AnyArray | None = None) -> RawF
         "force.angle": turned[:, :, 3:],
         **by_curves,
     }
-    return RawForce(bent + u["force.bias"], slope[:, :, None] * matrix, blocks)
+    return RawOutput(bent + u["force.bias"], slope[:, :, None] * matrix, blocks)
 
 
-@dataclass(frozen=True, slots=True)
-class RawRate:
-    """Raw output of the gyros: (rows, 3), by the true rate (rows, 3, 3), by blocks (rows, 3, block)."""
-
-    value: Vectors
-    by_true: AnyArray
-    by_blocks: dict[str, AnyArray]
-
-
-def raw_rate(u: Unknowns, true: Vectors, force: Vectors) -> RawRate:
+def raw_rate(u: Unknowns, true: Vectors, force: Vectors) -> RawOutput:
     """Return what the gyros show for an angular rate in b while a specific force acts.
 
     Parameters
@@ -214,7 +205,7 @@ def raw_rate(u: Unknowns, true: Vectors, force: Vectors) -> RawRate:
     if u.is_free("gyro.g_sensitivity"):
         blocks["gyro.g_sensitivity"] = _rows(np.broadcast_to(force[:, None, :], (len(true), 3, 3)))
     value = bent + force @ g_sensitivity(u).T + u["gyro.bias"]
-    return RawRate(value, slope[:, :, None] * gyro_matrix(u), blocks)
+    return RawOutput(value, slope[:, :, None] * gyro_matrix(u), blocks)
 
 
 def _bent(u: Unknowns, kind: str, own: Vectors) -> tuple[Vectors, Vectors, dict[str, AnyArray]]:

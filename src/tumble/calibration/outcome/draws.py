@@ -33,7 +33,6 @@ from tumble.calibration.outcome.description import gravity_slope
 from tumble.counting import counted
 from tumble.errors import ConvergenceError, UsageError
 from tumble.estimation.solve import solve
-from tumble.records import dataclass
 
 if TYPE_CHECKING:
     from tumble.calibration.estimate import Estimate
@@ -43,12 +42,6 @@ if TYPE_CHECKING:
 SECONDS, READJUSTED = 20.0, 200
 COVERAGE = 0.95
 BLOCKS = 10
-
-
-@dataclass(frozen=True, slots=True)
-class _Readjusted:
-    unknowns: Table
-    why_none: str
 
 
 def draw_distributions(
@@ -84,24 +77,24 @@ def draw_distributions(
         )
     named = NamedParameters.of(outcome, [p.name for p in estimate.parameters])
     progress("distributions")
-    drawn = _parameters(named, _draw_unknowns(outcome, runs, rng, residual_scale(estimate)))
+    unknowns = _draw_unknowns(outcome, runs, rng, residual_scale(estimate))
+    drawn = np.array([named.at(one) for one in counted(unknowns, runs)])
     low, high = shortest_intervals(drawn, COVERAGE)
     values = np.array([p.value for p in estimate.parameters])
     sigma = np.array([p.standard_uncertainty for p in estimate.parameters])
     expanded = coverage_factors(told.effective_degrees) * sigma
     tolerance = numerical_tolerance(sigma)
     off = np.maximum(np.abs(values - expanded - low), np.abs(values + expanded - high))
-    again = _readjusted(outcome, rng, progress)
-    ratio = _spread_ratio(again.unknowns, outcome, named)
+    again, why_none = _readjusted(outcome, rng, progress)
     told.drawn = DrawnDistributions(
         runs=runs,
         intervals=np.column_stack([low, high]),
         off=off,
         spread=_spread_of_ends(drawn),
         tolerance=tolerance,
-        readjusted=len(again.unknowns),
-        readjusted_ratio=ratio,
-        why_not_readjusted=again.why_none,
+        readjusted=len(again),
+        readjusted_ratio=_spread_ratio(again, outcome, named),
+        why_not_readjusted=why_none,
     )
     estimate.say("remark", told.drawn.words())
 
@@ -138,13 +131,6 @@ def _draw_gravity(outcome: JointOutcome, runs: int, rng: np.random.Generator) ->
 def _root(share: Square) -> Square:
     values, vectors = np.linalg.eigh(0.5 * (share + share.T))
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)), dtype=np.float64)
-
-
-def _parameters(named: NamedParameters, unknowns: Table) -> Table:
-    made = np.zeros((len(unknowns), len(named.slope)))
-    for run, drawn in enumerate(counted(unknowns, len(unknowns))):
-        made[run] = named.at(drawn)
-    return made
 
 
 def shortest_intervals(drawn: Table, coverage: float) -> tuple[Series, Series]:
@@ -185,11 +171,11 @@ def numerical_tolerance(sigma: Series) -> Series:
 
 def _readjusted(
     outcome: JointOutcome, rng: np.random.Generator, progress: Callable[[str], None]
-) -> _Readjusted:
+) -> tuple[Table, str]:
+    """Unknowns (adjustments, unknowns) of observations drawn anew, and why there are no more."""
     size = outcome.values.size
-    none = np.zeros((0, size))
     if outcome.data.rotations or outcome.data.poses is not None:
-        return _Readjusted(none, "a table's rotations and believed poses are not drawn anew")
+        return np.zeros((0, size)), ("a table's rotations and believed poses are not drawn anew")
     made: list[Series] = []
     start = time.perf_counter()
     while len(made) < READJUSTED and time.perf_counter() - start < SECONDS:
@@ -197,11 +183,11 @@ def _readjusted(
         try:
             solve(task)
         except ConvergenceError:
-            return _Readjusted(np.array(made).reshape(-1, size), "an adjustment did not settle")
+            return np.array(made).reshape(-1, size), "an adjustment did not settle"
         made.append(task.unknowns.values)
         if len(made) % 20 == 0:
             progress(f"distributions: {len(made)} full adjustments")
-    return _Readjusted(np.array(made).reshape(-1, size), "")
+    return np.array(made).reshape(-1, size), ""
 
 
 def redrawn(settled: JointAdjustment, rng: np.random.Generator) -> JointAdjustment:

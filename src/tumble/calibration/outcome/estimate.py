@@ -38,7 +38,6 @@ from tumble.calibration.estimate import (
     NamedValue,
     TermTest,
     coverage_factor,
-    said_of,
 )
 from tumble.calibration.evidence import Holds, RestlessHold, Spins, Turns
 from tumble.calibration.objections import contradictions
@@ -157,12 +156,6 @@ def joint_estimate(outcome: JointOutcome) -> Estimate:
         *figures,
         left_out=_left_out(outcome.balanced, norms, angles),
         terms=[*outcome.terms],
-        said=said_of(
-            remarks=[*_remarks(outcome, described.parameters, restless)],
-            cautions=[*_of_unchecked_turns(outcome), *_of_clock(outcome), *courses["caution"]],
-            objections=[*contradictions(outcome), *courses["objection"]],
-            not_determined=_not_determined(outcome),
-        ),
         evidence=[
             *([Holds(norms, sigmas, tuple(restless))] if outcome.has_force else []),
             Turns(angles, np.where(np.isfinite(angles), _turn_sigmas(outcome, sizes), np.nan), sizes),
@@ -171,6 +164,10 @@ def joint_estimate(outcome: JointOutcome) -> Estimate:
         frame=outcome.frame,
         lever_arms=_lever_arms(outcome),
     )
+    estimate.say("remark", *_remarks(outcome, described.parameters, restless))
+    estimate.say("caution", *_of_unchecked_turns(outcome), *_of_clock(outcome), *courses["caution"])
+    estimate.say("objection", *contradictions(outcome), *courses["objection"])
+    estimate.say("not determined", *_not_determined(outcome))
     if outcome.untold is None and outcome.has_gyro and outcome.has_force:
         state_uncertainty(estimate, outcome, influences)
     return estimate

@@ -16,7 +16,6 @@ from tumble.calibration.estimate import (
     OverTemperature,
     correlation_matrix,
     coverage_factor,
-    said_of,
 )
 from tumble.calibration.evidence import BiasCurve, Holds, SeparateBias, ThermalCurves
 from tumble.calibration.outcome.description import describe
@@ -120,21 +119,20 @@ def thermal_estimate(found: ThermalOutcome) -> Estimate:
     """Return the estimate that the procedure hands over."""
     solution, evidence = found.solution, thermal_evidence(found)
     norms, sigmas = _norms(found)
-    return Estimate(
+    estimate = Estimate(
         "thermal",
         *_described(found),
         *_figures(found, evidence),
         left_out=_left_out(found),
         terms=[*found.tests],
-        said=said_of(
-            remarks=[*thermal_remarks(found, evidence), *found.coverage.remarks],
-            cautions=found.coverage.cautions,
-            objections=[*_on_untested(evidence), *_on_left_out(found)],
-            not_determined=not_determined_words(found),
-        ),
         evidence=[Holds(norms, sigmas), evidence] if norms.size else [evidence],
-        thermal=OverTemperature(solution.model, solution.model.names, solution.covariance),
+        thermal=OverTemperature(solution.model, solution.covariance),
     )
+    estimate.say("remark", *thermal_remarks(found, evidence), *found.coverage.remarks)
+    estimate.say("caution", *found.coverage.cautions)
+    estimate.say("objection", *_on_untested(evidence), *_on_left_out(found))
+    estimate.say("not determined", *not_determined_words(found))
+    return estimate
 
 
 def _described(found: ThermalOutcome) -> Described:

@@ -15,7 +15,6 @@ from tumble.calibration.estimate import (
     Figures,
     LeftOut,
     coverage_factor,
-    said_of,
 )
 from tumble.calibration.evidence import Holds, Spins, Turns
 from tumble.calibration.outcome.description import describe, named_function
@@ -114,9 +113,11 @@ def several_estimate(outcome: SeveralOutcome, alone: Sequence[Estimate], site: S
         all_told=True,
     )
     arms = lever_arms_of(values[LAYOUT["lever_arms"]], outcome.kept, np.eye(3))
-    estimate = _joined(outcome, alone, parts, described, arms)
-    own = said_of(remarks=turn_on_sentences(turn_ons), cautions=turn_on_cautions(turn_ons))
-    estimate.said = [*own, *estimate.said]
+    estimate = _joined(outcome, parts, described, arms)
+    estimate.say("remark", *turn_on_sentences(turn_ons), *_said(outcome, [own.remarks for own in alone]))
+    estimate.say("caution", *turn_on_cautions(turn_ons))
+    estimate.say("objection", *_said(outcome, [own.objections for own in alone]))
+    estimate.say("not determined", *_in_all([own.not_determined for own in alone]))
     estimate.show(turn_ons)
     factors = {b.parameter: b.coverage_factor for b in turn_ons.biases}
     each = [factors.get(p.name, estimate.coverage_factor) for p in estimate.parameters]
@@ -215,7 +216,6 @@ def _enlargement(unit: UnitAdjustment, named: _Named, agreements: Sequence[Agree
 
 def _joined(
     outcome: SeveralOutcome,
-    alone: Sequence[Estimate],
     parts: Sequence[Estimate],
     described: Described,
     arms: Matrix | None,
@@ -244,11 +244,6 @@ def _joined(
         *figures,
         left_out=_left_out(outcome, parts),
         terms=[*outcome.terms],
-        said=said_of(
-            remarks=_said(outcome, [own.remarks for own in alone]),
-            objections=_said(outcome, [own.objections for own in alone]),
-            not_determined=_in_all([own.not_determined for own in alone]),
-        ),
         evidence=[
             Holds(every("holds", "norms"), every("holds", "sigmas")),
             Turns(every("turns", "angles"), every("turns", "sigmas"), every("turns", "sizes")),
