@@ -15,7 +15,9 @@ from tests.unit.report.test_calibration import Page as ReadPage
 
 from tumble.calibration.estimate import Beside, LeftOut
 from tumble.calibration.evidence import (
+    Agreement,
     BiasCurve,
+    BiasScatter,
     Budget,
     Candidate,
     Detectable,
@@ -23,10 +25,12 @@ from tumble.calibration.evidence import (
     GlobalTest,
     Holds,
     ModelChoice,
+    RecordingOfUnit,
     RestlessHold,
     SeparateBias,
     Spins,
     ThermalCurves,
+    TurnOns,
     Turns,
     UncertaintyStatement,
 )
@@ -37,7 +41,6 @@ from tumble.calibration.magnetometer.estimate import (
     magnetometer_alone,
 )
 from tumble.calibration.magnetometer.verdict import judge_magnetometer
-from tumble.calibration.turn_ons.biases import Agreement, BiasScatter, RecordingOfUnit, TurnOns
 from tumble.document.magnetometer_block import magnetometer_block
 from tumble.document.turn_ons_block import turn_ons_block
 from tumble.earth import Site

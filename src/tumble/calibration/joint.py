@@ -19,16 +19,6 @@ from dataclasses import replace
 import numpy as np
 
 from tumble.arrays import Matrix, Series, inverted
-from tumble.calibration.checks.observability import (
-    TriadSheet,
-    Untold,
-    angle_prior,
-    find_untold,
-    name_plate_prior,
-    sheets_prior,
-    together,
-    triad_sheets,
-)
 from tumble.calibration.checks.triad_agreement import add_time_lag
 from tumble.calibration.checks.unseen import add_common_scale, rest_rate
 from tumble.calibration.equations.adjustment import JointAdjustment, balance_recording, solve_recording
@@ -61,6 +51,16 @@ from tumble.calibration.optional_terms import (
     worse_predicted,
 )
 from tumble.calibration.outcome.estimate import JointOutcome, joint_estimate
+from tumble.calibration.prior import (
+    TriadSheet,
+    Untold,
+    angle_prior,
+    find_untold,
+    name_plate_prior,
+    sheets_prior,
+    together,
+    triad_sheets,
+)
 from tumble.calibration.procedure import Procedure, find_procedure
 from tumble.calibration.session import Options, Session
 from tumble.calibration.start import (

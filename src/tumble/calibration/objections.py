@@ -27,8 +27,8 @@ from tumble.estimation.solve import solve
 from tumble.units import specific_force_factor
 
 if TYPE_CHECKING:
-    from tumble.calibration.checks.observability import TriadSheet
     from tumble.calibration.outcome.estimate import JointOutcome
+    from tumble.calibration.prior import TriadSheet
     from tumble.calibration.procedure import Procedure
 
 MISSING = (

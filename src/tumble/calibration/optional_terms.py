@@ -11,13 +11,13 @@ from dataclasses import replace
 import numpy as np
 
 from tumble.arrays import Series, Square, inverted
-from tumble.calibration.checks.observability import TOLD
 from tumble.calibration.checks.snooping import NEEDLESS, wald_test
 from tumble.calibration.checks.triad_agreement import LAG_LIMIT, TERM_FALSE_ALARM
 from tumble.calibration.equations.adjustment import JointAdjustment
 from tumble.calibration.equations.imu_unknowns import LAYOUT, name_plate, term_unknowns
 from tumble.calibration.estimate import TermTest
 from tumble.calibration.outcome.budget import recording_influences
+from tumble.calibration.prior import TOLD
 from tumble.calibration.terms import TERMS
 from tumble.calibration.verdict import two_digits
 from tumble.estimation.balance import Balanced

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from tumble.arrays import Series
-from tumble.calibration.turn_ons.biases import Agreement, BiasScatter, TurnOns
+from tumble.calibration.evidence import Agreement, BiasScatter, TurnOns
 from tumble.document.part import DocumentPart, finite, part_of
 
 Each = list[float | None]

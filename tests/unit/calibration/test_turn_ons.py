@@ -5,13 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tumble.calibration.evidence import RecordingOfUnit, TurnOns, agreement_of, bias_scatter
 from tumble.calibration.turn_ons.adjustment import disagreement
-from tumble.calibration.turn_ons.biases import (
-    RecordingOfUnit,
-    TurnOns,
-    agreement_of,
-    bias_scatter,
-)
 from tumble.calibration.turn_ons.estimate import amount, turn_on_cautions, turn_on_sentences
 
 

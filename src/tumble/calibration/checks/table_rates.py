@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from tumble.arrays import AnyArray, Series
-from tumble.calibration.checks.observability import together
 from tumble.calibration.equations.adjustment import JointAdjustment
 from tumble.calibration.equations.imu_unknowns import LAYOUT
 from tumble.calibration.equations.observed import TableRotation
 from tumble.calibration.equations.rotation_equations import TableRate
+from tumble.calibration.prior import together
 from tumble.estimation.alternatives import Alternative, Found, Suspect, find
 from tumble.estimation.equations import Equations, Linear
 

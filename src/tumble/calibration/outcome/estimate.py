@@ -9,7 +9,6 @@ import numpy as np
 
 from tumble.arrays import Matrix, Series, Square
 from tumble.calibration.checks.bias_course import BiasCourse, find_courses, with_courses
-from tumble.calibration.checks.observability import Untold
 from tumble.calibration.checks.scores import (
     angle_off,
     hold_norm_errors,
@@ -44,7 +43,7 @@ from tumble.calibration.objections import contradictions
 from tumble.calibration.optional_terms import OF_FORCE, implausible_words, untried_words
 from tumble.calibration.outcome.budget import recording_influences, state_uncertainty
 from tumble.calibration.outcome.description import describe, rotation_of_frame
-from tumble.calibration.prior import StableKnowledge
+from tumble.calibration.prior import StableKnowledge, Untold
 from tumble.calibration.terms import TERMS
 from tumble.calibration.terms.lever_arms import lever_arms_of
 from tumble.earth import EARTH_RATE, Site

@@ -17,8 +17,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tumble.arrays import Series, Square, Table, inverted
-from tumble.calibration.checks.observability import TOLD, angle_prior, find_untold, name_plate_prior
-from tumble.calibration.checks.observability import together as both_priors
 from tumble.calibration.equations.adjustment import NODE, JointAdjustment, balance_recording
 from tumble.calibration.equations.imu_unknowns import (
     FORCE_ALONE,
@@ -40,6 +38,8 @@ from tumble.calibration.optional_terms import (
 )
 from tumble.calibration.outcome.budget import recording_influences
 from tumble.calibration.outcome.estimate import JointOutcome
+from tumble.calibration.prior import TOLD, angle_prior, find_untold, name_plate_prior
+from tumble.calibration.prior import together as both_priors
 from tumble.calibration.terms import TERMS
 from tumble.errors import ConvergenceError, ObservabilityError, TumbleError, UsageError
 from tumble.estimation import Prior

@@ -16,7 +16,18 @@ from tumble.calibration.estimate import (
     LeftOut,
     coverage_factor,
 )
-from tumble.calibration.evidence import Holds, Spins, Turns
+from tumble.calibration.evidence import (
+    FALSE_ALARM,
+    Agreement,
+    BiasScatter,
+    Holds,
+    RecordingOfUnit,
+    Spins,
+    TurnOns,
+    Turns,
+    agreement_of,
+    bias_scatter,
+)
 from tumble.calibration.outcome.description import describe, named_function
 from tumble.calibration.outcome.estimate import joint_estimate
 from tumble.calibration.terms.lever_arms import lever_arms_of
@@ -27,15 +38,6 @@ from tumble.calibration.turn_ons.adjustment import (
     disagreement,
     settled_outcome,
     tells,
-)
-from tumble.calibration.turn_ons.biases import (
-    FALSE_ALARM,
-    Agreement,
-    BiasScatter,
-    RecordingOfUnit,
-    TurnOns,
-    agreement_of,
-    bias_scatter,
 )
 from tumble.calibration.verdict import WORST_FORCE_BIAS_SIGMA, two_digits
 from tumble.earth import Site

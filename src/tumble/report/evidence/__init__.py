@@ -6,9 +6,8 @@ from collections.abc import Callable
 from typing import Any
 
 from tumble.calibration.estimate import Beside
-from tumble.calibration.evidence import Budget, Evidence, Holds, Spins, ThermalCurves, Turns
+from tumble.calibration.evidence import Budget, Evidence, Holds, Spins, ThermalCurves, TurnOns, Turns
 from tumble.calibration.magnetometer.estimate import Magnetometer
-from tumble.calibration.turn_ons.biases import TurnOns
 from tumble.report.evidence.beside import beside
 from tumble.report.evidence.budget import budget
 from tumble.report.evidence.holds import holds

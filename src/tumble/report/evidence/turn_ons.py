@@ -18,7 +18,7 @@ from tumble.report.parameters import OPTIONAL, Measure, ParameterRow, parameter_
 from tumble.report.rounding import fixed, with_uncertainty
 
 if TYPE_CHECKING:
-    from tumble.calibration.turn_ons.biases import TurnOns
+    from tumble.calibration.evidence import TurnOns
     from tumble.document.result import Calibration
     from tumble.document.turn_ons_block import BiasBlock, StableBlock, TurnOnsBlock
     from tumble.report.subject import Subject
