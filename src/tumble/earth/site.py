@@ -26,8 +26,8 @@ _UNKNOWN_SITE_SIGMA = (9.832 - 9.780) / math.sqrt(12.0)
 _FLAT, _TERRAIN = 3e-4, 0.5 * 1.119e-6  # m/s², 1/s²
 # Half of mankind lives below 200 m, and nearly all of it below 2,500 m (Cohen and Small, PNAS 95, 1998, 14009): sea
 # level is 0.7 sigma off this, 1,600 m 1.6 and 2,500 m 2.9. Gravity falls by 3.086e-6 m/s² a metre in free air.
-_HEIGHT, _HEIGHT_SIGMA, _FREE_AIR = 500.0, 700.0, 3.086e-6
-_HIGHEST_HOME = 5100.0  # m, La Rinconada
+# The highest town, La Rinconada, is 5,100 m up.
+_HEIGHT, _HEIGHT_SIGMA, _HIGHEST_HOME, _FREE_AIR = 500.0, 700.0, 5100.0, 3.086e-6
 # The largest disturbances on land are some 300 to 400 mGal (EGM2008); 500 is none.
 _LARGEST_DISTURBANCE = 5e-3  # m/s²
 
@@ -40,6 +40,7 @@ _ASSUMED = "assumed: standard gravity, because no site was given"
 _BETTER = {
     _NO_HEIGHT: "give the height too, as --site LATITUDE,HEIGHT in degrees and metres",
     _ASSUMED: "give --site LATITUDE,HEIGHT in degrees and metres",
+    _ROUNDED: "say so, as --gravity 9.80788±0.00002",
 }
 
 
@@ -144,8 +145,8 @@ class Site:
 
     @property
     def mend(self) -> str:
-        """What to say to have gravity known better, as a clause."""
-        return _BETTER.get(self.source, "say so, as --gravity 9.80788±0.00002")
+        """What to say to have gravity known better, as a clause; empty where only a survey would tell."""
+        return _BETTER.get(self.source, "")
 
     @property
     def is_evenly_spread(self) -> bool:

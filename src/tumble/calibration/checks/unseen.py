@@ -279,7 +279,7 @@ def _say(estimate: Estimate, one: Unseen, share: Series) -> None:
     size = f"{100.0 * one.sigma:.2g} %" if one.sigma >= 1e-3 else f"{1e6 * one.sigma:.3g} ppm"
     said = f"All {triad} scale factors share {_WHOSE[one.source]} uncertainty, {size} (one sigma), "
     said += f"which no residual shows: {one.because}"
-    if part > DECIDES:
+    if part > DECIDES and one.mend:
         estimate.say("caution", f"{said}. If you know it better, {one.mend}.")
     else:
         estimate.say("remark", f"{said}.")
