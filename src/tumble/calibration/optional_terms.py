@@ -11,11 +11,10 @@ from dataclasses import replace
 import numpy as np
 
 from tumble.arrays import Series, Square, inverted
-from tumble.calibration.checks.snooping import NEEDLESS, wald_test
 from tumble.calibration.checks.triad_agreement import LAG_LIMIT, TERM_FALSE_ALARM
 from tumble.calibration.equations.adjustment import JointAdjustment
 from tumble.calibration.equations.imu_unknowns import LAYOUT, name_plate, term_unknowns
-from tumble.calibration.estimate import TermTest
+from tumble.calibration.estimate import TermTest, wald_test
 from tumble.calibration.outcome.budget import recording_influences
 from tumble.calibration.prior import TOLD
 from tumble.calibration.terms import TERMS
@@ -25,6 +24,9 @@ from tumble.estimation.solve import linearise
 from tumble.estimation.unknowns import Unknowns
 from tumble.sensor.triad import CURVES
 
+# A term that chance explains so often, tested by one step from the adjustment without it, is needless: the noise was
+# found without it, and is larger by what it would explain.
+NEEDLESS = 0.1
 OF_FORCE = tuple(term.name for term in TERMS.values() if term.shown_by == "force")
 EVERYWHERE = tuple(term.name for term in TERMS.values() if term.shown_by != "table")
 ON_TABLES = tuple(term.name for term in TERMS.values() if term.shown_by == "table")

@@ -6,18 +6,21 @@ does what the rate of temperature does while the unit settles. Neither can be es
 what such units show, in kelvins (or seconds) of the change with temperature that this unit shows itself. The estimate
 stays what it is, and its covariance grows by what it would be wrong by (consider covariance, Schmidt 1966). In too few
 poses a g-sensitivity of the gyros looks like a bias; it goes the same way.
+
+The noise seen inside rests is not all. For each kind of condition a variance is added until its residuals are as large
+as they should be. Before gross errors are gone the robust median of the residuals sets it, so that an outlier cannot
+hide by inflating the noise; afterwards their mean square does.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import field, replace
 from typing import Protocol
 
 import numpy as np
 
 from tumble.arrays import Series, Square
-from tumble.calibration.checks.snooping import balance
 from tumble.calibration.evidence import Candidate
 from tumble.calibration.thermal.conditions import (
     LEAST_WIDTH,
@@ -30,8 +33,8 @@ from tumble.calibration.thermal.points import ThermalPoints
 from tumble.calibration.thermal.wander import TRIADS, Levels, WanderingConditions, find_levels
 from tumble.counting import counted, part
 from tumble.errors import ConvergenceError, ObservabilityError
-from tumble.estimation import Adjustment, Conditions, Prior, adjust
-from tumble.estimation.balance import Outlier
+from tumble.estimation import Adjustment, Conditions, Prior, adjust, snoop_groups
+from tumble.estimation.balance import CHANCE, ROUNDS, SETTLED, Outlier, Screen, gross_errors, noise_ratio
 from tumble.records import dataclass
 from tumble.sensor.thermal import TemperatureBasis
 
@@ -44,7 +47,7 @@ SAME_SOAK = 3.0  # K
 BANDS, NODES = 8, 6
 # Lag and width go in steps of at most so much, until nothing moves by more than this share of its sigma.
 LARGEST_LAG_STEP, LARGEST_WIDTH_STEP = 30.0, 1.5  # s, K
-SETTLED, MOST_STEPS = 0.02, 60
+NOTHING_MOVES, MOST_STEPS = 0.02, 60
 REFUSED = (ObservabilityError, ConvergenceError)
 
 
@@ -194,7 +197,7 @@ def _settled(whitened: WanderingConditions, start: Series, prior: Prior) -> Adju
             moved[at] = max(moved[at], least)
         size = np.abs(moved - values) / np.sqrt(np.diag(adjustment.cofactor))
         values = moved
-        if float(size.max()) < SETTLED:
+        if float(size.max()) < NOTHING_MOVES:
             return adjustment
     raise ConvergenceError(f"Lag and width of the hysteresis did not settle within {MOST_STEPS} steps.")
 
@@ -440,3 +443,93 @@ def with_pull(fit: ThermalFit) -> tuple[ThermalFit, float]:
     covariance, at = fit.covariance.copy(), fit.layout["gb0"]
     covariance[at, at] += sigma**2 * np.eye(3)
     return replace(fit, covariance=covariance), sigma
+
+
+_PASSES = 12
+
+
+Solve = Callable[[dict[str, float], np.ndarray, bool], Adjustment]
+"""Adjusts with extra variances by kind (SI²) and a mask of active conditions.
+
+With the last true a single step from the latest solution is enough: little has changed since.
+"""
+
+
+def balance(
+    solve: Solve, kinds: Mapping[str, slice], active: np.ndarray, *, robust: bool = True
+) -> tuple[Adjustment, list[Outlier]]:
+    """Return an adjustment with variance added where residuals ask for it, and what was left out as no noise.
+
+    Parameters
+    ----------
+    solve : the adjustment; its last call is the one whose result is returned.
+    kinds : the kinds of conditions that may need more variance, and their columns in a group.
+    active : (groups, size) of bool, changed in place: outliers are switched off.
+    robust : look for outliers at all.
+
+    Raises
+    ------
+    ConvergenceError, ObservabilityError
+        From the adjustment.
+    """
+    variances = dict.fromkeys(kinds, 0.0)
+    adjustment = solve(variances, active, False)
+    outliers: list[Outlier] = []
+    for _ in range(_PASSES if robust else 0):
+        adjustment, variances = _settle(solve, kinds, active, adjustment, variances, robust=True)
+        tests = {kind: snoop_groups(adjustment, columns) for kind, columns in kinds.items()}
+        found = gross_errors([Screen(kind) for kind in kinds], tests, outliers)
+        if not found:
+            break
+        for outlier in found:
+            active[outlier.group, kinds[outlier.kind]] = False
+        outliers += found
+        adjustment = solve(variances, active, True)
+    adjustment, variances = _settle(solve, kinds, active, adjustment, variances, robust=False)
+    for kind in kinds:
+        # A component that chance explains is no component: taking every excess for real, and no
+        # deficit, would make the uncertainties too wide on average.
+        if variances[kind] > 0.0:
+            without = {**variances, kind: 0.0}
+            if _explained_by_chance(solve(without, active, True), kinds[kind]):
+                variances = without
+    return solve(variances, active, False), outliers
+
+
+def _settle(
+    solve: Solve,
+    kinds: Mapping[str, slice],
+    active: np.ndarray,
+    adjustment: Adjustment,
+    extra: dict[str, float],
+    *,
+    robust: bool,
+) -> tuple[Adjustment, dict[str, float]]:
+    """Move the extra variances until each kind's residuals are as large as its variance says."""
+    for _ in range(ROUNDS):
+        before = extra
+        for kind, columns in kinds.items():
+            tests = snoop_groups(adjustment, columns)
+            if not np.any(tests.degrees):
+                continue
+            # What the weight is worth: the harmonic mean of the conditions' variances.
+            diagonal = np.diagonal(adjustment.linearisation.covariance, axis1=1, axis2=2)[:, columns]
+            used = diagonal[adjustment.linearisation.active[:, columns]]
+            total = float(used.size / np.sum(1.0 / used))
+            wanted = max(0.0, extra[kind] + (noise_ratio(tests, robust=robust) - 1.0) * total)
+            if abs(wanted - extra[kind]) > SETTLED * total:
+                extra = {**extra, kind: wanted}
+        if extra is before:
+            break
+        adjustment = solve(extra, active, True)
+    return adjustment, extra
+
+
+def _explained_by_chance(adjustment: Adjustment, columns: slice) -> bool:
+    """Return whether the residuals of a kind are no larger than noise makes them in 97.5 % of cases."""
+    from scipy.special import chdtrc
+
+    tests = snoop_groups(adjustment, columns)
+    redundancy = float(tests.redundancy.sum())
+    statistic = noise_ratio(tests, robust=False) * redundancy if np.any(tests.degrees) else 0.0
+    return redundancy < 1.0 or float(chdtrc(redundancy, statistic)) > CHANCE

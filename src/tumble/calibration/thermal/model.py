@@ -21,11 +21,10 @@ from tumble.arrays import AnyArray, Matrices, Series, Square, Table, Vectors, ra
 from tumble.attitude import integrate_turns
 from tumble.attitude.integration import IntegratedTurns, average_at_edge
 from tumble.attitude.rotations import skews
-from tumble.calibration.checks.snooping import wald_test
 from tumble.calibration.equations.gathering import gather
 from tumble.calibration.equations.imu_unknowns import LAYOUT
 from tumble.calibration.equations.turn import HoldsAndTurns, tangent_bases
-from tumble.calibration.estimate import TermTest
+from tumble.calibration.estimate import TermTest, wald_test
 from tumble.calibration.evidence import BiasCurve, Candidate
 from tumble.calibration.outcome.description import model_of
 from tumble.calibration.thermal.conditions import Complex, ThermalLayout

@@ -14,9 +14,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from tumble.calibration.checks.snooping import wald_test
 from tumble.calibration.equations.triad_unknowns import BIAS, SCALE, rough_triad
-from tumble.calibration.estimate import Estimate, TermTest
+from tumble.calibration.estimate import Estimate, TermTest, wald_test
 from tumble.calibration.poses import describe_untold, distinct_poses
 from tumble.calibration.thermal.conditions import LEAST_WIDTH, ThermalTerms, ThermalTest
 from tumble.calibration.thermal.coverage import Coverage, find_coverage, require_time_base

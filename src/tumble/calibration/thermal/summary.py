@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from tumble.arrays import Matrices, Series, Table, Vectors
-from tumble.calibration.checks.snooping import balance
 from tumble.calibration.equations.triad_unknowns import BIAS, SCALE, NormConditions, rough_triad
 from tumble.calibration.estimate import (
     Described,
@@ -20,7 +19,7 @@ from tumble.calibration.estimate import (
 from tumble.calibration.evidence import BiasCurve, Holds, SeparateBias, ThermalCurves
 from tumble.calibration.outcome.description import describe
 from tumble.calibration.thermal.conditions import ThermalTerms
-from tumble.calibration.thermal.fit import LOOP_KELVINS, PULL_FACTOR, RATE_SECONDS, REFUSED, name_of
+from tumble.calibration.thermal.fit import LOOP_KELVINS, PULL_FACTOR, RATE_SECONDS, REFUSED, balance, name_of
 from tumble.calibration.thermal.model import ThermalOutcome, bias_curve
 from tumble.calibration.thermal.wander import wander_variance
 from tumble.estimation import Adjustment, adjust
