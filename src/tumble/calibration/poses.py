@@ -96,7 +96,6 @@ LARGEST_BIAS = 3.0  # m/s²
 WANTED = {
     9: "nine unknowns (bias, scale factor, non-orthogonality)",
     6: "biases and scale factors",
-    3: "biases",
 }
 
 
@@ -105,7 +104,6 @@ def require_poses(
     force_unknowns: Series,
     *,
     has_prior: bool,
-    unknowns: int = 9,
     factor: float | None = None,
 ) -> None:
     """Refuse poses that do not determine the accelerometers, and say what to record instead.
@@ -115,7 +113,6 @@ def require_poses(
     means : (holds, 3) mean raw specific force.
     force_unknowns : (12,) rough unknowns of the accelerometer triad.
     has_prior : the non-orthogonalities are known from an earlier calibration.
-    unknowns : how many are to be estimated from the norms.
     factor : m/s² per raw unit, or None for counts, of which neither zero nor size is known.
 
     Raises
@@ -123,7 +120,7 @@ def require_poses(
     ObservabilityError
         With the number of poses found and needed, or the combination that no pose determines.
     """
-    needed = min(6, unknowns) if has_prior else unknowns
+    needed = 6 if has_prior else 9
     up = _directions(means, force_unknowns, factor)
     held = up[distinct_poses(up)]
     if held.shape[0] < needed:

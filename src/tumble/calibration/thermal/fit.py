@@ -96,12 +96,7 @@ class Weighed(Conditions, Protocol):
 
 
 def balanced(
-    conditions: Weighed,
-    start: Series,
-    kinds: Mapping[str, slice],
-    *,
-    prior: Prior | None = None,
-    robust: bool = True,
+    conditions: Weighed, start: Series, kinds: Mapping[str, slice], prior: Prior | None = None
 ) -> tuple[Adjustment, list[Outlier], float]:
     """Balance conditions from the start values; what was left out, and sigma0 with their own noise alone."""
     values = [start]
@@ -114,7 +109,7 @@ def balanced(
 
     active, none = conditions.active.copy(), dict.fromkeys(conditions.extra, 0.0)
     alone = solve(none, active, False).sigma0
-    adjustment, outliers = balance(solve, kinds, active, robust=robust)
+    adjustment, outliers = balance(solve, kinds, active)
     conditions.active = active
     return adjustment, outliers, alone
 
@@ -158,12 +153,10 @@ def fit_thermal(
     return replace(fit, alone=alone, outliers=outliers)
 
 
-def try_fit(
-    test: ThermalTest, terms: ThermalTerms, *, robust: bool = True, levels: Levels | None = None
-) -> ThermalFit | None:
+def try_fit(test: ThermalTest, terms: ThermalTerms, *, robust: bool = True) -> ThermalFit | None:
     """Return what `fit_thermal` does; None where the points do not tell it, or it does not settle."""
     try:
-        return fit_thermal(test, terms, robust=robust, levels=levels)
+        return fit_thermal(test, terms, robust=robust)
     except REFUSED:
         return None
 
