@@ -112,7 +112,7 @@ RANDOM = "random"
 USUAL = (
     r"cannot be seen|nothing would show it|"
     r"What misplacement does|What the table does|A table whose rates|agrees with how|wrong by 100 ppm"
-    r"|nothing checks them|^Procedure |DataFrame|^The residuals are|readings at rest disagree"
+    r"|which no residual shows|nothing checks them|^Procedure |DataFrame|^The residuals are|readings at rest disagree"
 )
 """Remarks that every recording gets, which name nothing."""
 
