@@ -136,7 +136,7 @@ class OverTemperature:
 
 @dataclass(frozen=True, slots=True)
 class Unseen:
-    """What all gyro scale factors follow, and no residual shows.
+    """What all scale factors of a triad follow, and no residual shows.
 
     Attributes
     ----------
@@ -178,7 +178,7 @@ class Estimate:
         knows the poses, and has the axes of the fixture in them.
     thermal : how the triads change with temperature; None if that was not asked for.
     lever_arms : (3, 3) m in `frame`, where each accelerometer sits; None where they are taken to be at one place.
-    unseen : what all gyro scale factors follow and no residual shows; it is in the covariance.
+    unseen : what all scale factors of a triad follow and no residual shows; it is in the covariance.
     """
 
     procedure: str

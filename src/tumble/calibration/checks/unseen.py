@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from tumble.recording.clock import Clock
     from tumble.segmentation import HoldMeans
 
-# From this share of a gyro scale factor's standard uncertainty on its use depends on what cannot be seen; below the
+# From this share of a scale factor's standard uncertainty on its use depends on what cannot be seen; below the
 # second it does not count.
 DECIDES, COUNTS = 0.5, 0.05
 _WHOSE = {SAMPLE_RATE: "the clock's", TABLE_RATE: "the table's", GRAVITY: "gravity's"}
@@ -86,7 +86,7 @@ def state_unseen(session: Session, estimate: Estimate) -> None:
         return
     clock = _unseen_clock(session.clock)
     table = None if session.protocol is None else unseen_table(session.protocol)
-    within = _within(estimate)
+    within = _within(estimate, clock.sigma)
     if within is not None:
         # Where the recording itself determines the clock, or checks the table, little is left of what was believed.
         found = [one for one in (clock, table) if one is not None and one.source in within]
@@ -174,12 +174,12 @@ def state_unseen_clock(clock: Clock, estimate: Estimate) -> None:
         _say(estimate, one, _scale_slope(estimate) * one.sigma)
 
 
-def _within(estimate: Estimate) -> dict[str, Series] | None:
-    """Shares of what the joint estimator has among its unknowns; None of another estimate."""
+def _within(estimate: Estimate, clock: float) -> dict[str, Series] | None:
+    """Shares of what the joint estimator has in its covariance; None of another estimate."""
     if estimate.procedure != "joint":
         return None
     budget = estimate.shown(Budget)
-    return {SAMPLE_RATE: _scale_slope(estimate)} if budget is None else budget.shares
+    return {SAMPLE_RATE: clock * _scale_slope(estimate)} if budget is None else budget.shares
 
 
 def rest_rate(estimate: Estimate, means: HoldMeans) -> Vector:
