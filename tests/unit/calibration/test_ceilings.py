@@ -38,16 +38,10 @@ def test_a_variance_beyond_all_units_names_the_worst_hold() -> None:
     assert "hold 2" in said[0]
 
 
-def test_a_table_that_leans_by_a_degree_is_objected_to() -> None:
-    said = beyond_ceilings(estimate({"table's axis against the vertical, rad": np.radians(1.0)}, np.zeros(0)))
-    assert "level the table" in said[0]
-
-
 def test_what_a_phone_does_is_none() -> None:
     components = {
         "accelerometer bias from hold to hold, m/s²": 0.005,
         "gyro bias from hold to hold, rad/s": np.radians(0.05),
-        "table's axis against the vertical, rad": np.radians(0.1),
         "direction after a turn, rad": 0.01,
     }
     assert beyond_ceilings(estimate(components, np.array([1e-3]))) == []
