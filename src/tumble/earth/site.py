@@ -37,6 +37,7 @@ _NORMAL = "normal gravity of WGS 84 at the latitude and height given"
 _NO_HEIGHT = "normal gravity of WGS 84 at the latitude given, 500 ± 700 m high because no height was given"
 _ROUNDED = "given, good to half of its last digit"
 _ASSUMED = "assumed: standard gravity, because no site was given"
+_GIVE = "give --gravity in m/s², as 9.81 or 9.80788±0.00002, or --site LATITUDE[,HEIGHT]."
 _BETTER = {
     _NO_HEIGHT: "give the height too, as --site LATITUDE,HEIGHT in degrees and metres",
     _ASSUMED: "give --site LATITUDE,HEIGHT in degrees and metres",
@@ -103,12 +104,10 @@ class Site:
         try:
             value, sigma = stated_number(gravity) if isinstance(gravity, str) else (gravity, sigma)
         except ValueError:
-            value = math.nan
+            raise SiteError(f"Gravity of {gravity!r} is no number, nor one ± another: {_GIVE}") from None
         if not 9.75 <= value <= 9.85:
-            raise SiteError(
-                f"Gravity of {gravity} m/s² is found nowhere on the Earth's surface (9.76 to 9.84): give --gravity in "
-                "m/s², as 9.81 or 9.80788±0.00002, or --site LATITUDE[,HEIGHT]."
-            )
+            nowhere = f"Gravity of {gravity} m/s² is found nowhere on the Earth's surface (9.76 to 9.84)"
+            raise SiteError(f"{nowhere}: {_GIVE}")
         if sigma is None:
             return Site(value, min(rounding(gravity), _UNKNOWN_SITE_SIGMA), source=_ROUNDED)
         return Site(value, sigma)

@@ -79,5 +79,5 @@ def test_a_height_off_the_earth_s_surface_is_refused(height: float) -> None:
 def test_a_gravity_that_no_place_has_is_refused(gravity: float) -> None:
     with pytest.raises(SiteError, match="nowhere on the Earth's surface"):
         Site.from_gravity(gravity)
-    with pytest.raises(SiteError, match=r"9\.80788±0\.00002"):
+    with pytest.raises(SiteError, match=r"is no number.*9\.80788±0\.00002"):
         Site.from_gravity(f"{gravity}±x")

@@ -15,13 +15,14 @@ from tumble.segmentation.rest_wander import RestParts
 
 @dataclass(frozen=True, slots=True)
 class HoldsAndTurns:
-    """What a hand-held recording offers to the adjustment, in raw units.
+    """What holds and the turns between them offer to the adjustment, in raw units.
 
     Attributes
     ----------
     time, raw_force, raw_rate : the samples.
     force_mean, force_covariance : (holds, 3), (holds, 3, 3) hold means.
     rate_mean, rate_covariance : the same of the gyro.
+    hold_samples : (holds,) how many samples each mean is of.
     head, tail : (holds, 2) sample ranges at a hold's start and end, where turns join it.
     turn_start, turn_stop : (holds,) sample range of the turn after hold k, from the last sample of
         its tail to the first of the next head; -1 where there is none that can be used.

@@ -13,7 +13,8 @@ def choose_site(site: str | None, gravity: str | None) -> Site | None:
 
     None if neither is given.
 
-    With both, gravity is the one given and the latitude determines the Earth rate's direction.
+    With both, gravity is the one given, unless latitude and height tell it better than its digits do; see
+    `Site.with_gravity`. The latitude determines the Earth rate's direction.
 
     Raises
     ------
