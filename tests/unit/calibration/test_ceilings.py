@@ -12,20 +12,8 @@ from tumble.sensor import ImuModel
 
 
 def estimate(components: dict[str, float], norms: np.ndarray) -> Estimate:
-    found = Estimate(
-        "hand-held",
-        ImuModel(None, None),
-        [],
-        np.zeros((0, 0)),
-        [],
-        np.zeros((0, 0)),
-        1.0,
-        1.0,
-        9,
-        2.0,
-        1.0,
-        components,
-    )
+    none, model = np.zeros((0, 0)), ImuModel(None, None)
+    found = Estimate("hand-held", model, [], none, [], none, 1.0, 1.0, 9, 2.0, 1.0, components)
     found.show(Holds(norms, np.ones_like(norms)))
     return found
 

@@ -103,7 +103,12 @@ def test_a_prior_that_nothing_checks_is_said_to_be_on_trust_in_the_verdict(tmp_p
         prior=tmp_path / "prior" / "calibration.json",
         output=tmp_path / "result",
     )
-    said = " ".join(run.calibration.verdict.reasons)
-    assert "prior is taken on trust" in said
-    # Its gyros are determined in part, and its clock is exact.
-    assert "clock's uncertainty" not in said
+    assert "prior is taken on trust" in " ".join(run.calibration.verdict.reasons)
+
+
+def test_a_crystal_decides_nothing_of_gyros_that_are_determined_in_part(tmp_path: Path) -> None:
+    """Six faces tell their scale factors to some parts in a thousand, and a crystal keeps 50 in a million."""
+    simulate("six-position", output=tmp_path / "six", seed=5)
+    found = calibrate(protocol=tmp_path / "six", rate="crystal").estimate
+    assert found.not_determined
+    assert "sample rate" not in {one.source for one in found.unseen}
