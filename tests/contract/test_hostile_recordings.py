@@ -20,7 +20,6 @@ from tumble.recording.formats.header import header_names
 from tumble.recording.reading import read_blocks
 
 HEADER = "t,ax,ay,az,gx,gy,gz\n"
-MOST_MEMORY = 300 << 20
 
 
 def rows_of(count: int = 2000) -> np.ndarray:

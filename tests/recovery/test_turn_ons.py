@@ -162,6 +162,15 @@ def test_a_scale_factor_that_changed_is_named_and_its_uncertainty_enlarged() -> 
     assert "recording 3.csv" in several.estimate.cautions[0]
 
 
+def test_gyros_that_fade_in_one_recording_are_said_with_its_name() -> None:
+    recording = turn_on(2).outcome.recording
+    fading = 3e-3 * np.exp(-np.linspace(0.0, 5.0, len(recording)))[:, None]
+    session = Session(replace(recording, angular_rate=recording.angular_rate + fading), None, SITE)
+    warm = Played(jointly(session, optional_terms=False), session.joint, UNIT)
+    cautions = together(turn_on(0), turn_on(1), warm)[1].estimate.cautions
+    assert ["recording 3.csv: The biases of the gyros drift" in said for said in cautions].count(True) == 1
+
+
 def test_another_unit_among_three_is_named_and_left_out_and_of_two_refused() -> None:
     assert UNIT.accelerometer is not None
     skewed = UNIT.accelerometer.matrix + np.array([[0.0, 0.0, 0.0], [0.008, 0.0, 0.0], [0.0, 0.0, 0.0]])

@@ -12,9 +12,8 @@ from tumble.calibration.turn_ons.estimate import amount, turn_on_cautions, turn_
 
 def test_scatter_and_the_next_turn_on_by_hand() -> None:
     """1, 2 and 6 about their mean 3: squares 4 + 1 + 9 over 2 degrees of freedom."""
-    told = bias_scatter(
-        "gyro bias x", "rad/s", np.array([1.0, 2.0, 6.0]), 0.01 * np.eye(3), recordings=3, at=[0, 1, 2]
-    )
+    seen = np.array([1.0, 2.0, 6.0])
+    told = bias_scatter("gyro bias x", "rad/s", seen, 0.01 * np.eye(3), recordings=3, at=[0, 1, 2])
     assert told.mean == pytest.approx(3.0)
     assert told.scatter == pytest.approx(np.sqrt(7.0))
     assert told.measurement == pytest.approx(0.1)
@@ -26,10 +25,8 @@ def test_scatter_and_the_next_turn_on_by_hand() -> None:
 
 
 def test_an_error_that_all_recordings_share_is_in_the_mean_and_not_in_the_scatter() -> None:
-    covariance = 0.04 + 0.01 * np.eye(4)
-    told = bias_scatter(
-        "gyro bias x", "rad/s", np.array([0.1, -0.1, 0.1, -0.1]), covariance, recordings=4, at=range(4)
-    )
+    seen, covariance = np.array([0.1, -0.1, 0.1, -0.1]), 0.04 + 0.01 * np.eye(4)
+    told = bias_scatter("gyro bias x", "rad/s", seen, covariance, recordings=4, at=range(4))
     assert told.measurement == pytest.approx(0.1)
     assert told.mean_sigma == pytest.approx(np.sqrt(0.04 + 0.01 / 4.0))
     assert told.chi_square == pytest.approx(4.0)

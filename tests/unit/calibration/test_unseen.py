@@ -38,17 +38,12 @@ def _hand_held(session: Session) -> Estimate:
 
 
 def _canonical(estimate: Estimate) -> np.ndarray:
-    model = estimate.model
-    parts = {
-        "accelerometer.matrix": model.accelerometer.matrix,
-        "accelerometer.bias": model.accelerometer.bias,
-        "gyroscope.matrix": model.gyroscope.matrix,
-        "gyroscope.bias": model.gyroscope.bias,
-    }
     made: list[float] = []
     for name in estimate.names:
-        term, _, index = name.partition("[")
-        made.append(float(parts[term][tuple(int(k) for k in index[:-1].split(","))]))
+        of, _, index = name.partition("[")
+        triad, _, term = of.partition(".")
+        values = getattr(getattr(estimate.model, triad), term)
+        made.append(float(values[tuple(int(k) for k in index[:-1].split(","))]))
     return np.array(made)
 
 

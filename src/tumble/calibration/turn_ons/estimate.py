@@ -117,7 +117,7 @@ def several_estimate(outcome: SeveralOutcome, alone: Sequence[Estimate], site: S
     arms = lever_arms_of(values[LAYOUT["lever_arms"]], outcome.kept, np.eye(3))
     estimate = _joined(outcome, parts, described, arms)
     estimate.say("remark", *turn_on_sentences(turn_ons), *_said(outcome, [own.remarks for own in alone]))
-    estimate.say("caution", *turn_on_cautions(turn_ons))
+    estimate.say("caution", *turn_on_cautions(turn_ons), *_said(outcome, [own.cautions for own in parts]))
     estimate.say("objection", *_said(outcome, [own.objections for own in alone]))
     estimate.say("not determined", *_in_all([own.not_determined for own in alone]))
     estimate.show(turn_ons)
