@@ -19,7 +19,7 @@ from tumble.protocol import named_protocol
 from tumble.sensor import ImuModel, change_frame
 from tumble.simulation import find_grade, simulate_protocol
 
-SITE = Site.from_latitude(0.8)
+SITE = Site.from_latitude(0.8, 0.0)
 
 
 @cache
