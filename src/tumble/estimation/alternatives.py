@@ -90,7 +90,6 @@ class Found:
     shape : which of its shapes.
     axes : which axes showed it.
     size, sigma : (axes,) raw, and its standard uncertainty by noise and wander; zero on axes that have none.
-    statistic : twice the logarithm by which it is likelier than noise and wander alone.
     probability : that chance shows any of the family, on any axis.
     """
 
@@ -99,7 +98,6 @@ class Found:
     axes: tuple[int, ...]
     size: Series
     sigma: Series
-    statistic: float
     probability: float
 
     @property
@@ -223,7 +221,7 @@ def _likeliest(scores: _Scores, alternative: Alternative, axes: np.ndarray, trie
         size[own[there]], sigma[own[there]] = one.size(at, np.flatnonzero(there))
     chance = tried * left.size * max(len(suspect.wanders), 1) * float(left[at, chosen])
     named = tuple(axes[list(sets[chosen])].tolist())
-    return Found(alternative, at, named, size, sigma, float(ratio[at, chosen]), min(1.0, chance))
+    return Found(alternative, at, named, size, sigma, min(1.0, chance))
 
 
 @dataclass(frozen=True, slots=True)
