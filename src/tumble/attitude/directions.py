@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-from functools import cache
 
 import numpy as np
 
@@ -12,11 +11,6 @@ from tumble.arrays import Vectors
 
 def twenty_six_directions() -> Vectors:
     """Return (26, 3) unit vectors: six faces, then twelve edges, then eight corners (Shin and El-Sheimy)."""
-    return _made_once().copy()
-
-
-@cache
-def _made_once() -> Vectors:
     signs = [np.array(s, dtype=float) for s in itertools.product((1, 0, -1), repeat=3) if any(s)]
     signs.sort(key=lambda s: (np.count_nonzero(s), tuple(-s)))
     return np.array([s / np.linalg.norm(s) for s in signs])

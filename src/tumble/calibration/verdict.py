@@ -362,12 +362,7 @@ def _in_plain_words(estimate: Estimate, recording: Recording) -> list[str]:
     words: list[str] = []
     holds = estimate.holds.norms.size
     rms, noise = _root_mean_square(estimate.holds.norms), _root_mean_square(estimate.holds.sigmas)
-    if estimate.degrees_of_freedom <= 0:
-        what = f"{holds} holds" if holds else f"{estimate.spins.rates.size} spins"
-        words.append(
-            f"{what} for as many unknowns fit whatever they say: nothing checks the result. Record more poses."
-        )
-    if holds and estimate.degrees_of_freedom > 0:
+    if holds:
         counted = f"{holds} {'holds' if estimate.thermal is None else 'stretches of rest'}"
         words.append(
             f"Corrected, {counted} show gravity within {two_digits(1e3 * rms)} mm/s² rms "

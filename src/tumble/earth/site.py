@@ -28,6 +28,8 @@ _FLAT, _TERRAIN = 3e-4, 0.5 * 1.119e-6  # m/s², 1/s²
 # level is 0.7 sigma off this, 1,600 m 1.6 and 2,500 m 2.9. Gravity falls by 3.086e-6 m/s² a metre in free air.
 # The highest town, La Rinconada, is 5,100 m up.
 _HEIGHT, _HEIGHT_SIGMA, _HIGHEST_HOME, _FREE_AIR = 500.0, 700.0, 5100.0, 3.086e-6
+# Standard gravity, also of four decimals, m/s²; sigmas by which rounded digits may differ from the latitude's gravity.
+_LIKE_STANDARD, _APART = 6e-5, 2.0
 # The largest disturbances on land are some 300 to 400 mGal (EGM2008); 500 is none.
 _LARGEST_DISTURBANCE = 5e-3  # m/s²
 
@@ -37,10 +39,12 @@ _NORMAL = "normal gravity of WGS 84 at the latitude and height given"
 _NO_HEIGHT = "normal gravity of WGS 84 at the latitude given, 500 ± 700 m high because no height was given"
 _ROUNDED = "given, good to half of its last digit"
 _ASSUMED = "assumed: standard gravity, because no site was given"
+_STANDARD = "standard gravity, a unit's definition that no place has to all digits"
 _GIVE = "give --gravity in m/s², as 9.81 or 9.80788±0.00002, or --site LATITUDE[,HEIGHT]."
 _BETTER = {
     _NO_HEIGHT: "give the height too, as --site LATITUDE,HEIGHT in degrees and metres",
     _ASSUMED: "give --site LATITUDE,HEIGHT in degrees and metres",
+    _STANDARD: "give that of your place, or --site LATITUDE,HEIGHT in degrees and metres",
     _ROUNDED: "say so, as --gravity 9.80788±0.00002",
 }
 
@@ -94,7 +98,8 @@ class Site:
         """Return a site of which only gravity is known, in m/s², as a number or as a text such as 9.80788±0.00002.
 
         Without `sigma`, its standard uncertainty, gravity is good to half of its last digit, evenly spread: 9.81 is
-        9.81 ± 0.0029. A number has the digits of its shortest decimal text. Exact is what has a sigma of 0.
+        9.81 ± 0.0029, and standard gravity, 9.80665, is as good as none. A number has the digits of its shortest
+        decimal text. Exact is what has a sigma of 0.
 
         Raises
         ------
@@ -106,8 +111,11 @@ class Site:
         except ValueError:
             raise SiteError(f"Gravity of {gravity!r} is no number, nor one ± another: {_GIVE}") from None
         if not 9.75 <= value <= 9.85:
-            nowhere = f"Gravity of {gravity} m/s² is found nowhere on the Earth's surface (9.76 to 9.84)"
-            raise SiteError(f"{nowhere}: {_GIVE}")
+            raise SiteError(
+                f"Gravity of {gravity} m/s² is nowhere on the Earth's surface (9.76 to 9.84): {_GIVE}"
+            )
+        if sigma is None and abs(value - STANDARD_GRAVITY) < _LIKE_STANDARD:
+            return Site(value, _UNKNOWN_SITE_SIGMA, source=_STANDARD)
         if sigma is None:
             return Site(value, min(rounding(gravity), _UNKNOWN_SITE_SIGMA), source=_ROUNDED)
         return Site(value, sigma)
@@ -124,23 +132,22 @@ class Site:
             return given
         heights = (0.0, _HIGHEST_HOME) if self.height is None else (self.height, self.height)
         most, least = (normal_gravity(self.latitude, height) for height in heights)
-        if not least - _LARGEST_DISTURBANCE <= given.gravity <= most + _LARGEST_DISTURBANCE:
+        # Rounded digits are off by root three of their sigma at most.
+        slack = _LARGEST_DISTURBANCE + math.sqrt(3.0) * given.gravity_sigma
+        if not least - slack <= given.gravity <= most + slack:
             raise SiteError(
                 f"Gravity of {given.gravity:g} m/s² contradicts the latitude {math.degrees(self.latitude):g}° and the "
                 f"height, where it is {least:.4f} to {most:.4f} m/s²: give the one that you trust."
             )
-        if given.source == _ROUNDED and self.gravity_sigma < given.gravity_sigma:
+        apart = abs(given.gravity - self.gravity) / math.hypot(given.gravity_sigma, self.gravity_sigma)
+        if given.is_evenly_spread and self.gravity_sigma < given.gravity_sigma and apart < _APART:
             return self
         return replace(given, latitude=self.latitude, height=self.height)
 
     @staticmethod
     def unknown() -> Site:
         """Return the site of a user who did not say: standard gravity, ±0.015 m/s²."""
-        return Site(
-            gravity=STANDARD_GRAVITY,
-            gravity_sigma=_UNKNOWN_SITE_SIGMA,
-            source=_ASSUMED,
-        )
+        return Site(STANDARD_GRAVITY, _UNKNOWN_SITE_SIGMA, source=_ASSUMED)
 
     @property
     def mend(self) -> str:
@@ -150,7 +157,7 @@ class Site:
     @property
     def is_evenly_spread(self) -> bool:
         """Whether gravity is as likely anywhere within limits: that of no known place, or a rounded one."""
-        return self.source in (_ASSUMED, _ROUNDED)
+        return self.source in (_ASSUMED, _STANDARD, _ROUNDED)
 
     @property
     def earth_rate_n(self) -> Vector:

@@ -3,6 +3,7 @@
 Nothing in a recording shows a clock that runs fast: all angles that gyros add up over time, and with them all gyro
 scale factors, are wrong by as much. So what is known of the clock is stated, as a standard uncertainty of its rate:
 
+- *contradicted*: what was stated and the stamps exclude one another; the difference is counted.
 - *stated*: whoever recorded says the rate with its uncertainty (``--rate 100±0.1``).
 - *trusted*: whoever recorded says how good the clock of the stamps is (``--rate crystal``, ``--rate ±50ppm``), or the
   kind of file is of units whose crystal times samples and stamps alike.
@@ -28,7 +29,7 @@ from tumble.arrays import Series
 from tumble.records import dataclass
 from tumble.sample_rates import CRYSTAL, SampleRate
 
-Kind = Literal["exact", "stated", "trusted", "nominal", "device", "host", "board"]
+Kind = Literal["exact", "stated", "trusted", "nominal", "device", "host", "board", "contradicted"]
 Known: TypeAlias = "Kind | float | None"
 
 NOMINAL_TOLERANCE = 0.01
@@ -49,6 +50,8 @@ _ENOUGH = 20_000
 _PIECE = 65_536
 # A stated rate is compared with what stamps say to so many of its sigmas, and to this share.
 AGREES, AGREES_AT_LEAST = 4.0, 1e-4
+# Sigmas of both beyond which neither is believed to more than the two differ by.
+CONTRADICTS = 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +82,7 @@ class Clock:
             "device": f"the stamps are of a device's crystal ({self.rate:.6g} Hz by it)",
             "host": f"the stamps are of a computer's clock ({self.rate:.6g} Hz by it)",
             "trusted": f"the clock of the stamps ({self.rate:.6g} Hz by it) is as good as it is said to be",
+            "contradicted": f"the stamps ({self.rate:.6g} Hz by them) contradict the rate that was stated",
             "board": f"the stamps ({self.rate:.6g} Hz by them) are of a clock that nobody knows, a crystal or an "
             f"oscillator within ± {100.0 * NOMINAL_TOLERANCE:g} %",
         }[self.kind]
@@ -116,15 +120,21 @@ def clock_of_stamps(time: Series, stated: float | None = None, known: Known = No
         what times stamps and samples, as a share.
     """
     rate, jitter, regular = _as_they_lie(time)
+    stated_to = stated.relative if isinstance(stated, SampleRate) else None
     if regular and not isinstance(known, float):
         own = Clock("nominal", rate, NOMINAL, counted=time.size > 2)
     else:
         own = clock_read_off(rate, jitter, float(time[0]), known)
-    if not isinstance(stated, SampleRate) or stated.relative is None:
+    if stated_to is None and own.kind in ("nominal", "board"):
+        stated_to = NOMINAL
+    if stated is None or stated_to is None:
         return own
     # What the stamps are off the stated rate is not taken out of them.
-    sigma = float(np.hypot(stated.relative, own.rate / float(stated) - 1.0))
-    return own if own.sigma < sigma else replace(own, kind="stated", sigma=sigma)
+    off = abs(own.rate / float(stated) - 1.0)
+    if off > CONTRADICTS * np.hypot(own.sigma, stated_to):
+        return replace(own, kind="contradicted", sigma=float(np.hypot(own.sigma, off)))
+    sigma = float(np.hypot(stated_to, off))
+    return own if own.sigma <= sigma else replace(own, kind="stated", sigma=sigma)
 
 
 def clock_read_off(rate: float, jitter: float, start: float, known: Known) -> Clock:

@@ -23,18 +23,7 @@ RATES = (1e-5, 1e8)
 """Hz: a sample a day, and more than any sensor gives; beyond them a number is no rate."""
 _NEAR_EDGE = 3.0  # times the rate of an edge within which the neighbouring unit is named too
 _GAP_FACTOR = 1.6  # of the median step: one missing sample doubles the step, jitter rarely reaches this
-_WRAPS = (
-    2.0**16,
-    2.0**24,
-    2.0**31,
-    2.0**32,
-    1000.0,
-    60_000.0,
-    86_400.0,
-    86_400_000.0,
-    604_800.0,
-    604_800_000.0,
-)
+_WRAPS = (2.0**16, 2.0**24, 2.0**31, 2.0**32, 1e3, 6e4, 86_400.0, 86_400_000.0, 604_800.0, 604_800_000.0)
 _MOST_DUPLICATES = 0.05
 _BREAK = 2.0  # s that a clock which begins anew is taken to have been away
 _SAME_STEP = 0.05

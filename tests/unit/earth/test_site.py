@@ -40,6 +40,11 @@ def test_gravity_alone_is_good_to_half_its_last_digit_and_says_nothing_of_the_la
     assert Site.from_gravity(9.80788, 0.0).gravity_sigma == 0.0
     # one digit is not known worse than no place at all
     assert Site.from_gravity(9.8).gravity_sigma == Site.unknown().gravity_sigma
+    # standard gravity is copied from a book: that of Singapore is 0.3 % less
+    assert abs(Site.from_gravity(9.80665).gravity - 9.781) < 2.0 * Site.from_gravity("9.8067").gravity_sigma
+    # rounded digits count where they tell of the height, and not where the place is known better
+    assert Site.from_latitude(math.radians(-16.5)).with_gravity(Site.from_gravity(9.77)).gravity == 9.77
+    assert Site.from_latitude(0.84, 520.0).with_gravity(Site.from_gravity(9.8)).gravity_sigma < 5e-4
     with pytest.raises(SiteError, match="needs a latitude: give --site LATITUDE"):
         _ = site.earth_rate_n
 

@@ -107,6 +107,18 @@ def test_seven_poses_and_the_turns_between_them_suffice() -> None:
     assert len([name for name in estimate.names if name.startswith("accelerometer.matrix")]) == 9
 
 
+def test_nine_poses_check_nothing_and_more_do(session: Session) -> None:
+    said = [
+        " ".join(
+            run_procedure(Session(replace(of.recording, angular_rate=None), given_site=SITE), None)[
+                0
+            ].cautions
+        )
+        for of in (tumbled([0, 1, 2, 3, 4, 5, 6, 8, 10]), session)
+    ]
+    assert ["Nothing checks the accelerometers" in words for words in said] == [True, False]
+
+
 def test_a_papers_estimator_stands_beside_with_a_document_of_its_own(tmp_path: Path) -> None:
     simulate("six-position", output=tmp_path / "six", seed=5, site=SITE)
     run = tumble.calibrate(protocol=tmp_path / "six", estimator="six-position", output=tmp_path / "out")

@@ -64,8 +64,8 @@ SITS = (
 )
 # Of a correlation matrix: below this, a combination is known exactly, or less than that.
 LEAST_EIGENVALUE = 1e-10
-# Turns of which a smaller share than this is left to check one another check nothing.
-LEAST_CHECKED = 0.1
+# Turns of which a smaller share than this is left to check one another check nothing; nor do holds with fewer checks.
+LEAST_CHECKED, LEAST_CHECKS = 0.1, 0.5
 # A clock is off if it is so by more than so many of its standard uncertainties.
 CLOCK_FALSE_ALARM = 4.0
 
@@ -164,7 +164,7 @@ def joint_estimate(outcome: JointOutcome) -> Estimate:
         lever_arms=_lever_arms(outcome),
     )
     estimate.say("remark", *_remarks(outcome, described.parameters, restless))
-    estimate.say("caution", *_of_unchecked_turns(outcome), *_of_clock(outcome), *courses["caution"])
+    estimate.say("caution", *_of_unchecked(outcome), *_of_clock(outcome), *courses["caution"])
     estimate.say("objection", *contradictions(outcome), *courses["objection"])
     estimate.say("not determined", *_not_determined(outcome))
     if outcome.untold is None and outcome.has_gyro and outcome.has_force:
@@ -432,9 +432,13 @@ def _remarks(
     return told
 
 
-def _of_unchecked_turns(outcome: JointOutcome) -> list[str]:
-    """What is said where turns alone give the gyros' matrix and hardly any of them checks another."""
-    turns = outcome.balanced.tests.get("turn")
+def _of_unchecked(outcome: JointOutcome) -> list[str]:
+    """What is said where holds alone give the accelerometers, or turns the gyros, and hardly anything checks them."""
+    tests, n = outcome.balanced.tests, outcome.data.holds
+    checks = sum(float(tests[kind].redundancy.sum()) for kind in ("force", "tilt", "pose") if kind in tests)
+    if outcome.has_force and not outcome.data.rotations and checks < LEAST_CHECKS:
+        return [f"Nothing checks the accelerometers: {n} holds fit whatever they say. Record more poses."]
+    turns = tests.get("turn")
     if turns is None or outcome.data.rotations or not outcome.has_gyro or outcome.untold is not None:
         return []
     count = len(turns.place)
