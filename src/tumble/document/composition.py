@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from datetime import UTC, datetime
 
@@ -60,7 +59,6 @@ def calibration_from_estimate(
     created: datetime | None = None,
     remarks: tuple[str, ...] = (),
     imu: tuple[str | None, str | None] = (None, None),
-    notes: Mapping[str, str] | None = None,
     confirm_scale: bool = False,
 ) -> Calibration:
     """Return the document of an estimate, judged and with test vectors.
@@ -84,7 +82,6 @@ def calibration_from_estimate(
         created=(created or datetime.now(UTC)).isoformat(timespec="seconds"),
         software=f"tumble {tumble.__version__}",
         imu=Imu(model=name_of(imu[0]), serial_number=name_of(imu[1])),
-        notes=dict(notes or {}),
         procedure=estimate.procedure,
         recordings=[part_of(RecordingName, source) for source in recording.sources],
         site=site_block(site),

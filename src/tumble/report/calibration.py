@@ -50,17 +50,15 @@ def render_field_report(
     facts = [
         ("Recording", ", ".join(r.name for r in calibration.recordings) or "not from a file"),
         ("Samples of the magnetometer", str(len(samples))),
+        *_notes(calibration),
         ("Frame", calibration.frame.description),
         ("Made", f"{calibration.created} by {calibration.software}"),
     ]
     blocks: list[Block] = [Facts(facts), Verdict(verdict.fit, verdict_words(verdict.fit), verdict.reasons)]
+    blocks += limits_section(calibration)
     if block is not None:
         blocks += section("Magnetometer", *magnetometer_blocks(found, block, samples))
-    if calibration.remarks:
-        blocks += section("How it was made", Sentences(calibration.remarks))
-    blocks.append(
-        Footer(f"{calibration.software}, {calibration.created}. This page works without a network.")
-    )
+    blocks += _how(calibration)
     document = calibration.model_dump(mode="json")
     return render_page(Page(title(calibration), blocks), {"calibration": document}, library)
 
@@ -154,10 +152,14 @@ def _facts(subject: Subject) -> list[tuple[str, str]]:
         *([] if celsius is None else [("Temperature", f"{celsius:.1f} °C")]),
         ("Procedure", calibration.procedure),
         ("Site", where),
-        *((key.capitalize(), value) for key, value in calibration.notes.items()),
+        *_notes(calibration),
         ("Frame", calibration.frame.description),
         ("Made", f"{calibration.created} by {calibration.software}"),
     ]
+
+
+def _notes(calibration: Calibration) -> list[tuple[str, str]]:
+    return [(key.capitalize(), value) for key, value in calibration.notes.items()]
 
 
 def parameter_table(rows: list[ParameterRow], factor: float) -> Table:
@@ -266,11 +268,13 @@ def _end(subject: Subject) -> list[Block]:
     steps = next_steps(
         calibration, subject.rows, subject.up_b, subject.recording, subject.timeline, subject.protocol
     )
-    blocks = section("What to do next", Sentences(steps))
-    if calibration.remarks:
-        blocks += section("How it was made", Sentences(calibration.remarks))
+    return [*section("What to do next", Sentences(steps)), *_how(calibration)]
+
+
+def _how(calibration: Calibration) -> list[Block]:
+    made = section("How it was made", Sentences(calibration.remarks)) if calibration.remarks else []
     words = (
         f"{calibration.software}, {calibration.created}. This page holds the whole calibration as JSON (element "
         "`calibration`) and works without a network."
     )
-    return [*blocks, Footer(words)]
+    return [*made, Footer(words)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -182,7 +182,7 @@ def calibrate(
     OutputError
         If the results cannot be written; earlier ones are intact.
     """
-    say = progress or silent
+    say, clock = progress or silent, Clock()
     site, noted = given_site(site), notes_of(notes)
     known, sheet = (None, None) if prior is None else known_beforehand(prior, imu[1])
     options = Options(optional_terms, sheet, confirm_scale)
@@ -191,7 +191,6 @@ def calibrate(
     _refuse_odd(monte_carlo)
     folder = results_folder(output)
     acceptance = None if limits is None else read_limits(Path(limits))
-    clock = Clock()
     say("reading")
     given = None if protocol is None else _read_consistent(protocol)
     magnetic = given_field(field, site or (given and given.protocol.site))
@@ -199,32 +198,30 @@ def calibrate(
     refuse_field_of_none(recording, magnetic)
     session = _session(recording, told, site, procedure, options, known, say)
     modelled = None if noise is None else NoiseOfHolds.read(noise, recording)
+    before = corrected_by_before(paths, given, topics)
     clock.lap("reading")
     try:
         estimate, reason = _estimated(session, procedure, intervals, files, modelled, clock)
     except (SegmentationError, ObservabilityError) as error:
         if recording.magnetic_field is None or procedure is not None or told is not None or intervals:
             raise
-        return finish_run(_field_run(session, magnetic, error, imu, clock), folder, clock, say)
-    add_magnetometer(session, estimate, magnetic)
-    _draw(estimate, monte_carlo, say)
-    clock.lap("solving")
-    made = _document(session, estimate, reason, imu, noted)
-    made = completed(made, corrected_by_before(paths, given, topics), acceptance)
-    run = CalibrationRun(made, estimate, recording, session.timeline, session.means, reason)
-    if paper is not None:
-        run.papers = _papers(session, estimate, paper, imu, noted)
-    run.protocol, run.matching = told, session.matching
-    run.predicted = {} if given is None else given.predicted()
+        run = _field_run(session, magnetic, error, imu, clock, monte_carlo, estimator)
+    else:
+        add_magnetometer(session, estimate, magnetic)
+        _draw(estimate, monte_carlo, say)
+        clock.lap("solving")
+        made = _document(session, estimate, reason, imu)
+        run = CalibrationRun(made, estimate, recording, session.timeline, session.means, reason)
+        run.papers = {} if paper is None else _papers(session, estimate, paper, imu)
+        run.protocol, run.matching = told, session.matching
+        run.predicted = {} if given is None else given.predicted()
+    run.calibration = completed(run.calibration, noted, before, acceptance)
+    run.papers = {name: completed(own, noted, before) for name, own in run.papers.items()}
     return finish_run(run, folder, clock, say)
 
 
 def _papers(
-    session: Session,
-    estimate: Estimate,
-    paper: Estimator,
-    imu: tuple[str | None, str | None],
-    notes: Mapping[str, str],
+    session: Session, estimate: Estimate, paper: Estimator, imu: tuple[str | None, str | None]
 ) -> dict[str, Calibration]:
     """Put a paper's own estimate beside; return its document by its file's name."""
     try:
@@ -233,7 +230,7 @@ def _papers(
         raise type(error)(f"The estimator {paper.name} does not serve here: {error} Leave it out.") from error
     estimate.show(Beside(own))
     said = f"The estimator {paper.name} as its paper has it, not tumble's own."
-    return {f"calibration-{paper.name}.json": _document(session, own, said, imu, notes)}
+    return {f"calibration-{paper.name}.json": _document(session, own, said, imu)}
 
 
 def _read_consistent(protocol: str | os.PathLike[str]) -> GivenProtocol:
@@ -286,32 +283,29 @@ def _estimated(
 
 
 def _document(
-    session: Session,
-    estimate: Estimate,
-    reason: str,
-    imu: tuple[str | None, str | None],
-    notes: Mapping[str, str],
+    session: Session, estimate: Estimate, reason: str, imu: tuple[str | None, str | None]
 ) -> Calibration:
     from tumble.document import calibration_from_estimate
 
     recording, confirm_scale = session.recording, session.options.confirm_scale
     remarks = (reason, *(r.text for r in recording.remarks))
     return calibration_from_estimate(
-        estimate, recording, session.site, remarks=remarks, imu=imu, notes=notes, confirm_scale=confirm_scale
+        estimate, recording, session.site, remarks=remarks, imu=imu, confirm_scale=confirm_scale
     )
 
 
-def completed(calibration: Calibration, before: list[str], acceptance: Limits | None) -> Calibration:
-    """Return the document with what its recordings were corrected by before, held against limits if there are any.
+def completed(
+    calibration: Calibration, notes: dict[str, str], before: list[str], acceptance: Limits | None = None
+) -> Calibration:
+    """Return the document with notes and what its recordings were corrected by, held against limits if there are any.
 
     Parameters
     ----------
     calibration : as it was made.
-    before : of `corrected_by_before`.
+    notes, before : of `notes_of` and `corrected_by_before`.
     acceptance : the limits.
     """
-    if before:
-        calibration = calibration.model_copy(update={"input_corrected_by": before})
+    calibration = calibration.model_copy(update={"notes": notes, "input_corrected_by": before})
     return calibration if acceptance is None else with_limits(calibration, acceptance)
 
 
@@ -343,6 +337,8 @@ def _field_run(
     why: TumbleError,
     imu: tuple[str | None, str | None],
     clock: Clock,
+    monte_carlo: int | None,
+    estimator: str | None,
 ) -> CalibrationRun:
     """The magnetometer by itself, where the recording determines no other triad."""
     try:
@@ -352,6 +348,12 @@ def _field_run(
         short = f"The recording is too short: it lasts {lasts:.1f} s, and nine poses take half a minute. "
         said = f"{short if lasts < 30.0 else ''}{why} The magnetometer does not serve by itself either. {further}"
         raise type(why)(said) from why
+    for option, value in (("--monte-carlo", monte_carlo), ("--estimator", estimator)):
+        if value is not None:
+            raise UsageError(
+                f"{option} is for accelerometers and gyros, and only the magnetometer can be calibrated here: leave it "
+                f"out. {why}"
+            )
     clock.lap("solving")
     reason = "The magnetometer alone, by the norm of its field: the recording determines no other triad."
     return CalibrationRun(document, estimate, session.recording, *no_holds(), reason)
@@ -395,37 +397,21 @@ def read_as_told(
     """
     if isinstance(paths, Recording):
         return *_already_read(paths, given, columns or units or rate or topics), []
-    named = _listed(paths)
-    if given is None:
-        if not named:
-            raise UsageError(
-                "Name a recording, or a protocol file that names its recordings (--protocol FILE): "
-                "see `tumble calibrate --help`."
-            )
-        recordings = read_recordings(named, columns=columns, units=units, rate=rate, topics=topics)
-        recording, spans = join_recordings(recordings)
-        return recording, None, named_spans(recordings, spans)
+    named = _files_of(paths, given)
     if not named:
-        named = [*given.files()]
-        if not named:
-            raise UsageError(
-                f"The protocol {given.protocol.name} names no recordings: give them, or list them in its file."
-            )
-    protocol = given.protocol
-    recordings = read_recordings(
-        named,
-        columns=columns or protocol.columns,
-        units=units or protocol.units,
-        rate=rate or protocol.rate,
-        topics=topics,
-    )
+        raise UsageError(
+            f"The protocol {given.protocol.name} names no recordings: give them, or list them in its file."
+            if given is not None
+            else "Name a recording, or a protocol file that names its recordings (--protocol FILE): "
+            "see `tumble calibrate --help`."
+        )
+    if given is not None:
+        protocol = given.protocol
+        columns, units, rate = columns or protocol.columns, units or protocol.units, rate or protocol.rate
+    recordings = read_recordings(named, columns=columns, units=units, rate=rate, topics=topics)
     recording, spans = join_recordings(recordings)
-    return recording, given.on_clock_of(recordings, spans), named_spans(recordings, spans)
-
-
-def _listed(paths: Paths) -> Sequence[Path | Frame]:
-    """Nothing may be named where a protocol names it."""
-    return [] if isinstance(paths, list | tuple) and not paths else recording_inputs(paths)
+    told = None if given is None else given.on_clock_of(recordings, spans)
+    return recording, told, named_spans(recordings, spans)
 
 
 def _already_read(
@@ -441,9 +427,9 @@ def _already_read(
 
 def _files_of(paths: Given, given: GivenProtocol | None) -> Sequence[Path | Frame]:
     """What was named, or the protocol's own files; nothing of a recording that was read before."""
-    if not isinstance(paths, Recording) and (named := _listed(paths)):
-        return named
-    return [] if given is None else [Path(path) for path in given.files()]
+    if isinstance(paths, Recording) or (isinstance(paths, list | tuple) and not paths):
+        return [] if given is None else given.files()
+    return recording_inputs(paths)
 
 
 def corrected_by_before(

@@ -11,7 +11,7 @@ import pytest
 
 import tumble
 from tumble.document import read_calibration
-from tumble.errors import ObservabilityError, TumbleError
+from tumble.errors import TumbleError, UsageError
 from tumble.workflows.calibrate import calibrate
 
 M = np.array([[1.10, 0.05, -0.02], [0.05, 0.92, 0.04], [-0.02, 0.04, 1.19]])
@@ -81,6 +81,8 @@ def test_directions_on_one_side_do_not_determine_it(tmp_path: Path) -> None:
 def test_a_recording_of_seconds_is_too_short_for_any_triad(tmp_path: Path) -> None:
     with pytest.raises(TumbleError, match=r"too short: it lasts 3\.0 s, .* The magnetometer"):
         calibrate(turned(tmp_path / "short.csv", cap=0.45, rows=150, others=True))
+    with pytest.raises(TumbleError):
+        calibrate(turned(tmp_path / "few.csv", rows=20))
 
 
 def test_a_magnetometer_that_is_constant_is_refused_in_a_sentence(tmp_path: Path) -> None:
@@ -92,9 +94,23 @@ def test_a_magnetometer_that_is_constant_is_refused_in_a_sentence(tmp_path: Path
     assert "\n" not in str(caught.value)
 
 
-def test_a_procedure_that_was_asked_for_is_not_replaced(tmp_path: Path) -> None:
+def test_what_was_asked_for_is_done_for_a_magnetometer_alone_or_refused(tmp_path: Path) -> None:
+    file, limits = turned(tmp_path / "turned.csv"), tmp_path / "limits.yaml"
+    limits.write_text("rule: simple\nlimits:\n  gyro bias: {within: 0.001 deg/s}\n", encoding="utf-8")
+    run = calibrate(file, limits=limits, notes=["operator=Eve <7>"], field="49uT", output=tmp_path / "out")
+    document = read_calibration(tmp_path / "out")
+    assert document.limits is not None
+    assert (document.verdict.fit, document.limits.decision, run.accepted) == (True, "undecided", False)
+    assert document.notes == {"operator": "Eve <7>"}
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "nothing was compared with its limits" in page
+    assert "Eve &lt;7&gt;" in page
+    with pytest.raises(UsageError, match=r"^--monte-carlo is for .* leave it out\. "):
+        calibrate(file, monte_carlo=1000)
+    with pytest.raises(UsageError, match=r"^--estimator is for .* only the magnetometer"):
+        calibrate(file, estimator="six-position")
     with pytest.raises(TumbleError):
-        calibrate(turned(tmp_path / "turned.csv"), procedure="hand-held")
+        calibrate(file, procedure="hand-held")
 
 
 def test_what_field_means_is_read_or_refused(tmp_path: Path) -> None:
@@ -188,8 +204,3 @@ def test_a_magnetometer_that_is_not_fit_has_no_matrix_in_the_file(tmp_path: Path
     assert (block.matrix, block.bias, block.covariance, block.test_vectors) == (None, None, [], [])
     assert len(block.parameters) == 9
     assert read_calibration(tmp_path / "out").correct_field(np.zeros((1, 3))) is None
-
-
-def test_few_samples_are_refused(tmp_path: Path) -> None:
-    with pytest.raises((ObservabilityError, TumbleError)):
-        calibrate(turned(tmp_path / "few.csv", rows=20))

@@ -147,7 +147,7 @@ def calibrate_turn_ons(
     clock.lap("solving")
     run = _run(sessions, several, imu)
     before = corrected_by_before([file for one in named if one.name in taken for file in one.files], None)
-    run.calibration = completed(run.calibration.model_copy(update={"notes": noted}), before, acceptance)
+    run.calibration = completed(run.calibration, noted, before, acceptance)
     return finish_run(run, folder, clock, say)
 
 
