@@ -347,19 +347,25 @@ def test_verify_of_a_recording_without_holds_to_judge_by_is_refused(
     answer.is_told(2, "accelerometer")
 
 
-def test_an_earlier_calibration_of_another_recording_is_kept(
+def test_an_earlier_calibration_is_kept_that_is_of_another_recording_a_papers_or_unreadable(
     tumble: Any, recording: Path, rows: np.ndarray, written: Any, tmp_path: Path
 ) -> None:
     made = tmp_path / "made"
+    made.mkdir()
+    joint, paper = made / "calibration.json", made / "calibration-multi-position-9.json"
+    (made / "calibration-mine.json").write_text("{}")
+    unreadable = b'{"format": "tumble calibration", "version": 99}\r\n\xff'
+    joint.write_bytes(unreadable)
     call = ("--gravity", GRAVITY, "-o", made)
+    assert tumble("calibrate", recording, *call, "--estimator", "multi-position-9").status == 0
     assert tumble("calibrate", recording, *call).status == 0
-    first = (made / "calibration.json").read_text(encoding="utf-8")
-    assert tumble("calibrate", recording, *call).status == 0
-    assert sorted(path.name for path in made.iterdir()) == ["calibration.json", "report.html"]
-    other = written(tmp_path / "other.csv", rows[:-1])
-    answer = tumble("calibrate", other, *call)
-    assert answer.status == 0
     (kept,) = made.glob("calibration-before-*.json")
-    assert kept.name in answer.out
-    before = json.loads(kept.read_text(encoding="utf-8"))
-    assert before["parameters"] == json.loads(first)["parameters"]
+    assert kept.read_bytes() == unreadable
+    before = {unreadable, joint.read_bytes(), paper.read_bytes()}
+    answer = tumble("calibrate", written(tmp_path / "other.csv", rows[:-1]), *call)
+    assert answer.status == 0
+    found = [*made.glob("calibration-before-*.json")]
+    assert {one.read_bytes() for one in found} == before
+    assert all(one.name in answer.out for one in found if one != kept)
+    names = {"calibration.json", "calibration-mine.json", "report.html"}
+    assert {path.name for path in made.iterdir()} == names | {one.name for one in found}

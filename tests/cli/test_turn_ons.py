@@ -74,9 +74,7 @@ def test_recordings_of_two_units_are_said_to_be(tumble: Any, folder: Path, tmp_p
         *("calibrate", folder / "monday.csv", folder / "stranger.csv", "--turn-ons"),
         *("--gravity", GRAVITY, "-o", tmp_path / "none"),
     )
-    assert done.status == 2
-    assert "are not of one unit" in done.err
-    assert "Calibrate each unit by itself." in done.err
+    done.is_told(2, "are not of one unit", "Calibrate each unit by itself.")
     assert not (tmp_path / "none").exists()
 
 
@@ -141,9 +139,7 @@ def test_what_does_not_go_together_is_said_in_a_sentence(
             written(tmp_path / name, makers[name]())
     paths = [folder / name if (folder / name).exists() else tmp_path / name for name in names]
     done = tumble("calibrate", *paths, "--turn-ons", "--gravity", GRAVITY, "-o", tmp_path / "none", *options)
-    assert done.status == 2, done
-    assert words in done.err, done.err
-    assert len(done.err.strip().splitlines()) == 1
+    done.is_told(2, words)
     assert not (tmp_path / "none").exists()
 
 

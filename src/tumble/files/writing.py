@@ -243,14 +243,14 @@ def write_text(path: Path, text: str) -> None:
     write_texts({path: text})
 
 
-def write_texts(texts: Mapping[Path, str]) -> list[Path]:
+def write_texts(texts: Mapping[Path, str | bytes]) -> list[Path]:
     """Write several texts beside their places, then rename them all; return the places.
 
     All are complete on the disk before one takes its place, and no stop comes between.
 
     Parameters
     ----------
-    texts : by place; folders are made.
+    texts : by place, bytes as they are; folders are made.
 
     Raises
     ------
@@ -382,15 +382,15 @@ def temporary_folder() -> Generator[Path, None, None]:
         yield Path(place)
 
 
-def put_text(path: Path, text: str) -> None:
+def put_text(path: Path, text: str | bytes) -> None:
     """Write a text into a folder that is being filled, down to the disk.
 
     Parameters
     ----------
-    path, text : in UTF-8.
+    path, text : in UTF-8, or bytes as they are.
     """
-    with path.open("w", encoding="utf-8", errors="replace") as file:
-        file.write(text)
+    with path.open("wb") as file:
+        file.write(text if isinstance(text, bytes) else text.encode(errors="replace"))
         file.flush()
         os.fsync(file.fileno())
 

@@ -6,6 +6,7 @@ import os
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import field
+from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -21,6 +22,7 @@ from tumble.errors import (
     CalibrationFileError,
     ConvergenceError,
     ObservabilityError,
+    OutputError,
     SegmentationError,
     TumbleError,
     UsageError,
@@ -64,6 +66,8 @@ if TYPE_CHECKING:
 
 # An interval's ends need a thousand draws; a million take a minute or two.
 FEWEST_DRAWS, MOST_DRAWS = 1_000, 1_000_000
+
+OF_A_PAPER = "The estimator {} as its paper has it, not tumble's own."
 
 Given: TypeAlias = Paths | Recording
 
@@ -229,8 +233,8 @@ def _papers(
     except (SegmentationError, ObservabilityError, ConvergenceError) as error:
         raise type(error)(f"The estimator {paper.name} does not serve here: {error} Leave it out.") from error
     estimate.show(Beside(own))
-    said = f"The estimator {paper.name} as its paper has it, not tumble's own."
-    return {f"calibration-{paper.name}.json": _document(session, own, said, imu)}
+    own_document = _document(session, own, OF_A_PAPER.format(paper.name), imu)
+    return {f"calibration-{paper.name}.json": own_document}
 
 
 def _read_consistent(protocol: str | os.PathLike[str]) -> GivenProtocol:
@@ -396,33 +400,27 @@ def read_as_told(
         If nothing is named, or the recordings are not of one unit with the same columns.
     """
     if isinstance(paths, Recording):
-        return *_already_read(paths, given, columns or units or rate or topics), []
-    named = _files_of(paths, given)
-    if not named:
-        raise UsageError(
-            f"The protocol {given.protocol.name} names no recordings: give them, or list them in its file."
-            if given is not None
-            else "Name a recording, or a protocol file that names its recordings (--protocol FILE): "
-            "see `tumble calibrate --help`."
-        )
-    if given is not None:
-        protocol = given.protocol
-        columns, units, rate = columns or protocol.columns, units or protocol.units, rate or protocol.rate
-    recordings = read_recordings(named, columns=columns, units=units, rate=rate, topics=topics)
+        if columns or units or rate or topics:
+            raise UsageError(
+                "A Recording was read already: say columns, units, rate and topics when it is read, not afterwards."
+            )
+        recordings = [paths]
+    else:
+        named = _files_of(paths, given)
+        if not named:
+            raise UsageError(
+                f"The protocol {given.protocol.name} names no recordings: give them, or list them in its file."
+                if given is not None
+                else "Name a recording, or a protocol file that names its recordings (--protocol FILE): "
+                "see `tumble calibrate --help`."
+            )
+        if given is not None:
+            protocol = given.protocol
+            columns, units, rate = columns or protocol.columns, units or protocol.units, rate or protocol.rate
+        recordings = read_recordings(named, columns=columns, units=units, rate=rate, topics=topics)
     recording, spans = join_recordings(recordings)
     told = None if given is None else given.on_clock_of(recordings, spans)
     return recording, told, named_spans(recordings, spans)
-
-
-def _already_read(
-    recording: Recording, given: GivenProtocol | None, option: object
-) -> tuple[Recording, Protocol | None]:
-    if option:
-        raise UsageError(
-            "A Recording was read already: say columns, units, rate and topics when it is read, not afterwards."
-        )
-    joined, spans = join_recordings([recording])
-    return joined, None if given is None else given.on_clock_of([recording], spans)
 
 
 def _files_of(paths: Given, given: GivenProtocol | None) -> Sequence[Path | Frame]:
@@ -485,7 +483,8 @@ def find_holds(session: Session, intervals: str | os.PathLike[str] | None, clock
 def write_run(run: CalibrationRun, folder: Path) -> None:
     """Write both files beside their places, then rename both.
 
-    An earlier calibration there, of other recordings, is kept as ``calibration-before-IDENTITY.json``.
+    Earlier calibrations there, of other recordings or such as cannot be read, papers' too, are kept as
+    ``calibration-before-IDENTITY.json``.
 
     Parameters
     ----------
@@ -496,28 +495,41 @@ def write_run(run: CalibrationRun, folder: Path) -> None:
     OutputError
         If the folder cannot be made or written to.
     """
-    from tumble.files import write_texts
+    from tumble.files import check_target, write_texts
 
-    kept = _of_other_recordings(folder / "calibration.json", run.calibration)
-    report = report_of(run)
-    papers = {folder / name: one.to_json() for name, one in run.papers.items()}
-    run.files = write_texts(
-        {folder / "calibration.json": run.calibration.to_json(), folder / "report.html": report}
-        | papers
-        | kept
-    )
+    made = {"calibration.json": run.calibration, **run.papers}
+    texts = {folder / name: one.to_json() for name, one in made.items()}
+    kept = {
+        place: copy
+        for place in sorted({*texts, *folder.glob("calibration-*.json")})
+        if place.is_file() and (copy := _of_other_recordings(place, run.calibration, place in texts))
+    }
+    for place in kept:
+        check_target(place)
+    run.files = write_texts(texts | {folder / "report.html": report_of(run)} | dict(kept.values()))
+    for place in kept.keys() - texts.keys():
+        place.unlink()
 
 
-def _of_other_recordings(place: Path, made: Calibration) -> dict[Path, str]:
-    """What is to be kept of the calibration at a place, and where: nothing if it is of the same recordings."""
+def _of_other_recordings(place: Path, made: Calibration, written: bool) -> tuple[Path, bytes] | None:
+    """What is to be kept of a file, and where; None if it is of the same recordings, or not tumble's and left there."""
     from tumble.document import read_calibration
 
     try:
-        earlier, text = read_calibration(place), place.read_text(encoding="utf-8")
-    except (CalibrationFileError, OSError, UnicodeDecodeError):
-        return {}
-    before, now = ({one.sha256 for one in of.recordings} for of in (earlier, made))
-    return {} if before == now else {place.with_name(f"calibration-before-{earlier.identity}.json"): text}
+        text = place.read_bytes()
+    except OSError as error:
+        raise OutputError(
+            f"{place} cannot be read, and so not be kept: give another folder with -o."
+        ) from error
+    try:
+        earlier = read_calibration(place)
+    except CalibrationFileError:
+        identity, other = sha256(text).hexdigest()[:12], written
+    else:
+        before, now = ({one.sha256 for one in of.recordings} for of in (earlier, made))
+        paper = OF_A_PAPER.format(place.stem.removeprefix("calibration-")) in earlier.remarks
+        identity, other = earlier.identity, before != now and (written or paper)
+    return (place.with_name(f"calibration-before-{identity}.json"), text) if other else None
 
 
 def report_of(run: CalibrationRun, library: str | None = None) -> str:
@@ -530,12 +542,10 @@ def report_of(run: CalibrationRun, library: str | None = None) -> str:
     """
     from tumble.calibration.magnetometer.estimate import Magnetometer
     from tumble.document.field_document import FIELD_ALONE
-    from tumble.report.calibration import render_report
+    from tumble.report.calibration import render_field_report, render_report
 
     alone, field = run.estimate.shown(Magnetometer), run.recording.magnetic_field
     if run.calibration.procedure == FIELD_ALONE and alone is not None and field is not None:
-        from tumble.report.calibration import render_field_report
-
         return render_field_report(run.calibration, alone, field.values, library)
     return render_report(
         library=library,
