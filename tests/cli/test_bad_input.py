@@ -107,8 +107,7 @@ def test_a_recording_that_contradicts_itself_is_refused(
     words: list[str],
 ) -> None:
     path = written(tmp_path / "spoiled.csv", spoiled(change)(rows))
-    answer = tumble("calibrate", path, "--gravity", 9.81, "-o", tmp_path / "results", *options)
-    answer.is_told(2, *words)
+    tumble("calibrate", path, "--gravity", 9.81, "-o", tmp_path / "results", *options).is_told(2, *words)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["spoiled.csv"]
 
 
@@ -144,8 +143,7 @@ def test_what_is_no_recording_is_refused_by_every_command(
     path = tmp_path / "input.csv"
     path.write_bytes(content)
     output = tmp_path / ("results" if command == "calibrate" else "corrected.csv")
-    answer = tumble(*call(command, calibrated, path, output))
-    answer.is_told(2, "input.csv", *words)
+    tumble(*call(command, calibrated, path, output)).is_told(2, "input.csv", *words)
     assert [p.name for p in tmp_path.iterdir()] == ["input.csv"]
 
 
@@ -223,8 +221,7 @@ def test_a_prior_that_states_no_uncertainty_is_refused(
     document = json.loads((calibrated / "calibration.json").read_text())
     document["covariance"] = (0.0 * np.array(document["covariance"])).tolist()
     prior.write_text(json.dumps(document))
-    answer = tumble("calibrate", recording, "-o", tmp_path / "results", "--prior", prior)
-    answer.is_told(2, "no uncertainty")
+    tumble("calibrate", recording, "-o", tmp_path / "results", "--prior", prior).is_told(2, "no uncertainty")
     assert not (tmp_path / "results").exists()
 
 
@@ -298,8 +295,7 @@ def test_a_text_without_motion_has_no_holds_to_calibrate_from(
         (2000, 3)
     )
     shaken = np.column_stack([time, force, 2.0 * rng.standard_normal((2000, 3))])
-    answer = tumble("calibrate", written(tmp_path / "shaken.csv", shaken), "-o", tmp_path / "results")
-    answer.is_told(2)
+    tumble("calibrate", written(tmp_path / "shaken.csv", shaken), "-o", tmp_path / "results").is_told(2)
     assert not (tmp_path / "results").exists()
 
 

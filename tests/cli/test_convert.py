@@ -124,8 +124,7 @@ def test_numbers_that_no_conversion_can_work_with_are_refused(
     tumble: Any, tmp_path: Path, option: tuple[str, str]
 ) -> None:
     answer = tumble("convert", tmp_path, "--to", "imu-tk", *option, "-o", tmp_path / "new")
-    assert answer.status == 2
-    assert option[0] in answer.err
+    answer.is_told(2, option[0])
     assert not (tmp_path / "new").exists()
 
 

@@ -257,8 +257,7 @@ def test_apply_refuses_counts_for_a_calibration_in_si(
 def test_apply_writes_csv_or_parquet_only(
     tumble: Any, calibrated: Path, recording: Path, tmp_path: Path
 ) -> None:
-    answer = tumble("apply", calibrated, recording, "-o", tmp_path / "out.xlsx")
-    answer.is_told(2, ".csv or .parquet")
+    tumble("apply", calibrated, recording, "-o", tmp_path / "out.xlsx").is_told(2, ".csv or .parquet")
 
 
 def test_apply_without_an_output_names_the_file_after_the_recording_and_json_tells_it(
@@ -343,8 +342,7 @@ def test_verify_of_a_recording_without_holds_to_judge_by_is_refused(
 ) -> None:
     """The gyro alone says nothing of gravity."""
     path = written(tmp_path / "gyro.csv", rows[:, [0, 4, 5, 6]], header="t,gx,gy,gz")
-    answer = tumble("verify", calibrated, path)
-    answer.is_told(2, "accelerometer")
+    tumble("verify", calibrated, path).is_told(2, "accelerometer")
 
 
 def test_an_earlier_calibration_is_kept_that_is_of_another_recording_a_papers_or_unreadable(

@@ -85,8 +85,7 @@ def test_a_clock_whose_two_sides_do_not_agree_is_refused_with_the_place(
     reset = still[:6000].copy()
     reset[4000:, 0] = 3.0 * (reset[4000:, 0] - 40.0)
     answer = tumble("noise", written(tmp_path / "reset.csv", reset))
-    assert answer.status == 2
-    assert "time steps back" in answer.err
+    answer.is_told(2, "time steps back")
     # above it, on a slow machine, stands how far the reading had come
     assert "Traceback" not in answer.err
     assert "time steps back" in answer.err.splitlines()[-1]
@@ -111,8 +110,7 @@ def test_wrong_options_end_in_a_sentence(
 ) -> None:
     written(tmp_path / "still.csv", still[:500])
     monkeypatch.chdir(tmp_path)
-    answer = tumble("noise", "still.csv", *options)
-    answer.is_told(2, words)
+    tumble("noise", "still.csv", *options).is_told(2, words)
 
 
 def test_a_gyro_that_was_not_found_is_missed_aloud(tumble: Any, still: np.ndarray, tmp_path: Path) -> None:

@@ -174,8 +174,7 @@ def test_a_simulated_unit_that_is_switched_on_anew_has_other_biases_and_else_is_
 
 def test_a_turn_on_that_moves_biases_by_less_than_nothing_is_refused(tumble: Any, tmp_path: Path) -> None:
     done = tumble("simulate", "six-position", "--turn-on-bias=-1,60", "-o", tmp_path / "none")
-    assert done.status == 2
-    assert "--turn-on-bias takes two numbers that are not negative" in done.err
+    done.is_told(2, "--turn-on-bias takes two numbers that are not negative")
 
 
 def test_an_earlier_calibration_counts_once_and_a_strangers_is_objected_to(

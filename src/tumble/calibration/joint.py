@@ -171,7 +171,8 @@ def _begin(session: Session, procedure: Procedure, *, clocked: bool) -> _Begun:
     _refuse_undetermined(procedure.frame, poses)
     offered = with_stand_ins(session.recording, session.timeline, session.means, poses, site)
     poses, has_gyro = (poses if offered.has_force else None), offered.has_gyro
-    rotations = session.rotations if has_gyro and session.spun else []
+    spun = session.matching is not None and session.matching.spins
+    rotations = session.rotations if has_gyro and spun else []
     u, base, broken = rough_start(offered, site, rotations), gather_offered(offered), list[str]()
     turned = _rotations(base, u, rotations, broken)
     for one in [] if offered.has_force else turned:

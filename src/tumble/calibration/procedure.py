@@ -9,7 +9,6 @@ Estimators that a paper has and this package does not are asked for by name, and
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from functools import cache
 from importlib.metadata import entry_points
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
@@ -96,10 +95,7 @@ def _by_hand(session: Session) -> Suits:
         return Suits(False, "the recording has one triad only")
     turns = sum(turn.usable for turn in timeline.turns)
     if turns < SMALLEST_TURNS:
-        return Suits(
-            False,
-            f"{turns} turns between holds can be used, and the hand-held procedure needs {SMALLEST_TURNS}",
-        )
+        return Suits(False, f"{turns} turns between holds can be used, {FIRST_TRIED} needs {SMALLEST_TURNS}")
     return Suits(True, f"{len(timeline.holds)} holds and {turns} turns suffice")
 
 
@@ -291,34 +287,43 @@ class Estimator:
     title : what it does, in words.
     source : paper and equations.
     estimate : of a recording with what was done, as the paper has it and with the covariance that it gives.
+    needs_protocol : rates or angles of a table have to be known.
     """
 
     name: str
     title: str
     source: str
     estimate: Callable[[Session], Estimate]
+    needs_protocol: bool = False
 
 
-@cache
-def all_estimators() -> Mapping[str, Estimator]:
-    """Return every estimator that an installed package offers, by name."""
-    return {name: one for point in entry_points(group=GROUP) for name, one in sorted(point.load().items())}
-
-
-def find_estimator(name: str) -> Estimator:
-    """Return the estimator of a name.
+def find_estimator(name: str, *, has_protocol: bool) -> Estimator:
+    """Return the estimator of a name, of all that installed packages offer.
 
     Parameters
     ----------
     name : as ``--estimator`` takes it.
+    has_protocol : whether a protocol says what was done.
 
     Raises
     ------
     UsageError
-        If there is none.
+        If there is none, packages offer several, or it needs a protocol.
     """
-    offered = all_estimators()
-    if name not in offered:
-        names = ", ".join(offered) or "none; the package tumble_papers has those of the papers"
-        raise UsageError(f"There is no estimator {name!r}. There are: {names}.")
-    return offered[name]
+    found, names, broken = dict[Estimator, str](), list[str](), ""
+    for point in entry_points(group=GROUP):
+        package = point.dist.name if point.dist else point.value
+        try:
+            offered: Mapping[str, Estimator] = point.load()
+            names += sorted(offered)
+            found |= {offered[name]: package} if name in offered else {}
+        except Exception as error:  # noqa: BLE001 (one package's fault leaves the others)
+            broken += f" Those of the package {package} cannot be imported ({type(error).__name__}: {error})."
+    if not found:
+        raise UsageError(f"There is no estimator {name!r}. There are: {', '.join(names) or 'none'}.{broken}")
+    if len(found) > 1:
+        raise UsageError(f"The packages {' and '.join(found.values())} both have {name}: uninstall one.")
+    one = found.popitem()[0]
+    if one.needs_protocol and not has_protocol:
+        raise UsageError(f"The estimator {name} has to know what a table did: give --protocol FILE.")
+    return one

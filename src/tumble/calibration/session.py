@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from tumble.calibration.prior import FleetSheet, StableKnowledge
     from tumble.calibration.procedure import Procedure
     from tumble.protocol import Protocol
-    from tumble.recording.clock import Clock
     from tumble.segmentation import HoldMeans, SpinMeans, Timeline
     from tumble.segmentation.matching import Matching
     from tumble.segmentation.rotations import Rotation
@@ -90,11 +89,6 @@ class Session:
         return given or said or Site.unknown()
 
     @cached_property
-    def clock(self) -> Clock:
-        """The clock that the recording's stamps are from, and how far its rate may be off."""
-        return self.recording.clock
-
-    @cached_property
     def timeline(self) -> Timeline:
         """Holds and turns."""
         from tumble.segmentation import find_thermal_timeline, find_timeline
@@ -163,18 +157,13 @@ class Session:
         protocol, matching = self.matched
         return observe_rotations(protocol, self.recording, self.timeline, matching, self.means, self.spins)
 
-    @property
+    @cached_property
     def alike(self) -> dict[str, float]:
         """Of what gyros are compared with and may be wrong alike, clock and table's rate: one sigma as a share."""
         from tumble.calibration.checks.unseen import unseen_table
 
         table = None if self.protocol is None else unseen_table(self.protocol)
-        return {"clock": self.clock.sigma, "table_rate": 0.0 if table is None else table.sigma}
-
-    @property
-    def spun(self) -> bool:
-        """Whether a table turned the unit."""
-        return self.matching is not None and bool(self.matching.spins)
+        return {"clock": self.recording.clock.sigma, "table_rate": 0.0 if table is None else table.sigma}
 
     def poses_of(self, procedure: Procedure) -> BelievedPoses | None:
         """Return the poses of the protocol that a procedure believes; None where it believes none.

@@ -45,12 +45,7 @@ from tumble.workflows.magnetometer import (
     no_holds,
     refuse_field_of_none,
 )
-from tumble.workflows.procedures import (
-    add_objections,
-    check_prior,
-    check_procedure,
-    run_procedure,
-)
+from tumble.workflows.procedures import add_objections, check_prior, check_procedure, run_procedure
 from tumble.workflows.progress import public, silent
 from tumble.workflows.several.joining import NamedSpan, check_files, join_recordings, named_spans
 
@@ -190,7 +185,7 @@ def calibrate(
     site, noted = given_site(site), notes_of(notes)
     known, sheet = (None, None) if prior is None else known_beforehand(prior, imu[1])
     options = Options(optional_terms, sheet, confirm_scale)
-    paper = None if estimator is None else find_estimator(estimator)
+    paper = None if estimator is None else find_estimator(estimator, has_protocol=protocol is not None)
     check_procedure(procedure, has_protocol=protocol is not None)
     _refuse_odd(monte_carlo)
     folder = results_folder(output)
@@ -230,7 +225,7 @@ def _papers(
     """Put a paper's own estimate beside; return its document by its file's name."""
     try:
         own = paper.estimate(session)
-    except (SegmentationError, ObservabilityError, ConvergenceError) as error:
+    except (SegmentationError, ObservabilityError, ConvergenceError, UsageError) as error:
         raise type(error)(f"The estimator {paper.name} does not serve here: {error} Leave it out.") from error
     estimate.show(Beside(own))
     own_document = _document(session, own, OF_A_PAPER.format(paper.name), imu)

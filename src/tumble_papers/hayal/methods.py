@@ -363,39 +363,40 @@ def _require_both_ways(shown: Vectors, along: np.ndarray, words: tuple[str, str]
         raise ObservabilityError(f"No {', no '.join(missing)} was found: record what is missing.")
 
 
-_HAYAL = "Hayal 2010"
 ESTIMATORS: dict[str, Estimator] = {
     one.name: one
     for one in (
         Estimator(
             "six-position",
             "biases and scale factors from each axis up and down",
-            f"{_HAYAL}, (2.5) and (2.6)",
+            "Hayal 2010, (2.5) and (2.6)",
             partial(estimate_six_position, whole=False),
         ),
         Estimator(
             "improved-six-position",
             "the whole matrix from all axes in each pose",
-            f"{_HAYAL}, (2.7) to (2.12)",
+            "Hayal 2010, (2.7) to (2.12)",
             partial(estimate_six_position, whole=True),
         ),
         Estimator(
             "rate-test",
             "gyros on a table's rates both ways",
-            f"{_HAYAL}, 2.4.1.2 with (2.5), (2.6) and (2.11)",
+            "Hayal 2010, 2.4.1.2 with (2.5), (2.6) and (2.11)",
             estimate_rate_test,
+            needs_protocol=True,
         ),
         Estimator(
             "modified-multi-position",
             "norms of gravity and of a table's rate in unknown poses",
-            f"{_HAYAL}, 2.4.2.2, after Syed et al. 2007",
+            "Hayal 2010, 2.4.2.2, after Syed et al. 2007",
             estimate_modified_multi_position,
+            needs_protocol=True,
         ),
         *(
             Estimator(
                 f"multi-position-{unknowns}",
                 f"norms of gravity and the Earth's rotation, {words}",
-                f"{_HAYAL}, (3.16) to (3.57), {unknowns} unknowns a triad",
+                f"Hayal 2010, (3.16) to (3.57), {unknowns} unknowns a triad",
                 partial(estimate_multi_position, unknowns=unknowns),
             )
             for unknowns, words in (

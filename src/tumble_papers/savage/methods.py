@@ -83,8 +83,8 @@ def calibrate_savage(session: Session) -> Estimate:
     require_both_triads(session)
     sequences, gravity = cut_sequences(session), session.site.gravity
     asymmetry = all(name in sequences for name in WITHOUT_ASYMMETRY)
-    told = {name: np.zeros(5) for name in sequences}
-    invert_measurements(told, gravity, asymmetry=asymmetry)  # refuses sequences that are missing
+    # Refuses sequences that are missing.
+    invert_measurements({name: np.zeros(5) for name in sequences}, gravity, asymmetry=asymmetry)
     models = {name: nominal_model(sequence, gravity) for name, sequence in sequences.items()}
     model = rough_model(list(sequences.values()), list(models.values()), gravity)
     for _ in range(PASSES):
@@ -215,6 +215,7 @@ ESTIMATORS: dict[str, Estimator] = {
         "each error of both triads from the rotation sequence that was made for it",
         "Savage 2018, (1) to (14)",
         calibrate_savage,
+        needs_protocol=True,
     )
 }
 """What the entry point offers."""

@@ -233,14 +233,12 @@ def calibrate_zhang(
     """
     seen, gravity = _observe(session, optimal=optimal), session.site.gravity
     method = partial(seen.model, gravity, inter_triad=inter_triad)
-    noise = seen.noise
     if inter_triad and np.count_nonzero(seen.sine > SMALLEST_SINE) < 2:
         raise ObservabilityError(
             "The rotation between the triads needs two rotation axes that are not vertical (42): tilt the table's "
             "axis, or take the estimator zhang-closed-form."
         )
-    if not inter_triad:
-        noise = block_diag(noise, ROTATION_SIGMA**2 * np.eye(3))
+    noise = seen.noise if inter_triad else block_diag(seen.noise, ROTATION_SIGMA**2 * np.eye(3))
     return carried_estimate(name, session, method, noise, said=() if inter_triad else (NO_ROTATION,))
 
 
@@ -258,6 +256,7 @@ ESTIMATORS: dict[str, Estimator] = {
         title,
         f"Zhang et al. 2010, {equations}",
         partial(calibrate_zhang, name=name, inter_triad=inter_triad, optimal=optimal),
+        needs_protocol=True,
     )
     for name, title, equations, inter_triad, optimal in _METHODS
 }

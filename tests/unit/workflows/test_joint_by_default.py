@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import NoReturn
 
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ import tumble
 from tumble.calibration import Estimate, Session, calibrate, find_procedure
 from tumble.calibration.equations.believed_poses import believed_poses
 from tumble.calibration.estimate import Beside
+from tumble.calibration.procedure import Estimator, find_estimator
 from tumble.document import read_calibration
 from tumble.earth import Site
 from tumble.errors import UsageError
@@ -129,8 +132,36 @@ def test_a_papers_estimator_stands_beside_with_a_document_of_its_own(tmp_path: P
     assert own.procedure == beside.estimate.procedure == "six-position"
     assert own.identity != run.calibration.identity
     assert "six-position as its paper has it" in (tmp_path / "out" / "report.html").read_text("utf-8")
-    with pytest.raises(UsageError, match=r"There is no estimator 'six'\. There are: .*zhang-optimal"):
-        tumble.calibrate(protocol=tmp_path / "six", estimator="six")
+    with pytest.raises(UsageError, match=r"^The estimator rate-test has to know .* give --protocol FILE"):
+        tumble.calibrate(tmp_path / "none.csv", estimator="rate-test")
+
+
+def _refused(session: object) -> NoReturn:
+    raise UsageError("It wants more.")
+
+
+PICKY = {name: Estimator(name, "", "", _refused) for name in ("picky", "six-position")}
+
+
+def test_what_a_package_of_estimators_does_wrong_is_its_own_fault(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A package that cannot be imported, one with a name that another one has, and an estimator that refuses."""
+    for package, place in (("broken", "no_such_module:ALL"), ("picky", f"{__name__}:PICKY")):
+        info = tmp_path / f"{package}-1.dist-info"
+        info.mkdir()
+        (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package}\nVersion: 1\n")
+        (info / "entry_points.txt").write_text(f"[tumble.estimators]\nits = {place}\n")
+    monkeypatch.setattr(sys, "path", [str(tmp_path), *sys.path])
+    simulate("six-position", output=tmp_path / "six", seed=5, site=SITE)
+    for name, said in (
+        ("six", r"no estimator 'six'\. .*picky.*zhang-optimal.* package broken .*ModuleNotFoundError"),
+        ("six-position", r"^The packages picky and \w+ both have six-position"),
+        ("picky", r"^The estimator picky does not serve here: It wants more\. Leave it out"),
+    ):
+        with pytest.raises(UsageError, match=said):
+            tumble.calibrate(protocol=tmp_path / "six", estimator=name)
+    assert find_estimator("improved-six-position", has_protocol=False).name == "improved-six-position"
 
 
 def test_holds_of_a_placement_that_is_hardly_known_are_in_no_pose_that_is_believed() -> None:

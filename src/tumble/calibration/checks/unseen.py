@@ -84,7 +84,7 @@ def state_unseen(session: Session, estimate: Estimate) -> None:
     """
     if not any(name.startswith("gyroscope.matrix") for name in estimate.names):
         return
-    clock = _unseen_clock(session.clock)
+    clock = _unseen_clock(session.recording.clock)
     table = None if session.protocol is None else unseen_table(session.protocol)
     within = _within(estimate, clock.sigma)
     if within is not None:

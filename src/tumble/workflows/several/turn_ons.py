@@ -139,7 +139,8 @@ def calibrate_turn_ons(
     sessions, taken = [own.session for own in settled], {own.name for own in settled}
     several.estimate.say("caution", *absent, *strange)
     # One unit samples all its recordings.
-    state_unseen_clock(max((s.clock for s in sessions), key=lambda one: one.sigma), several.estimate)
+    clocks = (session.recording.clock for session in sessions)
+    state_unseen_clock(max(clocks, key=lambda one: one.sigma), several.estimate)
     if knowledge is not None:
         check_prior(sessions, knowledge, several.estimate)
     state_gravity(_one_site(sessions), several.estimate)
