@@ -171,10 +171,10 @@ def test_a_file_without_a_hold_is_said_and_not_fit(
     """A gyro bias of 0.1 rad/s looks like motion beside a unit that has none."""
     rows = sessions(11)
     rows[:, 4:7] += [0.1, -0.05, 0.02]
-    other = written(tmp_path / "other.csv", rows)
+    other = written(tmp_path / recording.name, rows)
     answer = tumble("calibrate", recording, other, "--gravity", GRAVITY, "-o", tmp_path / "r")
     assert answer.status == 1, answer
-    assert "other.csv gives no hold" in " ".join(document_of(tmp_path / "r")["verdict"]["reasons"])
+    assert "tumbled.csv (2) gives no hold" in " ".join(document_of(tmp_path / "r")["verdict"]["reasons"])
 
 
 def test_given_intervals_are_used_instead_of_a_search(tumble: Any, recording: Path, tmp_path: Path) -> None:

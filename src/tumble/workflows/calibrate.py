@@ -309,10 +309,7 @@ def completed(
 
 
 def finish_run(
-    run: CalibrationRun,
-    folder: Path | None,
-    clock: Clock,
-    say: Callable[[str], None],
+    run: CalibrationRun, folder: Path | None, clock: Clock, say: Callable[[str], None]
 ) -> CalibrationRun:
     """Write the files of a run, if a folder is named, and return it with what each stage took.
 

@@ -53,7 +53,7 @@ def test_turns_that_are_lost_to_saturation_are_said_to_be_lost(
 
 
 def test_one_recording_twice_is_refused() -> None:
-    with pytest.raises(UsageError, match="same recording"):
+    with pytest.raises(UsageError, match=r"^(\S+) \(2\) and \1 \(1\) are the same recording"):
         calibrate([DATA, DATA], **OPTIONS)  # type: ignore[arg-type]
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import fields, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -89,7 +90,26 @@ def named_spans(recordings: Sequence[Recording], spans: Sequence[Span]) -> list[
     ----------
     recordings, spans : as given to `join_recordings`, and from there.
     """
-    return [(one.sources[0].name, span) for one, span in zip(recordings, spans, strict=True) if one.sources]
+    known = [(one.sources[0].name, span) for one, span in zip(recordings, spans, strict=True) if one.sources]
+    return [*zip(labels_of([name for name, _ in known]), (span for _, span in known), strict=True)]
+
+
+def labels_of(names: Sequence[str]) -> list[str]:
+    """Return the shortest names that tell recordings apart: file names, with folders before them, or with numbers.
+
+    A folder's ``protocol.yaml`` goes by the folder's name.
+
+    Parameters
+    ----------
+    names : of the recordings in order, as paths or as file names alone.
+    """
+    paths = [Path(name) for name in names]
+    parts = [p.parent.parts if p.name == "protocol.yaml" and p.parent.name else p.parts for p in paths]
+    for length in range(1, max((len(own) for own in parts), default=0) + 1):
+        short = ["/".join(own[-length:]) for own in parts]
+        if len(set(short)) == len(short):
+            return short
+    return [f"{name} ({number})" for number, name in enumerate(names, 1)]
 
 
 def check_files(session: Session, files: Sequence[NamedSpan]) -> list[str]:
@@ -241,13 +261,13 @@ def _joined_means(recording: Recording, timeline: Timeline, means: Sequence[Hold
 
 def _require_different(recordings: list[Recording]) -> None:
     seen: dict[str, str] = {}
-    for source in (source for recording in recordings for source in recording.sources):
+    sources = [source for recording in recordings for source in recording.sources]
+    for source, name in zip(sources, labels_of([source.name for source in sources]), strict=True):
         if source.sha256 in seen:
             raise UsageError(
-                f"{source.name} and {seen[source.sha256]} are the same recording: it adds nothing a "
-                "second time."
+                f"{name} and {seen[source.sha256]} are the same recording: it adds nothing a second time."
             )
-        seen[source.sha256] = source.name
+        seen[source.sha256] = name
 
 
 def _require_same_columns(recordings: list[Recording]) -> None:

@@ -36,7 +36,7 @@ from tumble.workflows.given.protocols import GivenProtocol, read_given_protocol
 from tumble.workflows.magnetometer import left_out_of
 from tumble.workflows.procedures import add_objections, believed, check_prior
 from tumble.workflows.progress import silent
-from tumble.workflows.several.joining import join_recordings, join_timelines, require_one_unit
+from tumble.workflows.several.joining import join_recordings, join_timelines, labels_of, require_one_unit
 
 if TYPE_CHECKING:
     from tumble.calibration import Estimate
@@ -162,7 +162,7 @@ def _named(recordings: Sequence[str | os.PathLike[str]], protocol: ProtocolName)
         )
     default = None if protocol is None else read_given_protocol(protocol)
     made: list[_Named] = []
-    for text, label in zip(recordings, _labels_of([str(r) for r in recordings]), strict=True):
+    for text, label in zip(recordings, labels_of([str(r) for r in recordings]), strict=True):
         path, given = Path(text), default
         pair = str(text).split(",")
         files = [path] if path.exists() or len(pair) != 2 else [Path(part.strip()) for part in pair]
@@ -172,20 +172,6 @@ def _named(recordings: Sequence[str | os.PathLike[str]], protocol: ProtocolName)
                 raise UsageError(f"The protocol {path} names no recording: list it in the file.")
         made.append(_Named(tuple(files), given, label))
     return made
-
-
-def _labels_of(names: Sequence[str]) -> list[str]:
-    """Return the shortest names that tell recordings apart: file names, or with folders before them.
-
-    A folder's ``protocol.yaml`` goes by the folder's name.
-    """
-    paths = [Path(name) for name in names]
-    parts = [p.parent.parts if p.name == "protocol.yaml" and p.parent.name else p.parts for p in paths]
-    for length in range(1, max(len(own) for own in parts) + 1):
-        short = ["/".join(own[-length:]) for own in parts]
-        if len(set(short)) == len(short):
-            return short
-    return [f"{name} ({number})" for number, name in enumerate(names, 1)]
 
 
 def _settle_all(
