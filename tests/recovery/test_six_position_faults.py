@@ -15,11 +15,10 @@ from second_simulator.calibrating import calibrated, played, sigmas_off
         (1000, "tactical", "pose-off"),
         (1003, "industrial", "four-poses-off"),
         (1003, "industrial", "plate-leans"),
+        (2300000, "tactical", "plate-leans"),
     ],
 )
-def test_poses_that_contradict_one_another_are_not_fit_and_are_counted(
-    seed: int, grade: str, fault: str
-) -> None:
+def test_poses_that_contradict_one_another_are_unfit_and_counted(seed: int, grade: str, fault: str) -> None:
     made = played("six-faces", grade, seed, fault)
     found = calibrated(made, procedure="six-position")
     assert not found.verdict.fit

@@ -586,12 +586,12 @@ def _from_before(task: JointAdjustment, fresh: JointAdjustment, free: np.ndarray
     return replace(task.copy(free), noise=fresh.noise.copy(), taking_part=fresh.copy().taking_part)
 
 
-def _determined(
-    task: JointAdjustment, fresh: JointAdjustment, plain: np.ndarray, names: list[str]
-) -> list[str]:
+def _determined(task: JointAdjustment, fresh: JointAdjustment, plain: np.ndarray, of: list[str]) -> list[str]:
     """The terms that the recording determines, by the information where the adjustment without them has settled.
 
-    All that was recorded counts: a turn may have been left out for the very term that nothing else shows.
+    All that was recorded counts: a turn may have been left out for the very term that nothing else shows. The noise is
+    what was found without terms: with that of rest an asymmetry would be determined that is a plate's that leans.
     """
-    trial = _from_before(task, fresh, unknowns_with(plain, names))
-    return determined_terms(linearise(trial)[1], trial.unknowns, plain, names)
+    trial = _from_before(task, fresh, unknowns_with(plain, of))
+    trial.noise.added.update(task.noise.added)
+    return determined_terms(linearise(trial)[1], trial.unknowns, plain, of)
