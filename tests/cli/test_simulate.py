@@ -134,7 +134,7 @@ def test_without_an_output_the_folder_is_named_after_the_protocol(
         (["six-position", "--imu", "hg170"], ["no IMU grade 'hg170'", "ring-laser", "Did you mean hg1700?"]),
         (["nowhere.yaml"], ["There is no protocol file", "nowhere.yaml"]),
         (["six-position", "--seed", "1.5"], ["--seed 1.5 is no whole number"]),
-        (["six-position", "--gravity", "abc"], ["Gravity of abc m/s² is found nowhere", "9.80788±0.00002"]),
+        (["six-position", "--gravity", "abc"], ["Gravity of 'abc' is no number", "9.80788±0.00002"]),
         (["six-position", "--errors", "none.yaml"], ["no file of errors none.yaml"]),
         (["six-position", "--site", "95"], ["beyond the poles"]),
         (["six-position", "--duration", "60"], ["--duration is for a unit at rest"]),
