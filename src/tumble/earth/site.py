@@ -139,8 +139,8 @@ class Site:
                 f"Gravity of {given.gravity:g} m/s² contradicts the latitude {math.degrees(self.latitude):g}° and the "
                 f"height, where it is {least:.4f} to {most:.4f} m/s²: give the one that you trust."
             )
-        apart = abs(given.gravity - self.gravity) / math.hypot(given.gravity_sigma, self.gravity_sigma)
-        if given.is_evenly_spread and self.gravity_sigma < given.gravity_sigma and apart < _APART:
+        off, sigmas = abs(given.gravity - self.gravity), (self.gravity_sigma, given.gravity_sigma)
+        if given.is_evenly_spread and sigmas[0] < sigmas[1] and off < _APART * math.hypot(*sigmas):
             return self
         return replace(given, latitude=self.latitude, height=self.height)
 

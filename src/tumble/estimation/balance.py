@@ -283,7 +283,7 @@ def _settle(task: Balanceable, solution: Settled, *, robust: bool) -> Settled:
             # With the weights that it had the last step was too far.
             back()
             task.noise = noise
-            solution = solve(task)
+            solution, here = solve(task), task.snapshot()
         back = here
     return solution if solution.last_step <= NEARLY else solve(task, tolerance=NEARLY)
 

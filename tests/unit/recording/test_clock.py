@@ -79,7 +79,6 @@ def test_a_rate_that_is_stated_is_as_uncertain_as_it_is_stated_and_as_the_stamps
     # a crystal is better than that, and is believed
     assert clock_of_stamps(READ["device"], SampleRate(99.4, 0.1), "device").kind == "device"
     assert clock_of_stamps(READ["device"], SampleRate(99.4, 0.1)).kind == "stated"
-    # neither is believed to more than they differ by
     assert clock_of_stamps(REGULAR["counted"], SampleRate(97.5, 0.975)).sigma > 0.025
     assert clock_of_stamps(REGULAR["counted"], 97.5).sigma > 0.025
 
