@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field
 from hashlib import sha256
 from pathlib import Path
@@ -188,8 +188,7 @@ def calibrate(
     paper = None if estimator is None else find_estimator(estimator, has_protocol=protocol is not None)
     check_procedure(procedure, has_protocol=protocol is not None)
     _refuse_odd(monte_carlo)
-    folder = results_folder(output)
-    acceptance = None if limits is None else read_limits(Path(limits))
+    folder, acceptance = results_folder(output), None if limits is None else read_limits(Path(limits))
     say("reading")
     given = None if protocol is None else _read_consistent(protocol)
     magnetic = given_field(field, site or (given and given.protocol.site))
@@ -204,7 +203,8 @@ def calibrate(
     except (SegmentationError, ObservabilityError) as error:
         if recording.magnetic_field is None or procedure is not None or told is not None or intervals:
             raise
-        run = _field_run(session, magnetic, error, imu, clock, monte_carlo, estimator)
+        unheeded = {"prior": prior, "noise": noise, "monte-carlo": monte_carlo, "estimator": estimator}
+        run = _field_run(session, magnetic, error, imu, clock, unheeded)
     else:
         add_magnetometer(session, estimate, magnetic)
         _draw(estimate, monte_carlo, say)
@@ -333,8 +333,7 @@ def _field_run(
     why: TumbleError,
     imu: tuple[str | None, str | None],
     clock: Clock,
-    monte_carlo: int | None,
-    estimator: str | None,
+    unheeded: Mapping[str, object],
 ) -> CalibrationRun:
     """The magnetometer by itself, where the recording determines no other triad."""
     try:
@@ -344,12 +343,11 @@ def _field_run(
         short = f"The recording is too short: it lasts {lasts:.1f} s, and nine poses take half a minute. "
         said = f"{short if lasts < 30.0 else ''}{why} The magnetometer does not serve by itself either. {further}"
         raise type(why)(said) from why
-    for option, value in (("--monte-carlo", monte_carlo), ("--estimator", estimator)):
-        if value is not None:
-            raise UsageError(
-                f"{option} is for accelerometers and gyros, and only the magnetometer can be calibrated here: leave it "
-                f"out. {why}"
-            )
+    for option in (option for option, value in unheeded.items() if value is not None):
+        raise UsageError(
+            f"--{option} is for accelerometers and gyros, and only the magnetometer can be calibrated here: leave it "
+            f"out. {why}"
+        )
     clock.lap("solving")
     reason = "The magnetometer alone, by the norm of its field: the recording determines no other triad."
     return CalibrationRun(document, estimate, session.recording, *no_holds(), reason)

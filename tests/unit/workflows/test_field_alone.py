@@ -105,10 +105,9 @@ def test_what_was_asked_for_is_done_for_a_magnetometer_alone_or_refused(tmp_path
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert "nothing was compared with its limits" in page
     assert "Eve &lt;7&gt;" in page
-    with pytest.raises(UsageError, match=r"^--monte-carlo is for .* leave it out\. "):
-        calibrate(file, monte_carlo=1000)
-    with pytest.raises(UsageError, match=r"^--estimator is for .* only the magnetometer"):
-        calibrate(file, estimator="six-position")
+    for option, value in {"prior": "tactical", "monte_carlo": 1000, "estimator": "six-position"}.items():
+        with pytest.raises(UsageError, match=rf"^--{option[:5]}.* only the magnetometer .* leave it out\. "):
+            calibrate(file, **{option: value})  # type: ignore[arg-type]
     with pytest.raises(TumbleError):
         calibrate(file, procedure="hand-held")
 
