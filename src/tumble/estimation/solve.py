@@ -113,7 +113,7 @@ def _is_tested(equations: Equations) -> bool:
 
 
 ITERATIONS = 100
-DIVERGED = "The joint adjustment diverged: its unknowns left all bounds."
+DIVERGED = "The adjustment diverged: its unknowns left all bounds."
 # A thousandth of a sigma: the step itself is still taken, and the next would be a millionth.
 TOLERANCE, ROUND_OFF = 1e-3, 1e-2
 # A square sum may grow by so much and not be worse; a smaller share of a step is no step.
@@ -225,7 +225,7 @@ def solve(task: Adjustable, *, once: bool = False, tolerance: float = TOLERANCE)
         # What is believed may have changed with the step: then the square sum says nothing of it.
         last = _Step(np.inf if changed else made.cost, back, sigmas, taken)
         before, share = size, min(1.0, 2.0 * share)
-    raise ConvergenceError(f"The joint adjustment did not settle within {ITERATIONS} iterations.")
+    raise ConvergenceError(f"The adjustment did not settle within {ITERATIONS} iterations.")
 
 
 @dataclass(frozen=True, slots=True)

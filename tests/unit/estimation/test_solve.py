@@ -127,5 +127,5 @@ def test_what_goes_away_for_ever_is_said() -> None:
             value = float(np.exp(-state.unknowns.values[0]))
             return [Linear(np.array([[value]]), np.full((1, 1, 1), 1e-300), np.full((1, 1, 1), -value))]
 
-    with pytest.raises(ConvergenceError):
+    with pytest.raises(ConvergenceError, match=r"^The adjustment "):
         solve(Task(0.0, Away()))
