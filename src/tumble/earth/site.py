@@ -37,7 +37,7 @@ _LARGEST_DISTURBANCE = 5e-3  # m/s²
 # Where gravity came from, and how to say it better.
 _NORMAL = "normal gravity of WGS 84 at the latitude and height given"
 _NO_HEIGHT = "normal gravity of WGS 84 at the latitude given, 500 ± 700 m high because no height was given"
-_ROUNDED = "given, good to half of its last digit"
+_SAID, _ROUNDED = "given", "given, good to half of its last digit"
 _ASSUMED = "assumed: standard gravity, because no site was given"
 _STANDARD = "standard gravity, a unit's definition that no place has to all digits"
 _GIVE = "give --gravity in m/s², as 9.81 or 9.80788±0.00002, or --site LATITUDE[,HEIGHT]."
@@ -45,7 +45,7 @@ _BETTER = {
     _NO_HEIGHT: "give the height too, as --site LATITUDE,HEIGHT in degrees and metres",
     _ASSUMED: "give --site LATITUDE,HEIGHT in degrees and metres",
     _STANDARD: "give that of your place, or --site LATITUDE,HEIGHT in degrees and metres",
-    _ROUNDED: "say so, as --gravity 9.80788±0.00002",
+    **dict.fromkeys((_SAID, _ROUNDED), "say so, as --gravity 9.80788±0.00002"),
 }
 
 
@@ -66,7 +66,7 @@ class Site:
     gravity_sigma: float
     latitude: float | None = None
     height: float | None = None
-    source: str = "given"
+    source: str = _SAID
 
     @staticmethod
     @border
@@ -99,7 +99,7 @@ class Site:
 
         Without `sigma`, its standard uncertainty, gravity is good to half of its last digit, evenly spread: 9.81 is
         9.81 ± 0.0029, and standard gravity, 9.80665, is as good as none. A number has the digits of its shortest
-        decimal text. Exact is what has a sigma of 0.
+        decimal text. Exact is what has a sigma of 0. No `sigma` is above ± 0.015, by which all places differ.
 
         Raises
         ------
@@ -116,9 +116,8 @@ class Site:
             )
         if sigma is None and abs(value - STANDARD_GRAVITY) < _LIKE_STANDARD:
             return Site(value, _UNKNOWN_SITE_SIGMA, source=_STANDARD)
-        if sigma is None:
-            return Site(value, min(rounding(gravity), _UNKNOWN_SITE_SIGMA), source=_ROUNDED)
-        return Site(value, sigma)
+        known, source = (rounding(gravity), _ROUNDED) if sigma is None else (sigma, _SAID)
+        return Site(value, min(known, _UNKNOWN_SITE_SIGMA), source=source)
 
     def with_gravity(self, given: Site) -> Site:
         """Return this place with the gravity of `given`; with its own where that is known better than to given digits.
