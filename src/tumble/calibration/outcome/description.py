@@ -19,6 +19,7 @@ from tumble.calibration.equations.imu_unknowns import (
 from tumble.calibration.estimate import Described, NamedValue, correlation_matrix
 from tumble.calibration.terms import TERMS, Term
 from tumble.calibration.terms.lever_arms import WORTH_NAMING
+from tumble.calibration.terms.term import KINDS
 from tumble.earth import Site
 from tumble.recording.recording import Recording
 from tumble.sensor import ImuModel, Triad, polar_rotation, propagate
@@ -54,32 +55,30 @@ def describe(
     """
     # All accelerometer scale factors, and what gyros show of gravity, are as wrong as it is.
     off = site.gravity_sigma * gravity_slope(unknowns, site)
-    values, spread = unknowns, covariance + np.outer(off, off)
+    spread = covariance + np.outer(off, off)
     names = canonical_names(terms, gyro)
-    numbers, own = propagate(canonical_function(terms, gyro, frame), values, spread)
-    keep = _worth_naming(names, numbers, own, values, all_told=all_told)
+    _, own = propagate(canonical_function(terms, gyro, frame), unknowns, spread)
+    keep = list(range(len(names))) if all_told else _worth_naming(names, own, unknowns)
     labels, evaluate = named_function(
         terms, gyro, frame, (recording.specific_force_unit, recording.angular_rate_unit)
     )
-    shown, told = propagate(evaluate, values, spread)
+    shown, told = propagate(evaluate, unknowns, spread)
     sigmas = np.sqrt(np.maximum(np.diag(told), 0.0))
     named = np.ones(len(labels), dtype=bool)
     for term in _kept(terms, "parameters"):
         assert term.parameters is not None
         named &= True if term.parameters.told is None else term.parameters.told(labels, sigmas)
-    rows = [i for i in np.flatnonzero(named) if all_told or _is_told(labels[i], shown[i], sigmas[i], values)]
-    parameters = [NamedValue(*_pair(labels[i], shown[i], sigmas[i])) for i in rows]
+    rows = [
+        i for i in np.flatnonzero(named) if all_told or _is_told(labels[i][0], shown[i], sigmas[i], unknowns)
+    ]
+    parameters = [NamedValue(labels[i][0], float(shown[i]), float(sigmas[i]), labels[i][1]) for i in rows]
     return Described(
-        model_of(values, terms, gyro, frame),
+        model_of(unknowns, terms, gyro, frame),
         [names[i] for i in keep],
         own[np.ix_(keep, keep)],
         parameters,
         correlation_matrix(told[np.ix_(rows, rows)]),
     )
-
-
-def _pair(label: tuple[str, str], value: float, sigma: float) -> tuple[str, float, float, str]:
-    return label[0], float(value), float(sigma), label[1]
 
 
 def rotation_of_frame(x: Complex, frame: str) -> Complex:
@@ -129,22 +128,22 @@ def canonical_function(terms: frozenset[str], gyro: str, frame: str) -> Callable
     ----------
     terms, gyro, frame : as for `describe`.
     """
+    return lambda x: np.concatenate([group.ravel() for group in _groups(x, terms, gyro, frame).values()])
 
-    def evaluate(x: Complex) -> Complex:
-        C_bf = rotation_of_frame(x, frame)
-        parts: list[Complex] = [
-            (_force_matrix(x) @ C_bf).ravel(),
-            x[LAYOUT["force.bias"]],
-        ]
-        parts += [x[LAYOUT["force.quadratic"]]] if "quadratic" in terms else []
-        parts += [(x[LAYOUT["gyro.matrix"]].reshape(3, 3) @ C_bf).ravel()] if gyro == "full" else []
-        parts += [x[LAYOUT["gyro.bias"]]] if gyro != "none" else []
-        if "g_sensitivity" in terms:
-            parts.append((x[LAYOUT["gyro.g_sensitivity"]].reshape(3, 3) @ C_bf).ravel())
-        parts += [x[LAYOUT[term.block.name]] for term in _kept(terms, "curve")]
-        return np.concatenate(parts)
 
-    return evaluate
+def _groups(x: Complex, terms: frozenset[str], gyro: str, frame: str) -> dict[str, Complex]:
+    """Canonical parameters by group, each (3,) or (3, 3), analytic in all unknowns."""
+    C_bf = rotation_of_frame(x, frame)
+    found = {"accelerometer.matrix": _force_matrix(x) @ C_bf, "accelerometer.bias": x[LAYOUT["force.bias"]]}
+    if "quadratic" in terms:
+        found["accelerometer.quadratic"] = x[LAYOUT["force.quadratic"]]
+    if gyro == "full":
+        found["gyroscope.matrix"] = x[LAYOUT["gyro.matrix"]].reshape(3, 3) @ C_bf
+    if gyro != "none":
+        found["gyroscope.bias"] = x[LAYOUT["gyro.bias"]]
+    if "g_sensitivity" in terms:
+        found["gyroscope.g_sensitivity"] = x[LAYOUT["gyro.g_sensitivity"]].reshape(3, 3) @ C_bf
+    return found | {f"{term.of}.{term.curve}": x[LAYOUT[term.block.name]] for term in _kept(terms, "curve")}
 
 
 def _kept(terms: frozenset[str], what: Literal["curve", "parameters"]) -> list[Term]:
@@ -160,46 +159,32 @@ def canonical_names(terms: frozenset[str], gyro: str) -> list[str]:
     ----------
     terms, gyro : as for `describe`.
     """
-    groups = ["accelerometer.matrix", "accelerometer.bias"]
-    groups += ["accelerometer.quadratic"] if "quadratic" in terms else []
-    groups += ["gyroscope.matrix"] if gyro == "full" else []
-    groups += ["gyroscope.bias"] if gyro != "none" else []
-    groups += ["gyroscope.g_sensitivity"] if "g_sensitivity" in terms else []
-    groups += [f"{term.of}.{term.curve}" for term in _kept(terms, "curve")]
-    square = [f"{i},{j}" for i in range(3) for j in range(3)]
-    of_square = ("matrix", "sensitivity")
-    return [f"{group}[{i}]" for group in groups for i in (square if group.endswith(of_square) else range(3))]
+    groups = _groups(np.zeros(LAYOUT.size), terms, gyro, "accelerometer-x")
+    places = [(name, at) for name, group in groups.items() for at in np.ndindex(group.shape)]
+    return [f"{name}[{','.join(map(str, at))}]" for name, at in places]
 
 
-def _worth_naming(
-    names: list[str], numbers: Series, covariance: Square, values: Series, *, all_told: bool
-) -> list[int]:
-    if all_told:
-        return list(range(len(names)))
-    sizes = {
-        "accelerometer": float(np.mean(np.abs(values[LAYOUT["force.scale"]]))),
-        "gyroscope": float(np.linalg.norm(values[LAYOUT["gyro.matrix"]])) / np.sqrt(3.0),
+def _plates(values: Series) -> dict[str, dict[str, float]]:
+    """What any name plate promises of each triad's matrix and biases, one sigma: raw, and of shares."""
+    force = float(np.mean(np.abs(values[LAYOUT["force.scale"]])))
+    rate = float(np.linalg.norm(values[LAYOUT["gyro.matrix"]])) / np.sqrt(3.0)
+    sizes = {"accelerometer": (force, NAME_PLATE_FORCE), "gyroscope": (rate, NAME_PLATE_RATE)}
+    return {
+        kind: {"matrix": NAME_PLATE_SHARE * size, "bias": bias * size} for kind, (size, bias) in sizes.items()
     }
-    of_bias = {"accelerometer": NAME_PLATE_FORCE, "gyroscope": NAME_PLATE_RATE}
-    kept: list[int] = []
-    for i, name in enumerate(names):
-        kind, key = name.split(".", 1)
-        promise = {"matrix": NAME_PLATE_SHARE * sizes[kind], "bias": of_bias[kind] * sizes[kind]}.get(
-            key.split("[")[0], np.inf
-        )
-        if float(np.sqrt(max(covariance[i, i], 0.0))) < WORTH_NAMING * promise:
-            kept.append(i)
-    return kept
 
 
-def _is_told(label: tuple[str, str], value: float, sigma: float, values: Series) -> bool:
-    name = label[0]
-    size = float(np.mean(np.abs(values[LAYOUT["force.scale"]])))
-    if name.startswith(("gyro", "g-")):
-        size = float(np.linalg.norm(values[LAYOUT["gyro.matrix"]])) / np.sqrt(3.0)
+def _worth_naming(names: list[str], covariance: Square, values: Series) -> list[int]:
+    plates, sigmas = _plates(values), np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    keys = [name.partition("[")[0].split(".") for name in names]
+    promised = np.array([plates[kind].get(term, np.inf) for kind, term in keys])
+    return np.flatnonzero(sigmas < WORTH_NAMING * promised).tolist()
+
+
+def _is_told(name: str, value: float, sigma: float, values: Series) -> bool:
     promise = np.inf
     if " bias " in name:
-        promise = size * (NAME_PLATE_RATE if name.startswith("gyro") else NAME_PLATE_FORCE)
+        promise = _plates(values)["gyroscope" if name.startswith("gyro") else "accelerometer"]["bias"]
     elif "scale factor" in name:
         promise = NAME_PLATE_SHARE * (1.0 if "error" in name else abs(value))
     elif any(word in name for word in ("orthogonality", "misalignment", "rotation")):
@@ -238,24 +223,16 @@ def named_function(
         labels += [(f"g-sensitivity of gyro {a} to force {b}", f"{units[1]}/(m/s²)") for a, b in pairs]
     labels += [label for term in curves for label in term.curve_labels(units)]
     labels += [label for _, parameters in others for label in parameters.labels(frame)]
-    values = _savage_values if savage else _fixture_values
+    split = _shin_values if shin else _savage_values if savage else _fixture_values
+    own_terms = zip(KINDS, factors, ("quadratic", "g_sensitivity"), strict=True)
+    order = [(kind, term, factor) for kind, factor, last in own_terms for term in ("bias", "matrix", last)]
 
     def evaluate(x: Complex) -> Complex:
-        C_bf = rotation_of_frame(x, frame)
-        if shin:
-            parts = [_scaled(x[LAYOUT["force.scale"]], factors[0]), x[LAYOUT["force.angle"]]]
-        else:
-            parts = values(_force_matrix(x) @ C_bf, factors[0], symmetric=False)
-        parts = [x[LAYOUT["force.bias"]], *parts]
-        parts += [x[LAYOUT["force.quadratic"]]] if "quadratic" in terms else []
-        parts += [x[LAYOUT["gyro.bias"]]] if gyro != "none" else []
-        if gyro == "full":
-            matrix = x[LAYOUT["gyro.matrix"]].reshape(3, 3) @ C_bf
-            parts += (
-                _shin_values(matrix, factors[1]) if shin else values(matrix, factors[1], symmetric=savage)
-            )
-        if "g_sensitivity" in terms:
-            parts.append((x[LAYOUT["gyro.g_sensitivity"]].reshape(3, 3) @ C_bf).ravel())
+        told, C_bf = _groups(x, terms, gyro, frame), rotation_of_frame(x, frame)
+        parts: list[Complex] = []
+        for kind, term, factor in order:
+            own = told.get(f"{kind}.{term}", np.zeros(0))
+            parts += split(own, factor, kind) if own.size and term == "matrix" else [own.ravel()]
         parts += [x[LAYOUT[term.block.name]] for term in curves]
         parts += [parameters.values(x[place], C_bf, frame) for place, parameters in others]
         return np.concatenate(parts)
@@ -286,25 +263,27 @@ def _scaled(scale: Complex, factor: float | None) -> Complex:
     return scale if factor is None else scale * factor - 1.0
 
 
-def _shin_values(matrix: Complex, factor: float | None) -> list[Complex]:
-    """Of `_labels`, and the rotation between the triads."""
+def _shin_values(matrix: Complex, factor: float | None, kind: str) -> list[Complex]:
+    """Of `_labels`, and of gyros the rotation between the triads."""
     own = lower_factor(matrix)
     scale, angles = shin_from_matrix(own)
-    return [_scaled(scale, factor), angles, analytic_rotation_vector(inverse(own) @ matrix)]
+    turned = [analytic_rotation_vector(inverse(own) @ matrix)] if kind == "gyroscope" else []
+    return [_scaled(scale, factor), angles, *turned]
 
 
-def _savage_values(matrix: Complex, factor: float | None, *, symmetric: bool) -> list[Complex]:
+def _savage_values(matrix: Complex, factor: float | None, kind: str) -> list[Complex]:
     """Of `_labels` as Savage (2018, (6) to (11)) has them, to first order of his small angles."""
     scale = np.diag(matrix)
     # Of counts each sensor's angle is against its own scale factor.
     angle = matrix * factor if factor else (matrix.T / scale).T
+    symmetric = kind == "gyroscope"
     told = (
         [angle[i, j] + angle[j, i] for i, j in PAIRS] if symmetric else [angle[i, j] for i, j in OFF_DIAGONAL]
     )
     return [_scaled(scale, factor), np.array(told)]
 
 
-def _fixture_values(matrix: Complex, factor: float | None, *, symmetric: bool) -> list[Complex]:
+def _fixture_values(matrix: Complex, factor: float | None, kind: str) -> list[Complex]:
     """Of `_labels`, by each axis's length and where it leans."""
     length = np.sign(np.real(np.diag(matrix))) * np.sqrt(np.sum(matrix * matrix, axis=1))
     leans = [np.arcsin(matrix[i, j] / length[i]) for i, j in OFF_DIAGONAL]
@@ -318,17 +297,13 @@ def model_of(x: Series, terms: frozenset[str], gyro: str, frame: str) -> ImuMode
     ----------
     x, terms, gyro, frame : as for `describe`.
     """
-    C_bf = np.real(rotation_of_frame(x, frame))
-    curves = {"accelerometer": dict[str, Series](), "gyroscope": dict[str, Series]()}
-    for term in TERMS.values():
-        if term.curve and term.name in terms:
-            curves[term.of][term.curve] = x[LAYOUT[term.block.name]].copy()
-    accelerometer = Triad(
-        np.real(_force_matrix(x)) @ C_bf, x[LAYOUT["force.bias"]].copy(), **curves["accelerometer"]
+    told = _groups(x, terms, "none" if gyro == "none" else "full", frame)
+    triads: dict[str, dict[str, Series]] = {}
+    for name, group in told.items():
+        kind, _, term = name.partition(".")
+        triads.setdefault(kind, {})[term] = np.real(group).copy()
+    gyroscope = triads.get("gyroscope")
+    sensitivity = None if gyroscope is None else gyroscope.pop("g_sensitivity", None)
+    return ImuModel(
+        Triad(**triads["accelerometer"]), None if gyroscope is None else Triad(**gyroscope), sensitivity
     )
-    gyroscope = None
-    if gyro != "none":
-        matrix = x[LAYOUT["gyro.matrix"]].reshape(3, 3) @ C_bf
-        gyroscope = Triad(matrix, x[LAYOUT["gyro.bias"]].copy(), **curves["gyroscope"])
-    sensitivity = x[LAYOUT["gyro.g_sensitivity"]].reshape(3, 3) @ C_bf if "g_sensitivity" in terms else None
-    return ImuModel(accelerometer, gyroscope, sensitivity)
