@@ -136,8 +136,8 @@ class CalibratedUnit:
         ----------
         force, rate : (3,) m/s² and rad/s in b, true.
         """
-        by_force = _triad_errors("accelerometer", self.model.accelerometer, self.names, force)
-        by_rate = _triad_errors("gyroscope", self.model.gyroscope, self.names, rate)
+        by_force = triad_errors("accelerometer", self.model.accelerometer, self.names, force)
+        by_rate = triad_errors("gyroscope", self.model.gyroscope, self.names, rate)
         if self.model.gyroscope is not None:
             inverse = inverted(self.model.gyroscope.matrix)
             columns, i, j = _places(tuple(self.names))["gyroscope.g_sensitivity"]
@@ -180,8 +180,15 @@ def carried_through(axis: Vector, angle: float) -> Matrix:
     return along + (np.sin(angle) * across + (1.0 - np.cos(angle)) * cross) / angle
 
 
-def _triad_errors(kind: str, triad: Triad | None, names: Sequence[str], true: Vector) -> Table:
-    """By how much the corrected output moves with each of the triad's own parameters."""
+def triad_errors(kind: str, triad: Triad | None, names: Sequence[str], true: Vector) -> Table:
+    """Return (3, parameters) by how much the corrected output moves with each of the triad's own parameters.
+
+    Parameters
+    ----------
+    kind, triad : "accelerometer" or "gyroscope", and it; None for none.
+    names : of all parameters, as `calibration.json` lists them.
+    true : (3,) m/s² or rad/s in b.
+    """
     moved = np.zeros((3, len(names)))
     if triad is None:
         return moved
@@ -229,11 +236,8 @@ def nominal_errors(
     """
     if factors[0] is None or factors[1] is None or model.accelerometer is None or model.gyroscope is None:
         return None
-    raw_force = model.accelerometer.distort(force[None])[0]
-    raw_rate = model.gyroscope.distort(rate[None])[0]
-    if model.g_sensitivity is not None:
-        raw_rate = raw_rate + model.g_sensitivity @ force
-    return np.asarray(factors[0] * raw_force - force), np.asarray(factors[1] * raw_rate - rate)
+    raw_force, raw_rate = model.distort(force[None], rate[None])
+    return np.asarray(factors[0] * raw_force[0] - force), np.asarray(factors[1] * raw_rate[0] - rate)
 
 
 def sheet_unit(

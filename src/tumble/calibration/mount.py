@@ -13,21 +13,25 @@ it is, of the other only what is across it counts, so that the pitch need not be
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from tumble.arrays import Matrix, Square, Table, Vector, inverted
-from tumble.attitude import angle_between, rotation_vector_from_matrix
+from tumble.attitude import angle_between
+from tumble.attitude.rotations import analytic_rotation_vector
+from tumble.calibration.free_inertial import triad_errors
 from tumble.errors import ObservabilityError
 from tumble.records import dataclass
+from tumble.sensor import propagate
 from tumble.sensor.triad import Triad
 
+Complex = npt.NDArray[Any]
 # A unit whose axes are farther from the mount's is mounted another way, or stood otherwise, rad.
 LARGEST_MISALIGNMENT = np.radians(15.0)
 AXES = ("x", "y", "z")
 LEVEL, PITCHED = "level", "pitched"
-# m/s², for derivatives by central differences: far above rounding, far below where products count.
-_STEP = 1e-4
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,32 +73,24 @@ def align_to_mount(level: Vector, pitched: Vector, covariance: Square) -> MountA
         If the directions are not those of a mount level, and pitched with x up: swapped, the same, reversed.
     """
     check_poses(level, pitched)
-    jacobian = np.zeros((3, 6))
     both = np.concatenate([level, pitched])
-    for k in range(6):
-        step = _STEP * np.eye(6)[k]
-        up, down = both + step, both - step
-        jacobian[:, k] = (_angles(up[:3], up[3:]) - _angles(down[:3], down[3:])) / (2.0 * _STEP)
-    C_MB = _triad_rotation(level, pitched)
+    angles, spread = propagate(lambda of: analytic_rotation_vector(_triad_rotation(of)), both, covariance)
     return MountAlignment(
-        C_MB=C_MB,
-        angles=rotation_vector_from_matrix(C_MB),
-        covariance=np.asarray(jacobian @ covariance @ jacobian.T, dtype=np.float64),
+        C_MB=np.real(_triad_rotation(both)),
+        angles=angles,
+        covariance=spread,
         off_right_angle=float(angle_between(level, pitched) - 0.5 * np.pi),
         z_down=bool(level[2] < 0.0),
     )
 
 
-def _triad_rotation(level: Vector, pitched: Vector) -> Matrix:
-    """C_MB whose z is exactly along the level gravity and whose x is nearest to the pitched one."""
-    z = np.sign(level[2]) * level / np.linalg.norm(level)
-    x = pitched - z * float(z @ pitched)
-    x = x / np.linalg.norm(x)
+def _triad_rotation(both: Complex) -> Complex:
+    """C_MB whose z is exactly along the level gravity and whose x is nearest to the pitched one, analytic."""
+    level, pitched = both[:3], both[3:]
+    z = (level if np.real(level[2]) > 0.0 else -level) / np.sqrt(level @ level)
+    x = pitched - z * (z @ pitched)
+    x = x / np.sqrt(x @ x)
     return np.array([x, np.cross(z, x), z])
-
-
-def _angles(level: Vector, pitched: Vector) -> Vector:
-    return rotation_vector_from_matrix(_triad_rotation(level, pitched))
 
 
 def check_poses(level: Vector, pitched: Vector, names: tuple[str, str] = (LEVEL, PITCHED)) -> None:
@@ -182,14 +178,5 @@ def mean_covariances(
     for k, (force, spread) in enumerate(zip(forces, spreads, strict=True)):
         rows = slice(3 * k, 3 * k + 3)
         total[rows, rows] = inverse @ spread @ inverse.T + wander**2 * np.eye(3)
-        own = triad.matrix @ force
-        for column, name in enumerate(names):
-            part, _, indices = name.rstrip("]").partition("[")
-            at = [int(index) for index in indices.split(",")] if indices else []
-            if part == "accelerometer.matrix":
-                effect[rows, column] = -inverse[:, at[0]] * force[at[1]]
-            elif part == "accelerometer.bias":
-                effect[rows, column] = -inverse[:, at[0]]
-            elif part == "accelerometer.asymmetry":
-                effect[rows, column] = -inverse[:, at[0]] * abs(own[at[0]])
+        effect[rows] = triad_errors("accelerometer", triad, names, force)
     return np.asarray(total + effect @ covariance @ effect.T, dtype=np.float64)

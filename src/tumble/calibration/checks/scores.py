@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from tumble.arrays import Matrices, Matrix, Series, Vectors, inverted, range_means
 from tumble.attitude import angle_between, integrate_turns
-from tumble.attitude.integration import average_at_edge
-from tumble.calibration.equations.turn import HoldsAndTurns
+from tumble.calibration.equations.turn import HoldsAndTurns, window_directions
 from tumble.records import dataclass
 from tumble.sensor import ImuModel, Triad
 
@@ -84,70 +85,44 @@ def score_turns(model: ImuModel, data: HoldsAndTurns) -> TurnScores:
     """
     if model.accelerometer is None or model.gyroscope is None:
         raise ValueError("turns need both triads in the model")
-    gyro_inverse: Matrix = inverted(model.gyroscope.matrix)
-    force_inverse: Matrix = inverted(model.accelerometer.matrix)
+    accelerometer, gyroscope = model.accelerometer, model.gyroscope
+    gyro_inverse: Matrix = inverted(gyroscope.matrix)
     sensitivity = np.zeros((3, 3)) if model.g_sensitivity is None else model.g_sensitivity
 
     angle, size, duration = (np.full(data.holds, np.nan) for _ in range(3))
     turns = np.flatnonzero(data.turn_start >= 0)
     if turns.size == 0:
         return TurnScores(angle, size, duration)
-    time, force, rate, moved = _of_turns(data, turns)
-    turning = np.column_stack([data.turn_start[turns], data.turn_stop[turns]]) - moved
     # Quadratic terms and asymmetries are taken out of the raw numbers first: the kernels know matrix and bias.
-    raw_force, raw_rate = _straight(model.accelerometer, force), _straight(model.gyroscope, rate)
+    force, rate = _straight(accelerometer, data.raw_force), _straight(gyroscope, data.raw_rate)
+    start, stop = data.turn_start[turns], data.turn_stop[turns]
     integrated = integrate_turns(
-        time,
-        raw_rate,
-        raw_force,
-        *np.ascontiguousarray(turning.T),
+        data.time,
+        rate,
+        force,
+        start,
+        stop,
         gyro_inverse=gyro_inverse,
-        gyro_bias=model.gyroscope.bias,
-        force_inverse=force_inverse,
-        force_bias=model.accelerometer.bias,
+        gyro_bias=gyroscope.bias,
+        force_inverse=inverted(accelerometer.matrix),
+        force_bias=accelerometer.bias,
         g_sensitivity=sensitivity,
     )
-
-    means = model.accelerometer.correct(data.force_mean)
-    rest = model.gyroscope.bias + means @ sensitivity.T
-    ends: list[Vectors] = []
-    for windows, edge in ((data.tail[turns] - moved, "last"), (data.head[turns + 1] - moved, "first")):
-        ends.append(
-            average_at_edge(
-                time,
-                raw_rate,
-                raw_force,
-                windows[:, 0],
-                windows[:, 1],
-                edge=edge,
-                gyro_inverse=gyro_inverse,
-                gyro_bias=rest[turns if edge == "last" else turns + 1],
-                force_inverse=force_inverse,
-                force_bias=model.accelerometer.bias,
-            )
-        )
+    rest = gyroscope.bias + accelerometer.correct(data.force_mean) @ sensitivity.T
+    straight = replace(data, raw_force=force, raw_rate=rate, rate_mean=rest)
+    heads, tails = window_directions(straight, accelerometer.matrix, accelerometer.bias, gyro_inverse)
     C_se = integrated.C_start_end
-    rates = (range_means(raw_rate, turning) - model.gyroscope.bias) @ gyro_inverse.T
+    rates = (range_means(rate, np.column_stack([start, stop])) - gyroscope.bias) @ gyro_inverse.T
     duration[turns] = integrated.duration
     # A full circle ends where it began.
     size[turns] = np.maximum(
         np.arccos(np.clip(0.5 * (np.trace(C_se, axis1=1, axis2=2) - 1.0), -1.0, 1.0)),
         np.linalg.norm(rates, axis=1) * integrated.duration,
     )
-    at_end = (C_se @ ends[1][:, :, None])[:, :, 0]
+    at_end = (C_se @ heads[turns + 1, :, None])[:, :, 0]
     for turn in np.flatnonzero(size[turns] >= SMALLEST_TURN).tolist():
-        angle[turns[turn]] = angle_between(ends[0][turn], at_end[turn])
+        angle[turns[turn]] = angle_between(tails[turns[turn]], at_end[turn])
     return TurnScores(angle, size, duration)
-
-
-def _of_turns(data: HoldsAndTurns, turns: np.ndarray) -> tuple[Series, Vectors, Vectors, np.ndarray]:
-    """Time, force and rate of the turns and the windows beside them alone, and (turns, 1) what indices move by."""
-    begin, end = data.tail[turns, 0], data.head[turns + 1, 1]
-    pieces = [slice(*ends) for ends in zip(begin.tolist(), end.tolist(), strict=True)]
-    time, force, rate = (
-        np.concatenate([of[piece] for piece in pieces]) for of in (data.time, data.raw_force, data.raw_rate)
-    )
-    return time, force, rate, (begin - np.concatenate([[0], np.cumsum(end - begin)[:-1]]))[:, None]
 
 
 def _straight(triad: Triad, raw: Vectors) -> Vectors:
