@@ -97,21 +97,17 @@ def estimate_time_lag(data: HoldsAndTurns, model: ImuModel) -> TimeLag | None:
     ValueError
         If the model lacks a triad.
     """
+    products: list[tuple[float, float]] = []
     turns = np.flatnonzero(data.turn_start >= 0)
-    ends = zip(data.turn_start[turns].tolist(), data.turn_stop[turns].tolist(), strict=True)
-    parts: list[np.ndarray] = [np.arange(start, stop) for start, stop in ends]
-    windows = [_windows(data.time[part]) for part in parts]
-    used = [number for number, edges in enumerate(windows) if edges.size >= 3]
-    if len(used) < SMALLEST_TURNS:
+    for turn in map(slice, data.turn_start[turns].tolist(), data.turn_stop[turns].tolist()):
+        time = data.time[turn]
+        edges = np.arange(0, time.size - 1, max(2, round(WINDOW / float(np.median(np.diff(time))))))
+        if edges.size >= 3:
+            force, rate = model.correct(data.raw_force[turn], data.raw_rate[turn])
+            products.append(_window_products(time, force, rate, edges))
+    if len(products) < SMALLEST_TURNS:
         return None
-    at: np.ndarray = np.concatenate([parts[number] for number in used])
-    sizes = np.array([len(parts[number]) for number in used])
-    edges = [windows[number] + before for number, before in zip(used, np.cumsum(sizes) - sizes, strict=True)]
-    first, last = (np.concatenate([own[cut] for own in edges]) for cut in (slice(None, -1), slice(1, None)))
-    counts = np.array([len(own) - 1 for own in edges])
-    force, rate = model.correct(data.raw_force[at], data.raw_rate[at])
-    products = _window_products(data.time[at], force, rate, first, last)
-    top, bottom = (np.add.reduceat(product, np.cumsum(counts) - counts) for product in products)
+    top, bottom = np.array(products).T
     # A turn with a knock in it pulls at most as three ordinary ones do.
     single = top / np.maximum(bottom, 1e-300)
     centre = float(np.median(single))
@@ -125,27 +121,18 @@ def estimate_time_lag(data: HoldsAndTurns, model: ImuModel) -> TimeLag | None:
     return TimeLag(lag, float(np.hypot(sigma, truncation)), count)
 
 
-def _windows(time: Series) -> np.ndarray:
-    """The edges of a turn's windows, by sample."""
-    step = max(2, round(WINDOW / float(np.median(np.diff(time)))))
-    return np.arange(0, time.size - 1, step)
-
-
-def _window_products(
-    time: Series, force: Vectors, rate: Vectors, first: np.ndarray, last: np.ndarray
-) -> tuple[Series, Series]:
-    """Return (windows,) regressor . residual and regressor . regressor, of windows from sample to sample."""
+def _window_products(time: Series, force: Vectors, rate: Vectors, edges: np.ndarray) -> tuple[float, float]:
+    """Return regressor . residual and regressor . regressor, summed over a turn's windows from edge to edge."""
     middle_force, middle_rate = 0.5 * (force[1:] + force[:-1]), 0.5 * (rate[1:] + rate[:-1])
 
     def over_windows(each: Vectors) -> Vectors:
-        sums = np.vstack([np.zeros(3), np.cumsum(each, axis=0)])
-        return sums[last] - sums[first]
+        return np.diff(np.vstack([np.zeros(3), np.cumsum(each, axis=0)])[edges], axis=0)
 
     carried = over_windows(np.cross(middle_force, middle_rate) * np.diff(time)[:, None])
     regressor = -over_windows(np.cross(middle_force, np.diff(rate, axis=0)))
-    residual = force[last] - force[first] - carried
+    residual = np.diff(force[edges], axis=0) - carried
     weight = 1.0 / np.maximum(np.linalg.norm(residual, axis=1), 0.3)[:, None]
-    return np.sum(weight * regressor * residual, axis=1), np.sum(weight * regressor**2, axis=1)
+    return float(np.sum(weight * regressor * residual)), float(np.sum(weight * regressor**2))
 
 
 def add_time_lag(estimate: Estimate, data: HoldsAndTurns) -> None:
