@@ -140,7 +140,7 @@ class CalibratedUnit:
         by_rate = triad_errors("gyroscope", self.model.gyroscope, self.names, rate)
         if self.model.gyroscope is not None:
             inverse = inverted(self.model.gyroscope.matrix)
-            columns, i, j = _places(tuple(self.names))["gyroscope.g_sensitivity"]
+            columns, i, j = places_of(tuple(self.names))["gyroscope.g_sensitivity"]
             by_rate[:, columns] -= inverse[:, i] * force[j]
             if self.model.g_sensitivity is not None:
                 by_rate -= inverse @ self.model.g_sensitivity @ by_force
@@ -148,7 +148,7 @@ class CalibratedUnit:
 
     def _predicted(self, moved: Table) -> Predicted:
         parts: dict[str, Square] = {}
-        for group, (at, _, _) in _places(tuple(self.names)).items():
+        for group, (at, _, _) in places_of(tuple(self.names)).items():
             if at.size:
                 parts[group] = moved[:, at] @ self.covariance[np.ix_(at, at)] @ moved[:, at].T
         return Predicted(moved @ self.covariance @ moved.T, parts)
@@ -195,7 +195,7 @@ def triad_errors(kind: str, triad: Triad | None, names: Sequence[str], true: Vec
     own = triad.matrix @ true
     slope = triad.slope(own)
     inverse = inverted(slope[:, None] * triad.matrix)
-    for entry, (columns, i, j) in _places(tuple(names)).items():
+    for entry, (columns, i, j) in places_of(tuple(names)).items():
         group, _, term = entry.partition(".")
         if group != kind or not columns.size or term == "g_sensitivity":
             continue
@@ -209,8 +209,13 @@ def triad_errors(kind: str, triad: Triad | None, names: Sequence[str], true: Vec
 
 
 @cache
-def _places(names: tuple[str, ...]) -> dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Group of parameters -> its columns among the names, and the axis and the input of each."""
+def places_of(names: tuple[str, ...]) -> dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Return group of parameters -> its columns among the names, and the axis and the input of each.
+
+    Parameters
+    ----------
+    names : canonical, as `calibration.json` lists them.
+    """
     made: dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
     for group in _ENTRIES:
         columns = [column for column, name in enumerate(names) if name.startswith(f"{group}[")]

@@ -23,6 +23,7 @@ from tumble.arrays import Series, Vector
 from tumble.calibration.equations.causes import GRAVITY, SAMPLE_RATE, TABLE_RATE
 from tumble.calibration.estimate import Estimate, Unseen, correlation_matrix
 from tumble.calibration.evidence import Budget, coverage_factors
+from tumble.calibration.free_inertial import places_of
 from tumble.protocol.steps import SpinStep
 
 if TYPE_CHECKING:
@@ -82,21 +83,15 @@ def state_unseen(session: Session, estimate: Estimate) -> None:
     session : what was recorded.
     estimate : of it, and of no other clock.
     """
-    if not any(name.startswith("gyroscope.matrix") for name in estimate.names):
-        return
-    clock = _unseen_clock(session.recording.clock)
+    clock, within = session.recording.clock, _within(estimate, session.recording.clock.sigma)
+    if within is None:
+        return state_unseen_clock(clock, estimate, rest_rate(estimate, session.means))
+    # Where the recording itself determines the clock, or checks the table, little is left of what was believed.
     table = None if session.protocol is None else unseen_table(session.protocol)
-    within = _within(estimate, clock.sigma)
-    if within is not None:
-        # Where the recording itself determines the clock, or checks the table, little is left of what was believed.
-        found = [one for one in (clock, table) if one is not None and one.source in within]
-        shares = [within[one.source] for one in found]
-    else:
-        found, shares = [clock], [_scale_slope(estimate) * clock.sigma]
-        add_common_scale(estimate, clock.sigma, rest_rate(estimate, session.means))
-    for one, share in zip(found, shares, strict=True):
-        if one.sigma > 0.0:
-            _say(estimate, one, share)
+    for one in (_unseen_clock(clock), table):
+        if one is not None and one.source in within and one.sigma > 0.0:
+            _say(estimate, one, within[one.source])
+    return None
 
 
 def state_gravity(site: Site, estimate: Estimate) -> None:
@@ -123,22 +118,9 @@ def state_rounding(session: Session, estimate: Estimate) -> None:
 
     recording, means = session.recording, session.means
     rests = [hold.stretches() for hold in session.timeline.holds]
-    for name, signal, unit, rounding, covariance in (
-        (
-            "accelerometer",
-            recording.specific_force,
-            recording.specific_force_unit,
-            means.specific_force_rounding,
-            means.specific_force_covariance,
-        ),
-        (
-            "gyro",
-            recording.angular_rate,
-            recording.angular_rate_unit,
-            means.angular_rate_rounding,
-            means.angular_rate_covariance,
-        ),
-    ):
+    for name, channel in (("accelerometer", "specific_force"), ("gyro", "angular_rate")):
+        signal, unit = getattr(recording, channel), getattr(recording, f"{channel}_unit")
+        rounding, covariance = (getattr(means, f"{channel}_{what}") for what in ("rounding", "covariance"))
         if signal is None or rounding is None or covariance is None or not np.any(rounding):
             continue
         share = np.median(rounding / np.diagonal(covariance, axis1=1, axis2=2), axis=0)
@@ -158,18 +140,17 @@ def state_rounding(session: Session, estimate: Estimate) -> None:
             )
 
 
-def state_unseen_clock(clock: Clock, estimate: Estimate) -> None:
+def state_unseen_clock(clock: Clock, estimate: Estimate, at_rest: Vector | None = None) -> None:
     """Put the clock into an estimate whose gyro scale factors all come from turns.
 
     Parameters
     ----------
     clock : of all its recordings.
     estimate : of one or more recordings.
+    at_rest : as for `add_common_scale`.
     """
-    if not any(name.startswith("gyroscope.matrix") for name in estimate.names):
-        return
     one = _unseen_clock(clock)
-    add_common_scale(estimate, one.sigma)
+    add_common_scale(estimate, one.sigma, at_rest)
     if one.sigma > 0.0:
         _say(estimate, one, _scale_slope(estimate) * one.sigma)
 
@@ -208,18 +189,15 @@ def add_common_scale(estimate: Estimate, sigma: float, at_rest: Vector | None = 
     sigma : standard uncertainty of that share.
     at_rest : (3,) raw, of the Earth's rotation in what gyros show at rest, on average; None for none of it.
     """
-    gyro = estimate.model.gyroscope
-    if gyro is None or sigma <= 0.0:
+    gyro, places = estimate.model.gyroscope, places_of(tuple(estimate.names))
+    columns, i, j = places["gyroscope.matrix"]
+    if gyro is None or sigma <= 0.0 or not columns.size:
         return
     slope = np.zeros(len(estimate.names))
     off = np.zeros(3) if at_rest is None else at_rest
-    for at, name in enumerate(estimate.names):
-        term, _, index = name.partition("[")
-        places = tuple(int(k) for k in index.rstrip("]").split(",")) if index else ()
-        if term == "gyroscope.matrix":
-            slope[at] = gyro.matrix[places]
-        elif term == "gyroscope.bias" and len(places) == 1:
-            slope[at] = -off[places[0]]
+    slope[columns] = gyro.matrix[i, j]
+    columns, i, _ = places["gyroscope.bias"]
+    slope[columns] = -off[i]
     estimate.covariance = estimate.covariance + sigma**2 * np.outer(slope, slope)
     _add_to_parameters(estimate, sigma * _scale_slope(estimate, off))
 
