@@ -19,11 +19,11 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Matrices, Series, Square, Table, Vectors, range_means
 from tumble.attitude import integrate_turns
-from tumble.attitude.integration import IntegratedTurns, average_at_edge
+from tumble.attitude.integration import IntegratedTurns
 from tumble.attitude.rotations import skews
 from tumble.calibration.equations.gathering import gather
 from tumble.calibration.equations.imu_unknowns import LAYOUT
-from tumble.calibration.equations.turn import HoldsAndTurns, tangent_bases
+from tumble.calibration.equations.turn import HoldsAndTurns, tangent_bases, window_directions
 from tumble.calibration.estimate import TermTest, wald_test
 from tumble.calibration.evidence import BiasCurve, Candidate
 from tumble.calibration.outcome.description import model_of
@@ -75,18 +75,15 @@ class _Turns:
 
     Attributes
     ----------
-    time, force, rate : of the samples, s and SI.
-    start, stop : (turns,) sample ranges.
+    data : samples, in SI, and where turns begin and end.
+    before : (turns,) the hold before each.
     tail, head : (turns, 3) specific force at the beginning and at the end, each in its own body frame.
     functions : (turns, functions + 3) one, functions of temperature, its rate, hysteresis.
     noise : (turns,) rad² of each of the two components: edges, angle random walk, wandering bias.
     """
 
-    time: Series
-    force: Vectors
-    rate: Vectors
-    start: np.ndarray
-    stop: np.ndarray
+    data: HoldsAndTurns
+    before: np.ndarray
     tail: Vectors
     head: Vectors
     functions: Table
@@ -99,9 +96,9 @@ class _TurnEquations(Conditions):
     def __init__(self, turns: _Turns, count: int, gravity: float) -> None:
         self.turns, self.count, self.gravity = turns, count, gravity
         self.extra = {"turn": 0.0}
-        self.active = np.ones((turns.start.size, 2), dtype=bool)
+        self.active = np.ones((turns.before.size, 2), dtype=bool)
         # How the last linearisation's rows move with the specific force at both ends, and with the rates.
-        self.by_tail = self.by_head = self.by_bias = np.zeros((turns.start.size, 2, 3))
+        self.by_tail = self.by_head = self.by_bias = np.zeros((turns.before.size, 2, 3))
 
     @property
     def variance(self) -> Series:
@@ -110,15 +107,16 @@ class _TurnEquations(Conditions):
 
     def linearise(self, parameters: Series) -> Linearisation:
         """Linearise at `parameters`."""
-        turns, size = self.turns, self.turns.start.size
+        turns, data, size = self.turns, self.turns.data, self.turns.before.size
         weights = turns.functions[:, : self.count]
         changes = np.einsum("tk,kij->tij", weights, parameters.reshape(self.count, 3, 3), optimize=True)
         inverse: Matrices = np.asarray(np.linalg.inv(np.eye(3) + changes), dtype=np.float64)
         # Each turn has an inverse of its own.
-        rate = turns.rate.copy()
-        for k, part in enumerate(map(slice, turns.start.tolist(), turns.stop.tolist())):
+        start, stop = data.turn_start[turns.before], data.turn_stop[turns.before]
+        rate = data.raw_rate.copy()
+        for k, part in enumerate(map(slice, start.tolist(), stop.tolist())):
             rate[part] = rate[part] @ inverse[k].T
-        made = _integrated(turns.time, rate, turns.force, turns.start, turns.stop)
+        made = _integrated(replace(data, raw_rate=rate), turns.before)
         C_se, sums = made.C_start_end, made.sums
         f_e = np.einsum("tab,tb->ta", C_se, turns.head)
         E = np.swapaxes(tangent_bases(turns.tail), 1, 2) / self.gravity
@@ -181,7 +179,7 @@ def _fitted(turns: _Turns, fit: ThermalFit) -> tuple[_TurnEquations, Adjustment]
     basis, best = fit.terms.basis, None
     polynomial = basis.kind == "polynomial"
     for count in range(1, min(MOST_FUNCTIONS, basis.size) + 2) if polynomial else (1, basis.size + 1):
-        if turns.start.size < TURNS_PER_FUNCTION * count:
+        if turns.before.size < TURNS_PER_FUNCTION * count:
             break
         equations = _TurnEquations(turns, count, fit.conditions.gravity)
         try:
@@ -196,13 +194,15 @@ def _fitted(turns: _Turns, fit: ThermalFit) -> tuple[_TurnEquations, Adjustment]
     return best
 
 
-def _integrated(
-    time: Series, rate: Vectors, force: Vectors, start: np.ndarray, stop: np.ndarray
-) -> IntegratedTurns:
-    """Integrate samples that are true ones already."""
+def _integrated(data: HoldsAndTurns, before: np.ndarray) -> IntegratedTurns:
+    """Integrate samples that are true ones already over the turns after some holds."""
     none, one = np.zeros(3), np.eye(3)
     return integrate_turns(
-        time, rate, force, start, stop, gyro_inverse=one, gyro_bias=none, force_inverse=one, force_bias=none
+        *(data.time, data.raw_rate, data.raw_force, data.turn_start[before], data.turn_stop[before]),
+        gyro_inverse=one,
+        gyro_bias=none,
+        force_inverse=one,
+        force_bias=none,
     )
 
 
@@ -219,7 +219,8 @@ def _corrected_turns(
     if force is None or rate is None or not before.size:
         return None
     start, stop = data.turn_start[before], data.turn_stop[before]
-    made = _integrated(data.time, rate, force, start, stop)
+    data = replace(data, raw_force=force, raw_rate=rate)
+    made = _integrated(data, before)
     angle = np.arccos(np.clip(0.5 * (np.trace(made.C_start_end, axis1=1, axis2=2) - 1.0), -1.0, 1.0))
     celsius = path.temperature[(start + stop) // 2]
     low, high = model.span_celsius
@@ -227,21 +228,19 @@ def _corrected_turns(
     used &= angle > LEAST_ANGLE
     if np.count_nonzero(used) < TURNS_PER_FUNCTION:
         return None
-    before, start, stop = before[used], start[used], stop[used]
-    middle = (start + stop) // 2
+    before, middle = before[used], ((start + stop) // 2)[used]
     # A rate that is doubted alone does nothing in turns.
     speed = path.rate[middle] if fit.terms.rate else 0.0
-    return _Turns(
-        data.time,
-        force,
-        rate,
-        start,
-        stop,
-        _edge(data.time, force, rate, data.tail[before], "last"),
-        _edge(data.time, force, rate, data.head[before + 1], "first"),
-        fit.layout.at_temperature(path.temperature[middle], speed, path.hysteresis[middle]),
-        _noise(data, model, before, fit, factor),
+    # Of each edge what its own window shows at rest is no motion: over a long hold the bias moves.
+    heads, tails = (
+        window_directions(replace(data, rate_mean=range_means(rate, of)), np.eye(3), np.zeros(3), np.eye(3))[
+            k
+        ]
+        for k, of in enumerate((data.head, data.tail))
     )
+    functions = fit.layout.at_temperature(path.temperature[middle], speed, path.hysteresis[middle])
+    noise = _noise(data, model, before, fit, factor)
+    return _Turns(data, before, tails[before], heads[before + 1], functions, noise)
 
 
 def _noise(
@@ -258,22 +257,6 @@ def _noise(
     wander = fit.levels.single["rate"] + fit.levels.flicker["rate"]
     steady = (wander + (EARTH_RATE / np.sqrt(3.0)) ** 2) * duration**2
     return np.asarray(sample * (1.0 / tail + 1.0 / head) + walk * duration + steady, dtype=np.float64)
-
-
-def _edge(time: Series, force: Vectors, rate: Vectors, windows: np.ndarray, edge: str) -> Vectors:
-    """Return (turns, 3) the specific force at the edge of a rest, samples turned there by the gyros."""
-    return average_at_edge(
-        time,
-        rate,
-        force,
-        windows[:, 0],
-        windows[:, 1],
-        edge=edge,
-        gyro_inverse=np.eye(3),
-        gyro_bias=range_means(rate, windows),
-        force_inverse=np.eye(3),
-        force_bias=np.zeros(3),
-    )
 
 
 @dataclass(frozen=True, slots=True)
