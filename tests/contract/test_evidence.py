@@ -27,7 +27,6 @@ from tumble.calibration.evidence import (
     ModelChoice,
     RecordingOfUnit,
     RestlessHold,
-    SeparateBias,
     Spins,
     ThermalCurves,
     TurnOns,
@@ -108,7 +107,6 @@ def thermal_curves(demo: Subject) -> Evidence:
         curves={"accelerometer": curve, "gyroscope": curve},
         path_time=time,
         path_celsius=celsius,
-        separate=[SeparateBias(10.0, np.array([1e-3, 2e-3, 3e-3]), np.full(3, 1e-4), np.full(3, 5e-5))],
         candidates=[Candidate(HOSTILE, 12, 1.07, 0.11, chosen=True)],
         rejected=[(float(time[0]), float(time[1]), f"not settled {HOSTILE}")],
     )

@@ -329,23 +329,6 @@ class BiasCurve:
 
 
 @dataclass(frozen=True, slots=True)
-class SeparateBias:
-    """The accelerometers' bias from the multi-position test at one temperature alone.
-
-    Attributes
-    ----------
-    celsius : °C.
-    bias, sigma : (3,) raw.
-    joint_sigma : (3,) raw, of the one adjustment at that temperature.
-    """
-
-    celsius: float
-    bias: Series
-    sigma: Series
-    joint_sigma: Series
-
-
-@dataclass(frozen=True, slots=True)
 class Candidate:
     """A basis that was tried.
 
@@ -379,7 +362,6 @@ class ThermalCurves(Evidence):
     rate_sigma : (points, 3) raw.
     residuals : (points, 6) in sigmas, specific force and angular rate; NaN where there is no equation.
     curves : "accelerometer" and "gyroscope": bias against temperature with its standard uncertainty.
-    separate : of each soak alone.
     candidates : bases that were tried.
     rejected : (start, stop) s and why, of rests that took no part.
     path_time, path_celsius : a thinned course of temperature.
@@ -401,7 +383,6 @@ class ThermalCurves(Evidence):
     curves: dict[str, BiasCurve]
     path_time: Series
     path_celsius: Series
-    separate: list[SeparateBias] = field(default_factory=list[SeparateBias])
     candidates: list[Candidate] = field(default_factory=list[Candidate])
     rejected: list[tuple[float, float, str]] = field(default_factory=list[tuple[float, float, str]])
     lag: float = 0.0

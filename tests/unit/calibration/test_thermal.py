@@ -121,15 +121,6 @@ def test_soaks_with_noise_are_recovered_within_their_uncertainties(noisy_soaks: 
             assert np.all(np.abs(error) < 4.5 * sigma)
 
 
-def test_one_adjustment_of_all_soaks_is_better_than_each_alone(noisy_soaks: Estimate) -> None:
-    evidence = noisy_soaks.shown(ThermalCurves)
-    # A soak that was cut into few points does not tell nine unknowns by itself.
-    assert len(evidence.separate) >= 3
-    ratios = np.array([s.joint_sigma / s.sigma for s in evidence.separate])
-    # Four soaks and three functions a bias: in the middle they share, at the ends the curve's own freedom costs.
-    assert np.mean(ratios) < 0.9
-
-
 def test_what_soaks_cannot_tell_is_named(noisy_soaks: Estimate) -> None:
     told = " ".join(noisy_soaks.not_determined)
     assert "Lag between the sensors and the thermometer" in told

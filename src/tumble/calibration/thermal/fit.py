@@ -88,32 +88,6 @@ class ThermalFit:
         return self.conditions.terms
 
 
-class Weighed(Conditions, Protocol):
-    """Conditions with variances beyond their noise, and rows that may take no part."""
-
-    extra: dict[str, float]
-    active: np.ndarray
-
-
-def balanced(
-    conditions: Weighed, start: Series, kinds: Mapping[str, slice], prior: Prior | None = None
-) -> tuple[Adjustment, list[Outlier], float]:
-    """Balance conditions from the start values; what was left out, and sigma0 with their own noise alone."""
-    values = [start]
-
-    def solve(extra: dict[str, float], active: np.ndarray, once: bool) -> Adjustment:
-        conditions.extra, conditions.active = {**none, **extra}, active
-        adjustment = adjust(conditions, values[-1], prior=prior, once=once)
-        values.append(adjustment.parameters)
-        return adjustment
-
-    active, none = conditions.active.copy(), dict.fromkeys(conditions.extra, 0.0)
-    alone = solve(none, active, False).sigma0
-    adjustment, outliers = balance(solve, kinds, active)
-    conditions.active = active
-    return adjustment, outliers, alone
-
-
 def fit_thermal(
     test: ThermalTest, terms: ThermalTerms, *, robust: bool = True, levels: Levels | None = None
 ) -> ThermalFit:
@@ -441,58 +415,76 @@ def with_pull(fit: ThermalFit) -> tuple[ThermalFit, float]:
 _PASSES = 12
 
 
-Solve = Callable[[dict[str, float], np.ndarray, bool], Adjustment]
-"""Adjusts with extra variances by kind (SI²) and a mask of active conditions.
+class Weighed(Conditions, Protocol):
+    """Conditions with variances beyond their noise, and rows that may take no part."""
+
+    extra: dict[str, float]
+    active: np.ndarray
+
+
+Solve = Callable[[dict[str, float], bool], Adjustment]
+"""Adjusts with extra variances by kind (SI²).
 
 With the last true a single step from the latest solution is enough: little has changed since.
 """
 
 
-def balance(
-    solve: Solve, kinds: Mapping[str, slice], active: np.ndarray, *, robust: bool = True
-) -> tuple[Adjustment, list[Outlier]]:
-    """Return an adjustment with variance added where residuals ask for it, and what was left out as no noise.
+def balanced(
+    conditions: Weighed, start: Series, kinds: Mapping[str, slice], prior: Prior | None = None
+) -> tuple[Adjustment, list[Outlier], float]:
+    """Adjust with variance added where residuals ask for it, and without what is no noise.
 
     Parameters
     ----------
-    solve : the adjustment; its last call is the one whose result is returned.
+    conditions : outliers are switched off in `active`.
+    start, prior : of the unknowns.
     kinds : the kinds of conditions that may need more variance, and their columns in a group.
-    active : (groups, size) of bool, changed in place: outliers are switched off.
-    robust : look for outliers at all.
+
+    Returns
+    -------
+    adjustment, outliers : the last one, and what was left out.
+    alone : sigma0 with the conditions' own noise alone.
 
     Raises
     ------
     ConvergenceError, ObservabilityError
         From the adjustment.
     """
-    variances = dict.fromkeys(kinds, 0.0)
-    adjustment = solve(variances, active, False)
-    outliers: list[Outlier] = []
-    for _ in range(_PASSES if robust else 0):
-        adjustment, variances = _settle(solve, kinds, active, adjustment, variances, robust=True)
+    values = [start]
+
+    def solve(extra: dict[str, float], once: bool) -> Adjustment:
+        conditions.extra = {**none, **extra}
+        adjustment = adjust(conditions, values[-1], prior=prior, once=once)
+        values.append(adjustment.parameters)
+        return adjustment
+
+    none, variances = dict.fromkeys(conditions.extra, 0.0), dict.fromkeys(kinds, 0.0)
+    adjustment = solve(none, False)
+    alone, outliers = adjustment.sigma0, list[Outlier]()
+    for _ in range(_PASSES):
+        adjustment, variances = _settle(solve, kinds, adjustment, variances, robust=True)
         tests = {kind: snoop_groups(adjustment, columns) for kind, columns in kinds.items()}
         found = gross_errors([Screen(kind) for kind in kinds], tests, outliers)
         if not found:
             break
         for outlier in found:
-            active[outlier.group, kinds[outlier.kind]] = False
+            conditions.active[outlier.group, kinds[outlier.kind]] = False
         outliers += found
-        adjustment = solve(variances, active, True)
-    adjustment, variances = _settle(solve, kinds, active, adjustment, variances, robust=False)
+        adjustment = solve(variances, True)
+    adjustment, variances = _settle(solve, kinds, adjustment, variances, robust=False)
     for kind in kinds:
         # A component that chance explains is no component: taking every excess for real, and no
         # deficit, would make the uncertainties too wide on average.
         if variances[kind] > 0.0:
             without = {**variances, kind: 0.0}
-            if _explained_by_chance(solve(without, active, True), kinds[kind]):
+            if _explained_by_chance(solve(without, True), kinds[kind]):
                 variances = without
-    return solve(variances, active, False), outliers
+    return solve(variances, False), outliers, alone
 
 
 def _settle(
     solve: Solve,
     kinds: Mapping[str, slice],
-    active: np.ndarray,
     adjustment: Adjustment,
     extra: dict[str, float],
     *,
@@ -514,7 +506,7 @@ def _settle(
                 extra = {**extra, kind: wanted}
         if extra is before:
             break
-        adjustment = solve(extra, active, True)
+        adjustment = solve(extra, True)
     return adjustment, extra
 
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tumble.arrays import Matrices, Series, Table, Vectors
-from tumble.calibration.equations.triad_unknowns import BIAS, SCALE, NormConditions, rough_triad
+from tumble.arrays import Series, Table
 from tumble.calibration.estimate import (
     Described,
     Estimate,
@@ -16,13 +15,12 @@ from tumble.calibration.estimate import (
     correlation_matrix,
     coverage_factor,
 )
-from tumble.calibration.evidence import BiasCurve, Holds, SeparateBias, ThermalCurves
+from tumble.calibration.evidence import BiasCurve, Holds, ThermalCurves
 from tumble.calibration.outcome.description import describe
 from tumble.calibration.thermal.conditions import ThermalTerms
-from tumble.calibration.thermal.fit import LOOP_KELVINS, PULL_FACTOR, RATE_SECONDS, REFUSED, balance, name_of
+from tumble.calibration.thermal.fit import LOOP_KELVINS, PULL_FACTOR, RATE_SECONDS, name_of
 from tumble.calibration.thermal.model import ThermalOutcome, bias_curve
 from tumble.calibration.thermal.wander import wander_variance
-from tumble.estimation import Adjustment, adjust
 from tumble.units import angular_rate_factor, specific_force_factor
 
 CURVE = 41
@@ -66,52 +64,12 @@ def thermal_evidence(found: ThermalOutcome) -> ThermalCurves:
         curves,
         path.time[::step],
         path.recorded[::step],
-        _separate(found) if fit.terms.poses == 9 else [],
         found.candidates,
         found.coverage.rejected,
         model.lag,
         model.hysteresis_width,
         found.poses,
     )
-
-
-def _separate(found: ThermalOutcome) -> list[SeparateBias]:
-    """Return the multi-position test of each soak alone, beside the one adjustment of all."""
-    fit, test, points, factor = found.fit, found.fit.conditions.test, found.points, found.factors[0]
-    if test.soaks is None or points.force is None or points.force_covariance is None:
-        return []
-    nearest = np.argmin(np.abs(points.celsius[:, None] - test.soaks[None]), axis=1)
-    wander = (fit.levels.single["force"] + fit.levels.flicker["force"]) * np.eye(3)
-    separate: list[SeparateBias] = []
-    for k, celsius in enumerate(test.soaks.tolist()):
-        here = nearest == k
-        try:
-            alone = _norms_alone(points.force[here], points.force_covariance[here] + wander, test.gravity)
-        except REFUSED:
-            continue
-        if np.all(alone.parameters[SCALE] > 0.0):
-            # Both with rests that are independent of one another: a soak alone could not know better.
-            joint = bias_curve(fit, fit.adjustment.cofactor, "", factor, np.array([celsius]))
-            bias, sigma = alone.parameters[BIAS] / factor, np.sqrt(np.diag(alone.cofactor)[BIAS]) / factor
-            separate.append(SeparateBias(celsius, bias, sigma, joint.sigma[0]))
-    return separate
-
-
-def _norms_alone(force: Vectors, covariance: Matrices, gravity: float) -> Adjustment:
-    """Adjust a triad's nine unknowns to the norm of gravity."""
-    start = rough_triad(force, gravity)
-    values, everything = [start], np.arange(9)
-
-    def solve(extra: dict[str, float], active: np.ndarray, once: bool) -> Adjustment:
-        conditions = NormConditions(
-            force, covariance, gravity, values[-1], everything, active[:, 0], extra["norm"]
-        )
-        adjustment = adjust(conditions, values[-1][:9], once=once)
-        values.append(np.concatenate([adjustment.parameters, start[9:]]))
-        return adjustment
-
-    active = np.ones((len(force), 1), dtype=bool)
-    return balance(solve, {"norm": slice(0, 1)}, active, robust=False)[0]
 
 
 def thermal_estimate(found: ThermalOutcome) -> Estimate:
@@ -417,12 +375,6 @@ def thermal_remarks(found: ThermalOutcome, evidence: ThermalCurves) -> list[str]
         remarks.append(
             f"The sensors are {evidence.lag:.0f} ± {sigma:.0f} s behind the thermometer (before the "
             "recording 60 ± 60 s were believed)."
-        )
-    ratios = [float(np.mean(s.joint_sigma / s.sigma)) for s in evidence.separate]
-    if ratios:
-        remarks.append(
-            f"The standard uncertainty of the accelerometers' biases is {np.mean(ratios):.2f} times what each of the "
-            f"{len(ratios)} soaks alone gives: one adjustment of all temperatures."
         )
     for name, kind, unit in (("accelerometers", "force", "m/s²"), ("gyros", "rate", "rad/s")):
         if (flicker := found.fit.levels.flicker[kind]) > 0.0:

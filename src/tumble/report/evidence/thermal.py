@@ -41,10 +41,9 @@ _BIASES = (
     "branches share is a curve that bends more than the model. The grey band is twice the standard "
     "uncertainty."
 )
-_SOAKS_ALONE = (
-    "Accelerometer biases against the sensors' temperature. A rest alone does not show a bias. The "
-    "crosses are multi-position tests of each soak alone, with one standard uncertainty. The line is "
-    "the one adjustment of all, and the grey band twice its standard uncertainty."
+_NO_REST_ALONE = (
+    "Accelerometer biases against the sensors' temperature. A rest alone does not show a bias. The line is the "
+    "adjustment of all soaks, and the grey band twice its standard uncertainty."
 )
 _RESIDUALS = (
     "What each rest shows beyond the model, in standard deviations of its own noise and of the wander of biases "
@@ -94,7 +93,7 @@ def _biases(evidence: ThermalCurves, triad: str, unit: str, factor: float) -> li
         Figure(f"{triad}-loop", label, beside, _stacked(f"Δ / {unit}")),
     ]
     alone = triad == "accelerometer" and not np.any(np.isfinite(seen))
-    caption = _SOAKS_ALONE if alone else _BIASES.format(title=title)
+    caption = _NO_REST_ALONE if alone else _BIASES.format(title=title)
     return section(f"{title}: bias against temperature", Figures(figures, caption))
 
 
@@ -120,25 +119,7 @@ def _panel(
         if line is not None and np.any(line != curve.bias):
             beside.append(_line(x, factor * line[:, axis] - settled, colour, name, place))
     whole.append(_line(x, settled, "#7a8290", "model, settled", place))
-    if triad == "accelerometer":
-        whole += _separate(evidence, axis, factor, np.zeros_like(x), place, unit)
-        beside += _separate(evidence, axis, factor, settled, place, unit)
     return whole, beside
-
-
-def _separate(
-    evidence: ThermalCurves, axis: int, factor: float, off: Series, place: Plot, unit: str
-) -> list[Plot]:
-    """Return the biases of each soak alone, less the curve `off`."""
-    if not evidence.separate:
-        return []
-    celsius = np.array([s.celsius for s in evidence.separate])
-    values = factor * np.array([s.bias[axis] for s in evidence.separate])
-    values = values - np.interp(celsius, evidence.curves["accelerometer"].celsius, off)
-    sigmas = factor * np.array([s.sigma[axis] for s in evidence.separate])
-    look = {"name": "each soak alone", **place, "marker": {"color": ORANGE, "size": 8, "symbol": "x"}}
-    bars = error_bars(sigmas, color=ORANGE, thickness=1)
-    return [_points(celsius, values, unit, **look, error_y=bars)]
 
 
 def _points(x: Series, y: Series, unit: str, **look: Any) -> Plot:
