@@ -64,14 +64,12 @@ def test_without_a_fault_the_verdict_is_for_it(procedure: str) -> None:
 
 
 def test_samples_missing_from_a_fixtures_turns_are_said() -> None:
-    said = against(quickly("strapdown-rotation", "dropped"))
-    assert "Samples are missing that left no trace in the stamps" in said
+    assert "Samples are missing that left no trace" in against(quickly("strapdown-rotation", "dropped"))
 
 
 @pytest.mark.slow
 def test_samples_missing_from_a_tables_rotations_are_said() -> None:
-    said = against(quickly("turntable", "dropped"))
-    assert "Samples are missing" in said
+    assert "Samples are missing" in against(quickly("turntable", "dropped"))
 
 
 @pytest.mark.slow
@@ -156,8 +154,7 @@ def test_the_asymmetry_that_a_test_is_made_for_is_kept_where_chance_could_explai
 
 def test_a_pose_that_two_holds_could_be_blamed_for_is_not_fit() -> None:
     """One of six is off by 1°, and the one that fits the rest worst is another: left out, all others were wrong."""
-    made = played("six-faces", "automotive", 80000, "pose-off")
-    said = against(calibrated(made, rate="100±0.005"))
+    said = against(calibrated(played("six-faces", "automotive", 80000, "pose-off"), rate="100±0.005"))
     assert "it would explain what was recorded about as well" in said
 
 
@@ -168,8 +165,7 @@ def test_an_angle_that_another_one_could_be_blamed_for_is_not_fit(monkeypatch: p
 
     kept: list[estimate.JointOutcome] = []
     monkeypatch.setattr(estimate, "contradictions", lambda outcome: kept.append(outcome) or [])
-    made = played("turntable", "industrial", 3, "misread", **QUICK["turntable"])
-    calibrated(made, rate="25±0.00003")
+    calibrated(played("turntable", "industrial", 3, "misread", **QUICK["turntable"]), rate="25±0.00003")
     outcome = kept[-1]
     rows = list(outcome.data.rotations)
     (wrong,) = (k for k in rows if not outcome.task.taking_part["angle"][k])
@@ -282,11 +278,17 @@ def test_what_accelerometers_that_warm_up_do_to_each_number_is_counted() -> None
     assert np.max(np.abs(sigmas_off(found, made, "accelerometer.bias"))) < 3.0
 
 
+def test_gyros_that_start_askew_do_not_miscount_a_tables_revolutions() -> None:
+    """By what turned gravity one was 15 % too small, two of the eleven revolutions of a spin: nothing settled."""
+    made = played("rate-table", "hobby", 2200005)
+    found = calibrated(made, rate="50±0.001")
+    assert np.max(np.abs(sigmas_off(found, made, "gyroscope.matrix"))) < 4.0
+
+
 @pytest.mark.slow
 def test_units_that_slip_on_a_table_have_no_asymmetry_of_it() -> None:
     """Three of 36 rotations had a slip of 0.3°: an asymmetry and a bend that are none were kept, 8 sigmas off."""
-    made = played("rate-table", "tactical", 90000, "loose")
-    found = calibrated(made, rate="50±0.0025")
+    found = calibrated(played("rate-table", "tactical", 90000, "loose"), rate="50±0.0025")
     assert not [one.name for one in found.quality.optional_terms if one.kept]
     assert any("the axis wobbles" in word for word in [*found.remarks, *found.verdict.reasons])
 
@@ -305,8 +307,7 @@ def test_biases_that_jump_far_are_said_where_they_do() -> None:
 
 
 def test_an_order_of_faces_that_hides_a_jump_is_said() -> None:
-    made = played("six-faces", "industrial", 1)
-    found = calibrated(made, rate="100±0.005")
+    found = calibrated(played("six-faces", "industrial", 1), rate="100±0.005")
     assert any("biases jumped between hold 3 and hold 4" in said for said in found.remarks)
 
 
@@ -320,8 +321,7 @@ def test_right_faces_that_chance_scatters_are_fit_and_a_plate_that_leans_is_not(
 
 def test_a_term_that_a_later_trial_gives_up_is_not_kept() -> None:
     """Gyros fade by 0.3 °/s: the first trial wants a g-sensitivity, nothing settles with it alone (a traceback)."""
-    made = played("by-hand", "robot", 911010, "gyro-ramp")
-    found = calibrated(made, by_protocol=False, rate="100±0.002")
+    found = calibrated(played("by-hand", "robot", 911010, "gyro-ramp"), by_protocol=False, rate="100±0.002")
     assert found.gyroscope is not None
     kept = {one.name for one in found.quality.optional_terms if one.kept}
     assert ("g_sensitivity" in kept) == (found.gyroscope.g_sensitivity is not None)

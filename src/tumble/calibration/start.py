@@ -164,7 +164,11 @@ def rough_start(offered: Offered, site: Site, rotations: Sequence[Rotation] = ()
     u["gyro.matrix"][:] = np.eye(3).ravel()
     if offered.has_gyro:
         u["gyro.bias"][:] = np.median(means.angular_rate, axis=0)
-        u["gyro.matrix"][:] = _gyro_matrix(recording, offered.timeline, u, rotations).ravel()
+        # Raw, of each rotation about its axis by a radian.
+        each = [(one.integral - one.seconds * u["gyro.bias"]) / abs(one.angle) for one in rotations]
+        turned = np.array(each).reshape(-1, 3)
+        rated = turned[[k for k, one in enumerate(rotations) if not one.is_from_rest]]
+        u["gyro.matrix"][:] = _sized(_gyro_matrix(recording, offered.timeline, u, turned), rated).ravel()
         _start_g_sensitivity(u, means.specific_force, means.angular_rate)
     return u
 
@@ -178,9 +182,17 @@ def _start_g_sensitivity(u: Unknowns, force: Vectors, rate: Vectors) -> None:
         u["gyro.bias"][:], u["gyro.g_sensitivity"][:] = design[0, 0] * line[0], line[1:].T.ravel()
 
 
-def _gyro_matrix(
-    recording: Recording, timeline: Timeline, u: Unknowns, rotations: Sequence[Rotation]
-) -> Matrix:
+def _sized(matrix: Matrix, turned: Vectors) -> Matrix:
+    """A gyro's matrix that turns as far as a table at its rates does, about the axes that it has."""
+    # Gravity on the axis tells no size, and too small a one where sensing axes are askew; and an angle that is off by
+    # half a revolution would be taken for another one.
+    axes = turned @ inverted(matrix).T
+    axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+    left = turned - axes @ matrix.T
+    return np.asarray(matrix + left.T @ np.linalg.pinv(axes.T, rcond=LEAST_SPREAD), dtype=np.float64)
+
+
+def _gyro_matrix(recording: Recording, timeline: Timeline, u: Unknowns, turned: Vectors) -> Matrix:
     assert recording.specific_force is not None
     assert recording.angular_rate is not None
     factor = angular_rate_factor(recording.angular_rate_unit)
@@ -195,24 +207,18 @@ def _gyro_matrix(
             recording.time, recording.angular_rate, recording.specific_force, triad, u["gyro.bias"], stretches
         )
     except ValueError as error:
-        if factor is None and rotations:
-            sizes = [
-                np.linalg.norm(one.integral - one.seconds * u["gyro.bias"]) / abs(one.angle)
-                for one in rotations
-            ]
-            return float(np.median(sizes)) * np.eye(3)
-        if factor is None:
+        if factor is not None:
+            return np.eye(3) / factor
+        if not len(turned):
             raise ObservabilityError(
                 "The gyros count in unknown units, and the turns do not determine their scale: "
                 f"{error}. Turn the unit about each of its axes while that axis lies level, or say "
                 "the unit with --units."
             ) from error
-        return np.eye(3) / factor
-    size = float(np.linalg.norm(forward)) / np.sqrt(3.0)
-    certain = float(np.sqrt(np.max(np.diag(covariance)))) < ROUGH_ENOUGH * size
-    if certain:
+        return float(np.median(np.linalg.norm(turned, axis=1))) * np.eye(3)
+    if np.max(np.diag(covariance)) < ROUGH_ENOUGH**2 * np.mean(np.sum(forward**2, axis=0)):
         refuse_contradicting_axes(recording, forward)
-    if factor is not None and not certain:
+    elif factor is not None:
         return np.eye(3) / factor
     return inverted(forward)
 
