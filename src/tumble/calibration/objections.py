@@ -269,26 +269,29 @@ def latitude_shown(found: Matrix, matrix: Matrix, covariance: Square, latitude: 
     )
 
 
-def say_of_sheets(estimate: Estimate, outcome: JointOutcome, sheets: Sequence[TriadSheet]) -> None:
-    """Say what the recording left to data sheets, and what contradicts them.
+def say_of_sheets(
+    estimate: Estimate, outcome: JointOutcome, sheets: Sequence[TriadSheet], *, alone: bool = False
+) -> bool:
+    """Say what the recording left to data sheets and what contradicts them; return whether anything does.
 
     Parameters
     ----------
     estimate, outcome : of the recording.
-    sheets : what was believed.
+    sheets : what was believed, or was not.
+    alone : the estimate was made without them.
     """
+    before = len(estimate.objections)
     u, solution = outcome.task.unknowns, outcome.balanced.solution
     covariance = solution.unit_weight * u.expanded(solution.cofactor)
-    for name, place, _, nine in sheets:
-        if not np.all(np.isin(place, u.free)):
-            continue
-        values, spread = u.values[place], covariance[np.ix_(place, place)]
+    for one in (sheet for sheet in sheets if np.all(np.isin(sheet.place, u.free))):
+        values, spread = u.values[one.place], covariance[np.ix_(one.place, one.place)]
         sigmas = np.sqrt(np.diag(spread))
-        if name == "gyro":
+        if one.name == "gyro":
             values, sigmas = gyro_nine(values[:9].reshape(3, 3), values[9:], spread)
-        remarks, objections = about_sheet(name, values, sigmas, nine)
+        remarks, objections = about_sheet(one, values, sigmas, alone=alone)
         estimate.say("remark", *remarks)
         estimate.say("objection", *objections)
+    return len(estimate.objections) > before
 
 
 def say_missing(estimate: Estimate, outcome: JointOutcome, procedure: Procedure) -> None:

@@ -191,33 +191,33 @@ def gyro_nine(matrix: Matrix, bias: Vector, covariance: Square) -> tuple[Series,
     return found.mean, np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
 
 
-def about_sheet(name: str, values: Series, sigmas: Series, prior: Prior) -> tuple[list[str], list[str]]:
+def about_sheet(
+    sheet: TriadSheet, values: Series, sigmas: Series, *, alone: bool = False
+) -> tuple[list[str], list[str]]:
     """Return what the recording left to the sheet, and what contradicts it, as sentences.
 
     Parameters
     ----------
-    name : "accelerometer" or "gyro".
-    values, sigmas : (9,) estimates with the prior in them, and their standard uncertainties.
-    prior : as `sheet_prior` has it.
+    sheet : of the triad.
+    values, sigmas : (9,) estimates, and their standard uncertainties.
+    alone : they were made without the sheet, which otherwise is in them.
     """
-    before = np.sqrt(np.diag(np.linalg.inv(prior.precision)))
-    untold = [NAMES[i] for i in np.flatnonzero(sigmas > UNTOLD_BEYOND * before)]
-    remarks: list[str] = []
-    if untold:
+    before = np.sqrt(np.diag(np.linalg.inv(sheet.nine.precision)))
+    untold = ~np.bool_(alone) & (sigmas > UNTOLD_BEYOND * before)
+    remarks, objections = list[str](), list[str]()
+    if np.any(untold):
         remarks.append(
-            f"Of the {name}s the recording determines next to nothing of {', '.join(untold)}: the "
-            "values and their uncertainties are the data sheet's."
+            f"Of the {sheet.name}s the recording determines next to nothing of "
+            f"{', '.join(np.array(NAMES)[untold])}: the values and their uncertainties are the data sheet's."
         )
-    # What the data add makes the estimate differ from the prior with the variance that they took away.
-    spread = np.sqrt(np.maximum(before**2 - sigmas**2, (1e-6 * before) ** 2))
-    off = np.abs(values - prior.mean) / spread
-    worst = int(np.argmax(np.where(sigmas > UNTOLD_BEYOND * before, 0.0, off)))
-    objections: list[str] = []
-    if off[worst] > LARGEST_NORMALISED and sigmas[worst] <= UNTOLD_BEYOND * before[worst]:
+    # With the sheet in it an estimate differs from it with the variance that the data took away; else with both.
+    variance = before**2 + np.where(alone, 1.0, -1.0) * sigmas**2
+    off = np.abs(values - sheet.nine.mean) / np.sqrt(np.maximum(variance, (1e-6 * before) ** 2))
+    worst = int(np.argmax(np.where(untold, 0.0, off)))
+    if off[worst] > LARGEST_NORMALISED and not untold[worst]:
         objections.append(
-            f"The recording contradicts the data sheet: the {name}'s {NAMES[worst]} is {off[worst]:.0f} of the sheet's "
-            "standard deviations off. It is another kind of unit, or a unit or column is wrong: calibrate without "
-            "--prior."
+            f"These numbers are {sheet.whose}: the {sheet.name}'s {NAMES[worst]} is {off[worst]:.0f} of the sheet's "
+            "standard deviations off. Name another kind with --prior, or none; or a unit or column is wrong."
         )
     return remarks, objections
 
@@ -357,9 +357,10 @@ def name_plate_prior(u: Unknowns, recording: Recording) -> Prior:
 
 
 class TriadSheet(NamedTuple):
-    """What a sheet knows of a triad: its name, where its unknowns are, what is known of them, and of its own nine."""
+    """What a sheet knows of a triad: its name, whose its numbers are not, where its unknowns are, what is known."""
 
     name: str
+    whose: str
     place: np.ndarray
     prior: Prior
     nine: Prior
@@ -380,13 +381,14 @@ def triad_sheets(sheet: Grade | FleetSheet | None, recording: Recording) -> list
     made: list[TriadSheet] = []
     if sheet is None:
         return made
+    whose = "no unit's of this fleet" if isinstance(sheet, FleetSheet) else f"no {sheet.name} unit's"
     force = prior_of_sheet(sheet, "accelerometer", recording.specific_force_unit)
     if force is not None:
-        made.append(TriadSheet("accelerometer", FORCE_ALONE, force, force))
+        made.append(TriadSheet("accelerometer", whose, FORCE_ALONE, force, force))
     rate = prior_of_sheet(sheet, "gyroscope", recording.angular_rate_unit)
     if rate is not None:
         place = LAYOUT.indices("gyro.matrix", "gyro.bias")
-        made.append(TriadSheet("gyro", place, Prior(*gyro_prior(rate, NAME_PLATE_SHARE)), rate))
+        made.append(TriadSheet("gyro", whose, place, Prior(*gyro_prior(rate, NAME_PLATE_SHARE)), rate))
     return made
 
 

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tumble.calibration.checks.unseen import state_rounding, state_unseen
+from tumble.calibration.objections import say_of_sheets
+from tumble.calibration.prior import triad_sheets
 from tumble.calibration.procedure import FIRST_TRIED, Procedure, find_procedure
 from tumble.calibration.session import Session
 from tumble.errors import ConvergenceError, ObservabilityError, UsageError
@@ -96,10 +99,24 @@ def _calibrated(session: Session, procedure: Procedure) -> Estimate:
 
     if procedure.by_temperature and session.prior is not None:
         raise UsageError(f"--prior is not used by the procedure {procedure.name}: leave it out.")
-    estimate = calibrate(session, believed(session, procedure))
+    procedure = believed(session, procedure)
+    estimate = _of_another_kind(session, procedure) or calibrate(session, procedure)
     if session.matching is not None:
         estimate.say("remark", *(r for r in session.matching.remarks if r not in estimate.remarks))
     return estimate
+
+
+def _of_another_kind(session: Session, procedure: Procedure) -> Estimate | None:
+    """The estimate without the data sheet where it contradicts the sheet: with it nothing may settle, or fit."""
+    from tumble.calibration.joint import calibrate
+
+    given, sheets = session.options, triad_sheets(session.options.data_sheet, session.recording)
+    estimate, session.options = None, replace(given, data_sheet=None)
+    with suppress(ObservabilityError, ConvergenceError):
+        estimate = calibrate(session, procedure) if sheets else None
+    session.options = given
+    joint = session.joint
+    return estimate if estimate and joint and say_of_sheets(estimate, joint, sheets, alone=True) else None
 
 
 def believed(session: Session, procedure: Procedure) -> Procedure:

@@ -8,7 +8,7 @@ from tests.unit.adjusted import adjusted
 
 from tumble.attitude.directions import twenty_six_directions
 from tumble.calibration import Estimate
-from tumble.calibration.prior import NAMES, FleetSheet, StableKnowledge, TriadFleet, about_sheet, sheet_prior
+from tumble.calibration.prior import FleetSheet, StableKnowledge, TriadFleet, about_sheet, triad_sheets
 from tumble.earth import Site
 from tumble.errors import UsageError
 from tumble.recording import Recording
@@ -88,32 +88,33 @@ def test_a_unit_that_is_none_of_the_sheet_s_is_objected_to() -> None:
     scale_error = np.array([SCALE_ERROR[0], 5e-3, SCALE_ERROR[2]])
     estimate = calibrate(tumbled_in(twenty_six_directions(), scale_error=scale_error))
     (said,) = estimate.objections
-    assert "accelerometer's scale factor y is 17 of the sheet's standard deviations off" in said
-    assert "calibrate without --prior" in said
+    assert (
+        "no hg1700 unit's: the accelerometer's scale factor y is 17 of the sheet's standard deviations"
+        in said
+    )
 
 
 def test_a_parameter_that_nothing_is_told_of_cannot_contradict() -> None:
-    prior = sheet_prior(HG1700.accelerometer, 1.0)
-    before = np.sqrt(np.diag(np.linalg.inv(prior.precision)))
-    values = prior.mean.copy()
-    values[7] += 6.0 * before[7]
-    untold = np.where(np.arange(9) == 7, 0.95, 0.1) * before
-    remarks, objections = about_sheet("gyro", values, untold, prior)
+    sheet = triad_sheets(HG1700, tumbled_in(FACES))[1]
+    before = np.sqrt(np.diag(np.linalg.inv(sheet.nine.precision)))
+    values = sheet.nine.mean + np.where(np.arange(9) == 7, 6.0, 0.0) * before
+    (remark,), objections = about_sheet(sheet, values, np.where(np.arange(9) == 7, 0.95, 0.1) * before)
     assert objections == []
-    assert NAMES[7] in remarks[0]
-    told = 0.1 * before
-    remarks, objections = about_sheet("gyro", values, told, prior)
+    assert "non-orthogonality zx" in remark
+    remarks, (said,) = about_sheet(sheet, values, 0.1 * before)
     assert remarks == []
-    assert "gyro's non-orthogonality zx" in objections[0]
+    assert "gyro's non-orthogonality zx" in said
+    # what was made without the sheet is off by both variances
+    assert about_sheet(sheet, values, before, alone=True) == ([], [])
 
 
 def test_the_prior_is_in_raw_units() -> None:
-    """For 0.5 m/s² a unit the scale factor is 2, and so is everything that is an output."""
-    sheet = HG1700.accelerometer
-    prior = sheet_prior(sheet, 0.5)
-    np.testing.assert_allclose(prior.mean, [0, 0, 0, 2, 2, 2, 0, 0, 0])
+    """In g the scale factor is a share of 1 / 9.80665, and so is everything that is an output."""
+    sheet, raw = HG1700.accelerometer, 1.0 / 9.80665
+    prior = triad_sheets(HG1700, tumbled_in(FACES, unit="g"))[0].nine
+    np.testing.assert_allclose(prior.mean, [0, 0, 0, raw, raw, raw, 0, 0, 0])
     sigma = 1.0 / np.sqrt(np.diag(prior.precision))
-    expected = np.repeat([2 * sheet.bias, 2 * sheet.scale_factor, np.sqrt(2.0) * sheet.misalignment], 3)
+    expected = np.repeat([raw * sheet.bias, raw * sheet.scale_factor, np.sqrt(2.0) * sheet.misalignment], 3)
     np.testing.assert_allclose(sigma, expected, rtol=1e-14)
 
 

@@ -67,6 +67,15 @@ def test_a_prior_three_sigma_off_passes_and_one_ten_sigma_off_is_contradicted() 
     assert "10 standard uncertainties" in (find_contradiction(far, own) or "")
 
 
+def test_a_unit_that_is_plainly_none_of_its_sheet_is_said_to_be_none(tmp_path: Path) -> None:
+    """With the sheet of a tactical one nothing settles, or holds seem to have moved: without it numbers show it."""
+    for grade, said in (("consumer-mems", True), ("tactical", False)):
+        simulate("hand-held", grade=grade, output=tmp_path, seed=0)
+        found = calibrate(tmp_path / "recording.csv", prior="tactical").calibration.verdict
+        assert found.fit is not said
+        assert any("no tactical unit's: the gyro's bias" in reason for reason in found.reasons) is said
+
+
 def test_a_single_pose_cannot_show_that_a_calibration_serves(
     rows: np.ndarray, written: Callable[[np.ndarray], Path]
 ) -> None:
