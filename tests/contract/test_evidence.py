@@ -129,7 +129,7 @@ def beside(demo: Subject) -> Evidence:
         replace(p, value=1.01 * p.value, standard_uncertainty=2.0 * p.standard_uncertainty)
         for p in demo.estimate.parameters
     ]
-    return Beside(replace(demo.estimate, procedure=HOSTILE, parameters=other, evidence=[]))
+    return Beside(replace(demo.estimate, procedure=HOSTILE, parameters=other, evidence=[]), HOSTILE)
 
 
 def budget(demo: Subject) -> Evidence:

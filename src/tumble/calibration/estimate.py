@@ -265,9 +265,11 @@ class Beside(Evidence):
     Attributes
     ----------
     estimate : the paper's.
+    source : the paper and its equations.
     """
 
     estimate: Estimate
+    source: str
 
 
 def coverage_factor(degrees_of_freedom: int) -> float:

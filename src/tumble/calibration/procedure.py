@@ -8,8 +8,7 @@ Estimators that a paper has and this package does not are asked for by name, and
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from importlib.metadata import entry_points
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from tumble.errors import UsageError
@@ -273,10 +272,6 @@ def find_procedure(name: str) -> Procedure:
     return PROCEDURES[name]
 
 
-GROUP = "tumble.estimators"
-"""The group of entry points: each names a mapping from an estimator's name to its record."""
-
-
 @dataclass(frozen=True, slots=True)
 class Estimator:
     """A paper's own way from a recording to an estimate.
@@ -295,35 +290,3 @@ class Estimator:
     source: str
     estimate: Callable[[Session], Estimate]
     needs_protocol: bool = False
-
-
-def find_estimator(name: str, *, has_protocol: bool) -> Estimator:
-    """Return the estimator of a name, of all that installed packages offer.
-
-    Parameters
-    ----------
-    name : as ``--estimator`` takes it.
-    has_protocol : whether a protocol says what was done.
-
-    Raises
-    ------
-    UsageError
-        If there is none, packages offer several, or it needs a protocol.
-    """
-    found, names, broken = dict[Estimator, str](), list[str](), ""
-    for point in entry_points(group=GROUP):
-        package = point.dist.name if point.dist else point.value
-        try:
-            offered: Mapping[str, Estimator] = point.load()
-            names += sorted(offered)
-            found |= {offered[name]: package} if name in offered else {}
-        except Exception as error:  # noqa: BLE001 (one package's fault leaves the others)
-            broken += f" Those of the package {package} cannot be imported ({type(error).__name__}: {error})."
-    if not found:
-        raise UsageError(f"There is no estimator {name!r}. There are: {', '.join(names) or 'none'}.{broken}")
-    if len(found) > 1:
-        raise UsageError(f"The packages {' and '.join(found.values())} both have {name}: uninstall one.")
-    one = found.popitem()[0]
-    if one.needs_protocol and not has_protocol:
-        raise UsageError(f"The estimator {name} has to know what a table did: give --protocol FILE.")
-    return one

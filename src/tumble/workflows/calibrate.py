@@ -14,7 +14,7 @@ import numpy as np
 
 from tumble.calibration.checks.unseen import state_gravity
 from tumble.calibration.estimate import Beside
-from tumble.calibration.procedure import Estimator, find_estimator, find_procedure
+from tumble.calibration.procedure import Estimator, find_procedure
 from tumble.calibration.session import Options, Session
 from tumble.document.display import calibration_html
 from tumble.earth import Site
@@ -45,7 +45,13 @@ from tumble.workflows.magnetometer import (
     no_holds,
     refuse_field_of_none,
 )
-from tumble.workflows.procedures import add_objections, check_prior, check_procedure, run_procedure
+from tumble.workflows.procedures import (
+    add_objections,
+    check_prior,
+    check_procedure,
+    find_estimator,
+    run_procedure,
+)
 from tumble.workflows.progress import public, silent
 from tumble.workflows.several.joining import NamedSpan, check_files, join_recordings, named_spans
 
@@ -227,7 +233,7 @@ def _papers(
         own = paper.estimate(session)
     except (SegmentationError, ObservabilityError, ConvergenceError, UsageError) as error:
         raise type(error)(f"The estimator {paper.name} does not serve here: {error} Leave it out.") from error
-    estimate.show(Beside(own))
+    estimate.show(Beside(own, paper.source))
     own_document = _document(session, own, OF_A_PAPER.format(paper.name), imu)
     return {f"calibration-{paper.name}.json": own_document}
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from importlib.metadata import entry_points
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,7 +13,7 @@ import numpy as np
 from tumble.calibration.checks.unseen import state_rounding, state_unseen
 from tumble.calibration.objections import say_of_sheets
 from tumble.calibration.prior import triad_sheets
-from tumble.calibration.procedure import FIRST_TRIED, Procedure, find_procedure
+from tumble.calibration.procedure import FIRST_TRIED, Estimator, Procedure, find_procedure
 from tumble.calibration.session import Session
 from tumble.errors import ConvergenceError, ObservabilityError, UsageError
 from tumble.recording import find_axis_contradiction, find_dead_channels, find_saturated_channels
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
     from tumble.calibration import Estimate
     from tumble.calibration.prior import StableKnowledge
 
+GROUP = "tumble.estimators"
+"""The group of entry points: each names a mapping from an estimator's name to its record."""
 CONTRADICTS = (
     " No one adjustment fits all that was recorded. Two units may be in one recording, a bias may have jumped, samples "
     "may be missing, or an angle, rate or pose of the protocol may be wrong."
@@ -49,6 +52,38 @@ def check_procedure(procedure: str | None, *, has_protocol: bool) -> None:
             f"file and give --protocol FILE. `tumble simulate {found.example} -o DIR` writes an example, "
             "DIR/protocol.yaml."
         )
+
+
+def find_estimator(name: str, *, has_protocol: bool) -> Estimator:
+    """Return the estimator of a name, of all that installed packages offer.
+
+    Parameters
+    ----------
+    name : as ``--estimator`` takes it.
+    has_protocol : whether a protocol says what was done.
+
+    Raises
+    ------
+    UsageError
+        If there is none, packages offer several, or it needs a protocol.
+    """
+    found, names, broken = dict[Estimator, str](), list[str](), ""
+    for point in entry_points(group=GROUP):
+        package = point.dist.name if point.dist else point.value
+        try:
+            offered: Mapping[str, Estimator] = point.load()
+            names += [f"{one.name} ({one.title}; {one.source})" for one in offered.values()]
+            found |= {offered[name]: package} if name in offered else {}
+        except Exception as error:  # noqa: BLE001 (one package's fault leaves the others)
+            broken += f" Those of the package {package} cannot be imported ({type(error).__name__}: {error})."
+    if not found:
+        raise UsageError(f"There is no estimator {name!r}. There are: {'; '.join(names) or 'none'}.{broken}")
+    if len(found) > 1:
+        raise UsageError(f"The packages {' and '.join(found.values())} both have {name}: uninstall one.")
+    one = found.popitem()[0]
+    if one.needs_protocol and not has_protocol:
+        raise UsageError(f"The estimator {name} has to know what a table did: give --protocol FILE.")
+    return one
 
 
 def run_procedure(session: Session, procedure: str | None) -> tuple[Estimate, str]:

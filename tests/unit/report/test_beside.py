@@ -38,7 +38,7 @@ def joint() -> Any:
         NamedValue("c", 0.5, 0.1, "rad"),
         NamedValue("d", 0.0, 0.0, "rad"),
     ]
-    return SimpleNamespace(parameters=own, beside=SimpleNamespace(estimate=other))
+    return SimpleNamespace(parameters=own, beside=SimpleNamespace(estimate=other, source="a paper"))
 
 
 def rows(joint: Any) -> list[ParameterRow]:

@@ -15,14 +15,14 @@ import tumble
 from tumble.calibration import Estimate, Session, calibrate, find_procedure
 from tumble.calibration.equations.believed_poses import believed_poses
 from tumble.calibration.estimate import Beside
-from tumble.calibration.procedure import Estimator, find_estimator
+from tumble.calibration.procedure import Estimator
 from tumble.document import read_calibration
 from tumble.earth import Site
 from tumble.errors import UsageError
 from tumble.protocol import HoldStep, named_protocol
 from tumble.segmentation.matching import MatchedHold, Matching
 from tumble.simulation import Motion, find_grade, poses_26, simulate_recording
-from tumble.workflows.procedures import run_procedure
+from tumble.workflows.procedures import find_estimator, run_procedure
 from tumble.workflows.simulate import simulate
 
 SITE = Site.from_latitude(0.8)
@@ -131,7 +131,9 @@ def test_a_papers_estimator_stands_beside_with_a_document_of_its_own(tmp_path: P
     assert own.accelerometer is not None
     assert own.procedure == beside.estimate.procedure == "six-position"
     assert own.identity != run.calibration.identity
-    assert "six-position as its paper has it" in (tmp_path / "out" / "report.html").read_text("utf-8")
+    assert "six-position by Hayal 2010, (2.5) and (2.6)" in (tmp_path / "out" / "report.html").read_text(
+        "utf-8"
+    )
     with pytest.raises(UsageError, match=r"^The estimator rate-test has to know .* give --protocol FILE"):
         tumble.calibrate(tmp_path / "none.csv", estimator="rate-test")
 
@@ -140,7 +142,7 @@ def _refused(session: object) -> NoReturn:
     raise UsageError("It wants more.")
 
 
-PICKY = {name: Estimator(name, "", "", _refused) for name in ("picky", "six-position")}
+PICKY = {name: Estimator(name, "it wants", "none", _refused) for name in ("picky", "six-position")}
 
 
 def test_what_a_package_of_estimators_does_wrong_is_its_own_fault(
@@ -155,7 +157,10 @@ def test_what_a_package_of_estimators_does_wrong_is_its_own_fault(
     monkeypatch.setattr(sys, "path", [str(tmp_path), *sys.path])
     simulate("six-position", output=tmp_path / "six", seed=5, site=SITE)
     for name, said in (
-        ("six", r"no estimator 'six'\. .*picky.*zhang-optimal.* package broken .*ModuleNotFoundError"),
+        (
+            "six",
+            r"no estimator 'six'\. .*picky \(it wants; none\).*zhang-optimal.* broken .*ModuleNotFoundError",
+        ),
         ("six-position", r"^The packages picky and \w+ both have six-position"),
         ("picky", r"^The estimator picky does not serve here: It wants more\. Leave it out"),
     ):

@@ -60,7 +60,7 @@ def beside(told: Beside, subject: Subject) -> list[Block]:
         ]
         for one in found
     ]
-    words = Sentences([_words(found, name)], "paragraphs")
+    words = Sentences([_words(found, name, told.source)], "paragraphs")
     return section("A paper's own estimator beside", words, Table(heads, rows))
 
 
@@ -92,12 +92,12 @@ def parameters_beside(told: Beside, estimate: Estimate, rows: list[ParameterRow]
     return found
 
 
-def _words(found: list[Compared], name: str) -> str:
+def _words(found: list[Compared], name: str, source: str) -> str:
     far = [one for one in found if abs(one.difference) > FAR]
     typical = math.exp(sum(math.log(one.ratio) for one in found) / len(found))
     told = (
-        f"Both are made from the same recording: {name} as its paper has it, the joint estimate from every "
-        f"sample at once. Joint standard uncertainties are {fixed(typical, 2)} times {name}'s in the (geometric) mean. "
+        f"Both are made from the same recording: {name} by {source}, the joint estimate from every sample at once. "
+        f"Joint standard uncertainties are {fixed(typical, 2)} times {name}'s in the (geometric) mean. "
         f"± is one standard uncertainty; differences are in those of {name}: where the model is right, below about "
         "two. The last column is the joint uncertainty over the other."
     )
