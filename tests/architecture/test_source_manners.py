@@ -145,3 +145,10 @@ def test_a_name_with_a_unit_that_is_not_si_is_found_but_as_the_key_of_a_file(nam
 def test_frames_and_celsius_are_let_through() -> None:
     names = "angular_rate_ib_g, C_ag, temperature_celsius, matrix, weights"
     assert not names_that_are_not_si(ast.parse(f"def f({names}): ..."))
+
+
+def test_objections_are_said_in_one_file_and_repeated_of_several_recordings(root: Path) -> None:
+    """What decides FIT stands in two files: `objections` says it, `verdict` judges."""
+    say, source = re.compile(r"""\.say\(\s*"objection\""""), root / "src/tumble/calibration"
+    saying = {path for path in (root / "src").rglob("*.py") if say.search(path.read_text("utf-8"))}
+    assert saying == {source / "objections.py", source / "turn_ons/estimate.py"}

@@ -33,12 +33,7 @@ from tumble.calibration.evidence import (
     Turns,
     UncertaintyStatement,
 )
-from tumble.calibration.magnetometer.estimate import (
-    FieldHold,
-    GivenField,
-    Magnetometer,
-    magnetometer_alone,
-)
+from tumble.calibration.magnetometer.estimate import FieldHold, GivenField, Magnetometer, magnetometer_alone
 from tumble.calibration.magnetometer.verdict import judge_magnetometer
 from tumble.document.magnetometer_block import magnetometer_block
 from tumble.document.turn_ons_block import turn_ons_block

@@ -7,13 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from recovery.played import by_hand, jointly
 from tumble.calibration import Session
-from tumble.calibration.equations.imu_unknowns import (
-    LAYOUT,
-    imu_unknowns,
-    raw_force,
-    raw_rate,
-    straightened,
-)
+from tumble.calibration.equations.imu_unknowns import LAYOUT, imu_unknowns, raw_force, raw_rate, straightened
 from tumble.calibration.estimate import Estimate
 from tumble.earth import Site
 from tumble.sensor import ImuModel, Triad

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from recovery.played import by_hand, jointly
 from tumble.calibration import Session
 from tumble.calibration.estimate import Estimate
+from tumble.calibration.objections import say_of_prior
 from tumble.calibration.outcome.description import canonical_names
 from tumble.calibration.prior import StableKnowledge
 from tumble.earth import Site
@@ -19,7 +20,6 @@ from tumble.recording import Recording
 from tumble.segmentation import Timeline
 from tumble.segmentation.turns import find_saturated_axis
 from tumble.sensor import ImuModel, Triad
-from tumble.workflows.procedures import check_prior
 
 SITE = Site(9.81, 0.0, float(np.radians(48.0)), 300.0, "as simulated")
 MODEL = ImuModel(
@@ -123,5 +123,5 @@ def test_a_prior_of_another_unit_is_objected_to_and_the_units_own_is_not() -> No
         estimate = _calibrated(recording, timeline, believed)
         session = Session(recording, None, SITE)
         session.timeline = timeline
-        check_prior([session], believed, estimate)
+        say_of_prior(estimate, [session], believed)
         assert any("contradicts" in sentence for sentence in estimate.objections) == objected

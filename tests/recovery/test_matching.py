@@ -12,16 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from tumble.earth import Site
 from tumble.errors import SegmentationError
-from tumble.protocol import (
-    PROTOCOLS,
-    HoldStep,
-    Pose,
-    Protocol,
-    SpinStep,
-    Step,
-    TurnStep,
-    named_protocol,
-)
+from tumble.protocol import PROTOCOLS, HoldStep, Pose, Protocol, SpinStep, Step, TurnStep, named_protocol
 from tumble.recording.recording import Recording
 from tumble.segmentation import Timeline, find_spins, find_timeline, observe_holds
 from tumble.segmentation.matching import Matching, match_protocol, observe_matched_spins
@@ -146,8 +137,7 @@ def test_a_missing_step_is_named(name: str, number: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "number"),
-    [("six-position", 0), ("multi-position-26", 24), ("modified-multi-position", 8)],
+    ("name", "number"), [("six-position", 0), ("multi-position-26", 24), ("modified-multi-position", 8)]
 )
 def test_a_hold_done_twice_is_used_twice(name: str, number: int) -> None:
     """The user turns the unit away, finds the recording disturbed, and does the pose again."""

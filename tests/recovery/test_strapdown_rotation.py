@@ -18,7 +18,7 @@ from tumble.sensor import ImuModel, change_frame
 from tumble.simulation import find_grade, simulate_protocol
 from tumble.simulation.recordings import Truth
 from tumble.simulation.two_axis import FixtureErrors
-from tumble.workflows.procedures import add_objections, run_procedure
+from tumble.workflows.procedures import add_remarks, run_procedure
 
 SITE = replace(Site.from_latitude(np.radians(40.0), 300.0), gravity_sigma=0.0)
 PROTOCOL = named_protocol("strapdown-rotation")
@@ -42,7 +42,7 @@ def recorded(grade: str) -> tuple[Recording, Truth]:
 def calibrated(recording: Recording, protocol: Protocol = PROTOCOL, site: Site = SITE) -> Estimate:
     session = Session(recording, protocol, site)
     estimate, reason = run_procedure(session, None)
-    add_objections(session, estimate, None, reason)
+    add_remarks(session, estimate, None, reason)
     return estimate
 
 

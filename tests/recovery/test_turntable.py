@@ -18,7 +18,7 @@ from tumble.protocol import HoldStep, Protocol, SpinStep, Step
 from tumble.recording.recording import Recording
 from tumble.simulation import TableErrors, find_grade, simulate_protocol
 from tumble.simulation.recordings import Truth
-from tumble.workflows.procedures import add_objections, run_procedure
+from tumble.workflows.procedures import add_remarks, run_procedure
 
 SITE = Site.from_latitude(np.radians(48.0), 300.0)
 TABLE = short("turntable-9", SITE)
@@ -27,7 +27,7 @@ TABLE = short("turntable-9", SITE)
 def calibrated(recording: Recording, protocol: Protocol = TABLE) -> Estimate:
     session = Session(recording, protocol, SITE)
     estimate, reason = run_procedure(session, None)
-    add_objections(session, estimate, None, reason)
+    add_remarks(session, estimate, None, reason)
     return estimate
 
 

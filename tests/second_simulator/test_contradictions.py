@@ -164,18 +164,21 @@ def test_an_angle_that_another_one_could_be_blamed_for_is_not_fit(monkeypatch: p
     from tumble.calibration.outcome import estimate
 
     kept: list[estimate.JointOutcome] = []
-    monkeypatch.setattr(estimate, "contradictions", lambda outcome: kept.append(outcome) or [])
+    monkeypatch.setattr(estimate, "say_contradictions", lambda _, outcome, __: kept.append(outcome))
     calibrated(played("turntable", "industrial", 3, "misread", **QUICK["turntable"]), rate="25±0.00003")
+    monkeypatch.undo()
     outcome = kept[-1]
     rows = list(outcome.data.rotations)
     (wrong,) = (k for k in rows if not outcome.task.taking_part["angle"][k])
-    assert not objections.contradictions(outcome)
+    found = estimate.joint_estimate(outcome)
+    assert not found.objections
     # Rotations go both ways about an axis one after the other.
     right = rows[rows.index(wrong) ^ 1]
     task = outcome.task.copy()
     task.taking_part["angle"][[wrong, right]] = True, False
     masked = replace(outcome, task=task, balanced=replace(outcome.balanced, solution=solve(task)))
-    said = " ".join(objections.contradictions(masked))
+    objections.say_contradictions(found, masked, [])
+    said = " ".join(found.objections)
     names = [outcome.data.rotations[k].name for k in (right, wrong)]
     assert f"The angle of {names[0]} contradicts the rest and was left out." in said
     assert f"Were that of {names[1]} wrong" in said

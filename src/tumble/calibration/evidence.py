@@ -196,9 +196,8 @@ def coverage_factors(degrees: Series) -> Series:
     """
     from scipy.special import stdtrit
 
-    whole = np.floor(np.maximum(degrees, 1.0) * (1.0 + 1e-9))
-    finite = np.minimum(whole, 1e9)
-    return np.asarray(stdtrit(finite, 0.975), dtype=np.float64)
+    whole = np.minimum(np.floor(np.maximum(degrees, 1.0) * (1.0 + 1e-9)), 1e9)
+    return np.asarray(stdtrit(whole, 0.975), dtype=np.float64)
 
 
 def chi_square_probability(statistic: float, degrees: float) -> float:
@@ -495,8 +494,7 @@ class BiasScatter:
         The scatter of one more recording about the mean of these; never below what a single recording is uncertain by,
         because a scatter that came out small by chance is no promise.
         """
-        recordings = self.degrees + 1
-        return max(self.scatter, self.measurement) * float(np.sqrt(1.0 + 1.0 / recordings))
+        return max(self.scatter, self.measurement) * float(np.sqrt(1.0 + 1.0 / (self.degrees + 1)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -561,8 +559,7 @@ def bias_scatter(
     """
     from scipy.special import chdtrc, stdtrit
 
-    n = values.size
-    about = values - values.mean()
+    n, about = values.size, values - values.mean()
     centred = np.eye(n) - 1.0 / n
     spread = centred @ covariance @ centred
     squares = float(about @ np.linalg.pinv(spread, rcond=1e-9, hermitian=True) @ about)

@@ -9,27 +9,33 @@ gyros with the matrix M it is ``M w / g``. That is one number where a sensor's o
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tumble.arrays import Matrix, Series, Square, inverted
+from tumble.arrays import Series, inverted
 from tumble.calibration.checks.table_rates import find_wrong_rates
 from tumble.calibration.equations.imu_unknowns import FORCE_ALONE, LAYOUT, PLAIN
 from tumble.calibration.equations.rotation_equations import Windows
 from tumble.calibration.equations.triad_unknowns import COUNT
 from tumble.calibration.estimate import Estimate
 from tumble.calibration.poses import require_poses
-from tumble.calibration.prior import about_sheet, gyro_nine
+from tumble.calibration.prior import StableKnowledge, TriadFleet, about_sheet
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ConvergenceError, ObservabilityError
 from tumble.estimation.solve import solve
+from tumble.recording import find_axis_contradiction, find_dead_channels, find_saturated_channels
 from tumble.units import specific_force_factor
 
 if TYPE_CHECKING:
+    from tumble.calibration.evidence import ThermalCurves
     from tumble.calibration.outcome.estimate import JointOutcome
     from tumble.calibration.prior import TriadSheet
     from tumble.calibration.procedure import Procedure
+    from tumble.calibration.session import Session
+    from tumble.calibration.thermal.model import ThermalOutcome
+    from tumble.segmentation.timeline import Turn
 
 MISSING = (
     "Samples are missing that left no trace in the stamps, the gyros saturate, or the mount gives. Record the stamps "
@@ -53,19 +59,20 @@ EVIDENT = 20.0
 ANOTHER_RESULT = 1.0
 
 
-def contradictions(outcome: JointOutcome) -> list[str]:
-    """Return sentences on what was recorded that contradicts the protocol or the site.
+def say_contradictions(estimate: Estimate, outcome: JointOutcome, jumps: Sequence[str]) -> None:
+    """Object to what was recorded that contradicts the protocol or the site, and to biases that jumped.
 
     Parameters
     ----------
-    outcome : the settled solution.
+    estimate, outcome : of the settled solution.
+    jumps : what is said of each.
     """
     each = (
         *(_of_poses(outcome), *_of_left_out(outcome), _of_fixture_turns(outcome), _of_earth(outcome)),
         *find_wrong_rates(outcome.task, outcome.table_sigma),
-        _of_gravity_on_tables(outcome),
+        *(_of_gravity_on_tables(outcome), *jumps),
     )
-    return [said for said in each if said]
+    estimate.say("objection", *filter(None, each))
 
 
 def _of_poses(outcome: JointOutcome) -> str:
@@ -232,23 +239,10 @@ def find_other_latitude(estimate: Estimate, site: Site) -> str:
     if site.latitude is None or found is None or gyroscope is None or not set(_NAMES) <= set(estimate.names):
         return ""
     at = [estimate.names.index(name) for name in _NAMES]
-    return latitude_shown(
-        found, gyroscope.matrix, estimate.covariance[np.ix_(at, at)], site.latitude, site.gravity
-    )
-
-
-def latitude_shown(found: Matrix, matrix: Matrix, covariance: Square, latitude: float, gravity: float) -> str:
-    """Return `find_other_latitude` of numbers.
-
-    Parameters
-    ----------
-    found, matrix : (3, 3) raw per m/s² and raw per rad/s, g-sensitivity and gyros.
-    covariance : (9, 9) of the g-sensitivity's entries, row by row.
-    latitude, gravity : rad, m/s².
-    """
+    covariance, gravity = estimate.covariance[np.ix_(at, at)], site.gravity
     from scipy.special import chdtrc
 
-    inverse = inverted(matrix)
+    inverse = inverted(gyroscope.matrix)
     turned = np.kron(inverse, np.eye(3))
     seen = gravity * (inverse @ found).ravel()
     weight = inverted((gravity**2 * turned @ covariance @ turned.T)[::4, ::4])
@@ -256,7 +250,7 @@ def latitude_shown(found: Matrix, matrix: Matrix, covariance: Square, latitude: 
     precision = float(np.sum(weight))
     upward = float(np.sum(weight @ along)) / precision
     left = float(along @ weight @ along) - upward**2 * precision
-    sine = np.sin(latitude) + upward / EARTH_RATE
+    sine = np.sin(site.latitude) + upward / EARTH_RATE
     is_one = abs(upward) * precision**0.5 > CERTAIN and float(chdtrc(2, max(left, 0.0))) > CHANCE
     is_one = is_one and float(np.sqrt(np.mean(across**2))) < abs(upward)
     if not is_one or abs(sine) > LARGEST_SINE:
@@ -264,7 +258,7 @@ def latitude_shown(found: Matrix, matrix: Matrix, covariance: Square, latitude: 
     shown = np.degrees(np.arcsin(np.clip(sine, -1.0, 1.0)))
     return (
         f"The gyros at rest show {upward:+.2g} ± {precision**-0.5:.1g} rad/s more of the Earth's rotation upwards than "
-        f"the latitude {np.degrees(latitude):.1f}° gives, as at {shown:.1f}°. It stands in the g-sensitivity, "
+        f"the latitude {np.degrees(site.latitude):.1f}° gives, as at {shown:.1f}°. It stands in the g-sensitivity, "
         "which is the same on all axes. Check the latitude (--site), and with it gravity."
     )
 
@@ -285,10 +279,10 @@ def say_of_sheets(
     covariance = solution.unit_weight * u.expanded(solution.cofactor)
     for one in (sheet for sheet in sheets if np.all(np.isin(sheet.place, u.free))):
         values, spread = u.values[one.place], covariance[np.ix_(one.place, one.place)]
-        sigmas = np.sqrt(np.diag(spread))
         if one.name == "gyro":
-            values, sigmas = gyro_nine(values[:9].reshape(3, 3), values[9:], spread)
-        remarks, objections = about_sheet(one, values, sigmas, alone=alone)
+            own = TriadFleet.of("", values[:9].reshape(3, 3), values[9:], spread)
+            values, spread = own.mean, own.covariance
+        remarks, objections = about_sheet(one, values, np.sqrt(np.diag(spread)), alone=alone)
         estimate.say("remark", *remarks)
         estimate.say("objection", *objections)
     return len(estimate.objections) > before
@@ -324,3 +318,162 @@ def _wanting(outcome: JointOutcome) -> list[str]:
     except ObservabilityError as error:
         return [str(error)]
     return []
+
+
+# Noise alone brings single samples of a right hold to the largest number of a recording.
+STUCK = 0.05
+
+
+def say_of_recording(estimate: Estimate, session: Session, without_holds: Sequence[str]) -> None:
+    """Object to what is wrong with sensors, columns, rests and the place.
+
+    Parameters
+    ----------
+    estimate, session : of the recording.
+    without_holds : what is said of files that give no hold.
+    """
+    recording = session.recording
+    saturated = find_saturated_channels(recording)
+    # Holds do not tell which way the gyro counts; where there are turns between them, these do.
+    has_both = recording.specific_force is not None and recording.angular_rate is not None
+    against = (
+        *(*without_holds, *find_dead_channels(recording)),
+        *(remark.text for remark in recording.remarks if remark.kind == "doubtful"),
+        *(_of_limits(session) if saturated else ()),
+        find_axis_contradiction(recording) if has_both else "",
+        of_other_rests(session),
+        find_other_latitude(estimate, session.site),
+    )
+    estimate.say("remark", *saturated)
+    estimate.say("objection", *filter(None, against))
+
+
+def _of_limits(session: Session) -> list[str]:
+    """What is said of holds in which an accelerometer is at its limit: they show less than gravity."""
+    from tumble.recording.saturation import limits_reached
+    from tumble.segmentation.rounding import carries_remainder
+
+    force, holds, said = session.recording.specific_force, session.timeline.holds, list[str]()
+    if force is None:
+        return said
+    carried = carries_remainder(force, [hold.stretches() for hold in holds])
+    for limit in limits_reached(force):
+        axis = "xyz".index(limit.channel)
+        stuck = force[:, axis] == limit.value
+        at = [str(k + 1) for k, hold in enumerate(holds) if np.mean(stuck[hold.start : hold.stop]) > STUCK]
+        # Steps coarser than the noise repeat their numbers at rest, too, and so do pulses.
+        if at and not carried[axis] and float(np.median(np.abs(np.diff(force[:, axis])))) > 0.0:
+            more = f" and {len(at) - 4} more" if len(at) > 4 else ""
+            said.append(
+                f"Accelerometer {limit.channel} is at its limit ({limit.value:g} "
+                f"{session.recording.specific_force_unit}) in hold {', '.join(at[:4])}{more}: there it shows less than "
+                "gravity. Choose a larger range."
+            )
+    return said
+
+
+def of_other_rests(session: Session) -> str:
+    """Return what is said of rests at another level of the gyros; holds that a user names are all that there are.
+
+    Parameters
+    ----------
+    session : of the recording.
+    """
+    from tumble.segmentation.other_rests import find_other_rests
+
+    recording, timeline = session.recording, session.timeline
+    other = None if session.intervals is not None else find_other_rests(recording, timeline)
+    if other is None:
+        return ""
+    first, last = (float(recording.time[i]) for i in (other.spans[0][0], other.spans[-1][1] - 1))
+    return (
+        f"In {len(other.spans)} stretches in several poses between {first:.0f} s and {last:.0f} s gravity stands "
+        f"still, and the gyros show about {np.degrees(other.rate):.2g} °/s more than in the {len(timeline.holds)} "
+        "holds. So they are rests that were not used. The unit was switched on anew, its biases jumped, or two units "
+        "are in one recording. Calibrate each part by itself, or with --turn-ons if all of them are this unit's."
+    )
+
+
+def say_of_turns(estimate: Estimate, turns: Sequence[Turn], reason: str) -> None:
+    """Object to an estimate without the gyros where turns were made for them.
+
+    Parameters
+    ----------
+    estimate, turns : of the recording.
+    reason : why it was made by its procedure.
+    """
+    from tumble.calibration.procedure import SMALLEST_TURNS
+
+    if len(turns) < SMALLEST_TURNS or any(name.startswith("gyroscope.matrix") for name in estimate.names):
+        return
+    lost = [turn.reason for turn in turns if not turn.usable]
+    because = f" {len(lost)} of them cannot be used ({lost[0]})." if lost else ""
+    estimate.say(
+        "objection",
+        f"The recording has {len(turns)} turns, but they do not calibrate the gyro.{because} {reason} "
+        "With --procedure multi-position the accelerometers' part is judged alone.",
+    )
+
+
+def say_of_prior(estimate: Estimate, sessions: Sequence[Session], knowledge: StableKnowledge) -> None:
+    """Object to a prior that the poses contradict, where they can tell the angles without it.
+
+    Parameters
+    ----------
+    estimate : gets an objection, or a caution where nothing can be checked.
+    sessions : recordings of one unit, that tell its angles together.
+    knowledge : the prior.
+    """
+    from tumble.calibration.joint import calibrate_accelerometers
+    from tumble.calibration.prior import find_contradiction, stable_knowledge
+
+    seen = list[StableKnowledge]()
+    for session in sessions:
+        with suppress(ObservabilityError, ConvergenceError):
+            alone = calibrate_accelerometers(session)
+            assert alone.model.accelerometer is not None
+            seen.append(stable_knowledge(alone.model.accelerometer.matrix, alone.covariance[:9, :9]))
+    if not seen:
+        estimate.say(
+            "caution",
+            "The prior is taken on trust: the poses are too few to check it against them, and with another "
+            "unit's the result would look the same and be wrong. Be sure that it is this unit's, or record nine poses "
+            "or more.",
+        )
+    elif said := find_contradiction(knowledge, seen):
+        estimate.say("objection", said)
+
+
+# A model that more rests than this contradict does not describe them; as many of one branch are more than chance.
+LARGEST_SHARE_CONTRADICTING, FEWEST_OF_BRANCH = 0.1, 4
+
+
+def say_of_temperatures(estimate: Estimate, found: ThermalOutcome, evidence: ThermalCurves) -> None:
+    """Object to functions of temperature that nothing tests, or that many rests or most of one branch contradict.
+
+    Parameters
+    ----------
+    estimate, found, evidence : of one thermal adjustment.
+    """
+    against, kept = list[str](), found.points
+    left = "soak" if evidence.kind == "soak" else "band of temperature"
+    if not evidence.candidates:
+        against.append(
+            f"Without one {left} the other rests do not determine the functions of temperature. So nothing shows "
+            f"whether a {evidence.basis} is enough. Record more temperatures, or more poses at each, and let each "
+            "temperature settle."
+        )
+    gone = np.isin(np.arange(len(kept)), [outlier.group for outlier in found.fit.outliers])
+    count = int(np.count_nonzero(gone))
+    if count > LARGEST_SHARE_CONTRADICTING * len(kept):
+        against.append(
+            f"{count} of {len(kept)} rests contradict the model and were left out: the functions of temperature do not "
+            "describe what this unit does. Sweep slower, or so that each temperature settles."
+        )
+    for branch, name in ((kept.hysteresis > 0.0, "heating"), (kept.hysteresis < 0.0, "cooling")):
+        of_branch, lost = int(np.count_nonzero(branch)), int(np.count_nonzero(branch & gone))
+        if lost >= FEWEST_OF_BRANCH and 2 * lost > of_branch:
+            against.append(
+                f"{lost} of {of_branch} rests while {name} were left out: what is left describes one branch alone."
+            )
+    estimate.say("objection", *against)

@@ -93,18 +93,11 @@ def _name(up_b: np.ndarray) -> str:
 # Of a rough solution in SI units: a sphere fitted to one pose, laid down again and again, is beyond these.
 LARGEST_SCALE_ERROR = 0.3
 LARGEST_BIAS = 3.0  # m/s²
-WANTED = {
-    9: "nine unknowns (bias, scale factor, non-orthogonality)",
-    6: "biases and scale factors",
-}
+WANTED = {9: "nine unknowns (bias, scale factor, non-orthogonality)", 6: "biases and scale factors"}
 
 
 def require_poses(
-    means: Vectors,
-    force_unknowns: Series,
-    *,
-    has_prior: bool,
-    factor: float | None = None,
+    means: Vectors, force_unknowns: Series, *, has_prior: bool, factor: float | None = None
 ) -> None:
     """Refuse poses that do not determine the accelerometers, and say what to record instead.
 
@@ -149,11 +142,9 @@ def _directions(means: Vectors, force_unknowns: Series, factor: float | None) ->
 
 def _too_few(held: Vectors, needed: int, has_prior: bool) -> str:
     found = held.shape[0]
-    poses = f"{found} different pose{'s' if found != 1 else ''}"
-    verb = "was" if found == 1 else "were"
+    poses = "pose was" if found == 1 else "poses were"
     text = (
-        f"{poses} {verb} found and {needed} are needed for "
-        f"{WANTED[needed]}: "
+        f"{found} different {poses} found and {needed} are needed for {WANTED[needed]}: "
         f"hold the unit also with {describe_mending(held, needed)}"
     )
     if needed == 9 and found >= 6:
@@ -189,15 +180,8 @@ MOST_NAMED = 18
 # A part of a combination below this share of its largest is round-off and placement.
 PART = 0.25
 NAMES = (
-    "the bias of x",
-    "the bias of y",
-    "the bias of z",
-    "the scale factor of x",
-    "the scale factor of y",
-    "the scale factor of z",
-    "the non-orthogonality of x to y",
-    "the non-orthogonality of y to z",
-    "the non-orthogonality of x to z",
+    *(f"the {what} of {axis}" for what in ("bias", "scale factor") for axis in "xyz"),
+    *(f"the non-orthogonality of {axes}" for axes in ("x to y", "y to z", "x to z")),
 )
 """The unknowns of `norm_rows` for a user."""
 GROUPS = ("the biases", "the scale factors", "the non-orthogonalities")

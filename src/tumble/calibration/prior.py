@@ -180,17 +180,6 @@ def gyro_prior(nine: Prior, leaning: float) -> tuple[Series, Square]:
     return np.real(mean), invert_normal_matrix(covariance)
 
 
-def gyro_nine(matrix: Matrix, bias: Vector, covariance: Square) -> tuple[Series, Series]:
-    """Return (9,), (9,) bias, scale factors and angles of a gyro in its own frame, and their standard uncertainties.
-
-    Parameters
-    ----------
-    matrix, bias, covariance : raw units, and (12, 12) of the matrix, row by row, and the bias.
-    """
-    found = TriadFleet.of("", matrix, bias, covariance)
-    return found.mean, np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
-
-
 def about_sheet(
     sheet: TriadSheet, values: Series, sigmas: Series, *, alone: bool = False
 ) -> tuple[list[str], list[str]]:
@@ -249,29 +238,18 @@ def stable_knowledge(matrix: np.ndarray, covariance: Square) -> StableKnowledge:
     return StableKnowledge(np.real(angles), spread)
 
 
-def weighted_knowledge(each: Sequence[StableKnowledge]) -> StableKnowledge:
-    """Return what several recordings of one unit know together.
-
-    Parameters
-    ----------
-    each : one or more, independent of one another.
-    """
-    precisions = [inverted(one.angle_covariance) for one in each]
-    covariance = inverted(np.sum(precisions, axis=0))
-    right = np.sum([p @ one.angles for p, one in zip(precisions, each, strict=True)], axis=0)
-    return StableKnowledge(covariance @ right, covariance)
-
-
 # Chance of objecting to a prior that is the unit's own.
 CONTRADICTION_FALSE_ALARM = 1e-3
 
 
-def find_contradiction(prior: StableKnowledge, own: StableKnowledge) -> str | None:
-    """Return a sentence if the recording's own angles contradict the prior's (chi-square, 3 degrees)."""
+def find_contradiction(prior: StableKnowledge, seen: Sequence[StableKnowledge]) -> str | None:
+    """Return a sentence if what recordings of one unit tell together contradicts the prior (chi-square, 3 degrees)."""
     from scipy.special import chdtrc
 
-    difference = own.angles - prior.angles
-    spread = own.angle_covariance + prior.angle_covariance
+    weights = [inverted(own.angle_covariance) for own in seen]
+    own = inverted(np.sum(weights, axis=0))
+    difference = own @ sum(w @ one.angles for w, one in zip(weights, seen, strict=True)) - prior.angles
+    spread = own + prior.angle_covariance
     statistic = float(difference @ np.linalg.solve(spread, difference))
     if float(chdtrc(3.0, statistic)) >= CONTRADICTION_FALSE_ALARM:
         return None

@@ -284,10 +284,7 @@ def _too_uncertain(estimate: Estimate) -> list[str]:
     own = PROCEDURES.get(estimate.procedure)
     remedy = "another estimator may determine more" if own is None else own.remedy
     for parameter in estimate.parameters:
-        relative = _relative_sigma(parameter)
-        if relative is None:
-            continue
-        sigma, limit, shown = relative
+        sigma, limit, shown = _relative_sigma(parameter) or (0.0, 1.0, "")
         if not sigma < limit:
             against.append(
                 f"{parameter.name[0].upper()}{parameter.name[1:]} is only known to ± {shown}, worse than an "
@@ -312,27 +309,25 @@ def _relative_sigma(parameter: NamedValue) -> tuple[float, float, str] | None:
     return None
 
 
-def _about_spins(estimate: Estimate) -> list[str]:
+def _about_spins(estimate: Estimate) -> str:
     """Return how well the corrected gyro shows the table's rates."""
     if estimate.spins.rates.size == 0:
-        return []
+        return ""
     spins = estimate.spins
     # Of the rate as a vector: of one about the axis alone, three components are one number.
     rms, noise = (_root_mean_square(np.linalg.norm(rate, axis=1)) for rate in (spins.residuals, spins.sigmas))
-    largest = float(np.max(np.abs(estimate.spins.rates)))
-    sentence = (
-        f"Corrected, {estimate.spins.rates.size} spins show the table's rate within "
+    largest = float(np.max(np.abs(spins.rates)))
+    return (
+        f"Corrected, {spins.rates.size} spins show the table's rate within "
         f"{two_digits(1e3 * np.degrees(rms))} m°/s rms, {two_digits(1e6 * rms / largest)} ppm of the fastest "
         f"({two_digits(1e3 * np.degrees(noise))} expected)."
     )
-    return [sentence]
 
 
 def _too_much_left_out(estimate: Estimate) -> list[str]:
-    turns = estimate.turns.found.size
-    against: list[str] = []
-    totals = (("hold", estimate.holds.norms.size), ("turn", turns), ("spin", estimate.spins.rates.size))
-    for kind, total in totals:
+    against, turns = list[str](), estimate.turns.found.size
+    holds, spins = estimate.holds.norms.size, estimate.spins.rates.size
+    for kind, total in (("hold", holds), ("turn", turns), ("spin", spins)):
         gone = len({left.index for left in estimate.left_out if left.kind == kind})
         if total and gone > LARGEST_SHARE_LEFT_OUT * total:
             against.append(
@@ -368,21 +363,17 @@ def _in_plain_words(estimate: Estimate, recording: Recording) -> list[str]:
             f"Corrected, {counted} show gravity within {two_digits(1e3 * rms)} mm/s² rms "
             f"({two_digits(1e3 * noise)} expected)."
         )
-    words += _about_spins(estimate)
+    words += filter(None, [_about_spins(estimate)])
     if estimate.model.accelerometer is None:
         words.append("This is the gyros' calibration: the accelerometers are not calibrated by it.")
     if estimate.model.gyroscope is not None and not any(
         name.startswith("gyroscope.matrix") for name in estimate.names
     ):
         words.append(_without_gyro_matrix(estimate))
-    turns = estimate.turns.found
-    if turns.size:
-        angle = float(np.degrees(np.sqrt(np.mean(turns**2))))
-        expected = float(np.degrees(np.sqrt(np.nanmean(estimate.turns.sigmas**2))))
-        words.append(
-            f"Corrected, {turns.size} turns carry gravity to within {two_digits(angle)}° rms "
-            f"({two_digits(expected)}° expected)."
-        )
+    if count := estimate.turns.found.size:
+        both = estimate.turns.angles, estimate.turns.sigmas
+        angle, expected = (two_digits(float(np.degrees(_root_mean_square(of)))) for of in both)
+        words.append(f"Corrected, {count} turns carry gravity to within {angle}° rms ({expected}° expected).")
     by_chance = estimate.frame == "fixture" and not any(estimate.variance_components.values())
     if np.isfinite(estimate.sigma0) and estimate.sigma0 > 1.5 and not by_chance:
         words.append(

@@ -14,6 +14,7 @@ import numpy as np
 
 from tumble.calibration.checks.unseen import state_gravity
 from tumble.calibration.estimate import Beside
+from tumble.calibration.objections import say_of_prior
 from tumble.calibration.procedure import Estimator, find_procedure
 from tumble.calibration.session import Options, Session
 from tumble.document.display import calibration_html
@@ -45,13 +46,7 @@ from tumble.workflows.magnetometer import (
     no_holds,
     refuse_field_of_none,
 )
-from tumble.workflows.procedures import (
-    add_objections,
-    check_prior,
-    check_procedure,
-    find_estimator,
-    run_procedure,
-)
+from tumble.workflows.procedures import add_remarks, check_procedure, find_estimator, run_procedure
 from tumble.workflows.progress import public, silent
 from tumble.workflows.several.joining import NamedSpan, check_files, join_recordings, named_spans
 
@@ -277,12 +272,11 @@ def _estimated(
         session.means = modelled.means_of(session)
     without_holds = check_files(session, files) if session.protocol is None else []
     estimate, reason = run_procedure(session, procedure)
-    estimate.say("objection", *without_holds)
-    add_objections(session, estimate, procedure, reason)
+    add_remarks(session, estimate, procedure, reason, without_holds)
     if modelled is not None:
         estimate.say("remark", *modelled.said())
     if session.prior is not None:
-        check_prior([session], session.prior, estimate)
+        say_of_prior(estimate, [session], session.prior)
     state_gravity(session.site, estimate)
     return estimate, reason
 

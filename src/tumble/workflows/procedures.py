@@ -11,16 +11,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tumble.calibration.checks.unseen import state_rounding, state_unseen
-from tumble.calibration.objections import say_of_sheets
+from tumble.calibration.objections import of_other_rests, say_of_recording, say_of_sheets, say_of_turns
 from tumble.calibration.prior import triad_sheets
 from tumble.calibration.procedure import FIRST_TRIED, Estimator, Procedure, find_procedure
 from tumble.calibration.session import Session
 from tumble.errors import ConvergenceError, ObservabilityError, UsageError
-from tumble.recording import find_axis_contradiction, find_dead_channels, find_saturated_channels
+from tumble.recording import find_dead_channels
 
 if TYPE_CHECKING:
     from tumble.calibration import Estimate
-    from tumble.calibration.prior import StableKnowledge
 
 GROUP = "tumble.estimators"
 """The group of entry points: each names a mapping from an estimator's name to its record."""
@@ -28,8 +27,6 @@ CONTRADICTS = (
     " No one adjustment fits all that was recorded. Two units may be in one recording, a bias may have jumped, samples "
     "may be missing, or an angle, rate or pose of the protocol may be wrong."
 )
-# Noise alone brings single samples of a right hold to the largest number of a recording.
-STUCK = 0.05
 
 
 def check_procedure(procedure: str | None, *, has_protocol: bool) -> None:
@@ -104,7 +101,7 @@ def run_procedure(session: Session, procedure: str | None) -> tuple[Estimate, st
         estimate = _calibrated(session, chosen)
     except (ObservabilityError, ConvergenceError) as error:
         # Rests that were put aside are why poses are too few, and a channel that is dead is why nothing settles.
-        said = [*_of_other_rests(session), *find_dead_channels(session.recording)]
+        said = [*filter(None, [of_other_rests(session)]), *find_dead_channels(session.recording)]
         asked = CONTRADICTS if isinstance(error, ConvergenceError) else ""
         raise type(error)(" ".join([*said, f"{error}{asked}{_how_it_matched(session)}"])) from error
     state_unseen(session, estimate)
@@ -181,27 +178,20 @@ def _how_it_matched(session: Session) -> str:
     )
 
 
-def add_objections(session: Session, estimate: Estimate, procedure: str | None, reason: str) -> None:
-    """Say what a user who meant a whole calibration does not get, and what was wrong with the sensors."""
-    from tumble.calibration.objections import find_other_latitude
-    from tumble.calibration.procedure import SMALLEST_TURNS
-
-    recording, timeline = session.recording, session.timeline
-    estimate.say("objection", *find_dead_channels(recording))
-    estimate.say("objection", *(r.text for r in recording.remarks if r.kind == "doubtful"))
-    saturated = find_saturated_channels(recording)
-    estimate.say("remark", *saturated)
-    estimate.say("objection", *(_of_limits(session) if saturated else ()))
-    if recording.specific_force is not None and recording.angular_rate is not None:
-        # Holds do not tell which way the gyro counts; where there are turns between them, these do.
-        contradiction = find_axis_contradiction(recording)
-        estimate.say("objection", *([] if contradiction is None else [contradiction]))
-    estimate.say("objection", *_of_other_rests(session))
+def add_remarks(
+    session: Session,
+    estimate: Estimate,
+    procedure: str | None,
+    reason: str,
+    without_holds: Sequence[str] = (),
+) -> None:
+    """Say what was wrong with the sensors, and what a user who meant a whole calibration does not get."""
+    recording, turns = session.recording, session.timeline.turns
+    say_of_recording(estimate, session, without_holds)
     estimate.say("remark", *_of_hidden_jumps(session, estimate))
-    estimate.say("objection", *filter(None, [find_other_latitude(estimate, session.site)]))
     if procedure is None and session.protocol is not None:
         return
-    lost = [turn for turn in timeline.turns if not turn.usable]
+    lost = [turn for turn in turns if not turn.usable]
     for turn in lost[:5]:
         estimate.say(
             "remark",
@@ -209,60 +199,8 @@ def add_objections(session: Session, estimate: Estimate, procedure: str | None, 
         )
     if len(lost) > 5:
         estimate.say("remark", f"{len(lost) - 5} more turns were not used for such reasons.")
-    meant_for_turns = procedure is None and recording.angular_rate is not None
-    told = any(name.startswith("gyroscope.matrix") for name in estimate.names)
-    if meant_for_turns and not told and len(timeline.turns) >= SMALLEST_TURNS:
-        because = f" {len(lost)} of them cannot be used ({lost[0].reason})." if lost else ""
-        estimate.say(
-            "objection",
-            f"The recording has {len(timeline.turns)} turns, but they do not calibrate the gyro.{because} {reason} "
-            "With --procedure multi-position the accelerometers' part is judged alone.",
-        )
-
-
-def _of_other_rests(session: Session) -> list[str]:
-    """What is said of rests at another level of the gyros; the holds that a user names are all that there are."""
-    from tumble.segmentation.other_rests import find_other_rests
-
-    recording, timeline = session.recording, session.timeline
-    other = None if session.intervals is not None else find_other_rests(recording, timeline)
-    if other is None:
-        return []
-    first, last = (float(recording.time[i]) for i in (other.spans[0][0], other.spans[-1][1] - 1))
-    said = (
-        f"In {len(other.spans)} stretches in several poses between {first:.0f} s and {last:.0f} s gravity stands "
-        f"still, and the gyros show about {np.degrees(other.rate):.2g} °/s more than in the {len(timeline.holds)} "
-        "holds. So they are rests that were not used. The unit was switched on anew, its biases jumped, or two units "
-        "are in one recording. Calibrate each part by itself, or with --turn-ons if all of them are this unit's."
-    )
-    return [said]
-
-
-def _of_limits(session: Session) -> list[str]:
-    """What is said of holds in which an accelerometer is at its limit: they show less than gravity."""
-    from tumble.recording.saturation import limits_reached
-    from tumble.segmentation.rounding import carries_remainder
-
-    recording, said = session.recording, list[str]()
-    force = recording.specific_force
-    if force is None:
-        return said
-    carried = carries_remainder(force, [hold.stretches() for hold in session.timeline.holds])
-    for limit in limits_reached(force):
-        channel = force[:, "xyz".index(limit.channel)]
-        if float(np.median(np.abs(np.diff(channel)))) == 0.0 or carried["xyz".index(limit.channel)]:
-            # Steps coarser than the noise repeat their numbers at rest, too, and so do pulses.
-            continue
-        stuck = channel == limit.value
-        holds = session.timeline.holds
-        at = [str(k + 1) for k, hold in enumerate(holds) if np.mean(stuck[hold.start : hold.stop]) > STUCK]
-        if at:
-            more = f" and {len(at) - 4} more" if len(at) > 4 else ""
-            said.append(
-                f"Accelerometer {limit.channel} is at its limit ({limit.value:g} {recording.specific_force_unit}) in "
-                f"hold {', '.join(at[:4])}{more}: there it shows less than gravity. Choose a larger range."
-            )
-    return said
+    if procedure is None and recording.angular_rate is not None:
+        say_of_turns(estimate, turns, reason)
 
 
 def _of_hidden_jumps(session: Session, estimate: Estimate) -> list[str]:
@@ -283,41 +221,3 @@ def _of_hidden_jumps(session: Session, estimate: Estimate) -> list[str]:
         "face once more at the end."
     )
     return [said]
-
-
-def check_prior(sessions: Sequence[Session], knowledge: StableKnowledge, estimate: Estimate) -> None:
-    """Object to a prior that the poses contradict, where they can tell the angles without it.
-
-    Parameters
-    ----------
-    sessions : recordings of one unit, that tell its angles together.
-    knowledge : the prior.
-    estimate : gets an objection, or a caution where nothing can be checked.
-    """
-    from tumble.calibration.prior import find_contradiction, weighted_knowledge
-
-    seen = [own for own in map(_own_angles, sessions) if own is not None]
-    if not seen:
-        estimate.say(
-            "caution",
-            "The prior is taken on trust: the poses are too few to check it against them, and with another "
-            "unit's the result would look the same and be wrong. Be sure that it is this unit's, or record nine poses "
-            "or more.",
-        )
-        return
-    contradiction = find_contradiction(knowledge, weighted_knowledge(seen))
-    if contradiction is not None:
-        estimate.say("objection", contradiction)
-
-
-def _own_angles(session: Session) -> StableKnowledge | None:
-    """What a recording's poses tell of the angles without any prior; None where they are too few."""
-    from tumble.calibration.joint import calibrate_accelerometers
-    from tumble.calibration.prior import stable_knowledge
-
-    try:
-        alone = calibrate_accelerometers(session)
-    except (ObservabilityError, ConvergenceError):
-        return None
-    assert alone.model.accelerometer is not None
-    return stable_knowledge(alone.model.accelerometer.matrix, alone.covariance[:9, :9])

@@ -15,12 +15,7 @@ from tumble.calibration.outcome.budget import recording_influences
 from tumble.estimation.equations import Drift
 from tumble.estimation.influence import Influences
 from tumble.estimation.solve import solve
-from tumble.estimation.wander import (
-    covariance_about_the_mean,
-    faster_variance,
-    shared_wander,
-    wander_basis,
-)
+from tumble.estimation.wander import covariance_about_the_mean, faster_variance, shared_wander, wander_basis
 
 
 def information(signal: np.ndarray, count: int, white: float) -> float:

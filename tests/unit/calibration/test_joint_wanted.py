@@ -112,9 +112,7 @@ def test_one_step_rules_out_what_chance_explains_often_and_nothing_else(
     assert possible_terms(task, few, list(NAMES), {}) == NAMES
 
 
-def test_terms_are_tested_by_the_checks_of_their_own_kind(
-    settled: tuple[JointAdjustment, Balanced],
-) -> None:
+def test_terms_are_tested_by_the_checks_of_their_own_kind(settled: tuple[JointAdjustment, Balanced]) -> None:
     """A noise level that thirty holds tell is not known as well as hundreds of observations of other kinds would."""
     task, balanced = settled
     tests: dict[str, Any] = {}

@@ -11,16 +11,23 @@ import pytest
 
 import tumble
 from second_simulator import GRADES, PROCEDURES
-from tumble.calibration.objections import latitude_shown
+from tumble.calibration.estimate import Estimate, Figures
+from tumble.calibration.objections import find_other_latitude
+from tumble.earth import Site
+from tumble.sensor import ImuModel, Triad
 
 GYRO = np.array([[1.1, 0.2, -0.1], [0.05, 0.9, 0.3], [-0.25, 0.15, 1.05]])
 SIGMA = 1e-7
 GRAVITY = 9.81
+NAMES = [f"gyroscope.g_sensitivity[{i},{j}]" for i in range(3) for j in range(3)]
 
 
 def said_of(sensitivity: np.ndarray, latitude: float = 52.0) -> str:
     """Of entries with independent errors."""
-    return latitude_shown(sensitivity, GYRO, SIGMA**2 * np.eye(9), float(np.radians(latitude)), GRAVITY)
+    model = ImuModel(None, Triad(GYRO, np.zeros(3)), g_sensitivity=sensitivity)
+    figures = Figures(1.0, 1.0, 9, 2.0, 1.0, {})
+    estimate = Estimate("joint", model, NAMES, SIGMA**2 * np.eye(9), [], np.zeros((0, 0)), *figures)
+    return find_other_latitude(estimate, Site(GRAVITY, 0.0, float(np.radians(latitude))))
 
 
 def test_a_rate_along_the_vertical_is_another_latitudes() -> None:

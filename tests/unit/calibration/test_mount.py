@@ -6,11 +6,7 @@ import numpy as np
 import pytest
 
 from tumble.attitude import matrix_from_rotation_vector
-from tumble.calibration.mount import (
-    align_to_mount,
-    check_poses,
-    mean_covariances,
-)
+from tumble.calibration.mount import align_to_mount, check_poses, mean_covariances
 from tumble.errors import ObservabilityError
 from tumble.sensor.triad import Triad
 

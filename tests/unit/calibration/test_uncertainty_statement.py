@@ -5,11 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tumble.calibration.evidence import (
-    chi_square_probability,
-    coverage_factors,
-    effective_degrees,
-)
+from tumble.calibration.evidence import chi_square_probability, coverage_factors, effective_degrees
 from tumble.calibration.outcome.draws import numerical_tolerance, shortest_intervals
 from tumble.estimation.reliability import noncentrality, undetected
 

@@ -39,7 +39,7 @@ from tumble.calibration.estimate import (
     coverage_factor,
 )
 from tumble.calibration.evidence import Holds, RestlessHold, Spins, Turns
-from tumble.calibration.objections import contradictions
+from tumble.calibration.objections import say_contradictions
 from tumble.calibration.optional_terms import OF_FORCE, implausible_words, untried_words
 from tumble.calibration.outcome.budget import recording_influences, state_uncertainty
 from tumble.calibration.outcome.description import describe, rotation_of_frame
@@ -165,7 +165,7 @@ def joint_estimate(outcome: JointOutcome) -> Estimate:
     )
     estimate.say("remark", *_remarks(outcome, described.parameters, restless))
     estimate.say("caution", *_of_unchecked(outcome), *_of_clock(outcome), *courses["caution"])
-    estimate.say("objection", *contradictions(outcome), *courses["objection"])
+    say_contradictions(estimate, outcome, courses["objection"])
     estimate.say("not determined", *_not_determined(outcome))
     if outcome.untold is None and outcome.has_gyro and outcome.has_force:
         state_uncertainty(estimate, outcome, influences)

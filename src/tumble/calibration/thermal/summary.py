@@ -16,6 +16,7 @@ from tumble.calibration.estimate import (
     coverage_factor,
 )
 from tumble.calibration.evidence import BiasCurve, Holds, ThermalCurves
+from tumble.calibration.objections import say_of_temperatures
 from tumble.calibration.outcome.description import describe
 from tumble.calibration.thermal.conditions import ThermalTerms
 from tumble.calibration.thermal.fit import LOOP_KELVINS, PULL_FACTOR, RATE_SECONDS, name_of
@@ -24,8 +25,6 @@ from tumble.calibration.thermal.wander import wander_variance
 from tumble.units import angular_rate_factor, specific_force_factor
 
 CURVE = 41
-# A model that more rests than this contradict does not describe them; as many of one branch are more than chance.
-LARGEST_SHARE_CONTRADICTING, FEWEST_OF_BRANCH = 0.1, 4
 
 
 def thermal_evidence(found: ThermalOutcome) -> ThermalCurves:
@@ -87,7 +86,7 @@ def thermal_estimate(found: ThermalOutcome) -> Estimate:
     )
     estimate.say("remark", *thermal_remarks(found, evidence), *found.coverage.remarks)
     estimate.say("caution", *found.coverage.cautions)
-    estimate.say("objection", *_on_untested(evidence), *_on_left_out(found))
+    say_of_temperatures(estimate, found, evidence)
     estimate.say("not determined", *not_determined_words(found))
     return estimate
 
@@ -144,38 +143,6 @@ def _left_out(found: ThermalOutcome) -> list[LeftOut]:
         said = f"between {start:.0f} and {stop:.0f} s {off}"
         made.append(LeftOut("hold", int(found.points.hold[o.group]), said))
     return made
-
-
-def _on_untested(evidence: ThermalCurves) -> list[str]:
-    """Object to functions of temperature that predicted nothing that was left out."""
-    if evidence.candidates:
-        return []
-    left = "soak" if evidence.kind == "soak" else "band of temperature"
-    said = (
-        f"Without one {left} the other rests do not determine the functions of temperature. So nothing shows whether a "
-        f"{evidence.basis} is enough. Record more temperatures, or more poses at each, and let each temperature settle."
-    )
-    return [said]
-
-
-def _on_left_out(found: ThermalOutcome) -> list[str]:
-    """Object to a model that so many rests contradict, or most rests of one branch."""
-    kept, gone = found.points, np.zeros(len(found.points), dtype=bool)
-    gone[[o.group for o in found.fit.outliers]] = True
-    said: list[str] = []
-    count = int(np.count_nonzero(gone))
-    if count > LARGEST_SHARE_CONTRADICTING * len(kept):
-        said.append(
-            f"{count} of {len(kept)} rests contradict the model and were left out: the functions of temperature do not "
-            "describe what this unit does. Sweep slower, or so that each temperature settles."
-        )
-    for branch, name in ((kept.hysteresis > 0.0, "heating"), (kept.hysteresis < 0.0, "cooling")):
-        of_branch, left = int(np.count_nonzero(branch)), int(np.count_nonzero(branch & gone))
-        if left >= FEWEST_OF_BRANCH and 2 * left > of_branch:
-            said.append(
-                f"{left} of {of_branch} rests while {name} were left out: what is left describes one branch alone."
-            )
-    return said
 
 
 def _padded(correlations: Table, count: int, covariance: Table) -> Table:

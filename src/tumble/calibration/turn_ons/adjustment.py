@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -29,13 +28,7 @@ from tumble.calibration.equations.imu_unknowns import (
 )
 from tumble.calibration.equations.pose_equations import mounting_prior
 from tumble.calibration.estimate import TermTest
-from tumble.calibration.optional_terms import (
-    ON_TABLES,
-    TERM_LIMIT,
-    offered_terms,
-    term_test,
-    unknowns_with,
-)
+from tumble.calibration.optional_terms import ON_TABLES, TERM_LIMIT, offered_terms, term_test, unknowns_with
 from tumble.calibration.outcome.budget import recording_influences
 from tumble.calibration.outcome.estimate import JointOutcome
 from tumble.calibration.prior import TOLD, angle_prior, find_untold, name_plate_prior
@@ -50,9 +43,6 @@ from tumble.estimation.gauss_helmert import invert_normal_matrix
 from tumble.estimation.solve import Settled, linearise, settled_at, solve
 from tumble.estimation.unknowns import Block, Layout, Unknowns
 from tumble.records import dataclass
-
-if TYPE_CHECKING:
-    from tumble.calibration.outcome.estimate import JointOutcome
 
 OWN = LAYOUT.indices("force.bias", "gyro.bias", "fixture")
 """Unknowns of a recording alone: biases change when the unit is switched on, the fixture when it is placed."""
@@ -606,11 +596,8 @@ def _untold(parts: Sequence[TurnOn]) -> tuple[int, str, TumbleError] | None:
     for k, (part, told) in enumerate(zip(parts, all_told(parts), strict=True)):
         if (untold := find_untold(told, part.task.unknowns)) is not None:
             why = untold.sentences()[0]
-            return (
-                k,
-                why,
-                ObservabilityError(f"{part.name}, with all that the other recordings determine: {why}"),
-            )
+            said = f"{part.name}, with all that the other recordings determine: {why}"
+            return k, why, ObservabilityError(said)
     return None
 
 
@@ -695,11 +682,5 @@ def settled_outcome(outcome: SeveralOutcome, index: int) -> JointOutcome:
     part = outcome.solution.parts[index]
     assert part.balanced is not None
     balanced = replace(part.balanced, outliers=part.outliers)
-    return replace(
-        part.outcome,
-        task=part.task,
-        balanced=balanced,
-        terms=outcome.terms,
-        untold=None,
-        frame="accelerometer-x",
-    )
+    settled = replace(part.outcome, task=part.task, balanced=balanced)
+    return replace(settled, terms=outcome.terms, untold=None, frame="accelerometer-x")

@@ -9,13 +9,7 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Matrix, Series, Square, Table
 from tumble.calibration.equations.imu_unknowns import LAYOUT
-from tumble.calibration.estimate import (
-    Described,
-    Estimate,
-    Figures,
-    LeftOut,
-    coverage_factor,
-)
+from tumble.calibration.estimate import Described, Estimate, Figures, LeftOut, coverage_factor
 from tumble.calibration.evidence import (
     FALSE_ALARM,
     Agreement,
@@ -217,10 +211,7 @@ def _enlargement(unit: UnitAdjustment, named: _Named, agreements: Sequence[Agree
 
 
 def _joined(
-    outcome: SeveralOutcome,
-    parts: Sequence[Estimate],
-    described: Described,
-    arms: Matrix | None,
+    outcome: SeveralOutcome, parts: Sequence[Estimate], described: Described, arms: Matrix | None
 ) -> Estimate:
     """One estimate with the residuals of all recordings, one after the other."""
     settled, names = outcome.solution.settled, [part.name for part in outcome.solution.parts]

@@ -12,6 +12,7 @@ import numpy as np
 
 from tumble.calibration.checks.unseen import state_gravity, state_unseen_clock
 from tumble.calibration.joint import calibrate
+from tumble.calibration.objections import say_of_prior
 from tumble.calibration.procedure import find_procedure
 from tumble.calibration.session import Options, Session
 from tumble.counting import counted
@@ -34,7 +35,7 @@ from tumble.workflows.given.notes import Notes, notes_of
 from tumble.workflows.given.prior import known_beforehand
 from tumble.workflows.given.protocols import GivenProtocol, read_given_protocol
 from tumble.workflows.magnetometer import left_out_of
-from tumble.workflows.procedures import add_objections, believed, check_prior
+from tumble.workflows.procedures import add_remarks, believed
 from tumble.workflows.progress import silent
 from tumble.workflows.several.joining import join_recordings, join_timelines, labels_of, require_one_unit
 
@@ -142,7 +143,7 @@ def calibrate_turn_ons(
     clocks = (session.recording.clock for session in sessions)
     state_unseen_clock(max(clocks, key=lambda one: one.sigma), several.estimate)
     if knowledge is not None:
-        check_prior(sessions, knowledge, several.estimate)
+        say_of_prior(several.estimate, sessions, knowledge)
     state_gravity(_one_site(sessions), several.estimate)
     several.estimate.say("remark", *left_out_of([s.recording for s in sessions]))
     clock.lap("solving")
@@ -198,7 +199,7 @@ def _settle_all(
 def _settle(name: str, session: Session) -> _Settled:
     """Adjust a recording by itself, as far as it goes."""
     estimate = calibrate(session, believed(session, find_procedure("joint")), clocked=False)
-    add_objections(session, estimate, "joint", "")
+    add_remarks(session, estimate, "joint", "")
     if session.matching is not None:
         estimate.say("remark", *(r for r in session.matching.remarks if r not in estimate.remarks))
     assert session.joint is not None
