@@ -337,24 +337,6 @@ RATE_SECONDS = 85.0
 PULL_FACTOR = 25.0
 
 
-@dataclass(frozen=True, slots=True)
-class Doubts:
-    """What is in the uncertainties because the recording cannot show it.
-
-    Attributes
-    ----------
-    loops : (m/s², rad/s), one sigma of half a loop; None where both branches were seen.
-    rate : whether lag and dependence on the rate are, too.
-    pull : rad/s, one sigma of what a g-sensitivity does in 1 g; zero where poses tell it.
-    earth : rad/s, one sigma of the Earth rate's part across the vertical in one pose; zero where unknown.
-    """
-
-    loops: tuple[float, float] | None = None
-    rate: bool = False
-    pull: float = 0.0
-    earth: float = 0.0
-
-
 def changes_per_kelvin(fit: ThermalFit) -> tuple[float, float]:
     """Return the root mean square over axes and rests of the biases' slopes, (m/s²)/K and (rad/s)/K."""
     slopes = fit.terms.basis.derivatives(fit.conditions.points.celsius)

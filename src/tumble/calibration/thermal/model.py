@@ -29,7 +29,7 @@ from tumble.calibration.evidence import BiasCurve, Candidate
 from tumble.calibration.outcome.description import model_of
 from tumble.calibration.thermal.conditions import Complex, ThermalLayout
 from tumble.calibration.thermal.coverage import Coverage
-from tumble.calibration.thermal.fit import REFUSED, Doubts, ThermalFit, balanced
+from tumble.calibration.thermal.fit import REFUSED, ThermalFit, balanced
 from tumble.calibration.thermal.points import ThermalPoints
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ObservabilityError, SegmentationError
@@ -289,7 +289,8 @@ class ThermalOutcome:
     poses : how many different ones there were.
     candidates : functions of temperature that were tried.
     fit, tests : the adjustment, and what it tested.
-    doubts : what is in the uncertainties because the recording cannot show it.
+    loops : (m/s², rad/s), one sigma of half a loop that the recording cannot show; None where both branches were seen.
+    pull : rad/s, one sigma of what a g-sensitivity does in 1 g; zero where poses tell it.
     solution : in raw units.
     turned : the gyros' matrix from turns; None without one.
     """
@@ -303,7 +304,8 @@ class ThermalOutcome:
     candidates: list[Candidate]
     fit: ThermalFit
     tests: list[TermTest]
-    doubts: Doubts
+    loops: tuple[float, float] | None
+    pull: float
     solution: ThermalSolution
     turned: TurnedMatrix | None = None
 

@@ -21,7 +21,6 @@ from tumble.calibration.thermal.conditions import LEAST_WIDTH, ThermalTerms, The
 from tumble.calibration.thermal.coverage import Coverage, find_coverage, require_time_base
 from tumble.calibration.thermal.fit import (
     RATE_SECONDS,
-    Doubts,
     ThermalFit,
     changes_per_kelvin,
     choose_terms,
@@ -120,11 +119,11 @@ def calibrate_thermal(
     if not coverage.both_branches:
         fit, loops = with_hysteresis_doubt(fit)
     pulled, pull = with_pull(fit)
-    doubts = Doubts(loops, swept and not coverage.both_branches, pull, test.earth[1])
     solution = thermal_solution(fit, pulled.covariance, factors, coverage)
     distinct = len(np.unique(poses[coverage.keep]))
     found = ThermalOutcome(
-        recording, site, everything, factors, coverage, distinct, candidates, fit, tests, doubts, solution
+        *(recording, site, everything, factors, coverage, distinct, candidates),
+        *(fit, tests, loops, pull, solution),
     )
     if told == 9 and fit.layout.has_rate:
         say("turns")

@@ -212,7 +212,8 @@ def _words(name: str, found: ThermalOutcome) -> tuple[str, str]:
 
 def not_determined_words(found: ThermalOutcome) -> list[str]:
     """Return what rests at these temperatures cannot tell, a sentence each."""
-    terms, kind, with_rate = found.fit.terms, found.coverage.kind, found.doubts.rate
+    terms, kind = found.fit.terms, found.coverage.kind
+    with_rate = kind == "ramp" and not found.coverage.both_branches
     force, rate = found.fit.layout.has_force, found.recording.angular_rate is not None
     turned = 0 if found.turned is None else len(found.turned.matrices)
     rows = (
@@ -278,7 +279,7 @@ def _orders(terms: ThermalTerms, order: int) -> str:
 
 def _about_loop(found: ThermalOutcome) -> str:
     """Return what one branch leaves open, with what was added for it."""
-    of, loops = found.recording, found.doubts.loops or (0.0, 0.0)
+    of, loops = found.recording, found.loops or (0.0, 0.0)
     parts: list[str] = []
     if of.specific_force is not None and specific_force_factor(of.specific_force_unit) is not None:
         parts.append(f"± {1e3 * loops[0]:.2g} mm/s²")
@@ -294,7 +295,8 @@ def _about_loop(found: ThermalOutcome) -> str:
 
 def _about_pull(found: ThermalOutcome) -> str:
     """Return what poses too few to tell a g-sensitivity leave in the gyros' biases."""
-    pull, across, unit = found.doubts.pull, found.doubts.earth, found.recording.angular_rate_unit
+    pull, across = found.pull, found.fit.conditions.test.earth[1]
+    unit = found.recording.angular_rate_unit
     in_si = angular_rate_factor(unit) is not None
     size = f"± {np.degrees(pull):.2g} °/s" if in_si else f"± {pull:.2g} {unit}"
     earth = (
