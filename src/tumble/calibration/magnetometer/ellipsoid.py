@@ -85,11 +85,11 @@ def fit_ellipsoid(values: Vectors) -> Ellipsoid:
         raise ObservabilityError(
             f"The magnetometer has {len(values)} samples: turn the unit slowly about all axes for a minute."
         )
+    if constant := [axis for axis, channel in zip("xyz", values.T, strict=True) if np.ptp(channel) == 0.0]:
+        raise ObservabilityError(f"Its {', '.join(constant)} never changes: a dead sensor or a wrong column.")
     centre: Vector = np.mean(values, axis=0)
     away: Vectors = values - centre
     size = float(np.linalg.norm(away)) / float(np.sqrt(away.size))
-    if not size > 0.0 or np.any(values.max(axis=0) == values.min(axis=0)):
-        raise ObservabilityError("The magnetometer has an axis that shows one number only: it is constant.")
     scaled: Vectors = away / size
     taken = np.ones(len(scaled), dtype=bool)
     x = _algebraic(scaled)
@@ -101,16 +101,11 @@ def fit_ellipsoid(values: Vectors) -> Ellipsoid:
         if np.array_equal(now, taken):
             break
         taken = now
-    return _described(scaled, taken, x, centre, size, float(np.max(converter_step(values))) / size)
-
-
-def _described(
-    scaled: Vectors, taken: np.ndarray, x: Series, centre: Vector, size: float, step: float
-) -> Ellipsoid:
     off, by, y = _residuals(scaled[taken], x)
     norms: Series = np.sqrt(np.sum(y**2, axis=1))
     scatter = float(np.sqrt(np.sum((norms - float(np.mean(norms))) ** 2) / norms.size))
     radius = float(np.median(1.0 / np.linalg.norm(y @ symmetric(x), axis=1)))
+    step = float(np.max(converter_step(values))) / size
     variance = max(float(off @ off) / max(len(off) - 9, 1), step**2 / 12.0)
     correlated = _correlated(off)
     normal = by.T @ by
