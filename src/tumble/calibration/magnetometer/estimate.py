@@ -198,7 +198,7 @@ def magnetometer_from_holds(
     task = FieldAdjustment.of(outcome.task, seen)
     start_field(task)
     whole, balanced = task.copy(), balance(task)
-    moving = find_moving(task, balanced.solution)
+    moving = find_moving(task)
     if moving is not None:
         # With the change among the unknowns, and everything else as it was before.
         task = with_change(whole, moving)
@@ -346,10 +346,9 @@ def _described(
 def _uncertainty(numbers: Series, covariance: Square, norm: float) -> float:
     """Root mean square over all directions of a corrected field's error, one component, as a share of the norm."""
     inverse, total = np.linalg.inv(numbers[:9].reshape(3, 3)), 0.0
-    for k in range(6):
-        axis = np.eye(3)[k % 3] * (1.0 if k < 3 else -1.0)
-        rows: Table = (np.eye(3)[:, :, None] * (norm * axis)).reshape(3, 9)
-        made = inverse @ np.concatenate([rows, np.eye(3)], axis=1)
+    for axis in np.concatenate([np.eye(3), -np.eye(3)]):
+        by_matrix: Table = np.asarray(np.kron(np.eye(3), norm * axis), dtype=np.float64)
+        made = inverse @ np.concatenate([by_matrix, np.eye(3)], axis=1)
         total += float(np.trace(made @ covariance @ made.T)) / 3.0
     return float(np.sqrt(max(total, 0.0) / 6.0)) / norm
 
@@ -374,9 +373,6 @@ def magnetometer_alone(magnetic: MagneticField, given: GivenField | None = None)
     ObservabilityError
         If the samples show no ellipsoid.
     """
-    channels = zip("xyz", magnetic.values.T, strict=True)
-    if constant := [axis for axis, channel in channels if np.ptp(channel) == 0.0]:
-        raise ObservabilityError(f"Its {', '.join(constant)} never changes: a dead sensor or a wrong column.")
     fitted, scale = fit_ellipsoid(magnetic.values), _Scale(magnetic_field_factor(magnetic.unit), given)
 
     def evaluate(x: Complex) -> Complex:

@@ -14,22 +14,23 @@ steadily and as what begins between two holds, each by the step that the adjustm
 from __future__ import annotations
 
 from dataclasses import field, replace
+from operator import attrgetter
 from typing import cast
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Matrices, Matrix, Series, Square, Table, Vectors, inverted
+from tumble.arrays import AnyArray, Matrices, Matrix, Series, Table, Vectors, inverted
 from tumble.calibration.equations.adjustment import HEAD, MIDDLE, NODE, TAIL, JointAdjustment, Section
 from tumble.calibration.equations.hold_equations import HoldEquations, cross_matrix
 from tumble.calibration.equations.imu_unknowns import LAYOUT
 from tumble.calibration.equations.stretches import RecordingStretch, SectionStretch
 from tumble.calibration.equations.turn import HoldsAndTurns
 from tumble.errors import ObservabilityError
+from tumble.estimation.alternatives import Alternative, Found, Suspect, find
 from tumble.estimation.balance import ChainFactor, Component, Outlier, Screen
 from tumble.estimation.chain import Place
-from tumble.estimation.equations import Linear, View
+from tumble.estimation.equations import Equations, Linear, View
 from tumble.estimation.gauss_helmert import Prior
-from tumble.estimation.solve import Settled, linearise
 from tumble.estimation.unknowns import Block, Layout, Unknowns
 from tumble.records import dataclass
 from tumble.segmentation.rounding import rounding_variance, step_at_rests
@@ -204,7 +205,7 @@ class FieldAdjustment(JointAdjustment):
 
         Returns
         -------
-        (holds, 3) the field, (holds, 3, 1) by dip, (holds, 3, 1) by azimuth, (holds, 3, 3) by its change.
+        (holds, 3) the field, (holds, 3, 1) by dip, (holds, 3, 1) by azimuth, (3, 3) by its change in a hold.
         """
         u = self.unknowns
         dip, azimuth, change = float(u[DIP][0]), float(u[AZIMUTH][section]), u[IN_ROOM]
@@ -216,7 +217,7 @@ class FieldAdjustment(JointAdjustment):
         by_dip = np.cos(dip) * down - np.sin(dip) * along
         by_azimuth = np.column_stack([-value[:, 1], value[:, 0], np.zeros(len(value))])
         by_dip = np.broadcast_to(by_dip, value.shape)[:, :, None]
-        return value, by_dip, by_azimuth[:, :, None], course[:, None, None] * axes
+        return value, by_dip, by_azimuth[:, :, None], axes
 
 
 def magnetometer_matrix(u: Unknowns) -> Matrix:
@@ -249,12 +250,14 @@ class FieldSeen(HoldEquations):
     def __init__(self, section: Section, index: int) -> None:
         super().__init__(section)
         self.index = index
+        # Of each hold, by a change of the field there: (holds, 3, 3).
+        self.by_change: dict[str, AnyArray] = {}
 
     def linearise(self, state: JointAdjustment) -> list[Linear]:
         """Return three residuals a hold, raw."""
         assert isinstance(state, FieldAdjustment)
         u, k = state.unknowns, self.place
-        value, by_dip, by_azimuth, by_change = state.field_w(self.index, state.course[k])
+        value, by_dip, by_azimuth, by_room = state.field_w(self.index, state.course[k])
         shares = hold_shares(state, k)
         backward = np.swapaxes(self.section.C_wb, 2, 3)
         mean = np.einsum("kp,kpij->kij", shares, backward)
@@ -267,6 +270,7 @@ class FieldSeen(HoldEquations):
         for part, at in enumerate((HEAD, MIDDLE, TAIL)):
             by_node[:, :, at] = shares[:, part, None, None] * (matrix @ backward[:, part] @ crossed)
         shown = matrix @ mean
+        self.by_change = {"room": shown @ by_room, "unit": np.broadcast_to(np.eye(3), shown.shape)}
         azimuths = np.zeros((k.size, 3, len(state.sections)))
         azimuths[:, :, self.index] = (shown @ by_azimuth)[:, :, 0]
         blocks: dict[str, AnyArray] = {
@@ -274,8 +278,7 @@ class FieldSeen(HoldEquations):
             BIAS: np.broadcast_to(np.eye(3), (k.size, 3, 3)),
             DIP: shown @ by_dip,
             AZIMUTH: azimuths,
-            IN_ROOM: shown @ by_change,
-            ON_UNIT: came[:, :, None] * np.eye(3),
+            **{name: came[:, :, None] * self.by_change[where] for where, name in CHANGES.items()},
         }
         covariance = state.seen.covariance[k] + state.noise[FIELD_NOISE] * (matrix @ matrix.T)
         active = state.taking_part[FIELD][k]
@@ -429,8 +432,8 @@ FALSE_ALARM = 1e-3
 LEAST_HOLDS = 3
 # Of many holds so many are tried as the last one before a step; one between is seen by its neighbours.
 MOST_STEPS = 24
-# Redundant observations without which nothing is said.
-LEAST_REDUNDANCY = 8.0
+# Where a change is, and its unknowns.
+CHANGES = {"room": IN_ROOM, "unit": ON_UNIT}
 
 
 @dataclass(frozen=True, slots=True)
@@ -451,32 +454,42 @@ class Moving:
     probability: float
 
 
-def find_moving(task: FieldAdjustment, solution: Settled) -> Moving | None:
+def find_moving(task: FieldAdjustment) -> Moving | None:
     """Return the most significant change of the field; None where chance explains all.
 
     Parameters
     ----------
-    task, solution : settled.
-    """
-    from scipy.special import fdtrc
+    task : settled.
 
-    tests = solution.tests().get(FIELD)
-    if tests is None:
+    Raises
+    ------
+    ObservabilityError
+        If what was recorded does not determine the unknowns.
+    """
+    trial, courses, holds = task.copy(), _courses(task), task.seen.time.size
+    # What holds differ by is sought anew beside each change.
+    trial.noise = task.noise.copy()
+    trial.noise.added[FIELD_NOISE] = 0.0
+    found: list[Found] = []
+    for where in CHANGES if courses else ():
+
+        def columns(equations: Equations, linear: Linear, where: str = where) -> AnyArray | None:
+            if not isinstance(equations, FieldSeen):
+                return None
+            made = np.zeros((len(linear.residual), 3, holds, 3))
+            made[np.arange(len(made)), :, equations.place] = equations.by_change[where] * _told(task, where)
+            return made.reshape(len(made), 3, -1)
+
+        suspect = Suspect(columns, holds, 3, [np.eye(holds)])
+        shapes = np.array(list(courses.values()))
+        found += find(
+            [trial], [Alternative(where, suspect, shapes, 0.5 * FALSE_ALARM, attrgetter("alternative.name"))]
+        )
+    if not found:
         return None
-    square, redundancy = float(tests.square.sum()), float(tests.redundancy.sum())
-    courses = _courses(task)
-    found: Moving | None = None
-    for before, course in courses:
-        for where, (gain, share, size) in _gains(task, course).items():
-            if redundancy - size < LEAST_REDUNDANCY:
-                continue
-            left = max(square - gain, 1e-12 * square) / (redundancy - size)
-            # Steady growth has half of the false alarms, all the steps together the other.
-            tried = 4.0 if before < 0 else 4.0 * (len(courses) - 1)
-            chance = min(1.0, tried * float(fdtrc(size, redundancy - size, gain / size / left)))
-            if found is None or chance < found.probability:
-                found = Moving(where, before, share, chance)
-    return found if found is not None and found.probability < FALSE_ALARM else None
+    best = min(found, key=attrgetter("rarity"))
+    size = best.size if best.said == "room" else inverted(magnetometer_matrix(task.unknowns)) @ best.size
+    return Moving(best.said, list(courses)[best.shape], float(np.linalg.norm(size)), best.probability)
 
 
 def with_change(task: FieldAdjustment, moving: Moving) -> FieldAdjustment:
@@ -487,7 +500,7 @@ def with_change(task: FieldAdjustment, moving: Moving) -> FieldAdjustment:
     task, moving : as it was before, and what was found.
     """
     u = task.unknowns
-    chosen = _told(task)[moving.where]
+    chosen = u.layout.indices(CHANGES[moving.where])[_told(task, moving.where)]
     active = np.flatnonzero(task.taking_part[FIELD])
     course = _growth(task, active) if moving.before < 0 else _step(task, moving.before)
     return replace(task.copy(), unknowns=u.with_free(np.union1d(u.free, chosen)).copy(), course=course)
@@ -502,52 +515,17 @@ def _step(task: FieldAdjustment, before: int) -> Series:
     return (np.arange(task.seen.time.size) > before).astype(float)
 
 
-def _told(task: FieldAdjustment) -> dict[str, np.ndarray]:
-    """The unknowns of a change in the room and of one on the unit; without a gyro nothing determines its azimuth."""
-    layout = task.unknowns.layout
-    room, unit = layout.indices(IN_ROOM), layout.indices(ON_UNIT)
+def _told(task: FieldAdjustment, where: str) -> np.ndarray:
+    """Which components of a change anything shows: without a gyro nothing determines its azimuth."""
     alone = max(section.last - section.first for section in task.sections) < LEAST_HOLDS
-    return {"room": room[[0, 2]] if alone else room, "unit": unit}
+    return np.array([True, not (alone and where == "room"), True])
 
 
-def _courses(task: FieldAdjustment) -> list[tuple[int, Series]]:
+def _courses(task: FieldAdjustment) -> dict[int, Series]:
     """What may happen: steady growth (-1), and a step after a hold."""
     active = np.flatnonzero(task.taking_part[FIELD])
     if active.size < 2 * LEAST_HOLDS:
-        return []
-    made = [(-1, _growth(task, active))]
+        return {}
     inner = active[LEAST_HOLDS - 1 : -LEAST_HOLDS]
-    for k in inner[:: -(-inner.size // MOST_STEPS)].tolist():
-        made.append((k, _step(task, k)))
-    return made
-
-
-def _gains(task: FieldAdjustment, course: Series) -> dict[str, tuple[float, float, int]]:
-    """How far the square sum falls with a change of either kind, how large that is, and its unknowns."""
-    u = task.unknowns
-    room, unit = _told(task).values()
-    trial = replace(
-        task, unknowns=u.with_free(np.union1d(u.free, np.concatenate([room, unit]))), course=course
-    )
-    _, normal, gradient = linearise(trial)
-    made: dict[str, tuple[float, float, int]] = {}
-    for where, chosen, others in (("room", room, unit), ("unit", unit, room)):
-        at, gone = trial.unknowns.places(chosen), trial.unknowns.places(others)
-        kept = np.setdiff1d(np.arange(trial.unknowns.free.size), gone)
-        spread = _block_of_inverse(normal[np.ix_(kept, kept)], np.searchsorted(kept, at))
-        if spread is None:
-            continue
-        step = -spread @ gradient[at]
-        if where == "unit":
-            step = inverted(magnetometer_matrix(u)) @ step
-        gain = float(gradient[at] @ spread @ gradient[at])
-        made[where] = gain, float(np.linalg.norm(step)), int(at.size)
-    return made
-
-
-def _block_of_inverse(normal: Square, at: np.ndarray) -> Table | None:
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(normal), 1e-300))
-    scaled = normal * np.outer(scale, scale)
-    if np.linalg.cond(scaled) > 1e13:
-        return None
-    return (inverted(scaled) * np.outer(scale, scale))[np.ix_(at, at)]
+    steps = {k: _step(task, k) for k in inner[:: -(-inner.size // MOST_STEPS)].tolist()}
+    return {-1: _growth(task, active), **steps}
