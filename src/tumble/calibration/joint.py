@@ -22,7 +22,7 @@ from tumble.arrays import Matrix, Series, inverted
 from tumble.calibration.checks.triad_agreement import add_time_lag
 from tumble.calibration.checks.unseen import add_common_scale, rest_rate
 from tumble.calibration.equations.adjustment import JointAdjustment, balance_recording, solve_recording
-from tumble.calibration.equations.believed_poses import BelievedPoses
+from tumble.calibration.equations.gathering import gather
 from tumble.calibration.equations.imu_unknowns import (
     FORCE_ALONE,
     LAYOUT,
@@ -65,7 +65,6 @@ from tumble.calibration.procedure import Procedure, find_procedure
 from tumble.calibration.session import Options, Session
 from tumble.calibration.start import (
     Offered,
-    gather_offered,
     rough_start,
     rough_variances,
     start_adjustment,
@@ -168,17 +167,27 @@ class _Begun:
 def _begin(session: Session, procedure: Procedure, *, clocked: bool) -> _Begun:
     """Gather what was observed and what is believed, where a rough start puts everything."""
     poses, site = session.poses_of(procedure), session.site
-    _refuse_undetermined(procedure.frame, poses)
+    if poses is None and procedure.frame == "fixture":
+        raise ObservabilityError(
+            "No pose is believed, so that nothing determines the frame 'fixture': give a protocol "
+            "whose holds have poses with a small sigma, or leave the frame as it is."
+        )
     offered = with_stand_ins(session.recording, session.timeline, session.means, poses, site)
     poses, has_gyro = (poses if offered.has_force else None), offered.has_gyro
     spun = session.matching is not None and session.matching.spins
     rotations = session.rotations if has_gyro and spun else []
-    u, base, broken = rough_start(offered, site, rotations), gather_offered(offered), list[str]()
+    u, broken = rough_start(offered, site, rotations), list[str]()
+    base = gather(*offered[:3], by_hand=not rotations)
+    if not has_gyro:
+        base.turn_start[:] = base.turn_stop[:] = -1
     turned = _rotations(base, u, rotations, broken)
     for one in [] if offered.has_force else turned:
         # What stands in for accelerometers shows nothing while a table turns.
         one.force_covariance = one.force_covariance + NOTHING_SHOWN * np.eye(3)
     data = observe(with_rounding(base, turned), u, turned)
+    if not rotations:
+        # What rests show of it may be a hand's that sways: how biases wander the residuals say.
+        data.base, data.rate_density = replace(data.base, rate_floor=np.zeros(3)), np.zeros(3)
     data.poses = poses
     lacking = FORCE_ALONE[:0] if offered.has_force else FORCE_ALONE
     plain = np.setdiff1d(PLAIN if has_gyro else FORCE_ALONE, lacking)
@@ -231,14 +240,6 @@ def calibrate_accelerometers(
     return estimate
 
 
-def _refuse_undetermined(frame: str, poses: BelievedPoses | None) -> None:
-    if poses is None and frame == "fixture":
-        raise ObservabilityError(
-            f"No pose is believed, so that nothing determines the frame {frame!r}: give a protocol "
-            "whose holds have poses with a small sigma, or leave the frame as it is."
-        )
-
-
 def _known_terms(u: Unknowns, *, wanted: bool) -> list[str]:
     """Optional terms that the start has; where none are wanted they are made zero."""
     own = u["gyro.g_sensitivity"]
@@ -249,33 +250,28 @@ def _known_terms(u: Unknowns, *, wanted: bool) -> list[str]:
 def _with_alike(
     task: JointAdjustment, given: Mapping[str, float], plain: np.ndarray
 ) -> tuple[dict[str, float], np.ndarray]:
-    """Let what is wrong alike be unknown where it shows; return it, and the plain unknowns with it."""
-    adjusted = _adjusted_alike(task, given)
+    """Let what is wrong alike be unknown where it shows; return it, and the plain unknowns with it.
+
+    Clock and table stay as they are where the recording tells nothing of them. A table's rates that are believed tell
+    the clock, and so does the Earth's rotation to gyros that see it well.
+    """
+    rated = any(rotation.turn_rate is not None for rotation in task.data.rotations.values())
+    adjusted = {"table_rate": given["table_rate"]} if rated and "table_rate" in given else {}
+    if "clock" in given:
+        both = {**adjusted, "clock": given["clock"]}
+        trial = task.copy()
+        trial.unknowns = task.unknowns.with_free(np.union1d(task.unknowns.free, LAYOUT.indices(*both)))
+        trial.prior = together(task.prior, LAYOUT.sparse_prior(trial.unknowns.values, both))
+        sizes, (at,) = name_plate(trial.unknowns)[trial.unknowns.free], trial.unknowns.places(["clock"])
+        normal = linearise(trial)[1] * np.outer(sizes, sizes)
+        # Directions of the sensors that nothing tells are open by their name plate.
+        left = inverted(normal + np.eye(len(normal)))[at, at] * sizes[at] ** 2
+        adjusted = both if np.sqrt(left) < CLOCK_TOLD * given["clock"] else adjusted
     if adjusted:
         plain = np.sort(np.concatenate([plain, LAYOUT.indices(*adjusted)]))
         task.prior = together(task.prior, LAYOUT.sparse_prior(task.unknowns.values, adjusted))
         task.unknowns = task.unknowns.with_free(plain)
     return adjusted, plain
-
-
-def _adjusted_alike(task: JointAdjustment, given: Mapping[str, float]) -> dict[str, float]:
-    """What clock and table may be wrong by alike and the recording tells something of: the others stay as they are.
-
-    A table's rates that are believed tell the clock, and so does the Earth's rotation to gyros that see it well.
-    """
-    rated = any(rotation.turn_rate is not None for rotation in task.data.rotations.values())
-    table = {"table_rate": given["table_rate"]} if rated and "table_rate" in given else {}
-    if "clock" not in given:
-        return table
-    both = {**table, "clock": given["clock"]}
-    trial = task.copy()
-    trial.unknowns = task.unknowns.with_free(np.union1d(task.unknowns.free, LAYOUT.indices(*both)))
-    trial.prior = together(task.prior, LAYOUT.sparse_prior(trial.unknowns.values, both))
-    sizes, (at,) = name_plate(trial.unknowns)[trial.unknowns.free], trial.unknowns.places(["clock"])
-    normal = linearise(trial)[1] * np.outer(sizes, sizes)
-    # Directions of the sensors that nothing tells are open by their name plate.
-    left = inverted(normal + np.eye(len(normal)))[at, at] * sizes[at] ** 2
-    return both if np.sqrt(left) < CLOCK_TOLD * given["clock"] else table
 
 
 def _rotations(

@@ -13,7 +13,6 @@ from tumble.attitude.rotations import matrix_from_rotation_vector
 from tumble.calibration.checks.triad_agreement import refuse_contradicting_axes
 from tumble.calibration.equations.adjustment import JointAdjustment, Section
 from tumble.calibration.equations.believed_poses import BelievedPoses
-from tumble.calibration.equations.gathering import gather
 from tumble.calibration.equations.imu_unknowns import gyro_matrix, imu_unknowns
 from tumble.calibration.equations.observed import Observed
 from tumble.calibration.equations.pose_equations import align_with_poses
@@ -280,16 +279,3 @@ def with_stand_ins(
         spread = sigma[:, None, None] ** 2 * np.eye(3)
         means = replace(means, specific_force=force, specific_force_covariance=spread)
     return Offered(recording, replace(timeline, noise_floor=floor), means, has_force, has_gyro)
-
-
-def gather_offered(offered: Offered) -> HoldsAndTurns:
-    """Return holds and turns; there is no turn without a gyro.
-
-    Parameters
-    ----------
-    offered : what was recorded, with stand-ins.
-    """
-    base = gather(offered.recording, offered.timeline, offered.means)
-    if not offered.has_gyro:
-        base.turn_start[:] = base.turn_stop[:] = -1
-    return base

@@ -129,7 +129,7 @@ class Influences:
 def influences_of(
     settled: Settled,
     prior: Prior | None,
-    densities: Mapping[str, Vector],
+    wanders: Mapping[str, tuple[Vector, float]],
     span: tuple[float, float],
     between: Mapping[str, Vector] | None = None,
     once: dict[bytes, AnyArray] | None = None,
@@ -140,7 +140,8 @@ def influences_of(
     ----------
     settled : with its equations where everything is; see `solve.settled_at`.
     prior : what was believed of all unknowns beforehand.
-    densities : source -> (3,) raw², by which a triad's biases wander per unit of ``ln f``.
+    wanders : source -> (3,) raw², by which a triad's biases wander per unit of ``ln f``, and which share of what the
+        adjustment takes for independent draws does so.
     span : s, of the recording.
     between : source -> (3,) raw², the density that the holds show against one another: all that a source causes is
         taken for a wander of this density, too, and the covariance is the wider of the two in every direction.
@@ -159,31 +160,18 @@ def influences_of(
         made.append(_of_prior((settled.cofactor @ rows) * np.sqrt(np.maximum(values, 0.0))))
     neighbours: dict[str, Square] = {}
     once = {} if once is None else once
-    for source, density in densities.items():
-        drifts = [(i.drifts[source], i.gain) for i in made if source in i.drifts]
-        if drifts and np.any(density > 0.0):
-            neighbours[source] = shared_wander(drifts, density, span, once)
+    drifts = {of: [(i.drifts[of], i.gain) for i in made if of in i.drifts] for of in wanders}
+    for source, (density, share) in wanders.items():
+        if drifts[source] and np.any(density > 0.0):
+            neighbours[source] = share * shared_wander(drifts[source], density, span, once)
     neighbours[BENT] = _second_order(settled)
     covariance = settled.cofactor + sum(neighbours.values(), np.zeros(settled.cofactor.shape))
     for source, density in (between or {}).items():
-        other = _all_shared(made, source, density, span, once) - neighbours.get(source, 0.0)
+        other = shared_wander(drifts[source], density, span, once) - neighbours.get(source, 0.0)
         more = wider(covariance, other) - covariance
         neighbours[source] = neighbours.get(source, 0.0) + more
         covariance = covariance + more
     return Influences(made, covariance, neighbours)
-
-
-def _all_shared(
-    made: list[Influence],
-    source: str,
-    density: Vector,
-    span: tuple[float, float],
-    once: dict[bytes, AnyArray],
-) -> Square:
-    """As `shared_wander`, where what was added to the noise for want of another cause wanders, too."""
-    there = [(i, i.drifts[source]) for i in made if source in i.drifts]
-    whole = [(replace(d, independent=i.parts.get(source, d.independent)), i.gain) for i, d in there]
-    return shared_wander(whole, density, span, once)
 
 
 def _second_order(settled: Settled) -> Square:

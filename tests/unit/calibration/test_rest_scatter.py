@@ -1,6 +1,4 @@
-"""Gyros' means at rest are no more uncertain than they differ by: what trembles within a hold suggests far more."""
-
-from __future__ import annotations
+"""A hand that trembles and sways is no noise of the sensors."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -8,20 +6,20 @@ from typing import Any
 
 import numpy as np
 
-
-def test_parts_that_tremble_do_not_make_means_as_uncertain(play: Callable[..., Any]) -> None:
-    """An uncertainty of 1 rad/s is claimed, where twelve means differ by milliradians a second."""
-    tumbled = play()
-    means = tumbled.means
-    trembling = replace(
-        tumbled, means=replace(means, angular_rate_covariance=np.tile(np.eye(3), (len(means), 1, 1)))
-    )
-    variance = np.diagonal(trembling.data().rate_covariance, axis1=1, axis2=2)
-    scatter = np.var(means.angular_rate, axis=0, ddof=1)
-    assert np.all(variance > scatter)
-    assert np.all(variance < 10.0 * scatter)
+from tumble.calibration.equations.gathering import gather
+from tumble.segmentation import NoiseFloor, observe_holds
 
 
-def test_right_uncertainties_stay(play: Callable[..., Any]) -> None:
-    tumbled = play()
-    np.testing.assert_array_equal(tumbled.data().rate_covariance, tumbled.means.angular_rate_covariance)
+def test_a_hand_is_no_noise_of_the_sensors(play: Callable[..., Any]) -> None:
+    """A tremor of ten times a gyro's noise, a sway of five times what a hold's mean shows; by a hundred batches."""
+    still = play()
+    force, rate, time = still.recording.specific_force, still.recording.angular_rate, still.recording.time
+    trembling = rate + 0.02 * np.sin(2.0 * np.pi * 9.0 * time[:, None] + [0.0, 1.0, 2.0])
+    swaying = force + np.sin(2.0 * np.pi * 0.4 * time)[:, None] * np.cross(force, [[3e-4, 0.0, 4e-4]])
+    recording = replace(still.recording, specific_force=swaying, angular_rate=trembling)
+    # Differences of neighbours, as the search takes them, show the tremor too.
+    timeline = replace(still.timeline, noise_floor=NoiseFloor(np.full(3, 0.02), np.full(3, 0.008), 1.0, ""))
+    made = gather(recording, timeline, observe_holds(recording, timeline), by_hand=True)
+    force_variance = np.diagonal(made.force_covariance, axis1=1, axis2=2)
+    assert np.all(np.abs(np.log(made.rate_random_walk / (2e-3**2 / 100.0))) < 0.4)
+    assert np.all(np.abs(np.log(force_variance / (0.02**2 / 300.0))) < 0.5)

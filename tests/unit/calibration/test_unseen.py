@@ -71,9 +71,9 @@ def test_the_covariance_grows_along_what_a_clock_that_runs_fast_does(
     np.testing.assert_allclose(values[:-1], 0.0, atol=1e-9 * values[-1])
     direction = vectors[:, -1] * np.sqrt(values[-1])
     direction *= np.sign(direction @ change)
-    # What moves besides is a hundredth of the statistical uncertainty: the noise's share of holds and turns.
+    # What moves besides is a share of the statistical uncertainty: the noise's of holds and turns.
     sigma = np.sqrt(np.diag(plain.covariance))
-    assert np.all(np.abs(direction - change) * 0.003 <= 0.1 * sigma)
+    assert np.all(np.abs(direction - change) * 0.003 <= 0.2 * sigma)
     gyro = plain.model.gyroscope
     at = [k for k, name in enumerate(plain.names) if name.startswith("gyroscope.matrix")]
     np.testing.assert_allclose(direction[at], gyro.matrix.ravel(), rtol=1e-9)
@@ -97,7 +97,7 @@ def test_named_parameters_and_their_correlations_grow_alike(by_hand: tuple[Sessi
 
 def test_an_exact_clock_adds_nothing_and_a_crystal_a_remark(by_hand: tuple[Session, Estimate]) -> None:
     session, _ = by_hand
-    for sigma, spoken in ((0.0, 0), (2e-5, 1)):
+    for sigma, spoken in ((0.0, 0), (5e-6, 1)):
         recording = replace(session.recording, said_clock=Clock("device", 50.0, sigma))
         other = Session(recording, None, session.site, options=Options(optional_terms=False))
         estimate, _ = run_procedure(other, "hand-held")

@@ -9,7 +9,8 @@ from tumble.calibration.equations.turn import HoldsAndTurns
 from tumble.errors import ObservabilityError
 from tumble.recording.clock import stamp_jitter
 from tumble.recording.recording import Recording
-from tumble.segmentation import Hold, HoldMeans, NoiseFloor, Timeline
+from tumble.segmentation import Hold, HoldMeans, Timeline
+from tumble.segmentation.averages import mean_covariance
 from tumble.segmentation.rounding import integral_variance, rounding_of_each, step_at_rests
 
 # A turn joins a hold over its last or first two seconds: long enough to average the accelerometer's
@@ -17,101 +18,128 @@ from tumble.segmentation.rounding import integral_variance, rounding_of_each, st
 EDGE_WINDOW = 2.0
 # Share of the largest sample below which a sample is not believed, noise or none.
 SAMPLE_DIGITS = 1e-7
-# Chance that means at rest differ by less than right variances allow, on one axis.
-SCATTER_CHANCE = 1e-3
+# s, of the pieces of rests of which a spectrum is taken; what is faster than a quarter of the rate a unit may filter.
+PIECE = 2.6
+
+Rests = list[list[tuple[int, int]]]
 
 
-def gather(recording: Recording, timeline: Timeline, means: HoldMeans) -> HoldsAndTurns:
+def gather(
+    recording: Recording, timeline: Timeline, means: HoldMeans, *, by_hand: bool = False
+) -> HoldsAndTurns:
     """Return holds and turns of a recording with both triads.
+
+    Parameters
+    ----------
+    recording, timeline, means : what was recorded.
+    by_hand : what a hand that trembles and sways adds is taken out of the noise.
 
     Raises
     ------
     ObservabilityError
         If the recording lacks a triad.
     """
-    if recording.specific_force is None or recording.angular_rate is None:
-        missing = "accelerometer" if recording.specific_force is None else "gyro"
-        raise ObservabilityError(f"The recording has no {missing}: turns need both triads.")
-    if (
-        means.specific_force is None
-        or means.specific_force_covariance is None
-        or means.angular_rate is None
-        or means.angular_rate_covariance is None
-    ):
-        raise ObservabilityError("The holds' means lack a triad.")
+    force, rate = recording.specific_force, recording.angular_rate
+    spread, rate_spread = means.specific_force_covariance, means.angular_rate_covariance
+    if force is None or rate is None or spread is None or rate_spread is None:
+        raise ObservabilityError("Turns need both triads.")
+    assert means.specific_force is not None
+    assert means.angular_rate is not None
     head, tail = _edge_windows(timeline.holds, means, recording.rate)
     turn_start, turn_stop = _turn_ranges(timeline, head, tail)
     rests = [hold.stretches() for hold in timeline.holds]
-    floor = NoiseFloor(
-        _least(timeline.noise_floor.specific_force, recording.specific_force, rests),
-        _least(timeline.noise_floor.angular_rate, recording.angular_rate, rests),
-        timeline.noise_floor.threshold,
-        timeline.noise_floor.statistic,
-    )
-    rate_covariance = _within_scatter(means, floor.angular_rate)
+    force_sigma = _least(timeline.noise_floor.specific_force, force, rests)
+    rate_sigma = timeline.noise_floor.angular_rate
+    if by_hand:
+        rate_sigma = _quiet(rate_sigma, rate, rests, recording.rate)
+        spread = _along_gravity(force, means, spread, rests)
+    rate_sigma = _least(rate_sigma, rate, rests)
+    rate_floor = _floor(rate_spread, rate_sigma, means, means.angular_rate_rounding)
+    if by_hand:
+        rate_spread = _by_white_noise(means, rate_sigma)
     return HoldsAndTurns(
         time=recording.time,
-        raw_force=recording.specific_force,
-        raw_rate=recording.angular_rate,
+        raw_force=force,
+        raw_rate=rate,
         force_mean=means.specific_force,
-        force_covariance=means.specific_force_covariance,
+        force_covariance=spread,
         rate_mean=means.angular_rate,
-        rate_covariance=rate_covariance,
+        rate_covariance=rate_spread,
         hold_samples=means.count,
         head=head,
         tail=tail,
         turn_start=turn_start,
         turn_stop=turn_stop,
-        force_sample_variance=floor.specific_force**2,
-        rate_random_walk=floor.angular_rate**2 / recording.rate,
-        force_floor=_floor(
-            means.specific_force_covariance, floor.specific_force, means, means.specific_force_rounding
-        ),
-        rate_floor=_floor(rate_covariance, floor.angular_rate, means, means.angular_rate_rounding),
-        turn_sampling=_sampling(recording, means, rests, np.column_stack([turn_start, turn_stop])),
+        force_sample_variance=force_sigma**2,
+        rate_random_walk=rate_sigma**2 / recording.rate,
+        force_floor=_floor(spread, force_sigma, means, means.specific_force_rounding),
+        rate_floor=rate_floor,
+        turn_sampling=_sampling(recording, rate, means.angular_rate, rests, (turn_start, turn_stop)),
         rate_rounding=means.angular_rate_rounding,
         parts=means.parts,
     )
 
 
-def _within_scatter(means: HoldMeans, sigma: Vector) -> Matrices:
-    """Covariances (holds, 3, 3) of gyros' means at rest, no larger than these differ by; see `SCATTER_CHANCE`.
+def _by_white_noise(means: HoldMeans, sigma: Vector) -> Matrices:
+    """Covariances (holds, 3, 3) of gyros' means: what is beyond white noise may be a hand's that sways.
 
-    A hand that trembles turns to and fro: over a hold next to nothing of it is left, far less than its parts suggest.
+    Over a hold next to nothing of a sway is left, and how biases wander from hold to hold the residuals say.
     """
-    from scipy.special import chdtri
+    assert means.angular_rate_covariance is not None
+    left = 0.0 if means.angular_rate_rounding is None else means.angular_rate_rounding
+    count = means.count[:, None]
+    variance = count * (np.diagonal(means.angular_rate_covariance, axis1=1, axis2=2) - left)
+    # A hold that scatters far more than the others was bumped, and does not end where it began.
+    bumped = np.maximum(variance - 2.0 * np.median(variance, axis=0), 0.0)
+    return ((sigma**2 + bumped) / count + left)[:, :, None] * np.eye(3)
 
-    mean, covariance = means.angular_rate, means.angular_rate_covariance
+
+def _along_gravity(signal: Vectors, means: HoldMeans, whole: Matrices, rests: Rests) -> Matrices:
+    """Covariances (holds, 3, 3) of accelerometers' means, as what is seen along gravity scatters within holds.
+
+    A pose that sways moves what is seen across gravity, and the adjustment knows how each pose sways. What rounding
+    leaves stays.
+    """
+    mean, rounding = means.specific_force, means.specific_force_rounding
     assert mean is not None
-    assert covariance is not None
-    freedom = len(mean) - 1
-    if freedom < 1:
-        return covariance
-    scatter = np.sum((mean - mean.mean(axis=0)) ** 2, axis=0) / float(chdtri(freedom, 1.0 - SCATTER_CHANCE))
-    rounding = (
-        np.zeros(3) if means.angular_rate_rounding is None else means.angular_rate_rounding.mean(axis=0)
+    left = np.zeros_like(whole) if rounding is None else rounding[:, :, None] * np.eye(3)
+    up, along = mean / np.linalg.norm(mean, axis=1, keepdims=True), np.zeros_like(signal)
+    for own, (a, b) in [(own, piece) for own, rest in zip(up, rests, strict=True) for piece in rest]:
+        along[a:b] = (signal[a:b] @ own)[:, None]
+    seen = mean_covariance(along, rests, rounding=np.zeros_like(mean)).covariance[:, 0, 0]
+    usual = np.einsum("ni,nii->n", up**2, whole - left)
+    return left + min(float(np.median(seen / np.maximum(usual, 1e-300))), 1.0) * (whole - left)
+
+
+def _quiet(sigma: Vector, signal: Vectors, rests: Rests, rate: float) -> Vector:
+    """Return a sample's sigma by that octave of the spectrum at rest which has least: a hand trembles in others."""
+    pieces = [piece for rest in rests for piece in rest]
+    size = 2 ** int(np.log2(np.clip(np.median(np.diff(pieces)), 1.0, max(PIECE * rate, 1.0))))
+    window, starts = np.hanning(size)[:, None], [k for a, b in pieces for k in range(a, b - size + 1, size)]
+    power = np.zeros((size // 2 + 1, 3))
+    for k in starts:
+        cut = signal[k : k + size]
+        power += np.abs(np.fft.rfft(window * (cut - cut.mean(axis=0)), axis=0)) ** 2
+    power /= max(len(starts), 1) * max(float(np.sum(window**2)), 1e-300)
+    octaves = [power[k : 2 * k].mean(axis=0) for k in (3, 6, 12, 24, 48, 96, 192) if 8 * k <= size + 8]
+    least = min(
+        octaves, key=lambda one: float(np.sum(one / np.maximum(sigma, 1e-150) ** 2)), default=sigma**2
     )
-    largest = np.maximum(scatter, sigma**2 / float(np.median(means.count))) + rounding
-    usual = np.median(np.diagonal(covariance, axis1=1, axis2=2), axis=0)
-    share = np.sqrt(np.minimum(largest / np.maximum(usual, 1e-300), 1.0))
-    return share[:, None] * covariance * share
+    return np.sqrt(np.where(least > 0.0, np.minimum(least, sigma**2), sigma**2))
 
 
-def _least(sigma: Vector, signal: Vectors, rests: list[list[tuple[int, int]]]) -> Vector:
+def _least(sigma: Vector, signal: Vectors, rests: Rests) -> Vector:
     """Return a sample's sigma, or what rounding and its digits leave uncertain where there is no noise at all."""
     digits = SAMPLE_DIGITS * max(float(signal.max()), -float(signal.min()))
     return np.maximum(sigma, np.maximum(step_at_rests(signal, rests) / np.sqrt(12.0), digits))
 
 
 def _sampling(
-    recording: Recording, means: HoldMeans, rests: list[list[tuple[int, int]]], turns: np.ndarray
+    recording: Recording, rate: Vectors, mean: Vectors, rests: Rests, turns: tuple[np.ndarray, np.ndarray]
 ) -> Vectors:
     """Return (holds, 3) raw² s², variance of turns' integrals by stamps that jitter, and by values that are rounded."""
-    rate = recording.angular_rate
-    assert rate is not None
-    assert means.angular_rate is not None
-    left = rounding_of_each(rate, rests, means.angular_rate).mean(axis=0) / recording.rate**2
-    return integral_variance(rate, turns, left, stamp_jitter(recording.time))
+    left = rounding_of_each(rate, rests, mean).mean(axis=0) / recording.rate**2
+    return integral_variance(rate, np.column_stack(turns), left, stamp_jitter(recording.time))
 
 
 def _floor(covariance: Matrices, sigma: Vector, means: HoldMeans, rounding: Vectors | None) -> Vector:

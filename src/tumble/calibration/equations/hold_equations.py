@@ -85,8 +85,8 @@ class Force(HoldEquations):
     def drifts(self, state: JointAdjustment, linear: Linear, first: int) -> dict[str, Drift]:
         """Return that the bias of the whole hold is in all three parts."""
         assert linear.by_bias is not None
-        floor = np.tile(np.diag(state.data.base.force_floor), (self.place.size, 3, 3))
-        return {FORCE_WANDER: Drift(*self.span(state.data), linear.by_bias, floor)}
+        wander = self.causes(state, linear)[FORCE_WANDER]
+        return {FORCE_WANDER: Drift(*self.span(state.data), linear.by_bias, wander)}
 
     def bent(self, state: JointAdjustment, nodes: AnyArray) -> tuple[AnyArray, AnyArray]:
         """Return what tilts take off gravity: half their square, by which a scale factor is too small."""
@@ -153,8 +153,10 @@ class Rate(HoldEquations):
     def drifts(self, state: JointAdjustment, linear: Linear, first: int) -> dict[str, Drift]:
         """Return that the bias of a hold is in its mean rate."""
         assert linear.by_bias is not None
-        floor = np.minimum(state.data.rate_wander[self.place], np.diag(state.data.base.rate_floor))
-        return {RATE_WANDER: Drift(*self.span(state.data), linear.by_bias, floor)}
+        matrix, floor = gyro_matrix(state.unknowns), np.diag(state.data.base.rate_floor)
+        wander = np.minimum(state.data.rate_wander[self.place], floor)
+        wander = wander + state.noise["rate"] * (matrix @ matrix.T)
+        return {RATE_WANDER: Drift(*self.span(state.data), linear.by_bias, wander)}
 
     def directions(self, state: JointAdjustment) -> Table:
         """Return an error along each axis."""

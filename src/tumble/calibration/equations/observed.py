@@ -133,8 +133,7 @@ class Observed:
     def rate_wander(self) -> Matrices:
         """(holds, 3, 3) raw², of each hold's mean rate what white noise and rounding do not explain."""
         base = self.base
-        step = (base.time[-1] - base.time[0]) / max(base.time.shape[0] - 1, 1)
-        white = base.rate_random_walk / (base.hold_samples[:, None] * step)
+        white = base.rate_random_walk / (base.hold_samples[:, None] * base.step)
         if base.rate_rounding is not None:
             white = white + base.rate_rounding
         beyond = np.maximum(np.diagonal(base.rate_covariance, axis1=1, axis2=2) - white, 0.0)
@@ -168,7 +167,7 @@ def observe(
     """
     first, last = base.head[:, 0], base.tail[:, 1] - 1
     span = float(base.time[last[-1]] - base.time[first[0]])
-    octaves = _wander_logarithm(base, span)
+    octaves = wander_logarithm(base, span)
     count = _parts_counts(base)
     return Observed(
         base=base,
@@ -190,10 +189,14 @@ def _sections(base: HoldsAndTurns) -> np.ndarray:
     return np.column_stack([edges[:-1], edges[1:]])
 
 
-def _wander_logarithm(base: HoldsAndTurns, span: float) -> float:
-    """Return ``ln(T / n)`` of a typical hold: the floor of its mean is so many times the wander's density."""
-    step = (base.time[-1] - base.time[0]) / max(base.time.shape[0] - 1, 1)
-    return max(float(np.log(span / (float(np.median(base.hold_samples)) * step))), 0.1)
+def wander_logarithm(base: HoldsAndTurns, span: float) -> float:
+    """Return ``ln(T / n)`` of a typical hold: the floor of its mean is so many times the wander's density.
+
+    Parameters
+    ----------
+    base, span : holds, and s of the whole recording.
+    """
+    return max(float(np.log(span / (float(np.median(base.hold_samples)) * base.step))), 0.1)
 
 
 def _parts_counts(base: HoldsAndTurns) -> AnyArray:
@@ -204,7 +207,7 @@ def _parts_counts(base: HoldsAndTurns) -> AnyArray:
 
 def _parts(base: HoldsAndTurns, count: AnyArray, u: Unknowns) -> AnyArray:
     """Cut each hold's mean into head, middle and tail."""
-    head, tail = _window_means(base, base.head), _window_means(base, base.tail)
+    head, tail = range_means(base.raw_force, base.head), range_means(base.raw_force, base.tail)
     n = base.hold_samples.astype(float)
     empty = count[:, 1] < SMALLEST_MIDDLE * n
     rest = n[:, None] * base.force_mean - count[:, :1] * head - count[:, 2:] * tail
@@ -223,10 +226,9 @@ def _parts_covariance(base: HoldsAndTurns, count: AnyArray, density: Vector) -> 
     n = base.hold_samples.astype(float)
     empty = count[:, 1] < SMALLEST_MIDDLE * n
     floor = np.diag(base.force_floor)
-    white = np.maximum(
-        np.diagonal(base.force_covariance, axis1=1, axis2=2) - base.force_floor,
-        base.force_sample_variance / n[:, None],
-    )
+    variance = np.diagonal(base.force_covariance, axis1=1, axis2=2)
+    least = np.minimum(variance, base.force_sample_variance / n[:, None])
+    white = np.maximum(variance - base.force_floor, least)
     covariance = np.zeros((base.holds, 3, 3, 3, 3))
     for part in range(3):
         # a share of the samples has the white variance of the whole times what it lacks of it
@@ -256,10 +258,6 @@ def _wander_of_parts(samples: Series, *, has_middle: bool) -> Square:
 
 def _counts(windows: np.ndarray) -> Series:
     return (windows[:, 1] - windows[:, 0]).astype(float)
-
-
-def _window_means(base: HoldsAndTurns, windows: np.ndarray) -> Vectors:
-    return range_means(base.raw_force, windows)
 
 
 def table_rotation(
@@ -308,7 +306,7 @@ def table_rotation(
         before=before,
         windows=windows,
         centres=centres,
-        force=_window_means(base, windows),
+        force=range_means(base.raw_force, windows),
         force_covariance=np.diag(base.force_sample_variance)[None] / count[:, None, None],
         rate=range_means(base.raw_rate, windows),
         time=middle * whole,
@@ -434,13 +432,11 @@ def hold_swings(base: HoldsAndTurns, density: Vector) -> Swings:
     base : holds, samples and noise.
     density : (3,) raw², by which the gyros' biases wander per unit of ``ln f``.
     """
-    holds = base.holds
-    value, share = np.zeros((holds, 3)), np.zeros(holds)
-    white, wander = np.zeros(holds), np.zeros(holds)
-    step = (base.time[-1] - base.time[0]) / max(base.time.shape[0] - 1, 1)
+    value, (share, white, wander) = np.zeros((base.holds, 3)), np.zeros((3, base.holds))
+    step = base.step
     amplitudes = wander_basis(np.zeros(1), _MODES)[1]
     alike: dict[tuple[int, ...], tuple[Series, float, float, float]] = {}
-    for k in range(holds):
+    for k in range(base.holds):
         first, last = int(base.head[k, 0]), int(base.tail[k, 1])
         own = last - first, *_middle(base, k)
         if own not in alike:

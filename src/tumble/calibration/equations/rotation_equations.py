@@ -315,7 +315,7 @@ class Links(AlikeEquations):
         edges[firsts], edges[lasts] = edge_seconds(data, np.array([one.stretch.k for one in group]))
         timing = np.zeros((len(residual), 3))
         timing[firsts], timing[lasts] = zip(*(one.spin.ramp_sampling for one in group), strict=True)
-        covariance = link_covariance(data, C_start, link, u, edges, own_bias=False, timing=timing)
+        covariance = link_covariance(data, C_start, link, u, edges, timing)
         faster = np.repeat([faster_variance(*one.spin.modes.shape) for one in group], counts)[:, None, None]
         covariance = covariance + faster * (wander * data.rate_density) @ np.swapaxes(wander, 1, 2)
         # The first link ends at the first window and the last begins at the last one: holds stand in the border.
@@ -516,21 +516,16 @@ class Own(AlikeEquations):
 
     def drifts(self, state: JointAdjustment, linear: Linear, first: int) -> dict[str, Drift]:
         """Return the wanders over a rotation as they are believed, which windows and links count anew."""
-        u, noise, at = state.unknowns, state.noise, self.known
-        variances = [of[0] for of in _wander_variances(state, [self.spin])]
-        added = (
-            noise["force"] * np.sum(force_matrix(u) ** 2, axis=1),
-            noise["rate"] * np.sum(gyro_matrix(u) ** 2, axis=1),
-        )
-        made: dict[str, Drift] = {}
-        for source, place, of_triad, more in zip(
-            (FORCE_WANDER, RATE_WANDER), (self.layout.force, self.layout.rate), variances, added, strict=True
+        at = self.known
+        force, rate = (of[0] for of in _wander_variances(state, [self.spin]))
+        rate[0] -= self.spin.rate_rounding
+        nothing, never, made = np.zeros((at.size, 1, 3)), np.zeros(at.size), dict[str, Drift]()
+        for source, place, alone in (
+            (FORCE_WANDER, self.layout.force, force),
+            (RATE_WANDER, self.layout.rate, rate),
         ):
-            alone = of_triad.copy()
-            alone[0] -= more
             whole = np.zeros(self.layout.own)
             whole[place] = alone.ravel()
-            nothing, never = np.zeros((at.size, 1, 3)), np.zeros(at.size)
             made[source] = Drift(never, never, nothing, whole[at][:, None, None])
         return made
 

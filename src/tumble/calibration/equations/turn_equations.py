@@ -158,18 +158,15 @@ def link_covariance(
     link: Link,
     u: Unknowns,
     more: Series,
-    *,
-    own_bias: bool,
     timing: Vectors | None = None,
 ) -> Matrices:
-    """Return (links, 3, 3) rad² in w: angle random walk, and the bias's own wandering over the link.
+    """Return (links, 3, 3) rad² in w: angle random walk.
 
     Parameters
     ----------
     data : noise of the gyros.
     C_start, link, u : as for `link_residuals`.
     more : (links,) s for which the random walk acts beyond the link itself.
-    own_bias : let the bias wander by the floor seen between holds, each link for itself.
     timing : (links, 3) raw² s², what the sampling does to the integral; None for nothing.
     """
     inverse = inverted(gyro_matrix(u))
@@ -181,17 +178,19 @@ def link_covariance(
     # the mean of both ends' axes, and what of the variance their difference leaves over
     own = C_middle @ white @ np.swapaxes(C_middle, 1, 2)
     lost = np.trace(white, axis1=1, axis2=2) - np.trace(own, axis1=1, axis2=2)
-    covariance = own + (lost / 3.0)[:, None, None] * np.eye(3)
-    if own_bias:
-        floor = _mean_floor(data, u)
-        covariance = covariance + (link.duration**2)[:, None, None] * (floor * np.eye(3))
-    return covariance
+    return own + (lost / 3.0)[:, None, None] * np.eye(3)
 
 
-def _mean_floor(data: Observed, u: Unknowns) -> float:
-    """Return the mean floor of the gyros' biases over the axes, (rad/s)²."""
-    inverse = inverted(gyro_matrix(u))
-    return float(np.trace((inverse * data.base.rate_floor) @ inverse.T)) / 3.0
+def bias_variance(state: JointAdjustment) -> float:
+    """Return by how much the gyros' biases wander from hold to hold and turn to turn, (rad/s)².
+
+    Parameters
+    ----------
+    state : noise, and the floor seen in holds, of which this is the mean over the axes.
+    """
+    inverse = inverted(gyro_matrix(state.unknowns))
+    floor = float(np.trace((inverse * state.data.base.rate_floor) @ inverse.T)) / 3.0
+    return floor + state.noise["rate"]
 
 
 def edge_seconds(data: Observed, k: np.ndarray) -> tuple[Series, Series]:
@@ -203,9 +202,8 @@ def edge_seconds(data: Observed, k: np.ndarray) -> tuple[Series, Series]:
     """
     base = data.base
     step = (base.time[-1] - base.time[0]) / max(base.time.shape[0] - 1, 1)
-    tail = (base.tail[k, 1] - base.tail[k, 0]) * step / 3.0
-    head = (base.head[k + 1, 1] - base.head[k + 1, 0]) * step / 3.0
-    return tail, head
+    tail, head = base.tail[k], base.head[k + 1]
+    return (tail[:, 1] - tail[:, 0]) * step / 3.0, (head[:, 1] - head[:, 0]) * step / 3.0
 
 
 class Turn(Equations):
@@ -243,8 +241,8 @@ class Turn(Equations):
         by_border[:, :, EARTH] = shown.by_earth
         edge = np.add(*edge_seconds(data, k))
         timing = None if data.base.turn_sampling is None else data.base.turn_sampling[k]
-        covariance = link_covariance(data, tail, link, u, edge, own_bias=True, timing=timing)
-        wander = state.noise["turn"] + state.noise["rate"] * link.duration**2
+        covariance = link_covariance(data, tail, link, u, edge, timing)
+        wander = state.noise["turn"] + bias_variance(state) * link.duration**2
         covariance = covariance + wander[:, None, None] * np.eye(3)
         active = state.taking_part["turn"][k]
         # A turn that is left out leaves a heading that is known as many times as it is unknown.
@@ -269,8 +267,7 @@ class Turn(Equations):
 
     def causes(self, state: JointAdjustment, linear: Linear) -> dict[str, AnyArray]:
         """Return what the bias wanders by, what is beyond noise, and the rest."""
-        spread = (_mean_floor(state.data, state.unknowns) + state.noise["rate"]) * self.duration**2
-        wander = spread[:, None, None] * np.eye(3)
+        wander = (bias_variance(state) * self.duration**2)[:, None, None] * np.eye(3)
         beyond = np.broadcast_to(state.noise["turn"] * np.eye(3), wander.shape)
         return {RATE_TURNING: linear.covariance - (wander + beyond), RATE_WANDER: wander, TURNS: beyond}
 
@@ -279,8 +276,7 @@ class Turn(Equations):
         assert linear.by_bias is not None
         base, k = state.data.base, self.place
         start, stop = base.time[base.turn_start[k]], base.time[base.turn_stop[k] - 1]
-        alone = _mean_floor(state.data, state.unknowns) * self.duration**2
-        return {RATE_WANDER: Drift(start, stop, linear.by_bias, alone[:, None, None] * np.eye(3))}
+        return {RATE_WANDER: Drift(start, stop, linear.by_bias, self.causes(state, linear)[RATE_WANDER])}
 
     def directions(self, state: JointAdjustment) -> AnyArray:
         """Return an error about each axis."""

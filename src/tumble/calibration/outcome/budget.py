@@ -31,6 +31,7 @@ from tumble.calibration.equations.causes import (
 )
 from tumble.calibration.equations.hold_equations import Rate
 from tumble.calibration.equations.imu_unknowns import force_matrix, gyro_matrix, raw_force, term_unknowns
+from tumble.calibration.equations.observed import wander_logarithm
 from tumble.calibration.evidence import (
     Budget,
     Detectable,
@@ -73,12 +74,18 @@ def recording_influences(task: JointAdjustment, settled: Settled | None = None) 
     ObservabilityError
         If shared unknowns are not determined.
     """
-    data = task.data
-    densities = {FORCE_WANDER: data.force_density, RATE_WANDER: data.rate_density}
+    data, u, between = task.data, task.unknowns, _between(task)
+    octaves, wanders = wander_logarithm(data.base, data.span), dict[str, tuple[Vector, float]]()
+    for source, floor, variance, matrix in (
+        (FORCE_WANDER, data.force_density, task.noise["force"], force_matrix(u)),
+        (RATE_WANDER, data.rate_density, task.noise["rate"], gyro_matrix(u)),
+    ):
+        # What holds scatter by beyond their noise is wander as far as their parts show one, and may be a bump's.
+        added = variance * np.sum(matrix**2, axis=1) / octaves
+        told = floor + np.minimum(added, between.get(source, 0.0))
+        wanders[source] = floor + added, float(np.sum(told) / max(float(np.sum(floor + added)), 1e-300))
     span = float(data.base.time[0]), float(data.base.time[-1])
-    return influences_of(
-        *(settled or settled_at(task), task.prior, densities, span), _between(task), data.wander_once
-    )
+    return influences_of(*(settled or settled_at(task), task.prior, wanders, span), between, data.wander_once)
 
 
 def _between(task: JointAdjustment) -> dict[str, Vector]:

@@ -27,7 +27,12 @@ from tumble.calibration.equations.rotation_equations import (
     Links,
     RotationEquations,
 )
-from tumble.calibration.equations.turn_equations import integrate_links, link_covariance
+from tumble.calibration.equations.turn_equations import (
+    bias_variance,
+    edge_seconds,
+    integrate_links,
+    link_covariance,
+)
 from tumble.calibration.estimate import (
     Described,
     Estimate,
@@ -308,7 +313,8 @@ def _turn_sigmas(outcome: JointOutcome, sizes: Series) -> Series:
     link = integrate_links(data, u, data.base.turn_start[k], data.base.turn_stop[k])
     C = np.broadcast_to(np.eye(3), (k.size, 3, 3))
     timing = None if data.base.turn_sampling is None else data.base.turn_sampling[k]
-    spread = link_covariance(data, C, link, u, np.zeros(k.size), own_bias=True, timing=timing)
+    edges = np.add(*edge_seconds(data, k))
+    spread = link_covariance(data, C, link, u, edges, timing)
     across = 2.0 / 3.0 * np.trace(spread, axis1=1, axis2=2)
     gravity = outcome.site.gravity
     scale = np.sum(u["force.scale"] ** 2) / 3.0
@@ -316,10 +322,11 @@ def _turn_sigmas(outcome: JointOutcome, sizes: Series) -> Series:
     for hold, part in ((k, slice(6, 9)), (k + 1, slice(0, 3))):
         seen = np.trace(data.parts_covariance[hold][:, part, part], axis1=1, axis2=2) / 3.0
         ends = ends + 2.0 * (seen / scale + noise["force"]) / gravity**2
-    more = 2.0 * (noise["turn"] + noise["rate"] * link.duration**2 + noise["sway"])
-    # The directions are carried by the stamps and without the Earth's rotation: what that is off by across gravity.
-    latitude = outcome.site.latitude
-    level = EARTH_RATE * (np.sqrt(2.0 / 3.0) if latitude is None else np.cos(latitude)) * link.duration
+    more = 2.0 * (noise["turn"] + bias_variance(outcome.task) * link.duration**2 + noise["sway"])
+    # The directions are carried by the stamps and without the Earth's rotation, from the middle of one edge to that
+    # of the other: what that is off by across gravity.
+    latitude, seconds = outcome.site.latitude, link.duration + 1.5 * edges
+    level = EARTH_RATE * (np.sqrt(2.0 / 3.0) if latitude is None else np.cos(latitude)) * seconds
     by_stamps = np.sqrt(2.0 / 3.0) * float(u["clock"][0]) * sizes[k]
     sigmas[k] = np.sqrt(across + ends + more + level**2 + by_stamps**2)
     return sigmas
