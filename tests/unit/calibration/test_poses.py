@@ -90,13 +90,14 @@ def test_what_a_pose_says_is_the_derivative_of_the_corrected_norm() -> None:
 
     The corrected norm falls with what the true output would raise: the sign is the convention's.
     """
-    from tumble.calibration.equations.triad_unknowns import correct_with_derivatives
+    from tumble.calibration.equations.triad_unknowns import NormConditions
 
     ideal = np.zeros(12)
     ideal[3:6] = 1.0
     directions = twenty_six_directions()
-    corrected = correct_with_derivatives(ideal, GRAVITY * directions)
-    moved = np.einsum("ka,kap->kp", directions, corrected.by_unknowns)[:, :9]
+    nothing = np.zeros((len(directions), 3, 3))
+    conditions = NormConditions(GRAVITY * directions, nothing, GRAVITY, ideal, np.arange(9))
+    moved = conditions.linearise(ideal[:9]).design[:, 0]
     expected = norm_rows(directions)
     np.testing.assert_allclose(moved[:, :3], -expected[:, :3], atol=1e-12)
     np.testing.assert_allclose(moved[:, 3:9] / GRAVITY, -expected[:, 3:9], atol=1e-12)

@@ -1,4 +1,4 @@
-"""A triad's unknowns in Shin and El-Sheimy's convention, and what moves its corrected output.
+"""A triad's unknowns in Shin and El-Sheimy's convention, and the condition of a hold on them.
 
 Twelve numbers in this order: bias (3, raw units), scale factor (3, raw per SI unit), the angles
 yz, zx, zy (rad), quadratic terms (3, 1 / raw unit). An adjustment frees any subset of them.
@@ -17,29 +17,12 @@ from __future__ import annotations
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrices, Matrix, Series, Vector, Vectors, inverted
-from tumble.estimation import Linearisation
-from tumble.records import dataclass
+from tumble.estimation import Conditions, Linearisation
 from tumble.sensor import Triad
 from tumble.sensor.conventions.shin import matrix_from_shin, shin_derivatives, shin_from_matrix
 
 COUNT = 12
 BIAS, SCALE, ANGLE, QUADRATIC = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12)
-
-
-@dataclass(frozen=True, slots=True)
-class CorrectedOutput:
-    """Corrected vectors and their derivatives.
-
-    Attributes
-    ----------
-    value : (holds, 3) SI, in b.
-    by_unknowns : (holds, 3, 12).
-    by_raw : (holds, 3, 3), with respect to the raw vector.
-    """
-
-    value: Vectors
-    by_unknowns: AnyArray
-    by_raw: AnyArray
 
 
 def triad_from_unknowns(unknowns: Series) -> Triad:
@@ -60,29 +43,6 @@ def unknowns_from_triad(triad: Triad) -> Series:
     scale, angles = shin_from_matrix(triad.matrix)
     quadratic = np.zeros(3) if triad.quadratic is None else triad.quadratic
     return np.concatenate([triad.bias, np.real(scale), np.real(angles), quadratic])
-
-
-def correct_with_derivatives(unknowns: Series, raw: Vectors) -> CorrectedOutput:
-    """Correct `raw` with twelve unknowns and differentiate by them and by `raw`.
-
-    Notes
-    -----
-    ``true = inv(M) u`` with ``raw = u + quadratic u² + bias``, hence
-    d true = inv(M) (du - dM true), du = (d raw - d bias - u² d quadratic) / (1 + 2 quadratic u).
-    """
-    triad = triad_from_unknowns(unknowns)
-    own_input = triad.own_input(raw)
-    inverse = inverted(triad.matrix)
-    true = own_input @ inverse.T
-    slope = 1.0 / (1.0 + 2.0 * unknowns[QUADRATIC] * own_input)
-
-    by_raw = inverse[None, :, :] * slope[:, None, :]
-    by_unknowns = np.empty((raw.shape[0], 3, COUNT))
-    by_unknowns[:, :, BIAS] = -by_raw
-    by_unknowns[:, :, QUADRATIC] = -by_raw * (own_input**2)[:, None, :]
-    moves = np.einsum("ab,bcp->acp", inverse, shin_derivatives(unknowns[3:9]))
-    by_unknowns[:, :, 3:9] = -np.einsum("acp,kc->kap", moves, true)
-    return CorrectedOutput(true, by_unknowns, by_raw)
 
 
 def rough_triad(means: Vectors, reference: float) -> Series:
@@ -195,8 +155,8 @@ def _huber_weights(design: AnyArray, change: Series) -> Series:
     return weight
 
 
-class NormConditions:
-    """One condition a hold: `Conditions` for the adjustment of one triad.
+class NormConditions(Conditions):
+    """One condition a hold: `Conditions` for the adjustment of one triad, without quadratic terms.
 
     Parameters
     ----------
@@ -205,9 +165,12 @@ class NormConditions:
     reference : norm of the true vector, SI; one for all, or (holds,) of them (a table that spins faster
         one way than the other against inertial space).
     values : (12,) the triad's unknowns; those not in `free` keep these values.
-    free : indices of the unknowns to adjust.
-    active : (holds,) of bool, holds that take part; all by default.
+    free : indices of the unknowns to adjust, of the first nine.
     extra_variance : variance added to each condition, SI².
+
+    Notes
+    -----
+    ``true = inv(M) u`` with ``raw = u + bias``, hence ``d true = inv(M) (d raw - d bias - dM true)``.
     """
 
     def __init__(
@@ -217,41 +180,33 @@ class NormConditions:
         reference: float | Series,
         values: Series,
         free: np.ndarray,
-        active: np.ndarray | None = None,
+        *,
         extra_variance: float = 0.0,
     ) -> None:
-        self.observed = observed
-        self.covariance = covariance
+        self.observed, self.covariance, self.extra_variance = observed, covariance, extra_variance
         self.reference = np.broadcast_to(np.asarray(reference, dtype=float), observed.shape[:1])
-        self.values = values.astype(float)
-        self.free = free
-        self.active = np.ones(observed.shape[0], dtype=bool) if active is None else active
-        self.extra_variance = extra_variance
-        self._adjusted = observed.copy()
-        self._by_observed = np.zeros((observed.shape[0], 3))
+        self.values, self.free = values.astype(float), free
+        self._adjusted, self._by_observed = observed.copy(), np.zeros((observed.shape[0], 3))
 
     def linearise(self, parameters: Series) -> Linearisation:
         """Linearise at `parameters` (the free unknowns) and the adjusted hold means."""
         full = self.values.copy()
         full[self.free] = parameters
-        corrected = correct_with_derivatives(full, self._adjusted)
-        towards = corrected.value / self.reference[:, None]
-        self._by_observed = np.einsum("ka,kab->kb", towards, corrected.by_raw)
-        length = np.einsum("ka,ka->k", corrected.value, towards)
-        misclosure = 0.5 * (length - self.reference)
+        inverse = inverted(triad_from_unknowns(full).matrix)
+        true = (self._adjusted - full[BIAS]) @ inverse.T
+        towards = true / self.reference[:, None]
+        self._by_observed = towards @ inverse
+        misclosure = 0.5 * (np.einsum("ka,ka->k", true, towards) - self.reference)
         misclosure = misclosure + np.einsum("kb,kb->k", self._by_observed, self.observed - self._adjusted)
-        design = np.einsum("ka,kap->kp", towards, corrected.by_unknowns)[:, self.free]
+        by_matrix = np.einsum("kb,bcp,kc->kp", self._by_observed, shin_derivatives(full[3:9]), true)
+        design = -np.concatenate([self._by_observed, by_matrix], axis=1)[:, None, self.free]
         variance = np.einsum("ka,kab,kb->k", self._by_observed, self.covariance, self._by_observed)
-        off = ~self.active
-        misclosure[off], design[off], variance[off] = 0.0, 0.0, 1.0
-        return Linearisation(
-            misclosure[:, None],
-            design[:, None, :],
-            (variance + self.extra_variance * self.active)[:, None, None],
-            self.active[:, None],
-        )
+        active = np.ones((len(true), 1), dtype=bool)
+        variance = (variance + self.extra_variance)[:, None, None]
+        return Linearisation(misclosure[:, None], design, variance, active)
 
     def adjust_observations(self, multipliers: AnyArray) -> None:
         """Set the hold means to observed + e, with e = -Q B' C^-1 (w + A xi) (3.38)."""
-        moved = np.einsum("kab,kb->ka", self.covariance, self._by_observed) * multipliers
-        self._adjusted = self.observed - np.where(self.active[:, None], moved, 0.0)
+        self._adjusted = (
+            self.observed - np.einsum("kab,kb->ka", self.covariance, self._by_observed) * multipliers
+        )
