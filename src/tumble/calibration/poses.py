@@ -26,7 +26,6 @@ from tumble.earth import Site
 from tumble.errors import ObservabilityError
 from tumble.estimation import find_weak_directions
 from tumble.protocol import HoldStep, Pose, Protocol, named_protocol
-from tumble.records import dataclass
 
 if TYPE_CHECKING:
     from tumble.segmentation import HoldMeans
@@ -59,11 +58,9 @@ def match_faces(means: HoldMeans, site: Site) -> tuple[Protocol, Matching]:
     sigma = next(step.pose.sigma for step in named.steps if isinstance(step, HoldStep) and step.pose)
     rough = triad_from_unknowns(rough_triad(means.specific_force, site.gravity))
     up_b = rough.correct(means.specific_force)
-    up_b = up_b / np.linalg.norm(up_b, axis=1, keepdims=True)
     faces = twenty_six_directions()[:6]
-    nearest = np.argmax(up_b @ faces.T, axis=1)
-    angle = np.arccos(np.clip(np.max(up_b @ faces.T, axis=1), -1.0, 1.0))
-    is_face = angle < FACE_ANGLE
+    shares = up_b @ faces.T / np.linalg.norm(up_b, axis=1, keepdims=True)
+    nearest, is_face = np.argmax(shares, axis=1), np.max(shares, axis=1) > np.cos(FACE_ANGLE)
     steps = tuple(
         HoldStep(float(means.duration[k]), Pose(faces[nearest[k]], None, sigma), _name(faces[nearest[k]]))
         for k in np.flatnonzero(is_face)
@@ -142,9 +139,9 @@ def _directions(means: Vectors, force_unknowns: Series, factor: float | None) ->
 
 def _too_few(held: Vectors, needed: int, has_prior: bool) -> str:
     found = held.shape[0]
-    poses = "pose was" if found == 1 else "poses were"
+    poses = "1 different pose was" if found == 1 else f"{found} different poses were"
     text = (
-        f"{found} different {poses} found and {needed} are needed for {WANTED[needed]}: "
+        f"{poses} found and {needed} are needed for {WANTED[needed]}: "
         f"hold the unit also with {describe_mending(held, needed)}"
     )
     if needed == 9 and found >= 6:
@@ -187,32 +184,17 @@ NAMES = (
 GROUPS = ("the biases", "the scale factors", "the non-orthogonalities")
 
 
-@dataclass(frozen=True, slots=True)
-class UntoldCombination:
-    """A combination of unknowns that no pose of a set determines.
-
-    Attributes
-    ----------
-    weights : (unknowns,) over those of `norm_rows`; its polynomial vanishes in every pose.
-    words : its unknowns, listed.
-    """
-
-    weights: Series
-    words: str
-
-    @property
-    def is_one(self) -> bool:
-        """Whether it is a single unknown."""
-        return int(np.count_nonzero(_leading(self.weights))) == 1
-
-
-def find_untold(directions: Vectors, unknowns: int = 9) -> list[UntoldCombination]:
+def find_untold(directions: Vectors, unknowns: int = 9) -> list[Series]:
     """Return the combinations that the norms in these poses do not tell, each with as few unknowns as can be.
 
     Parameters
     ----------
     directions : (poses, 3) unit vectors up.
     unknowns : the first so many of `norm_rows`.
+
+    Returns
+    -------
+    weights : (unknowns,) of each; its polynomial vanishes in every pose.
     """
     rows = norm_rows(directions)[:, :unknowns]
     weak = find_weak_directions(rows.T @ rows, np.ones(unknowns), LARGEST_AMPLIFICATION)
@@ -225,7 +207,7 @@ def find_untold(directions: Vectors, unknowns: int = 9) -> list[UntoldCombinatio
     pivots = np.sort(qr(basis, mode="r", pivoting=True)[1][: len(weak)])
     plain = np.linalg.solve(basis[:, pivots], basis)
     plain /= np.max(np.abs(plain), axis=1, keepdims=True)
-    return [UntoldCombination(weights, _words(weights)) for weights in plain]
+    return list(plain)
 
 
 def find_two_planes(directions: Vectors) -> tuple[list[int], list[int]] | None:
@@ -268,8 +250,10 @@ def describe_untold(directions: Vectors, unknowns: int = 9) -> str:
     untold = find_untold(directions, unknowns)
     if not untold:
         return ""
-    alone = [one.weights for one in untold if one.is_one]
-    together = [f"separate {one.words}" for one in untold if not one.is_one]
+    alone = [weights for weights in untold if np.count_nonzero(_leading(weights)) == 1]
+    together = [
+        f"separate {_words(weights)}" for weights in untold if np.count_nonzero(_leading(weights)) > 1
+    ]
     lone = [f"determine {_words(np.sum(np.abs(alone), axis=0))}"] if alone else []
     said = "do not " + "; nor ".join([*lone, *together])
     # Of a single unknown, or of a single plane, the names of the unknowns say enough.
@@ -282,8 +266,14 @@ def describe_untold(directions: Vectors, unknowns: int = 9) -> str:
     return f"{said} ({reason}, and two planes never determine all)"
 
 
-def _mending_poses(directions: Vectors, unknowns: int = 9) -> list[Vector]:
-    """Return the directions up that, added to a set, make it tell all: as few of the 26 as can be."""
+def describe_mending(directions: Vectors, unknowns: int = 9) -> str:
+    """Return in words which directions up, as few of the 26 as can be, make a set of poses tell all.
+
+    Parameters
+    ----------
+    directions : (poses, 3) unit vectors up.
+    unknowns : the first so many of `norm_rows`.
+    """
     rows = norm_rows(directions)
     information = rows.T @ rows
     if unknowns < 9:
@@ -295,18 +285,7 @@ def _mending_poses(directions: Vectors, unknowns: int = 9) -> list[Vector]:
         named = most_telling_poses(information, count, directions)
         if not find_untold(np.vstack([directions, *named]), unknowns):
             break
-    return named
-
-
-def describe_mending(directions: Vectors, unknowns: int = 9) -> str:
-    """Return the poses of `_mending_poses` in words.
-
-    Parameters
-    ----------
-    directions : (poses, 3) unit vectors up.
-    unknowns : the first so many of `norm_rows`.
-    """
-    return "; ".join(describe_direction(up) for up in _mending_poses(directions, unknowns))
+    return "; ".join(describe_direction(up) for up in named)
 
 
 def _leading(weights: Series) -> Series:

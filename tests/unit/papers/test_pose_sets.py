@@ -114,8 +114,8 @@ def test_nine_edges_are_singular_exactly_if_the_three_left_out_have_a_product_of
         assert len(hexagons) == 2  # a corner and its opposite: one plane
         (untold,) = find_untold(nine)
         # The quadric through all nine: it vanishes there, and not at a corner.
-        np.testing.assert_allclose(norm_rows(nine) @ untold.weights, 0.0, atol=1e-12)
-        assert np.max(np.abs(norm_rows(twenty_six_directions()) @ untold.weights)) > 0.1
+        np.testing.assert_allclose(norm_rows(nine) @ untold, 0.0, atol=1e-12)
+        assert np.max(np.abs(norm_rows(twenty_six_directions()) @ untold)) > 0.1
         first, second = find_two_planes(nine) or ([], [])
         assert (len(first), len(second)) == (6, 3)
     else:
