@@ -31,11 +31,7 @@ def test_a_plan_is_written_simulated_and_calibrated(tumble: Any, tmp_path: Path)
                     "-o", folder, "--json")  # fmt: skip
     assert answer.status == 0, answer
     document = json.loads(answer.out)
-    assert {file.name for file in folder.iterdir()} == {
-        "protocol.yaml",
-        "plan.json",
-        "sheet.html",
-    }
+    assert {file.name for file in folder.iterdir()} == {"protocol.yaml", "plan.json", "sheet.html"}
     assert document == json.loads((folder / "plan.json").read_text(encoding="utf-8"))
     sheet = (folder / "sheet.html").read_text(encoding="utf-8")
     assert sheet.count('class="box"') == 12
@@ -57,15 +53,7 @@ def test_the_schemes_of_the_papers_stand_beside_the_plan(tumble: Any) -> None:
     answer = tumble(*COMMAND, "--time", 4)
     assert answer.status == 0, answer
     said = " ".join(answer.out.split())
-    for words in (
-        "4.0 min",
-        "nine of Zhang",
-        "twelve edges",
-        "all 26",
-        "misalignment yz",
-        "ppm",
-        "µg",
-    ):
+    for words in ("4.0 min", "nine of Zhang", "twelve edges", "all 26", "misalignment yz", "ppm", "µg"):
         assert words in said
     assert "six faces: does not determine" in said
 

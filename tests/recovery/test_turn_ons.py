@@ -5,6 +5,7 @@ Fourteen poses by hand at 50 Hz, a minute and a quarter each; the unit's biases 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -16,12 +17,13 @@ from scipy.spatial.transform import Rotation
 from recovery.played import MODEL as UNIT
 from recovery.played import jointly
 from tumble.calibration import Estimate, Session
-from tumble.calibration.equations.imu_unknowns import unknowns_of
-from tumble.calibration.outcome.estimate import JointOutcome
+from tumble.calibration.equations.imu_unknowns import term_unknowns, unknowns_of
+from tumble.calibration.outcome.estimate import JointOutcome, joint_estimate
 from tumble.calibration.turn_ons import adjustment as several
-from tumble.calibration.turn_ons.estimate import SeveralEstimate, several_estimate
+from tumble.calibration.turn_ons.estimate import SeveralEstimate, cofactor_of_courses, several_estimate
 from tumble.earth import Site
-from tumble.errors import UsageError
+from tumble.errors import ConvergenceError, UsageError
+from tumble.recording import Recording
 from tumble.sensor import ImuModel, change_frame
 from tumble.simulation import Motion, find_grade, poses_26, simulate_recording
 
@@ -62,6 +64,10 @@ def settled(
     motion = Motion.between_poses(attitudes, np.full(poses.size, 3.0), np.full(poses.size - 1, 2.0))
     grade = find_grade("consumer-mems") if noise else None
     recording, _ = simulate_recording(motion, rate, rng, site=SITE, grade=grade, distort=model.distort)
+    return adjusted(recording, model)
+
+
+def adjusted(recording: Recording, model: ImuModel) -> Played:
     session = Session(recording, None, SITE)
     estimate = jointly(session, optional_terms=False)
     assert session.joint is not None
@@ -165,10 +171,54 @@ def test_a_scale_factor_that_changed_is_named_and_its_uncertainty_enlarged() -> 
 def test_gyros_that_fade_in_one_recording_are_said_with_its_name() -> None:
     recording = turn_on(2).outcome.recording
     fading = 3e-3 * np.exp(-np.linspace(0.0, 5.0, len(recording)))[:, None]
-    session = Session(replace(recording, angular_rate=recording.angular_rate + fading), None, SITE)
-    warm = Played(jointly(session, optional_terms=False), session.joint, UNIT)
+    warm = adjusted(replace(recording, angular_rate=recording.angular_rate + fading), UNIT)
     cautions = together(turn_on(0), turn_on(1), warm)[1].estimate.cautions
     assert ["recording 3.csv: The biases of the gyros drift" in said for said in cautions].count(True) == 1
+
+
+def test_a_drift_of_one_recording_is_in_what_all_have_in_common() -> None:
+    """By as far as a tenth of it, put into that recording besides, moves all of the unit's unknowns, times ten."""
+    recording = turn_on(2).outcome.recording
+    drift = 0.03 * np.exp(-np.linspace(0.0, 2.0, len(recording)))[:, None] * np.array([1.0, -1.0, 1.0])
+
+    def drifting(added: np.ndarray) -> Played:
+        return adjusted(replace(recording, specific_force=recording.specific_force + added), UNIT)
+
+    outcome, found = together(turn_on(0), turn_on(1), drifting(drift))
+    unit, settled = outcome.solution, several.settled_outcome(outcome, 2)
+    joint_estimate(settled)
+    added = np.diag(cofactor_of_courses(unit, [*(turn_on(k).outcome for k in range(2)), settled]))
+    before = unit.unknowns.values.copy()
+    variance = unit.settled.unit_weight * (unit.settled.cofactor[0, 0] + added[0])
+    named = next(p for p in found.estimate.parameters if p.name == "accelerometer scale factor error x")
+    assert named.standard_uncertainty == pytest.approx(np.sqrt(variance), rel=1e-3)
+    (course,) = settled.courses["accelerometer biases wander"]
+    unit.parts[2].task.data = drifting(drift + 0.1 * course.departure(recording.time)).outcome.task.data
+    moved = 10.0 * (several.solve_several(unit.parts).unknowns.values - before)
+    # the holds' own noise, found anew, is what is left
+    np.testing.assert_allclose(np.abs(moved), np.sqrt(added), rtol=0.02, atol=0.01 * np.sqrt(added.max()))
+    assert added[0] > 0.1 * unit.settled.cofactor[0, 0]
+
+
+def test_a_term_with_which_nothing_settles_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    solve, bad = several.solve_several, term_unknowns("quadratic")
+
+    def fails_with_it(parts: Sequence[several.TurnOn]) -> several.UnitAdjustment:
+        if np.any(np.isin(parts[0].free, bad)):
+            raise ConvergenceError("It did not settle.")
+        return solve(parts)
+
+    monkeypatch.setattr(several, "solve_several", fails_with_it)
+    played = [turn_on(number) for number in range(2)]
+    outcome = several.adjust_several(["a", "b"], [p.outcome for p in played])
+    assert outcome.untried == ["quadratic"]
+    found = several_estimate(outcome, [p.estimate for p in played], SITE).estimate
+    assert any("they were not tried" in said for said in found.not_determined)
+    assert {test.name for test in outcome.terms} == {
+        "accelerometer_asymmetry",
+        "gyro_asymmetry",
+        "g_sensitivity",
+    }
 
 
 def test_another_unit_among_three_is_named_and_left_out_and_of_two_refused() -> None:

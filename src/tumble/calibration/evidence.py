@@ -182,8 +182,7 @@ def effective_degrees(contributions: dict[str, Series], degrees: dict[str, float
     total, spread = np.zeros(size), np.zeros(size)
     for name, sigma in contributions.items():
         total += sigma**2
-        known = degrees.get(name, np.inf)
-        spread += sigma**4 / known
+        spread += sigma**4 / degrees.get(name, np.inf)
     return np.divide(total**2, spread, out=np.full(size, np.inf), where=spread > 0.0)
 
 
@@ -432,9 +431,8 @@ class Agreement:
     @property
     def enlarged(self) -> float:
         """By which factor the standard uncertainty is enlarged (Birge): 1 where chance explains the differences."""
-        if self.agrees or self.degrees < 1:
-            return 1.0
-        return max(1.0, float(np.sqrt(self.chi_square / self.degrees)))
+        by_chance = self.agrees or self.degrees < 1
+        return 1.0 if by_chance else max(1.0, float(np.sqrt(self.chi_square / self.degrees)))
 
     @property
     def largest(self) -> float:
@@ -566,18 +564,11 @@ def bias_scatter(
     every, sigmas = np.full(recordings, np.nan), np.full(recordings, np.nan)
     every[list(at)], sigmas[list(at)] = values, np.sqrt(np.diag(covariance))
     return BiasScatter(
-        parameter,
-        unit,
-        every,
-        sigmas,
-        float(values.mean()),
+        *(parameter, unit, every, sigmas, float(values.mean())),
         float(np.sqrt(covariance.sum())) / n,
         float(np.sqrt(about @ about / (n - 1))),
         float(np.sqrt(np.trace(spread) / (n - 1))),
-        n - 1,
-        squares,
-        float(chdtrc(n - 1, squares)),
-        float(stdtrit(n - 1, 0.975)),
+        *(n - 1, squares, float(chdtrc(n - 1, squares)), float(stdtrit(n - 1, 0.975))),
     )
 
 
@@ -598,9 +589,7 @@ def agreement_of(
     told = np.isfinite(values)
     weight = 1.0 / sigmas[told] ** 2
     degrees = max(int(np.count_nonzero(told)) - 1, 0)
-    squares = 0.0
-    if degrees:
-        mean = float(weight @ values[told] / weight.sum())
-        squares = float(weight @ (values[told] - mean) ** 2)
+    mean = weight @ values[told] / max(weight.sum(), 1e-300)
+    squares = float(weight @ (values[told] - mean) ** 2)
     probability = float(chdtrc(degrees, squares)) if degrees else 1.0
     return Agreement(parameter, unit, values, sigmas, *together, squares, degrees, probability, limit)

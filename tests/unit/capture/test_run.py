@@ -127,16 +127,7 @@ def test_after_a_kill_only_the_last_second_is_lost_and_it_can_be_resumed(
     recorded: Path, tmp_path: Path
 ) -> None:
     folder = tmp_path / "out"
-    command = [
-        sys.executable,
-        "-c",
-        RUN,
-        "capture",
-        f"replay:{recorded}@4",
-        "-o",
-        str(folder),
-        "-q",
-    ]
+    command = [sys.executable, "-c", RUN, "capture", f"replay:{recorded}@4", "-o", str(folder), "-q"]
     running = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
         end = time.monotonic() + 120.0

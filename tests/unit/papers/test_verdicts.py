@@ -5,14 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tumble_papers.hayal.scenarios import (
-    FAR,
-    ONE_RUN,
-    criterion,
-    judge_estimate,
-    judge_sigma,
-    one_run_factor,
-)
+from tumble_papers.hayal.scenarios import FAR, ONE_RUN, criterion, judge_estimate, judge_sigma, one_run_factor
 
 OURS = np.array([1.0, 2.0, 3.0, 8.0])
 

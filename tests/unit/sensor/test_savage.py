@@ -11,13 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from tumble.errors import UsageError
 from tumble.sensor import ImuModel, Triad, change_frame
-from tumble.sensor.conventions.savage import (
-    GROUPS,
-    NAMES,
-    PAIRS,
-    SavageErrors,
-    savage_from_model,
-)
+from tumble.sensor.conventions.savage import GROUPS, NAMES, PAIRS, SavageErrors, savage_from_model
 
 # No two alike in size: a transpose or a wrong pair fails.
 ERRORS = 1e-3 * np.array(

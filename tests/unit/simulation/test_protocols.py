@@ -23,13 +23,7 @@ from tumble.protocol import (
     named_protocol,
 )
 from tumble.sensor import ImuModel, Triad
-from tumble.simulation import (
-    Imperfections,
-    PlayedProtocol,
-    find_grade,
-    play_protocol,
-    simulate_protocol,
-)
+from tumble.simulation import Imperfections, PlayedProtocol, find_grade, play_protocol, simulate_protocol
 
 SITE = Site.from_latitude(np.radians(38.0))
 UP_N = np.array([0.0, 0.0, -1.0])

@@ -11,15 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from tumble.earth import Site
 from tumble.errors import ProtocolError, UsageError
-from tumble.protocol import (
-    HoldStep,
-    Pose,
-    Protocol,
-    SpinStep,
-    TurnStep,
-    named_protocol,
-    sequence_steps,
-)
+from tumble.protocol import HoldStep, Pose, Protocol, SpinStep, TurnStep, named_protocol, sequence_steps
 from tumble.protocol.strapdown_rotation import SEQUENCES
 from tumble.segmentation import find_timeline, observe_holds
 from tumble.segmentation.matching import match_protocol

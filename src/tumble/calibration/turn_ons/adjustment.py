@@ -375,9 +375,8 @@ def all_told(parts: Sequence[TurnOn]) -> list[Square]:
     for part, place in zip(unit.parts, unit.places, strict=True):
         plates[place] = name_plate(part.task.unknowns)[part.free]
     # What nothing determines is known to a thousand times its name plate, so that what is left can be told.
-    covariance = inverted(normal * np.outer(plates, plates) + 1e-6 * np.eye(len(normal))) * np.outer(
-        plates, plates
-    )
+    sizes = np.outer(plates, plates)
+    covariance = inverted(normal * sizes + 1e-6 * np.eye(len(normal))) * sizes
     return [invert_normal_matrix(covariance[np.ix_(place, place)]) for place in unit.places]
 
 
@@ -394,12 +393,14 @@ class SeveralOutcome:
     ----------
     solution : of all of them.
     terms : tests of the optional terms, on all recordings together.
+    untried : optional terms with which nothing settles, or that all recordings together do not determine.
     own : (recordings, stable) what each recording determines by itself, and its covariance; an unknown that it does not
         tell is as uncertain as a name plate leaves it.
     """
 
     solution: UnitAdjustment
     terms: list[TermTest]
+    untried: list[str]
     own: list[tuple[Series, Square]]
 
     @property
@@ -466,10 +467,10 @@ def adjust_several(
         If the adjustment does not settle.
     """
     parts = [TurnOn.of(name, outcome) for name, outcome in zip(names, outcomes, strict=True)]
-    chosen, tests = _wanted(parts, _found(parts)) if optional_terms else ([], [])
+    chosen, tests, untried = _wanted(parts, _found(parts)) if optional_terms else ([], [], [])
     adjusted = [with_free(part, _free(part, chosen)) for part in parts]
     solution = balance_several(solve_several(adjusted))
-    return SeveralOutcome(solution, tests, _estimates(solution))
+    return SeveralOutcome(solution, tests, untried, _estimates(solution))
 
 
 def _found(parts: Sequence[TurnOn]) -> set[str]:
@@ -494,20 +495,22 @@ def _may_have(part: TurnOn, term: str) -> bool:
     return part.outcome.has_gyro or TERMS[term].shown_by != "gyro"
 
 
-def _wanted(parts: list[TurnOn], found: set[str]) -> tuple[list[str], list[TermTest]]:
+def _wanted(parts: list[TurnOn], found: set[str]) -> tuple[list[str], list[TermTest], list[str]]:
     """Try all terms at once on all recordings, drop the least significant until every one left is wanted.
 
-    What only tables show is tried where a recording by itself has `found` it.
+    What only tables show is tried where a recording by itself has `found` it. Returned last is what was not tried.
     """
     has_gyro = any(part.outcome.has_gyro for part in parts)
     names = offered_terms(has_gyro=has_gyro) + [name for name in ON_TABLES if name in found]
-    tests: dict[str, TermTest] = {}
+    tests, untried = dict[str, TermTest](), list[str]()
     while names:
         trial = [with_free(part, _free(part, names)) for part in parts]
         try:
             solution = solve_several(trial)
         except (ObservabilityError, ConvergenceError):
-            names.pop()
+            untried.append(max(names, key=lambda name: TERMS[name].gives_way))
+            names.remove(untried[-1])
+            tests.pop(untried[-1], None)
             continue
         shared = _shared_scatter(solution)
         tests.update({name: _test(name, solution, shared) for name in names})
@@ -515,7 +518,7 @@ def _wanted(parts: list[TurnOn], found: set[str]) -> tuple[list[str], list[TermT
         if tests[weakest].kept:
             break
         names.remove(weakest)
-    return names, list(tests.values())
+    return names, list(tests.values()), untried
 
 
 def _test(name: str, solution: UnitAdjustment, shared: Square) -> TermTest:
@@ -640,9 +643,8 @@ def _probability(difference: Series, covariance: Square) -> float:
     from scipy.special import chdtrc
 
     scale = 1.0 / np.sqrt(np.diag(covariance))
-    squares = float(
-        (scale * difference) @ np.linalg.solve(covariance * np.outer(scale, scale), scale * difference)
-    )
+    scaled = scale * difference
+    squares = scaled @ np.linalg.solve(covariance * np.outer(scale, scale), scaled)
     return float(chdtrc(difference.size, squares))
 
 
@@ -682,5 +684,5 @@ def settled_outcome(outcome: SeveralOutcome, index: int) -> JointOutcome:
     part = outcome.solution.parts[index]
     assert part.balanced is not None
     balanced = replace(part.balanced, outliers=part.outliers)
-    settled = replace(part.outcome, task=part.task, balanced=balanced)
+    settled = replace(part.outcome, task=part.task, balanced=balanced, courses={}, untried=[])
     return replace(settled, terms=outcome.terms, untold=None, frame="accelerometer-x")

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Matrix, Series, Square, Table
+from tumble.arrays import AnyArray, Matrix, Series, Square, Table, inverted
 from tumble.calibration.equations.imu_unknowns import LAYOUT
 from tumble.calibration.estimate import Described, Estimate, Figures, LeftOut, coverage_factor
 from tumble.calibration.evidence import (
@@ -22,8 +22,10 @@ from tumble.calibration.evidence import (
     agreement_of,
     bias_scatter,
 )
+from tumble.calibration.optional_terms import untried_words
+from tumble.calibration.outcome.budget import outcome_influences, recording_influences
 from tumble.calibration.outcome.description import describe, named_function
-from tumble.calibration.outcome.estimate import joint_estimate
+from tumble.calibration.outcome.estimate import JointOutcome, joint_estimate
 from tumble.calibration.terms.lever_arms import lever_arms_of
 from tumble.calibration.turn_ons.adjustment import (
     SeveralOutcome,
@@ -85,39 +87,55 @@ def several_estimate(outcome: SeveralOutcome, alone: Sequence[Estimate], site: S
     site : how well gravity is known, which is the same error in all recordings.
     """
     unit = outcome.solution
-    parts = [joint_estimate(settled_outcome(outcome, k)) for k in range(len(unit.parts))]
+    settled = [settled_outcome(outcome, k) for k in range(len(unit.parts))]
+    parts = [joint_estimate(one) for one in settled]
     values, effect = _common(unit)
-    named = _named(outcome, values)
-    covariance = unit.settled.unit_weight * (effect @ unit.settled.cofactor @ effect.T)
+    named, weight = _named(outcome, values), unit.settled.unit_weight
+    covariance = weight * (effect @ (unit.settled.cofactor + cofactor_of_courses(unit, settled)) @ effect.T)
     biases = _biases(unit, dict(named.labels))
     turn_ons = TurnOns(
         [_recording_of(part, own) for part, own in zip(unit.parts, parts, strict=True)],
         [*biases.values()],
         _agreements(outcome, named, covariance),
-        *disagreement(
-            outcome.own, [told.precision for told in unit.told], unit.values, unit.settled.unit_weight
-        ),
+        *disagreement(outcome.own, [told.precision for told in unit.told], unit.values, weight),
     )
     for place, scatter in biases.items():
         covariance[place, place] = max(scatter.next_sigma**2, covariance[place, place])
     covariance += _enlargement(unit, named, turn_ons.agreements)
     described = describe(
-        *(values, covariance, site, _units_of(unit)),
-        terms=outcome.kept,
-        gyro=_gyro(unit),
-        frame=FRAME,
-        all_told=True,
+        *(values, covariance, site, _units_of(unit)), terms=outcome.kept, gyro=_gyro(unit), all_told=True
     )
     arms = lever_arms_of(values[LAYOUT["lever_arms"]], outcome.kept, np.eye(3))
     estimate = _joined(outcome, parts, described, arms)
     estimate.say("remark", *turn_on_sentences(turn_ons), *_said(outcome, [own.remarks for own in alone]))
     estimate.say("caution", *turn_on_cautions(turn_ons), *_said(outcome, [own.cautions for own in parts]))
     estimate.say("objection", *_said(outcome, [own.objections for own in alone]))
-    estimate.say("not determined", *_in_all([own.not_determined for own in alone]))
+    untold = [
+        *_in_all([own.not_determined for own in parts]),
+        *untried_words(outcome.untried, settled[0].task),
+    ]
+    estimate.say("not determined", *untold)
     estimate.show(turn_ons)
     factors = {b.parameter: b.coverage_factor for b in turn_ons.biases}
     each = [factors.get(p.name, estimate.coverage_factor) for p in estimate.parameters]
     return SeveralEstimate(estimate, parts, turn_ons, each)
+
+
+def cofactor_of_courses(unit: UnitAdjustment, settled: Sequence[JointOutcome]) -> Square:
+    """Return what the unit's cofactor gains where biases jump or drift in a recording: by how far all is moved.
+
+    Parameters
+    ----------
+    unit, settled : of all, and each recording's outcome there with the courses of its biases.
+    """
+    whole = unit.settled.cofactor
+    total = np.zeros(whole.shape)
+    for one, place in zip(settled, unit.places, strict=True):
+        if one.courses:
+            more = outcome_influences(one).covariance - recording_influences(one.task).covariance
+            moved = whole[:, place] @ inverted(whole[np.ix_(place, place)])
+            total += moved @ more @ moved.T
+    return total
 
 
 def _own(unit: UnitAdjustment, unknown: int) -> tuple[list[int], Series, list[int]]:
