@@ -196,15 +196,17 @@ def solve(task: Adjustable, *, once: bool = False, tolerance: float = TOLERANCE)
     Notes
     -----
     Gauss-Newton. A step after which the square sum is larger, or nothing is determined any more, is taken back, and a
-    quarter of it is tried; the share grows again with each step that is good.
+    quarter of it is tried; the share grows again with each step that is good. Where no share is good nothing settles.
     """
-    before, share, last = np.inf, 1.0, _Step(np.inf)
+    before, share, last = np.inf, 1.0, _Step()
     for iteration in range(1, ITERATIONS + 1):
         made = _equations(task, final=last.back is None or share <= LEAST_SHARE)
-        if last.back is not None and share > LEAST_SHARE and (made is None or last.is_bad(made.cost)):
+        if last.back is not None and (made is None or last.is_bad(made.cost)):
+            if share <= LEAST_SHARE:
+                break
             last.back()
-            share, last = 0.25 * share, _Step(np.inf)
-            continue
+            # What the equations are there is known.
+            share, made, last = 0.25 * share, last.made, _Step()
         assert made is not None
         step = -made.cofactor @ made.gradient
         if not np.all(np.isfinite(step)):
@@ -214,18 +216,19 @@ def solve(task: Adjustable, *, once: bool = False, tolerance: float = TOLERANCE)
         share = last.share_after(sigmas, share)
         taken = 1.0 if once or size <= ROUND_OFF else share
         back = None if once else task.snapshot()
-        here = np.maximum(np.abs(task.unknowns.values[task.unknowns.free]), 1.0)
+        values, free = task.unknowns.values.copy(), task.unknowns.free
         done = once or size <= tolerance or bool(size < ROUND_OFF and size >= before)
-        done = done or bool(np.all(np.abs(step) <= 1e-13 * here))
+        done = done or bool(np.all(np.abs(step) <= 1e-13 * np.maximum(np.abs(values[free]), 1.0)))
         made.chain.move(step, taken, residuals=done)
-        task.unknowns = _moved(task.unknowns, taken * step)
+        values[free] += taken * step
+        task.unknowns = task.unknowns.at(values)
         changed = task.stepped(made.chain, made.cofactor)
         if done:
             return _settled(task, made, iteration, size)
         # What is believed may have changed with the step: then the square sum says nothing of it.
-        last = _Step(np.inf if changed else made.cost, back, sigmas, taken)
+        last = _Step(made, np.inf if changed else made.cost, back, sigmas, taken)
         before, share = size, min(1.0, 2.0 * share)
-    raise ConvergenceError(f"The adjustment did not settle within {ITERATIONS} iterations.")
+    raise ConvergenceError("The adjustment did not settle.")
 
 
 @dataclass(frozen=True, slots=True)
@@ -255,9 +258,10 @@ def _equations(task: Adjustable, *, final: bool) -> _Made | None:
 
 @dataclass(frozen=True, slots=True)
 class _Step:
-    """A step: the square sum before it, the way back, its parts in sigmas as it was whole, and what share was taken."""
+    """A step: from where, the square sum there, the way back, its parts in sigmas as a whole, and the share taken."""
 
-    cost: float
+    made: _Made | None = None
+    cost: float = np.inf
     back: Callable[[], None] | None = None
     sigmas: Series | None = None
     taken: float = 1.0
@@ -297,12 +301,6 @@ def settled_at(task: Adjustable) -> Settled:
     """
     chain, normal, _ = linearise(task)
     return Settled(task.state, task.unknowns, chain, invert_normal_matrix(normal), 0.0, 0, 0)
-
-
-def _moved(unknowns: Unknowns, step: Series) -> Unknowns:
-    values = unknowns.values.copy()
-    values[unknowns.free] += step
-    return unknowns.at(values)
 
 
 def _settled(task: Adjustable, made: _Made, iterations: int, last_step: float) -> Settled:
