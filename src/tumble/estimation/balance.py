@@ -33,9 +33,9 @@ CHANCE = 0.025
 # 3 % of a variance is far below what any number of observations can tell.
 SETTLED = 0.03
 PASSES, ROUNDS = 10, 8
-# Sigmas that a start may be off by: variances that are yet to be balanced move it by more. After a step of a
-# hundredth, what is left is a thousandth at most: variances that are told to some per cent do not feel it.
-ROUGHLY, NEARLY = 0.5, 0.01
+# Sigmas that a step may have while variances are yet to be balanced: these move everything by more, and what the next
+# step would be is a hundredth of it.
+ROUGHLY = 0.5
 # An observation scatters more than the others where chance would make any one do so this rarely; its own variance is
 # told by a few numbers, so that a tenth of it is near enough.
 RESTLESS_FALSE_ALARM, RESTLESS_SETTLED = 1e-3, 0.1
@@ -246,11 +246,11 @@ def _without_chance(task: Balanceable, component: Component, solution: Settled) 
     try:
         # One step is enough almost always: what it refuses need not settle.
         for once in (True, False):
-            trial = solve(task, once=once, tolerance=NEARLY)
+            trial = solve(task, once=once, tolerance=ROUGHLY)
             tests = trial.tests(witnesses)
             if not all(_explained_by_chance(tests.get(witness)) for witness in witnesses):
                 break
-            if trial.last_step <= NEARLY:
+            if trial.last_step <= ROUGHLY:
                 return trial
     except (ConvergenceError, ObservabilityError):
         pass
@@ -285,7 +285,7 @@ def _settle(task: Balanceable, solution: Settled, *, robust: bool) -> Settled:
             task.noise = noise
             solution, here = solve(task), task.snapshot()
         back = here
-    return solution if solution.last_step <= NEARLY else solve(task, tolerance=NEARLY)
+    return solution if solution.last_step <= ROUGHLY else solve(task, tolerance=ROUGHLY)
 
 
 def _raise_component(noise: Noise, component: Component, tests: Tests, *, robust: bool) -> bool:
