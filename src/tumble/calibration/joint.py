@@ -177,7 +177,7 @@ def _begin(session: Session, procedure: Procedure, *, clocked: bool) -> _Begun:
     spun = session.matching is not None and session.matching.spins
     rotations = session.rotations if has_gyro and spun else []
     u, broken = rough_start(offered, site, rotations), list[str]()
-    base = gather(*offered[:3], by_hand=not rotations)
+    base = gather(*offered[:3], None if rotations else u)
     if not has_gyro:
         base.turn_start[:] = base.turn_stop[:] = -1
     turned = _rotations(base, u, rotations, broken)

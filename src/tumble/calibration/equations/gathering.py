@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from tumble.arrays import Matrices, Vector, Vectors
+from tumble.arrays import Matrices, Vector, Vectors, inverted
+from tumble.calibration.equations.imu_unknowns import force_matrix
 from tumble.calibration.equations.turn import HoldsAndTurns
 from tumble.errors import ObservabilityError
+from tumble.estimation.unknowns import Unknowns
 from tumble.recording.clock import stamp_jitter
 from tumble.recording.recording import Recording
 from tumble.segmentation import Hold, HoldMeans, Timeline
@@ -25,14 +27,14 @@ Rests = list[list[tuple[int, int]]]
 
 
 def gather(
-    recording: Recording, timeline: Timeline, means: HoldMeans, *, by_hand: bool = False
+    recording: Recording, timeline: Timeline, means: HoldMeans, by_hand: Unknowns | None = None
 ) -> HoldsAndTurns:
     """Return holds and turns of a recording with both triads.
 
     Parameters
     ----------
     recording, timeline, means : what was recorded.
-    by_hand : what a hand that trembles and sways adds is taken out of the noise.
+    by_hand : what is believed of sensors that a hand turned: that it trembles and sways is taken out of the noise.
 
     Raises
     ------
@@ -49,13 +51,10 @@ def gather(
     turn_start, turn_stop = _turn_ranges(timeline, head, tail)
     rests = [hold.stretches() for hold in timeline.holds]
     force_sigma = _least(timeline.noise_floor.specific_force, force, rests)
-    rate_sigma = timeline.noise_floor.angular_rate
-    if by_hand:
-        rate_sigma = _quiet(rate_sigma, rate, rests, recording.rate)
-        spread = _along_gravity(force, means, spread, rests)
-    rate_sigma = _least(rate_sigma, rate, rests)
-    rate_floor = _floor(rate_spread, rate_sigma, means, means.angular_rate_rounding)
-    if by_hand:
+    rate_sigma, seen = _least(timeline.noise_floor.angular_rate, rate, rests), rate_spread
+    if by_hand is not None:
+        rate_sigma = _least(_quiet(rate_sigma, rate, rests, recording.rate), rate, rests)
+        spread = _along_gravity(force, means, spread, rests, by_hand)
         rate_spread = _by_white_noise(means, rate_sigma)
     return HoldsAndTurns(
         time=recording.time,
@@ -73,7 +72,7 @@ def gather(
         force_sample_variance=force_sigma**2,
         rate_random_walk=rate_sigma**2 / recording.rate,
         force_floor=_floor(spread, force_sigma, means, means.specific_force_rounding),
-        rate_floor=rate_floor,
+        rate_floor=_floor(seen, rate_sigma, means, means.angular_rate_rounding),
         turn_sampling=_sampling(recording, rate, means.angular_rate, rests, (turn_start, turn_stop)),
         rate_rounding=means.angular_rate_rounding,
         parts=means.parts,
@@ -94,7 +93,7 @@ def _by_white_noise(means: HoldMeans, sigma: Vector) -> Matrices:
     return ((sigma**2 + bumped) / count + left)[:, :, None] * np.eye(3)
 
 
-def _along_gravity(signal: Vectors, means: HoldMeans, whole: Matrices, rests: Rests) -> Matrices:
+def _along_gravity(signal: Vectors, means: HoldMeans, whole: Matrices, rests: Rests, u: Unknowns) -> Matrices:
     """Covariances (holds, 3, 3) of accelerometers' means, as what is seen along gravity scatters within holds.
 
     A pose that sways moves what is seen across gravity, and the adjustment knows how each pose sways. What rounding
@@ -103,7 +102,8 @@ def _along_gravity(signal: Vectors, means: HoldMeans, whole: Matrices, rests: Re
     mean, rounding = means.specific_force, means.specific_force_rounding
     assert mean is not None
     left = np.zeros_like(whole) if rounding is None else rounding[:, :, None] * np.eye(3)
-    up, along = mean / np.linalg.norm(mean, axis=1, keepdims=True), np.zeros_like(signal)
+    inverse, along = inverted(force_matrix(u)), np.zeros_like(signal)
+    up = (mean - u["force.bias"]) @ inverse.T @ inverse
     for own, (a, b) in [(own, piece) for own, rest in zip(up, rests, strict=True) for piece in rest]:
         along[a:b] = (signal[a:b] @ own)[:, None]
     seen = mean_covariance(along, rests, rounding=np.zeros_like(mean)).covariance[:, 0, 0]
