@@ -84,7 +84,7 @@ class OneOptions:
             "NAME",
             "A paper's own estimator, whose result stands beside the joint one, with the difference in sigmas, and "
             "with -o in calibration-NAME.json: six-position, multi-position-9, zhang-optimal, ... An unknown NAME "
-            "lists all.",
+            "lists all with their sources.",
         ),
     ] = None
     monte_carlo: Annotated[
