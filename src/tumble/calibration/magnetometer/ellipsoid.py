@@ -54,11 +54,6 @@ class Ellipsoid:
     samples: int
     gap: float
 
-    @property
-    def matrix(self) -> Matrix:
-        """(3, 3) raw units per field norm, symmetric: the inverse of the shape."""
-        return inverted(self.shape)
-
 
 def fit_ellipsoid(values: Vectors) -> Ellipsoid:
     """Return the ellipsoid that raw numbers lie on, by maximum likelihood.
@@ -147,17 +142,17 @@ def _algebraic(values: Vectors) -> Series:
     )
     q, *_ = np.linalg.lstsq(design, np.ones(len(v)), rcond=None)
     Q = symmetric(q)
+    none = ObservabilityError(
+        "The magnetometer's numbers do not lie on an ellipsoid: turn the unit about all axes, away from iron, and "
+        "look whether the columns are those of a magnetometer."
+    )
     try:
-        centre = -np.linalg.solve(Q, q[6:])
+        centre: Vector = np.asarray(-np.linalg.solve(Q, q[6:]), dtype=np.float64)
+        values_, vectors = np.linalg.eigh(Q / (1.0 + centre @ Q @ centre))
     except np.linalg.LinAlgError:
-        centre = np.full(3, np.nan)
-    level = 1.0 + centre @ Q @ centre
-    values_, vectors = np.linalg.eigh(Q / level) if np.isfinite(level) else (np.full(3, -1.0), np.eye(3))
+        raise none from None
     if not np.all(values_ > 0.0):
-        raise ObservabilityError(
-            "The magnetometer's numbers do not lie on an ellipsoid: turn the unit about all axes, away from iron, and "
-            "look whether the columns are those of a magnetometer."
-        )
+        raise none
     S = (vectors * np.sqrt(values_)) @ vectors.T
     return np.concatenate([entries_of(S), centre])
 

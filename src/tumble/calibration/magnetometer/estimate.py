@@ -381,7 +381,7 @@ def magnetometer_alone(magnetic: MagneticField, given: GivenField | None = None)
 
     x = np.concatenate([entries_of(fitted.shape), fitted.centre])
     numbers, covariance = propagate(evaluate, x, fitted.covariance)
-    norm = float(scale.norm_of(fitted.matrix))
+    norm = float(scale.norm_of(np.linalg.inv(fitted.shape)))
     weak = bool(np.any(_shares(numbers, covariance, norm) > DETERMINED)) or fitted.gap > LARGEST_GAP
     said = (
         f"The magnetometer is not determined: no sample has the field within {np.degrees(fitted.gap):.0f}° of some "

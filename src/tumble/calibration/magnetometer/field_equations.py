@@ -13,7 +13,7 @@ steadily and as what begins between two holds, each by the step that the adjustm
 
 from __future__ import annotations
 
-from dataclasses import field, replace
+from dataclasses import field, fields, replace
 from operator import attrgetter
 from typing import cast
 
@@ -147,26 +147,17 @@ class FieldAdjustment(JointAdjustment):
         task : settled; it is copied.
         seen : the magnetometer's means.
         """
-        made = task.copy()
-        layout = _field_layout(len(made.sections))
-        values = np.pad(made.unknowns.values, (0, layout.size - LAYOUT.size))
-        free = np.union1d(made.unknowns.free, layout.indices(MATRIX, BIAS, DIP, AZIMUTH))
-        prior, more = made.prior, layout.size - LAYOUT.size
-        if prior is not None:
-            prior = Prior(np.pad(prior.mean, (0, more)), np.pad(prior.precision, (0, more)))
-        taking_part = {**made.taking_part, FIELD: seen.seen & made.taking_part["force"]}
-        return FieldAdjustment(
-            made.data,
-            made.site,
-            Unknowns(layout, values, free),
-            made.sections,
-            made.rotations,
-            made.noise,
-            taking_part,
-            prior,
-            seen,
-            np.zeros(made.data.holds),
-        )
+        own = task.copy()
+        kept = {one.name: getattr(own, one.name) for one in fields(JointAdjustment)}
+        made = FieldAdjustment(**kept, seen=seen, course=np.zeros(own.data.holds))
+        layout = _field_layout(len(own.sections))
+        more = 0, layout.size - LAYOUT.size
+        free = np.union1d(own.unknowns.free, layout.indices(MATRIX, BIAS, DIP, AZIMUTH))
+        made.unknowns = Unknowns(layout, np.pad(own.unknowns.values, more), free)
+        if own.prior is not None:
+            made.prior = Prior(np.pad(own.prior.mean, more), np.pad(own.prior.precision, more))
+        made.taking_part = {**own.taking_part, FIELD: seen.seen & own.taking_part["force"]}
+        return made
 
     def stretch(self) -> FieldStretch:
         """Return everything that was observed, the field too."""
