@@ -33,14 +33,7 @@ from tumble.sensor.triad import CURVES
 LONGEST = 600.0
 """s, beyond which the closed forms are off by more than 4 %."""
 _ENTRIES = (
-    "accelerometer.bias",
-    "accelerometer.matrix",
-    "accelerometer.quadratic",
-    "accelerometer.asymmetry",
-    "gyroscope.bias",
-    "gyroscope.matrix",
-    "gyroscope.quadratic",
-    "gyroscope.asymmetry",
+    *(f"{kind}.{term}" for kind in ("accelerometer", "gyroscope") for term in ("bias", "matrix", *CURVES)),
     "gyroscope.g_sensitivity",
 )
 
@@ -258,11 +251,9 @@ def sheet_unit(
     """
     names, variances = list[str](), list[float]()
     for at, kind in enumerate(("accelerometer", "gyroscope")):
-        for i in range(3):
-            for j in range(3):
-                names.append(f"{kind}.matrix[{i},{j}]")
-                variances.append((scale if i == j else lean)[at] ** 2)
+        names += [f"{kind}.matrix[{i},{j}]" for i in range(3) for j in range(3)]
         names += [f"{kind}.bias[{i}]" for i in range(3)]
-        variances += [bias[at] ** 2] * 3
+        spread = np.where(np.eye(3, dtype=bool), scale[at], lean[at])
+        variances += [*np.square(spread).ravel().tolist(), *[bias[at] ** 2] * 3]
     ideal = ImuModel(Triad(np.eye(3), np.zeros(3)), Triad(np.eye(3), np.zeros(3)))
     return CalibratedUnit(ideal, tuple(names), np.diag(variances), gravity)

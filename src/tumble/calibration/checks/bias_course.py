@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -226,10 +226,10 @@ def with_courses(influences: Influences, courses: Mapping[str, Sequence[BiasCour
     ----------
     influences, courses : of one solution; see `outcome.estimate.JointOutcome`.
     """
+
+    def departure(own: Sequence[BiasCourse], time: Series) -> AnyArray:
+        return sum((course.departure(time) for course in own), np.zeros((len(time), 3)))
+
     for source, own in courses.items():
-
-        def departure(time: Series, own: Sequence[BiasCourse] = own) -> AnyArray:
-            return sum((course.departure(time) for course in own), np.zeros((len(time), 3)))
-
-        influences = influences.with_course(source, COURSES[source], departure)
+        influences = influences.with_course(source, COURSES[source], partial(departure, own))
     return influences

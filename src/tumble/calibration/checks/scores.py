@@ -64,11 +64,9 @@ def angle_off(angle: float) -> str:
     ----------
     angle : rad, or not a number.
     """
-    return (
-        f"{np.degrees(angle):.2f}° off"
-        if np.isfinite(angle)
-        else f"elsewhere after less than {np.degrees(SMALLEST_TURN):.0f}°"
-    )
+    if np.isfinite(angle):
+        return f"{np.degrees(angle):.2f}° off"
+    return f"elsewhere after less than {np.degrees(SMALLEST_TURN):.0f}°"
 
 
 def score_turns(model: ImuModel, data: HoldsAndTurns) -> TurnScores:

@@ -61,12 +61,9 @@ def unseen_table(protocol: Protocol) -> Unseen | None:
     spins = [step for step in protocol.steps if isinstance(step, SpinStep)]
     if not spins:
         return None
-    assumed = any(step.sigma is None for step in spins)
-    because = (
-        "the protocol does not say how far the table is off, and this is assumed"
-        if assumed
-        else "as the protocol states"
-    )
+    because = "as the protocol states"
+    if any(step.sigma is None for step in spins):
+        because = "the protocol does not say how far the table is off, and this is assumed"
     return Unseen(
         TABLE_RATE,
         max(step.rate_sigma for step in spins),
@@ -83,9 +80,10 @@ def state_unseen(session: Session, estimate: Estimate) -> None:
     session : what was recorded.
     estimate : of it, and of no other clock.
     """
-    clock, within = session.recording.clock, _within(estimate, session.recording.clock.sigma)
-    if within is None:
+    clock, budget = session.recording.clock, estimate.shown(Budget)
+    if estimate.procedure != "joint":
         return state_unseen_clock(clock, estimate, rest_rate(estimate, session.means))
+    within = {SAMPLE_RATE: clock.sigma * _scale_slope(estimate)} if budget is None else budget.shares
     # Where the recording itself determines the clock, or checks the table, little is left of what was believed.
     table = None if session.protocol is None else unseen_table(session.protocol)
     for one in (_unseen_clock(clock), table):
@@ -153,14 +151,6 @@ def state_unseen_clock(clock: Clock, estimate: Estimate, at_rest: Vector | None 
     add_common_scale(estimate, one.sigma, at_rest)
     if one.sigma > 0.0:
         _say(estimate, one, _scale_slope(estimate) * one.sigma)
-
-
-def _within(estimate: Estimate, clock: float) -> dict[str, Series] | None:
-    """Shares of what the joint estimator has in its covariance; None of another estimate."""
-    if estimate.procedure != "joint":
-        return None
-    budget = estimate.shown(Budget)
-    return {SAMPLE_RATE: clock * _scale_slope(estimate)} if budget is None else budget.shares
 
 
 def rest_rate(estimate: Estimate, means: HoldMeans) -> Vector:

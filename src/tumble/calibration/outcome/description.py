@@ -65,9 +65,8 @@ def describe(
     shown, told = propagate(evaluate, unknowns, spread)
     sigmas = np.sqrt(np.maximum(np.diag(told), 0.0))
     named = np.ones(len(labels), dtype=bool)
-    for term in _kept(terms, "parameters"):
-        assert term.parameters is not None
-        named &= True if term.parameters.told is None else term.parameters.told(labels, sigmas)
+    for wanted in (term.parameters.told for term in _kept(terms, "parameters") if term.parameters):
+        named &= wanted is None or wanted(labels, sigmas)
     rows = [
         i for i in np.flatnonzero(named) if all_told or _is_told(labels[i][0], shown[i], sigmas[i], unknowns)
     ]

@@ -172,9 +172,8 @@ def _cut(
             cuts[-1] = last
             cuts = cuts[np.concatenate([np.diff(cuts) >= least, [True]])] if parts > 1 else cuts
             cuts[0] = first
-            parts = len(cuts) - 1
             stretches += list(zip(cuts[:-1].tolist(), cuts[1:].tolist(), strict=True))
-            holds += [number] * parts
+            holds += [number] * (len(cuts) - 1)
     return stretches, holds
 
 
