@@ -511,11 +511,9 @@ def _not_needless(
 
     Where something was left out or weighed less for want of a term, one step does not show it: all may be.
     """
-    masked = balanced.outliers or any(task.noise.factors.values())
-    if not names or masked or balanced.solution.unknowns.free.size != plain.size:
+    if not names or balanced.outliers or any(task.noise.factors.values()):
         return names
-    trial = task.copy()
-    trial.unknowns = trial.unknowns.with_free(unknowns_with(plain, names))
+    trial = task.copy(unknowns_with(plain, names))
     trial.prior = together(trial.prior, terms_prior(trial.unknowns))
     try:
         solution = solve(trial, once=True)
