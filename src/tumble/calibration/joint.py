@@ -18,7 +18,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tumble.arrays import Matrix, Series, inverted
+from tumble.arrays import Series, inverted
 from tumble.calibration.checks.triad_agreement import add_time_lag
 from tumble.calibration.checks.unseen import add_common_scale, rest_rate
 from tumble.calibration.equations.adjustment import JointAdjustment, balance_recording, solve_recording
@@ -174,10 +174,11 @@ def _begin(session: Session, procedure: Procedure, *, clocked: bool) -> _Begun:
         )
     offered = with_stand_ins(session.recording, session.timeline, session.means, poses, site)
     poses, has_gyro = (poses if offered.has_force else None), offered.has_gyro
-    spun = session.matching is not None and session.matching.spins
-    rotations = session.rotations if has_gyro and spun else []
+    matched = has_gyro and session.matching is not None and session.matching.spins
+    rotations = session.rotations if matched else []
     u, broken = rough_start(offered, site, rotations), list[str]()
-    base = gather(*offered[:3], None if rotations else u)
+    by_hand = None if rotations or offered.means.modelled else u
+    base = gather(*offered[:3], by_hand)
     if not has_gyro:
         base.turn_start[:] = base.turn_stop[:] = -1
     turned = _rotations(base, u, rotations, broken)
@@ -185,7 +186,7 @@ def _begin(session: Session, procedure: Procedure, *, clocked: bool) -> _Begun:
         # What stands in for accelerometers shows nothing while a table turns.
         one.force_covariance = one.force_covariance + NOTHING_SHOWN * np.eye(3)
     data = observe(with_rounding(base, turned), u, turned)
-    if not rotations:
+    if by_hand is not None:
         # What rests show of it may be a hand's that sways: how biases wander the residuals say.
         data.base, data.rate_density = replace(data.base, rate_floor=np.zeros(3)), np.zeros(3)
     data.poses = poses
@@ -206,8 +207,7 @@ def _begin(session: Session, procedure: Procedure, *, clocked: bool) -> _Begun:
     if untold is not None:
         _refuse_nothing_told(untold, session.recording)
         task.noise = rough_variances(base, u, has_gyro=has_gyro)
-    unlike = _unlike_angle(rotations, inverted(gyro_matrix(u)), u)
-    return _Begun(offered, task, plain, untold, alike, adjusted, broken, unlike, sheets)
+    return _Begun(offered, task, plain, untold, alike, adjusted, broken, _unlike_angle(rotations, u), sheets)
 
 
 def calibrate_accelerometers(
@@ -242,9 +242,8 @@ def calibrate_accelerometers(
 
 def _known_terms(u: Unknowns, *, wanted: bool) -> list[str]:
     """Optional terms that the start has; where none are wanted they are made zero."""
-    own = u["gyro.g_sensitivity"]
-    own *= float(wanted)
-    return ["g_sensitivity"] if np.any(own) else []
+    u["gyro.g_sensitivity"][:] *= float(wanted)
+    return ["g_sensitivity"] if np.any(u["gyro.g_sensitivity"]) else []
 
 
 def _with_alike(
@@ -316,15 +315,16 @@ def _rotations(
     return made
 
 
-def _unlike_angle(rotations: Sequence[Rotation], inverse: Matrix, u: Unknowns) -> str:
+def _unlike_angle(rotations: Sequence[Rotation], u: Unknowns) -> str:
     """Say which angle of the protocol the gyros contradict most, if by far; whole turns more or less are no matter."""
     read = [one for one in rotations if one.is_from_rest]
     if not read:
         return ""
+    inverse, angles = inverted(gyro_matrix(u)), np.array([abs(one.angle) for one in read])
     turned = np.array([inverse @ (one.integral - one.seconds * u["gyro.bias"]) for one in read])
-    angles, sizes = np.array([abs(one.angle) for one in read]), np.linalg.norm(turned, axis=1)
+    sizes = np.linalg.norm(turned, axis=1)
     # Rough gyros are off by some share alike.
-    sizes = sizes / float(np.median(sizes / angles))
+    sizes /= float(np.median(sizes / angles))
     off = np.abs(np.remainder(sizes - angles + np.pi, 2.0 * np.pi) - np.pi)
     worst = int(np.argmax(off / angles))
     if off[worst] < UNLIKE * angles[worst]:

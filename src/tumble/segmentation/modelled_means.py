@@ -11,7 +11,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Matrices
 from tumble.noise.terms import NoiseModel
 from tumble.recording.recording import Recording
 from tumble.records import dataclass
@@ -31,7 +30,7 @@ class ModelledMeans:
 
     Attributes
     ----------
-    means : as before, with other covariances, and with `*_between` where models were given.
+    means : as before, with other covariances.
     remarks : what was found on the way, in words.
     """
 
@@ -46,7 +45,7 @@ def model_means(
     force: Sequence[NoiseModel] | None,
     rate: Sequence[NoiseModel] | None,
 ) -> ModelledMeans:
-    """Return the means with the covariances that models give them, hold with hold.
+    """Return the means with the covariances that models give them.
 
     A hold that scatters more than its model can make by chance was disturbed: it keeps the variance of its
     own scatter, if that is larger.
@@ -68,35 +67,26 @@ def model_means(
     ):
         if models is None or covariance is None:
             continue
-        between = np.stack([model.mean_covariance(means.duration, span, starts) for model in models])
+        whole = np.stack([model.mean_covariance(means.duration, span, starts) for model in models])
         # What rounding leaves in a mean is no noise that a model has.
         left = np.zeros((len(means), 3)) if rounding is None else rounding
         own = (np.diagonal(covariance, axis1=1, axis2=2) - left).T
-        between, disturbed, ratio = _with_own(between, own)
-        between = between + left.T[:, :, None] * np.eye(len(means))
-        full = _blocks(np.diagonal(between, axis1=1, axis2=2).T)
+        variance, disturbed, ratio = _with_own(np.diagonal(whole, axis1=1, axis2=2), own)
+        full = (variance.T + left)[:, :, None] * np.eye(3)
         said += _in_words(name, disturbed, ratio)
-        if name == "accelerometer":
-            changed = replace(changed, specific_force_covariance=full, specific_force_between=between)
-        else:
-            changed = replace(changed, angular_rate_covariance=full, angular_rate_between=between)
+        field = "specific_force_covariance" if name == "accelerometer" else "angular_rate_covariance"
+        changed = replace(changed, modelled=True, **{field: full})
     return ModelledMeans(changed, tuple(said))
 
 
-def _with_own(between: AnyArray, own: np.ndarray) -> tuple[AnyArray, np.ndarray, float]:
-    """The models' covariances with disturbed holds' own variances, which holds those are, and the usual excess."""
+def _with_own(variance: np.ndarray, own: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    """The models' variances with disturbed holds' own, which holds those are, and the usual excess."""
     from scipy.special import gammaincinv
 
-    variance = np.diagonal(between, axis1=1, axis2=2)
     limit = float(gammaincinv(0.5 * _OWN_FREEDOM, 1.0 - EXCESS_FALSE_ALARM)) / (0.5 * _OWN_FREEDOM)
     excess = np.where(own > limit * variance, own - variance, 0.0)
     ratio = float(np.median(np.sqrt(own / variance)))
-    return between + np.stack([np.diag(row) for row in excess]), np.any(excess > 0.0, axis=0), ratio
-
-
-def _blocks(variance: np.ndarray) -> Matrices:
-    """Diagonal matrices (holds, 3, 3) of (holds, 3) variances."""
-    return np.asarray(variance[:, :, None] * np.eye(3))
+    return variance + excess, np.any(excess > 0.0, axis=0), ratio
 
 
 def _in_words(name: str, disturbed: np.ndarray, ratio: float) -> list[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Matrices, Series, Vectors
+from tumble.arrays import Matrices, Series, Vectors
 from tumble.errors import SegmentationError
 from tumble.recording.recording import Recording
 from tumble.records import dataclass
@@ -26,10 +26,9 @@ class HoldMeans:
     time : (holds,) s, the middle of each hold.
     count : (holds,) samples averaged.
     temperature : (holds,) degrees Celsius, or None.
-    specific_force_between, angular_rate_between : (3, holds, holds) covariance of the means of different
-        holds for each axis, where a noise model determines it (`tumble.segmentation.modelled_means`), or None.
     specific_force_rounding, angular_rate_rounding : (holds, 3) raw², what of the covariances rounding leaves.
     parts : means of the parts of the holds, which show how biases wander; None where that is not asked for.
+    modelled : noise models say how well the means are known (`tumble.segmentation.modelled_means`).
     """
 
     specific_force: Vectors | None
@@ -42,11 +41,10 @@ class HoldMeans:
     time: Series
     count: Series
     temperature: Series | None
-    specific_force_between: AnyArray | None = None
-    angular_rate_between: AnyArray | None = None
     specific_force_rounding: Vectors | None = None
     angular_rate_rounding: Vectors | None = None
     parts: RestParts | None = None
+    modelled: bool = False
 
     def __repr__(self) -> str:
         return f"<HoldMeans of {self.duration.size} holds>"

@@ -20,7 +20,6 @@ from scipy.spatial.transform import Rotation
 
 from tumble.attitude.directions import twenty_six_directions
 from tumble.calibration import Estimate
-from tumble.calibration.procedure import GROUP
 from tumble.calibration.session import Session
 from tumble.document import Calibration, calibration_from_estimate
 from tumble.earth import EARTH_RATE, Site
@@ -31,6 +30,7 @@ from tumble.segmentation import HoldMeans, SpinMeans
 from tumble.segmentation.matching import MatchedHold, MatchedSpin, Matching
 from tumble.sensor import ImuModel, Triad
 from tumble.simulation import find_grade, simulate_protocol
+from tumble.workflows.procedures import GROUP
 from tumble_papers.hayal.methods import ESTIMATORS
 
 SITE = Site(9.801, 0.0, math.radians(40.0), 0.0, "as simulated")

@@ -188,14 +188,14 @@ def _force_difference(session: Session, *holds: np.ndarray) -> str:
 
 
 def _means_of(means: HoldMeans, holds: np.ndarray) -> HoldMeans:
-    """Some of the holds, without what a noise model determines between them."""
+    """Some of the holds."""
     parts = {f.name: getattr(means, f.name) for f in fields(means)}
     own = {
         name: None if value is None else value[holds]
         for name, value in parts.items()
-        if "between" not in name and name != "parts"
+        if name not in ("modelled", "parts")
     }
-    return replace(means, **own, specific_force_between=None, angular_rate_between=None, parts=None)
+    return replace(means, **own, parts=None)
 
 
 def join_timelines(
@@ -247,14 +247,11 @@ def _joined_means(recording: Recording, timeline: Timeline, means: Sequence[Hold
         return None if any(part is None for part in parts) else np.concatenate(parts)
 
     middle = [0.5 * (recording.time[h.start] + recording.time[h.stop - 1]) for h in timeline.holds]
-    single = ("time", "parts")
-    names = [f.name for f in fields(means[0]) if not f.name.endswith("_between") and f.name not in single]
+    names = [f.name for f in fields(means[0]) if f.name not in ("time", "parts", "modelled")]
     return replace(
         means[0],
         **{name: every(name) for name in names},
         time=np.array(middle),
-        specific_force_between=None,
-        angular_rate_between=None,
         parts=observe_parts(recording, timeline),
     )
 
