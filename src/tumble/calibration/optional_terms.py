@@ -40,7 +40,7 @@ LARGEST_OF_A_UNIT = 5.0
 # What a term that was not tried does to biases is said for so large a share of 1 g.
 ILLUSTRATED = 1e-3
 # Of the largest eigenvalue of an information matrix: below this it is the round-off of the others.
-ROUND_OFF = 1e-14
+ROUND_OFF = 1e-13
 # Share of the name plate's variance that is left of a direction that the motion determines.
 LEFT = TOLD**2 / (1.0 + TOLD**2)
 

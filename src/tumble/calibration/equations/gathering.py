@@ -18,8 +18,8 @@ from tumble.segmentation.rounding import integral_variance, rounding_of_each, st
 # A turn joins a hold over its last or first two seconds: long enough to average the accelerometer's
 # noise below the gyro's, short enough that a creeping pose does not matter.
 EDGE_WINDOW = 2.0
-# Share of the largest sample below which a sample is not believed, noise or none.
-SAMPLE_DIGITS = 1e-7
+# Share of the largest sample below which a sample is not believed, noise or none, and a mean along gravity.
+SAMPLE_DIGITS, MEAN_DIGITS = 1e-7, 3e-7
 # s, of the pieces of rests of which a spectrum is taken; what is faster than a quarter of the rate a unit may filter.
 PIECE = 2.6
 
@@ -50,12 +50,14 @@ def gather(
     head, tail = _edge_windows(timeline.holds, means, recording.rate)
     turn_start, turn_stop = _turn_ranges(timeline, head, tail)
     rests = [hold.stretches() for hold in timeline.holds]
+    rounding = means.specific_force_rounding, means.angular_rate_rounding
+    left, rate_left = (np.zeros((len(means), 3)) if one is None else one for one in rounding)
     force_sigma = _least(timeline.noise_floor.specific_force, force, rests)
     rate_sigma, seen = _least(timeline.noise_floor.angular_rate, rate, rests), rate_spread
     if by_hand is not None:
         rate_sigma = _least(_quiet(rate_sigma, rate, rests, recording.rate), rate, rests)
-        spread = _along_gravity(force, means, spread, rests, by_hand)
-        rate_spread = _by_white_noise(means, rate_sigma)
+        spread = _along_gravity(force, means.specific_force, spread, left, rests, by_hand)
+        rate_spread = _by_white_noise(rate_spread, rate_left, rate_sigma, means.count[:, None])
     return HoldsAndTurns(
         time=recording.time,
         raw_force=force,
@@ -71,44 +73,41 @@ def gather(
         turn_stop=turn_stop,
         force_sample_variance=force_sigma**2,
         rate_random_walk=rate_sigma**2 / recording.rate,
-        force_floor=_floor(spread, force_sigma, means, means.specific_force_rounding),
-        rate_floor=_floor(seen, rate_sigma, means, means.angular_rate_rounding),
+        force_floor=_floor(spread, force_sigma, means, left),
+        rate_floor=_floor(seen, rate_sigma, means, rate_left),
         turn_sampling=_sampling(recording, rate, means.angular_rate, rests, (turn_start, turn_stop)),
         rate_rounding=means.angular_rate_rounding,
         parts=means.parts,
     )
 
 
-def _by_white_noise(means: HoldMeans, sigma: Vector) -> Matrices:
+def _by_white_noise(whole: Matrices, left: Vectors, sigma: Vector, count: np.ndarray) -> Matrices:
     """Covariances (holds, 3, 3) of gyros' means: what is beyond white noise may be a hand's that sways.
 
     Over a hold next to nothing of a sway is left, and how biases wander from hold to hold the residuals say.
     """
-    assert means.angular_rate_covariance is not None
-    left = 0.0 if means.angular_rate_rounding is None else means.angular_rate_rounding
-    count = means.count[:, None]
-    variance = count * (np.diagonal(means.angular_rate_covariance, axis1=1, axis2=2) - left)
+    variance = count * (np.diagonal(whole, axis1=1, axis2=2) - left)
     # A hold that scatters far more than the others was bumped, and does not end where it began.
     bumped = np.maximum(variance - 2.0 * np.median(variance, axis=0), 0.0)
     return ((sigma**2 + bumped) / count + left)[:, :, None] * np.eye(3)
 
 
-def _along_gravity(signal: Vectors, means: HoldMeans, whole: Matrices, rests: Rests, u: Unknowns) -> Matrices:
+def _along_gravity(
+    signal: Vectors, mean: Vectors, whole: Matrices, left: Vectors, rests: Rests, u: Unknowns
+) -> Matrices:
     """Covariances (holds, 3, 3) of accelerometers' means, as what is seen along gravity scatters within holds.
 
     A pose that sways moves what is seen across gravity, and the adjustment knows how each pose sways. What rounding
     leaves stays.
     """
-    mean, rounding = means.specific_force, means.specific_force_rounding
-    assert mean is not None
-    left = np.zeros_like(whole) if rounding is None else rounding[:, :, None] * np.eye(3)
     inverse, along = inverted(force_matrix(u)), np.zeros_like(signal)
-    up = (mean - u["force.bias"]) @ inverse.T @ inverse
+    up, rounding = (mean - u["force.bias"]) @ inverse.T @ inverse, left[:, :, None] * np.eye(3)
     for own, (a, b) in [(own, piece) for own, rest in zip(up, rests, strict=True) for piece in rest]:
         along[a:b] = (signal[a:b] @ own)[:, None]
-    seen = mean_covariance(along, rests, rounding=np.zeros_like(mean)).covariance[:, 0, 0]
-    usual = np.einsum("ni,nii->n", up**2, whole - left)
-    return left + min(float(np.median(seen / np.maximum(usual, 1e-300))), 1.0) * (whole - left)
+    digits = np.full_like(mean, (MEAN_DIGITS * along.max()) ** 2)
+    seen = mean_covariance(along, rests, rounding=digits).covariance[:, 0, 0]
+    usual = np.einsum("ni,nii->n", up**2, whole - rounding)
+    return rounding + min(float(np.median(seen / np.maximum(usual, 1e-300))), 1.0) * (whole - rounding)
 
 
 def _quiet(sigma: Vector, signal: Vectors, rests: Rests, rate: float) -> Vector:
@@ -142,9 +141,9 @@ def _sampling(
     return integral_variance(rate, np.column_stack(turns), left, stamp_jitter(recording.time))
 
 
-def _floor(covariance: Matrices, sigma: Vector, means: HoldMeans, rounding: Vectors | None) -> Vector:
+def _floor(covariance: Matrices, sigma: Vector, means: HoldMeans, left: Vectors) -> Vector:
     """Return the variance of a hold's mean beyond white noise and rounding, the median over the holds."""
-    variance = np.diagonal(covariance, axis1=1, axis2=2) - (0.0 if rounding is None else rounding)
+    variance = np.diagonal(covariance, axis1=1, axis2=2) - left
     white = sigma**2 / means.count[:, None]
     return np.median(np.maximum(variance - white, 0.0), axis=0)
 
