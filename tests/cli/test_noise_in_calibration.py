@@ -35,14 +35,11 @@ def sigma_of_biases(folder: Path) -> float:
 
 def test_a_calibration_counts_the_models(tumble: Any, recording: Path, noise: Path, tmp_path: Path) -> None:
     content = json.loads(noise.read_text(encoding="utf-8"))
-    walk = {
-        "letter": "K",
-        "value": 2e-3,
-    }  # m/s²/√s: 7 mm/s² over a hold of a dozen seconds, many times the noise
+    # m/s²/√s: 7 mm/s² over a hold of a dozen seconds, many times the noise
+    walk = {"letter": "K", "value": 2e-3}
     for name in ("ax", "ay", "az"):
         content["channels"][name]["terms"]["K"] = walk
-    wandering = tmp_path / "wandering.json"
-    wandering.write_text(json.dumps(content), encoding="utf-8")
+    (wandering := tmp_path / "wandering.json").write_text(json.dumps(content), encoding="utf-8")
     sigmas: list[float] = []
     for path in (noise, wandering):
         answer = tumble("calibrate", recording, "--noise", path, "-o", tmp_path / path.stem)

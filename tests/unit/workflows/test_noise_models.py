@@ -75,6 +75,10 @@ def test_a_file_that_is_not_there_is_refused(tmp_path: Path) -> None:
         read_noise_models(tmp_path / "none.json")
 
 
+FLOOR = NoiseFloor(np.full(3, 7e-3), np.zeros(3), 0.0, "none")
+TIMELINE = Timeline(tuple(Hold(1000 * k, 1000 * (k + 1)) for k in range(3)), (), (), FLOOR)
+
+
 @pytest.mark.parametrize("shaken", [False, True])
 def test_holds_have_the_models_covariance_and_a_shaken_one_its_own(shaken: bool) -> None:
     given = recording()
@@ -82,11 +86,8 @@ def test_holds_have_the_models_covariance_and_a_shaken_one_its_own(shaken: bool)
     if shaken:
         # the third hold shakes a hundred times the noise
         given.specific_force[2000:] += 0.7 * np.sin(np.arange(1000) * 0.05)[:, None]
-    holds = tuple(Hold(1000 * k, 1000 * (k + 1)) for k in range(3))
-    timeline = Timeline(holds, (), (), NoiseFloor(np.full(3, 7e-3), np.zeros(3), 0.0, "none"))
-    model = NoiseModel(random_walk=1e-3, rate_random_walk=1e-5)
-    means = observe_holds(given, timeline)
-    modelled = model_means(given, timeline, means, [model] * 3, None)
+    means, model = observe_holds(given, TIMELINE), NoiseModel(random_walk=1e-3, rate_random_walk=1e-5)
+    modelled = model_means(given, TIMELINE, means, [model] * 3, None)
     covariance = modelled.means.specific_force_covariance
     assert covariance is not None
     assert means.specific_force_covariance is not None
@@ -102,9 +103,7 @@ def test_holds_have_the_models_covariance_and_a_shaken_one_its_own(shaken: bool)
 def test_what_rounding_leaves_is_no_noise_of_a_model_and_stays() -> None:
     """Twice the noise's own variance: too little for a shaken hold, too much for the model alone."""
     given = recording()
-    holds = tuple(Hold(1000 * k, 1000 * (k + 1)) for k in range(3))
-    timeline = Timeline(holds, (), (), NoiseFloor(np.full(3, 7e-3), np.zeros(3), 0.0, "none"))
-    means, model = observe_holds(given, timeline), NoiseModel(random_walk=1e-3)
+    means, model = observe_holds(given, TIMELINE), NoiseModel(random_walk=1e-3)
     assert means.specific_force_covariance is not None
     rounding = np.array([1e-7, 0.0, 3e-8]) * np.array([[1.0], [2.0], [0.5]])
     coarse = replace(
@@ -112,7 +111,7 @@ def test_what_rounding_leaves_is_no_noise_of_a_model_and_stays() -> None:
         specific_force_rounding=rounding,
         specific_force_covariance=means.specific_force_covariance + rounding[:, :, None] * np.eye(3),
     )
-    fine, modelled = (model_means(given, timeline, one, [model] * 3, None) for one in (means, coarse))
+    fine, modelled = (model_means(given, TIMELINE, one, [model] * 3, None) for one in (means, coarse))
     assert fine.means.specific_force_covariance is not None
     assert modelled.means.specific_force_covariance is not None
     more = modelled.means.specific_force_covariance - fine.means.specific_force_covariance

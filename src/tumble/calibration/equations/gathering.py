@@ -20,8 +20,9 @@ from tumble.segmentation.rounding import integral_variance, rounding_of_each, st
 EDGE_WINDOW = 2.0
 # Share of the largest sample below which a sample is not believed, noise or none, and a mean along gravity.
 SAMPLE_DIGITS, MEAN_DIGITS = 1e-7, 3e-7
-# s, of the pieces of rests of which a spectrum is taken; what is faster than a quarter of the rate a unit may filter.
-PIECE = 2.6
+# s, of the pieces of rests of which a spectrum is taken. Its octaves from the third line on, 1 to 5 Hz, lie above a
+# hand's sway and below its tremor, and below the corner of a filter, past which a sensor's own noise is missing.
+PIECE, OCTAVES = 2.6, (3, 6)
 
 Rests = list[list[tuple[int, int]]]
 
@@ -111,7 +112,7 @@ def _along_gravity(
 
 
 def _quiet(sigma: Vector, signal: Vectors, rests: Rests, rate: float) -> Vector:
-    """Return a sample's sigma by that octave of the spectrum at rest which has least: a hand trembles in others."""
+    """Return a sample's sigma by the quieter octave of the spectrum at rest between a hand's sway and its tremor."""
     pieces = [piece for rest in rests for piece in rest]
     size = 2 ** int(np.log2(np.clip(np.median(np.diff(pieces)), 1.0, max(PIECE * rate, 1.0))))
     window, starts = np.hanning(size)[:, None], [k for a, b in pieces for k in range(a, b - size + 1, size)]
@@ -120,11 +121,10 @@ def _quiet(sigma: Vector, signal: Vectors, rests: Rests, rate: float) -> Vector:
         cut = signal[k : k + size]
         power += np.abs(np.fft.rfft(window * (cut - cut.mean(axis=0)), axis=0)) ** 2
     power /= max(len(starts), 1) * max(float(np.sum(window**2)), 1e-300)
-    octaves = [power[k : 2 * k].mean(axis=0) for k in (3, 6, 12, 24, 48, 96, 192) if 8 * k <= size + 8]
-    least = min(
-        octaves, key=lambda one: float(np.sum(one / np.maximum(sigma, 1e-150) ** 2)), default=sigma**2
-    )
-    return np.sqrt(np.where(least > 0.0, np.minimum(least, sigma**2), sigma**2))
+    octaves = [power[k : 2 * k].mean(axis=0) for k in OCTAVES if 8 * k <= size + 8]
+    own = np.maximum(sigma, 1e-150) ** 2
+    least = min(octaves, key=lambda one: float(np.sum(one / own)), default=own)
+    return np.sqrt(np.where(least > 0.0, least, own))
 
 
 def _least(sigma: Vector, signal: Vectors, rests: Rests) -> Vector:
