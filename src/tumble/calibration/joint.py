@@ -144,7 +144,7 @@ def calibrate(session: Session, procedure: Procedure, *, clocked: bool = True) -
     if options.optional_terms and by_hand:
         add_time_lag(estimate, task.data.base)
     estimate.say("remark", *begun.broken)
-    say_of_sheets(estimate, outcome, begun.sheets)
+    say_of_sheets(estimate, outcome, begun.sheets, session.alike, alone=False)
     say_missing(estimate, outcome, procedure)
     return estimate
 

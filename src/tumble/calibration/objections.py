@@ -8,7 +8,7 @@ gyros with the matrix M it is ``M w / g``. That is one number where a sensor's o
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
@@ -264,7 +264,11 @@ def find_other_latitude(estimate: Estimate, site: Site) -> str:
 
 
 def say_of_sheets(
-    estimate: Estimate, outcome: JointOutcome, sheets: Sequence[TriadSheet], *, alone: bool = False
+    estimate: Estimate,
+    outcome: JointOutcome,
+    sheets: Sequence[TriadSheet],
+    alike: Mapping[str, float],
+    alone: bool,
 ) -> bool:
     """Say what the recording left to data sheets and what contradicts them; return whether anything does.
 
@@ -272,6 +276,7 @@ def say_of_sheets(
     ----------
     estimate, outcome : of the recording.
     sheets : what was believed, or was not.
+    alike : what clock and table may be wrong by, which no sheet is contradicted by.
     alone : the estimate was made without them.
     """
     before = len(estimate.objections)
@@ -282,7 +287,10 @@ def say_of_sheets(
         if one.name == "gyro":
             own = TriadFleet.of("", values[:9].reshape(3, 3), values[9:], spread)
             values, spread = own.mean, own.covariance
-        remarks, objections = about_sheet(one, values, np.sqrt(np.diag(spread)), alone=alone)
+        share = (
+            max(alike.values()) if one.name == "gyro" else outcome.site.gravity_sigma / outcome.site.gravity
+        )
+        remarks, objections = about_sheet(one, values, np.sqrt(np.diag(spread)), share, alone=alone)
         estimate.say("remark", *remarks)
         estimate.say("objection", *objections)
     return len(estimate.objections) > before

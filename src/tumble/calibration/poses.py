@@ -300,11 +300,7 @@ def _words(weights: Series) -> str:
     for group in (1, 0, 2):
         members = [i for i in there if i // 3 == group]
         words += [GROUPS[group]] if len(members) == 3 else [NAMES[i] for i in members]
-    return _listed(words)
-
-
-def _listed(names: list[str]) -> str:
-    return names[0] if len(names) == 1 else ", ".join(names[:-1]) + " and " + names[-1]
+    return words[0] if len(words) == 1 else ", ".join(words[:-1]) + " and " + words[-1]
 
 
 # Poses closer than this are one pose: placement by hand repeats to a few degrees.

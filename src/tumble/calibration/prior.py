@@ -181,7 +181,7 @@ def gyro_prior(nine: Prior, leaning: float) -> tuple[Series, Square]:
 
 
 def about_sheet(
-    sheet: TriadSheet, values: Series, sigmas: Series, *, alone: bool = False
+    sheet: TriadSheet, values: Series, sigmas: Series, share: float = 0.0, *, alone: bool = False
 ) -> tuple[list[str], list[str]]:
     """Return what the recording left to the sheet, and what contradicts it, as sentences.
 
@@ -189,6 +189,7 @@ def about_sheet(
     ----------
     sheet : of the triad.
     values, sigmas : (9,) estimates, and their standard uncertainties.
+    share : by which all scale factors may be wrong alike besides, as clock or gravity are.
     alone : they were made without the sheet, which otherwise is in them.
     """
     before = np.sqrt(np.diag(np.linalg.inv(sheet.nine.precision)))
@@ -201,11 +202,12 @@ def about_sheet(
         )
     # With the sheet in it an estimate differs from it with the variance that the data took away; else with both.
     variance = before**2 + np.where(alone, 1.0, -1.0) * sigmas**2
+    variance[SCALE] += (share * values[SCALE]) ** 2
     off = np.abs(values - sheet.nine.mean) / np.sqrt(np.maximum(variance, (1e-6 * before) ** 2))
     worst = int(np.argmax(np.where(untold, 0.0, off)))
     if off[worst] > LARGEST_NORMALISED and not untold[worst]:
         objections.append(
-            f"These numbers are {sheet.whose}: the {sheet.name}'s {NAMES[worst]} is {off[worst]:.0f} of the sheet's "
+            f"These numbers do not fit {sheet.whose}: the {sheet.name}'s {NAMES[worst]} is {off[worst]:.0f} of its "
             "standard deviations off. Name another kind with --prior, or none; or a unit or column is wrong."
         )
     return remarks, objections
@@ -335,7 +337,7 @@ def name_plate_prior(u: Unknowns, recording: Recording) -> Prior:
 
 
 class TriadSheet(NamedTuple):
-    """What a sheet knows of a triad: its name, whose its numbers are not, where its unknowns are, what is known."""
+    """What a sheet knows of a triad: its name, what unit it is of, where its unknowns are, what is known."""
 
     name: str
     whose: str
@@ -359,7 +361,7 @@ def triad_sheets(sheet: Grade | FleetSheet | None, recording: Recording) -> list
     made: list[TriadSheet] = []
     if sheet is None:
         return made
-    whose = "no unit's of this fleet" if isinstance(sheet, FleetSheet) else f"no {sheet.name} unit's"
+    whose = "a unit of this fleet" if isinstance(sheet, FleetSheet) else f"the kind {sheet.name}"
     force = prior_of_sheet(sheet, "accelerometer", recording.specific_force_unit)
     if force is not None:
         made.append(TriadSheet("accelerometer", whose, FORCE_ALONE, force, force))

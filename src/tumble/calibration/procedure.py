@@ -33,10 +33,6 @@ class Suits(NamedTuple):
     why: str
 
 
-def _unasked(_: Session) -> Suits:
-    return Suits(True, "nothing else suits the recording")
-
-
 @dataclass(frozen=True, slots=True)
 class Procedure:
     """What is known of a recording that was made for it: the estimate of all of them is the joint adjustment.
@@ -74,7 +70,7 @@ class Procedure:
     remedy: str = "more holds and turns in more different poses are needed"
     placement: str = ""
     free_turns: bool = True
-    suits: Callable[[Session], Suits] = _unasked
+    suits: Callable[[Session], Suits] = lambda _: Suits(True, "nothing else suits the recording")
     otherwise: str = ""
     by_temperature: bool = False
 

@@ -181,7 +181,7 @@ Prior: TypeAlias = Annotated[
         ADVANCED,
         "CALIBRATION|GRADE",
         "What is known beforehand: an earlier calibration.json of this unit (its non-orthogonalities are kept, and six "
-        f"poses suffice), a file of `tumble registry fleet`, or a kind: {GRADES}. Batches take no calibration.",
+        f"poses suffice), a file of `tumble registry fleet`, or a kind: {GRADES}. Batches take no calibration.json.",
         "--prior",
         complete=complete_grade,
     ),

@@ -228,7 +228,7 @@ def convert_from(
         model,
         raw_units,
         (found.frame, found.frame_words),
-        [RecordingName(name=file.name, sha256=_hash(file)) for file in found.files],
+        [RecordingName(name=file.name, sha256=hash_file(file).sha256) for file in found.files],
         procedure=f"imported from {chosen.title}",
         remarks=[_sentence(remark) for remark in found.remarks],
         thermal=found.thermal,
@@ -237,10 +237,6 @@ def convert_from(
     return Converted(
         [target_file], [*document.remarks, "The file holds no uncertainties, so the document has none."]
     )
-
-
-def _hash(file: Path) -> str:
-    return hash_file(file).sha256
 
 
 def _two_units(text: str) -> tuple[str, str]:

@@ -129,7 +129,7 @@ def _chosen(session: Session, procedure: str | None) -> tuple[Procedure, str]:
 def _calibrated(session: Session, procedure: Procedure) -> Estimate:
     from tumble.calibration.joint import calibrate
 
-    if procedure.by_temperature and session.prior is not None:
+    if procedure.by_temperature and (session.prior is not None or session.options.data_sheet is not None):
         raise UsageError(f"--prior is not used by the procedure {procedure.name}: leave it out.")
     procedure = believed(session, procedure)
     estimate = _of_another_kind(session, procedure) or calibrate(session, procedure)
@@ -148,7 +148,11 @@ def _of_another_kind(session: Session, procedure: Procedure) -> Estimate | None:
         estimate = calibrate(session, procedure) if sheets else None
     session.options = given
     joint = session.joint
-    return estimate if estimate and joint and say_of_sheets(estimate, joint, sheets, alone=True) else None
+    return (
+        estimate
+        if estimate and joint and say_of_sheets(estimate, joint, sheets, session.alike, alone=True)
+        else None
+    )
 
 
 def believed(session: Session, procedure: Procedure) -> Procedure:

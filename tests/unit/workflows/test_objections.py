@@ -73,7 +73,7 @@ def test_a_unit_that_is_plainly_none_of_its_sheet_is_said_to_be_none(tmp_path: P
         simulate("hand-held", grade=grade, output=tmp_path, seed=0)
         found = calibrate(tmp_path / "recording.csv", prior="tactical").calibration.verdict
         assert found.fit is not said
-        assert any("no tactical unit's: the gyro's bias" in reason for reason in found.reasons) is said
+        assert any("the kind tactical: the gyro's bias" in reason for reason in found.reasons) is said
 
 
 def test_a_single_pose_cannot_show_that_a_calibration_serves(

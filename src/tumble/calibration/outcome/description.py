@@ -103,10 +103,6 @@ def rotation_of_frame(x: Complex, frame: str) -> Complex:
     return np.eye(3) + one * cross + two * (cross @ cross)
 
 
-def _force_matrix(x: Complex) -> Complex:
-    return matrix_from_shin(x[LAYOUT["force.scale"]], x[LAYOUT["force.angle"]])
-
-
 def gravity_slope(unknowns: Series, site: Site) -> Series:
     """Return (unknowns,) by how much they move per m/s² of gravity: ``-scale / gravity``, and g-sensitivity alike.
 
@@ -133,7 +129,8 @@ def canonical_function(terms: frozenset[str], gyro: str, frame: str) -> Callable
 def _groups(x: Complex, terms: frozenset[str], gyro: str, frame: str) -> dict[str, Complex]:
     """Canonical parameters by group, each (3,) or (3, 3), analytic in all unknowns."""
     C_bf = rotation_of_frame(x, frame)
-    found = {"accelerometer.matrix": _force_matrix(x) @ C_bf, "accelerometer.bias": x[LAYOUT["force.bias"]]}
+    M_a = matrix_from_shin(x[LAYOUT["force.scale"]], x[LAYOUT["force.angle"]])
+    found = {"accelerometer.matrix": M_a @ C_bf, "accelerometer.bias": x[LAYOUT["force.bias"]]}
     if "quadratic" in terms:
         found["accelerometer.quadratic"] = x[LAYOUT["force.quadratic"]]
     if gyro == "full":

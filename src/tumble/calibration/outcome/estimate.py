@@ -37,7 +37,6 @@ from tumble.calibration.estimate import (
     Described,
     Estimate,
     Figures,
-    Kind,
     LeftOut,
     NamedValue,
     TermTest,
@@ -92,6 +91,7 @@ class JointOutcome:
     table_sigma : share by which a table's rates are believed to be off, one sigma, zero for exact ones; None if nobody
         says.
     courses : source -> raw, what biases do besides that wander.
+    jumps : what is said of those that jump.
     has_force : whether the recording has accelerometers, or believed poses stand in for them.
     """
 
@@ -107,6 +107,7 @@ class JointOutcome:
     table_sigma: float | None = None
     has_force: bool = True
     courses: dict[str, list[BiasCourse]] = field(default_factory=dict[str, list[BiasCourse]])
+    jumps: list[str] = field(default_factory=list[str])
 
     @property
     def data(self) -> Observed:
@@ -140,7 +141,7 @@ def joint_estimate(outcome: JointOutcome) -> Estimate:
     influences = recording_influences(outcome.task)
     described = _describe_joint(outcome, influences)
     norms, sigmas = _norms(outcome, described.model)
-    courses = _find_courses(outcome)
+    drifts = _find_courses(outcome)
     if outcome.courses:
         influences = with_courses(influences, outcome.courses)
         described = _describe_joint(outcome, influences)
@@ -169,8 +170,8 @@ def joint_estimate(outcome: JointOutcome) -> Estimate:
         lever_arms=_lever_arms(outcome),
     )
     estimate.say("remark", *_remarks(outcome, described.parameters, restless))
-    estimate.say("caution", *_of_unchecked(outcome), *_of_clock(outcome), *courses["caution"])
-    say_contradictions(estimate, outcome, courses["objection"])
+    estimate.say("caution", *_of_unchecked(outcome), *_of_clock(outcome), *drifts)
+    say_contradictions(estimate, outcome, outcome.jumps)
     estimate.say("not determined", *_not_determined(outcome))
     if outcome.untold is None and outcome.has_gyro and outcome.has_force:
         state_uncertainty(estimate, outcome, influences)
@@ -235,14 +236,14 @@ def require_positive(covariance: Square, u: Unknowns) -> None:
     )
 
 
-def _find_courses(outcome: JointOutcome) -> dict[Kind, list[str]]:
-    """Find how the biases jump or drift, keep it with the outcome, and return what is said of it, by kind."""
-    said: dict[Kind, list[str]] = {"caution": [], "objection": []}
+def _find_courses(outcome: JointOutcome) -> list[str]:
+    """Find how the biases jump or drift, keep it with the outcome, and return what is said of drifts."""
+    drifts = list[str]()
     sources = [*([FORCE_WANDER] if outcome.has_force else []), *([RATE_WANDER] if outcome.has_gyro else [])]
     for triad, found in find_courses(outcome.task, sources):
         outcome.courses.setdefault(triad.source, []).append(triad.course(found))
-        said["objection" if found.alternative is triad.jumps else "caution"].append(found.said)
-    return said
+        (outcome.jumps if found.alternative is triad.jumps else drifts).append(found.said)
+    return drifts
 
 
 def _lever_arms(outcome: JointOutcome) -> Matrix | None:

@@ -154,7 +154,8 @@ def _labels(frame: str) -> list[Label]:
     """In turned axes there are nine, and none that are told together."""
     if frame != "accelerometer-x":
         return [(f"{ARM} {a}{b}", "m") for a, b in PAIRS_OF_AXES]
-    both = [(f"{ARMS} {_both(i, j, sign)}", "m") for i, j in PAIRS if i < j for sign in "+-"]
+    pairs = [("xyz"[i] + "xyz"[j], "xyz"[j] + "xyz"[i]) for i, j in PAIRS if i < j]
+    both = [(f"{ARMS} {one}{sign}{other}", "m") for one, other in pairs for sign in "+-"]
     return [*((f"{ARM} {'xyz'[i]}{'xyz'[j]}", "m") for i, j in PAIRS), *both]
 
 
@@ -164,10 +165,6 @@ def _values(own: Complex, C_bf: Complex, frame: str) -> Complex:
         return (arms @ C_bf).ravel()
     single = [arms[i, j] for i, j in PAIRS]
     return np.array([*single, *(arms[i, j] + s * arms[j, i] for i, j in PAIRS if i < j for s in (1.0, -1.0))])
-
-
-def _both(i: int, j: int, sign: str) -> str:
-    return f"{'xyz'[i]}{'xyz'[j]}{sign}{'xyz'[j]}{'xyz'[i]}"
 
 
 def _told(labels: list[Label], sigmas: Series) -> np.ndarray:

@@ -109,12 +109,10 @@ def several_estimate(outcome: SeveralOutcome, alone: Sequence[Estimate], site: S
     estimate = _joined(outcome, parts, described, arms)
     estimate.say("remark", *turn_on_sentences(turn_ons), *_said(outcome, [own.remarks for own in alone]))
     estimate.say("caution", *turn_on_cautions(turn_ons), *_said(outcome, [own.cautions for own in parts]))
-    estimate.say("objection", *_said(outcome, [own.objections for own in alone]))
-    untold = [
-        *_in_all([own.not_determined for own in parts]),
-        *untried_words(outcome.untried, settled[0].task),
-    ]
-    estimate.say("not determined", *untold)
+    objections = [list(dict.fromkeys([*a.objections, *b.jumps])) for a, b in zip(alone, settled, strict=True)]
+    estimate.say("objection", *_said(outcome, objections))
+    untold, untried = _in_all([own.not_determined for own in parts]), outcome.untried
+    estimate.say("not determined", *untold, *untried_words(untried, settled[0].task))
     estimate.show(turn_ons)
     factors = {b.parameter: b.coverage_factor for b in turn_ons.biases}
     each = [factors.get(p.name, estimate.coverage_factor) for p in estimate.parameters]

@@ -179,7 +179,8 @@ def run_batch(
         for outcome in counted(made, len(tasks)):
             if outcome.unchanged:
                 kept += 1
-                store(replace(outcome, calibration=_document_of(folder, outcome.unit)))
+                document = read_text(folder / UNITS / outcome.unit / "calibration.json")
+                store(replace(outcome, calibration=document))
                 done[outcome.unit] = known[outcome.unit]
             elif outcome.verdict == "error" and not outcome.key and outcome.unit in known:
                 outcome.reasons.append("The calibration of an earlier run is left as it is.")
@@ -251,10 +252,6 @@ def _lean(outcome: UnitOutcome) -> UnitOutcome:
 
 def _hash(text: str) -> str:
     return hashlib.sha256(text.encode("utf-8", errors="replace")).hexdigest()
-
-
-def _document_of(folder: Path, unit: str) -> str:
-    return read_text(folder / UNITS / unit / "calibration.json")
 
 
 def _write_unit(folder: Path, outcome: UnitOutcome) -> None:

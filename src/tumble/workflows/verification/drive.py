@@ -169,7 +169,8 @@ def _navigated(task: _Task, say: Callable[[str], None]) -> DriveVerification:
         told = task.knowing(part)
         mine = drive if part.part == WHOLE else drive.with_samples(part.samples)
         run = mine.run(told, interval=1.0)
-        drift = free_drift(part.samples, reference, seconds.tolist(), every=_every(drive), gaps=gaps)
+        every = max(3.0, (float(drive.track.time[-1]) - drive.start.time) / 150.0)
+        drift = free_drift(part.samples, reference, seconds.tolist(), every=every, gaps=gaps)
         results.append(_result(part.part, mine, told, run, drift, lengths))
         why = about_innovations(mine, run)
     say("with free biases")
@@ -261,10 +262,6 @@ def _lengths(drive: Drive) -> list[float]:
 
 def _settle(drive: Drive) -> float:
     return min(120.0, 0.3 * (float(drive.track.time[-1]) - drive.start.time))
-
-
-def _every(drive: Drive) -> float:
-    return max(3.0, (float(drive.track.time[-1]) - drive.start.time) / 150.0)
 
 
 def _seconds(lengths: Sequence[float], drive: float) -> Series:
