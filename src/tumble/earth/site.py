@@ -99,7 +99,7 @@ class Site:
 
         Without `sigma`, its standard uncertainty, gravity is good to half of its last digit, evenly spread: 9.81 is
         9.81 ± 0.0029, and standard gravity, 9.80665, is as good as none. A number has the digits of its shortest
-        decimal text. Exact is what has a sigma of 0. Beyond ± 0.015, by which all places differ, nothing is known.
+        decimal text. Exact is what has a sigma of 0. No `sigma` is above ± 0.015, by which all places differ.
 
         Raises
         ------
@@ -114,8 +114,8 @@ class Site:
             raise SiteError(
                 f"Gravity of {gravity} m/s² is nowhere on the Earth's surface (9.76 to 9.84): {_GIVE}"
             )
-        if abs(value - STANDARD_GRAVITY) < _LIKE_STANDARD if sigma is None else sigma > _UNKNOWN_SITE_SIGMA:
-            return Site(STANDARD_GRAVITY, _UNKNOWN_SITE_SIGMA, source=_STANDARD)
+        if sigma is None and abs(value - STANDARD_GRAVITY) < _LIKE_STANDARD:
+            return Site(value, _UNKNOWN_SITE_SIGMA, source=_STANDARD)
         known, source = (rounding(gravity), _ROUNDED) if sigma is None else (sigma, _SAID)
         return Site(value, min(known, _UNKNOWN_SITE_SIGMA), source=source)
 
