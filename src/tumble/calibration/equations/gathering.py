@@ -18,7 +18,8 @@ from tumble.segmentation.rounding import integral_variance, rounding_of_each, st
 # A turn joins a hold over its last or first two seconds: long enough to average the accelerometer's
 # noise below the gyro's, short enough that a creeping pose does not matter.
 EDGE_WINDOW = 2.0
-# Share of the largest sample below which a sample is not believed, noise or none, and a mean along gravity.
+# Shares of the largest sample below which a sample is not believed, noise or none, and a mean along gravity: it
+# tells so much of accelerometers that what terms show beside it drowns in round-off.
 SAMPLE_DIGITS, MEAN_DIGITS = 1e-7, 3e-7
 # s, of the pieces of rests of which a spectrum is taken. Its octaves from the third line on, 1 to 5 Hz, lie above a
 # hand's sway and below its tremor, and below the corner of a filter, past which a sensor's own noise is missing.
