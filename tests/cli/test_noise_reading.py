@@ -64,10 +64,10 @@ def document(tumble: Any, how: str, *arguments: object) -> dict[str, Any]:
 @pytest.fixture
 def small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
     """Blocks of 7001 rows or 200 kB, so that a small file has many."""
-    from tumble.recording.formats import npy, parquet, text
+    from tumble.recording.formats import arrays, frames, text
 
-    for module in (npy, parquet):
-        monkeypatch.setattr(module.read_table_blocks, "__defaults__", (7001,))
+    for read in (arrays.read_npy_blocks, frames.read_table_blocks):
+        monkeypatch.setattr(read, "__defaults__", (7001,))
     monkeypatch.setattr(text, "_CHUNK", 200_000)
 
 

@@ -38,7 +38,7 @@ from tumble.calibration.magnetometer.verdict import judge_magnetometer
 from tumble.document.magnetometer_block import magnetometer_block
 from tumble.document.turn_ons_block import turn_ons_block
 from tumble.earth import Site
-from tumble.recording.magnetic_field import MagneticField
+from tumble.recording.samples import MagneticField
 from tumble.report.evidence import RENDERERS, render_evidence
 from tumble.report.html import render_page
 from tumble.report.page import Figures, Page, Sentences, Table

@@ -19,24 +19,7 @@ import pytest
 from contract.test_flight_logs import FMT, described, write_ulog
 from tumble.errors import RecordingError
 from tumble.recording import read_blocks, read_recording
-from tumble.recording.formats import (
-    FORMATS,
-    archive,
-    compressed,
-    find_format,
-    folder,
-    labelled,
-    matlab,
-    npy,
-    npz,
-    parquet,
-    read_table,
-    read_table_blocks,
-    text,
-    xsens,
-)
-from tumble.recording.formats.bags import mcap, rosbag1, rosbag2
-from tumble.recording.formats.logs import dataflash, ulog
+from tumble.recording.formats import FORMATS, find_format, frames, read_table, read_table_blocks
 
 NAMES = ("t", "ax", "ay", "az", "gx", "gy", "gz")
 
@@ -173,34 +156,34 @@ def write_compressed(path: Path, rows: np.ndarray) -> None:
 
 
 MEMBERS = {
-    "CSV": (text, write_csv),
-    "spaces": (text, write_spaces),
-    "labels": (labelled, write_labels),
-    "JSON lines": (labelled, write_json_lines),
-    "Parquet": (parquet, write_parquet),
-    "NPY": (npy, write_npy),
-    "NPY with names": (npy, write_structured_npy),
-    "NPZ": (npz, write_npz),
-    "MATLAB 5 to 7": (matlab, write_matlab),
-    "MATLAB struct": (matlab, write_matlab_struct),
-    "ROS 1 bag": (rosbag1, write_rosbag1),
-    "ROS 2 bag": (rosbag2, write_rosbag2("SQLITE3")),
-    "MCAP": (mcap, write_rosbag2("MCAP")),
-    "ULog": (ulog, write_px4),
-    "DataFlash": (dataflash, write_ardupilot),
-    "Xsens": (xsens, write_xsens),
-    "zip": (archive, write_zip),
-    "NPY compressed": (compressed, write_compressed),
+    "CSV": ("text", write_csv),
+    "spaces": ("text", write_spaces),
+    "labels": ("labelled lines", write_labels),
+    "JSON lines": ("labelled lines", write_json_lines),
+    "Parquet": ("Parquet", write_parquet),
+    "NPY": ("NPY", write_npy),
+    "NPY with names": ("NPY", write_structured_npy),
+    "NPZ": ("NPZ", write_npz),
+    "MATLAB 5 to 7": ("MATLAB", write_matlab),
+    "MATLAB struct": ("MATLAB", write_matlab_struct),
+    "ROS 1 bag": ("ROS 1 bag", write_rosbag1),
+    "ROS 2 bag": ("ROS 2 bag", write_rosbag2("SQLITE3")),
+    "MCAP": ("MCAP", write_rosbag2("MCAP")),
+    "ULog": ("ULog", write_px4),
+    "DataFlash": ("DataFlash", write_ardupilot),
+    "Xsens": ("Xsens text", write_xsens),
+    "zip": ("zip", write_zip),
+    "NPY compressed": ("compressed", write_compressed),
 }
 
 
 @pytest.fixture(params=MEMBERS.values(), ids=MEMBERS.keys())
 def member(request: pytest.FixtureRequest, tmp_path: Path):
-    """The format's module and a file of it whose name says nothing of the format."""
-    module, write = request.param
+    """The format's name and a file of it whose name says nothing of the format."""
+    name, write = request.param
     path = tmp_path / "recording.data"
     path.write_bytes(written(write))
-    return module, path
+    return name, path
 
 
 @cache
@@ -213,8 +196,8 @@ def written(write: Callable[[Path, np.ndarray], None]) -> bytes:
 
 
 def test_the_content_tells_the_format_and_the_numbers_are_read_bit_by_bit(member) -> None:
-    module, path = member
-    assert find_format(path) is module
+    name, path = member
+    assert find_format(path).name == name
     recording = read_recording(path, units="m/s^2,rad/s")
     assert np.array_equal(
         np.column_stack([recording.specific_force, recording.angular_rate]), example()[:, 1:]
@@ -270,10 +253,12 @@ def test_damaged_bytes_are_refused_in_one_sentence(member) -> None:
 
 
 def test_every_format_is_in_the_list_and_documented() -> None:
-    assert {m for m, _ in MEMBERS.values()} == set(FORMATS) - {folder}  # which is no file
+    assert {name for name, _ in MEMBERS.values()} == {f.name for f in FORMATS} - {
+        "folder"
+    }  # which is no file
     page = (Path(__file__).resolve().parents[2] / "docs" / "formats.md").read_text(encoding="utf-8")
-    for module in FORMATS:
-        assert module.NAME in page
+    for format_ in FORMATS:
+        assert format_.name in page
 
 
 def test_a_sampling_rate_beside_the_arrays_is_used(tmp_path: Path) -> None:
@@ -335,7 +320,7 @@ def test_a_zip_archive_of_something_else_is_refused(tmp_path: Path) -> None:
 
 def test_parquet_is_read_slice_by_slice(tmp_path: Path) -> None:
     write_parquet(tmp_path / "a.parquet", example())
-    tables = list(parquet.read_table_blocks(tmp_path / "a.parquet", rows=500))
+    tables = list(frames.read_table_blocks(tmp_path / "a.parquet", rows=500))
     assert [len(t) for t in tables] == [500, 500, 200]
     assert tables[2].place(0) == "row 1001"
     assert sum(len(t) for t in read_table_blocks(tmp_path / "a.parquet")) == 1200

@@ -15,8 +15,7 @@ import pytest
 
 from tumble.errors import OutputError, RecordingError, UsageError
 from tumble.recording import read_recording
-from tumble.recording.formats import compressed, find_format, read_table
-from tumble.recording.formats.header import header_names
+from tumble.recording.formats import find_format, header_names, packed, read_table
 from tumble.recording.reading import read_blocks
 
 HEADER = "t,ax,ay,az,gx,gy,gz\n"
@@ -107,7 +106,7 @@ def test_a_full_disk_is_not_taken_for_a_file_cut_short(
 
     monkeypatch.setattr(Path, "open", opened)
     with pytest.raises(OutputError, match=r"could not be unpacked to .*No space left.*TMPDIR"):
-        compressed.read_table(file)
+        packed.read_packed(file)
 
 
 def test_a_size_that_lies_takes_no_memory(tmp_path: Path) -> None:
@@ -163,7 +162,7 @@ def test_a_name_that_is_no_utf_8_stands_in_the_source_as_numbers(tmp_path: Path)
     file.write_text(GOOD)
     (source,) = read_recording(file).sources
     assert source.name.encode() == b"hand<U+DCFF>.csv"
-    assert find_format(file).NAME == "text"
+    assert find_format(file).name == "text"
 
 
 def test_matlab_variables_of_every_kind_are_let_pass(tmp_path: Path) -> None:

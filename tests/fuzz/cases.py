@@ -92,7 +92,7 @@ def fault(error: BaseException) -> str:
 
 def _read_recording(file: Path, _: Case) -> None:
     from tumble.recording import read_recording
-    from tumble.recording.formats.header import header_names
+    from tumble.recording.formats import header_names
     from tumble.recording.reading import read_blocks
 
     header_names(file)

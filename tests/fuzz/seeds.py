@@ -100,10 +100,12 @@ def _texts() -> list[tuple[str, bytes]]:
 def _recordings(place: Path) -> list[tuple[str, bytes]]:
     """A file of every format, and a phone's log in an archive."""
     from contract.test_formats import MEMBERS, example
+    from tumble.recording.formats import FORMATS
 
     made: list[tuple[str, bytes]] = []
+    endings = {format_.name: format_.ending for format_ in FORMATS}
     for number, (name, (format_, write)) in enumerate(MEMBERS.items()):
-        path = place / str(number) / f"{name}{format_.ENDINGS[0]}"
+        path = place / str(number) / f"{name}{endings[format_]}"
         path.parent.mkdir()
         with suppress(ImportError, pytest.skip.Exception):  # what writes a sample is not there
             write(path, example()[:COUNT])

@@ -358,7 +358,7 @@ def say_of_recording(estimate: Estimate, session: Session, without_holds: Sequen
 
 def _of_limits(session: Session) -> list[str]:
     """What is said of holds in which an accelerometer is at its limit: they show less than gravity."""
-    from tumble.recording.saturation import limits_reached
+    from tumble.recording.rest import limits_reached
     from tumble.segmentation.rounding import carries_remainder
 
     force, holds, said = session.recording.specific_force, session.timeline.holds, list[str]()

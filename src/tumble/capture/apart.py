@@ -19,10 +19,10 @@ import numpy as np
 from tumble.arrays import Series, Vectors
 from tumble.capture.samples import Channels
 from tumble.capture.source import Piece, SourceOptions
-from tumble.recording.declared import read_units_option
-from tumble.recording.formats.logs.phone import rank_sensor
+from tumble.recording.formats.folder import rank_sensor
 from tumble.recording.formats.streams import Merging
 from tumble.recording.samples import Samples, joined
+from tumble.recording.units import read_units_option
 from tumble.records import dataclass
 
 # s of stamps after which it is known which sensors come, and a step back that is a new clock.

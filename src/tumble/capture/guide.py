@@ -23,8 +23,8 @@ from tumble.capture.live_holds import LiveHold
 from tumble.capture.targets import limits_of
 from tumble.earth import Site
 from tumble.errors import ObservabilityError
-from tumble.recording.clock import clock_of_stamps
 from tumble.recording.recording import Recording
+from tumble.recording.stamps import clock_of_stamps
 from tumble.sample_rates import CRYSTAL
 from tumble.segmentation import Hold, HoldMeans, NoiseFloor, Timeline, observe_holds
 from tumble.segmentation.activity import Activity, noise_per_sample

@@ -22,8 +22,8 @@ from tumble.earth import Site
 from tumble.errors import ConvergenceError, ObservabilityError, RecordingError, SegmentationError, UsageError
 from tumble.files import GrowingFile
 from tumble.protocol.library import REST
-from tumble.recording.clock import NOMINAL
 from tumble.recording.samples import Samples, joined
+from tumble.recording.stamps import NOMINAL
 from tumble.records import dataclass
 from tumble.sample_rates import SampleRate
 

@@ -100,7 +100,7 @@ def _print_facts(screen: Console, inspection: Inspection, verbose: bool) -> None
         f"{found.longest_rest:.1f} s"
     )
     if found.magnetic_field is not None:
-        from tumble.recording.field_findings import say_field
+        from tumble.recording.doctor import say_field
 
         screen.print(say_field(found.magnetic_field))
     if found.temperature_range is not None:

@@ -36,8 +36,8 @@ from tumble.document.thermal_block import ThermalBlock, thermal_block
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ConvergenceError
 from tumble.files import shown
-from tumble.recording.magnetic_field import MagneticField
 from tumble.recording.recording import Recording
+from tumble.recording.samples import MagneticField
 from tumble.recording.temperature import mean_celsius
 from tumble.sensor import FRAMES
 from tumble.units import angular_rate_factor

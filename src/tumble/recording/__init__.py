@@ -19,9 +19,9 @@ from tumble.recording.gravity_check import (
     gyro_scale_from_gravity,
     unit_of_scale,
 )
-from tumble.recording.magnetic_field import MagneticField
 from tumble.recording.reading import read_blocks, read_recording, read_recordings
-from tumble.recording.recording import Recording, Remark, Source
+from tumble.recording.recording import Recording
+from tumble.recording.samples import MagneticField, Remark, Source
 
 __all__ = [
     "AxisAgreement",

@@ -1,14 +1,50 @@
-"""What the columns of a table are: from the user's list, from their names, or from their content."""
+"""What the columns of a table are: from the user's list, from their names, or from their content.
+
+Every guess comes with a sentence; what the numbers leave open is asked.
+
+Accelerometers at rest and magnetometers both see one vector from all sides, so both keep their norm while they turn.
+Three things tell them apart. Gravity is 1 g in some unit, the Earth's field 22 to 67 µT in some unit. And a hand, or a
+vehicle, that turns a unit also pushes it about: that changes the norm of the specific force, within a second, by some
+per cent and many times its noise; the norm of the field does not feel it. On a table that turns smoothly neither norm
+does, and then the numbers leave it open.
+
+References
+----------
+Range of the Earth's field: NOAA, *World Magnetic Model 2025*, 22 to 67 µT at the surface.
+"""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Literal
 
+import numpy as np
+
+from tumble.arrays import AnyArray, Series, Vector, Vectors, block_means
 from tumble.errors import RecordingError, UsageError
+from tumble.recording.formats.table import RawTable
+from tumble.recording.rest import (
+    QuietStretches,
+    count_poses,
+    find_quiet_stretches,
+    fit_sphere,
+    one_a_direction,
+    sample_pieces,
+    smallest_step,
+)
+from tumble.recording.samples import Remark
+from tumble.recording.stamps import guess_time_unit
 from tumble.records import dataclass
-from tumble.units import find_unit
+from tumble.units import (
+    STANDARD_GRAVITY,
+    find_unit,
+    known_units,
+    magnetic_field_factor,
+    specific_force_factor,
+    time_factor,
+)
 
 AXES = "xyz"
 _SLOTS = ("t", "ax", "ay", "az", "gx", "gy", "gz", "mx", "my", "mz", "temperature")
@@ -407,3 +443,654 @@ _QUANTITY = {
     "temperature": "temperature",
 }
 _INCREMENT = {"specific force": "velocity increment", "angular rate": "angle increment"}
+
+
+EARTH_FIELD = (22e-6, 67e-6)
+"""The least and the greatest field at the Earth's surface, T."""
+
+_FIELD_MARGIN = 1.05  # a local anomaly, and an uncalibrated scale
+_GRAVITY_TOLERANCE = 0.15  # of the norm: an uncalibrated MEMS is off by a few per cent
+_MOST_OFFSET = 0.25  # of gravity, that the bias of an accelerometer has
+_BLOCK_SECONDS = 0.4
+_LEAST_BLOCK = 12
+_TURNS = (0.25, 2.5)  # rad in a block: it turns, and its norm can still be followed
+_FEWEST = 5  # blocks that turn, and that rest
+_SHAKEN = (0.012, 4.0)  # scatter of the norm while turning: of the norm, and of that at rest
+_STEADY_NORM = (0.03, 2.0)
+_FEWEST_DIRECTIONS = 4
+_SPHERE_DIRECTIONS = 9
+_CONSTANT = 0.12  # of the norm: its scatter over directions
+_PARTS = 4  # of a block, whose means are points of the sphere
+_ALWAYS = (0.05, 0.95)
+_AROUND = (0.5, 2.0)  # of the norm, in which a vector stays all these times
+_THINNED = 6000  # points whose directions are compared
+
+
+@dataclass(frozen=True, slots=True)
+class VectorSigns:
+    """What shows whether a triad sees gravity, the Earth's field or neither.
+
+    Attributes
+    ----------
+    norm : of the vector, raw: the radius of the sphere on which the directions lie, or the middle norm.
+    offset : of the sphere's centre from zero, in radii; 0 where no sphere is determined.
+    is_vector : whether the norm is the same in every direction; None where too few directions were taken.
+    motion : "shaken" if motion changes the norm, "steady" if it does not, None where nothing shows it.
+    whole : whether the numbers are whole.
+    """
+
+    norm: float
+    offset: float
+    is_vector: bool | None
+    motion: Literal["steady", "shaken"] | None
+    whole: bool
+
+    def gravity_unit(self, declared: str | None = None) -> str | None:
+        """Return the unit in which the norm is that of gravity: the declared one, or m/s², g or mg; else None."""
+        if self.offset > _MOST_OFFSET:
+            return None
+        for unit in ("m/s^2", "g", "mg") if declared is None else (declared,):
+            factor = specific_force_factor(unit)
+            if factor is not None and abs(self.norm * factor / STANDARD_GRAVITY - 1.0) < _GRAVITY_TOLERANCE:
+                return unit
+        return None
+
+    @property
+    def field_unit(self) -> str | None:
+        """The unit in which the norm is the Earth's field, or None."""
+        return field_unit_of(self.norm)
+
+
+def field_unit_of(norm: float) -> str | None:
+    """Return the unit in which a norm is that of the Earth's field, or None; counts are none.
+
+    Examples
+    --------
+    >>> field_unit_of(49.2), field_unit_of(0.48), field_unit_of(480.0), field_unit_of(9.81)
+    ('uT', 'gauss', 'mgauss', None)
+    """
+    for unit in known_units("magnetic field"):
+        factor = magnetic_field_factor(unit)
+        if factor is not None and is_earth_field(norm * factor):
+            return unit
+    return None
+
+
+def is_earth_field(norm: float) -> bool:
+    """Say whether a norm in T can be that of the Earth's field."""
+    return EARTH_FIELD[0] / _FIELD_MARGIN < norm < EARTH_FIELD[1] * _FIELD_MARGIN
+
+
+def vector_signs(values: Vectors, rate: float) -> VectorSigns:
+    """Return what a triad's numbers show of its kind, of a long recording a dozen pieces of it.
+
+    Parameters
+    ----------
+    values : (samples, 3) raw, finite.
+    rate : Hz, roughly.
+    """
+    size = max(_LEAST_BLOCK, round(_BLOCK_SECONDS * rate))
+    pieces = [values[cut] for cut in sample_pieces(values.shape[0])]
+    blocks = np.concatenate([p[: len(p) // size * size].reshape(-1, size, 3) for p in pieces])
+    whole = bool(np.all(values[:50_000] == np.round(values[:50_000])))
+    if len(blocks) < _FEWEST:
+        norm = float(np.median(np.linalg.norm(values, axis=1))) if len(values) else 0.0
+        return VectorSigns(norm, 0.0, None, None, whole)
+    # Parts of a block, so that a turn of a second passes through several directions.
+    parts = blocks[:, : size // _PARTS * _PARTS].reshape(-1, 3)
+    parts = block_means(parts, size // _PARTS)
+    centre, norms = _sphere(parts)
+    norm = float(np.median(norms))
+    offset = float(np.linalg.norm(centre)) / norm if norm > 0.0 else 0.0
+    constant = None
+    if norms.size >= _FEWEST_DIRECTIONS:
+        scatter = 1.4826 * float(np.median(np.abs(norms - norm)))
+        # A gyro may reach one rate in every direction, but it is at its bias while the unit rests.
+        low, high = np.quantile(np.linalg.norm(parts - centre, axis=1), _ALWAYS)
+        always = low > _AROUND[0] * norm and high < _AROUND[1] * norm
+        constant = bool(norm > 0.0 and scatter < _CONSTANT * norm and always)
+    return VectorSigns(norm, offset, constant, _motion(blocks - centre, norm) if constant else None, whole)
+
+
+def _sphere(means: Vectors) -> tuple[Vector, Series]:
+    """Return the centre of the sphere that means lie on, and the norms about it, one a direction.
+
+    Zero is the centre where too few directions determine it, or the means lie on no sphere.
+    """
+    thinned = means[:: max(1, len(means) // _THINNED)]
+    around_zero = np.linalg.norm(one_a_direction(thinned), axis=1)
+    fitted = fit_sphere(thinned)
+    if fitted is None:
+        return np.zeros(3), around_zero
+    kept = one_a_direction(thinned - fitted[0])
+    again = fit_sphere(kept + fitted[0])
+    if again is None or count_poses(kept) < _SPHERE_DIRECTIONS:
+        return np.zeros(3), around_zero
+    norms = np.linalg.norm(one_a_direction(thinned - again[0]), axis=1)
+    best = _relative_scatter(around_zero) if around_zero.size >= _FEWEST_DIRECTIONS else np.inf
+    if _relative_scatter(norms) > min(_CONSTANT, best):
+        return np.zeros(3), around_zero
+    return again[0], norms
+
+
+def _relative_scatter(norms: Series) -> float:
+    middle = float(np.median(norms))
+    return 1.4826 * float(np.median(np.abs(norms - middle))) / middle if middle > 0.0 else np.inf
+
+
+def _motion(blocks: AnyArray, norm: float) -> Literal["steady", "shaken"] | None:
+    """Compare the scatter of the norm within blocks that turn with that of blocks that do not."""
+    norms = np.linalg.norm(blocks, axis=2)
+    size = norms.shape[1]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        cosine = np.einsum("bi,bi->b", blocks[:, 0], blocks[:, -1]) / (norms[:, 0] * norms[:, -1])
+    turned = np.nan_to_num(np.arccos(np.clip(cosine, -1.0, 1.0)), nan=np.pi)
+    # What turning about a wrong centre does to the norm is smooth: a parabola takes it out.
+    basis, _ = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, size), 3))
+    rest = norms - (norms @ basis) @ basis.T
+    scatter = np.sqrt((rest**2).sum(axis=1) / (size - 3))
+    moving = (turned > _TURNS[0]) & (turned < _TURNS[1])
+    still = turned <= np.quantile(turned, 0.2)
+    if int(moving.sum()) < _FEWEST or int(still.sum()) < _FEWEST or bool(np.any(moving & still)):
+        return None
+    while_turning = float(np.median(scatter[moving]))
+    steps = min(smallest_step(blocks[:, 0, i]) for i in range(3)) / np.sqrt(12.0)
+    at_rest = max(float(np.median(scatter[still])), steps, 1e-12 * norm)
+    if while_turning > _SHAKEN[0] * norm and while_turning > _SHAKEN[1] * at_rest:
+        return "shaken"
+    if while_turning < _STEADY_NORM[0] * norm and while_turning < _STEADY_NORM[1] * at_rest:
+        return "steady"
+    return None
+
+
+_STEADY = 0.99  # share of steps that go up in a column of time
+_GUESS_RATE = 100.0  # Hz, only to choose the length of blocks when the rate is not known yet
+
+
+def is_time_like(column: Series) -> bool:
+    """Say whether a column goes up steadily, as stamps do."""
+    if column.size < 3 or not np.all(np.isfinite(column[[0, -1]])):
+        return False
+    steps: Series = np.diff(column[:200_000])
+    up = np.count_nonzero(steps > 0.0)
+    if up < _STEADY * np.count_nonzero(steps) or 2 * up <= steps.size:
+        return False
+    middle = float(np.median(steps))
+    return middle > 0.0 and bool(np.mean(steps < 10.0 * middle) > 0.9)
+
+
+def triad_alone(columns: list[Series]) -> ColumnPlan | None:
+    """Return the plan of three columns, or of four of which the first or the last is time; None of others."""
+    time = next((i for i in (0, 3) if len(columns) == 4 and is_time_like(columns[i])), None)
+    values = tuple((i, 1.0) for i in range(len(columns)) if i != time)
+    return ColumnPlan(time, values, said_by="content") if len(values) == 3 else None
+
+
+@dataclass(frozen=True, slots=True)
+class TriadOrder:
+    """Which of two triads is the accelerometer: `swapped` if the second; `sure` if the content shows it."""
+
+    swapped: bool
+    sure: bool
+    reason: str
+
+
+def find_accelerometer(
+    first: Vectors, second: Vectors, rate: float = _GUESS_RATE, quiet: QuietStretches | None = None
+) -> TriadOrder:
+    """Find out which of two triads is the accelerometer, whatever units and offsets they have.
+
+    Over several poses the rest levels of an accelerometer spread over much of its range, those of a gyro
+    are all its bias. With one pose only, the level at rest of an accelerometer is large against its
+    scatter, that of a gyro small; offset counts then leave it undecided and the first is taken.
+
+    Parameters
+    ----------
+    first, second : (samples, 3) raw.
+    rate : samples a second.
+    quiet : the stretches at rest of both, where they are known already.
+    """
+    cuts = sample_pieces(first.shape[0])
+    signals = np.concatenate([np.hstack([first[c], second[c]]) for c in cuts])
+    quiet = find_quiet_stretches(signals, rate) if quiet is None else quiet
+    ordered = np.sort(signals[:: max(1, len(signals) // 20_000)], axis=0)
+    low, high = (ordered[int(share * len(ordered))] for share in (0.005, 0.995))
+    ranges = [float(np.linalg.norm(half)) / 2.0 + 1e-300 for half in np.split(high - low, 2)]
+    if len(quiet) >= 3:
+        spread = [float(np.linalg.norm(np.ptp(m, axis=0))) / 2.0 for m in np.split(quiet.means, 2, axis=1)]
+        share = [s / r for s, r in zip(spread, ranges, strict=True)]
+        big, small = max(share), min(share)
+        if big > 0.2 and big > 4.0 * small:
+            if _is_on_a_table(np.split(quiet.means, 2, axis=1), ranges, int(np.argmax(share))):
+                return TriadOrder(share[1] < share[0], False, "the other triad's levels differ in their norm")
+            return TriadOrder(
+                share[1] > share[0], True, "its levels at rest differ, those of the other triad do not"
+            )
+    level = quiet.means.mean(axis=0) if len(quiet) else signals.mean(axis=0)
+    sizes = [float(np.linalg.norm(v)) for v in np.split(level, 2)]
+    ratio = [s / r for s, r in zip(sizes, ranges, strict=True)]
+    big, small = max(ratio), min(ratio)
+    if big > 0.7 and big > 4.0 * small:
+        # On a turning table both are steady and far from zero: then it is a guess, and no proof.
+        sure = small < 3.0
+        return TriadOrder(ratio[1] > ratio[0], sure, "its norm at rest is steady and far from zero")
+    return TriadOrder(False, False, "nothing in the numbers distinguishes the triads, so the first is taken")
+
+
+def _is_on_a_table(means: list[Vectors], ranges: list[float], spread: int) -> bool:
+    """Whether the triad whose levels differ is a gyro's: now at rest, now turning, while the other stays.
+
+    An accelerometer's levels have one norm; a gyro's on a table that turns about the vertical have not, and
+    the accelerometer beside it is steady and far from zero.
+    """
+    norms = np.linalg.norm(means[spread], axis=1)
+    other = float(np.linalg.norm(means[1 - spread].mean(axis=0))) / ranges[1 - spread]
+    return bool(norms.min() < 0.5 * norms.max()) and other > 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class Said:
+    """What the user says that the numbers need not tell: the rate in Hz, units of triads; None where nothing."""
+
+    rate: float | None = None
+    specific_force: str | None = None
+    increments: bool = False
+    magnetic_field: str | None = None
+
+    @property
+    def has_accelerometer(self) -> bool:
+        """Whether a unit is declared that only an accelerometer has."""
+        return self.specific_force is not None or self.increments
+
+
+def plan_from_content(
+    columns: list[Series], name: str, said: Said | None = None
+) -> tuple[ColumnPlan, list[Remark]]:
+    """Find the columns of a table without names: time by its steady growth, the triads by what they see.
+
+    The triads are three columns side by side, the first two or three such groups after time is set aside; a single
+    column that follows them is temperature if it could be. Which triad is the accelerometer, which the gyro and which
+    the magnetometer, `tumble.recording.columns` shows.
+
+    Parameters
+    ----------
+    columns, name : of the table.
+    said : what the user declares.
+
+    Raises
+    ------
+    RecordingError
+        If there are not three or at least six columns of values, or the numbers leave open which is which.
+    """
+    said = said or Said()
+    time, values = _time_and_values(columns, name)
+    groups = [tuple((i, 1.0) for i in values[s : s + 3]) for s in (0, 3, 6) if len(values) >= s + 3]
+    cuts = sample_pieces(columns[0].size)
+    triads = [_finite([np.concatenate([columns[i][c] for c in cuts]) for i, _ in g]) for g in groups]
+    signs = [vector_signs(triad, _rough_rate(columns, time, said)) for triad in triads]
+    if len(groups) == 1:
+        return _plan_of_one(ColumnPlan(time, groups[0], said_by="content"), signs[0], name, said)
+    roles = _roles(columns, groups, signs, name, said)
+    plan = ColumnPlan(
+        time,
+        groups[roles.accelerometer],
+        None if roles.gyro is None else groups[roles.gyro],
+        said_by="content",
+        magnetic_field=None if roles.magnetometer is None else groups[roles.magnetometer],
+    )
+    used = max(i for i in (roles.accelerometer, roles.gyro, roles.magnetometer) if i is not None)
+    after = values[3 * used + 3 :]
+    if len(after) == 1 and _could_be_temperature(columns[after[0]]):
+        plan, after = replace(plan, temperature=after[0]), []
+    remarks = [Remark("assumed", _column_words(plan, roles.reason, name, len(columns)))]
+    if roles.magnetometer is None:
+        plan, more = _not_a_magnetometer(plan, signs[roles.accelerometer], name, said)
+        remarks = [*([] if plan.specific_force is None else remarks), *more]
+    if after:
+        which = "two triads" if used == 1 else "triads"
+        remarks.append(Remark("found", f"{name}: the columns after the {which} are not used."))
+    return plan, remarks
+
+
+def _time_and_values(columns: list[Series], name: str) -> tuple[int | None, list[int]]:
+    """Return which column is time, and which hold values."""
+    times = [i for i, c in enumerate(columns) if is_time_like(c)]
+    outer = [i for i in times if i in (0, len(columns) - 1)]
+    time = outer[0] if outer else (times[0] if times else None)
+    if time is None and len(columns) == 7 and float(np.ptp(columns[0])) == 0.0:
+        time = 0  # a clock that stands still: said so when the stamps are put in order
+    values = [
+        i
+        for i in range(len(columns))
+        if i != time and not (i in times and len(columns) - len(times) in (3, 6, 9))
+    ]
+    if len(values) < 3 or 3 < len(values) < 6:
+        raise RecordingError(
+            f"{name} has {len(columns)} column(s), "
+            f"{'one of them time' if time is not None else 'none of them time'}; "
+            "a recording needs three (one triad) or six (both) beside the time. Say which is which with "
+            "--columns."
+        )
+    return time, values
+
+
+def _finite(columns: list[Series]) -> Vectors:
+    triad = np.column_stack(columns)
+    finite = np.isfinite(triad).all(axis=1)
+    return triad if finite.all() else triad[finite]
+
+
+def _rough_rate(columns: list[Series], time: int | None, said: Said) -> float:
+    """The rate to a few per cent where the stamps or the user say it, else a usual one."""
+    if time is None or columns[time].size < 3:
+        return said.rate or _GUESS_RATE
+    steps = np.diff(columns[time][:200_000])
+    step = float(np.median(steps[steps > 0.0])) if np.any(steps > 0.0) else 0.0
+    return 1.0 / (step * time_factor(guess_time_unit(step))) if step > 0.0 else said.rate or _GUESS_RATE
+
+
+# -- which triad is which ----------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class _Roles:
+    """Which group of columns is what, and why."""
+
+    accelerometer: int
+    gyro: int | None
+    magnetometer: int | None
+    reason: str
+
+
+def _roles(
+    columns: list[Series],
+    groups: list[tuple[tuple[int, float], ...]],
+    signs: list[VectorSigns],
+    name: str,
+    said: Said,
+) -> _Roles:
+    """Tell the triads apart: two that keep their norm are accelerometer and magnetometer, the other is the gyro."""
+    cuts = sample_pieces(columns[0].size)
+    rows = np.column_stack([np.concatenate([columns[i][c] for c in cuts]) for g in groups[:2] for i, _ in g])
+    rows = rows[np.isfinite(rows).all(axis=1)]
+    order = find_accelerometer(rows[:, :3], rows[:, 3:])
+    vectors = [i for i, one in enumerate(signs) if one.is_vector]
+    if len(vectors) == 2:
+        first, second = vectors
+        force, reason = _accelerometer_of(first, second, signs, groups, name, said)
+        field = second if force == first else first
+        gyro = next((i for i in range(len(groups)) if i not in vectors), None)
+        return _Roles(force, gyro, field, reason)
+    if len(groups) == 3 and not vectors and (static := _static_roles(signs, said)) is not None:
+        return static
+    return _Roles(int(order.swapped), 1 - int(order.swapped), None, order.reason)
+
+
+def _accelerometer_of(
+    first: int,
+    second: int,
+    signs: list[VectorSigns],
+    groups: list[tuple[tuple[int, float], ...]],
+    name: str,
+    said: Said,
+) -> tuple[int, str]:
+    """Return which of two triads that keep their norm is the accelerometer, and why."""
+    pair = (first, second)
+    shaken = [i for i in pair if signs[i].motion == "shaken"]
+    if len(shaken) == 1 and signs[first + second - shaken[0]].motion == "steady":
+        return shaken[0], "motion changes its norm, and does not change that of the magnetometer"
+    heavy = [i for i in pair if signs[i].gravity_unit(said.specific_force) is not None]
+    if len(heavy) == 1:
+        unit = signs[heavy[0]].gravity_unit(said.specific_force)
+        return heavy[0], f"its norm is gravity in {unit}, that of the magnetometer is not"
+    levels = " and ".join(f"{_numbers(groups[i])} (norm {signs[i].norm:.4g})" for i in pair)
+    raise RecordingError(
+        f"{name} names no columns, and both columns {levels} hold a vector that keeps its norm while the unit turns. "
+        "One is the accelerometer and the other the magnetometer; nothing in the numbers shows which. Say so with "
+        "--columns, for example t,mx,my,mz,ax,ay,az,gx,gy,gz."
+    )
+
+
+def _static_roles(signs: list[VectorSigns], said: Said) -> _Roles | None:
+    """Of three triads that do not turn, the accelerometer is the only one with the norm of gravity; None if none is."""
+    heavy = [i for i, one in enumerate(signs) if one.gravity_unit(said.specific_force) is not None]
+    field = [i for i, one in enumerate(signs) if i not in heavy and one.field_unit is not None]
+    if len(heavy) != 1 or len(field) != 1:
+        return None
+    gyro = next(i for i in range(3) if i not in (heavy[0], field[0]))
+    unit = signs[heavy[0]].gravity_unit(said.specific_force)
+    return _Roles(heavy[0], gyro, field[0], f"it alone has the norm of gravity, in {unit}")
+
+
+def _plan_of_one(
+    plan: ColumnPlan, signs: VectorSigns, name: str, said: Said
+) -> tuple[ColumnPlan, list[Remark]]:
+    """Return the plan of a table with one triad: what the file's name says, else what the numbers show."""
+    kind = kind_of_file(name)
+    if kind == "g":
+        return plan.swapped(), [Remark("found", f"{name}: its one triad is the gyro, its name says.")]
+    if kind == "m" or (said.magnetic_field is not None and not said.has_accelerometer):
+        who = "its name says" if kind == "m" else "--units says"
+        return _magnetic(plan), [Remark("found", f"{name}: its one triad is the magnetometer, {who}.")]
+    found, more = _not_a_magnetometer(plan, signs, name, said)
+    if found.specific_force is None:
+        return found, more
+    return found, [Remark("assumed", f"{name}: its one triad is taken as the accelerometer."), *more]
+
+
+def _magnetic(plan: ColumnPlan) -> ColumnPlan:
+    return replace(plan, specific_force=None, magnetic_field=plan.specific_force)
+
+
+def _not_a_magnetometer(
+    plan: ColumnPlan, signs: VectorSigns, name: str, said: Said
+) -> tuple[ColumnPlan, list[Remark]]:
+    """Take the only triad that keeps its norm as the magnetometer where its numbers show one, doubt it in between."""
+    if said.has_accelerometer or plan.specific_force is None or signs.motion == "shaken":
+        return plan, []
+    which = f"{name}: columns {_numbers(plan.specific_force)}"
+    gravity, field = signs.gravity_unit(), signs.field_unit
+    steady = signs.motion == "steady"
+    if steady and gravity is None and field is not None and not signs.whole:
+        text = (
+            f"{which} are taken as the magnetometer: their norm of {signs.norm:.4g} is the Earth's field in {field} "
+            "and gravity in no unit, and motion does not change it. If they are the accelerometer, say so with "
+            "--columns (t,ax,ay,az,gx,gy,gz)."
+        )
+        return _magnetic(plan), [Remark("assumed", text)]
+    if gravity is None and field is not None and (steady or not signs.whole) and signs.is_vector is not False:
+        raise RecordingError(
+            f"{which} have a norm of {signs.norm:.4g}, which is gravity in none of m/s², g and mg, but the Earth's "
+            f"field in {field}. If they are a magnetometer, say so with --columns t,mx,my,mz; if they are the "
+            "accelerometer, with --columns t,ax,ay,az and --units."
+        )
+    if steady:
+        text = (
+            f"{which} are taken as the accelerometer, but no motion changes their norm of {signs.norm:.4g}, as none "
+            "changes a magnetometer's. An accelerometer is so on a table that turns smoothly, hardly in a hand. Say "
+            "which it is with --columns (ax,ay,az or mx,my,mz)."
+        )
+        return plan, [Remark("doubtful", text)]
+    return plan, []
+
+
+def _numbers(triad: tuple[tuple[int, float], ...]) -> str:
+    return f"{triad[0][0] + 1}-{triad[-1][0] + 1}"
+
+
+def _column_words(plan: ColumnPlan, reason: str, name: str, count: int) -> str:
+    time = (
+        "no column is time"
+        if plan.time is None
+        else f"column {plan.time + 1} of {count} is time (it grows steadily)"
+    )
+    parts = [f"columns {_numbers(plan.specific_force or ())} are taken as the accelerometer ({reason})"]
+    for triad, what in ((plan.angular_rate, "gyro"), (plan.magnetic_field, "magnetometer")):
+        parts += [] if triad is None else [f"columns {_numbers(triad)} as the {what}"]
+    return f"{name} names no columns: {time}, {', '.join(parts)}."
+
+
+def _could_be_temperature(column: Series) -> bool:
+    low, high = float(np.nanmin(column)), float(np.nanmax(column))
+    return low > -60.0 and high < 130.0 and high - low < 80.0 and high != 0.0
+
+
+_STAMP_TOLERANCE = 0.02  # of a step: stamps written with different rounding still agree
+
+
+def _own_plan(table: RawTable) -> ColumnPlan | None:
+    """Return the plan of a table with one triad, which is called the accelerometer's where no name says; else None."""
+    plan = None if table.names is None else plan_from_names(table.names)
+    if plan is None:
+        return triad_alone(table.columns)
+    return plan if (plan.specific_force is None) != (plan.angular_rate is None) else None
+
+
+def _lone_triad(plan: ColumnPlan) -> tuple[tuple[int, float], ...]:
+    return plan.specific_force or plan.angular_rate or ()
+
+
+def is_pair(tables: list[RawTable]) -> bool:
+    """Say whether two tables have one triad each."""
+    return len(tables) == 2 and all(_own_plan(t) is not None for t in tables)
+
+
+@dataclass(frozen=True, slots=True)
+class Pairing:
+    """How two tables become one: what each has, and what the merged columns are.
+
+    The merged table has time first (if either file has it), then the first file's three values, then
+    the second's.
+    """
+
+    plans: tuple[ColumnPlan, ColumnPlan]
+    plan: ColumnPlan
+    remarks: tuple[Remark, ...] = ()
+
+
+def find_pairing(first: RawTable, second: RawTable, columns: str | None = None) -> Pairing:
+    """Find out which columns and which file is what.
+
+    The names of columns or files decide which is the accelerometer, otherwise the content.
+
+    Parameters
+    ----------
+    first, second : tables of one triad each.
+    columns : the option ``--columns``, the two files' lists separated by ``;``, or None.
+
+    Raises
+    ------
+    RecordingError
+        If the files differ in length or in their stamps.
+    UsageError
+        If `columns` does not give one triad to each file.
+    """
+    own, other = (
+        _plans_by_option(first, second, columns) if columns is not None else map(_own_plan, (first, second))
+    )
+    assert own is not None  # as `is_pair` says
+    assert other is not None
+    start = 0 if own.time is None and other.time is None else 1
+    first_triad, second_triad = (
+        tuple((start + 3 * n + i, sign) for i, (_, sign) in enumerate(_lone_triad(one)))
+        for n, one in enumerate((own, other))
+    )
+    plan = ColumnPlan(
+        0 if start else None,
+        first_triad,
+        second_triad,
+        said_by="header" if other.said_by == "header" else own.said_by,
+        time_unit=own.time_unit or other.time_unit,
+        specific_force_unit=own.specific_force_unit or other.specific_force_unit,
+        angular_rate_unit=own.angular_rate_unit or other.angular_rate_unit,
+    )
+    pairing = Pairing((own, other), plan)
+    if columns is not None:
+        return pairing if own.specific_force is not None else replace(pairing, plan=plan.swapped())
+    swapped, remark = _which(first, second, pairing)
+    return replace(pairing, plan=plan.swapped() if swapped else plan, remarks=(remark,))
+
+
+def _plans_by_option(first: RawTable, second: RawTable, columns: str) -> list[ColumnPlan]:
+    halves = columns.split(";")
+    if len(halves) != 2:
+        raise UsageError(
+            "--columns for a pair of files is two lists with ; between, as t,ax,ay,az;t,gx,gy,gz."
+        )
+    plans = [
+        plan_from_option(h, len(t.columns), t.path.name) for h, t in zip(halves, (first, second), strict=True)
+    ]
+    lacking = [(p.specific_force is None, p.angular_rate is None) for p in plans]
+    if sorted(lacking) != [(False, True), (True, False)]:
+        raise UsageError("--columns for a pair of files gives ax,ay,az to one and gx,gy,gz to the other.")
+    return plans
+
+
+def merge_pair(first: RawTable, second: RawTable, pairing: Pairing) -> RawTable:
+    """Put two tables side by side as `pairing` says.
+
+    Raises
+    ------
+    RecordingError
+        If the files differ in length or in their stamps.
+    """
+    if len(first) != len(second):
+        raise RecordingError(
+            f"{first.path.name} has {len(first)} rows and {second.path.name} has {len(second)}: the two "
+            "triads need "
+            "the same stamps. Cut or interpolate one of them onto the stamps of the other; of a phone's log name "
+            "the folder, whose sensors are put on one clock."
+        )
+    own, other = pairing.plans
+    if own.time is not None and other.time is not None:
+        _check_stamps(first, own.time, second, other.time)
+    both = ((first, own), (second, other))
+    stamps = [table.columns[plan.time] for table, plan in both if plan.time is not None]
+    return replace(
+        first,
+        names=None,
+        columns=[*stamps[:1], *(table.columns[i] for table, plan in both for i, _ in _lone_triad(plan))],
+        remarks=[*first.remarks, *second.remarks],
+        rate=first.rate or second.rate,
+        judged=False,
+        field=None,
+    )
+
+
+def _check_stamps(first: RawTable, time: int, second: RawTable, other_time: int) -> None:
+    a, b = first.columns[time], second.columns[other_time]
+    step = abs(float(np.nanmedian(np.diff(a)))) if a.size > 1 else 0.0
+    apart = np.flatnonzero(np.abs(a - b) > _STAMP_TOLERANCE * step)
+    if apart.size:
+        row = int(apart[0])
+        raise RecordingError(
+            f"{first.path.name} and {second.path.name} have different stamps from {first.place(row)} "
+            f"on ({a[row]:.9g} and {b[row]:.9g}). Interpolate one onto the stamps of the other, or "
+            "give one file with both. Of a phone's log give the folder, whose sensors are put on one "
+            "clock."
+        )
+
+
+def _named_kind(table: RawTable, plan: ColumnPlan) -> str | None:
+    """Return "a" or "g" from the names of the columns or of the file."""
+    if plan.said_by == "header":
+        return "a" if plan.specific_force is not None else "g"
+    return kind_of_file(table.path.name)
+
+
+def _which(first: RawTable, second: RawTable, pairing: Pairing) -> tuple[bool, Remark]:
+    """Return whether the first file is the gyro, and the sentence that says so."""
+    merged = merge_pair(first, second, pairing)
+    kinds = [_named_kind(table, plan) for table, plan in zip((first, second), pairing.plans, strict=True)]
+    names = (first.path.name, second.path.name)
+    named = kinds[0] != kinds[1] and set(kinds) <= {"a", "g", None}
+    if named:
+        swapped, reason = kinds[0] == "g" or kinds[1] == "a", "their names say so"
+    else:
+        rows = np.column_stack(merged.columns[-6:])
+        rows = rows[np.isfinite(rows).all(axis=1)]
+        order = find_accelerometer(rows[:, :3], rows[:, 3:])
+        swapped, reason = order.swapped, order.reason
+    force, rates = (names[1], names[0]) if swapped else names
+    text = f"{force} is taken as the accelerometer and {rates} as the gyro: {reason}."
+    return swapped, Remark("found" if named else "assumed", text)

@@ -15,11 +15,19 @@ import numpy as np
 
 from tumble.border import border
 from tumble.errors import RecordingError, UsageError
-from tumble.recording.columns import ColumnPlan, kind_of_file, plan_from_names
-from tumble.recording.declared import DeclaredUnits, read_units_option
+from tumble.recording.columns import (
+    ColumnPlan,
+    Pairing,
+    find_pairing,
+    is_pair,
+    kind_of_file,
+    merge_pair,
+    plan_from_names,
+    triad_alone,
+)
 from tumble.recording.formats import read_table, read_table_blocks, source_of
+from tumble.recording.formats.frames import Frame, frame_table, input_name
 from tumble.recording.formats.table import FieldStream, RawTable
-from tumble.recording.frames import Frame, frame_table, input_name
 from tumble.recording.interpretation import (
     BlockState,
     Interpretation,
@@ -27,10 +35,10 @@ from tumble.recording.interpretation import (
     interpret,
     interpret_block,
 )
-from tumble.recording.pair import Pairing, find_pairing, is_pair, merge_pair
-from tumble.recording.recording import Recording, Remark, Source
+from tumble.recording.recording import Recording
+from tumble.recording.samples import Remark, Source
 from tumble.recording.stamps import seconds_of
-from tumble.recording.unnamed_columns import triad_alone
+from tumble.recording.units import DeclaredUnits, read_units_option
 
 
 def is_field_table(table: RawTable) -> bool:

@@ -10,14 +10,13 @@ A recording as a notebook shows it: what it holds, and what was found on reading
 from __future__ import annotations
 
 from dataclasses import field, replace
-from typing import Literal
 
 import numpy as np
 
 from tumble.arrays import Series, Vectors
 from tumble.files.markup import notebook_html
-from tumble.recording.clock import Clock, clock_of_stamps
-from tumble.recording.magnetic_field import MagneticField
+from tumble.recording.samples import MagneticField, Remark, Source
+from tumble.recording.stamps import Clock, clock_of_stamps
 from tumble.records import dataclass
 
 
@@ -42,28 +41,6 @@ def recording_html(recording: Recording) -> str:
 
 def _signal(triad: Vectors | None, unit: str) -> str:
     return "none" if triad is None else f"three axes, {unit}"
-
-
-@dataclass(frozen=True, slots=True)
-class Source:
-    """One file that a recording was read from, and the topic where it is a bag and one topic has both triads."""
-
-    name: str
-    sha256: str
-    topic: str | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Remark:
-    """Something that the reader noticed, assumed or mended, as a sentence for the user.
-
-    `kind` is "found" (a fact of the file), "assumed" (a guess that the user may overrule),
-    "doubtful" (a guess that other numbers of the file contradict), "mended" (samples left out or changed),
-    "corrected" (somebody's corrections are in the numbers already) or "unchecked" (what nothing in the file can show).
-    """
-
-    kind: Literal["found", "assumed", "doubtful", "mended", "corrected", "unchecked"]
-    text: str
 
 
 @dataclass(frozen=True, slots=True)

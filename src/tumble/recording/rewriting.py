@@ -14,7 +14,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, closing, nullcontext
 from dataclasses import field
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 from tumble.errors import RecordingError, UsageError
@@ -25,12 +24,12 @@ from tumble.recording.formats.bags.bag import Bag
 from tumble.recording.formats.bags.mcap import McapFile
 from tumble.recording.formats.bags.rosbag1 import Rosbag1
 from tumble.recording.formats.bags.rosbag2 import Chain, Database
-from tumble.recording.formats.compression import ZSTD_MAGIC, needed
+from tumble.recording.formats.packed import ZSTD_MAGIC, needed
 from tumble.records import dataclass
 
-ENDINGS = (".bag", ".mcap", ".db3")
+_ENDINGS = {"ROS 1 bag": ".bag", "MCAP": ".mcap", "ROS 2 bag": ".db3"}
+ENDINGS = tuple(_ENDINGS.values())
 """Of files of bags; a ROS 2 bag is also a folder."""
-_KINDS: tuple[tuple[ModuleType, str], ...] = ((rosbag1, ".bag"), (mcap, ".mcap"), (rosbag2, ".db3"))
 _Marks = dict[str, tuple[str, ...]]
 _COMMENT = re.compile(r"^# corrected by tumble: ([0-9a-f ]+)\n")
 _METADATA, _KEY = "tumble", "corrected_by "
@@ -88,7 +87,7 @@ def ending_of(path: Path) -> str | None:
         format_ = find_format(path)
     except RecordingError:
         return None
-    ending = next((ending for kind, ending in _KINDS if kind is format_), None)
+    ending = _ENDINGS.get(format_.name)
     return "" if ending is not None and path.is_dir() else ending
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from tumble.arrays import Matrix, Vector, Vectors
 from tumble.errors import UsageError
-from tumble.recording.magnetic_field import MagneticField
+from tumble.recording.samples import MagneticField
 from tumble.records import dataclass
 from tumble.sensor.triad import Triad
 from tumble.simulation.motion import Motion

@@ -13,8 +13,8 @@ from tumble.counting import counted, part
 from tumble.earth.site import Site
 from tumble.errors import UsageError
 from tumble.protocol.steps import Step
-from tumble.recording.clock import exact_clock
 from tumble.recording.recording import Recording
+from tumble.recording.stamps import exact_clock
 from tumble.records import dataclass
 from tumble.sensor.imu import ImuModel
 from tumble.simulation.fixtures import PlayedProtocol, TrueRotation, TrueSpin

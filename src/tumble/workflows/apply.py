@@ -16,9 +16,8 @@ from tumble.document.corrector import Corrector
 from tumble.document.result import TriadBlock
 from tumble.errors import UsageError
 from tumble.recording import Recording, read_blocks
-from tumble.recording.formats.euroc_writing import PLACE, write_euroc
 from tumble.recording.formats.folder import euroc_file
-from tumble.recording.formats.output import write_blocks
+from tumble.recording.formats.output import PLACE, write_blocks, write_euroc
 from tumble.recording.gravity_check import find_steps_of_two
 from tumble.recording.temperature import TemperatureColumn
 from tumble.records import dataclass

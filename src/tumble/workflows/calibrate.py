@@ -31,7 +31,7 @@ from tumble.errors import (
 from tumble.files import results_folder
 from tumble.limits import read_limits, with_limits
 from tumble.recording import Recording, read_recordings
-from tumble.recording.frames import Frame
+from tumble.recording.formats.frames import Frame
 from tumble.recording.reading import Paths, recording_inputs
 from tumble.records import dataclass
 from tumble.workflows.given.noise_models import NoiseOfHolds

@@ -120,7 +120,7 @@ def refuse_field_of_none(recording: Recording, given: GivenField | None) -> None
     """
     if given is None or recording.magnetic_field is not None:
         return
-    from tumble.recording.magnetic_field import NOTHING_MADE
+    from tumble.recording.samples import NOTHING_MADE
 
     for remark in recording.remarks:
         if remark.text.endswith(NOTHING_MADE):

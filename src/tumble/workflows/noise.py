@@ -12,7 +12,7 @@ import numpy as np
 from tumble.errors import UsageError
 from tumble.files import opened, results_folder
 from tumble.recording import Recording, read_blocks, read_recording
-from tumble.recording.frames import Frame
+from tumble.recording.formats.frames import Frame
 from tumble.recording.reading import Paths, recording_inputs
 from tumble.records import dataclass
 from tumble.workflows.progress import public, silent

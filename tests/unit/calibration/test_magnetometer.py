@@ -35,8 +35,8 @@ from tumble.calibration.outcome.estimate import JointOutcome
 from tumble.calibration.session import Options, Session
 from tumble.errors import ObservabilityError
 from tumble.recording import Recording
-from tumble.recording.magnetic_field import MagneticField
-from tumble.recording.saturation import limits_reached
+from tumble.recording.rest import limits_reached
+from tumble.recording.samples import MagneticField
 
 GIVEN = GivenField(49.2e-6, 0.2e-6, np.radians(66.0))
 

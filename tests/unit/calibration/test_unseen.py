@@ -15,8 +15,8 @@ from tumble.calibration.estimate import Estimate
 from tumble.earth import Site
 from tumble.protocol import read_protocol
 from tumble.protocol.steps import ASSUMED_RATE, SpinStep
-from tumble.recording.clock import Clock
 from tumble.recording.recording import Recording
+from tumble.recording.stamps import Clock
 from tumble.workflows.procedures import run_procedure
 
 SIGMA = 0.004

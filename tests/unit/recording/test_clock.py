@@ -8,8 +8,8 @@ import pytest
 
 import tumble
 from tumble.errors import RecordingError, UsageError
-from tumble.recording.clock import NOMINAL, clock_of_stamps, clock_without_stamps, stamp_jitter
 from tumble.recording.recording import Recording
+from tumble.recording.stamps import NOMINAL, clock_of_stamps, clock_without_stamps, stamp_jitter
 from tumble.sample_rates import CRYSTAL, SampleRate, sample_rate, stated_clock
 
 K = np.arange(6000)

@@ -9,7 +9,7 @@ import pytest
 
 from tumble.arrays import Matrix, Vectors
 from tumble.recording import Findings, MagneticField, Recording, inspect_recording
-from tumble.recording.field_findings import FieldFindings
+from tumble.recording.doctor import FieldFindings
 
 DIP = 65.0
 IRON = np.array([[1.03, 0.02, -0.01], [-0.03, 0.98, 0.015], [0.02, -0.01, 1.01]])

@@ -11,8 +11,8 @@ import pytest
 
 from tumble.errors import RecordingError, UsageError
 from tumble.recording import read_recording
-from tumble.recording.declared import chips, with_chip
 from tumble.recording.formats.lines import row_of, without_clock
+from tumble.recording.units import chips, with_chip
 from tumble.units import angular_rate_factor, specific_force_factor
 
 COUNT, RATE = 300, 100.0

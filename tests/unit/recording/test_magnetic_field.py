@@ -11,8 +11,8 @@ import pytest
 
 from tumble.errors import UsageError
 from tumble.recording import MagneticField, Recording, read_recording, write_recording
-from tumble.recording.declared import read_units_option
-from tumble.recording.magnetic_field import joined_fields
+from tumble.recording.samples import joined_fields
+from tumble.recording.units import read_units_option
 from tumble.units import find_unit, magnetic_field_factor
 from tumble.workflows.several.joining import join_recordings
 

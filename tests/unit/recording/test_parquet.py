@@ -12,8 +12,8 @@ import pytest
 
 from tumble.errors import RecordingError
 from tumble.recording import Recording, read_blocks, read_recording
-from tumble.recording.formats.header import header_names
-from tumble.recording.formats.parquet import UNITS_KEY
+from tumble.recording.formats import header_names
+from tumble.recording.formats.frames import UNITS_KEY
 
 COUNT = 12_000
 RNG = np.random.default_rng(3)

@@ -25,7 +25,7 @@ from tumble.limits.conformity import decide
 from tumble.limits.reading import read_limits
 from tumble.recording import Recording
 from tumble.recording.formats.output import write_recording
-from tumble.recording.magnetic_field import MagneticField
+from tumble.recording.samples import MagneticField
 from tumble.sensor import ImuModel, Triad
 from tumble.workflows.corrected.form import CorrectedField
 from tumble.workflows.magnetometer import field_reasons, left_out_of

@@ -21,7 +21,7 @@ from tumble.earth import Site
 from tumble.errors import CalibrationFileError, RecordingError, ThermalSpanError, TumbleError, UsageError
 from tumble.protocol import named_protocol
 from tumble.recording import Recording, read_recording
-from tumble.recording.formats import npy
+from tumble.recording.formats import arrays
 from tumble.recording.formats.output import write_recording
 from tumble.sensor import ImuModel, Triad
 from tumble.sensor.thermal import SHAPES, TemperatureBasis, ThermalModel
@@ -173,8 +173,8 @@ def test_apply_by_blocks_is_apply_of_the_whole(tmp_path: Path, monkeypatch: pyte
     assert RAW.temperature is not None
     table = np.column_stack([RAW.time, RAW.specific_force, RAW.angular_rate, RAW.temperature])
     np.save(tmp_path / "raw.npy", table)
-    real = npy.read_table_blocks
-    monkeypatch.setattr(npy, "read_table_blocks", lambda path, rows=1700: real(path, rows))
+    real = arrays.read_npy_blocks
+    monkeypatch.setattr(arrays, "read_npy_blocks", lambda path, rows=1700: real(path, rows))
     apply(DOCUMENT, tmp_path / "raw.npy", output=tmp_path / "out.parquet", **OPTIONS)
     corrected = pl.read_parquet(tmp_path / "out.parquet")
     np.testing.assert_allclose(corrected[:, 1:4].to_numpy(), TRUE.specific_force, atol=1e-12)

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from tumble.calibration.session import Session
     from tumble.earth import Site
     from tumble.protocol import Protocol
-    from tumble.recording.clock import Clock
+    from tumble.recording.stamps import Clock
     from tumble.segmentation import HoldMeans
 
 # From this share of a scale factor's standard uncertainty on its use depends on what cannot be seen; below the

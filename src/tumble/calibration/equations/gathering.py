@@ -9,8 +9,8 @@ from tumble.calibration.equations.imu_unknowns import force_matrix
 from tumble.calibration.equations.turn import HoldsAndTurns
 from tumble.errors import ObservabilityError
 from tumble.estimation.unknowns import Unknowns
-from tumble.recording.clock import stamp_jitter
 from tumble.recording.recording import Recording
+from tumble.recording.stamps import stamp_jitter
 from tumble.segmentation import Hold, HoldMeans, Timeline
 from tumble.segmentation.averages import mean_covariance
 from tumble.segmentation.rounding import integral_variance, rounding_of_each, step_at_rests

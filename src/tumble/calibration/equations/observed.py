@@ -25,7 +25,7 @@ from tumble.calibration.equations.imu_unknowns import force_matrix, gyro_matrix
 from tumble.calibration.equations.turn import HoldsAndTurns, window_directions
 from tumble.estimation.unknowns import Unknowns
 from tumble.estimation.wander import covariance_about_the_mean, wander_basis
-from tumble.recording.clock import stamp_jitter
+from tumble.recording.stamps import stamp_jitter
 from tumble.records import dataclass
 from tumble.segmentation.rounding import integral_variance, rounding_of_each, rounding_variance
 

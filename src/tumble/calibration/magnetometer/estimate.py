@@ -38,8 +38,8 @@ from tumble.calibration.magnetometer.field_equations import (
 from tumble.calibration.outcome.description import rotation_of_frame
 from tumble.errors import ConvergenceError, ObservabilityError
 from tumble.estimation.balance import balance
-from tumble.recording.magnetic_field import MagneticField
-from tumble.recording.saturation import limits_reached
+from tumble.recording.rest import limits_reached
+from tumble.recording.samples import MagneticField
 from tumble.records import dataclass
 from tumble.sensor import Triad, polar_rotation, propagate
 from tumble.units import magnetic_field_factor

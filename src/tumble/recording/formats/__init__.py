@@ -1,55 +1,116 @@
-"""The file formats that recordings are read from, one module a format.
+"""The file formats that recordings are read from: a table of what their files begin with.
 
-Each module has `NAME`, `ENDINGS`, ``recognises(head) -> bool`` on the first bytes of a file,
-``read_table(path) -> RawTable`` and, where the format allows it in bounded memory,
-``read_table_blocks(path) -> Iterator[RawTable]``. The content decides, never the ending alone.
-
-A module with `recognises` is a format: nothing else names it. Where its first bytes could be another format's too,
-`ASKED` says how late it is asked (0 without it): text recognises almost anything, and comes last.
-
-A format of several topics or streams says so by `HAS_TOPICS`; both functions then take their names as a
-second argument. One that reads folders has ``recognises_folder(path) -> bool`` and ``source(path)``,
-which says what of a folder is read.
+The content decides, never the ending alone, and only the format that fits is imported. A row of `FORMATS` names the
+module, and in it the function ``(path) -> RawTable`` and, where the format allows it in bounded memory, one
+``(path) -> Iterator[RawTable]``; both take the names of topics as a second argument where a format has
+several. Rows are asked in their order, so what recognises almost anything comes last.
 """
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Generator, Iterator, Sequence
+import re
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
-from pkgutil import iter_modules
-from types import ModuleType
+from typing import Any
 
 import numpy as np
 
 from tumble.errors import RecordingError, UsageError
-from tumble.files import opened
+from tumble.files import lines_of, opened
 from tumble.recording.formats.table import RawTable, hash_file, measurable
-from tumble.recording.recording import Source
-
-
-def _found(room: ModuleType) -> Iterator[ModuleType]:
-    """Yield the formats of a room and of the rooms in it."""
-    for entry in iter_modules(room.__path__, f"{room.__name__}."):
-        module = import_module(entry.name)
-        if entry.ispkg:
-            yield from _found(module)
-        elif hasattr(module, "recognises"):
-            yield module
-
-
-FORMATS: tuple[ModuleType, ...] = tuple(
-    sorted(_found(sys.modules[__name__]), key=lambda format_: getattr(format_, "ASKED", 0))
-)
-"""All formats, in the order in which they are asked."""
+from tumble.recording.samples import Source
+from tumble.records import dataclass
 
 HEAD = 4096
 """Bytes at the beginning of a file that tell its format."""
 
+_HEADER = 65536
+_MOST_LINES = 50
 _BLOCK_ROWS = 500_000
 _HDF5 = b"\x89HDF\r\n\x1a\n"
+_ZIP = b"PK\x03\x04"
+_MARKS = (b"\xff\xfe", b"\xfe\xff", b"\xef\xbb\xbf")  # UTF-16 of either order, UTF-8
+
+
+def _is_npz(head: bytes) -> bool:
+    """Whether the first file of a zip archive is NPY, as that of NPZ is."""
+    length = int.from_bytes(head[26:28], "little")
+    return head.startswith(_ZIP) and len(head) >= 30 and head[30 : 30 + length].endswith(b".npy")
+
+
+def _is_zip(head: bytes) -> bool:
+    return head.startswith(_ZIP) and not _is_npz(head)
+
+
+def _is_xsens(head: bytes) -> bool:
+    return b"\0" not in head and (b"PacketCounter" in head or b"SampleTimeFine" in head)
+
+
+def _is_labelled(head: bytes) -> bool:
+    from tumble.recording.formats.lines import begins_labelled
+
+    return begins_labelled(head)
+
+
+def _is_text(head: bytes) -> bool:
+    plain = b"\0" not in head and sum(b < 9 or 13 < b < 32 for b in head[:1024]) == 0
+    return head.startswith(_MARKS) or plain
+
+
+@dataclass(frozen=True, slots=True)
+class Format:
+    """A format of files.
+
+    Attributes
+    ----------
+    name : what it is called.
+    ending : of its files, usually.
+    begins : what its files begin with: one of these, or what the function says of the first bytes.
+    module, reads : where it is read, and the function there.
+    in_blocks : whether a function of that name with ``_blocks`` behind it reads block by block.
+    has_topics : whether the functions take the names of topics or streams, too.
+    """
+
+    name: str
+    ending: str
+    begins: tuple[bytes, ...] | Callable[[bytes], bool]
+    module: str
+    reads: str = "read_table"
+    in_blocks: bool = False
+    has_topics: bool = False
+
+    def fits(self, head: bytes) -> bool:
+        """Say whether a file that begins so is of this format."""
+        return self.begins(head) if callable(self.begins) else head.startswith(self.begins)
+
+    def function(self, name: str) -> Any:
+        """Return a function of the format's module."""
+        return getattr(import_module(f"{__name__}.{self.module}"), name)
+
+
+_PACKED = (b"\x28\xb5\x2f\xfd", b"\x1f\x8b", b"BZh", b"\xfd7zXZ")
+_ROS2 = "ROS 2 bag"
+_FOLDER = "folder"
+FORMATS: tuple[Format, ...] = (
+    Format("zip", ".zip", _is_zip, "packed", "read_zip", has_topics=True),
+    Format("MCAP", ".mcap", (b"\x89MCAP0\r\n",), "bags.mcap", in_blocks=True, has_topics=True),
+    Format("ROS 1 bag", ".bag", (b"#ROSBAG V",), "bags.rosbag1", in_blocks=True, has_topics=True),
+    Format(_ROS2, ".db3", (b"SQLite format 3\0",), "bags.rosbag2", in_blocks=True, has_topics=True),
+    Format("compressed", ".gz", _PACKED, "packed", "read_packed", in_blocks=True, has_topics=True),
+    Format("DataFlash", ".bin", (b"\xa3\x95\x80",), "logs.dataflash", has_topics=True),
+    Format("ULog", ".ulg", (b"ULog\x01\x12\x35",), "logs.ulog", has_topics=True),
+    Format("MATLAB", ".mat", (b"MATLAB ",), "arrays", "read_matlab"),
+    Format("NPY", ".npy", (b"\x93NUMPY",), "arrays", "read_npy", in_blocks=True),
+    Format("NPZ", ".npz", _is_npz, "arrays", "read_npz"),
+    Format("Parquet", ".parquet", (b"PAR1",), "frames", in_blocks=True),
+    Format("Xsens text", ".txt", _is_xsens, "xsens", in_blocks=True),
+    Format("labelled lines", ".txt", _is_labelled, "labelled", has_topics=True),
+    Format("text", ".csv", _is_text, "text", in_blocks=True),
+    Format(_FOLDER, "", (), "folder", has_topics=True),
+)
+"""All formats, in the order in which they are asked."""
 
 
 @contextmanager
@@ -66,8 +127,8 @@ def _readable(path: Path) -> Generator[None]:
         raise RecordingError(f"{path} cannot be read: {error.strerror or error}.") from error
 
 
-def find_format(path: Path) -> ModuleType:
-    """Return the module of the format that a file's content is in.
+def find_format(path: Path) -> Format:
+    """Return the format that a file's or a folder's content is in.
 
     Raises
     ------
@@ -82,13 +143,13 @@ def find_format(path: Path) -> ModuleType:
     if not head:
         raise RecordingError(f"{path.name} is empty; give a recording with one row a sample.")
     _refuse_hdf5(path.name, head)
-    for format_ in FORMATS:
-        if format_.recognises(head):
-            return format_
-    raise RecordingError(
-        f"{path.name} is binary in a format that is not known; known are "
-        f"{', '.join(f.NAME for f in FORMATS)}. Convert it to CSV (see the formats page)."
-    )
+    found = next((format_ for format_ in FORMATS if format_.fits(head)), None)
+    if found is None:
+        raise RecordingError(
+            f"{path.name} is binary in a format that is not known; known are "
+            f"{', '.join(f.name for f in FORMATS)}. Convert it to CSV (see the formats page)."
+        )
+    return found
 
 
 def _refuse_hdf5(name: str, head: bytes) -> None:
@@ -103,22 +164,20 @@ def _refuse_hdf5(name: str, head: bytes) -> None:
     )
 
 
-def _format_of_folder(path: Path) -> ModuleType:
-    for format_ in FORMATS:
-        if hasattr(format_, "recognises_folder") and format_.recognises_folder(path):
-            return format_
-    raise RecordingError(f"{path} is a folder; name the recording's file in it.")
+def _format_of_folder(path: Path) -> Format:
+    bag = any(p.name.endswith((".db3", ".mcap", ".db3.zstd", ".mcap.zstd")) for p in path.iterdir())
+    return next(format_ for format_ in FORMATS if format_.name == (_ROS2 if bag else _FOLDER))
 
 
 def _arguments(
-    format_: ModuleType, path: Path, topics: Sequence[str]
+    format_: Format, path: Path, topics: Sequence[str]
 ) -> tuple[Path] | tuple[Path, Sequence[str]]:
     """Return what a format's functions are called with."""
-    if getattr(format_, "HAS_TOPICS", False):
+    if format_.has_topics:
         return path, topics
     if topics:
         raise UsageError(
-            f"--topic {topics[0]}: {path.name} is {format_.NAME}, which has no topics; leave it out."
+            f"--topic {topics[0]}: {path.name} is {format_.name}, which has no topics; leave it out."
         )
     return (path,)
 
@@ -132,7 +191,7 @@ def source_of(path: Path) -> Source:
         If a file cannot be read.
     """
     if path.is_dir():
-        source: Source = find_format(path).source(path)
+        source: Source = find_format(path).function("source")(path)
         return source
     return hash_file(path)
 
@@ -155,7 +214,7 @@ def read_table(path: Path, topics: Sequence[str] = ()) -> RawTable:
     format_ = find_format(path)
     arguments = _arguments(format_, path, topics)
     with _readable(path):
-        return measurable(format_.read_table(*arguments))
+        return measurable(format_.function(format_.reads)(*arguments))
 
 
 def read_table_blocks(path: Path, topics: Sequence[str] = ()) -> Iterator[RawTable]:
@@ -174,12 +233,12 @@ def read_table_blocks(path: Path, topics: Sequence[str] = ()) -> Iterator[RawTab
     """
     format_ = find_format(path)
     arguments = _arguments(format_, path, topics)
-    if not hasattr(format_, "read_table_blocks"):
+    if not format_.in_blocks:
         table = read_table(path, topics)
         for start in range(0, len(table), _BLOCK_ROWS):
             yield table.cut(start, min(start + _BLOCK_ROWS, len(table)))
         return
-    blocks: Iterator[RawTable] = format_.read_table_blocks(*arguments)
+    blocks: Iterator[RawTable] = format_.function(f"{format_.reads}_blocks")(*arguments)
     while True:
         with _readable(path):
             block = next(blocks, None)
@@ -187,3 +246,30 @@ def read_table_blocks(path: Path, topics: Sequence[str] = ()) -> Iterator[RawTab
         if block is None:
             return
         yield block
+
+
+def header_names(path: Path) -> list[str]:
+    """Return the names that stand at the head of a text file, or of the columns of a Parquet file.
+
+    Of any other format, and of a file that cannot be read, none: reading it says what is wrong.
+    """
+    import gzip
+    import zlib
+
+    from tumble.recording.formats.frames import read_names
+
+    try:
+        with opened(path) as file:
+            head = file.read(_HEADER)
+        if head.startswith(b"PAR1"):
+            return read_names(path)
+        if head.startswith(b"\x1f\x8b"):
+            with gzip.open(path) as file:
+                head = file.read(_HEADER)
+    except (OSError, EOFError, zlib.error):
+        return []
+    if b"\0" in head:
+        return []
+    lines = lines_of(head.decode("utf-8", errors="replace"))[:_MOST_LINES]
+    cells = [cell.strip().strip('"').strip() for line in lines for cell in re.split(r"[,;\t]", line)]
+    return [cell for cell in cells if re.match(r"[A-Za-z]", cell)]

@@ -1,21 +1,194 @@
-"""Folders: EuRoC data sets, phones' logs with a file a sensor, and folders with one recording in them."""
+"""Folders: EuRoC data sets, phones' logs with a file a sensor, and folders with one recording in them.
+
+Phones' loggers (Sensor Logger, phyphox and the like) write one CSV a sensor, each with stamps of its own.
+
+References
+----------
+Sensor Logger, *One-Page Unit Reference*; Android developer guide, *Motion sensors*; phyphox, export as CSV.
+"""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from tumble.errors import RecordingError
-from tumble.recording.formats import text
-from tumble.recording.formats.logs import phone
-from tumble.recording.formats.logs.logged_streams import table_of_streams
-from tumble.recording.formats.table import RawTable, hash_file, hash_files
-from tumble.recording.recording import Source
+import numpy as np
 
-NAME = "folder"
-ENDINGS = ()
-ASKED = 3  # any folder is one
-HAS_TOPICS = True
+from tumble.arrays import Vectors
+from tumble.errors import RecordingError
+from tumble.recording import formats
+from tumble.recording.formats import text
+from tumble.recording.formats.streams import Stream, Units, table_of_streams
+from tumble.recording.formats.table import RawTable, hash_file, hash_files
+from tumble.recording.samples import Samples, Source
+from tumble.recording.stamps import seconds_of
+from tumble.units import find_unit, specific_force_factor
+
+# Names of files without separators and capitals, the best choice first.
+_ACCELEROMETERS = (
+    "accelerometeruncalibrated", "totalacceleration", "accelerometer", "acceleration", "rawaccelerometer", "acc",
+    "accel", "linearacceleration", "linearaccelerometer", "useracceleration", "accelerationwithoutg",
+    "linearacc", "freeacceleration",
+)  # fmt: skip
+_MAY_LACK_GRAVITY = ("accelerometer", *_ACCELEROMETERS[_ACCELEROMETERS.index("accel") + 1 :])
+_GYROS = ("gyroscopeuncalibrated", "gyroscope", "gyro", "gyr", "rawgyroscope", "rotationrate")
+_MAGNETOMETERS = ("magnetometeruncalibrated", "magnetometer", "magneticfield", "mag", "rawmagnetometer")
+_GRAVITY = "gravity"
+_TIMES = ("secondselapsed", "time", "t", "timestamp", "elapsedtime")
+_FREE_OF_GRAVITY = (
+    "is what the phone's system makes of the sensor by adding the gravity that it had taken out"
+)
+_LEAST_NORM = 5.0  # m/s² on average of an acceleration with gravity, unless it is thrown
+_UNCALIBRATED = "is the sensor's own, without the corrections of the phone's system"
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[^a-z0-9]", "", name.lower())
+
+
+def find_sensors(files: list[Path]) -> dict[str, Path]:
+    """Return the files of a folder that are named after a sensor that is read, or gravity, by plain name."""
+    named = {f: is_sensor(f.stem) for f in files if f.suffix.lower() in (".csv", ".txt")}
+    return {name: f for f, name in named.items() if name}
+
+
+def is_phone_log(files: list[Path]) -> bool:
+    """Say whether the files of a folder are a phone's log: one of an accelerometer, one of a gyro."""
+    sensors = find_sensors(files)
+    return any(n in sensors for n in _ACCELEROMETERS) and any(n in sensors for n in _GYROS)
+
+
+def is_sensor(name: str) -> str | None:
+    """Return the plain name of a sensor that is read, or gravity, as phones' loggers write it; None of another.
+
+    Parameters
+    ----------
+    name : of a file or a stream.
+    """
+    plain = _plain(name)
+    return plain if plain in {*_ACCELEROMETERS, *_GYROS, *_MAGNETOMETERS, _GRAVITY} else None
+
+
+def rank_sensor(name: str) -> tuple[str, int] | None:
+    """Return which kind of sensor a name means and which choice it is among those; None of another.
+
+    Parameters
+    ----------
+    name : as phones' loggers write it.
+
+    Examples
+    --------
+    >>> rank_sensor("GyroscopeUncalibrated")
+    ('rate', 0)
+    """
+    plain = _plain(name)
+    for kind, names in (("force", _ACCELEROMETERS), ("rate", _GYROS), ("field", _MAGNETOMETERS)):
+        if plain in names:
+            return kind, names.index(plain)
+    return None
+
+
+def streams_of_tables(tables: dict[str, tuple[str, RawTable]]) -> tuple[list[Stream], list[str]]:
+    """Return the streams of a phone's log, and the names of those that are read without an option.
+
+    The accelerometer without corrections goes before the one with gravity, and that before the one whose
+    gravity was taken out and stands in a file of its own.
+
+    Parameters
+    ----------
+    tables : by plain name, the name and the table of each sensor: time, x, y and z.
+
+    Raises
+    ------
+    RecordingError
+        If a table has no time and three axes, or no accelerometer has gravity in it.
+    """
+    streams = {name: _stream(table, stem, name) for name, (stem, table) in tables.items()}
+    first = next(n for n in _ACCELEROMETERS if n in streams)
+    if first in _MAY_LACK_GRAVITY and _GRAVITY in streams:
+        whole = _with_gravity(streams[first], streams[_GRAVITY])
+        if whole is not None:
+            streams[first] = whole
+    streams.pop(_GRAVITY, None)
+    _refuse_free_of_gravity(tables[first][1].path, streams[first], first)
+    chosen = [next(streams[n].name for n in names if n in streams) for names in (_ACCELEROMETERS, _GYROS)]
+    chosen += [streams[n].name for n in _MAGNETOMETERS if n in streams][:1]
+    return list(streams.values()), chosen
+
+
+def _refuse_free_of_gravity(path: Path, stream: Stream, name: str) -> None:
+    """Refuse an acceleration without gravity where nothing else is there."""
+    if name in _MAY_LACK_GRAVITY and not stream.note and _is_free(stream):
+        raise RecordingError(
+            f"{path.name} has gravity taken out, which a calibration needs; record TotalAcceleration or "
+            "AccelerometerUncalibrated, or Gravity beside it."
+        )
+
+
+def _is_free(stream: Stream) -> bool:
+    """Whether gravity is not in the numbers, which are in m/s² where nothing says another unit."""
+    force = stream.samples.specific_force
+    assert force is not None
+    factor = specific_force_factor(stream.units.specific_force or "m/s^2")
+    return factor is not None and factor * float(np.median(np.linalg.norm(force, axis=1))) < _LEAST_NORM
+
+
+def _stream(table: RawTable, stem: str, name: str) -> Stream:
+    time, axes, unit = _layout(table)
+    values = np.column_stack([table.columns[i] for i in axes])
+    finite = np.isfinite(values).all(axis=1) & np.isfinite(time)
+    keep = finite & np.concatenate([[True], np.diff(time) > 0.0])
+    note = _UNCALIBRATED if name.endswith("uncalibrated") else ""
+    if name in _MAGNETOMETERS:
+        known = find_unit("magnetic field", unit) if unit else "uT"
+        note = note or "is what the phone's system left of the magnetometer, which it calibrates by itself"
+        return Stream(
+            stem, Samples(time[keep], magnetic_field=values[keep]), Units(magnetic_field=known), note
+        )
+    if name in _GYROS:
+        known = find_unit("angular rate", unit) if unit else "rad/s"
+        return Stream(stem, Samples(time[keep], None, values[keep]), Units(None, known), note)
+    known = find_unit("specific force", unit) if unit else None
+    return Stream(stem, Samples(time[keep], values[keep]), Units(known, None), note)
+
+
+def _layout(table: RawTable) -> tuple[np.ndarray, list[int], str | None]:
+    """Return the time in seconds, which columns are x, y and z, and the unit that stands at them."""
+    axes: dict[str, int] = {}
+    time: dict[str, tuple[int, str | None]] = {}
+    unit = None
+    for number, name in enumerate(table.names or ()):
+        bare, _, rest = name.partition("(") if "(" in name else name.partition("[")
+        words = re.findall(r"[a-z0-9]+", bare.lower())
+        if words and words[-1] in ("x", "y", "z") and "absolute" not in words:
+            axes.setdefault(words[-1], number)
+            unit = rest.strip(" )]") or unit
+        elif _plain(bare) in _TIMES:
+            time.setdefault(_plain(bare), (number, find_unit("time", rest.strip(" )]"))))
+    if len(axes) < 3 or not time:
+        listed = ", ".join(repr(n) for n in (table.names or ())[:8]) or "none"
+        raise RecordingError(f"{table.path.name} has no columns of time, x, y and z (it has {listed}).")
+    named = min(time, key=_TIMES.index)
+    number, said = time[named]
+    column = table.columns[number]
+    if named != "secondselapsed":
+        column = seconds_of(column, said)
+    return column, [axes[a] for a in "xyz"], unit
+
+
+def _with_gravity(free: Stream, gravity: Stream) -> Stream | None:
+    """Return the specific force where the phone's system has taken gravity out of it."""
+    force, taken = free.samples.specific_force, gravity.samples.specific_force
+    assert force is not None
+    assert taken is not None
+    if not _is_free(free):
+        return None  # with gravity, as apps other than Sensor Logger have it
+    time = gravity.samples.time
+    parts = [np.interp(free.samples.time, time, taken[:, axis]) for axis in range(3)]
+    whole: Vectors = force + np.column_stack(parts)
+    return Stream(free.name, Samples(free.samples.time, whole), free.units, _FREE_OF_GRAVITY)
+
 
 _EUROC = ("mav0/imu0/data.csv", "imu0/data.csv", "data.csv")
 _NOT_RECORDINGS = {
@@ -36,16 +209,6 @@ _NOT_RECORDINGS = {
 _MOST_DEEP = 3
 
 
-def recognises(head: bytes) -> bool:
-    """Say that no file is a folder."""
-    return False
-
-
-def recognises_folder(folder: Path) -> bool:
-    """Say whether a folder exists: what is in it, the reading shows."""
-    return folder.is_dir()
-
-
 def source(path: Path) -> Source:
     """Return name and SHA-256 of what is read of a folder.
 
@@ -60,8 +223,8 @@ def source(path: Path) -> Source:
     files = _files(path)
     if (euroc := _euroc(path)) is not None:
         return hash_file(euroc)
-    if phone.is_phone_log(files):
-        return hash_files(path, sorted(phone.find_sensors(files).values()))
+    if is_phone_log(files):
+        return hash_files(path, sorted(find_sensors(files).values()))
     return hash_file(_only(path, files))
 
 
@@ -82,19 +245,15 @@ def read_table(path: Path, topics: Sequence[str] = ()) -> RawTable:
     OSError
         If a file cannot be read.
     """
-    from tumble.recording.formats import read_table as read_file
-
     path = _descended(path)
     files = _files(path)
     if (euroc := _euroc(path)) is not None:
         return text.read_table(euroc)
-    if phone.is_phone_log(files):
-        sensors = phone.find_sensors(files)
-        streams, chosen = phone.streams_of_tables(
-            {n: (f.stem, text.read_table(f)) for n, f in sensors.items()}
-        )
+    if is_phone_log(files):
+        sensors = find_sensors(files)
+        streams, chosen = streams_of_tables({n: (f.stem, text.read_table(f)) for n, f in sensors.items()})
         return table_of_streams(path, streams, topics, chosen, source(path))
-    return read_file(_only(path, files), topics)
+    return formats.read_table(_only(path, files), topics)
 
 
 def _descended(path: Path) -> Path:

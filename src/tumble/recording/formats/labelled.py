@@ -19,41 +19,25 @@ from tumble.arrays import Series
 from tumble.errors import RecordingError, UsageError
 from tumble.files import opened
 from tumble.recording.columns import plan_from_names, role_of
-from tumble.recording.formats.lines import COMMENTS, Row, flattened, row_of, without_clock, words_of
-from tumble.recording.formats.logs.logged_streams import table_of_streams
-from tumble.recording.formats.logs.phone import is_sensor, streams_of_tables
+from tumble.recording.formats.folder import is_sensor, streams_of_tables
+from tumble.recording.formats.lines import (
+    COMMENTS,
+    Row,
+    flattened,
+    is_marked,
+    row_of,
+    without_clock,
+    words_of,
+)
+from tumble.recording.formats.streams import table_of_streams
 from tumble.recording.formats.table import RawTable, hash_file
-from tumble.recording.recording import Remark
+from tumble.recording.samples import Remark
 from tumble.records import dataclass
-
-NAME = "labelled lines"
-ENDINGS = (".txt", ".log", ".json", ".jsonl", ".ndjson")
-ASKED = 1  # before text, which is almost anything
-HAS_TOPICS = True
 
 _LARGEST = 512 << 20  # bytes
 _SHOWN = 40  # characters of a line that is cited
 _HALF_A_DAY = 43200.0
 _Key = tuple[str, ...] | int
-
-
-def recognises(head: bytes) -> bool:
-    """Say whether a file that begins so is lines with labels or clocks, or JSON."""
-    if b"\0" in head:
-        return False
-    text = head.removeprefix(b"\xef\xbb\xbf").decode("utf-8", "replace").lstrip()
-    if text.startswith(("{", "[{", "[\n", "[ ", "[\r")):
-        return True
-    lines = [line.strip() for line in text.replace("\r", "\n").split("\n")]
-    lines = [line for line in (lines if len(head) < 4096 else lines[:-1]) if line]
-    marked = sum(_is_marked(line) for line in lines)
-    return marked >= 2 and 2 * marked >= len(lines)
-
-
-def _is_marked(line: str) -> bool:
-    rest, clock = without_clock(line)
-    row = row_of(rest)
-    return row is not None and (clock is not None or row.kind != "numbers")
 
 
 def read_table(path: Path, topics: Sequence[str] = ()) -> RawTable:
@@ -82,7 +66,7 @@ def read_table(path: Path, topics: Sequence[str] = ()) -> RawTable:
         )
     text = raw.decode("utf-8-sig", "replace")
     begin = text.lstrip()[:1]
-    if begin == "[" and not _is_marked(text.lstrip().partition("\n")[0].strip()):
+    if begin == "[" and not is_marked(text.lstrip().partition("\n")[0].strip()):
         return _of_objects(path, _array(path, text), topics)
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     if begin == "{":
@@ -96,7 +80,9 @@ def read_table(path: Path, topics: Sequence[str] = ()) -> RawTable:
 
 def _refuse_topics(path: Path, topics: Sequence[str]) -> None:
     if topics:
-        raise UsageError(f"--topic {topics[0]}: {path.name} is {NAME}, which has no topics; leave it out.")
+        raise UsageError(
+            f"--topic {topics[0]}: {path.name} is labelled lines, which has no topics; leave it out."
+        )
 
 
 @dataclass(slots=True)

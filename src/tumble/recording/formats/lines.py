@@ -174,3 +174,23 @@ def _flatten(name: str, value: Any, flat: dict[str, float], depth: int) -> None:
     else:
         with suppress(ValueError):
             flat[name] = number_of(cast("object", value))
+
+
+def begins_labelled(head: bytes) -> bool:
+    """Say whether a file that begins so is lines with labels or clocks, or JSON."""
+    if b"\0" in head:
+        return False
+    text = head.removeprefix(b"\xef\xbb\xbf").decode("utf-8", "replace").lstrip()
+    if text.startswith(("{", "[{", "[\n", "[ ", "[\r")):
+        return True
+    lines = [line.strip() for line in text.replace("\r", "\n").split("\n")]
+    lines = [line for line in (lines if len(head) < 4096 else lines[:-1]) if line]
+    marked = sum(is_marked(line) for line in lines)
+    return marked >= 2 and 2 * marked >= len(lines)
+
+
+def is_marked(line: str) -> bool:
+    """Say whether a line has a sample with labels, or behind a clock."""
+    rest, clock = without_clock(line)
+    row = row_of(rest)
+    return row is not None and (clock is not None or row.kind != "numbers")

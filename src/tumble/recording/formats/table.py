@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import mmap
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Sequence
+from contextlib import contextmanager
 from dataclasses import field as made
 from dataclasses import replace
 from pathlib import Path
@@ -14,9 +15,10 @@ import numpy.typing as npt
 
 from tumble.arrays import Matrix, Series, Vectors
 from tumble.counting import counted
+from tumble.errors import RecordingError, TumbleError
 from tumble.files import opened, shown, size_of
-from tumble.recording.clock import Known
-from tumble.recording.recording import Remark, Source
+from tumble.recording.samples import Remark, Source
+from tumble.recording.stamps import Known
 from tumble.records import dataclass
 
 _LARGEST, _SMALLEST = 1e19, 1e-30
@@ -78,7 +80,7 @@ class RawTable:
     rate : sampling rate in Hz if the file states one.
     judged : whether the units in the names were judged when tumble wrote the file.
     field : the magnetometer's samples where they have stamps of their own; the first column is time then.
-    clock : what the kind of file says of the clock, see `tumble.recording.clock.clock_of_stamps`.
+    clock : what the kind of file says of the clock, see `tumble.recording.stamps.clock_of_stamps`.
     """
 
     path: Path
@@ -192,3 +194,34 @@ def hash_files(path: Path, parts: Sequence[Path]) -> Source:
 def as_columns(matrix: npt.NDArray[np.float64]) -> list[Series]:
     """Return the columns of a (rows, columns) array as views."""
     return [matrix[:, i] for i in range(matrix.shape[1])]
+
+
+@contextmanager
+def foreign(path: Path, format_: str, mend: str = "") -> Generator[None]:
+    """Run a library's reader: whatever it makes of a damaged file is one sentence.
+
+    Parameters
+    ----------
+    path : of the file.
+    format_ : what it should be.
+    mend : what mends a damaged one, as a sentence without its point.
+
+    Raises
+    ------
+    RecordingError
+        If the library fails, in whichever way.
+    """
+    try:
+        yield
+    except TumbleError:
+        raise
+    except MemoryError as error:
+        raise RecordingError(
+            f"{path.name} is a damaged or too large {format_}: what it says that it holds does not fit into memory."
+        ) from error
+    except Exception as error:
+        if isinstance(error, OSError) and error.errno is not None:
+            raise  # the disk's; bz2 has one without a number for damaged bytes
+        words = " ".join(str(error).split())[:80].rstrip(".") or type(error).__name__
+        more = f" {mend}." if mend else ""
+        raise RecordingError(f"{path.name} is a damaged or unsupported {format_} ({words}).{more}") from error

@@ -1,4 +1,11 @@
-"""How a text file is laid out: delimiter, decimal sign, comments, header and the first row of numbers."""
+"""How a text file is laid out: delimiter, decimal sign, comments, header and the first row of numbers.
+
+Sentences of navigation units have no header: the maker fixes what stands in each cell.
+
+References
+----------
+VectorNav, *VN-100 User Manual*, asynchronous ASCII messages (VNIMU, VNYMR, VNQMR, VNMAR): gauss, m/s², rad/s.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +14,42 @@ from collections import Counter
 from itertools import islice
 
 from tumble.errors import RecordingError
-from tumble.recording.formats.sentences import CHECKSUM, names_of_sentence
 from tumble.records import dataclass
 from tumble.units import find_unit
+
+CHECKSUM = re.compile(r"\*[0-9A-Fa-f]{2,4}\s*$")
+"""What a sentence ends with."""
+
+_FIELD = tuple(f"m{axis} [gauss]" for axis in "xyz")
+_FORCE = tuple(f"a{axis} [m/s^2]" for axis in "xyz")
+_RATE = tuple(f"g{axis} [rad/s]" for axis in "xyz")
+_TRIADS = (*_FIELD, *_FORCE, *_RATE)
+_CELLS = {
+    "$VNIMU": (*_TRIADS, "temperature [degC]", "pressure"),
+    "$VNYMR": ("yaw", "pitch", "roll", *_TRIADS),
+    "$VNQMR": ("q0", "q1", "q2", "q3", *_TRIADS),
+    "$VNMAR": _TRIADS,
+}
+
+
+def names_of_sentence(cells: list[str]) -> tuple[str, ...] | None:
+    """Return the names of the columns of a row that is, or has in it, a sentence; None of any other row.
+
+    Parameters
+    ----------
+    cells : of one row, without the checksum.
+
+    Examples
+    --------
+    >>> names_of_sentence(["12.5", "$VNMAR", *"123456789"])[:4]
+    ('t', 'sentence', 'mx [gauss]', 'my [gauss]')
+    """
+    where = next((i for i, cell in enumerate(cells) if cell in _CELLS), None)
+    if where is None or where > 1:
+        return None
+    names = _CELLS[cells[where]]
+    return ("t",) * where + ("sentence", *names) if len(cells) == where + 1 + len(names) else None
+
 
 COMMENTS = ("#", "%", "//", "!")
 """What a comment line may begin with."""

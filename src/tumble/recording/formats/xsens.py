@@ -22,21 +22,13 @@ from tumble.arrays import Series
 from tumble.files import opened
 from tumble.recording.formats import text
 from tumble.recording.formats.table import RawTable
-from tumble.recording.recording import Remark
+from tumble.recording.samples import Remark
 from tumble.sample_rates import CRYSTAL, sample_rate
-
-NAME = "Xsens text"
-ENDINGS = (".txt", ".csv")
 
 _TICK = 100.0  # µs
 _MOST_HERTZ_OF_TICKS = 4000.0
 _RATE = re.compile(rb"(?:Update Rate|Sample rate|OutputRate)\s*[:,]+\s*(\d+(?:\.\d+)?)\s*Hz", re.IGNORECASE)
 _HEAD = 8192
-
-
-def recognises(head: bytes) -> bool:
-    """Say whether a file that begins so is an export of Xsens."""
-    return b"\0" not in head and (b"PacketCounter" in head or b"SampleTimeFine" in head)
 
 
 def read_table(path: Path) -> RawTable:

@@ -84,7 +84,7 @@ def check_options(options: BatchOptions) -> None:
     """
     from tumble.calibration.procedure import find_procedure
     from tumble.limits import read_limits
-    from tumble.recording.declared import read_units_option
+    from tumble.recording.units import read_units_option
     from tumble.workflows.given.prior import find_sheet
     from tumble.workflows.given.protocols import read_given_protocol
     from tumble.workflows.given.site import choose_site

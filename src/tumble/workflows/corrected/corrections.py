@@ -14,9 +14,8 @@ from pathlib import Path
 
 from tumble.recording import rewriting
 from tumble.recording.columns import role_of
-from tumble.recording.formats import euroc_writing
-from tumble.recording.formats.header import header_names
-from tumble.recording.frames import Frame, frame_names
+from tumble.recording.formats import header_names, output
+from tumble.recording.formats.frames import Frame, frame_names
 
 PREFIX = "corrected_by_"
 _MARK = re.compile(PREFIX + r"([0-9a-f]{12})$")
@@ -47,7 +46,7 @@ def corrections_of(
 def _marks_beside(path: Path, topics: Sequence[str] | None) -> list[str]:
     """Return what formats without columns of their own say."""
     if path.is_dir() or path.name == "data.csv":
-        found = euroc_writing.corrections(path)
+        found = output.euroc_corrections(path)
         if found or not path.is_dir():
             return list(found)
     if not path.is_dir() and path.suffix.lower() not in rewriting.ENDINGS:

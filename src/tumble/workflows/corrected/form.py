@@ -17,9 +17,9 @@ from tumble.errors import RecordingError, UsageError
 from tumble.recording import Recording
 from tumble.recording.formats.folder import euroc_file
 from tumble.recording.formats.output import ENDINGS as TABLES
-from tumble.recording.magnetic_field import MagneticField
 from tumble.recording.rewriting import ENDINGS as BAGS
 from tumble.recording.rewriting import ending_of
+from tumble.recording.samples import MagneticField
 from tumble.records import dataclass
 from tumble.units import COUNTS, MICROTESLA, magnetic_field_factor
 

@@ -15,7 +15,7 @@ from tumble.arrays import Series, Vectors
 from tumble.document import Calibration
 from tumble.errors import RecordingError, UsageError
 from tumble.recording import Recording
-from tumble.recording.magnetic_field import MagneticField, joined_fields
+from tumble.recording.samples import MagneticField, joined_fields
 
 LAG = "lag of the accelerometer behind the gyro"
 """The name of the parameter in a calibration."""

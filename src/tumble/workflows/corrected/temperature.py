@@ -11,7 +11,7 @@ from tumble.document import Calibration
 from tumble.document.corrector import NO_TEMPERATURE, Corrector
 from tumble.errors import RecordingError, UsageError
 from tumble.recording import Recording
-from tumble.recording.frames import Frame
+from tumble.recording.formats.frames import Frame
 from tumble.recording.temperature import LONG_GAP, TemperatureColumn
 from tumble.sensor.thermal import SPAN_MARGIN, Outside
 from tumble.workflows.corrected.corrections import temperature_in_counts

@@ -176,7 +176,7 @@ def judge_protocol(
 
 def _planned_clock(protocol: Protocol, rate: str | None) -> float:
     """Return what `calibrate` will take a recording's sample rate to be uncertain by, as a share."""
-    from tumble.recording.clock import clock_without_stamps
+    from tumble.recording.stamps import clock_without_stamps
     from tumble.sample_rates import sample_rate, stated_clock
 
     if (share := stated_clock(rate)) is not None:
@@ -317,7 +317,7 @@ def of_clock(plan: JointPlan) -> str:
     """
     from tumble.calibration.verdict import two_digits
     from tumble.design.joint_information import GROUPS
-    from tumble.recording.clock import NOMINAL
+    from tumble.recording.stamps import NOMINAL
 
     part, size = GROUPS["gyro scale"], f"{100.0 * plan.task.clock:.2g} %"
     alone = ""

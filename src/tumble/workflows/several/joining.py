@@ -12,7 +12,7 @@ import numpy as np
 
 from tumble.errors import ConvergenceError, ObservabilityError, UsageError
 from tumble.recording import MagneticField, Recording, Remark
-from tumble.recording.magnetic_field import joined_fields
+from tumble.recording.samples import joined_fields
 
 if TYPE_CHECKING:
     from tumble.calibration.session import Session

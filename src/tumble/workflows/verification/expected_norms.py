@@ -13,7 +13,7 @@ from tumble.document import Calibration
 from tumble.document.corrector import Corrector
 from tumble.earth import Site
 from tumble.recording import Recording
-from tumble.recording.frames import Frame
+from tumble.recording.formats.frames import Frame
 from tumble.recording.temperature import TemperatureColumn
 from tumble.records import dataclass
 from tumble.segmentation import Timeline

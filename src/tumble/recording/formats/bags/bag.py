@@ -2,8 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from tumble.recording.columns import kind_of_file
+from tumble.recording.formats.bags.ros_messages import FIELD, READABLE
+from tumble.recording.samples import Remark
+
+if TYPE_CHECKING:
+    from tumble.recording.formats.bags.bag import Bag, Topic
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager
 from dataclasses import field, replace
 from pathlib import Path
@@ -13,14 +22,45 @@ import numpy as np
 
 from tumble.counting import counted
 from tumble.errors import RecordingError, UsageError
-from tumble.recording.columns import kind_of_file
-from tumble.recording.formats.bags.bag_field import is_field_topic, spellings, split_wanted
-from tumble.recording.formats.bags.ros_messages import FIELD, READABLE, decode, holds, samples_of
+from tumble.recording.formats.bags.ros_messages import decode, holds, samples_of
 from tumble.recording.formats.streams import BLOCK_ROWS, Merging, Units, refuse_backwards, table_of_samples
 from tumble.recording.formats.table import FieldStream, RawTable, hash_file
-from tumble.recording.recording import Remark, Source
-from tumble.recording.samples import Samples, joined
+from tumble.recording.samples import Samples, Source, joined
 from tumble.records import dataclass
+
+
+def is_field_topic(topic: Topic) -> bool:
+    """Say whether a topic is a magnetometer's: by its type, or a vector's by its name."""
+    if topic.kind == FIELD:
+        return True
+    return topic.kind == READABLE[1] and kind_of_file(topic.name) == "m"
+
+
+def spellings(name: str) -> tuple[str, str, str]:
+    """Return a topic's name as it is, with a slash before it, and without."""
+    return name, "/" + name.strip("/"), name.strip("/")
+
+
+def split_wanted(bag: Bag, wanted: Sequence[str]) -> tuple[list[str], str | None, list[Remark]]:
+    """Return the wanted topics without the magnetometer's, the magnetometer's topic or None, and what is said of it.
+
+    Parameters
+    ----------
+    bag : opened.
+    wanted : names of topics; without a magnetometer's among them the first one that the bag holds is read.
+    """
+    fields = {t.name: t for t in bag.topics if is_field_topic(t)}
+    named = [name for one in wanted for name in spellings(one) if name in fields]
+    rest = [one for one in wanted if not {*spellings(one)} & {*fields}]
+    known = [t.name for t in fields.values() if t.count != 0]
+    if not named and not known:
+        return rest, None, []
+    chosen = (named or known)[0]
+    text = f"{bag.path.name}: {chosen} is read as the magnetometer"
+    others = [name for name in known if name != chosen]
+    more = f"; {', '.join(others)} could be read with --topic" if others and not named else ""
+    return rest, chosen, [Remark("found", f"{text}{more}.")]
+
 
 _PEEKED = 16  # messages of each topic that show which triads it has
 _MOST_PEEKED = 200_000

@@ -20,24 +20,15 @@ from tumble.errors import RecordingError
 from tumble.files import opened, size_of
 from tumble.recording.formats.bags.bag import Topic, bag_readers
 from tumble.recording.formats.bags.ros_messages import plain_type
-from tumble.recording.formats.compression import needed
-from tumble.recording.recording import Remark
+from tumble.recording.formats.packed import needed
+from tumble.recording.samples import Remark
 from tumble.records import dataclass
-
-NAME = "MCAP"
-ENDINGS = (".mcap",)
-HAS_TOPICS = True
 
 MAGIC = b"\x89MCAP0\r\n"
 _FOOTER_SIZE = 37  # bytes, of the footer and the magic after it
 _MESSAGE = 0x05
 _RECORD = struct.Struct("<BQ")
 _MESSAGE_HEAD = struct.Struct("<HIQQ")
-
-
-def recognises(head: bytes) -> bool:
-    """Say whether a file that begins so is MCAP."""
-    return head.startswith(MAGIC)
 
 
 def library(part: str, path: Path) -> Any:
@@ -48,7 +39,7 @@ def library(part: str, path: Path) -> Any:
     UsageError
         If it is not installed.
     """
-    return needed(f"mcap.{part}", f"{path.name} is an {NAME} file")
+    return needed(f"mcap.{part}", f"{path.name} is an MCAP file")
 
 
 @dataclass(slots=True)

@@ -11,19 +11,12 @@ from typing import Any
 
 from tumble.recording.formats.bags.bag import Topic, bag_readers
 from tumble.recording.formats.bags.ros_messages import plain_type
-from tumble.recording.formats.compression import needed
-from tumble.recording.formats.damage import foreign
-from tumble.recording.recording import Remark
+from tumble.recording.formats.packed import needed
+from tumble.recording.formats.table import foreign
+from tumble.recording.samples import Remark
 from tumble.records import dataclass
 
-NAME = "ROS 1 bag"
-ENDINGS = (".bag",)
-HAS_TOPICS = True
-
-
-def recognises(head: bytes) -> bool:
-    """Say whether a file that begins so is a ROS bag."""
-    return head.startswith(b"#ROSBAG V")
+_NAME = "ROS 1 bag"
 
 
 def library(path: Path) -> Any:
@@ -34,7 +27,7 @@ def library(path: Path) -> Any:
     UsageError
         If it is not installed.
     """
-    return needed("rosbags.rosbag1", f"{path.name} is a {NAME}")
+    return needed("rosbags.rosbag1", f"{path.name} is a {_NAME}")
 
 
 @dataclass(slots=True)
@@ -78,7 +71,7 @@ class Rosbag1:
 
     def damage_as_sentence(self) -> AbstractContextManager[None]:
         """Turn what the library makes of a damaged file into a sentence."""
-        return foreign(self.path, NAME, _mend(self.path))
+        return foreign(self.path, _NAME, _mend(self.path))
 
 
 def _mend(path: Path) -> str:
@@ -99,7 +92,7 @@ def opened_bag(path: Path) -> Generator[Rosbag1]:
         If the file cannot be read.
     """
     made = library(path)
-    with foreign(path, NAME, _mend(path)):
+    with foreign(path, _NAME, _mend(path)):
         reader = made.Reader(path)
         reader.open()
         bag = Rosbag1(path, reader)

@@ -21,27 +21,10 @@ from tumble.files import opened
 from tumble.recording.formats.bags.bag import Topic, bag_readers
 from tumble.recording.formats.bags.mcap import McapFile
 from tumble.recording.formats.bags.ros_messages import plain_type
-from tumble.recording.formats.compressed import unpacked
-from tumble.recording.formats.compression import ZSTD_MAGIC, decompress_zstd
+from tumble.recording.formats.packed import ZSTD_MAGIC, decompress_zstd, unpacked
 from tumble.recording.formats.table import hash_file, hash_files
-from tumble.recording.recording import Remark, Source
+from tumble.recording.samples import Remark, Source
 from tumble.records import dataclass
-
-NAME = "ROS 2 bag"
-ENDINGS = (".db3",)
-HAS_TOPICS = True
-
-_MAGIC = b"SQLite format 3\0"
-
-
-def recognises(head: bytes) -> bool:
-    """Say whether a file that begins so is a database of sqlite3."""
-    return head.startswith(_MAGIC)
-
-
-def recognises_folder(folder: Path) -> bool:
-    """Say whether a folder is a ROS 2 bag."""
-    return bool(parts_of(folder))
 
 
 def source(path: Path) -> Source:

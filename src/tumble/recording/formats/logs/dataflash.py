@@ -20,17 +20,11 @@ import numpy.typing as npt
 
 from tumble.arrays import Series, Vectors
 from tumble.errors import RecordingError
-from tumble.recording.formats.logs.logged_streams import Stream, automatic, of_increments, table_of_streams
 from tumble.recording.formats.logs.own_parameters import ArduPilot, OwnParameters
-from tumble.recording.formats.streams import Units
+from tumble.recording.formats.streams import Stream, Units, automatic, of_increments, table_of_streams
 from tumble.recording.formats.table import RawTable, hash_file, mapped
-from tumble.recording.recording import Remark
-from tumble.recording.samples import Samples
+from tumble.recording.samples import Remark, Samples
 from tumble.records import dataclass
-
-NAME = "DataFlash"
-ENDINGS = (".bin",)
-HAS_TOPICS = True
 
 _MAGIC = b"\xa3\x95"
 _FMT, _FMT_LENGTH = 128, 89
@@ -45,11 +39,6 @@ _PARAMETERS = "PARM"
 _BATCH = 200_000
 
 _Rows = npt.NDArray[Any]
-
-
-def recognises(head: bytes) -> bool:
-    """Say whether a file that begins so is a DataFlash log: its first message describes messages."""
-    return head.startswith(_MAGIC + bytes([_FMT]))
 
 
 def read_table(path: Path, topics: Sequence[str] = ()) -> RawTable:

@@ -24,8 +24,7 @@ import numpy.typing as npt
 from tumble.arrays import Matrix, Series, Vector, Vectors, inverted
 from tumble.attitude.quaternions import matrix_from_angles
 from tumble.errors import RecordingError
-from tumble.recording.recording import Remark
-from tumble.recording.samples import Samples
+from tumble.recording.samples import Remark, Samples
 from tumble.records import dataclass
 
 UNSTATED = "the log does not state"

@@ -21,19 +21,18 @@ import numpy as np
 from tumble.arrays import Series, Vectors
 from tumble.errors import RecordingError, UsageError, install
 from tumble.files import opened
-from tumble.recording.formats.damage import foreign
-from tumble.recording.formats.logs.logged_streams import Stream, automatic, of_increments, table_of_streams
 from tumble.recording.formats.logs.own_parameters import Columns, OwnParameters, Px4
-from tumble.recording.formats.streams import Units, merge_streams
-from tumble.recording.formats.table import RawTable, hash_file, mapped
-from tumble.recording.recording import Remark
-from tumble.recording.samples import Samples
+from tumble.recording.formats.streams import (
+    Stream,
+    Units,
+    automatic,
+    merge_streams,
+    of_increments,
+    table_of_streams,
+)
+from tumble.recording.formats.table import RawTable, foreign, hash_file, mapped
+from tumble.recording.samples import Remark, Samples
 
-NAME = "ULog"
-ENDINGS = (".ulg",)
-HAS_TOPICS = True
-
-_MAGIC = b"ULog\x01\x12\x35"
 _HEADER = 16  # bytes
 _RAW = (("sensor_accel_fifo", "sensor_gyro_fifo"), ("sensor_accel", "sensor_gyro"))
 _NO_STAMP = 2**31 - 1  # accelerometer_timestamp_relative of a message without an accelerometer's sample
@@ -41,11 +40,6 @@ _OWN_AXES = "is in the magnetometer's own axes, which may be turned against the 
 _CORRECTED = ("sensor_combined", "vehicle_imu", "vehicle_magnetometer")
 _SELECTION, _THERMAL = "sensor_selection", "sensor_correction"
 _DEVICES = {"ACC": "accel_device_id", "GYRO": "gyro_device_id", "MAG": "device_id"}
-
-
-def recognises(head: bytes) -> bool:
-    """Say whether a file that begins so is ULog."""
-    return head.startswith(_MAGIC)
 
 
 def read_table(path: Path, topics: Sequence[str] = ()) -> RawTable:

@@ -1,21 +1,24 @@
-"""A table from named arrays, as NPZ and MATLAB files hold them."""
+"""Arrays: one in an NPY file, mapped from the disk; several with names in NPZ and in MATLAB's .mat.
+
+MATLAB's versions 5 to 7 are read by scipy; version 7.3 is HDF5, which is refused.
+"""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from tumble.arrays import Series, Vectors
 from tumble.errors import RecordingError
-from tumble.files import shown
+from tumble.files import opened, shown
 from tumble.recording.formats.streams import merge_streams
-from tumble.recording.formats.table import FieldStream, RawTable, as_columns, hash_file
-from tumble.recording.recording import Remark
-from tumble.recording.samples import Samples
+from tumble.recording.formats.table import FieldStream, RawTable, as_columns, foreign, hash_file
+from tumble.recording.samples import Remark, Samples, Source
 from tumble.units import find_unit
 
 _LISTED = 12
@@ -95,9 +98,8 @@ def _field_of_another_length(
     arrays: Mapping[str, npt.NDArray[np.float64]],
 ) -> tuple[FieldStream, tuple[str, ...]] | None:
     """A magnetometer's (n, 3) array with n stamps beside it, both named; None without the two."""
-    from tumble.recording.columns import role_of
+    from tumble.recording.columns import is_time_like, role_of
     from tumble.recording.stamps import seconds_of
-    from tumble.recording.unnamed_columns import is_time_like
 
     def role(name: str) -> tuple[str, str | None]:
         return role_of(name) or ("", None)
@@ -118,8 +120,7 @@ def _field_of_another_length(
 
 def _stamped_pair(path: Path, arrays: Mapping[str, npt.NDArray[np.float64]]) -> RawTable | None:
     """Two arrays of four columns, stamps first or last, as one table on the gyro's stamps; None if there are none."""
-    from tumble.recording.columns import kind_of_file
-    from tumble.recording.unnamed_columns import is_time_like
+    from tumble.recording.columns import is_time_like, kind_of_file
 
     found: dict[str, tuple[str, Series, Vectors]] = {}
     for name, array in arrays.items():
@@ -166,3 +167,102 @@ def numbers_of(value: object) -> npt.NDArray[np.float64] | None:
         if array.ndim == 2 and 1 in array.shape
         else array.astype(np.float64)
     )
+
+
+def _mapped(path: Path) -> tuple[tuple[str, ...] | None, npt.NDArray[Any]]:
+    with foreign(path, "NPY file"):
+        array: npt.NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False)
+    if array.dtype.names:
+        return array.dtype.names, array
+    if array.ndim != 2 or array.dtype.kind not in "iufb":
+        raise RecordingError(
+            f"{path.name} holds an array of shape {array.shape} and type {array.dtype}; "
+            "give numbers with one row a sample and one column a channel."
+        )
+    return None, array.T if array.shape[0] < 12 < array.shape[1] else array
+
+
+def _npy_table(path: Path, names: tuple[str, ...] | None, rows: npt.NDArray[Any], source: Source) -> RawTable:
+    if names is None:
+        return RawTable(path, None, as_columns(np.asarray(rows, dtype=np.float64)), source)
+    with foreign(path, "NPY file"):
+        columns = [np.asarray(rows[n], dtype=np.float64).reshape(len(rows)) for n in names]
+    return RawTable(path, names, columns, source)
+
+
+def read_npy(path: Path) -> RawTable:
+    """Read an NPY file whole.
+
+    Raises
+    ------
+    RecordingError
+        If the array is not a table of numbers.
+    OSError
+        If the file cannot be read.
+    """
+    names, array = _mapped(path)
+    return _npy_table(path, names, array, hash_file(path))
+
+
+def read_npy_blocks(path: Path, rows: int = 500_000) -> Iterator[RawTable]:
+    """Read an NPY file `rows` rows at a time from its memory map (without SHA-256).
+
+    Raises
+    ------
+    RecordingError
+        If the array is not a table of numbers.
+    OSError
+        If the file cannot be read.
+    """
+    names, array = _mapped(path)
+    for start in range(0, len(array), rows):
+        table = _npy_table(path, names, array[start : start + rows], Source(path.name, ""))
+        table.place = lambda row, at=start: f"row {at + row + 1}"
+        yield table
+
+
+def read_npz(path: Path) -> RawTable:
+    """Read an NPZ file.
+
+    Raises
+    ------
+    RecordingError
+        If the file is another kind of zip archive or holds no table of samples.
+    OSError
+        If the file cannot be read.
+    """
+    # Opened here: numpy leaves a damaged archive open.
+    with foreign(path, "NPZ file"), opened(path) as file, np.load(file, allow_pickle=False) as archive:
+        arrays = {name: numbers_of(archive[name]) for name in archive.files}
+    return table_from_variables(path, {n: a for n, a in arrays.items() if a is not None})
+
+
+def read_matlab(path: Path) -> RawTable:
+    """Read a MATLAB file.
+
+    Raises
+    ------
+    RecordingError
+        If the file is damaged or holds no table of samples.
+    OSError
+        If the file cannot be read.
+    """
+    from scipy.io import loadmat
+
+    with foreign(path, "MATLAB file"):
+        # Without scipy's stubs the type is not known, with them it is.
+        loaded: dict[str, Any] = loadmat(path, struct_as_record=False, squeeze_me=True, mat_dtype=False)
+        arrays = _flattened({k: v for k, v in loaded.items() if not k.startswith("__")})
+    return table_from_variables(path, arrays)
+
+
+def _flattened(values: Mapping[str, Any], prefix: str = "") -> dict[str, npt.NDArray[np.float64]]:
+    """Return the arrays of numbers of variables and of the fields of structs."""
+    found: dict[str, npt.NDArray[np.float64]] = {}
+    for name, value in values.items():
+        fields = getattr(value, "_fieldnames", None)
+        if fields is not None:
+            found |= _flattened({f: getattr(value, f) for f in fields}, prefix + name + ".")
+        elif (array := numbers_of(value)) is not None:
+            found[prefix + name] = array
+    return found
