@@ -18,12 +18,18 @@ from timing import best, draw_piece_by_piece, generator
 
 from tumble.attitude.kernels import transform_sequence
 from tumble.sensor.conventions.shin import matrix_from_shin
-from tumble_papers.hayal import thesis_simulation as hayal
+from tumble_papers.hayal import norm_batch as hayal
 from tumble_papers.hayal.norm_batch import adjust_norms
 from tumble_papers.savage.strapdown_simulation import GRADES, START_NORM, run_study, simulate_run
 from tumble_papers.savage.strapdown_simulation import Setting as RotationTest
-from tumble_papers.zhang.turntable_evaluation import evaluate, in_paper_units, unit_parameters
-from tumble_papers.zhang.turntable_simulation import Setting, simulate, table_setting
+from tumble_papers.zhang.turntable import (
+    Setting,
+    evaluate,
+    in_paper_units,
+    simulate,
+    table_setting,
+    unit_parameters,
+)
 
 RUNS, UNITS, LENGTH = 500, 200, 4_000
 

@@ -7,12 +7,19 @@ from functools import partial
 from importlib.resources import files
 
 from tumble.reproduction.items import Item, measured_costs
-from tumble_papers.hayal.estimators import reproduce_convergence, reproduce_norm_bias
-from tumble_papers.hayal.figures import reproduce_figure
-from tumble_papers.hayal.position_figures import reproduce_outage_figure, reproduce_scenario_figure
-from tumble_papers.hayal.positions import reproduce_scenario_positions, reproduce_sub_scenarios
+from tumble_papers.hayal.chapter_4 import (
+    reproduce_convergence,
+    reproduce_figure,
+    reproduce_norm_bias,
+    reproduce_table,
+)
+from tumble_papers.hayal.positions import (
+    reproduce_outage_figure,
+    reproduce_scenario_figure,
+    reproduce_scenario_positions,
+    reproduce_sub_scenarios,
+)
 from tumble_papers.hayal.scenarios import TABLES, reproduce_scenario_table
-from tumble_papers.hayal.tables import reproduce_table
 from tumble_papers.published import hayal, savage, zhang
 from tumble_papers.savage.accuracy import reproduce_accuracy
 from tumble_papers.savage.formulas import reproduce_equation_12
@@ -24,11 +31,15 @@ from tumble_papers.savage.section_9 import (
     reproduce_gyro_bias,
     reproduce_random_noise,
 )
-from tumble_papers.zhang.comparison import reproduce_figure as reproduce_norm_errors
-from tumble_papers.zhang.comparison import reproduce_table_6
 from tumble_papers.zhang.navigation import reproduce_measurements, reproduce_positions
 from tumble_papers.zhang.sensitivity import reproduce_designs, reproduce_sensitivity
-from tumble_papers.zhang.tables import reproduce_scatter_table, reproduce_table_2, reproduce_table_5
+from tumble_papers.zhang.tables import reproduce_figure as reproduce_norm_errors
+from tumble_papers.zhang.tables import (
+    reproduce_scatter_table,
+    reproduce_table_2,
+    reproduce_table_5,
+    reproduce_table_6,
+)
 
 
 def _hayal_items() -> list[Item]:

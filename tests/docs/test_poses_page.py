@@ -11,8 +11,13 @@ import pytest
 from tumble.attitude.directions import twenty_six_directions
 from tumble.calibration.poses import norm_rows
 from tumble.units import STANDARD_GRAVITY
-from tumble_papers.zhang.optimal_sets import find_best_on_sphere, find_best_subset
-from tumble_papers.zhang.pose_sets import chatfield_orientations, paper_nine, predict_sigma
+from tumble_papers.zhang.pose_sets import (
+    chatfield_orientations,
+    find_best_on_sphere,
+    find_best_subset,
+    paper_nine,
+    predict_sigma,
+)
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "poses.md"
 

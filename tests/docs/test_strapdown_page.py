@@ -9,8 +9,7 @@ import numpy as np
 
 from tumble.protocol.strapdown_rotation import SEQUENCES, start_down
 from tumble.sensor.conventions.savage import NAMES
-from tumble_papers.savage.rotation_sequences import sequence_model
-from tumble_papers.savage.sequence_inversion import solve_measurements
+from tumble_papers.savage.sequences import sequence_model, solve_measurements
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 PAGE = DOCS / "procedures" / "strapdown-rotation.md"

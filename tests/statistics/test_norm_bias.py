@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from tumble.earth.site import EARTH_RATE
-from tumble_papers.hayal.estimators import THEORY, reproduce_norm_bias
-from tumble_papers.hayal.norm_batch import ESTIMATORS
-from tumble_papers.hayal.thesis_simulation import RATE_NOISE, run_setting, table_setting
+from tumble_papers.hayal.chapter_4 import THEORY, reproduce_norm_bias
+from tumble_papers.hayal.norm_batch import ESTIMATORS, RATE_NOISE, run_setting, table_setting
 
 RUNS = 600
 # Two-sided chance of a normal deviate beyond this: 7e-6; ten such comparisons and two programs.

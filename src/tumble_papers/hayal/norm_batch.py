@@ -1,16 +1,32 @@
-"""Many norm adjustments at once, for studies: the same equations as `norm.adjust_norm`, compiled.
+"""The simulated chapter 4 of Hayal's thesis, and many norm adjustments at once.
+
+Many norm adjustments at once, for studies: the same equations as `norm.adjust_norm`, compiled.
 
 One set is the hold means of one triad. Beside the Gauss-Helmert adjustment stand the estimators that
 are found in the field instead of it, so that their bias can be shown.
+
+The simulation of Hayal's thesis, chapter 4: 26 attitudes of three minutes, evaluated by norms.
+
+One run is one unit with the errors of table 4.1, its attitudes drawn anew. The samples, one a second,
+are really drawn and averaged. The adjustment begins at no errors and takes up to 100 iterations, as in
+the thesis.
+
+Attitudes: each face, edge and corner of a cube down, by roll and pitch; the heading is 20° (the
+thesis' offset from the main directions) plus a quarter turn drawn at random. All three angles are off
+by 2° (4.2). The thesis prints the product R3 R2 R1 (4.10); ours is the usual R1 R2 R3, with which a
+heading turns about the vertical.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Series, Table
+from tumble.arrays import AnyArray, Series, Table, Vectors
+from tumble.attitude.directions import twenty_six_directions
+from tumble.earth.site import EARTH_RATE
 from tumble.errors import UsageError
 from tumble.records import dataclass
+from tumble.sensor.conventions.shin import matrix_from_shin
 
 ESTIMATORS = {
     "gauss-helmert": "adjusted anew at the adjusted observations in every iteration (Pope 1972)",
@@ -119,3 +135,199 @@ def adjust_norms(
         converged=converged,
         mirror=converged & np.any(parameters[:, 3:6] <= 0.0, axis=1),
     )
+
+
+LATITUDE = np.radians(40.0)  # 4.1.1
+GRAVITY = 9.801  # m/s², 4.5
+SAMPLES = 180  # three minutes at 1 Hz, 4.2
+ATTITUDES = 26
+PLACEMENT = np.radians(2.0)
+HEADING = np.radians(20.0)
+# Table 3.1: standard deviations of samples of one second.
+FORCE_NOISE, RATE_NOISE, RATE_NOISE_HG1900 = 3.667e-3, 3.636e-5, 2.618e-5  # m/s², rad/s, rad/s
+# Table 4.1: one value for all axes.
+GYRO_ERRORS = np.repeat([4.848e-6, 150e-6, 100e-6], 3)  # rad/s, -, rad
+FORCE_ERRORS = np.repeat([0.01, 300e-6, 100e-6], 3)  # m/s², -, rad
+# With no noise the weights need some sigma: the thesis does not say which.
+NOMINAL_SHARE = 1e-10
+CASES = (1, 2, 3)
+FASTER = 1e4  # case 3
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """What one study simulates.
+
+    Attributes
+    ----------
+    triad : "gyro" or "accelerometer".
+    unknowns : 3, 6 or 9.
+    attitudes : the first so many of the 26; more than 26 are all of them several times.
+    samples : averaged in each attitude.
+    noise : standard deviation of a sample, SI.
+    rate_factor : how many times the Earth's rate the reference is.
+    estimator : see `ESTIMATORS`.
+    """
+
+    triad: str
+    unknowns: int
+    attitudes: int = ATTITUDES
+    samples: int = SAMPLES
+    noise: float = RATE_NOISE
+    rate_factor: float = 1.0
+    estimator: str = "gauss-helmert"
+
+    @property
+    def reference(self) -> float:
+        """Norm of the true vector, SI."""
+        return GRAVITY if self.triad == "accelerometer" else EARTH_RATE * self.rate_factor
+
+    @property
+    def errors(self) -> Series:
+        """(9,) true bias, scale factor errors and angles."""
+        return FORCE_ERRORS if self.triad == "accelerometer" else GYRO_ERRORS
+
+
+@dataclass(frozen=True, slots=True)
+class Runs:
+    """The outcome of a study, one row a run.
+
+    Attributes
+    ----------
+    setting : what was simulated.
+    estimates : (runs, unknowns) bias, scale factor error, angles; SI.
+    sigmas : (runs, unknowns) stated by the adjustment: sigma0 times the root of the cofactor (3.36).
+    differences : (runs, unknowns) estimate minus truth.
+    sigma0 : (runs,).
+    iterations : (runs,).
+    converged, mirror : (runs,) of bool.
+    """
+
+    setting: Setting
+    estimates: Table
+    sigmas: Table
+    differences: Table
+    sigma0: Series
+    iterations: np.ndarray
+    converged: np.ndarray
+    mirror: np.ndarray
+
+    @property
+    def usable(self) -> np.ndarray:
+        """(runs,) of bool: converged, and not in the mirror root."""
+        return self.converged & ~self.mirror
+
+
+def table_setting(table: str, case: int) -> Setting:
+    """Return the setting of a column of table 4.2, 4.3, 4.4 or 4.5.
+
+    Parameters
+    ----------
+    table : "4.2", "4.3", "4.4" or "4.5".
+    case : 1 (no noise), 2, or 3 (reference rate times 10,000; not in table 4.5).
+
+    Raises
+    ------
+    UsageError
+        If the thesis has no such column.
+    """
+    unknowns = {"4.2": 3, "4.3": 6, "4.4": 9, "4.5": 9}
+    if table not in unknowns or case not in CASES or (table == "4.5" and case == 3):
+        raise UsageError(f"The thesis has no case {case} in table {table}.")
+    triad = "accelerometer" if table == "4.5" else "gyro"
+    noise = FORCE_NOISE if table == "4.5" else RATE_NOISE
+    return Setting(
+        triad,
+        unknowns[table],
+        noise=0.0 if case == 1 else noise,
+        rate_factor=FASTER if case == 3 else 1.0,
+    )
+
+
+def run_setting(setting: Setting, runs: int, rng: np.random.Generator, *, tolerance: float = 1e-6) -> Runs:
+    """Simulate a setting many times and adjust every run.
+
+    Parameters
+    ----------
+    setting : what to simulate.
+    runs : how many.
+    rng : source of all numbers; the same state gives the same runs bit for bit.
+    tolerance : converged when no parameter moves by more than this share of its sigma.
+    """
+    means = simulate_means(setting, runs, rng)
+    sigma = setting.noise / np.sqrt(setting.samples)
+    batch = adjust_norms(
+        means,
+        sigma if sigma > 0.0 else NOMINAL_SHARE * setting.reference,
+        setting.reference,
+        unknowns=setting.unknowns,
+        estimator=setting.estimator,
+        tolerance=tolerance,
+    )
+    return _runs(setting, batch)
+
+
+def _runs(setting: Setting, batch: NormBatch) -> Runs:
+    estimates = batch.parameters[:, : setting.unknowns].copy()
+    estimates[:, 3:6] -= 1.0
+    return Runs(
+        setting=setting,
+        estimates=estimates,
+        sigmas=batch.sigmas * batch.sigma0[:, None],
+        differences=estimates - setting.errors[: setting.unknowns],
+        sigma0=batch.sigma0,
+        iterations=batch.iterations,
+        converged=batch.converged,
+        mirror=batch.mirror,
+    )
+
+
+def simulate_means(setting: Setting, runs: int, rng: np.random.Generator) -> AnyArray:
+    """Return (runs, attitudes, 3) means of the samples in each attitude; every sample is drawn.
+
+    Parameters
+    ----------
+    setting, runs, rng : as for `run_setting`.
+    """
+    from tumble_papers.hayal.kernels import add_mean_noise
+
+    true = simulate_true(setting, runs, rng)
+    errors = setting.errors
+    matrix = np.real(matrix_from_shin(1.0 + errors[3:6], errors[6:9]))
+    means = np.ascontiguousarray(true @ matrix.T + errors[:3])
+    if setting.noise > 0.0:
+        add_mean_noise(rng, setting.noise, setting.samples, means.reshape(-1, 3))
+    return means
+
+
+def simulate_true(setting: Setting, runs: int, rng: np.random.Generator) -> AnyArray:
+    """Return (runs, attitudes, 3) true vectors in b.
+
+    Parameters
+    ----------
+    setting, runs, rng : as for `run_setting`.
+    """
+    down_b = -twenty_six_directions()
+    repeats = -(-setting.attitudes // ATTITUDES)
+    down_b = np.tile(down_b, (repeats, 1))[: setting.attitudes]
+    pitch, roll = -np.arcsin(down_b[:, 0]), np.arctan2(down_b[:, 1], down_b[:, 2])
+    shape = (runs, setting.attitudes)
+    off = rng.normal(0.0, PLACEMENT, (3, *shape))
+    heading = HEADING + 0.5 * np.pi * rng.integers(0, 4, shape)
+    if setting.triad == "accelerometer":
+        vector_n = np.array([0.0, 0.0, -GRAVITY])  # 4.6
+    else:
+        vector_n = setting.reference * np.array([np.cos(LATITUDE), 0.0, -np.sin(LATITUDE)])  # 4.2
+    return _turned(vector_n, roll + off[0], pitch + off[1], heading + off[2])
+
+
+def _turned(vector_n: Vectors, roll: AnyArray, pitch: AnyArray, heading: AnyArray) -> AnyArray:
+    """Return R1(roll) R2(pitch) R3(heading) times a vector of n."""
+    x, y, z = vector_n
+    cosine, sine = np.cos(heading), np.sin(heading)
+    x, y = cosine * x + sine * y, -sine * x + cosine * y
+    cosine, sine = np.cos(pitch), np.sin(pitch)
+    x, z = cosine * x - sine * z, sine * x + cosine * z
+    cosine, sine = np.cos(roll), np.sin(roll)
+    y, z = cosine * y + sine * z, -sine * y + cosine * z
+    return np.stack(np.broadcast_arrays(x, y, z), axis=-1)

@@ -25,13 +25,14 @@ from tumble.estimation.reliability import find_weak_directions
 from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED, Outcome, Row
 from tumble.simulation import TriadNoise, find_grade
 from tumble.simulation.noise import simulate_noise
-from tumble_papers.hayal.norm_batch import NormBatch, adjust_norms
-from tumble_papers.hayal.thesis_simulation import (
+from tumble_papers.hayal.norm_batch import (
     ATTITUDES,
     FORCE_NOISE,
     RATE_NOISE,
     RATE_NOISE_HG1900,
+    NormBatch,
     Setting,
+    adjust_norms,
     simulate_true,
 )
 from tumble_papers.published import hayal

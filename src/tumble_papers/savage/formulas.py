@@ -20,7 +20,7 @@ from tumble.sensor.conventions.savage import NAMES, SavageErrors
 from tumble.sensor.imu import ImuModel
 from tumble.units import STANDARD_GRAVITY
 from tumble_papers.published import savage
-from tumble_papers.savage.rotation_sequences import sequence_model
+from tumble_papers.savage.sequences import sequence_model
 from tumble_papers.savage.strapdown_simulation import (
     AS_PRINTED,
     Setting,

@@ -16,8 +16,7 @@ from tumble.sensor.imu import ImuModel
 from tumble.units import ARCSECOND, DEGREE_PER_HOUR, STANDARD_GRAVITY
 from tumble_papers.published import savage
 from tumble_papers.savage.formulas import BY_NAME, COMPONENTS, evaluated
-from tumble_papers.savage.rotation_sequences import sequence_model
-from tumble_papers.savage.sequence_measurements import window_weights
+from tumble_papers.savage.sequences import sequence_model, window_weights
 from tumble_papers.savage.strapdown_simulation import (
     AS_PRINTED,
     DEGREE_PER_ROOT_HOUR,

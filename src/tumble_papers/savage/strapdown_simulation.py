@@ -29,9 +29,14 @@ from tumble.sensor.conventions.savage import GROUPS, SavageErrors, savage_from_m
 from tumble.sensor.imu import ImuModel
 from tumble.sensor.triad import Triad
 from tumble.units import ARCSECOND, DEGREE_PER_HOUR, MICRO_G, STANDARD_GRAVITY
-from tumble_papers.savage.rotation_sequences import SequenceModel, sequence_model
-from tumble_papers.savage.sequence_inversion import invert_measurements, solve_measurements
-from tumble_papers.savage.sequence_measurements import measure_sequence, window_weights
+from tumble_papers.savage.sequences import (
+    SequenceModel,
+    invert_measurements,
+    measure_sequence,
+    sequence_model,
+    solve_measurements,
+    window_weights,
+)
 
 DEGREE_PER_ROOT_HOUR = np.pi / 180.0 / 60.0
 LARGEST_LATITUDE = 75.0 * np.pi / 180.0

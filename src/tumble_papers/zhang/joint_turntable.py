@@ -24,7 +24,7 @@ from tumble.estimation.solve import solve
 from tumble.sensor import ImuModel, Triad
 from tumble.sensor.conventions.shin import matrix_from_shin
 from tumble.sensor.gauge import inverse, lower_factor
-from tumble_papers.zhang.turntable_simulation import GRAVITY, Setting
+from tumble_papers.zhang.turntable import GRAVITY, Setting
 
 STEP = 0.2  # s: at 2 degrees a step the Earth rate goes round finely enough for an axis that is exact
 REST = 2  # samples before and after a rotation

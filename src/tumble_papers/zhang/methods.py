@@ -9,17 +9,22 @@ Where the paper leaves a choice:
 - Rests weigh by how long they lasted; the paper's last alike.
 - R is fitted to all axes that are not vertical. The paper says so at the end of section 4; (40) takes two.
 - Without the inter-triad rotation the frames o and p count as one, by what assembly leaves of it.
+
+A unit is placed on the table, turned, stopped and turned again; then it is placed otherwise. Rotations both ways about
+one axis of a placement make a pair: their difference knows neither bias nor Earth rate ((15) to (18)).
 """
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Sequence
+from dataclasses import field
 from functools import partial
 
 import numpy as np
 from scipy.linalg import block_diag
 
-from tumble.arrays import AnyArray, Matrix, Series, Square, Vectors, inverted
+from tumble.arrays import AnyArray, Matrix, Series, Square, Vector, Vectors, inverted
 from tumble.attitude import matrix_from_rotation_vector
 from tumble.attitude.directions import twenty_six_directions
 from tumble.calibration.estimate import Estimate, Said
@@ -27,18 +32,184 @@ from tumble.calibration.procedure import Estimator
 from tumble.calibration.session import Session
 from tumble.earth import EARTH_RATE
 from tumble.errors import ObservabilityError
+from tumble.protocol import HoldStep, Pose, Protocol, SpinStep, TurnStep
 from tumble.recording.recording import Recording
 from tumble.records import dataclass
 from tumble.segmentation import HoldMeans
+from tumble.segmentation.matching import Matching
+from tumble.segmentation.rotations import Rotation
 from tumble.sensor import ImuModel, Triad
 from tumble_papers.estimates import carried_estimate, require_both_triads
-from tumble_papers.zhang.inter_triad import axis_from_rotation, axis_from_scatter, wahba_rotation
-from tumble_papers.zhang.rotation_pairs import RotationPair, pair_rotations
-from tumble_papers.zhang.separate_norms import (
+from tumble_papers.zhang.closed_forms import (
+    axis_from_rotation,
+    axis_from_scatter,
     bias_from_static_pairs,
     ellipsoid_from_norms,
     matrix_from_rotations,
+    wahba_rotation,
 )
+
+
+@dataclass(slots=True)
+class SpinGroup:
+    """One placement on the table.
+
+    Attributes
+    ----------
+    name : of its first hold, or of its first spin.
+    pose : what the protocol knows of it, from the first hold that says.
+    holds : indices of the holds found.
+    rows : indices into the spins found, as `SpinMeans` has them.
+    spins : the steps of those.
+    """
+
+    name: str = ""
+    pose: Pose | None = None
+    holds: list[int] = field(default_factory=list[int])
+    rows: list[int] = field(default_factory=list[int])
+    spins: list[SpinStep] = field(default_factory=list[SpinStep])
+
+
+def group_spins(matching: Matching, protocol: Protocol) -> list[SpinGroup]:
+    """Return the placements of a protocol with the holds and spins that were found.
+
+    A new one begins with a turn, with a hold that follows a hold, and with a hold in a pose that the spin
+    before it does not lead to.
+    Placements of which nothing was found are left out.
+    """
+    holds: dict[int, list[int]] = defaultdict(list)
+    rows: dict[int, list[int]] = defaultdict(list)
+    # A step that was done twice is there twice.
+    for matched in matching.holds:
+        holds[matched.step].append(matched.hold)
+    for row, spin in enumerate(matching.spins):
+        rows[spin.step].append(row)
+    groups = [SpinGroup()]
+    before = None
+    for index, step in enumerate(protocol.steps):
+        if _begins(step, before, groups[-1]):
+            groups.append(SpinGroup())
+        group = groups[-1]
+        if isinstance(step, HoldStep):
+            group.pose = group.pose or step.pose
+            group.holds += holds[index]
+        if isinstance(step, SpinStep):
+            group.rows += rows[index]
+            group.spins += [step] * len(rows[index])
+        group.name = group.name or step.name
+        before = step
+    return [group for group in groups if group.holds or group.rows]
+
+
+def _begins(step: object, before: object, group: SpinGroup) -> bool:
+    if isinstance(step, TurnStep):
+        return True
+    if not isinstance(step, HoldStep) or before is None:
+        return False
+    if isinstance(before, HoldStep):
+        return True
+    return _another_pose(group.pose, step.pose, before.axis_b if isinstance(before, SpinStep) else None)
+
+
+def _another_pose(one: Pose | None, other: Pose | None, axis_b: Vector | None) -> bool:
+    """Return whether a hold is in another pose than the spins about an axis before it make of the first one."""
+    if one is None or other is None:
+        return False
+    apart = one.up_b - other.up_b
+    # Written twice, or to two digits after the table stopped within a revolution: what is less than the poses are
+    # uncertain by is no other pose. A milliradian: the same to the digit. Up stays where it was along the table's axis.
+    same = max(1e-3, float(np.hypot(one.sigma, other.sigma)))
+    return bool(np.max(np.abs(apart if axis_b is None else apart @ axis_b / np.linalg.norm(axis_b))) > same)
+
+
+# Axes nearer than this to one another are one: 3 degrees, as `SMALLEST_SINE` of the inter-triad angles.
+SAME_AXIS = np.cos(np.radians(3.0))
+
+
+@dataclass(slots=True)
+class RotationPair:
+    """All rotations of one placement about one axis.
+
+    Attributes
+    ----------
+    axis_b : (3,) unit vector, as the protocol has it, or as the pose before it has up.
+    forward, backward : counter-clockwise and clockwise about it.
+    """
+
+    axis_b: Vector
+    forward: list[Rotation] = field(default_factory=list[Rotation])
+    backward: list[Rotation] = field(default_factory=list[Rotation])
+
+    @property
+    def rotations(self) -> list[Rotation]:
+        """All of them."""
+        return [*self.forward, *self.backward]
+
+    @property
+    def shares(self) -> list[tuple[float, Rotation]]:
+        """What each rotation's integral is multiplied with in (18): the mean forward less the mean backward."""
+        sides = (1.0, self.forward), (-1.0, self.backward)
+        return [(sign / len(side), rotation) for sign, side in sides for rotation in side]
+
+    @property
+    def angle(self) -> float:
+        """Difference of the table's angles, rad, above zero."""
+        return sum(abs(share * rotation.angle) for share, rotation in self.shares)
+
+    @property
+    def angle_sigma(self) -> float:
+        """Its standard uncertainty, rad."""
+        return float(np.sqrt(sum((share * rotation.angle_sigma) ** 2 for share, rotation in self.shares)))
+
+    @property
+    def covariance(self) -> Matrix:
+        """(3, 3) of the difference of the integrals, raw²·s²."""
+        return np.asarray(sum(share**2 * rotation.covariance for share, rotation in self.shares))
+
+    def difference(self, means: HoldMeans) -> Vector:
+        """Return (3,) raw·s, the mean integral forward less that backward (18).
+
+        What the rests beside the rotations show is taken out of both. With ways that took the same time, as in the
+        paper, that is nothing; with others it is the bias and the Earth rate along the axis.
+
+        Parameters
+        ----------
+        means : of the holds.
+        """
+        assert means.angular_rate is not None
+        holds = sorted({h for r in self.rotations for h in (r.before, r.after) if h is not None})
+        rest = np.mean(means.angular_rate[holds] if holds else means.angular_rate, axis=0)
+        return np.asarray(sum(share * (r.integral - r.seconds * rest) for share, r in self.shares))
+
+
+def pair_rotations(
+    rotations: Sequence[Rotation], matching: Matching, protocol: Protocol
+) -> list[RotationPair]:
+    """Return the axes that were turned about both ways.
+
+    Parameters
+    ----------
+    rotations : in the order of `matching.spins`.
+    matching, protocol : which of them belongs to which placement, and about which axis.
+    """
+    pairs: list[RotationPair] = []
+    for group in group_spins(matching, protocol):
+        mine: list[RotationPair] = []
+        for row, step in zip(group.rows, group.spins, strict=True):
+            axis = step.axis_b if step.axis_b is not None else (group.pose.up_b if group.pose else None)
+            if axis is None:
+                continue
+            axis = np.asarray(axis / np.linalg.norm(axis), dtype=np.float64)
+            # An axis may be named by its other end.
+            pair = next((p for p in mine if abs(float(p.axis_b @ axis)) > SAME_AXIS), None)
+            if pair is None:
+                pair = RotationPair(axis)
+                mine.append(pair)
+            way = float(pair.axis_b @ axis) * step.rate
+            (pair.forward if way > 0.0 else pair.backward).append(rotations[row])
+        pairs += mine
+    return [pair for pair in pairs if pair.forward and pair.backward]
+
 
 ROTATION_SIGMA = 0.01  # rad: by which assembly turns the triads against one another
 NO_ROTATION = Said(

@@ -7,17 +7,46 @@ misalignments, biases) to first order it tells
 
 with u the unit vector up, whatever the azimuth; the angles are those that Zhang et al. print. What a set
 is worth is in the inverse of the sum of the squares of these rows, before anything is recorded.
+
+How much a squared norm moves with each parameter (Zhang et al. 2010, (26) to (38)).
+
+Model: ``raw = K T true + bias`` with T as printed, small angles yz, zy, zx (see
+`tumble.sensor.conventions.zhang`). Corrected, the norm of a reading at rest should be gravity, and that
+of a rotation's integral the table's angle, in any pose: a parameter shows to the extent to which it moves
+that norm. With s the true vector and s^a = T s the vector as the sensing axes see it,
+
+    ∂|s|²/∂k_x  = -2/k_x s_x^a [s_x - yz s_y + (zy + yz zx) s_z]      (29)
+    ∂|s|²/∂k_y  = -2/k_y s_y^a (s_y - zx s_z)                         (30), printed with s_x^a: a slip
+    ∂|s|²/∂k_z  = -2/k_z s_z^a s_z                                    (30)
+    ∂|s|²/∂yz   = -2 s_x^a (s_y - zx s_z)                             (31)
+    ∂|s|²/∂zy   =  2 s_x^a s_z                                        (31)
+    ∂|s|²/∂zx   = -2 s_z (s_y^a - yz s_x^a)                           (31)
+    ∂|s|²/∂b_i  =  as ∂/∂k_i without s_i^a                            (32)
+
+The bias itself is in none of them: it shifts the raw reading and the correction alike.
+
+Sets of poses that tell more than others with as many: of the 26 directions, or anywhere on the sphere.
+
+Two senses of better, both with sigmas in the same measure (relative scale, radians, bias over gravity):
+
+- average: the sum of the nine variances is least (A-optimal).
+- minimax: the largest ratio of a sigma to what the nine poses of Zhang et al. (2010) give is least, so
+  that the set is better than theirs in every unknown, not only on average.
 """
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
-from tumble.arrays import Series, Square, Vectors, inverted
+from tumble.arrays import Series, Square, Table, Vector, Vectors, inverted
+from tumble.attitude.directions import twenty_six_directions
 from tumble.calibration.poses import describe_mending, describe_untold
 from tumble.design.candidates import pose_rows
 from tumble.errors import ObservabilityError
 from tumble.records import dataclass
+from tumble.sensor.conventions.zhang import matrix_from_zhang
 from tumble.units import STANDARD_GRAVITY
 
 EDGE_PLANES = ((0, 1), (0, 2), (1, 2))
@@ -144,3 +173,282 @@ def explain_pose_set(directions: Vectors) -> str:
     poses = "pose does" if len(directions) == 1 else "poses do"
     untold = untold.removeprefix("do")
     return f"The {len(directions)} {poses}{untold}. Add {describe_mending(directions)}."
+
+
+GROUPS = ("scale", "misalignment", "bias")
+
+
+@dataclass(frozen=True, slots=True)
+class NormSensitivity:
+    """Derivatives of the squared norm of the corrected vector, one row a direction.
+
+    Attributes
+    ----------
+    scale : (n, 3) by the scale factors of x, y, z; (SI unit)² per (raw per SI unit).
+    misalignment : (n, 3) by the angles yz, zy, zx; (SI unit)² per rad.
+    bias : (n, 3) by the biases of x, y, z; (SI unit)² per raw unit. None for rotations, of which the
+        difference of both ways contains no bias.
+    """
+
+    scale: Vectors
+    misalignment: Vectors
+    bias: Vectors | None = None
+
+    def columns(self) -> Table:
+        """Return (n, 9): scale, misalignment, bias beside each other; (n, 6) without biases."""
+        parts = [self.scale, self.misalignment]
+        return np.hstack(parts if self.bias is None else [*parts, self.bias])
+
+
+def norm_sensitivity(
+    directions: Vectors, scale: Vector, angles: Vector, norm: float = 1.0
+) -> NormSensitivity:
+    """Return what the squared norm of specific force determines in each pose, exactly: (29) to (32).
+
+    Parameters
+    ----------
+    directions : (n, 3) unit vectors up in the frame accelerometer-x (the paper's p).
+    scale : (3,) raw per m/s².
+    angles : (3,) yz, zy, zx, rad, as printed in (3).
+    norm : gravity, m/s².
+    """
+    true = norm * directions
+    seen = _seen(true, angles)
+    yz, zy, zx = angles
+    x, y, z = true.T
+    towards = np.column_stack([x - yz * y + (zy + yz * zx) * z, y - zx * z, z])
+    bias = -2.0 / scale * towards
+    misalignment = np.column_stack(
+        [-2.0 * seen[:, 0] * towards[:, 1], 2.0 * seen[:, 0] * z, -2.0 * z * (seen[:, 1] - yz * seen[:, 0])]
+    )
+    return NormSensitivity(bias * seen, misalignment, bias)
+
+
+def approximate_norm_sensitivity(
+    directions: Vectors, scale: Vector, angles: Vector, norm: float = 1.0
+) -> NormSensitivity:
+    """Return the same with the misalignments neglected beside one: (33) to (35).
+
+    Parameters
+    ----------
+    directions, scale, angles, norm : as of `norm_sensitivity`. The angles are still in s^a.
+    """
+    true = norm * directions
+    seen = _seen(true, angles)
+    misalignment = 2.0 * seen[:, [0, 0, 1]] * true[:, [1, 2, 2]] * np.array([-1.0, 1.0, -1.0])
+    bias = -2.0 / scale * true
+    return NormSensitivity(bias * seen, misalignment, bias)
+
+
+def most_sensitive_directions(scale: Vector, angles: Vector, group: str, index: int) -> Vectors:
+    """Return the directions in which the squared norm determines most of one parameter, found by search.
+
+    Parameters
+    ----------
+    scale : (3,) raw per SI unit.
+    angles : (3,) yz, zy, zx, rad, as printed.
+    group : one of `GROUPS`.
+    index : x, y, z of scale and bias; yz, zy, zx of misalignment.
+
+    Returns
+    -------
+    directions : (n, 3) unit vectors: every place of the sphere that is as good as the best to 1 in 100.
+
+    Raises
+    ------
+    ValueError
+        If there is no such group.
+    """
+    from scipy.optimize import minimize
+
+    from tumble.attitude.directions import twenty_six_directions
+
+    if group not in GROUPS:
+        raise ValueError(f"{group!r} is none of {', '.join(GROUPS)}")
+
+    def lost(vector: Series) -> float:
+        up = vector / np.linalg.norm(vector)
+        found: Vectors = getattr(norm_sensitivity(up[None], scale, angles), group)
+        return -abs(float(found[0, index])) / size
+
+    size = 1.0
+    size = max(-lost(up) for up in twenty_six_directions())
+    ends = [minimize(lost, up, method="BFGS", options={"gtol": 1e-9}) for up in twenty_six_directions()]
+    best = min(float(end.fun) for end in ends)
+    kept: list[Series] = []
+    for end in sorted(ends, key=lambda end: float(end.fun)):
+        up = end.x / np.linalg.norm(end.x)
+        # Two maxima are 90° apart at least; the search stops some 1e-5 rad short.
+        if float(end.fun) < 0.99 * best and all(float(up @ other) < 0.9 for other in kept):
+            kept.append(up)
+    return np.array(kept)
+
+
+def _seen(true: Vectors, angles: Vector) -> Vectors:
+    """The vectors as the sensing axes see them: T s, (28)."""
+    return true @ matrix_from_zhang(np.ones(3), angles, "small-angle").T
+
+
+CRITERIA = ("average", "minimax")
+# Ratios near the largest count as it: the 24-norm of nine is at most 10 % above the largest.
+SHARPNESS = 24.0
+# Beside the information of a set, so that a singular one is bad instead of an error.
+FLOOR = 1e-9
+
+
+def find_best_subset(
+    count: int,
+    rng: np.random.Generator,
+    *,
+    criterion: str = "average",
+    starts: int = 20,
+) -> Vectors:
+    """Return the best set of the 26 directions found by exchanging one pose for another, from several starts.
+
+    Parameters
+    ----------
+    count : how many poses, 9 to 26.
+    rng : draws the starts.
+    criterion : one of `CRITERIA`.
+    starts : how many; the best end is returned, which may be a local one.
+
+    Raises
+    ------
+    ValueError
+        If fewer than 9 are asked for, or there is no such criterion.
+    """
+    directions = twenty_six_directions()
+    _check(count, criterion)
+    ends = [
+        _exchanged(rng.permutation(directions.shape[0]), count, directions, criterion) for _ in range(starts)
+    ]
+    chosen = min(ends, key=lambda end: end[0])[1]
+    return directions[np.sort(chosen)]
+
+
+def find_best_on_sphere(
+    count: int, rng: np.random.Generator, *, criterion: str = "average", starts: int = 20
+) -> Vectors:
+    """Return the best set found with its poses anywhere, from several starts.
+
+    Parameters
+    ----------
+    count : how many poses, 9 at least.
+    rng : draws the starts.
+    criterion : one of `CRITERIA`.
+    starts : how many; the best end is returned, which may be a local one.
+
+    Raises
+    ------
+    ValueError
+        If fewer than 9 are asked for, or there is no such criterion.
+    """
+    from scipy.optimize import minimize
+
+    _check(count, criterion)
+
+    def lost(values: Series) -> tuple[float, Series]:
+        vectors = values.reshape(count, 3)
+        lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
+        up = vectors / lengths
+        value, slope = _badness_with_slope(up, criterion)
+        # Along a vector itself nothing changes.
+        across = (slope - up * np.sum(slope * up, axis=1, keepdims=True)) / lengths
+        return value, across.ravel()
+
+    ends: list[Any] = [
+        minimize(lost, rng.standard_normal(3 * count), jac=True, method="BFGS", options={"maxiter": 2000})
+        for _ in range(starts)
+    ]
+    best = min(ends, key=lambda end: float(end.fun)).x.reshape(count, 3)
+    return np.asarray(best / np.linalg.norm(best, axis=1, keepdims=True), dtype=np.float64)
+
+
+def badness(directions: Vectors, criterion: str = "average") -> float:
+    """Return what the optimisers make small, of a set whose dwells have a sigma of one gravity.
+
+    Parameters
+    ----------
+    directions : (n, 3) unit vectors up.
+    criterion : one of `CRITERIA`; "average" gives the sum of the nine variances, "minimax" the largest
+        ratio of a sigma to that of the paper's nine (as the 24-norm).
+
+    Raises
+    ------
+    ValueError
+        If there is no such criterion.
+    """
+    _check(9, criterion)
+    return _badness_with_slope(directions, criterion)[0]
+
+
+def _check(count: int, criterion: str) -> None:
+    if criterion not in CRITERIA:
+        raise ValueError(f"{criterion!r} is none of {', '.join(CRITERIA)}")
+    if count < 9:
+        raise ValueError(f"{count} poses do not determine nine unknowns: ask for 9 at least")
+
+
+def _exchanged(order: Any, count: int, directions: Vectors, criterion: str) -> tuple[float, Any]:
+    """Exchange poses of the first `count` in `order` for others as long as that helps."""
+    chosen, rest = order[:count].copy(), order[count:].copy()
+    value = badness(directions[chosen], criterion)
+    improved = True
+    while improved:
+        improved = False
+        for i in range(count):
+            for j in range(rest.size):
+                chosen[i], rest[j] = rest[j], chosen[i]
+                tried = badness(directions[chosen], criterion)
+                if tried < value * (1.0 - 1e-9):
+                    value, improved = tried, True
+                else:
+                    chosen[i], rest[j] = rest[j], chosen[i]
+    return value, chosen
+
+
+def _cofactor(directions: Vectors) -> Square:
+    return inverted(information(directions, 1.0, 1.0) + FLOOR * np.eye(9))
+
+
+def _badness_with_slope(directions: Vectors, criterion: str) -> tuple[float, Table]:
+    """The criterion and its derivative by the directions: of a variance, -2 (Q r_p)_i times that of the row."""
+    cofactor = _cofactor(directions)
+    variances = np.diag(cofactor)
+    if criterion == "average":
+        value, by_variance = float(variances.sum()), np.ones(9)
+    else:
+        ratios = variances / np.diag(_cofactor(paper_nine()))
+        half = 0.5 * SHARPNESS
+        largest = float(ratios.max())
+        total = float(np.sum((ratios / largest) ** half))
+        value = float(np.sqrt(largest) * total ** (1.0 / SHARPNESS))
+        by_variance = 0.5 * value / total * (ratios / largest) ** half / variances
+    rows, by_direction = rows_with_slope(directions)
+    projected = rows @ cofactor
+    by_row = -2.0 * (projected * by_variance) @ cofactor
+    return value, np.einsum("pr,prc->pc", by_row, by_direction)
+
+
+def rows_with_slope(directions: Vectors) -> tuple[Table, Any]:
+    """Return the rows of `information` in units of gravity, and their derivatives (n, 9, 3).
+
+    Parameters
+    ----------
+    directions : (n, 3) unit vectors up.
+    """
+    x, y, z = directions.T
+    nought, one = np.zeros_like(x), np.ones_like(x)
+    rows = np.column_stack([x * x, y * y, z * z, x * y, -x * z, y * z, x, y, z])
+    slope = [
+        [2 * x, nought, nought],
+        [nought, 2 * y, nought],
+        [nought, nought, 2 * z],
+        [y, x, nought],
+        [-z, nought, -x],
+        [nought, z, y],
+        [one, nought, nought],
+        [nought, one, nought],
+        [nought, nought, one],
+    ]
+    return rows, np.transpose(np.array(slope), (2, 0, 1))

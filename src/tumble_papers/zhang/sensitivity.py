@@ -13,21 +13,20 @@ from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED, Outcome, Row
 from tumble.sensor.conventions.zhang import matrix_from_zhang
 from tumble.units import ARCSECOND
 from tumble_papers.published import zhang
-from tumble_papers.zhang.norm_sensitivity import (
-    GROUPS,
-    approximate_norm_sensitivity,
-    most_sensitive_directions,
-    norm_sensitivity,
-)
-from tumble_papers.zhang.optimal_sets import find_best_on_sphere, find_best_subset
+from tumble_papers.zhang.closed_forms import ellipsoid_from_norms
 from tumble_papers.zhang.pose_sets import (
+    GROUPS,
     OTHER_EDGE_NUMBERS,
+    approximate_norm_sensitivity,
     chatfield_orientations,
     explain_pose_set,
+    find_best_on_sphere,
+    find_best_subset,
+    most_sensitive_directions,
+    norm_sensitivity,
     paper_nine,
     predict_sigma,
 )
-from tumble_papers.zhang.separate_norms import ellipsoid_from_norms
 
 GRAVITY = 9.8  # what the paper's µg and counts are of
 PRINTED_RUNS = 500

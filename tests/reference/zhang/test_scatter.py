@@ -8,17 +8,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tumble_papers.zhang.separate_norms import ellipsoid_from_norms
+from tumble_papers.zhang.closed_forms import ellipsoid_from_norms
 from tumble_papers.zhang.tables import theory_of_nine
-from tumble_papers.zhang.turntable_evaluation import (
+from tumble_papers.zhang.turntable import (
     CHOICES,
+    GRAVITY,
     Estimates,
     evaluate,
     in_paper_units,
+    simulate,
+    table_setting,
     triad_parameters,
     unit_parameters,
 )
-from tumble_papers.zhang.turntable_simulation import GRAVITY, simulate, table_setting
 
 RUNS = 1000
 # Group -> range in table 3 and in table 4; see SOURCE.md.

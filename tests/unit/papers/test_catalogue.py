@@ -14,8 +14,7 @@ from tumble.reproduction.items import find_items, run_item
 from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED, Outcome, Row
 from tumble.simulation import find_grade
 from tumble_papers.catalogue import ITEMS
-from tumble_papers.hayal.estimators import reproduce_convergence
-from tumble_papers.hayal.figures import NOISES, RATES, reproduce_figure
+from tumble_papers.hayal.chapter_4 import NOISES, RATES, reproduce_convergence, reproduce_figure
 from tumble_papers.hayal.scenarios import ABSURD, TABLES, reproduce_scenario_table, simulate_field_means
 from tumble_papers.published import hayal, zhang
 

@@ -18,32 +18,27 @@ from tumble.simulation.field_campaign import (
     warming,
 )
 from tumble_papers.catalogue import ITEMS
-from tumble_papers.hayal import field_navigation
-from tumble_papers.hayal.field_calibration import (
-    average_poses,
-    calibrate_triad,
-    draw_unit,
-    record_poses,
-    sheet_sigmas,
-)
+from tumble_papers.hayal import field_campaign
 from tumble_papers.hayal.field_campaign import (
     GAPS,
     ORIGINAL,
     SLIDING,
     SUB_SCENARIOS,
-    improvements,
-    pooled,
-    run_campaigns,
-)
-from tumble_papers.hayal.field_navigation import (
+    average_poses,
+    calibrate_triad,
     calibrated,
+    draw_unit,
     filter_setup,
+    improvements,
     outage_errors,
+    pooled,
     position_sigma,
     record_cart,
+    record_poses,
+    run_campaigns,
+    sheet_sigmas,
 )
-from tumble_papers.hayal.position_figures import reproduce_scenario_figure
-from tumble_papers.hayal.positions import reproduce_scenario_positions
+from tumble_papers.hayal.positions import reproduce_scenario_figure, reproduce_scenario_positions
 from tumble_papers.hayal.scenarios import SCENARIOS
 
 CASES = (ORIGINAL, SUB_SCENARIOS["3.0"])
@@ -116,17 +111,17 @@ def test_samples_at_25_hz_lose_nothing_of_the_cart() -> None:
     """Without errors and noise, free navigation over a minute with a curve: against 1 m and more of every case."""
     trajectory = cart_trajectory(np.random.default_rng(5))
     begin, stop = 100.0, 160.0
-    edges = np.arange(round((stop - begin) * field_navigation.RATE) + 1) / field_navigation.RATE + begin
+    edges = np.arange(round((stop - begin) * field_campaign.CART_RATE) + 1) / field_campaign.CART_RATE + begin
     angle, velocity = trajectory.increments(edges, 2)
-    samples = field_navigation.InertialSamples.from_increments(edges, angle, velocity)
+    samples = field_campaign.InertialSamples.from_increments(edges, angle, velocity)
     true = trajectory.states(edges[[0, -1]])
-    start = field_navigation.NavigationState(
+    start = field_campaign.NavigationState(
         begin,
         float(true.latitude[0]),
         float(true.longitude[0]),
         float(true.height[0]),
         true.velocity_n[0],
-        field_navigation.Rotation.from_quat(true.quaternion_nb[0]).as_matrix(),
+        field_campaign.Rotation.from_quat(true.quaternion_nb[0]).as_matrix(),
     )
     end = navigate(samples, start).state(-1)
     seen = (true.latitude[-1:], true.longitude[-1:], true.height[-1:])

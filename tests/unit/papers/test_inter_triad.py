@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tumble.errors import ObservabilityError
-from tumble_papers.zhang.inter_triad import (
+from tumble_papers.zhang.closed_forms import (
     axis_from_rotation,
     axis_from_scatter,
     rotation_from_two_axes,

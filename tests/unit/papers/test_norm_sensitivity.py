@@ -11,7 +11,7 @@ import pytest
 from tumble.attitude.directions import twenty_six_directions
 from tumble.sensor.conventions.zhang import matrix_from_zhang
 from tumble.sensor.propagation import jacobian
-from tumble_papers.zhang.norm_sensitivity import (
+from tumble_papers.zhang.pose_sets import (
     approximate_norm_sensitivity,
     most_sensitive_directions,
     norm_sensitivity,

@@ -7,8 +7,14 @@ import pytest
 
 from tumble.attitude.directions import twenty_six_directions
 from tumble.units import STANDARD_GRAVITY
-from tumble_papers.zhang.optimal_sets import badness, find_best_on_sphere, find_best_subset
-from tumble_papers.zhang.pose_sets import chatfield_orientations, paper_nine, predict_sigma
+from tumble_papers.zhang.pose_sets import (
+    badness,
+    chatfield_orientations,
+    find_best_on_sphere,
+    find_best_subset,
+    paper_nine,
+    predict_sigma,
+)
 
 SECOND = np.pi / 648000.0
 MICRO_G = 1e-6 * STANDARD_GRAVITY

@@ -11,12 +11,12 @@ from tumble.attitude.directions import twenty_six_directions
 from tumble.calibration.poses import find_two_planes, find_untold, norm_rows
 from tumble.errors import ObservabilityError
 from tumble.units import STANDARD_GRAVITY
-from tumble_papers.zhang.norm_sensitivity import norm_sensitivity
 from tumble_papers.zhang.pose_sets import (
     OTHER_EDGE_NUMBERS,
     chatfield_orientations,
     explain_pose_set,
     information,
+    norm_sensitivity,
     paper_nine,
     predict_sigma,
 )

@@ -8,12 +8,12 @@ from scipy.spatial.transform import Rotation
 
 from tumble.protocol.strapdown_rotation import SEQUENCES, start_down
 from tumble.sensor.conventions.savage import NAMES, SavageErrors
-from tumble_papers.savage.rotation_sequences import (
+from tumble_papers.savage.sequences import (
     SequenceModel,
     across_down,
+    measure_sequence,
     sequence_model,
 )
-from tumble_papers.savage.sequence_measurements import measure_sequence
 
 GRAVITY = 9.81
 ROWS = {row.name: row for row in SEQUENCES}

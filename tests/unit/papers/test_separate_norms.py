@@ -9,7 +9,7 @@ import pytest
 
 from tumble.earth import EARTH_RATE
 from tumble.errors import ObservabilityError
-from tumble_papers.zhang.separate_norms import (
+from tumble_papers.zhang.closed_forms import (
     bias_from_static_pairs,
     ellipsoid_from_norms,
     matrix_from_rotations,

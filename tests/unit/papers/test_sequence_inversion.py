@@ -7,8 +7,12 @@ import pytest
 
 from tumble.errors import ObservabilityError
 from tumble.protocol.strapdown_rotation import SEQUENCES, start_down
-from tumble_papers.savage.rotation_sequences import SequenceModel, sequence_model
-from tumble_papers.savage.sequence_inversion import invert_measurements, solve_measurements
+from tumble_papers.savage.sequences import (
+    SequenceModel,
+    invert_measurements,
+    sequence_model,
+    solve_measurements,
+)
 
 GRAVITY = 9.81
 MODELS: dict[str, SequenceModel] = {

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tumble.protocol.strapdown_rotation import SEQUENCES, start_down
-from tumble_papers.savage.sequence_measurements import (
+from tumble_papers.savage.sequences import (
     AVERAGING,
     SequenceMeasurement,
     measure_sequence,

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from tumble.reproduction.outcome import INSIDE, OUTSIDE, Outcome
-from tumble_papers.hayal.tables import reproduce_table
-from tumble_papers.hayal.thesis_simulation import Runs, run_setting, table_setting
+from tumble_papers.hayal.chapter_4 import reproduce_table
+from tumble_papers.hayal.norm_batch import Runs, run_setting, table_setting
 
 BIAS, SCALE, ANGLE = slice(0, 3), slice(3, 6), slice(6, 9)
 # Stated sigmas: mean, lowest and highest of 500 runs of another implementation (26 attitudes, 180 samples,
@@ -108,7 +108,7 @@ def test_of_72_rows_one_is_outside(outcomes: dict[str, Outcome]) -> None:
 
 
 def test_of_one_run_sigma_and_difference_are_judged_roughly() -> None:
-    from tumble_papers.hayal.tables import _judged
+    from tumble_papers.hayal.chapter_4 import _judged
 
     one = np.array([[1.0, 1.0, 1.0]])
     assert _judged(2.9, 2.0, one, one, 100.0) == (INSIDE, "")

@@ -11,7 +11,7 @@ from tumble.attitude.directions import twenty_six_directions
 from tumble.earth.site import EARTH_RATE
 from tumble.errors import UsageError
 from tumble.sensor.conventions.shin import matrix_from_shin
-from tumble_papers.hayal.thesis_simulation import (
+from tumble_papers.hayal.norm_batch import (
     ATTITUDES,
     FORCE_NOISE,
     GRAVITY,

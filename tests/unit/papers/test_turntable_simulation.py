@@ -9,18 +9,21 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tumble.earth.site import EARTH_RATE
-from tumble_papers.zhang.turntable_evaluation import CHOICES, evaluate, in_paper_units, unit_parameters
-from tumble_papers.zhang.turntable_simulation import (
+from tumble_papers.zhang.tables import scatter_factors
+from tumble_papers.zhang.turntable import (
+    CHOICES,
     GRAVITY,
     LEFT_OUT,
     NINE,
     ORIENTATIONS,
     Setting,
+    evaluate,
+    in_paper_units,
     norths,
     simulate,
     table_setting,
+    unit_parameters,
 )
-from tumble_papers.zhang.verdicts import scatter_factors
 
 # x, y, z; and a rate that is no divisor of the sampling rate.
 FAST = {"dwell": 2.0, "duration": 36.0, "lever_arm": (0.05, -0.02, 0.03)}

@@ -6,28 +6,25 @@ import numpy as np
 import pytest
 
 from tumble.reproduction.outcome import OUTSIDE, UNJUDGED
-from tumble_papers.zhang.laboratory import paper_setting, paper_unit
 from tumble_papers.zhang.navigation import (
+    ALIGNED,
+    DURATION,
     JOINT,
     PRINTED,
     PROPOSED,
     TRADITIONAL,
     TRUE,
     calibrate_units,
-    reproduce_measurements,
-    reproduce_positions,
-    run_test,
-    which_test,
-)
-from tumble_papers.zhang.turntable_evaluation import unit_parameters
-from tumble_papers.zhang.turntable_navigation import (
-    ALIGNED,
-    DURATION,
     measured,
     model_of,
     navigate_test,
+    reproduce_measurements,
+    reproduce_positions,
+    run_test,
     true_test,
+    which_test,
 )
+from tumble_papers.zhang.turntable import paper_setting, paper_unit, unit_parameters
 
 UNITS = 1
 

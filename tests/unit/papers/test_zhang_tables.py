@@ -8,24 +8,29 @@ import pytest
 from tumble.reproduction.items import run_item
 from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED, Outcome, Row
 from tumble_papers.catalogue import ITEMS
-from tumble_papers.zhang.comparison import gyros_apart, norm_shift, reproduce_figure
-from tumble_papers.zhang.laboratory import (
-    POSITIONS,
-    calibrate_in_laboratory,
-    compare,
-    paper_setting,
-    spread_directions,
-    twenty_four_positions,
-)
-from tumble_papers.zhang.tables import refusal, reproduce_table_2, reproduce_table_5
-from tumble_papers.zhang.turntable_evaluation import in_paper_units, unit_parameters
-from tumble_papers.zhang.turntable_simulation import table_setting
-from tumble_papers.zhang.verdicts import (
+from tumble_papers.zhang.tables import (
     error_factor,
+    gyros_apart,
     heading_factors,
     judge_error,
     judge_scatter,
+    norm_shift,
+    refusal,
+    reproduce_figure,
+    reproduce_table_2,
+    reproduce_table_5,
     standard_deviation,
+)
+from tumble_papers.zhang.turntable import (
+    POSITIONS,
+    calibrate_in_laboratory,
+    compare,
+    in_paper_units,
+    paper_setting,
+    spread_directions,
+    table_setting,
+    twenty_four_positions,
+    unit_parameters,
 )
 
 
@@ -73,8 +78,7 @@ def test_headings_change_the_gyro_biases_scatter_and_the_paper_s_lie_in_the_rang
 
 def test_the_heading_factors_are_relative_to_what_is_simulated() -> None:
     """Gyro biases by theory: the dwell's noise times the root of the cofactor."""
-    from tumble_papers.zhang.turntable_evaluation import evaluate
-    from tumble_papers.zhang.turntable_simulation import norths, simulate
+    from tumble_papers.zhang.turntable import evaluate, norths, simulate
 
     setting = table_setting("3")
     runs = evaluate(simulate(setting, 1000, generator(2), sampled=False))
@@ -143,7 +147,7 @@ def test_both_methods_are_right_without_errors(monkeypatch: pytest.MonkeyPatch) 
     """The laboratory's result is turned into the paper's frames: all 21 parameters of an asymmetric unit."""
     from dataclasses import replace
 
-    import tumble_papers.zhang.laboratory as laboratory
+    import tumble_papers.zhang.turntable as laboratory
 
     monkeypatch.setattr(laboratory, "AXIS_ERROR", 0.0)
     exact = replace(paper_setting(), force_noise=0.0, rate_noise=0.0, angle_error=0.0, placement=0.0)
