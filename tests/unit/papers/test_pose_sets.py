@@ -1,21 +1,35 @@
-"""Chatfield's orientations, what sets of poses promise, and which of them tell too little."""
+"""Chatfield's orientations, what sets of poses promise, and which of them tell too little.
+
+Better sets of poses, held against an independent computation and against each other.
+
+Zhang et al. (2010), (29) to (38), against complex-step derivatives of the squared norm.
+"""
 
 from __future__ import annotations
 
 import itertools
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 
 from tumble.attitude.directions import twenty_six_directions
 from tumble.calibration.poses import find_two_planes, find_untold, norm_rows
 from tumble.errors import ObservabilityError
+from tumble.sensor.conventions.zhang import matrix_from_zhang
+from tumble.sensor.propagation import jacobian
 from tumble.units import STANDARD_GRAVITY
 from tumble_papers.zhang.pose_sets import (
     OTHER_EDGE_NUMBERS,
+    approximate_norm_sensitivity,
+    badness,
     chatfield_orientations,
     explain_pose_set,
+    find_best_on_sphere,
+    find_best_subset,
     information,
+    most_sensitive_directions,
     norm_sensitivity,
     paper_nine,
     predict_sigma,
@@ -158,3 +172,152 @@ def test_dwells_repeated_in_their_poses_tell_the_same_and_more_surely() -> None:
 
 def test_one_pose_is_spoken_of_as_one() -> None:
     assert explain_pose_set(np.array([[0.0, 0.0, 1.0]])).startswith("The 1 pose does not determine ")
+
+
+def shown(directions: np.ndarray) -> np.ndarray:
+    """Ppm, arc-seconds and µg at 50 µg a dwell."""
+    sigma = predict_sigma(directions, 50.0 * MICRO_G)
+    parts = (1e6 * sigma.scale, sigma.misalignment / SECOND, sigma.bias / MICRO_G)
+    return np.sqrt(np.mean(np.square(parts), axis=1))
+
+
+@pytest.mark.parametrize(
+    ("where", "count", "criterion", "expected"),
+    [
+        ("sphere", 9, "minimax", (32.2, 23.2, 29.9)),
+        ("26", 9, "average", (53.7, 13.2, 31.9)),
+        ("sphere", 9, "average", (48.0, 12.2, 29.2)),
+        ("sphere", 18, "average", (31.7, 8.9, 20.4)),
+    ],
+)
+def test_the_best_sets_are_those_of_an_independent_search(
+    where: str, count: int, criterion: str, expected: tuple[float, float, float]
+) -> None:
+    """Another program's optima, 3 %: its minimax is of the largest ratio itself, ours of a 24-norm."""
+    rng = np.random.default_rng(2)
+    if where == "26":
+        found = find_best_subset(count, rng, criterion=criterion, starts=8)
+    else:
+        found = find_best_on_sphere(count, rng, criterion=criterion, starts=12)
+    assert found.shape == (count, 3)
+    np.testing.assert_allclose(np.linalg.norm(found, axis=1), 1.0, atol=1e-12)
+    np.testing.assert_allclose(shown(found), expected, rtol=0.03)
+
+
+@pytest.mark.parametrize("criterion", ["average", "minimax"])
+def test_small_moves_of_the_poses_change_a_best_set_in_the_second_order(criterion: str) -> None:
+    """The slope that the search follows is zero at its end: found by differences, not by its own formula."""
+    rng = np.random.default_rng(4)
+    best = find_best_on_sphere(9, rng, criterion=criterion, starts=4)
+    here = badness(best, criterion)
+    for _ in range(5):
+        push = rng.standard_normal((9, 3))
+        moved = [best + step * push for step in (1e-4, -1e-4)]
+        ahead, behind = (badness(m / np.linalg.norm(m, axis=1)[:, None], criterion) for m in moved)
+        assert abs(ahead - behind) / 2e-4 < 1e-2 * here
+        # A minimum, not a saddle: both ways are worse, by more than round-off.
+        assert min(ahead, behind) > here
+
+
+def test_of_the_26_directions_the_paper_s_nine_are_the_best_in_the_sense_of_minimax() -> None:
+    found = find_best_subset(9, np.random.default_rng(6), criterion="minimax", starts=10)
+    np.testing.assert_allclose(shown(found), shown(paper_nine()), rtol=1e-9)
+
+
+def test_badness_is_the_sum_of_variances_and_the_worst_ratio() -> None:
+    nine, all_18 = paper_nine(), chatfield_orientations()
+    # Six halves and three sevens.
+    assert badness(nine) == pytest.approx(24.0, rel=1e-6)
+    # Nine ratios of one: their 24-norm.
+    assert badness(nine, "minimax") == pytest.approx(9.0 ** (1.0 / 24.0), rel=1e-6)
+    assert badness(all_18) < badness(nine)
+    # A singular set is bad, not an error.
+    assert badness(twenty_six_directions()[:6]) > 1e6
+
+
+@pytest.mark.parametrize("search", [find_best_subset, find_best_on_sphere])
+def test_what_cannot_be_asked_is_refused(search) -> None:
+    rng = np.random.default_rng(0)
+    with pytest.raises(ValueError, match="9 at least"):
+        search(8, rng)
+    with pytest.raises(ValueError, match="is none of average, minimax"):
+        search(9, rng, criterion="best")
+
+
+# No two alike, and angles so large that a forgotten product of two of them shows.
+SCALE = np.array([95.0, 104.0, 112.0])
+ANGLES = np.array([-0.11, 0.07, 0.16])
+BIAS = np.array([0.6, -2.0, 1.1])
+GRAVITY = 9.8
+
+
+def some_directions() -> np.ndarray:
+    rng = np.random.default_rng(5)
+    drawn = rng.standard_normal((20, 3))
+    return np.vstack([twenty_six_directions(), drawn / np.linalg.norm(drawn, axis=1)[:, None]])
+
+
+def squared_norm(
+    raw: npt.NDArray[Any], scale: npt.NDArray[Any], angles: npt.NDArray[Any], bias: npt.NDArray[Any]
+) -> Any:
+    true = np.linalg.solve(matrix_from_zhang(scale, angles, "small-angle"), (raw - bias).T).T
+    return np.sum(true * true, axis=1)
+
+
+def differentiated(directions: np.ndarray, norm: float) -> np.ndarray:
+    """The derivatives by scale, misalignment and bias, exact to round-off."""
+    raw = norm * directions @ matrix_from_zhang(SCALE, ANGLES, "small-angle").T + BIAS
+    return jacobian(lambda v: squared_norm(raw, v[:3], v[3:6], v[6:]), np.concatenate([SCALE, ANGLES, BIAS]))
+
+
+def test_the_exact_formulas_are_the_derivatives_of_the_squared_norm() -> None:
+    directions = some_directions()
+    found = norm_sensitivity(directions, SCALE, ANGLES, GRAVITY).columns()
+    # 1e-12 of a squared gravity: round-off of a solve.
+    np.testing.assert_allclose(found, differentiated(directions, GRAVITY), atol=1e-12 * GRAVITY**2)
+
+
+def test_the_formulas_without_small_terms_miss_by_the_order_of_the_angles() -> None:
+    directions = some_directions()
+    for factor in (1e-2, 1e-4):
+        small = factor * ANGLES
+        exact = norm_sensitivity(directions, SCALE, small, GRAVITY).columns()
+        rough = approximate_norm_sensitivity(directions, SCALE, small, GRAVITY).columns()
+        unit = 2.0 * GRAVITY**2 / np.concatenate([SCALE, np.ones(3), GRAVITY * SCALE])
+        missed = np.max(np.abs(rough - exact) / unit)
+        # The largest neglected term is one angle, and two stand in a row.
+        assert 0.1 * np.max(np.abs(small)) < missed < 2.0 * np.max(np.abs(small))
+
+
+@pytest.mark.parametrize(("group", "index"), [("scale", 0), ("misalignment", 2), ("bias", 1)])
+def test_no_direction_of_a_fine_grid_tells_more_than_those_found(group: str, index: int) -> None:
+    count = 4000
+    height = 1.0 - (2.0 * np.arange(count) + 1.0) / count
+    turn = np.arange(count) * np.pi * (3.0 - np.sqrt(5.0))
+    ring = np.sqrt(1.0 - height**2)
+    grid = np.column_stack([ring * np.cos(turn), ring * np.sin(turn), height])
+    found = most_sensitive_directions(SCALE, ANGLES, group, index)
+    at_best = np.abs(getattr(norm_sensitivity(found, SCALE, ANGLES), group)[:, index])
+    on_grid = np.abs(getattr(norm_sensitivity(grid, SCALE, ANGLES), group)[:, index])
+    assert on_grid.max() <= at_best.max() * (1.0 + 1e-9)
+    # The grid's cells are 3° wide: its best is at most 0.3 % below.
+    assert on_grid.max() > 0.997 * at_best.max()
+
+
+def test_without_misalignment_faces_tell_most_of_scale_and_bias_and_edges_of_misalignment() -> None:
+    """The paper's statement below (35)."""
+    none = np.zeros(3)
+    for index in range(3):
+        face = np.eye(3)[index]
+        for group in ("scale", "bias"):
+            found = most_sensitive_directions(SCALE, none, group, index)
+            np.testing.assert_allclose(np.abs(found), [face, face], atol=1e-4)
+        edges = most_sensitive_directions(SCALE, none, "misalignment", index)
+        pair = np.sqrt(0.5) * (1.0 - np.eye(3)[2 - index])
+        assert len(edges) == 4
+        np.testing.assert_allclose(np.abs(edges), np.tile(pair, (4, 1)), atol=1e-4)
+
+
+def test_a_group_that_is_none_is_refused() -> None:
+    with pytest.raises(ValueError, match="is none of scale, misalignment, bias"):
+        most_sensitive_directions(SCALE, ANGLES, "noise", 0)
