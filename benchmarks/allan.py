@@ -22,8 +22,7 @@ from collections.abc import Callable
 import numba
 import numpy as np
 
-from tumble.noise.deviation import allan_deviation
-from tumble.noise.streaming import StreamedDeviation
+from tumble.noise.deviation import StreamedDeviation, allan_deviation
 
 RATE = 100.0
 TAUS = 94

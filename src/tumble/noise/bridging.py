@@ -1,4 +1,4 @@
-"""A few lost samples filled in, so that they do not bound the averaging times; recordings whole or in blocks."""
+"""A few lost samples filled in, so that they do not bound the averaging times."""
 
 from __future__ import annotations
 
@@ -28,21 +28,20 @@ def _lost_samples(recording: Recording) -> Integers:
     return np.rint(np.diff(recording.time)[index - 1] * recording.rate).astype(np.int64) - 1
 
 
-def bridge(recording: Recording, budget: float | None = None) -> tuple[Recording, int, int]:
+def bridge(recording: Recording, budget: float) -> tuple[Recording, int, int]:
     """Fill short gaps in on a straight line; return the recording, the samples filled in and in how many places.
 
     Parameters
     ----------
     recording : as read.
-    budget : samples that may be filled in; None for a thousandth of the recording. Where it does not suffice,
-        nothing is filled in.
+    budget : samples that may be filled in. Where it does not suffice, nothing is filled in.
     """
     if not recording.gaps:
         return recording, 0, 0
     lost = _lost_samples(recording)
     short = (lost >= 1) & (lost <= _LONGEST * recording.rate)
     total = int(lost[short].sum())
-    if total == 0 or total > (BRIDGED * len(recording) if budget is None else budget):
+    if total == 0 or total > budget:
         return recording, 0, 0
     index = np.array(recording.gaps, dtype=np.int64)
     added = np.bincount(index[short], lost[short], minlength=len(recording))[: len(recording)].cumsum()
@@ -95,11 +94,14 @@ class BridgedBlocks:
     ----------
     read : begins a reading anew.
     skip : s at the start to leave out.
+    whole : the recording is one block.
     """
 
-    def __init__(self, read: Callable[[], Iterable[Recording]], skip: float = 0.0) -> None:
-        self._read = read
-        self._skip = skip
+    def __init__(
+        self, read: Callable[[], Iterable[Recording]], skip: float = 0.0, *, whole: bool = False
+    ) -> None:
+        self._read, self._skip = read, skip
+        self._head_start = 0 if whole else _HEAD_START
         self.filled, self.places, self.samples = 0, 0, 0
 
     def __iter__(self) -> Iterator[tuple[Recording, bool]]:
@@ -114,7 +116,7 @@ class BridgedBlocks:
                 continue
             taken = block.between(first, len(block))
             after_gap, joined = _joined(before, taken)
-            budget = BRIDGED * (self.samples + len(taken) + _HEAD_START) - self.filled
+            budget = BRIDGED * (self.samples + len(taken) + self._head_start) - self.filled
             whole, total, places = bridge(joined, budget)
             self.filled, self.places = self.filled + total, self.places + places
             self.samples += len(taken)

@@ -1,34 +1,22 @@
 """A recording at rest characterised: deviations and spectrum of every channel, and the terms in them.
 
-A recording in memory is taken as it is; one that is larger is read twice, block by block: once to see where
-it is at rest, once to average, in memory that hardly grows with its length.
+A recording is read twice, block by block: once to see where it is at rest, once to average, in memory that hardly grows
+with its length. One that is in memory is one block.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
-import numpy as np
-
 from tumble.arrays import Series, Table
 from tumble.errors import RecordingError
 from tumble.noise.advice import advise
-from tumble.noise.averages import (
-    Averages,
-    average_blocks,
-    average_whole,
-    factors_of,
-    slopes_over_temperature,
-    survey_blocks,
-    told,
-    without_temperature,
-)
-from tumble.noise.bridging import BridgedBlocks, bridge, say_bridged
+from tumble.noise.averages import average_blocks, factors_of, slopes_over_temperature, survey_blocks
+from tumble.noise.bridging import BridgedBlocks, say_bridged
 from tumble.noise.channel import FLOOR, Channel, characterise_channel
-from tumble.noise.deviation import Taus
-from tumble.noise.evidence import WholeEvidence
+from tumble.noise.deviation import PLACES, Taus
 from tumble.noise.fitting.weighted_fit import Method
-from tumble.noise.held import Held, blocks_without_repeats, find_held, say_held, without_repeats
+from tumble.noise.held import Held, blocks_without_repeats, find_held, say_held
 from tumble.noise.spectrum import PowerSpectrum
 from tumble.noise.suitability import Suitability, judge_rest
 from tumble.recording import Recording, Source
@@ -101,30 +89,7 @@ def characterise(
         raise RecordingError(
             "The recording has neither accelerometer nor gyro: there is no noise to characterise."
         )
-    said = told(recording)
-    recording = _after(recording, skip)
-    held = find_held(recording)
-    if held is not None:
-        said.append(say_held(held))
-        recording = without_repeats(recording, held) or recording
-    recording, filled, places = bridge(recording)
-    said += [say_bridged(filled, places, len(recording))] if filled else []
-    if remove_temperature:
-        recording = without_temperature(recording, said)
-    suitability = _usable(judge_rest(WholeEvidence(recording)))
-    factors, units = factors_of(recording, suitability.channels)
-    averages = average_whole(recording, suitability, factors, taus)
-    return _gathered(
-        suitability,
-        units,
-        averages,
-        said,
-        recording.sources,
-        recording.rate,
-        recording.duration,
-        held=held,
-        method=method,
-    )
+    return _characterise(lambda: [recording], skip, remove_temperature, method, taus, whole=True)
 
 
 def characterise_blocks(
@@ -153,59 +118,38 @@ def characterise_blocks(
     UsageError
         If no averaging time fits.
     """
-    say = progress or _silent
-    held = next((find_held(block) for block in read()), None)
-    blocks = BridgedBlocks(read if held is None else blocks_without_repeats(read, held), skip)
-    survey, said, first = survey_blocks(blocks, say)
-    said += [] if held is None else [say_held(held)]
-    said += [say_bridged(blocks.filled, blocks.places, survey.samples)] if blocks.filled else []
-    slopes = slopes_over_temperature(survey, said) if remove_temperature else None
-    suitability = _usable(judge_rest(survey))
-    factors, units = factors_of(first, suitability.channels)
-    averages = average_blocks(blocks, survey, suitability, factors, slopes, say)
-    say("finding the terms")
-    duration = survey.stop_time - survey.start_time
-    return _gathered(
-        suitability,
-        units,
-        averages,
-        said,
-        first.sources,
-        survey.rate,
-        duration,
-        held=held,
-        method=method,
-        streamed=True,
-    )
+    return _characterise(read, skip, remove_temperature, method, progress=progress)
 
 
-def _silent(stage: str) -> None:
-    """Tell nobody."""
-
-
-def _usable(suitability: Suitability) -> Suitability:
-    if suitability.longest < _LEAST_SAMPLES:
-        why = " ".join(suitability.remarks) or f"The longest has {suitability.longest}."
-        raise RecordingError(
-            f"No stretch at rest of {_LEAST_SAMPLES} samples or more, so there is no noise to analyse. {why}"
-        )
-    return suitability
-
-
-def _gathered(
-    suitability: Suitability,
-    units: tuple[str, ...],
-    averages: Averages,
-    said: list[str],
-    sources: tuple[Source, ...],
-    rate: float,
-    duration: float,
-    *,
-    held: Held | None,
+def _characterise(
+    read: Callable[[], Iterable[Recording]],
+    skip: float,
+    remove_temperature: bool,
     method: Method,
-    streamed: bool = False,
+    taus: Taus = "log",
+    *,
+    whole: bool = False,
+    progress: Callable[[str], None] | None = None,
 ) -> Characterisation:
-    """Fit the channels' models, and put everything together."""
+    """Characterise a recording of blocks; one that is one block, at every overlapping place."""
+
+    def say(stage: str) -> None:
+        if progress is not None:
+            progress(stage)
+
+    held = next((find_held(block) for block in read()), None)
+    bridged = BridgedBlocks(read if held is None else blocks_without_repeats(read, held), skip, whole=whole)
+    say("reading, 1 of 2")
+    blocks = list(bridged) if whole else bridged
+    evidence, said, first = survey_blocks(blocks, whole=whole)
+    said += [] if held is None else [say_held(held)]
+    said += [say_bridged(bridged.filled, bridged.places, evidence.samples)] if bridged.filled else []
+    slopes = slopes_over_temperature(evidence, said) if remove_temperature else None
+    suitability = _usable(judge_rest(evidence))
+    factors, units = factors_of(first, suitability.channels)
+    say("reading, 2 of 2")
+    averages = average_blocks(blocks, evidence, suitability, factors, slopes, taus, None if whole else PLACES)
+    say("finding the terms")
     channels = tuple(
         characterise_channel(
             name,
@@ -225,21 +169,21 @@ def _gathered(
         averages.level_time,
         averages.levels,
         (*said, *advise(channels, averages.octaves)),
-        sources,
-        rate,
-        duration,
-        streamed,
+        first.sources,
+        evidence.rate,
+        evidence.stop_time - evidence.start_time,
+        not whole,
         held,
     )
 
 
-def _after(recording: Recording, skip: float) -> Recording:
-    if skip <= 0.0:
-        return recording
-    first = int(np.searchsorted(recording.time, float(recording.time[0]) + skip))
-    if first >= len(recording):
-        raise RecordingError(f"--skip {skip:g} leaves nothing of {recording.duration:.4g} s.")
-    return recording.between(first, len(recording))
+def _usable(suitability: Suitability) -> Suitability:
+    if suitability.longest < _LEAST_SAMPLES:
+        why = " ".join(suitability.remarks) or f"The longest has {suitability.longest}."
+        raise RecordingError(
+            f"No stretch at rest of {_LEAST_SAMPLES} samples or more, so there is no noise to analyse. {why}"
+        )
+    return suitability
 
 
 __all__ = ["FLOOR", "Channel", "Characterisation", "characterise", "characterise_blocks"]

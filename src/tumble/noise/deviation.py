@@ -1,7 +1,13 @@
-"""Allan deviation of a signal at rest, at every overlapping place.
+"""Allan deviation of a signal at rest, at every overlapping place, or block by block in memory that does not grow.
 
 Its square is twice the Haar wavelet variance (maximal overlap). The signal is a rate (rad/s, m/s²): the deviation has
 its unit. A signal with gaps is a set of pieces: differences are taken within each, and their squares are pooled.
+
+Block by block, long averaging times are taken of averaged data. The mean over m samples is also the mean of m/2 means
+over two: averaging pairs changes no cluster mean, so that Allan statistics of averaged data at whole multiples of the
+averaging are those of the data themselves. Nothing aliases, as it would if every other sample were dropped. What is
+given up is overlap: at long averaging times differences begin at every 128th part of the averaging time instead of at
+every sample, which costs less than a thousandth of the degrees of freedom.
 
 References
 ----------
@@ -12,7 +18,7 @@ annex C. Percival, D. B., *On estimation of the wavelet variance*, Biometrika 82
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import field, replace
 from itertools import pairwise
 from typing import TypeAlias
 
@@ -28,11 +34,15 @@ Taus: TypeAlias = "str | Series | Sequence[float]"
 Pieces: TypeAlias = Sequence[tuple[int, int]]
 Integers: TypeAlias = npt.NDArray[np.int64]
 
+PLACES = 128
+"""Differences begun in each averaging time, at least, once it is that long; a power of two."""
+
 ONE_SIGMA = 0.682689492137086
 """Probability within one standard deviation of a normal distribution."""
 
 _PER_DECADE = 10
 _SLOPE_REACH = 4.2  # a slope is taken over averaging times up to two octaves away
+_LONGEST = 1 << 48  # samples: longer than any recording
 _LEAST_CLUSTERS = 12  # with fewer, a slope is chance
 
 
@@ -148,31 +158,149 @@ def allan_deviation(
     _check(rate, noise)
     pieces = find_pieces(columns, gaps)
     longest = max((stop - start for start, stop in pieces), default=0)
-    averaging = choose_averaging(taus, rate, longest // 2)
-    sums, counts = _pooled(columns, pieces, averaging)
-    lengths = tuple(stop - start for start, stop in pieces)
-    return finish(sums, counts, averaging, rate, lengths, noise)
+    choose_averaging(taus, rate, longest // 2)
+    collector = StreamedDeviation(rate, columns.shape[1], taus, None, noise)
+    for start, stop in pieces:
+        collector.add(columns[start:stop], after_gap=True)
+    return collector.deviation()
 
 
-def finish(
+@dataclass(slots=True)
+class _Floor:
+    """One level of averaging: the last rows before the next block, and the sums so far."""
+
+    steps: Integers
+    held: Table
+    odd: Table
+    sums: Table
+    counts: Integers
+
+
+@dataclass(slots=True)
+class StreamedDeviation:
+    """Collects blocks of a signal and gives the deviation at octaves of the sampling interval, or as wanted.
+
+    Parameters
+    ----------
+    rate : samples a second.
+    channels : how many.
+    taus : as for `allan_deviation`. Above `places` samples they are taken to the next multiple of the samples that
+        are averaged there, which is within 0.8 %.
+    places : differences begun in each averaging time, at least; None for one at every sample, however long it is.
+    noise : as for `allan_deviation`.
+
+    Raises
+    ------
+    UsageError
+        If no averaging time fits.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> collector = StreamedDeviation(1.0, 1)
+    >>> for block in (np.array([[0.0], [2.0]]), np.array([[0.0], [2.0]])):
+    ...     collector.add(block)
+    >>> float(collector.deviation().deviation[0, 0])
+    1.4142135623730951
+    """
+
+    rate: float
+    channels: int
+    taus: Taus = "octave"
+    places: int | None = PLACES
+    noise: int | None = None
+    _wanted: list[list[int]] = field(default_factory=list[list[int]])
+    _floors: list[_Floor] = field(default_factory=list[_Floor])
+    _lengths: list[int] = field(default_factory=list[int])
+    _level: AnyArray | None = None
+
+    def __post_init__(self) -> None:
+        self._wanted = _by_floor(choose_averaging(self.taus, self.rate, _LONGEST), self.places)
+
+    def add(self, block: Table, *, after_gap: bool = False) -> None:
+        """Take the next block.
+
+        Parameters
+        ----------
+        block : (samples, channels), finite.
+        after_gap : whether samples are missing before it.
+        """
+        if not block.shape[0]:
+            return
+        if after_gap or not self._lengths:
+            self._lengths.append(0)
+            for floor in self._floors:
+                floor.held = floor.held[:0]
+                floor.odd = floor.odd[:0]
+        self._lengths[-1] += block.shape[0]
+        if self._level is None:
+            # No deviation sees the level, and without it the running sum keeps its digits.
+            self._level = np.asarray(block.mean(axis=0))
+        rows = block
+        for height, steps in enumerate(self._wanted):
+            if not rows.shape[0]:
+                break
+            if height:
+                rows = _pair_means(self._floors[height - 1], rows)
+            if height == len(self._floors):
+                none = np.zeros((0, self.channels))
+                sums, counts = np.zeros((len(steps), self.channels)), np.zeros(len(steps), dtype=np.int64)
+                self._floors.append(_Floor(np.array(steps, dtype=np.int64), none, none, sums, counts))
+            self._count_differences(self._floors[height], rows, self._level)
+
+    def _count_differences(self, floor: _Floor, rows: Table, level: Series) -> None:
+        """Add the differences that end in the new rows."""
+        from tumble.noise import kernels
+
+        before = floor.held.shape[0]
+        joined = np.concatenate([floor.held, rows]) if before else rows
+        phase = np.empty(joined.shape[0] + 1)
+        # Differences that lie in the rows before as a whole were counted.
+        begins = np.maximum(0, before - 2 * floor.steps + 1)
+        fits = 2 * floor.steps + begins < phase.size
+        floor.counts[fits] += (phase.size - begins - 2 * floor.steps)[fits]
+        for channel in range(self.channels if np.any(fits) else 0):
+            kernels.running_sum(joined[:, channel], level[channel], phase)
+            for begin in np.unique(begins[fits]).tolist():
+                together = fits & (begins == begin)
+                total = np.zeros(np.count_nonzero(together))
+                kernels.second_difference_squares(phase[begin:], floor.steps[together], total)
+                floor.sums[together, channel] += total
+        held = joined[max(0, joined.shape[0] - 2 * int(floor.steps.max(initial=0))) :]
+        # Of a few rows the rest of the block need not stay.
+        floor.held = held.copy() if 2 * len(held) < len(joined) else held
+
+    def deviation(self) -> Deviation:
+        """Return the deviation of all that was taken so far.
+
+        Raises
+        ------
+        UsageError
+            If too few samples were taken for one difference.
+        """
+        found = [
+            # running sums of means over 2^h samples are 2^h times as small
+            (m << height, m, 4.0**height * floor.sums[k], floor.counts[k])
+            for height, floor in enumerate(self._floors)
+            for k, m in enumerate(floor.steps.tolist())
+            if floor.counts[k] > 0
+        ]
+        if not found:
+            raise UsageError("The signal has too few samples in a row for a deviation: two at least.")
+        averaging, strides, sums, counts = (np.array(each) for each in zip(*found, strict=True))
+        return _finish(sums, counts, averaging, self.rate, tuple(self._lengths), self.noise, strides)
+
+
+def _finish(
     sums: Table,
     counts: Integers,
     averaging: Integers,
     rate: float,
     lengths: tuple[int, ...],
     noise: int | None,
-    strides: Integers | None = None,
+    strides: Integers,
 ) -> Deviation:
-    """Return a deviation from the sums of squared differences of the running sum.
-
-    Parameters
-    ----------
-    sums : (taus, channels) sums of squares.
-    counts, averaging : (taus,) differences, and samples in each averaging time.
-    rate, noise : as for `allan_deviation`.
-    lengths : samples of each piece.
-    strides : (taus,) differences begun in each averaging time; None for one at every sample.
-    """
+    """Return a deviation from the sums (taus, channels) of squared differences of the running sum."""
     size = averaging.astype(np.float64)
     # SP 1065 equation 10 in units of samples
     variance = sums / (2.0 * size**2 * counts)[:, None]
@@ -270,26 +398,27 @@ def _check(rate: float, noise: int | None) -> None:
         raise UsageError(f"{noise} is no exponent of noise that this deviation can see: {known}.")
 
 
-def _pooled(signal: Table, pieces: Pieces, averaging: Integers) -> tuple[Table, Integers]:
-    """Sums of squares and counts of differences over all pieces, channel by channel."""
-    from tumble.noise import kernels
+def _by_floor(averaging: Integers, places: int | None) -> list[list[int]]:
+    """Averaging times in the samples of each floor: up to 128 on the first, 65 to 128 on the others."""
+    if places is None:
+        return [averaging.tolist()]
+    found: list[list[int]] = [[]]
+    for m in averaging:
+        height = max(0, int(np.ceil(np.log2(m / places) - 1e-12)))
+        while len(found) <= height:
+            found.append([])
+        each = int(np.rint(m / 2.0**height))
+        if each not in found[height]:
+            found[height].append(each)
+    return found
 
-    sums = np.zeros((averaging.size, signal.shape[1]))
-    counts = np.zeros(averaging.size, dtype=np.int64)
-    longest = max(stop - start for start, stop in pieces)
-    buffer = np.empty(longest + 1)
-    for start, stop in pieces:
-        fits = averaging[averaging * 2 <= stop - start]
-        counts[: fits.size] += stop - start + 1 - 2 * fits
-        phase = buffer[: stop - start + 1]
-        for channel in range(signal.shape[1] if fits.size else 0):
-            values = signal[start:stop, channel]
-            # No deviation sees the level, and without it the running sum keeps its digits.
-            kernels.running_sum(values, float(values.mean()), phase)
-            total = np.zeros(fits.size)
-            kernels.second_difference_squares(phase, fits, total)
-            sums[: fits.size, channel] += total
-    return sums, counts
+
+def _pair_means(floor: _Floor, rows: Table) -> Table:
+    """Return the means of pairs, a row left over from before first; the last odd one waits."""
+    joined = np.concatenate([floor.odd, rows]) if len(floor.odd) else rows
+    even = joined.shape[0] // 2 * 2
+    floor.odd = joined[even:].copy()
+    return 0.5 * (joined[0:even:2] + joined[1:even:2])
 
 
 def _assumed(variance: Table, averaging: Integers, lengths: tuple[int, ...], noise: int | None) -> Integers:
@@ -322,14 +451,11 @@ def _assumed(variance: Table, averaging: Integers, lengths: tuple[int, ...], noi
     return allowed[np.argmin(np.abs(slopes - slope[:, :, None]), axis=2)]
 
 
-def _freedom(
-    exponent: Integers, averaging: Integers, lengths: tuple[int, ...], strides: Integers | None
-) -> Table:
+def _freedom(exponent: Integers, averaging: Integers, lengths: tuple[int, ...], strides: Integers) -> Table:
     """Degrees of freedom of each variance: those of the pieces, added."""
     alike, repeats = np.unique(np.array(lengths, dtype=np.int64), return_counts=True)
     result = np.zeros(exponent.shape)
-    for k, m in enumerate(averaging.tolist()):
-        stride = None if strides is None else int(strides[k])
+    for k, (m, stride) in enumerate(zip(averaging.tolist(), strides.tolist(), strict=True)):
         for alpha in set(exponent[k].tolist()):
             each = [degrees_of_freedom(alpha, m, n, stride) for n in alike.tolist()]
             result[k, exponent[k] == alpha] = repeats @ np.array(each)

@@ -1,13 +1,10 @@
 """What the rest of a recording is judged by: means and scatter of blocks, steps of the converter, times.
 
-A recording in memory gives them from its samples; one that is read block by block gathers them on the
-first reading, in blocks of a second, so that both are judged alike.
+It is gathered from the recording's blocks: in grains of a second, or of a sample where the whole recording is one
+block, so that both are judged alike.
 """
 
 from __future__ import annotations
-
-from itertools import pairwise
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
@@ -20,7 +17,7 @@ from tumble.recording.doctor import channels_of
 from tumble.recording.rest import block_statistics, sample_pieces, smallest_step
 from tumble.records import dataclass
 
-_LEAST_BLOCK = 20  # samples
+_LEAST_GRAIN = 20  # samples
 _HEAD = 16_384  # samples of a block that is read that steps and roughness are taken from
 _MOST_HEADS = 12
 _LONE = 1.4826
@@ -45,9 +42,10 @@ class Blocks:
     scatter: Table
 
 
-@runtime_checkable
-class RestEvidence(Protocol):
-    """A recording as the judgement of its rest sees it.
+class RestEvidence:
+    """A recording as the judgement of its rest sees it: some hundred bytes for each grain.
+
+    After the last `add`, call `close` once.
 
     Attributes
     ----------
@@ -58,155 +56,83 @@ class RestEvidence(Protocol):
     step : (channels,) smallest step of each; rough : (channels,) scatter that neighbouring samples show.
     jitter : (channels,) standard deviation of a sample as its changes show it.
     repeats : share of rows that repeat the row before, beyond chance.
+    grain : samples whose means are kept.
+    samples, start_time, stop_time : of the recording; the latter in s.
     """
 
-    rate: float
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    alive: tuple[bool, ...]
-    level: tuple[float, ...]
-    pieces: list[Piece]
-    step: Series
-    rough: Series
-    jitter: Series
-    repeats: float
-
-    def blocks(self, piece: Piece, size: int) -> Blocks:
-        """Return the statistics of a piece's blocks of about `size` samples."""
-        ...
-
-    def temperature(self, piece: Piece, size: int) -> Series | None:
-        """Return the mean temperature of the same blocks, or None without one."""
-        ...
-
-    def time_at(self, index: int) -> float:
-        """Return the time of a sample, s."""
-        ...
-
-    def jump_place(self, start: int, stop: int, channel: int) -> int:
-        """Return the sample between `start` and `stop` at which a channel jumps."""
-        ...
-
-
-class WholeEvidence:
-    """Evidence from a recording in memory.
-
-    Parameters
-    ----------
-    recording : as read; channels that never change count for nothing.
-    """
-
-    def __init__(self, recording: Recording) -> None:
-        channels = channels_of(recording)
-        self._recording = recording
-        self.rate = recording.rate
-        self.names = tuple(channels)
-        self.units = units_of(recording, self.names)
-        self.alive = tuple(_changes(values) for values in channels.values())
-        self.level = tuple(float(values[0]) for values in channels.values())
-        self._signals = np.column_stack(list(channels.values()))
-        lively = self._signals[:, np.array(self.alive)]
-        self.pieces = find_pieces(lively, recording.gaps) if lively.size else []
-        cuts = [self._signals[cut] for cut in sample_pieces(len(recording))]
-        self.step = np.array([smallest_step(values) for values in channels.values()])
-        self.rough = _roughness(cuts)
-        start, stop = max(self.pieces, key=lambda piece: piece[1] - piece[0], default=(0, 0))
-        self.jitter = _jitter([self._signals[start : min(stop, start + 100_000)]])
-        self.repeats = beyond_chance(*equal_rows(lively), len(lively) - 1)
-
-    def blocks(self, piece: Piece, size: int) -> Blocks:
-        """Return the statistics of a piece's blocks of `size` samples."""
-        return Blocks(piece[0], size, *block_statistics(self._signals[piece[0] : piece[1]], size))
-
-    def temperature(self, piece: Piece, size: int) -> Series | None:
-        """Return the mean temperature of the same blocks, or None without one."""
-        celsius = self._recording.temperature
-        if celsius is None:
-            return None
-        count = (piece[1] - piece[0]) // size
-        return celsius[piece[0] : piece[0] + count * size].reshape(count, size).mean(axis=1)
-
-    def time_at(self, index: int) -> float:
-        """Return the time of a sample, s."""
-        return float(self._recording.time[min(index, len(self._recording) - 1)])
-
-    def jump_place(self, start: int, stop: int, channel: int) -> int:
-        """Return where two means fit best: the sum of what is left over is then farthest from zero."""
-        values = self._signals[start:stop, channel]
-        return start + int(np.argmax(np.abs(np.cumsum(values - values.mean())))) + 1
-
-
-class Survey:
-    """Evidence gathered block by block: some hundred bytes for each second of the recording.
-
-    After the last `add`, call `close` once.
-    """
-
-    def __init__(self) -> None:
+    def __init__(self, *, whole: bool = False) -> None:
         self.names: tuple[str, ...] = ()
-        self.units: tuple[str, ...] = ()
-        self.rate = 0.0
-        self.samples = 0
         self.pieces: list[Piece] = []
-        self.start_time, self.stop_time = 0.0, 0.0
-        self._size = 1
+        self.samples, self.grain = 0, 1
+        self._whole = whole
         self._means: list[list[Table]] = []
         self._scatter: list[list[Table]] = []
         self._rest = np.zeros((0, 0))
         self._heads: list[Table] = []
         self._blocks = 0
-        self._equal, self._each = 0, np.zeros(0)
-        self._low, self._high = np.zeros(0), np.zeros(0)
         self._steady = [0.0, 0.0]  # steps between stamps outside gaps, and the time that they take
+
+    @staticmethod
+    def of(recording: Recording) -> RestEvidence:
+        """Return the evidence of a recording in memory."""
+        evidence = RestEvidence(whole=True)
+        evidence.add(recording, after_gap=False)
+        evidence.close()
+        return evidence
 
     def add(self, block: Recording, *, after_gap: bool) -> None:
         """Take the next block.
 
         Parameters
         ----------
-        block : with finite values.
+        block : rows that are not finite part it as gaps do.
         after_gap : whether samples are missing before it.
         """
         channels = channels_of(block)
-        signals = np.column_stack(list(channels.values()))
+        celsius = np.full(len(block), np.nan) if block.temperature is None else block.temperature
+        rows = np.column_stack([*channels.values(), celsius, block.time])
+        signals = rows[:, : len(channels)]
+        lowest, highest = np.fmin.reduce(signals, axis=0), np.fmax.reduce(signals, axis=0)
         if not self.names:
-            self.names = tuple(channels)
-            self.units = units_of(block, self.names)
-            self.rate = block.rate
-            self._size = max(_LEAST_BLOCK, round(block.rate))
-            self.level = tuple(float(value) for value in signals[0])
-            self._low, self._high = signals[0].copy(), signals[0].copy()
-            self.start_time = float(block.time[0])
-        self._low = np.minimum(self._low, signals.min(axis=0))
-        self._high = np.maximum(self._high, signals.max(axis=0))
+            self._begin(block, tuple(channels), signals[0])
+        self._low, self._high = np.fmin(self._low, lowest), np.fmax(self._high, highest)
         rows_equal, each_equal = equal_rows(signals)
-        self._equal += rows_equal
-        self._each = each_equal if not len(self._each) else self._each + each_equal
-        if self._blocks & (self._blocks - 1) == 0 and len(self._heads) < _MOST_HEADS:
+        self._equal, self._each = self._equal + rows_equal, self._each + each_equal
+        if self._whole:
+            self._heads += [signals[cut] for cut in sample_pieces(len(block))]
+        elif self._blocks & (self._blocks - 1) == 0 and len(self._heads) < _MOST_HEADS:
             self._heads.append(signals[:_HEAD].copy())
         self._blocks += 1
-        celsius = np.full(len(block), np.nan) if block.temperature is None else block.temperature
-        rows = np.column_stack([signals, celsius, block.time])
-        edges = [0, *block.gaps, len(block)]
-        for k, (a, b) in enumerate(pairwise(edges)):
-            self._extend(rows[a:b], new=k > 0 or after_gap or not self.pieces)
+        for k, (a, b) in enumerate(find_pieces(signals[:, ~np.isnan(lowest)], block.gaps)):
+            self._extend(rows[a:b], self.samples + a, new=k > 0 or after_gap or not self.pieces)
             self._steady[0] += b - a - 1
             self._steady[1] += float(block.time[b - 1] - block.time[a])
+        self.samples += len(block)
         self.stop_time = float(block.time[-1])
 
-    def _extend(self, rows: Table, *, new: bool) -> None:
+    def _begin(self, block: Recording, names: tuple[str, ...], values: Series) -> None:
+        self.names, self.units, self.rate = names, units_of(block, names), block.rate
+        self.grain = 1 if self._whole else max(_LEAST_GRAIN, round(block.rate))
+        self.level = tuple(float(value) for value in values)
+        self._low, self._high = values, values
+        self._equal, self._each = 0, np.zeros(len(names))
+        self.start_time = float(block.time[0])
+
+    def _extend(self, rows: Table, begin: int, *, new: bool) -> None:
         if new:
-            self.pieces.append((self.samples, self.samples))
+            self.pieces.append((begin, begin))
             self._means.append([])
             self._scatter.append([])
             self._rest = rows[:0]
-        rows_here = np.concatenate([self._rest, rows]) if len(self._rest) else rows
-        means, scatter = block_statistics(rows_here, self._size)
+        self.pieces[-1] = (self.pieces[-1][0], begin + len(rows))
+        if self.grain == 1:
+            self._means[-1].append(rows)
+            return
+        rows = np.concatenate([self._rest, rows]) if len(self._rest) else rows
+        means, scatter = block_statistics(rows, self.grain)
         self._means[-1].append(means)
         self._scatter[-1].append(scatter[:, : len(self.names)])
-        self._rest = rows_here[len(means) * self._size :].copy()
-        self.samples += len(rows)
-        self.pieces[-1] = (self.pieces[-1][0], self.samples)
+        self._rest = rows[len(means) * self.grain :].copy()
 
     def close(self) -> None:
         """Sum up what was gathered."""
@@ -215,30 +141,33 @@ class Survey:
         self.rough = _roughness(self._heads)
         self.jitter = _jitter(self._heads)
         self.repeats = beyond_chance(self._equal, self._each, self.samples - 1)
-        if self._steady[1] > 0.0:
+        if not self._whole and self._steady[1] > 0.0:
             self.rate = self._steady[0] / self._steady[1]
         self._starts = np.array([start for start, _ in self.pieces], dtype=np.int64)
-        self._joined = [np.concatenate(part) for part in self._means]
-        self._scattered = [np.concatenate(part) for part in self._scatter]
+        self._joined = [part[0] if len(part) == 1 else np.concatenate(part) for part in self._means]
+        self._scattered = [np.concatenate(part) for part in self._scatter if part]
         self._means, self._scatter = [], []
 
     def blocks(self, piece: Piece, size: int) -> Blocks:
-        """Return the statistics of a piece's blocks of about `size` samples, whole blocks of a second put together."""
+        """Return the statistics of a piece's blocks of about `size` samples, whole grains put together."""
         which, first, last = self._range(piece)
-        several = max(1, round(size / self._size))
+        several = max(1, round(size / self.grain))
         count = (last - first) // several
         width = len(self.names)
-        means = self._joined[which][first : first + count * several, :width].reshape(count, several, width)
+        begin = int(self._starts[which]) + first * self.grain
+        means = self._joined[which][first : first + count * several, :width]
+        if self.grain == 1:
+            return Blocks(begin, several, *block_statistics(means, several))
+        means = means.reshape(count, several, width)
         scatter = self._scattered[which][first : first + count * several].reshape(count, several, width)
         together = means.mean(axis=1)
         within = np.mean(scatter**2, axis=1) + np.mean((means - together[:, None, :]) ** 2, axis=1)
-        begin = int(self._starts[which]) + first * self._size
-        return Blocks(begin, several * self._size, together, np.sqrt(within))
+        return Blocks(begin, several * self.grain, together, np.sqrt(within))
 
     def temperature(self, piece: Piece, size: int) -> Series | None:
         """Return the mean temperature of the same blocks, or None without one."""
         which, first, last = self._range(piece)
-        several = max(1, round(size / self._size))
+        several = max(1, round(size / self.grain))
         count = (last - first) // several
         part = self._joined[which][first : first + count * several, -2].reshape(count, several).mean(axis=1)
         return None if np.all(np.isnan(part)) else part
@@ -247,30 +176,30 @@ class Survey:
         """Return the time of a sample, s."""
         which = self._which(index)
         times = self._joined[which][:, -1]
-        inside = index - int(self._starts[which]) - 0.5 * (self._size - 1)
+        inside = index - int(self._starts[which]) - 0.5 * (self.grain - 1)
         if not len(times):
             return self.start_time + index / self.rate
-        at = min(max(round(inside / self._size), 0), len(times) - 1)
-        return float(times[at] + (inside - at * self._size) / self.rate)
+        at = min(max(round(inside / self.grain), 0), len(times) - 1)
+        return float(times[at] + (inside - at * self.grain) / self.rate)
 
     def jump_place(self, start: int, stop: int, channel: int) -> int:
-        """Return the border between two seconds at which two means fit best."""
+        """Return where two means fit best: the sum of what is left over is then farthest from zero."""
         which, first, last = self._range((start, stop))
         values = self._joined[which][first:last, channel]
         if len(values) < 2:
             return (start + stop) // 2
         at = int(np.argmax(np.abs(np.cumsum(values - values.mean())))) + 1
-        return int(self._starts[which]) + (first + at) * self._size
+        return int(self._starts[which]) + (first + at) * self.grain
 
-    def seconds(self) -> tuple[Table, Table]:
-        """Return means of the channels over a second, and with each the temperature and the time."""
-        every = np.concatenate(self._joined)
+    def grains(self) -> tuple[Table, Table]:
+        """Return means of the channels over each grain, and with each the temperature and the time."""
+        every = self._joined[0] if len(self._joined) == 1 else np.concatenate(self._joined)
         return every[:, : len(self.names)], every[:, len(self.names) :]
 
     def starts(self) -> Integers:
-        """Return the sample at which each of the same seconds begins."""
+        """Return the sample at which each grain begins."""
         places = zip(self._starts, self._joined, strict=True)
-        return np.concatenate([start + self._size * np.arange(len(each)) for start, each in places])
+        return np.concatenate([start + self.grain * np.arange(len(each)) for start, each in places])
 
     def straighten(self, slopes: Series, celsius: float) -> None:
         """Take a straight line in the temperature off the means.
@@ -283,20 +212,15 @@ class Survey:
         for each in self._joined:
             each[:, : len(self.names)] -= np.outer(each[:, -2] - celsius, slopes)
 
-    @property
-    def block(self) -> int:
-        """Samples of each block."""
-        return self._size
-
     def _which(self, index: int) -> int:
         return max(int(np.searchsorted(self._starts, index, side="right")) - 1, 0)
 
     def _range(self, piece: Piece) -> tuple[int, int, int]:
-        """The piece that a range lies in, and the whole blocks inside it."""
+        """The piece that a range lies in, and the whole grains inside it."""
         which = self._which(piece[0])
         begin = int(self._starts[which])
-        first = -(-(piece[0] - begin) // self._size)
-        last = min((piece[1] - begin) // self._size, len(self._joined[which]))
+        first = -(-(piece[0] - begin) // self.grain)
+        last = min((piece[1] - begin) // self.grain, len(self._joined[which]))
         return which, min(first, last), last
 
 
@@ -312,11 +236,6 @@ def units_of(recording: Recording, names: tuple[str, ...]) -> tuple[str, ...]:
         recording.angular_rate_unit if name.startswith("g") else recording.specific_force_unit
         for name in names
     )
-
-
-def _changes(values: Series) -> bool:
-    good = values if np.isfinite(values.sum()) else values[np.isfinite(values)]
-    return bool(good.size) and float(np.ptp(good)) > 0.0
 
 
 def _roughness(parts: list[Table]) -> Series:

@@ -50,17 +50,18 @@ def _differenced(t: Series, exponent: int) -> Series:
 
 def _inverse_freedom(terms: int, count: float, stride: float, exponent: int) -> float:
     """Return the basic sum over J terms, divided by s_z(0)² M: one over the degrees of freedom."""
-    values = _squares(terms, stride, exponent)
-    weights = 2.0 * (1.0 - np.arange(terms + 1) / count)
-    weights[0] = 1.0
-    weights[-1] *= 0.5
-    return float(weights @ values / (values[0] * count))
+    every, later = _sums(terms, stride, exponent)
+    return (every - later / count) / count
 
 
 @lru_cache(maxsize=128)
-def _squares(terms: int, stride: float, exponent: int) -> Series:
-    """Return the squared autocovariances of the sum: long averaging times have the same."""
-    return _differenced(np.arange(terms + 1) / stride, exponent) ** 2
+def _sums(terms: int, stride: float, exponent: int) -> tuple[float, float]:
+    """Return the sum of squared autocovariances, and that by their lags: long averaging times have the same."""
+    values = _differenced(np.arange(terms + 1) / stride, exponent) ** 2
+    weights = np.full(terms + 1, 2.0)
+    weights[0], weights[-1] = 1.0, (1.0 if terms else 0.5)
+    shares = weights * values / values[0]
+    return float(np.sum(shares)), float(np.sum(np.arange(terms + 1) * shares))
 
 
 @lru_cache(maxsize=65_536)

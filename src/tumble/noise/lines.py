@@ -14,6 +14,7 @@ uncertainty of a line's frequency and amplitude, here with the window's weights.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 
 import numpy as np
 
@@ -38,6 +39,7 @@ _LOBE_SPREAD = 1.0 / 3.0  # bins squared, mean square distance of a steady line'
 _BLUR = 0.4  # of the resolution: the frequency's standard deviation within it
 _STEADY = 0.7  # of a line's power in one lobe: it does not wander by more
 _WIDEST = 64  # bins on either side that a line may wander
+_TOGETHER = 1 << 15  # samples that are transformed at once, so that they stay in the cache
 _ENOUGH = 16  # segments, for their scatter to say how well their mean is known
 
 
@@ -134,6 +136,7 @@ def _smooth(size: int) -> int:
     return 2 * int(prev_fast_len(size // 2, real=True))
 
 
+@lru_cache(maxsize=4)
 def _hann(size: int) -> Series:
     return 0.5 - 0.5 * np.cos(2.0 * np.pi * (np.arange(size) + 0.5) / size)
 
@@ -151,10 +154,10 @@ def _averaged(signal: Series, pieces: Sequence[tuple[int, int]], size: int) -> _
 
     starts = [b for start, stop in pieces for b in range(start, stop - size + 1, size // 2)]
     power = np.zeros(size // 2 + 1)
-    for start in starts:
-        part = _windowed(signal, [start], size)[0]
-        power += np.abs(np.asarray(rfft(part), dtype=np.complex128)) ** 2
-    count = len(starts)
+    count, together = len(starts), max(1, _TOGETHER // size)
+    for k in range(0, count, together):
+        parts = _windowed(signal, starts[k : k + together], size)
+        power += np.sum(np.abs(np.asarray(rfft(parts, axis=1), dtype=np.complex128)) ** 2, axis=0)
     edf = 2.0 * count / (1.0 + 2.0 * (count - 1) / count / 36.0)
     return _Spectrum(size, starts, power / count, edf)
 

@@ -11,7 +11,7 @@ import pytest
 
 from tumble.arrays import Table
 from tumble.noise.deviation import allan_deviation
-from tumble.noise.evidence import WholeEvidence
+from tumble.noise.evidence import RestEvidence
 from tumble.noise.held import (
     beyond_chance,
     blocks_without_repeats,
@@ -58,7 +58,7 @@ def test_values_are_taken_once_at_the_rate_of_new_ones(rows: float) -> None:
     assert len(once) == len(np.unique(force_of(recording), axis=0))
     assert once.gaps == ()
     assert np.diff(once.time) == pytest.approx(rows / RATE, rel=2e-2)
-    found = judge_rest(WholeEvidence(once))
+    found = judge_rest(RestEvidence.of(once))
     assert found.samples == len(once)
     assert not any("not at rest" in text or "repeat" in text for text in found.remarks)
     # white noise of 0.02 a value has N = 0.02 over the root of the values' rate
@@ -89,7 +89,7 @@ def test_a_few_repeats_in_no_order_are_told_but_not_taken_out() -> None:
     index[lost] -= 1
     recording = rest(index)
     assert find_held(recording) is None
-    judged = judge_rest(WholeEvidence(recording))
+    judged = judge_rest(RestEvidence.of(recording))
     assert any("replaced by the row before" in text for text in judged.remarks)
     assert judged.shortest == pytest.approx(5.0 / (0.95 * RATE), rel=0.02)
 

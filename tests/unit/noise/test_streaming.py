@@ -7,8 +7,7 @@ import pytest
 
 from tumble.arrays import block_means
 from tumble.errors import UsageError
-from tumble.noise.deviation import allan_deviation
-from tumble.noise.streaming import PLACES, StreamedDeviation
+from tumble.noise.deviation import PLACES, StreamedDeviation, allan_deviation
 
 
 def signal_of(samples: int) -> np.ndarray:

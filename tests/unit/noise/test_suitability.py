@@ -10,7 +10,7 @@ import pytest
 
 from tumble.errors import RecordingError
 from tumble.noise.characterisation import characterise
-from tumble.noise.evidence import WholeEvidence
+from tumble.noise.evidence import RestEvidence
 from tumble.noise.suitability import judge_rest
 from tumble.recording import Recording
 
@@ -44,7 +44,7 @@ def spoiled(recording: Recording, **changes: np.ndarray) -> Recording:
 
 
 def test_a_good_rest_is_taken_whole_and_without_a_word() -> None:
-    found = judge_rest(WholeEvidence(at_rest()))
+    found = judge_rest(RestEvidence.of(at_rest()))
     assert found.pieces == ((0, 30_000),)
     assert found.remarks == ()
 
@@ -240,7 +240,7 @@ def test_a_unit_that_sways_slowly_is_said_not_to_rest(period: float) -> None:
     rest = at_rest()
     lean = np.radians(1.0) * np.sin(2.0 * np.pi * rest.time / period)
     swayed = rest.specific_force + 9.8 * np.column_stack([np.sin(lean), 0.0 * lean, np.cos(lean) - 1.0])
-    found = judge_rest(WholeEvidence(spoiled(rest, specific_force=swayed)))
+    found = judge_rest(RestEvidence.of(spoiled(rest, specific_force=swayed)))
     # a tenth of the time a sine is beyond 0.988 of its amplitude; its means of a second, about its median, by less
     said = next(
         text for text in found.remarks if text.startswith("Gravity goes to and fro in the unit's axes by ")
@@ -253,5 +253,5 @@ def test_a_unit_that_sways_slowly_is_said_not_to_rest(period: float) -> None:
 def test_a_bias_that_drifts_by_three_mg_is_no_sway() -> None:
     rest = at_rest()
     drift = 0.03 * np.linspace(-1.0, 1.0, len(rest))[:, None] * [1.0, -1.0, 0.5]
-    found = judge_rest(WholeEvidence(spoiled(rest, specific_force=rest.specific_force + drift)))
+    found = judge_rest(RestEvidence.of(spoiled(rest, specific_force=rest.specific_force + drift)))
     assert not any("Gravity" in said for said in found.remarks)
