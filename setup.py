@@ -28,7 +28,6 @@ SOURCES = [
     "src/tumble/estimation/kernels.py",
     "src/tumble/navigation/kernels.py",
     "src/tumble/navigation/filter/kernels.py",
-    "src/tumble/navigation/free_runs/kernels.py",
     "src/tumble/noise/kernels.py",
     "src/tumble/recording/formats/kernels.py",
     "src/tumble/segmentation/kernels.py",

@@ -151,7 +151,8 @@ def align_in_motion(
             f"The track {track.name} does not move after {start:.1f} s: nothing determines the heading."
         )
     begin = float(track.time[np.argmax(moving)])
-    chosen = ahead & (track.time >= begin - 3.0) & (track.time <= begin + _COMPARED)
+    # whole seconds from one fix to another: round-off of the stamps decides nothing
+    chosen = ahead & (track.time > begin - 3.0 - 1e-6) & (track.time < begin + _COMPARED + 1e-6)
     chosen &= track.time < _next_missing(samples, start)
     time = track.time[chosen]
     bias = still.angular_rate_ib_b.mean(axis=0)

@@ -9,6 +9,7 @@ import numpy as np
 from tumble.arrays import AnyArray, Series
 from tumble.errors import RecordingError
 from tumble.navigation.filter.run import unpacked
+from tumble.navigation.mechanisation import navigate_from_each
 from tumble.navigation.samples import InertialSamples
 from tumble.navigation.trajectory import Trajectory, position_differences
 from tumble.records import dataclass
@@ -92,8 +93,6 @@ def _errors(
     gaps: Sequence[tuple[float, float]],
 ) -> AnyArray:
     """Errors after each length, (starts, lengths, 3), NaN where the reference or the samples do not reach."""
-    from tumble.navigation.free_runs import navigate_from_each
-
     begins = reference.time[np.asarray(rows, dtype=np.int64)]
     stops = np.full(len(rows), last)
     for first, to in gaps:

@@ -1,9 +1,10 @@
-"""Free inertial navigation: position, velocity and attitude from an IMU alone."""
+"""Free inertial navigation: position, velocity and attitude from an IMU alone, from one start or from many."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from tumble.arrays import AnyArray, Series, Table
 from tumble.errors import RecordingError, UsageError
 from tumble.navigation.samples import InertialSamples
 from tumble.navigation.trajectory import HIGHEST_LATITUDE, NavigationState, Trajectory
@@ -64,3 +65,37 @@ def navigate(
     )
     time = part.time if every == 1 else part.time[np.append(np.arange(0, steps, every), steps)]
     return Trajectory(time, position[:, 0], position[:, 1], position[:, 2], velocity_n, quaternion)
+
+
+def navigate_from_each(
+    samples: InertialSamples, starts: Table, begins: Series, goals: Table, parameters: Table | None = None
+) -> AnyArray:
+    """Return (starts, goals, 10) the local-level states at goals, as `NavigationState.packed`; NaN for none.
+
+    Parameters
+    ----------
+    samples : in SI.
+    starts : (starts, 10) states, as `NavigationState.packed`.
+    begins : (starts,) s, when; inside the samples.
+    goals : (starts, goals) s, rising; inside the samples, and NaN for none.
+    parameters : (starts, 37) of the samples, as `tumble.navigation.filter.kernels.gather_sensors` fills them;
+        None where they are right as they are.
+    """
+    from tumble.navigation.filter.kernels import run_from_each
+
+    if parameters is None:
+        parameters = np.zeros((len(starts), 37))
+        parameters[:, [0, 4, 8, 9, 13, 17]] = 1.0
+    found = np.full((*goals.shape, 10), np.nan)
+    run_from_each(
+        np.ascontiguousarray(samples.time),
+        np.hstack([samples.angular_rate_ib_b, samples.specific_force_b]),
+        samples.means,
+        np.ascontiguousarray(starts),
+        np.ascontiguousarray(begins),
+        np.minimum(np.searchsorted(samples.time, begins, side="right"), len(samples) - 1),
+        np.ascontiguousarray(goals),
+        np.ascontiguousarray(parameters),
+        found,
+    )
+    return found

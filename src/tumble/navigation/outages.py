@@ -7,12 +7,13 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Series, Table, Vectors
+from tumble.arrays import Series, Table, Vectors
 from tumble.errors import ConvergenceError, RecordingError
 from tumble.navigation.drive import Drive
 from tumble.navigation.filter import FilterRun, FilterSetup, run_filter
 from tumble.navigation.filter.run import unpacked
 from tumble.navigation.filter.stretches import LONGEST_BRIDGED
+from tumble.navigation.mechanisation import navigate_from_each
 from tumble.navigation.trajectory import position_differences
 from tumble.records import dataclass
 
@@ -114,8 +115,6 @@ def _slide(
     drive: Drive, run: FilterRun, chosen: Sequence[int], durations: Sequence[float], last: float
 ) -> list[OutageErrors]:
     """Navigate freely from each event and give the error at each length of outage that has a good fix there."""
-    from tumble.navigation.free_runs import navigate_from_each
-
     rows, track = np.asarray(chosen, dtype=np.int64), drive.track
     begins, lengths = run.time[rows], np.sort(np.asarray(durations, dtype=float))
     wanted = begins[:, None] + lengths
@@ -124,15 +123,15 @@ def _slide(
     good = np.abs(track.time[fixes] - wanted) <= 0.5 * track.interval + 1e-6
     good &= (track.time[fixes] <= last) & (track.quality[fixes] == np.min(track.quality))
     goals = np.where(good, track.time[fixes], np.nan)
-    corrections, levers, offsets = _by_sensors(run.setup, run.sensors[rows])
-    states = navigate_from_each(drive.samples, run.trajectory.rows(rows).packed, begins, goals, corrections)
+    parameters = _by_sensors(run.setup, run.sensors[rows])
+    states = navigate_from_each(drive.samples, run.trajectory.rows(rows).packed, begins, goals, parameters)
     found: list[OutageErrors] = []
     for duration in durations:
         at = int(np.searchsorted(lengths, duration))
         use = good[:, at]
         there, seen = unpacked(goals[use, at], states[use, at]), track.rows(fixes[use, at])
-        errors = position_differences(there.points(levers[use]), seen.position)
-        errors += there.velocity_n * offsets[use, None]
+        errors = position_differences(there.points(parameters[use, 33:36]), seen.position)
+        errors += there.velocity_n * parameters[use, 36:]
         found.append(OutageErrors(duration, begins[use], errors))
     return found
 
@@ -185,14 +184,11 @@ def _spaced(run: FilterRun, first: float, every: float, anew: Sequence[tuple[flo
     return rows
 
 
-def _by_sensors(setup: FilterSetup, estimates: Table) -> tuple[AnyArray, Vectors, Series]:
-    """What estimates of the sensor states do: to samples (events, 4, 3, 3), lever arm, and offset of the clocks."""
+def _by_sensors(setup: FilterSetup, estimates: Table) -> Table:
+    """What estimates of the sensor states make of the samples' parameters, lever arm and offset last, (events, 37)."""
     from tumble.navigation.filter.kernels import gather_sensors
 
-    kinds, rows, columns = setup.indices
-    corrections = np.zeros((len(estimates), 4, 3, 3))
-    levers, offsets = np.zeros((len(estimates), 3)), np.zeros(len(estimates))
-    nominal = setup.lever_arm_b.astype(float)
-    for at, sensor in enumerate(estimates):
-        offsets[at] = gather_sensors(sensor, kinds, rows, columns, corrections[at], levers[at], nominal)
-    return corrections, levers, offsets
+    parameters, places, nominal = np.empty((len(estimates), 37)), setup.places, setup.nominal
+    for sensor, own in zip(estimates, parameters, strict=True):
+        gather_sensors(sensor, places, nominal, own)
+    return parameters

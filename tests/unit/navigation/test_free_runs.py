@@ -16,7 +16,7 @@ from tumble.navigation import (
     plan_filter,
 )
 from tumble.navigation.filter.kernels import gather_sensors
-from tumble.navigation.free_runs import navigate_from_each
+from tumble.navigation.mechanisation import navigate_from_each
 from tumble.noise.terms import NoiseModel
 
 START = NavigationState.from_angles(
@@ -84,12 +84,13 @@ def test_estimates_of_sensor_states_are_taken_out_of_the_samples() -> None:
         g_sensitivity=1e-4,
         lever_arm_sigma=0.1,
         time_offset_sigma=0.01,
+        lever_arm_b=np.array([1.0, 2.0, 3.0]),
     )
     estimates = rng.normal(0.0, 0.02, len(setup.states))
-    corrections, lever = np.zeros((1, 4, 3, 3)), np.zeros(3)
-    offset = gather_sensors(estimates, *setup.indices, corrections[0], lever, np.array([1.0, 2.0, 3.0]))
+    made_of = np.empty((1, 37))
+    gather_sensors(estimates, setup.places, setup.nominal, made_of[0])
     begin, end = float(samples.time[0]), float(samples.time[-1])
-    found = navigate_from_each(samples, START.packed[None], np.array([begin]), np.array([[end]]), corrections)
+    found = navigate_from_each(samples, START.packed[None], np.array([begin]), np.array([[end]]), made_of)
     start = NavigationState(
         begin, START.latitude, START.longitude, START.height, START.velocity_n, START.C_nb
     )
@@ -97,5 +98,7 @@ def test_estimates_of_sensor_states_are_taken_out_of_the_samples() -> None:
     # rounding over 500 samples
     assert found[0, 0, 3:] == pytest.approx(alone[3:], abs=1e-10)
     value = {(state.kind, state.row): x for state, x in zip(setup.states, estimates, strict=True)}
-    assert offset == next(x for (kind, _), x in value.items() if kind == "time offset")
-    assert lever.tolist() == [nominal + value["lever arm", i] for i, nominal in enumerate((1.0, 2.0, 3.0))]
+    assert made_of[0, 36] == value["time offset", 0]
+    assert made_of[0, 33:36].tolist() == [
+        own + value["lever arm", i] for i, own in enumerate((1.0, 2.0, 3.0))
+    ]

@@ -9,26 +9,11 @@ Floats: TypeAlias = npt.NDArray[np.float64]
 Integers: TypeAlias = npt.NDArray[np.int64]
 Flags: TypeAlias = npt.NDArray[np.bool_]
 
-TIME_OFFSET: int
-LEVER_ARM: int
-G_SENSITIVITY: int
-GYROSCOPE: int
-ACCELEROMETER: int
-
-def gather_sensors(
-    sensor: Floats,
-    kind: Integers,
-    row: Integers,
-    column: Integers,
-    correction: Floats,
-    lever: Floats,
-    nominal: Floats,
-) -> float: ...
+def gather_sensors(sensor: Floats, place: Integers, nominal: Floats, parameters: Floats) -> None: ...
 def apply_errors(nav: Floats, sensor: Floats, error: Floats) -> None: ...
 def run(
     time: Floats,
-    rate: Floats,
-    force: Floats,
+    signals: Floats,
     means: bool,
     stride: int,
     longest: float,
@@ -36,19 +21,14 @@ def run(
     nav: Floats,
     sensor: Floats,
     P: Floats,
-    kind: Integers,
-    row: Integers,
-    column: Integers,
-    decay: Floats,
-    drive: Floats,
+    place: Integers,
+    motion: Floats,
     white: Floats,
-    nominal_lever: Floats,
+    nominal: Floats,
     event_time: Floats,
     event_fix: Integers,
-    fix_position: Floats,
-    fix_position_covariance: Floats,
-    fix_velocity: Floats,
-    fix_velocity_covariance: Floats,
+    fixes: Floats,
+    fix_covariances: Floats,
     use: Flags,
     gate: float,
     patience: int,
@@ -56,11 +36,19 @@ def run(
     sensors: Floats,
     sigmas: Floats,
     errors: Floats,
-    covariances: Floats,
-    predicted: Floats,
-    transitions: Floats,
+    kept: Floats,
     innovations: Floats,
-    innovation_sigmas: Floats,
     distances: Floats,
     taken: Flags,
+) -> None: ...
+def run_from_each(
+    time: Floats,
+    signals: Floats,
+    means: bool,
+    starts: Floats,
+    begins: Floats,
+    rows: Integers,
+    goals: Floats,
+    parameters: Floats,
+    found: Floats,
 ) -> None: ...

@@ -192,14 +192,13 @@ def run_stretch(
     n = 9 + len(setup.states)
     navs, kept = np.empty((events, 10)), events if keep_covariances else 0
     at_events = np.zeros((events, n - 9)), np.empty((events, n)), np.zeros((events, n))
-    whole = np.empty((kept, n, n)), np.empty((kept, n, n)), np.empty((kept, n, n))
-    at_fixes = np.full((fixes, 6), np.nan), np.full((fixes, 6), np.nan), np.full((fixes, 2), np.nan)
+    whole, innovations = np.empty((3, kept, n, n)), np.full((2, fixes, 6), np.nan)
+    distances = np.full((fixes, 2), np.nan)
     taken = np.zeros((fixes, 2), dtype=bool)
     covariance = setup.covariance
     run(
         np.ascontiguousarray(part.time),
-        np.ascontiguousarray(part.angular_rate_ib_b),
-        np.ascontiguousarray(part.specific_force_b),
+        np.hstack([part.angular_rate_ib_b, part.specific_force_b]),
         part.means,
         max(1, round(setup.block / part.interval)),
         _GAP * part.interval,
@@ -207,41 +206,35 @@ def run_stretch(
         start.packed,
         sensors.astype(float),
         covariance,
-        *setup.indices,
-        np.array([state.decay for state in setup.states], dtype=float),
-        np.array([state.drive for state in setup.states], dtype=float),
+        setup.places,
+        np.array([(state.decay, state.drive) for state in setup.states], dtype=float).reshape(-1, 2),
         np.concatenate([setup.angle_random_walk, setup.velocity_random_walk]).astype(float) ** 2,
-        setup.lever_arm_b.astype(float),
+        setup.nominal,
         event_time,
         event_fix,
-        *_fixes(track, inside, positions=positions, velocities=velocities),
+        *_fixes(track.rows(inside), positions=positions, velocities=velocities),
         _gate(setup.gate),
         setup.patience,
         navs,
         *at_events,
-        *whole,
-        *at_fixes,
+        whole,
+        innovations,
+        distances,
         taken,
     )
     trajectory, events_of_fixes = unpacked(event_time, navs), np.flatnonzero(event_fix >= 0)
-    found = FilterRun(trajectory, *at_events, *whole, inside, events_of_fixes, *at_fixes, taken, setup)
+    of_states = *at_events, whole[0], whole[1], whole[2]
+    of_fixes = inside, events_of_fixes, innovations[0], innovations[1], distances, taken
+    found = FilterRun(trajectory, *of_states, *of_fixes, setup)
     return found, covariance
 
 
-def _fixes(
-    track: GnssTrack, inside: np.ndarray, *, positions: bool, velocities: bool
-) -> tuple[AnyArray, AnyArray, AnyArray, AnyArray, np.ndarray]:
-    """Positions and velocities with their covariances, and which of both are used."""
-    fixes = len(inside)
-    return (
-        np.column_stack([column[inside] for column in track.position]).astype(float),
-        np.ascontiguousarray(track.position_covariance_n[inside]),
-        np.ascontiguousarray(track.velocity_n[inside]),
-        np.ascontiguousarray(track.velocity_covariance_n[inside]),
-        np.column_stack(
-            [np.full(fixes, positions), track.has_velocity[inside] if velocities else np.zeros(fixes, bool)]
-        ),
-    )
+def _fixes(track: GnssTrack, *, positions: bool, velocities: bool) -> tuple[AnyArray, AnyArray, np.ndarray]:
+    """Positions and velocities, their covariances, and which of both are used: two rows a fix."""
+    both = np.column_stack(track.position), track.velocity_n
+    covariances = track.position_covariance_n, track.velocity_covariance_n
+    used = np.full(len(track), positions), track.has_velocity & velocities
+    return np.stack(both, 1, dtype=float), np.stack(covariances, 1, dtype=float), np.column_stack(used)
 
 
 def unpacked(time: Series, navs: Table) -> Trajectory:

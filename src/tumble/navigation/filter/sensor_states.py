@@ -14,6 +14,14 @@ from tumble.sensor import ImuModel
 
 AXES = "xyz"
 KINDS = ("accelerometer", "gyroscope", "g-sensitivity", "lever arm", "time offset")
+# Kind -> where its matrix and its bias begin among the parameters, the outputs that it acts on, the inputs' first.
+_PLACES = {
+    "accelerometer": (0, 27, 0, 4),
+    "gyroscope": (9, 30, 9, 1),
+    "g-sensitivity": (18, 18, 9, 4),
+    "lever arm": (33, 33, -1, 0),
+    "time offset": (36, 36, -1, 0),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +50,14 @@ class SensorState:
     decay: float = 0.0
     drive: float = 0.0
     name: str = ""
+
+    @property
+    def place(self) -> tuple[int, int, int]:
+        """Which of the samples' parameters it adds to, which output it acts on, by what (the compiled loops say)."""
+        of_matrix, of_bias, output, by = _PLACES[self.kind]
+        if self.column < 0:
+            return of_bias + self.row, output + self.row if output >= 0 else -1, 0
+        return of_matrix + 3 * self.row + self.column, output + self.row, by + self.column
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,10 +6,9 @@ from dataclasses import field, replace
 
 import numpy as np
 
-from tumble.arrays import Table, Vector
+from tumble.arrays import Series, Table, Vector
 from tumble.errors import UsageError
 from tumble.navigation.filter.sensor_states import (
-    KINDS,
     SensorState,
     TriadSpread,
     covariance_of,
@@ -59,11 +58,15 @@ class FilterSetup:
         return (*nine, *(state.name for state in self.states))
 
     @property
-    def indices(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Kind (its place in `KINDS`), row and column of each sensor state, (states,) each, for the compiled loops."""
-        kinds = [KINDS.index(state.kind) for state in self.states]
-        places = [state.row for state in self.states], [state.column for state in self.states]
-        return np.array(kinds, np.int64), np.array(places[0], np.int64), np.array(places[1], np.int64)
+    def places(self) -> np.ndarray:
+        """(states, 3) of each sensor state: which of the samples' parameters it adds to, for the compiled loops."""
+        return np.array([state.place for state in self.states], np.int64).reshape(-1, 3)
+
+    @property
+    def nominal(self) -> Series:
+        """(37,) parameters of samples that are right as they are, with the lever arm, for the compiled loops."""
+        unit = np.eye(3).ravel()
+        return np.concatenate([unit, unit, np.zeros(15), self.lever_arm_b, [0.0]], dtype=np.float64)
 
     @property
     def covariance(self) -> Table:
