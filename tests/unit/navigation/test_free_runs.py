@@ -76,16 +76,9 @@ def test_each_goal_is_reached_as_by_navigation_to_it_alone(means: bool) -> None:
 def test_estimates_of_sensor_states_are_taken_out_of_the_samples() -> None:
     samples, rng = made(False), np.random.default_rng(4)
     spread = TriadSpread(0.1, 0.01, misalignment=0.01)
-    setup = plan_filter(
-        NoiseModel(random_walk=0.01),
-        NoiseModel(random_walk=0.001),
-        accelerometer=spread,
-        gyroscope=spread,
-        g_sensitivity=1e-4,
-        lever_arm_sigma=0.1,
-        time_offset_sigma=0.01,
-        lever_arm_b=np.array([1.0, 2.0, 3.0]),
-    )
+    others = {"g_sensitivity": 1e-4, "lever_arm_sigma": 0.1, "time_offset_sigma": 0.01}
+    noise, arm = NoiseModel(random_walk=0.01), np.array([1.0, 2.0, 3.0])
+    setup = plan_filter(noise, noise, accelerometer=spread, gyroscope=spread, lever_arm_b=arm, **others)
     estimates = rng.normal(0.0, 0.02, len(setup.states))
     made_of = np.empty((1, 37))
     gather_sensors(estimates, setup.places, setup.nominal, made_of[0])
