@@ -308,21 +308,29 @@ def say_missing(estimate: Estimate, outcome: JointOutcome, procedure: Procedure)
         if not (outcome.has_gyro if triad == "gyros" else outcome.has_force):
             estimate.say("objection", f"The recording has no {triad}, which {procedure.name} is made for.")
             continue
-        own = FORCE_ALONE if triad == "accelerometers" else np.setdiff1d(PLAIN, FORCE_ALONE)
-        if outcome.untold is None or not np.any(np.isin(own, outcome.untold.unknowns)):
-            continue
-        missing = (_wanting(outcome) if triad == "accelerometers" else []) or outcome.untold.sentences(own)
-        estimate.say(
-            "objection", f"What was recorded does not determine all of the {triad}. {' '.join(missing[:2])}"
-        )
+        estimate.say("objection", *filter(None, [find_missing(outcome, triad)]))
+
+
+def find_missing(outcome: JointOutcome, triad: str) -> str:
+    """Return the sentence on what would determine all of a triad; empty where what was recorded does.
+
+    Parameters
+    ----------
+    outcome, triad : of the recording, "accelerometers" or "gyros".
+    """
+    own = FORCE_ALONE if triad == "accelerometers" else np.setdiff1d(PLAIN, FORCE_ALONE)
+    if outcome.untold is None or not np.any(np.isin(own, outcome.untold.unknowns)):
+        return ""
+    missing = (_wanting(outcome) if triad == "accelerometers" else []) or outcome.untold.sentences(own)
+    return f"What was recorded does not determine all of the {triad}. {' '.join(missing[:2])}"
 
 
 def _wanting(outcome: JointOutcome) -> list[str]:
     """What is said of poses that do not determine the accelerometers, and which would."""
     factor = specific_force_factor(outcome.recording.specific_force_unit)
-    force, has_prior = outcome.data.base.force_mean, outcome.knowledge is not None
+    poses = outcome.data.base.force_mean, outcome.values[:COUNT]
     try:
-        require_poses(force, outcome.values[:COUNT], has_prior=has_prior, factor=factor)
+        require_poses(*poses, has_prior=outcome.knowledge is not None, factor=factor)
     except ObservabilityError as error:
         return [str(error)]
     return []

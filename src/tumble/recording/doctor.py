@@ -321,8 +321,6 @@ def find_saturated_channels(recording: Recording) -> list[str]:
     return sentences
 
 
-_POSES_FOR_NINE = 9  # unknowns: three biases, three scales, three non-orthogonalities
-_POSES_FOR_SIX = 6
 _NOISE_SECONDS = 600.0  # a rest that shows bias instability of common gyros, some 10 minutes
 _DISTANT = 1e6  # s: stamps beyond count from a day of the calendar
 _TEMPERATURE_SPAN = 10.0  # degrees Celsius that make a temperature dependence visible
@@ -551,20 +549,11 @@ def _usefulness(recording: Recording, found: Findings) -> tuple[list[str], list[
     missing: list[str] = []
     if recording.specific_force is None:
         missing.append("No accelerometer: nothing can be calibrated against gravity.")
-    else:
-        _judge_poses(found, good, missing)
     if recording.angular_rate is None:
         missing.append(
             "No gyro: only the accelerometers can be calibrated."
             if recording.specific_force is not None
             else "No gyro."
-        )
-    elif found.axis_contradiction is None and found.gyro_scale is not None and found.quiet_stretches >= 4:
-        good.append("Gyro scale, misalignment and bias from the turns between rests (hand-held procedure).")
-    elif found.gyro_scale is None:
-        missing.append(
-            "For the gyro: turns about level axes between the rests, a quarter to half a turn each, about "
-            "every axis."
         )
     if found.longest_rest >= _NOISE_SECONDS:
         good.append(f"Noise analysis: a rest of {found.longest_rest:.0f} s.")
@@ -579,22 +568,3 @@ def _usefulness(recording: Recording, found: Findings) -> tuple[list[str], list[
         low, high = found.temperature_range
         good.append(f"Temperature dependence: {low:.0f} to {high:.0f} °C.")
     return good, missing
-
-
-def _judge_poses(found: Findings, good: list[str], missing: list[str]) -> None:
-    rests = f"{found.quiet_stretches} rests of a second or more in {found.poses} distinct poses"
-    if found.poses >= _POSES_FOR_NINE:
-        good.append(f"Multi-position calibration of the accelerometers, nine parameters: {rests}.")
-    elif found.poses >= _POSES_FOR_SIX:
-        good.append(f"Multi-position calibration of the accelerometers' biases and scales: {rests}.")
-        missing.append(
-            f"For non-orthogonalities as well: {_POSES_FOR_NINE - found.poses} more pose(s), at best with "
-            "two axes "
-            "inclined to the vertical."
-        )
-    else:
-        missing.append(
-            f"For a multi-position calibration: at least {_POSES_FOR_NINE} distinct poses, each held for a "
-            "second "
-            f"or more ({rests})."
-        )

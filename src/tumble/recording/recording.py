@@ -92,6 +92,17 @@ class Recording:
         """The clock that the stamps are from, and how far its rate may be off: as it is known, or as they lie."""
         return self.said_clock or clock_of_stamps(self.time)
 
+    @property
+    def streams(self) -> dict[str, dict[str, str] | None]:
+        """The unit of each kind of samples, None where it has none of them."""
+        field, celsius = self.magnetic_field, self.temperature
+        return {
+            "specific_force": None if self.specific_force is None else {"unit": self.specific_force_unit},
+            "angular_rate": None if self.angular_rate is None else {"unit": self.angular_rate_unit},
+            "magnetic_field": None if field is None else {"unit": field.unit},
+            "temperature": None if celsius is None else {"unit": "degC"},
+        }
+
     def __repr__(self) -> str:
         names = " + ".join(source.name for source in self.sources)
         triads = [

@@ -1,19 +1,19 @@
-"""Inspect a recording: read it, let the doctor look at it, and convert it where that is asked for."""
+"""Inspect a recording: read it, let the doctor look at it, and convert it where that is asked for.
+
+What it is good for is judged as `calibrate` judges it: by what holds and turns would determine without a protocol.
+"""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-from tumble.errors import UsageError
+from tumble.errors import TumbleError, UsageError
 from tumble.recording import Findings, Recording, inspect_recording, read_recording, write_recording
+from tumble.recording.reading import Paths, recording_inputs
 from tumble.records import dataclass
-
-FORMAT = "tumble inspection"
-VERSION = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,40 +26,25 @@ class Inspection:
 
     def to_dict(self) -> dict[str, Any]:
         """Return everything but the samples as plain values, ready for JSON."""
-        recording = self.recording
-        found = asdict(self.findings)
         return {
-            "format": FORMAT,
-            "version": VERSION,
-            "recordings": [{"name": s.name, "sha256": s.sha256} for s in recording.sources],
-            "streams": {
-                "specific_force": _stream(
-                    recording.specific_force is not None, recording.specific_force_unit
-                ),
-                "angular_rate": _stream(recording.angular_rate is not None, recording.angular_rate_unit),
-                "magnetic_field": None
-                if recording.magnetic_field is None
-                else {"unit": recording.magnetic_field.unit},
-                "temperature": None if recording.temperature is None else {"unit": "degC"},
-            },
-            "remarks": [{"kind": r.kind, "text": r.text} for r in recording.remarks],
-            **found,
+            "format": "tumble inspection",
+            "version": 1,
+            "recordings": [{"name": s.name, "sha256": s.sha256} for s in self.recording.sources],
+            "streams": self.recording.streams,
+            "remarks": [{"kind": r.kind, "text": r.text} for r in self.recording.remarks],
+            **asdict(self.findings),
             "saved": None if self.saved is None else str(self.saved),
         }
 
 
-def _stream(present: bool, unit: str) -> dict[str, str] | None:
-    return {"unit": unit} if present else None
-
-
 def inspect(
-    paths: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
+    paths: Paths,
     *,
     columns: str | None = None,
     units: str | Sequence[str] | None = None,
     rate: float | str | None = None,
     topics: Sequence[str] | None = None,
-    save: str | os.PathLike[str] | None = None,
+    save: Path | str | None = None,
 ) -> Inspection:
     """Read a recording, examine it, and save it as CSV or Parquet if `save` names a file.
 
@@ -77,15 +62,32 @@ def inspect(
     OutputError
         If the recording could not be saved.
     """
-    if save is not None:
-        _refuse_own_file(paths, Path(save))
+    inputs = [one.resolve() for one in recording_inputs(paths) if isinstance(one, Path)]
+    if save is not None and Path(save).resolve() in inputs:
+        raise UsageError(f"--save {save} is the recording itself; choose another name.")
     recording = read_recording(paths, columns=columns, units=units, rate=rate, topics=topics)
-    findings = inspect_recording(recording)
+    findings = _judged(recording, inspect_recording(recording))
     saved = None if save is None else write_recording(recording, save, all_units=True)
     return Inspection(recording, findings, saved)
 
 
-def _refuse_own_file(paths: str | os.PathLike[str] | Sequence[str | os.PathLike[str]], save: Path) -> None:
-    named = [paths] if isinstance(paths, str | os.PathLike) else list(paths)
-    if any(Path(os.fspath(p)).resolve() == save.resolve() for p in named):
-        raise UsageError(f"--save {save} is the recording itself; choose another name.")
+def _judged(recording: Recording, found: Findings) -> Findings:
+    """Add what a calibration without a protocol would determine, and what would determine the rest."""
+    from tumble.calibration.objections import find_missing
+    from tumble.calibration.procedure import FIRST_TRIED, find_procedure
+    from tumble.calibration.session import Options, Session
+    from tumble.workflows.procedures import CONTRADICTS, run_procedure
+
+    session = Session(recording, options=Options(optional_terms=False))
+    try:
+        _, reason = run_procedure(session, None)
+    except TumbleError as error:
+        text = f"{find_procedure(FIRST_TRIED).needs}. {str(error).removesuffix(CONTRADICTS)}"
+        return replace(found, missing=(f"For a calibration without a protocol: {text}", *found.missing))
+    assert session.joint is not None
+    there = {"accelerometers": session.joint.has_force, "gyros": session.joint.has_gyro}
+    missing = {triad: find_missing(session.joint, triad) for triad in there if there[triad]}
+    told = " and ".join(triad for triad in missing if not missing[triad])
+    good = (f"Calibration of the {told}. {reason}",) if told else ()
+    lacking = (*filter(None, missing.values()), *found.missing)
+    return replace(found, good_for=good + found.good_for, missing=lacking)

@@ -40,7 +40,7 @@ def test_it_says_what_it_found_and_assumed(run, tumbled, csv) -> None:
         "deg/s",
         "assumed",
         "unchecked",
-        "Good for",
+        "Good for\n  • Calibration of the accelerometers and gyros. Procedure hand-held: 12 holds and 11 turns",
         "Missing",
     ):
         assert part in out
@@ -63,6 +63,7 @@ def test_quiet_prints_warnings_only(run, tumbled, csv) -> None:
     assert run(csv(rows), "-q")[1] == ""
     rows[:, [4, 5]] = rows[:, [5, 4]]
     assert "the rate about x seems to stand in gy" in run(csv(rows), "-q")[1]
+    assert "For a calibration without a protocol: both triads, nine or more poses" in run(csv(rows))[1]
 
 
 @pytest.mark.parametrize("ending", [".csv", ".parquet"])
