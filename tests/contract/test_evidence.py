@@ -224,7 +224,7 @@ class TestEvidence:
     def test_its_figures_have_labels_captions_and_names_of_their_own(self, page: Page) -> None:
         names = [figure.name for figure in page.figures]
         assert len(set(names)) == len(names)
-        assert all(figure.label and figure.data and figure.height > 0 for figure in page.figures)
+        assert all(figure.label and figure.marks and figure.height > 0 for figure in page.figures)
         assert all(block.caption for block in page.blocks if isinstance(block, Figures))
 
 
@@ -234,4 +234,4 @@ def test_stamps_since_1970_are_drawn_from_the_recordings_start(demo: Subject) ->
     figures = Page("Late", render_evidence(late, ThermalCurves)).figures
     (span,) = [figure for figure in figures if figure.name == "span"]
     # Rests of half a minute each minute: their middles.
-    np.testing.assert_allclose(span.data[1]["x"], 0.25 + np.arange(7), atol=1e-5)
+    np.testing.assert_allclose(span.marks[1].x, 0.25 + np.arange(7), atol=1e-5)

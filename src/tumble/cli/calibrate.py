@@ -36,7 +36,6 @@ from tumble.procedure_names import KNOWN_PROCEDURES
 from tumble.records import dataclass
 
 if TYPE_CHECKING:
-    from tumble.report.subject import Subject
     from tumble.workflows.calibrate import CalibrationRun
 
 
@@ -222,7 +221,7 @@ def _calibrate(
     """Make a calibration, print what was found, and leave with the status of its verdict."""
     with progress(printed.silent) as tell:
         run = make(progress=tell)
-        run.files += draw_figures(figures, run.files)
+        run.files += draw_figures(figures, run.page, run.files)
     if registry is not None:
         from tumble.workflows.registry import add_calibration
 
@@ -271,7 +270,7 @@ def print_run(run: CalibrationRun, printed: LongPrintOptions) -> None:
     if sentence := planned_sentence(run.calibration, run.predicted):
         screen.print(sentence, markup=False)
     if run.papers:
-        print_blocks(render_evidence(_subject(run), Beside), screen)
+        print_blocks(render_evidence(run.subject, Beside), screen)
     for step in _steps(run)[: None if more else 1]:
         screen.print(f"Next: {step}", markup=False)
     say_written(run.files)
@@ -284,12 +283,6 @@ def print_run(run: CalibrationRun, printed: LongPrintOptions) -> None:
     screen.print(f"Intervals, residuals, terms{remarks}: with -v, and in the report.", style="dim")
 
 
-def _subject(run: CalibrationRun) -> Subject:
-    from tumble.report.subject import Subject
-
-    return Subject(run.calibration, run.estimate, run.recording, run.timeline, run.means)
-
-
 def _steps(run: CalibrationRun) -> list[str]:
     """What would make the calibration better, the most useful first."""
     from tumble.document.field_document import FIELD_ALONE
@@ -297,5 +290,5 @@ def _steps(run: CalibrationRun) -> list[str]:
 
     if run.calibration.procedure == FIELD_ALONE:
         return ["Hold the unit still in twelve attitudes or more, and all triads are calibrated."]
-    subject = _subject(run)
+    subject = run.subject
     return next_steps(run.calibration, subject.rows, subject.up_b, run.recording, run.timeline, run.protocol)

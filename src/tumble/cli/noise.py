@@ -64,7 +64,7 @@ def noise_command(
     check_figures(figures, output)
     with progress(printed.silent) as tell:
         found = analyse_noise(recording, output=output, progress=tell, **file.given(), **asdict(analysis))
-    files = [*found.files, *draw_figures(figures, found.files)]
+    files = [*found.files, *draw_figures(figures, found.page, found.files)]
     if files:
         results_stand()
     if printed.as_json:

@@ -5,7 +5,7 @@ What the shell completes after `tumble`: names from the registries, read when th
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from glob import glob
 from pathlib import Path
 from typing import Annotated, Any, TypeAlias
@@ -393,7 +393,7 @@ def check_figures(form: str | None, output: Path | None) -> None:
     """
     if form is None:
         return
-    from tumble.report.figures.paper import FORMS, require_library
+    from tumble.report.figures.on_paper import FORMS, require_library
 
     if form not in FORMS:
         raise UsageError(f"--figures {form}: give one of {', '.join(FORMS)}.")
@@ -402,21 +402,23 @@ def check_figures(form: str | None, output: Path | None) -> None:
     require_library()
 
 
-def draw_figures(form: str | None, files: Iterable[Path]) -> list[Path]:
-    """Draw the figures of the pages among files; return what was drawn.
+def draw_figures(form: str | None, page: Callable[[], Any], files: Iterable[Path]) -> list[Path]:
+    """Draw the figures of a page beside the file that holds it; return what was drawn.
 
     Parameters
     ----------
     form : as asked for, or None.
-    files : that were written.
+    page : makes the page.
+    files : that were written, the page among them.
 
     Raises
     ------
     OutputError
         If a figure cannot be written.
     """
-    if form is None:
+    folders = [file.parent for file in files if file.suffix == ".html"]
+    if form is None or not folders:
         return []
-    from tumble.report.figures.paper import draw_page
+    from tumble.report.figures.on_paper import write_figures
 
-    return [made for file in files if file.suffix == ".html" for made in draw_page(file, form)]
+    return write_figures(page().figures, folders[0] / "figures", form)

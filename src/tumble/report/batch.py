@@ -8,8 +8,8 @@ import numpy as np
 
 from tumble.fleet.outcome import Batch, UnitOutcome
 from tumble.fleet.unit_vector import groups_of
-from tumble.report.figures.plot import AXIS_COLOURS, BLUE, base_layout, text_axis
-from tumble.report.page import Block, Facts, Figure, Figures, Page, Sentences, Table, section
+from tumble.report.figures.record import AXIS_COLOURS, BLUE, Axis, Bars, Figure
+from tumble.report.page import Block, Facts, Figures, Page, Sentences, Table, section
 from tumble.report.parameters import people_s_unit
 
 MOST_ROWS = 2000
@@ -85,26 +85,20 @@ def _histogram(
     low, high = factor * float(np.min(every)), factor * float(np.max(every))
     edges = np.linspace(low, high if high > low else low + 1.0, _BINS + 1)
     middles = [float(f"{x:.6g}") for x in 0.5 * (edges[1:] + edges[:-1])]
-    traces = [
-        {
-            "type": "bar",
-            "name": member.rpartition(" ")[2],
-            "x": middles,
-            "y": np.histogram(factor * np.array(columns[member]), edges)[0].tolist(),
-            "marker": {"color": _COLOURS.get(member.rpartition(" ")[2], BLUE)},
-            "opacity": 0.75,
-        }
+    bars = [
+        Bars(
+            middles,
+            np.histogram(factor * np.array(columns[member]), edges)[0].tolist(),
+            member.rpartition(" ")[2],
+            _COLOURS.get(member.rpartition(" ")[2], BLUE),
+            opacity=0.75,
+            width=0.95 * float(edges[1] - edges[0]),
+        )
         for member in members
     ]
-    layout = base_layout(
-        220,
-        barmode="stack",
-        bargap=0.05,
-        xaxis=text_axis(f"{group} / {unit}" if unit else group),
-        yaxis=text_axis("units"),
-    )
-    layout["legend"] = {**layout["legend"], "traceorder": "normal"}  # x first, though the bars are stacked
-    return Figure(name, f"Histogram of {group} over the units", traces, layout)
+    across = Axis(f"{group} / {unit}" if unit else group)
+    label = f"Histogram of {group} over the units"
+    return Figure(name, label, bars, across, Axis("units"), 220, stacked=True)
 
 
 def _all_units(batch: Batch) -> list[Block]:

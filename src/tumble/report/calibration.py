@@ -5,15 +5,17 @@ from __future__ import annotations
 from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from tumble.calibration.evidence import ThermalCurves
 from tumble.calibration.magnetometer.estimate import Magnetometer
+from tumble.document.field_document import FIELD_ALONE
 from tumble.report.advice import next_steps
 from tumble.report.evidence import RENDERERS, render_evidence
 from tumble.report.evidence.magnetometer import magnetometer_blocks
 from tumble.report.figures.parameters import correlations, intervals
 from tumble.report.figures.poses import poses
 from tumble.report.figures.timeline import timeline
-from tumble.report.formula import formula_text
 from tumble.report.html import render_page
 from tumble.report.limits import limits_section
 from tumble.report.page import Block, Code, Facts, Footer, Page, Sentences, Table, Verdict, section
@@ -32,20 +34,11 @@ from tumble.report.words import (
 
 if TYPE_CHECKING:
     from tumble.arrays import Vectors
-    from tumble.document.result import Calibration
+    from tumble.document.result import Calibration, TriadBlock
 
 
-def render_field_report(
-    calibration: Calibration, found: Magnetometer, samples: Vectors, library: str | None = None
-) -> str:
-    """Return the report as one HTML page that works offline.
-
-    Parameters
-    ----------
-    calibration, found : the document, and what it is from.
-    samples : (samples, 3) raw.
-    library : where the plotting library lies, seen from the page; None puts it into the page.
-    """
+def _field_page(calibration: Calibration, found: Magnetometer, samples: Vectors) -> Page:
+    """Return what the report of a magnetometer by itself says."""
     verdict, block = calibration.verdict, calibration.magnetometer
     facts = [
         ("Recording", ", ".join(r.name for r in calibration.recordings) or "not from a file"),
@@ -59,8 +52,7 @@ def render_field_report(
     if block is not None:
         blocks += section("Magnetometer", *magnetometer_blocks(found, block, samples))
     blocks += _how(calibration)
-    document = calibration.model_dump(mode="json")
-    return render_page(Page(title(calibration), blocks), {"calibration": document}, library)
+    return Page(title(calibration), blocks)
 
 
 # Of a thermal calibration the curves come before the parameters, which hold at one temperature alone.
@@ -70,15 +62,14 @@ MOST_FILES_NAMED = 4
 HEADS = ("parameter", "value ± standard uncertainty", "95 % interval", "in other units")
 
 
-def render_report(*, library: str | None = None, **made: Any) -> str:
-    """Return the report of a calibration as one HTML page that works offline.
+def render_report(subject: Subject, library: str | None = None) -> str:
+    """Return the report of a calibration as one HTML page that works offline and holds the document.
 
     Parameters
     ----------
+    subject : what it is made from.
     library : where the plotting library lies, seen from the page; None puts it into the page.
-    made : what a `Subject` has.
     """
-    subject = Subject(**made)
     document = subject.calibration.model_dump(mode="json")
     return render_page(calibration_page(subject), {"calibration": document}, library)
 
@@ -91,6 +82,9 @@ def calibration_page(subject: Subject) -> Page:
     subject : what it is made from.
     """
     calibration, correlation = subject.calibration, subject.estimate.correlations
+    alone, field = subject.estimate.shown(Magnetometer), subject.recording.magnetic_field
+    if calibration.procedure == FIELD_ALONE and alone is not None and field is not None:
+        return _field_page(calibration, alone, field.values)
     fit = calibration.verdict.fit
     blocks: list[Block] = [
         Facts(_facts(subject)),
@@ -248,6 +242,63 @@ def _formulas(calibration: Calibration) -> list[Block]:
         "writes the formula as code, `c`, `cpp` or `matlab` too."
     )
     return [*blocks, Sentences([apply], "paragraphs")]
+
+
+def formula_text(calibration: Calibration) -> str:
+    """Return both formulas, forward and backward, with matrices and biases, as plain text."""
+    units = calibration.raw_units
+    force, gyro = calibration.accelerometer, calibration.gyroscope
+    parts: list[list[str]] = []
+    if force is not None:
+        parts.append(
+            _triad_lines("a", "specific force f in m/s²", "f", units.specific_force, force, sensitivity=False)
+        )
+    if gyro is not None:
+        coupled = gyro.g_sensitivity is not None
+        parts.append(
+            _triad_lines("g", "angular rate w in rad/s", "w", units.angular_rate, gyro, sensitivity=coupled)
+        )
+    return "\n\n".join("\n".join(lines) for lines in parts)
+
+
+def _triad_lines(
+    index: str, what: str, true: str, unit: str, block: TriadBlock, *, sensitivity: bool
+) -> list[str]:
+    raw, M, b = f"raw_{index}", f"M_{index}", f"b_{index}"
+    lines = [f"{what}, {raw} in {plain_unit(unit)}", ""]
+    added = " + G f" if sensitivity else ""
+    removed = " - G f" if sensitivity else ""
+    if block.matrix is None:
+        known = "bias and g-sensitivity" if sensitivity else "bias"
+        lines += [f"only the {known} can be removed: {raw} - {b}{removed}", *_array_lines(b, [block.bias])]
+        return lines if block.g_sensitivity is None else [*lines, *_array_lines("G", block.g_sensitivity)]
+    own = "u" + (" + a |u|" if block.asymmetry is not None else "")
+    own += " + q u²" if block.quadratic is not None else ""
+    if own != "u":
+        lines += [
+            f"{raw} = {own} + {b}{added},   u = {M} {true}",
+            f"{true} = inverse({M}) u,   {own} = {raw} - {b}{removed}",
+        ]
+    else:
+        lines += [f"{raw} = {M} {true} + {b}{added}", f"{true} = inverse({M}) ({raw} - {b}{removed})"]
+    lines += ["", *_array_lines(M, block.matrix), *_array_lines(b, [block.bias])]
+    for name, values in (("a", block.asymmetry), ("q", block.quadratic)):
+        if values is not None:
+            lines += _array_lines(name, [values])
+    if block.g_sensitivity is not None:
+        lines += _array_lines("G", block.g_sensitivity)
+    return [*lines, *_array_lines(f"inverse({M})", np.linalg.inv(np.array(block.matrix, dtype=float)))]
+
+
+def _array_lines(name: str, rows: Any) -> list[str]:
+    """Return an array with its name before the first row, nine significant digits."""
+    width = max(len(name), 13)
+    return [
+        f"{name if i == 0 else '':{width}} {'=' if i == 0 else ' '} [ "
+        + "  ".join(f"{float(v) + 0.0:16.9g}" for v in row)
+        + " ]"
+        for i, row in enumerate(rows)
+    ]
 
 
 def _test_vectors(calibration: Calibration) -> Table:

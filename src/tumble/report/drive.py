@@ -5,32 +5,31 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from tumble.report.figures.plot import (
+from tumble.report.figures.record import (
     BLUE,
     GREEN,
     GREY,
     ORANGE,
     PURPLE,
     RED,
-    base_layout,
-    error_bars,
-    hover,
+    Axis,
+    Curve,
+    Figure,
     plain,
-    scatter,
-    text_axis,
 )
 from tumble.report.html import render_page
-from tumble.report.page import Block, Figure, Figures, Page, Plot, Sentences, Table, Verdict, section
+from tumble.report.page import Block, Figures, Page, Sentences, Table, Verdict, section
 
 # Curves that lie close are told apart by more than their colours.
 _LOOKS = (
-    (RED, "solid", "circle"),
+    (RED, "", "circle"),
     (ORANGE, "dot", "square"),
     (PURPLE, "dash", "diamond"),
     (GREEN, "dashdot", "triangle-up"),
-    (BLUE, "solid", "x"),
+    (BLUE, "", "x"),
     (GREY, "dot", "cross"),
 )
+_SECONDS = (1, 2, 5, 10, 20, 30, 60, 120, 300, 600)
 # And stand beside one another: each is moved by this share of a length.
 _APART = 0.02
 _DRIFT = (
@@ -139,18 +138,19 @@ def _outage_table(variants: list[dict[str, Any]]) -> Table:
 
 
 def _drift_figure(variants: list[dict[str, Any]]) -> Figure:
-    data = [
+    marks = [
         _curve(variant, at, [(one["seconds"], one["horizontal_rms"]) for one in variant["drift"]], " m")
         for at, variant in enumerate(variants)
     ]
-    upright = text_axis("horizontal rms, m", type="log", exponentformat="power", dtick=1)
-    layout = _layout("s since the start", upright, 400)
-    return Figure("drift", "Free inertial drift with and without the calibration", data, layout)
+    across = Axis("s since the start", "log", ticks=_SECONDS)
+    upright = Axis("horizontal rms, m", "log", every=1)
+    label = "Free inertial drift with and without the calibration"
+    return Figure("drift", label, marks, across, upright, 400)
 
 
 def _ratio_figure(variants: list[dict[str, Any]], name: str, key: str, across: str, words: str) -> Figure:
     """Errors over those of the first variant, which is uncalibrated, by their length."""
-    data = [
+    marks = [
         _curve(
             variant, at, [(one["seconds"], one["ratio_to_uncalibrated"]) for one in variant[key]], " of it"
         )
@@ -158,32 +158,23 @@ def _ratio_figure(variants: list[dict[str, Any]], name: str, key: str, across: s
         if at
     ]
     label = f"{words}, error over that of the uncalibrated samples"
-    return Figure(name, label, data, _layout(across, text_axis("over uncalibrated"), 320))
+    return Figure(name, label, marks, Axis(across, "log", ticks=_SECONDS), Axis("over uncalibrated"), 320)
 
 
 def _curve(
     variant: dict[str, Any], at: int, points: list[tuple[float, dict[str, float | None]]], unit: str
-) -> Plot:
+) -> Curve:
     known = [(x, y) for x, y in points if y["value"]]
     colour, dash, symbol = _LOOKS[at % len(_LOOKS)]
     beside = (1.0 + _APART) ** (at - 2)
-    return scatter(
+    return Curve(
         plain([x * beside for x, _ in known]),
         plain([y["value"] for _, y in known]),
-        "lines+markers",
-        name=variant["name"],
-        customdata=plain([x for x, _ in known]),
-        error_y=error_bars([y["standard_uncertainty"] or 0.0 for _, y in known], thickness=1),
-        line={"color": colour, "dash": dash},
-        marker={"color": colour, "size": 7, "symbol": symbol},
-        hovertemplate=f"{hover(variant['name'])}<br>%{{customdata}} s: %{{y:.3g}}{unit}<extra></extra>",
-    )
-
-
-def _layout(across: str, upright: Plot, height: int) -> Plot:
-    seconds = [1, 2, 5, 10, 20, 30, 60, 120, 300, 600]
-    return base_layout(
-        height,
-        xaxis=text_axis(across, type="log", tickvals=seconds, ticktext=[str(t) for t in seconds]),
-        yaxis=upright,
+        variant["name"],
+        colour,
+        hover=f"%{{fullData.name}}<br>%{{text}} s: %{{y:.3g}}{unit}<extra></extra>",
+        words=[f"{x:g}" for x, _ in known],
+        symbol=symbol,
+        sigma=plain([y["standard_uncertainty"] or 0.0 for _, y in known]),
+        dash=dash,
     )

@@ -7,8 +7,8 @@ from typing import Any
 
 from tumble.arrays import Series, Table
 from tumble.fleet.unit_vector import groups_of
-from tumble.report.figures.plot import AXIS_COLOURS, BLUE, base_layout, error_bars, plain, scatter, text_axis
-from tumble.report.page import Figure, Figures, Page, section
+from tumble.report.figures.record import AXIS_COLOURS, BLUE, Axis, Curve, Figure, Look, plain
+from tumble.report.page import Figures, Page, section
 from tumble.report.page import Table as PageTable
 
 HEADS = ("parameter", "newest", "u", "change", "u", "a year", "u", "unit")
@@ -60,15 +60,13 @@ def _figure(
     units: Sequence[str],
     numbers: tuple[Table, Table],
 ) -> Figure:
-    traces: list[dict[str, Any]] = []
+    curves: list[Curve] = []
     for k in places:
         values: Series = numbers[0][:, k]
         expanded: Series = 2.0 * numbers[1][:, k]
         axis = names[k].rpartition(" ")[2]
-        colour = AXIS_COLOURS.get(axis, BLUE)
-        look = {"name": axis, "marker": {"color": colour}, "line": {"color": colour}}
-        traces.append(scatter(days, plain(values, 8), "lines+markers", error_y=error_bars(expanded), **look))
+        look: Look = {"colour": AXIS_COLOURS.get(axis, BLUE), "sigma": expanded, "symbol": "circle"}
+        curves.append(Curve(days, plain(values, 8), axis, **look))
     unit = units[places[0]]
     title = group if unit == "1" else f"{group}, {unit}"
-    layout = base_layout(240, xaxis=text_axis("", type="date"), yaxis=text_axis(title))
-    return Figure(name, f"{group} over time", [dict(trace) for trace in traces], layout)
+    return Figure(name, f"{group} over time", curves, Axis(kind="date"), Axis(title), 240)

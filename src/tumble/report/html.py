@@ -14,12 +14,13 @@ from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
 from tumble.files.markup import templates
+from tumble.report.figures.on_page import plot
 from tumble.report.page import Cards
 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-    from tumble.report.page import Block, Page, Plot
+    from tumble.report.page import Block, Page
 
 # What a page's plotting library is called that lies beside it.
 LIBRARY = "plotly.min.js"
@@ -47,7 +48,7 @@ def render_page(page: Page, data: Mapping[str, Any] | None = None, library: str 
     from markupsafe import Markup
 
     printed = any(isinstance(block, Cards) for block in page.blocks)
-    figures = [figure.as_dict() for figure in page.figures]
+    figures = [plot(figure) for figure in page.figures]
     carried = {**(data or {}), **({"figures": figures} if figures else {})}
     return (
         _templates()
@@ -61,17 +62,6 @@ def render_page(page: Page, data: Mapping[str, Any] | None = None, library: str 
             style=Markup(_resource("sheet.css" if printed else "page.css")),
         )
     )
-
-
-def figures_of(html: str) -> list[Plot]:
-    """Return the figures that a page carries: name, data, layout, and a fallback of those in three dimensions.
-
-    Parameters
-    ----------
-    html : of a page that tumble wrote.
-    """
-    carried = re.search(r'<script type="application/json" id="figures">(.*?)</script>', html, re.S)
-    return json.loads(carried[1]) if carried else []
 
 
 @cache

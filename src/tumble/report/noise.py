@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tumble.report.figures.plot import AXIS_COLOURS, base_layout, faint, plain, scatter, text_axis
-from tumble.report.html import render_page
+from tumble.report.figures.record import AXIS_COLOURS, Axis, Band, Curve, Figure, Look, Mark, Points, plain
 from tumble.report.noise_words import (
     DEFINITIONS,
     FORMULA,
@@ -16,7 +15,7 @@ from tumble.report.noise_words import (
     practical_unit,
     triad_lines,
 )
-from tumble.report.page import Block, Figure, Figures, Page, Plot, Sentences, Table, section
+from tumble.report.page import Block, Figures, Page, Sentences, Table, section
 
 if TYPE_CHECKING:
     from tumble.arrays import Series
@@ -26,18 +25,7 @@ _SLOPES = "dashed: the fitted terms together. Slope −1/2: random walk (N); fla
 _TRIADS = {"g": ("Gyros", "gyro"), "a": ("Accelerometers", "accelerometer")}
 _WIDE = 150.0  # range that has powers of ten enough for an axis
 _NARROW = 8.0
-_HIDDEN: dict[str, Any] = {"showlegend": False, "hoverinfo": "skip"}
-
-
-def render_noise(noise: Characterisation, command: str) -> str:
-    """Return the page as HTML.
-
-    Parameters
-    ----------
-    noise : what was found.
-    command : how to make it again.
-    """
-    return render_page(noise_page(noise, command))
+_HOVER = "%{x:.3g}: %{y:.3g}"
 
 
 def noise_page(noise: Characterisation, command: str) -> Page:
@@ -45,7 +33,8 @@ def noise_page(noise: Characterisation, command: str) -> Page:
 
     Parameters
     ----------
-    noise, command : as for `render_noise`.
+    noise : what was found.
+    command : how to make it again.
     """
     names = ", ".join(source.name for source in noise.sources) or "a recording"
     facts = (
@@ -108,34 +97,26 @@ def _figures(noise: Characterisation) -> list[Block]:
 
 
 def _curves(name: str, label: str, channels: list[Channel], factor: float, unit: str) -> Figure:
-    data: list[Plot] = []
+    marks: list[Mark] = []
     for channel in channels:
         curve, colour = channel.curve, AXIS_COLOURS[channel.name[1]]
-        deviation = curve.deviation[:, 0]
-        x, group = plain(curve.tau), {"legendgroup": channel.name}
+        deviation, group = curve.deviation[:, 0], channel.name
         # An upper limit at infinity has no place in a drawing.
         known = np.isfinite(curve.high[:, 0]) & (deviation > 0.0)
         high = np.where(known, np.minimum(curve.high[:, 0], 5.0 * deviation), np.nan)
         low = np.where(known, np.maximum(curve.low[:, 0], 0.2 * deviation), np.nan)
-        edge: Plot = {"line": {"width": 0}, **_HIDDEN, **group}
-        fill = {"fill": "tonexty", "fillcolor": faint(colour)}
-        look: Plot = {"marker": {"size": 4, "color": colour}, "line": {"color": colour}}
-        data += [
-            _line(x, factor * low, colour, channel.name, **edge),
-            _line(x, factor * high, colour, channel.name, **edge, **fill),
-            _line(x, factor * deviation, colour, channel.name, "lines+markers", **look, **group),
+        look: Look = {"hover": _HOVER, "symbol": "circle", "size": 4}
+        marks += [
+            Band(curve.tau, (factor * low, factor * high), group, colour, legend=False, group=group),
+            Curve(curve.tau, factor * deviation, group, colour, group=group, **look),
         ]
         if channel.terms:
-            dashes = {"color": colour, "dash": "dash", "width": 1}
             fitted = factor * channel.fitted(curve.tau)
-            data.append(_line(x, fitted, colour, f"{channel.name} fitted", line=dashes, **_HIDDEN, **group))
+            look = {"legend": False, "group": group, "hover": "", "width": 1, "dash": "dash"}
+            marks.append(Curve(curve.tau, fitted, f"{group} fitted", colour, **look))
     shown = np.concatenate([factor * channel.curve.deviation[:, 0] for channel in channels])
-    layout = base_layout(
-        430,
-        xaxis=_log_axis("averaging time τ, s", channels[0].curve.tau),
-        yaxis=_log_axis(f"Allan deviation, {unit}", shown),
-    )
-    return Figure(name, label, data, layout)
+    across = _log_axis("averaging time τ, s", channels[0].curve.tau)
+    return Figure(name, label, marks, across, _log_axis(f"Allan deviation, {unit}", shown), 430)
 
 
 def _spectrum(
@@ -143,37 +124,31 @@ def _spectrum(
 ) -> Figure:
     spectrum = noise.spectra[letter]
     root = factor * np.sqrt(spectrum.density)
-    x = plain(spectrum.frequency)
-    colours = [AXIS_COLOURS[channel.name[1]] for channel in channels]
-    data = [
-        _line(x, root[:, k], colours[k], channel.name, line={"color": colours[k], "width": 1.5})
-        for k, channel in enumerate(channels)
+    marks: list[Mark] = [
+        Curve(spectrum.frequency, root[:, k], c.name, AXIS_COLOURS[c.name[1]], hover=_HOVER, width=1.5)
+        for k, c in enumerate(channels)
     ]
-    data += [
-        _marks(channel, spectrum.frequency, root[:, k]) for k, channel in enumerate(channels) if channel.lines
-    ]
-    layout = base_layout(
-        340,
-        xaxis=_log_axis("frequency, Hz", spectrum.frequency),
-        yaxis=_log_axis(f"root of the density, {unit}/√Hz", root),
+    marks += [_lines(c, spectrum.frequency, root[:, k]) for k, c in enumerate(channels) if c.lines]
+    across = _log_axis("frequency, Hz", spectrum.frequency)
+    upright = _log_axis(f"root of the density, {unit}/√Hz", root)
+    return Figure(
+        f"spectrum-{letter}", f"Spectral density, {_TRIADS[letter][1]}s", marks, across, upright, 340
     )
-    return Figure(f"spectrum-{letter}", f"Spectral density, {_TRIADS[letter][1]}s", data, layout)
 
 
-def _marks(channel: Channel, frequency: Series, root: Series) -> Plot:
+def _lines(channel: Channel, frequency: Series, root: Series) -> Points:
     """The lines that were found, each over its place in the spectrum."""
     factor, unit = practical_unit(channel, "B")
-    colour = AXIS_COLOURS[channel.name[1]]
     at = np.array([line.frequency for line in channel.lines])
-    return _line(
-        plain(at),
+    return Points(
+        at,
         1.15 * np.interp(at, frequency, root),
-        colour,
         f"{channel.name}, line",
-        mode="markers",
-        marker={"color": colour, "symbol": "triangle-down", "size": 9},
-        text=[f"{x.frequency:.5g} Hz, amplitude {factor * x.amplitude:.3g} {unit}" for x in channel.lines],
-        hovertemplate="%{text}",
+        AXIS_COLOURS[channel.name[1]],
+        hover=_HOVER,
+        words=[f"{x.frequency:.5g} Hz, amplitude {factor * x.amplitude:.3g} {unit}" for x in channel.lines],
+        symbol="triangle-down",
+        size=9,
     )
 
 
@@ -184,28 +159,18 @@ def _levels(
     # From the first instant on: stamps that count from 1970 leave no digits for the seconds.
     elapsed = noise.level_time - noise.level_time[0]
     scale, word = (3600.0, "h") if elapsed[-1] > 7200.0 else (1.0, "s")
-    data: list[Plot] = []
+    marks: list[Mark] = []
     for channel in channels:
-        colour = AXIS_COLOURS[channel.name[1]]
         level = noise.levels[:, index[channel.name]]
-        line = {"color": colour, "width": 1}
-        y = factor * (level - np.nanmean(level))
-        data.append(_line(plain(elapsed / scale, 7), y, colour, channel.name, line=line))
-    layout = base_layout(280, xaxis=text_axis(f"time, {word}"), yaxis=text_axis(f"level, {unit}"))
-    return Figure(f"level-{letter}", f"Level over time, {_TRIADS[letter][1]}s", data, layout)
+        y, colour = factor * (level - np.nanmean(level)), AXIS_COLOURS[channel.name[1]]
+        marks.append(Curve(plain(elapsed / scale, 7), y, channel.name, colour, hover=_HOVER, width=1))
+    label = f"Level over time, {_TRIADS[letter][1]}s"
+    return Figure(f"level-{letter}", label, marks, Axis(f"time, {word}"), Axis(f"level, {unit}"), 280)
 
 
-def _log_axis(title: str, values: Any) -> Plot:
+def _log_axis(title: str, values: Any) -> Axis:
     """A logarithmic axis, marked at each power of ten, or at 1, 2 and 5 where there are few of them."""
     known = np.asarray(values, dtype=float)
     known = known[np.isfinite(known) & (known > 0.0)]
     span = float(known.max() / known.min()) if known.size else 1.0
-    marks: Plot = {"exponentformat": "power", "dtick": 1}
-    if span < _WIDE:
-        marks = {"dtick": "D2" if span > _NARROW else "D1", "tickformat": "~g"}
-    return text_axis(title, type="log", **marks)
-
-
-def _line(x: Any, y: Series, colour: str, name: str, mode: str = "lines", **look: Any) -> Plot:
-    whole = {"marker": {"color": colour}, "hovertemplate": "%{x:.3g}: %{y:.3g}", **look}
-    return scatter(x, y, mode, name=name, **whole)
+    return Axis(title, "log", every=1 if span >= _WIDE else "D2" if span > _NARROW else "D1")

@@ -15,6 +15,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from tumble.arrays import Matrix, Vector
+from tumble.report.figures.record import Look
 from tumble.report.figures.svg import add, as_text, drawing, path
 from tumble.report.html import render_page
 from tumble.report.page import (
@@ -22,7 +23,6 @@ from tumble.report.page import (
     Card,
     Cards,
     Page,
-    Plot,
     Sentences,
 )
 
@@ -105,7 +105,7 @@ def _face(svg: Element, C_vb: Matrix, axis: int, sign: float) -> None:
         return
     x, y = (sign * HALVES[axis] * float(v) for v in C_vb[:2, axis])
     name = f"{'+' if sign > 0 else '−'}{'xyz'[axis]}"
-    look: Plot = {"font_size": 15, "font_weight": 600, "text_anchor": "middle", "fill": _COLOURS[axis]}
+    look: Look = {"font_size": 15, "font_weight": 600, "text_anchor": "middle", "fill": _COLOURS[axis]}
     add(svg, "text", name, x=40.0 * x, y=-40.0 * y + 5.0, **look)
 
 
@@ -114,10 +114,10 @@ def _axis_behind(svg: Element, C_vb: Matrix, axis: int) -> None:
     colour, out = _COLOURS[axis], C_vb[:, axis]
     tail, tip = HALVES[axis] * out, (HALVES[axis] + 0.55) * out
     label = tip + 0.35 * (tip - tail)
-    line: Plot = {"stroke": colour, "stroke_width": 2, "fill": "none", "stroke_dasharray": "4 3"}
+    line: Look = {"stroke": colour, "stroke_width": 2, "fill": "none", "stroke_dasharray": "4 3"}
     add(svg, "path", d=f"M{_spot(tail)}L{_spot(tip)}", **line)
     add(svg, "circle", cx=40.0 * float(tip[0]), cy=-40.0 * float(tip[1]), r=2.6, fill=colour)
-    look: Plot = {"font_size": 12, "text_anchor": "middle", "fill": colour}
+    look: Look = {"font_size": 12, "text_anchor": "middle", "fill": colour}
     name, x, y = f"+{'xyz'[axis]}", 40.0 * float(label[0]), -40.0 * float(label[1]) + 4.0
     add(svg, "text", name, x=x, y=y, **look)
 

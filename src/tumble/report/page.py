@@ -8,11 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import field
-from typing import Any, Literal
+from typing import Literal
 
 from tumble.records import dataclass
-
-Plot = dict[str, Any]
+from tumble.report.figures.record import Figure
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,41 +58,6 @@ class Table:
     verbatim: bool = False
     folded: str = ""
     spare: int = 0
-
-
-@dataclass(frozen=True, slots=True)
-class Figure:
-    """One figure that the plotting library in the page draws.
-
-    Attributes
-    ----------
-    name : identifier in the page.
-    label : what a screen reader says.
-    data, layout : traces and layout, colours of text and grid left to the page's theme.
-    fallback : (data, layout) where three dimensions cannot be drawn.
-    least_width, most_width : pixels below which it scrolls sideways instead of shrinking, and beyond
-        which it does not grow; 0 for no limit.
-    """
-
-    name: str
-    label: str
-    data: list[Plot]
-    layout: Plot
-    fallback: tuple[list[Plot], Plot] | None = None
-    least_width: int = 0
-    most_width: int = 0
-
-    @property
-    def height(self) -> int:
-        """Height in pixels."""
-        return int(self.layout["height"])
-
-    def as_dict(self) -> Plot:
-        """Return what the page's script reads."""
-        plot: Plot = {"name": self.name, "data": self.data, "layout": self.layout}
-        if self.fallback is not None:
-            plot["fallback"] = {"data": self.fallback[0], "layout": self.fallback[1]}
-        return plot
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,32 +5,35 @@ from __future__ import annotations
 import csv
 import io
 import json
-from dataclasses import asdict
+from dataclasses import asdict, replace
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from tumble.report.figures.plot import (
+from tumble.report.figures.record import (
     BLUE,
     GREEN,
     ORANGE,
     PURPLE,
     RED,
     TEAL,
-    base_layout,
-    faint,
-    plain,
-    scatter,
-    text_axis,
+    Axis,
+    Band,
+    Curve,
+    Figure,
+    Mark,
+    Points,
 )
 from tumble.report.html import render_page
-from tumble.report.page import Block, Figure, Figures, Page, Sentences, Table
+from tumble.report.page import Block, Figures, Page, Sentences, Table
 from tumble.report.terminal import aligned
 
 if TYPE_CHECKING:
     from tumble.reproduction.outcome import Outcome, Plot, Row, Value
 
 _COLOURS = (BLUE, GREEN, ORANGE, PURPLE, TEAL)
+_HOVER = "%{x:.3g}: %{y:.3g}"
 # Up to so many places of a logarithmic axis have a tick each; a line through more points than that shows no point.
 _FEW, _DOTS = 8, 100
 
@@ -45,10 +48,29 @@ def render_outcome(outcome: Outcome) -> str:
     return render_page(_outcome_page(outcome))
 
 
+def outcome_files(outcome: Outcome) -> dict[str, str]:
+    """Return the texts of an outcome's files by their names: page, data, table, lines, and figures.
+
+    Parameters
+    ----------
+    outcome : what was made. Who has no matplotlib finds its figures in the page.
+    """
+    from tumble.report.figures.on_paper import draw
+
+    plots = outcome.plots if find_spec("matplotlib") is not None else ()
+    return {
+        f"{outcome.item}.html": render_outcome(outcome),
+        f"{outcome.item}.json": outcome_json(outcome),
+        f"{outcome.item}.csv": outcome_csv(outcome),
+        f"{outcome.item}.txt": "\n".join(outcome_lines(outcome)) + "\n",
+        **{f"{outcome.item}-{plot.name}.svg": draw(figure_of(plot), "svg").decode() for plot in plots},
+    }
+
+
 def _outcome_page(outcome: Outcome) -> Page:
     """Return what is said of an outcome."""
     blocks: list[Block] = [Sentences([outcome.source, " ".join(summary_lines(outcome))], "paragraphs")]
-    blocks += [Figures([_figure(plot)], _caption(plot)) for plot in outcome.plots]
+    blocks += [Figures([figure_of(plot)], _caption(plot)) for plot in outcome.plots]
     common = _common_reason(outcome)
     if common:
         blocks.append(Sentences([f"No row is judged: {common}."], "paragraphs"))
@@ -87,27 +109,28 @@ def _caption(plot: Plot) -> str:
     return f"{plot.title}: line: {plot.line}, band: {plot.band}{marks}"
 
 
-def _figure(plot: Plot) -> Figure:
-    data: list[dict[str, Any]] = []
+def figure_of(plot: Plot) -> Figure:
+    """Return a figure of an outcome: its curves in their bands, and the paper's own numbers.
+
+    Parameters
+    ----------
+    plot : what is shown.
+    """
+    marks: list[Mark] = []
     for curve, colour in zip(plot.curves, _COLOURS, strict=False):
-        x = plain(curve.x)
-        mode = "lines+markers" if len(x) <= _DOTS else "lines"
         # A zero has no logarithm: there the band begins at a hundredth of the line.
         low = curve.low if plot.linear else np.where(curve.low > 0, curve.low, 1e-2 * curve.y)
-        data += [
-            _edge(x, low, colour, curve.name),
-            _edge(x, curve.high, colour, curve.name, fill="tonexty", fillcolor=faint(colour)),
-            _points(curve.name, x, curve.y, mode, line={"color": colour}),
+        name, symbol = curve.name, "circle" if len(curve.x) <= _DOTS else ""
+        marks += [
+            Band(curve.x, (low, curve.high), name, colour, legend=False, group=name),
+            Curve(curve.x, curve.y, name, colour, hover=_HOVER, symbol=symbol, size=6),
         ]
     if plot.marks is not None:
-        marker = {"symbol": "x-thin", "size": 9, "color": RED, "line": {"width": 2, "color": RED}}
-        data.append(_points(plot.marks.name, plain(plot.marks.x), plot.marks.y, "markers", marker=marker))
-    kind: dict[str, Any] = {} if plot.linear else {"type": "log", "exponentformat": "power", "dtick": 1}
-    few = _few_places(plot)
-    across = {"type": "log", "tickvals": few, "ticktext": [f"{x:g}" for x in few]} if few else kind
-    layout = base_layout(380, xaxis=text_axis(plot.x_label, **across), yaxis=text_axis(plot.y_label, **kind))
-    layout["legend"]["traceorder"] = "normal"
-    return Figure(plot.name, plot.title, data, layout)
+        own = plot.marks
+        marks.append(Points(own.x, own.y, own.name, RED, hover=_HOVER, symbol="x-thin", size=9))
+    upright = Axis(plot.y_label) if plot.linear else Axis(plot.y_label, "log", every=1)
+    across = replace(upright, title=plot.x_label, ticks=_few_places(plot))
+    return Figure(plot.name, plot.title, marks, across, upright, 380)
 
 
 def _few_places(plot: Plot) -> list[float]:
@@ -116,15 +139,6 @@ def _few_places(plot: Plot) -> list[float]:
     if plot.linear or not 2 <= len(places) <= _FEW or not places[0] > 0.0 or places[-1] >= 100.0 * places[0]:
         return []
     return [float(place) for place in places]
-
-
-def _points(name: str, x: Any, y: np.ndarray, mode: str, **look: Any) -> dict[str, Any]:
-    return scatter(x, y, mode, name=name, hovertemplate="%{x:.3g}: %{y:.3g}", **look)
-
-
-def _edge(x: Any, y: np.ndarray, colour: str, name: str, **look: Any) -> dict[str, Any]:
-    hidden = {"showlegend": False, "hoverinfo": "skip", "legendgroup": name}
-    return scatter(x, y, "lines", line={"width": 0, "color": colour}, **hidden, **look)
 
 
 def cell_text(value: Value) -> str:

@@ -57,6 +57,8 @@ if TYPE_CHECKING:
     from tumble.document import Calibration
     from tumble.limits.reading import Limits
     from tumble.protocol import Protocol
+    from tumble.report.page import Page
+    from tumble.report.subject import Subject
     from tumble.segmentation import HoldMeans, Timeline
     from tumble.segmentation.matching import Matching
 
@@ -109,12 +111,26 @@ class CalibrationRun:
         """Return the report's figures by name, as a notebook shows them: each a `plotly.graph_objects.Figure`."""
         from plotly import graph_objects
 
-        from tumble.report.html import figures_of
+        from tumble.report.figures.on_page import plot
 
-        plots = figures_of(report_of(self, library="beside"))
+        plots = map(plot, self.page().figures)
         return {
             plot["name"]: graph_objects.Figure(data=plot["data"], layout=plot["layout"]) for plot in plots
         }
+
+    def page(self) -> Page:
+        """Return the report, before it is a file."""
+        from tumble.report.calibration import calibration_page
+
+        return calibration_page(self.subject)
+
+    @property
+    def subject(self) -> Subject:
+        """What the report is made from."""
+        from tumble.report.subject import Subject
+
+        made = (self.calibration, self.estimate, self.recording, self.timeline, self.means)
+        return Subject(*made, self.protocol, self.matching, self.predicted)
 
     def _repr_html_(self) -> str:
         """Return what a notebook shows: the calibration, and where its files are."""
@@ -530,24 +546,9 @@ def report_of(run: CalibrationRun, library: str | None = None) -> str:
     run : what was made.
     library : where the plotting library lies, seen from the page; None puts it into the page.
     """
-    from tumble.calibration.magnetometer.estimate import Magnetometer
-    from tumble.document.field_document import FIELD_ALONE
-    from tumble.report.calibration import render_field_report, render_report
+    from tumble.report.calibration import render_report
 
-    alone, field = run.estimate.shown(Magnetometer), run.recording.magnetic_field
-    if run.calibration.procedure == FIELD_ALONE and alone is not None and field is not None:
-        return render_field_report(run.calibration, alone, field.values, library)
-    return render_report(
-        library=library,
-        calibration=run.calibration,
-        estimate=run.estimate,
-        recording=run.recording,
-        timeline=run.timeline,
-        means=run.means,
-        protocol=run.protocol,
-        matching=run.matching,
-        predicted=run.predicted,
-    )
+    return render_report(run.subject, library)
 
 
 class Clock:

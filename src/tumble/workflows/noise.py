@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +21,7 @@ from tumble.workflows.progress import public, silent
 if TYPE_CHECKING:
     from tumble.noise.characterisation import Characterisation
     from tumble.noise.fitting.weighted_fit import Method
+    from tumble.report.page import Page
 
 DOCUMENT, PAGE = "noise.json", "noise.html"
 
@@ -38,6 +40,13 @@ class NoiseAnalysis:
     noise: Characterisation
     document: dict[str, Any]
     files: tuple[Path, ...] = ()
+    command: str = ""
+
+    def page(self) -> Page:
+        """Return what noise.html says."""
+        from tumble.report.noise import noise_page
+
+        return noise_page(self.noise, self.command)
 
 
 @public
@@ -107,12 +116,12 @@ def analyse_noise(
         noise = characterise(recording, **how)
     from tumble.report.noise_document import noise_document
 
-    document = noise_document(noise)
-    files: tuple[Path, ...] = ()
-    if folder is not None:
-        say("writing")
-        files = _write(folder, noise, document, _command(noise, skip, remove_temperature, method))
-    return NoiseAnalysis(noise, document, files)
+    command = _command(noise, skip, remove_temperature, method)
+    found = NoiseAnalysis(noise, noise_document(noise), command=command)
+    if folder is None:
+        return found
+    say("writing")
+    return replace(found, files=_write(folder, found))
 
 
 def _method(name: str) -> Method:
@@ -141,10 +150,10 @@ def _command(noise: Characterisation, skip: float, remove_temperature: bool, met
     return " ".join([*words, *([f"--fit {method}"] if method != "curve" else [])])
 
 
-def _write(folder: Path, noise: Characterisation, document: dict[str, Any], command: str) -> tuple[Path, ...]:
+def _write(folder: Path, found: NoiseAnalysis) -> tuple[Path, ...]:
     from tumble.files import write_texts
-    from tumble.report.noise import render_noise
+    from tumble.report.html import render_page
     from tumble.report.noise_document import document_text
 
-    page = render_noise(noise, command)
-    return tuple(write_texts({folder / DOCUMENT: document_text(document), folder / PAGE: page}))
+    texts = {folder / DOCUMENT: document_text(found.document), folder / PAGE: render_page(found.page())}
+    return tuple(write_texts(texts))

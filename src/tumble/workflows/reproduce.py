@@ -116,22 +116,10 @@ def _lost(task: _Task, reason: str) -> Outcome:
 
 def _write(folder: Path, outcomes: list[Outcome]) -> list[Path]:
     """Write everything into a folder inside the folder, then rename it all into place."""
-    from importlib.util import find_spec
-
     from tumble.files import filled_folder, put_text
-    from tumble.report.figures.paper import draw_figures
-    from tumble.report.reproduction import outcome_csv, outcome_json, outcome_lines, render_outcome
+    from tumble.report.reproduction import outcome_files
 
-    # Who has not installed it finds the figures in the pages.
-    draws = find_spec("matplotlib") is not None
-    files: dict[str, str] = {}
-    for outcome in outcomes:
-        files[f"{outcome.item}.html"] = page = render_outcome(outcome)
-        files[f"{outcome.item}.json"] = outcome_json(outcome)
-        files[f"{outcome.item}.csv"] = outcome_csv(outcome)
-        files[f"{outcome.item}.txt"] = "\n".join(outcome_lines(outcome)) + "\n"
-        drawn = draw_figures(page, "svg") if draws else {}
-        files |= {f"{outcome.item}-{name}": picture.decode() for name, picture in drawn.items()}
+    files = {name: text for outcome in outcomes for name, text in outcome_files(outcome).items()}
     try:
         with filled_folder(folder) as beside:
             for name, text in files.items():

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from tumble.document import Calibration
-from tumble.report.calibration import render_report, title
-from tumble.report.formula import formula_text
+from tumble.report.calibration import formula_text, render_report, title
 from tumble.report.parameters import parameter_rows
+from tumble.report.subject import Subject
 from tumble.report.words import component_words
 
 WAYS = ("hand_held", "without_gyro", "in_counts")
@@ -63,7 +63,7 @@ def run(request: pytest.FixtureRequest) -> dict[str, Any]:
 
 @pytest.fixture(scope="module")
 def text(run: dict[str, Any]) -> str:
-    return render_report(**run)
+    return render_report(Subject(**run))
 
 
 @pytest.fixture(scope="module")

@@ -13,8 +13,9 @@ from tumble.attitude.directions import twenty_six_directions
 from tumble.calibration.evidence import Turns
 from tumble.report.evidence.turns import turns
 from tumble.report.evidence.uncalibrated import nominal_hold_norms, nominal_turn_angles
-from tumble.report.figures.plot import packed, plain
+from tumble.report.figures.on_page import packed
 from tumble.report.figures.poses import missing_directions, pose_words, poses
+from tumble.report.figures.record import Bars, plain
 from tumble.report.figures.timeline import envelope, timeline
 from tumble.report.page import Figures, Sentences
 from tumble.report.subject import Subject
@@ -85,23 +86,27 @@ def test_missing_poses_are_named_in_words() -> None:
 
 def test_holds_of_one_pose_share_a_label() -> None:
     up = np.array([[0.0, 0.0, 9.8], [0.0, 9.8, 0.0], [0.1, 0.0, 9.8]])
-    hold_trace = drawn(poses(up, {1})).figures[0].data[-1]
-    assert hold_trace["text"] == ["1, 3", "2", ""]
-    assert len(set(hold_trace["marker"]["color"])) == 2  # the one left out is marked
+    holds: Any = drawn(poses(up, {1})).figures[0].marks[-1]
+    assert holds.labels == ["1, 3", "2", ""]
+    assert len(set(holds.colour)) == 2  # the one left out is marked
 
 
 def test_every_stretch_of_the_timeline_can_be_pointed_at(hand_held: dict[str, Any]) -> None:
     found = hand_held["timeline"]
     figure = drawn(timeline(Subject(**hand_held))).figures[0]
-    bars = {trace["name"]: trace for trace in figure.data if trace["type"] == "bar"}
-    assert len(bars["holds"]["hovertext"]) == len(found.holds)
-    assert len(bars["turns"]["hovertext"]) == len(found.turns)
+    bars = {mark.name: mark for mark in figure.marks if isinstance(mark, Bars)}
+    assert len(bars["holds"].words) == len(found.holds)
+    assert len(bars["turns"].words) == len(found.turns)
     # The legend has a name for every colour of the strip, and the caption's words.
-    legend = {t["name"]: t["marker"]["color"] for t in figure.data if t.get("mode") == "markers"}
-    assert {c for bar in bars.values() for c in bar["marker"]["color"]} == set(legend.values())
+    legend = legend_of(figure)
+    assert {c for bar in bars.values() for c in bar.colour} == set(legend.values())
     assert "rejected, swaying or not used" in legend
-    for rejection, text in zip(found.rejections, bars["rejected"]["hovertext"], strict=True):
+    for rejection, text in zip(found.rejections, bars["rejected"].words, strict=True):
         assert rejection.reason.split("<")[0] in text
+
+
+def legend_of(figure: Any) -> dict[str, str]:
+    return {mark.name: mark.colour for mark in figure.marks if getattr(mark, "symbol", "") == "square"}
 
 
 def test_nominal_norms_of_si_values_are_their_norms(hand_held: dict[str, Any]) -> None:
@@ -143,13 +148,11 @@ def test_spins_have_a_colour_and_a_legend_of_their_own(hand_held: dict[str, Any]
     first, _, third, *_ = hand_held["timeline"].turns
     spun = tuple(MatchedSpin(step, turn.start, turn.stop) for step, turn in ((1, first), (5, third)))
     shown = drawn(timeline(Subject(**hand_held, matching=Matching((), spun, (), ()))))
-    traces = shown.figures[0].data
-    bars = {trace["name"]: trace for trace in traces if trace["type"] == "bar"}
-    legend = {trace["name"]: trace for trace in traces if trace.get("mode") == "markers"}
-    assert len(bars["spins"]["hovertext"]) == 2
-    assert bars["spins"]["hovertext"][0].startswith("spin 1")
-    (colour,) = set(bars["spins"]["marker"]["color"])
-    assert legend["spins"]["marker"]["color"] == colour
-    assert colour not in {c for name in ("holds", "turns") for c in bars[name]["marker"]["color"]}
+    bars = {mark.name: mark for mark in shown.figures[0].marks if isinstance(mark, Bars)}
+    assert len(bars["spins"].words) == 2
+    assert bars["spins"].words[0].startswith("spin 1")
+    (colour,) = set(bars["spins"].colour)
+    assert legend_of(shown.figures[0])["spins"] == colour
+    assert colour not in {c for name in ("holds", "turns") for c in bars[name].colour}
     assert "teal a spin" in shown.caption
     assert "spin" not in drawn(timeline(Subject(**hand_held))).caption

@@ -9,7 +9,8 @@ import pytest
 
 from tumble.noise.characterisation import Channel, Characterisation, characterise
 from tumble.recording import Recording, Source
-from tumble.report.noise import noise_page, render_noise
+from tumble.report.html import render_page
+from tumble.report.noise import noise_page
 from tumble.report.noise_words import noise_lines, noise_rows, practical_unit, si_unit
 
 RATE = 100.0
@@ -75,7 +76,7 @@ def test_lines_of_what_is_seen_have_no_limits(channels: tuple[Channel, ...]) -> 
 
 def test_a_files_name_cannot_write_into_the_page(noise: Characterisation) -> None:
     named = replace(noise, sources=(Source("<script>alert(1)</script>.csv", "0" * 64),))
-    page = render_noise(named, "tumble noise <b>")
+    page = render_page(noise_page(named, "tumble noise <b>"))
     assert "<script>alert" not in page
     assert "tumble noise &lt;b&gt;" in page
 
@@ -86,7 +87,7 @@ def test_stamps_since_1970_leave_the_seconds_their_digits(noise: Characterisatio
     drawn = [
         {figure.name: figure for figure in noise_page(one, "tumble noise").figures} for one in (noise, late)
     ]
-    early, epoch = (figures["level-g"].data[0]["x"] for figures in drawn)
+    early, epoch = (figures["level-g"].marks[0].x for figures in drawn)
     assert epoch[0] == 0.0
     assert len(set(epoch)) == len(epoch)
     np.testing.assert_allclose(epoch, early, atol=1e-5)  # stamps of 1.7e9 s have 2e-7 s of round-off

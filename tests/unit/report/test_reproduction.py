@@ -10,8 +10,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tumble.report.html import figures_of
-from tumble.report.reproduction import cell_text, outcome_csv, outcome_json, outcome_lines, render_outcome
+from tumble.report.figures.on_page import plot
+from tumble.report.reproduction import (
+    cell_text,
+    figure_of,
+    outcome_csv,
+    outcome_json,
+    outcome_lines,
+    render_outcome,
+)
 from tumble.reproduction.outcome import INSIDE, OUTSIDE, Curve, Marks, Outcome, Plot, Row
 
 X = np.array([1.0, 10.0, 100.0])
@@ -115,7 +122,7 @@ def test_a_figure_has_curves_in_their_bands_and_the_papers_numbers() -> None:
     marks = Marks("thesis", np.array([1.0, 100.0]), np.array([3e-6, 1e-3]))
     outcome = replace(OUTCOME, plots=[replace(PLOT, marks=marks)])
     page = render_outcome(outcome)
-    (figure,) = figures_of(page)
+    figure = plot(figure_of(outcome.plots[0]))
     low, high, line, other_low, _, _, crosses = figure["data"]
     assert (line["x"], line["y"]) == (list(X), list(Y))
     assert (low["y"], high["y"]) == ([1.5e-6, 1.5e-7, 1.5e-8], [6e-6, 6e-7, 6e-8])
@@ -127,16 +134,12 @@ def test_a_figure_has_curves_in_their_bands_and_the_papers_numbers() -> None:
 
 
 def test_axes_are_linear_where_asked_and_few_places_have_a_tick_each() -> None:
-    straight = figures_of(render_outcome(replace(OUTCOME, plots=[replace(PLOT, linear=True)])))[0]
+    straight = plot(figure_of(replace(PLOT, linear=True)))
     assert "type" not in straight["layout"]["xaxis"]
     assert straight["data"][3]["y"] == [0.0, 0.0, 0.0]
     few = np.array([1.0, 4.0, 16.0])
     near = replace(PLOT, curves=(Curve("one", few, Y, Y, Y),))
-    assert figures_of(render_outcome(replace(OUTCOME, plots=[near])))[0]["layout"]["xaxis"]["tickvals"] == [
-        1,
-        4,
-        16,
-    ]
+    assert plot(figure_of(near))["layout"]["xaxis"]["tickvals"] == [1, 4, 16]
 
 
 def test_a_page_of_words_brings_no_drawing_program() -> None:

@@ -8,8 +8,21 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tumble.calibration.verdict import two_digits
-from tumble.report.figures.plot import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, TEAL, base_layout, hover, plain
-from tumble.report.page import Block, Figure, Figures, Plot, Sentences, Table, section
+from tumble.report.figures.record import (
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    RED,
+    TEAL,
+    Axis,
+    Bars,
+    Figure,
+    Mark,
+    plain,
+)
+from tumble.report.page import Block, Figures, Sentences, Table, section
 
 if TYPE_CHECKING:
     from tumble.calibration.estimate import Estimate
@@ -64,29 +77,29 @@ def budget(told: Budget, subject: Subject) -> list[Block]:
 def _drawn(told: Budget, rows: list[ParameterRow]) -> Figure:
     squares = {name: part**2 for name, part in told.shares.items()}
     whole = sum(squares.values(), np.zeros(len(rows)))
-    data: list[Plot] = []
+    marks: list[Mark] = []
     for at, (name, square) in enumerate(squares.items()):
         share = 100.0 * np.divide(square, whole, out=np.zeros(len(rows)), where=whole > 0.0)
-        opacity = 1.0 if at < len(_COLOURS) else 0.55
-        data.append(
-            {
-                "type": "bar",
-                "orientation": "h",
-                "name": hover(name),
-                "x": plain(share, 4),
-                "y": [hover(row.short) for row in rows],
-                "marker": {"color": _COLOURS[at % len(_COLOURS)], "opacity": opacity},
-                "hovertemplate": "%{y}: %{x:.1f} %<extra>%{fullData.name}</extra>",
-            }
+        marks.append(
+            Bars(
+                plain(share, 4),
+                [row.short for row in rows],
+                name,
+                _COLOURS[at % len(_COLOURS)],
+                opacity=1.0 if at < len(_COLOURS) else 0.55,
+                hover="%{y}: %{x:.1f} %<extra>%{fullData.name}</extra>",
+                lying=True,
+            )
         )
-    layout = base_layout(
+    return Figure(
+        "budget",
+        "Share of each source in the variance of each parameter",
+        marks,
+        Axis("share of the variance / %", span=(0.0, 100.0)),
+        Axis(kind="names", downwards=True),
         120 + 20 * len(rows),
-        barmode="stack",
-        xaxis={"title": {"text": "share of the variance / %"}, "range": [0, 100]},
-        yaxis={"autorange": "reversed", "automargin": True, "type": "category"},
+        stacked=True,
     )
-    layout["legend"]["traceorder"] = "normal"
-    return Figure("budget", "Share of each source in the variance of each parameter", data, layout)
 
 
 def _sources(told: Budget, estimate: Estimate, rows: list[ParameterRow]) -> list[Block]:

@@ -9,8 +9,8 @@ import numpy as np
 from tumble.arrays import Series
 from tumble.calibration.evidence import ThermalCurves
 from tumble.report.evidence.uncalibrated import Uncalibrated, nominal_hold_norms
-from tumble.report.figures.plot import BLUE, GREY, RED, base_layout, plain, scatter, text_axis
-from tumble.report.page import Block, Figure, Figures, Plot, Sentences, Table, section
+from tumble.report.figures.record import BLUE, GREY, RED, Axis, Band, Bars, Figure, Look, Mark, Points
+from tumble.report.page import Block, Figures, Sentences, Table, section
 
 if TYPE_CHECKING:
     from tumble.calibration.evidence import Holds
@@ -28,9 +28,8 @@ def holds(told: Holds, subject: Subject) -> list[Block]:
     found: list[Block] = []
     if told.norms.size and subject.estimate.shown(ThermalCurves) is None:
         before = nominal_hold_norms(subject.recording, subject.means, subject.calibration.site.gravity)
-        label = "Norm of the specific force in each hold minus gravity, before and after"
-        figure = Figure("holds", label, *_drawn(told, subject, before))
-        found += section("Holds: norm against gravity", Figures([figure], _caption(told, subject, before)))
+        figures = Figures([_drawn(told, subject, before)], _caption(told, subject, before))
+        found += section("Holds: norm against gravity", figures)
     return found + restless(told)
 
 
@@ -49,56 +48,39 @@ def _caption(told: Holds, subject: Subject, before: Uncalibrated | None) -> str:
     return f"{caption}. Before (above, another scale) it was {earlier:.3g} mm/s² rms, with {before.words}."
 
 
-def _drawn(told: Holds, subject: Subject, before: Uncalibrated | None) -> tuple[list[Plot], Plot]:
+def _drawn(told: Holds, subject: Subject, before: Uncalibrated | None) -> Figure:
     number = np.arange(1, told.norms.size + 1)
-    x = number.tolist()
     colours = [RED if k in subject.holds_left_out else BLUE for k in range(number.size)]
-    hovered = "hold %{x}: %{y:.2f} mm/s²<br>%{text}<extra></extra>"
-    look: Plot = {"name": "after", "marker": {"size": 7, "color": colours}, "hovertemplate": hovered}
-    data = _band(number, 1e3 * told.sigmas)
-    data.append(scatter(x, 1e3 * told.norms, text=subject.poses, **look))
-    across = numbered("hold", number)
-    if before is None:
-        return data, base_layout(340, xaxis=across, yaxis=text_axis("norm − g, after / (mm/s²)"))
-    data.append(
-        {
-            "type": "bar",
-            "name": "before",
-            "x": x,
-            "y": plain(1e3 * before.residuals),
-            "yaxis": "y2",
-            "text": subject.poses,
-            "textposition": "none",
-            "marker": {"color": GREY},
-            "hovertemplate": "hold %{x}: %{y:.1f} mm/s²<br>%{text}<extra></extra>",
-        }
+    hover = "hold %{x}: %{y:.2f} mm/s²<br>%{text}<extra></extra>"
+    marks: list[Mark] = _band(number, 1e3 * told.sigmas)
+    marks.append(
+        Points(number.tolist(), 1e3 * told.norms, "after", colours, hover=hover, words=subject.poses)
     )
-    axes = {
-        "yaxis": text_axis("after / (mm/s²)", domain=[0.0, 0.55]),
-        "yaxis2": text_axis("before / (mm/s²)", domain=[0.63, 1.0]),
-    }
-    return data, base_layout(460, xaxis=across, **axes)
+    panels = [Axis("norm − g, after / (mm/s²)")]
+    if before is not None:
+        hover = "hold %{x}: %{y:.1f} mm/s²<br>%{text}<extra></extra>"
+        look: Look = {"panel": 1, "hover": hover, "words": subject.poses}
+        marks.append(Bars(number.tolist(), 1e3 * before.residuals, "before", GREY, **look))
+        panels = [Axis("after / (mm/s²)", share=(0.0, 0.55)), Axis("before / (mm/s²)", share=(0.63, 1.0))]
+    label = "Norm of the specific force in each hold minus gravity, before and after"
+    return Figure("holds", label, marks, numbered("hold", number), panels, 340 if before is None else 460)
 
 
-def _band(number: np.ndarray, sigma: Series) -> list[Plot]:
+def _band(number: np.ndarray, sigma: Series) -> list[Mark]:
     """Return the band of two and of one standard deviation, a step for each hold."""
-    x = plain(np.concatenate([number - 0.5, number[-1:] + 0.5]))
-    y = np.concatenate([sigma, sigma[-1:]])
+    x = np.append(number - 0.5, number[-1] + 0.5)
+    y = np.append(sigma, sigma[-1])
     return [
-        scatter(
+        Band(
             x,
-            sign * factor * y,
-            "lines",
-            yaxis="y",
-            line={"width": 0, "shape": "hv", "color": GREY},
-            fill="tonexty" if sign > 0 else "none",
-            fillcolor=f"rgba(139,145,156,{opacity})",
-            hoverinfo="skip",
-            name="expected ± 1 and 2 sigma",
-            showlegend=factor == 1.0 and sign > 0,
+            (-factor * y, factor * y),
+            "expected ± 1 and 2 sigma",
+            GREY,
+            opacity=opacity,
+            legend=factor == 1.0,
+            steps="post",
         )
         for factor, opacity in ((2.0, 0.16), (1.0, 0.3))
-        for sign in (-1.0, 1.0)
     ]
 
 
@@ -107,7 +89,7 @@ def rms(values: Series) -> float:
     return float(np.sqrt(np.nanmean(values**2)))
 
 
-def numbered(title: str, number: np.ndarray) -> Plot:
+def numbered(title: str, number: np.ndarray) -> Axis:
     """Return an axis of whole numbers, marked as often as there is room for.
 
     Parameters
@@ -117,8 +99,8 @@ def numbered(title: str, number: np.ndarray) -> Plot:
     """
     count = int(number[-1])
     step = 1 if count <= 15 else 5 if count <= 80 else 10 ** int(np.ceil(np.log10(count / 10.0)))
-    span = [float(number[0]) - 0.8, float(number[-1]) + 0.8]
-    return text_axis(title, dtick=step, range=span, anchor="y", zeroline=False)
+    span = (float(number[0]) - 0.8, float(number[-1]) + 0.8)
+    return Axis(title, every=step, span=span, zero=False)
 
 
 def restless(told: Holds) -> list[Block]:

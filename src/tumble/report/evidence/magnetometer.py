@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tumble.arrays import Series, Vectors
-from tumble.report.figures.plot import BLUE, GREY, RED, base_layout, plain, scatter, text_axis
-from tumble.report.page import Block, Figure, Figures, Plot, Sentences, Table, section
+from tumble.report.figures.record import BLUE, GREY, RED, Axis, Curve, Figure, Look, Mark, Points, plain
+from tumble.report.page import Block, Figures, Sentences, Table, section
 from tumble.report.rounding import with_uncertainty
 from tumble.units import magnetic_field_factor
 
@@ -135,6 +135,8 @@ def field_words(block: MagnetometerBlock) -> str:
 
 # More points than these tell an eye nothing more.
 MOST_POINTS = 1500
+# What is seen along z, y and x: the axes to the right and up.
+_PLANES = ((0, 1), (0, 2), (1, 2))
 
 
 def magnetometer(told: Magnetometer, subject: Subject) -> list[Block]:
@@ -189,19 +191,16 @@ def _sphere(told: Magnetometer, samples: Vectors) -> tuple[list[Figure], str] | 
     # Raw numbers by the mean scale alone, so that both have one measure.
     size = float(np.cbrt(np.linalg.det(told.triad.matrix))) * told.norm
     raw = chosen / size
-    data: list[Plot] = []
-    layout: Plot = {}
-    for at, (i, j) in enumerate(((0, 1), (0, 2), (1, 2))):
-        end = "" if at == 0 else str(at + 1)
-        axes: Plot = {"xaxis": f"x{end}", "yaxis": f"y{end}"}
+    circle = np.linspace(0.0, 2.0 * np.pi, 91)
+    marks: list[Mark] = []
+    for panel, (i, j) in enumerate(_PLANES):
         for name, points, colour in (("raw", raw, GREY), ("corrected", true, BLUE)):
-            marker: Plot = {"size": 3, "color": colour}
-            look: Plot = {"name": name, "legendgroup": name, "showlegend": at == 0, "hoverinfo": "skip"}
-            data.append(scatter(points[:, i], points[:, j], marker=marker, **look, **axes))
-        data.append(_circle(axes, first=at == 0))
-        low = at / 3.0 + (0.03 if at else 0.0)
-        layout[f"xaxis{end}"] = text_axis("xyz"[i], domain=[low, (at + 1) / 3.0 - 0.02], zeroline=True)
-        layout[f"yaxis{end}"] = text_axis("xyz"[j], anchor=f"x{end}", scaleanchor=f"x{end}", zeroline=True)
+            look: Look = {"panel": panel, "legend": panel == 0, "group": name, "hover": "", "size": 3}
+            marks.append(Points(points[:, i], points[:, j], name, colour, **look))
+        look = {"panel": panel, "legend": panel == 0, "group": "circle", "hover": "", "width": 1}
+        marks.append(Curve(np.cos(circle), np.sin(circle), "radius one", RED, **look))
+    shares = [(k / 3.0 + (0.03 if k else 0.0), (k + 1) / 3.0 - 0.02) for k in range(3)]
+    across = [Axis("xyz"[i], share=share) for (i, _), share in zip(_PLANES, shares, strict=True)]
     caption = (
         "All samples before correction (grey, divided by the mean scale factor) and after it (blue), in units of the "
         "field's norm, seen along z, y and x. After correction they lie within the circle of radius one, the outline "
@@ -209,23 +208,9 @@ def _sphere(told: Magnetometer, samples: Vectors) -> tuple[list[Figure], str] | 
         f"{100 * told.after:.2g} % after."
     )
     label = "Samples of the magnetometer before and after correction"
-    figure = Figure("magnetometer-sphere", label, data, base_layout(340, **layout), least_width=720)
-    return [figure], caption
-
-
-def _circle(axes: Plot, *, first: bool) -> Plot:
-    angle = np.linspace(0.0, 2.0 * np.pi, 91)
-    return scatter(
-        np.cos(angle),
-        np.sin(angle),
-        "lines",
-        name="radius one",
-        legendgroup="circle",
-        showlegend=first,
-        line={"color": RED, "width": 1},
-        hoverinfo="skip",
-        **axes,
-    )
+    upright = [Axis("xyz"[j]) for _, j in _PLANES]
+    drawn = Figure("magnetometer-sphere", label, marks, across, upright, 340, square=True, least_width=720)
+    return [drawn], caption
 
 
 def _holds(told: Magnetometer) -> tuple[list[Figure], str] | None:
@@ -237,42 +222,20 @@ def _holds(told: Magnetometer) -> tuple[list[Figure], str] | None:
     factor, unit = (MICRO, "µT") if told.field_unit == "T" else (1.0, "local field")
     norms: Series = factor * np.array([hold.norm for hold in told.holds])
     dips: Series = np.degrees(np.array([hold.dip for hold in told.holds]))
-    marker: Plot = {"size": 7, "color": colours}
-    data = [
-        scatter(
-            number,
-            norms,
-            name="norm",
-            marker=marker,
-            showlegend=False,
-            hovertemplate=f"hold %{{x}}: %{{y:.4g}} {unit}<extra></extra>",
-        ),
-        scatter(
-            number,
-            dips,
-            name="dip",
-            marker=marker,
-            showlegend=False,
-            yaxis="y2",
-            hovertemplate="hold %{x}: %{y:.2f}°<extra></extra>",
-        ),
-        _level(number, factor * told.norm, "y"),
-        _level(number, float(np.degrees(told.dip)), "y2"),
+    ends = [number[0], number[-1]]
+    level: Look = {"legend": False, "hover": "", "width": 1, "dash": "dash"}
+    dip = float(np.degrees(told.dip))
+    hovers = f"hold %{{x}}: %{{y:.4g}} {unit}<extra></extra>", "hold %{x}: %{y:.2f}°<extra></extra>"
+    marks = [
+        Points(number, norms, "norm", colours, legend=False, hover=hovers[0]),
+        Points(number, dips, "dip", colours, panel=1, legend=False, hover=hovers[1]),
+        Curve(ends, plain([factor * told.norm] * 2), colour=GREY, **level),
+        Curve(ends, plain([dip] * 2), colour=GREY, panel=1, **level),
     ]
-    axes: Plot = {
-        "xaxis": text_axis("hold", anchor="y2"),
-        "yaxis": text_axis(f"norm / {unit}", domain=[0.55, 1.0]),
-        "yaxis2": text_axis("dip / deg", domain=[0.0, 0.45]),
-    }
+    panels = [Axis(f"norm / {unit}", share=(0.55, 1.0)), Axis("dip / deg", share=(0.0, 0.45))]
     caption = (
         "The corrected field in each hold: norm and dip should be the same in all of them (lines). What differs from "
         f"hold to hold beyond noise is {100 * told.scatter:.2g} % of the norm, one sigma; holds in red take no part."
     )
     label = "Norm and dip of the corrected field in each hold"
-    return [Figure("magnetometer-holds", label, data, base_layout(380, **axes))], caption
-
-
-def _level(number: list[int], at: float, axis: str) -> Plot:
-    line: Plot = {"color": GREY, "width": 1, "dash": "dash"}
-    look: Plot = {"line": line, "showlegend": False, "hoverinfo": "skip", "yaxis": axis}
-    return scatter([number[0], number[-1]], plain([at, at]), "lines", **look)
+    return [Figure("magnetometer-holds", label, marks, Axis("hold"), panels, 380)], caption

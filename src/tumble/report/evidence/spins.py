@@ -7,17 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tumble.calibration.verdict import two_digits
-from tumble.report.figures.plot import (
-    AXIS_COLOURS,
-    GREY,
-    base_layout,
-    error_bars,
-    hover,
-    plain,
-    scatter,
-    text_axis,
-)
-from tumble.report.page import Block, Figure, Figures, Plot, section
+from tumble.report.figures.record import AXIS_COLOURS, Axis, Figure, Points, plain
+from tumble.report.page import Block, Figures, section
 
 if TYPE_CHECKING:
     from tumble.calibration.evidence import Spins
@@ -36,15 +27,16 @@ def spins(told: Spins, subject: Subject) -> list[Block]:
         return []
     rates = plain(np.degrees(told.rates), 7)
     residuals, sigmas = (1e3 * np.degrees(a) for a in (told.residuals, told.sigmas))
-    data: list[Plot] = [
-        scatter(
+    marks = [
+        Points(
             rates,
             residuals[:, axis],
-            name=f"gyro {name}",
-            error_y=error_bars(sigmas[:, axis], color=GREY, thickness=1),
-            text=[hover(words) for words in told.names],
-            marker={"size": 8, "color": AXIS_COLOURS[name]},
-            hovertemplate="%{text}: %{y:.3g} m°/s<extra></extra>",
+            f"gyro {name}",
+            AXIS_COLOURS[name],
+            sigma=sigmas[:, axis],
+            words=told.names,
+            size=8,
+            hover="%{text}: %{y:.3g} m°/s<extra></extra>",
         )
         for axis, name in enumerate("xyz")
         if np.any(np.isfinite(residuals[:, axis]))
@@ -52,16 +44,13 @@ def spins(told: Spins, subject: Subject) -> list[Block]:
     finite = told.residuals[np.isfinite(told.residuals)]
     rms = float(np.sqrt(np.mean(finite**2))) if finite.size else 0.0
     largest = float(np.max(np.abs(told.rates)))
-    layout = base_layout(
-        360,
-        xaxis=text_axis("reference rate of the spin / (°/s)", zeroline=True),
-        yaxis=text_axis("residual / (m°/s)", zeroline=True),
-    )
+    across, upright = Axis("reference rate of the spin / (°/s)"), Axis("residual / (m°/s)")
     caption = (
         f"After calibration the spins leave {two_digits(1e3 * np.degrees(rms))} m°/s rms over all "
         f"three gyros, {two_digits(1e6 * rms / largest)} ppm of the fastest spin. The gyros that are "
         "not spun show a placement that is off. Points that follow a curve would be a nonlinear "
         "scale factor, a kink at zero an asymmetry. Bars are one standard deviation."
     )
-    figure = Figure("spins", "Residual of each gyro in each spin against the reference rate", data, layout)
+    label = "Residual of each gyro in each spin against the reference rate"
+    figure = Figure("spins", label, marks, across, upright, 360)
     return section("Spins: residual against the rate", Figures([figure], caption))

@@ -2,25 +2,27 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tumble.report.figures.plot import (
+from tumble.report.figures.record import (
     AXIS_COLOURS,
     BLUE,
     GREEN,
     GREY,
     ORANGE,
     RED,
-    base_layout,
-    error_bars,
-    faint,
+    Axis,
+    Band,
+    Bars,
+    Curve,
+    Figure,
+    Mark,
+    Points,
     plain,
-    scatter,
-    text_axis,
 )
-from tumble.report.page import Block, Figure, Figures, Plot, Sentences, section
+from tumble.report.page import Block, Figures, Sentences, section
 
 if TYPE_CHECKING:
     from tumble.arrays import Series
@@ -30,7 +32,7 @@ if TYPE_CHECKING:
 
 # A state of the hysteresis beyond this is a branch, heating or cooling.
 _BRANCH = 0.5
-_DOMAINS = ([0.70, 1.0], [0.35, 0.65], [0.0, 0.30])
+_SHARES = ((0.70, 1.0), (0.35, 0.65), (0.0, 0.30))
 _TITLES = {"accelerometer": "Accelerometers", "gyroscope": "Gyros"}
 _CELSIUS = "temperature of the sensors / °C"
 _BIASES = (
@@ -79,18 +81,26 @@ def _shown_unit(raw: str) -> tuple[str, float]:
 def _biases(evidence: ThermalCurves, triad: str, unit: str, factor: float) -> list[Block]:
     # What the rests show of the biases; of accelerometers the soaks' own tests.
     seen = evidence.rate if triad == "gyroscope" else evidence.force
-    whole: list[Plot] = []
-    beside: list[Plot] = []
+    whole: list[Mark] = []
+    beside: list[Mark] = []
     for axis in range(3):
-        place = {"xaxis": "x", "yaxis": "y" if axis == 0 else f"y{axis + 1}", "showlegend": axis == 0}
-        panels = _panel(evidence, triad, axis, factor * seen[:, axis], factor, place, unit)
+        panels = _panel(evidence, triad, axis, factor * seen[:, axis], factor, unit)
         whole += panels[0]
         beside += panels[1]
     title = _TITLES[triad]
-    label = f"{title}: bias beside the settled curve, both branches"
     figures = [
-        Figure(f"{triad}-bias", f"{title}: bias against temperature", whole, _stacked(f"bias / {unit}")),
-        Figure(f"{triad}-loop", label, beside, _stacked(f"Δ / {unit}")),
+        Figure(
+            f"{triad}-{name}",
+            f"{title}: bias {label}",
+            marks,
+            Axis(_CELSIUS),
+            [Axis(f"{'xyz'[k]}: {word} / {unit}", share=_SHARES[k]) for k in range(3)],
+            640,
+        )
+        for name, label, marks, word in (
+            ("bias", "against temperature", whole, "bias"),
+            ("loop", "beside the settled curve, both branches", beside, "Δ"),
+        )
     ]
     alone = triad == "accelerometer" and not np.any(np.isfinite(seen))
     caption = _NO_REST_ALONE if alone else _BIASES.format(title=title)
@@ -98,13 +108,14 @@ def _biases(evidence: ThermalCurves, triad: str, unit: str, factor: float) -> li
 
 
 def _panel(
-    evidence: ThermalCurves, triad: str, axis: int, seen: Series, factor: float, place: Plot, unit: str
-) -> tuple[list[Plot], list[Plot]]:
-    """Return an axis' traces: the whole biases, and what is beside the settled curve."""
+    evidence: ThermalCurves, triad: str, axis: int, seen: Series, factor: float, unit: str
+) -> tuple[list[Mark], list[Mark]]:
+    """Return what an axis has: the whole biases, and what is beside the settled curve."""
     curve = evidence.curves[triad]
     x, settled = curve.celsius, factor * curve.bias[:, axis]
-    whole: list[Plot] = []
-    beside = [_band(x, 2.0 * factor * curve.sigma[:, axis], place)]
+    half = 2.0 * factor * curve.sigma[:, axis]
+    whole: list[Mark] = []
+    beside: list[Mark] = [Band(x, (-half, half), "", GREY, 0.25, axis, legend=False)]
     branches = (
         ("heating", RED, evidence.hysteresis > _BRANCH, curve.heating),
         ("cooling", BLUE, evidence.hysteresis < -_BRANCH, curve.cooling),
@@ -112,62 +123,34 @@ def _panel(
     )
     for name, colour, here, line in branches:
         if np.any(here & np.isfinite(seen)):
-            look = {"name": name, **place, "marker": {"color": colour, "size": 5, "opacity": 0.7}}
             at = evidence.celsius[here]
-            whole.append(_points(at, seen[here], unit, **look))
-            beside.append(_points(at, seen[here] - np.interp(at, x, settled), unit, **look))
+            for marks, y in ((whole, seen[here]), (beside, seen[here] - np.interp(at, x, settled))):
+                marks.append(_points(at, y, unit, name, colour, axis))
         if line is not None and np.any(line != curve.bias):
-            beside.append(_line(x, factor * line[:, axis] - settled, colour, name, place))
-    whole.append(_line(x, settled, "#7a8290", "model, settled", place))
+            along = factor * line[:, axis] - settled
+            beside.append(Curve(x, along, name, colour, 1.0, axis, legend=False, hover="", width=1.5))
+    model = "model, settled"
+    whole.append(Curve(x, settled, model, "#7a8290", 1.0, axis, legend=axis == 0, hover="", width=1.5))
     return whole, beside
 
 
-def _points(x: Series, y: Series, unit: str, **look: Any) -> Plot:
-    return scatter(x, y, hovertemplate=f"%{{x:.2f}} °C: %{{y:.4g}} {unit}<extra></extra>", **look)
-
-
-def _line(x: Series, y: Series, colour: str, name: str, place: Plot) -> Plot:
-    shown = bool(place["showlegend"]) and name.startswith("model")
-    look = {**place, "name": name, "line": {"color": colour, "width": 1.5}, "showlegend": shown}
-    return scatter(x, y, "lines", hoverinfo="skip", **look)
-
-
-def _band(x: Series, half: Series, place: Plot) -> Plot:
-    look = {"fill": "toself", "fillcolor": faint(GREY, 0.25), "line": {"width": 0}, "hoverinfo": "skip"}
-    around = np.concatenate([x, x[::-1]])
-    return scatter(
-        around, np.concatenate([half, -half[::-1]]), "lines", **{**place, "showlegend": False}, **look
-    )
-
-
-def _stacked(title: str) -> Plot:
-    """Return the layout of three panels, one an axis of the unit, over one axis of temperature."""
-    axes = {
-        f"yaxis{'' if k == 0 else k + 1}": text_axis(
-            f"{'xyz'[k]}: {title}", domain=_DOMAINS[k], zeroline=True
-        )
-        for k in range(3)
-    }
-    return base_layout(640, xaxis=text_axis(_CELSIUS, anchor="y3"), **axes)
+def _points(x: Series, y: Series, unit: str, name: str, colour: str, panel: int = 0) -> Points:
+    hover = f"%{{x:.2f}} °C: %{{y:.4g}} {unit}<extra></extra>"
+    return Points(x, y, name, colour, 0.7, panel, legend=panel == 0, hover=hover, size=5)
 
 
 def _sigmas(evidence: ThermalCurves, units: dict[str, tuple[str, float]]) -> list[Block]:
     figures: list[Figure] = []
     for triad, curve in evidence.curves.items():
         unit, factor = units[triad]
-        data = [
-            scatter(
-                curve.celsius,
-                factor * curve.sigma[:, k],
-                "lines",
-                name=axis,
-                line={"color": AXIS_COLOURS[axis]},
-            )
+        marks = [
+            Curve(curve.celsius, factor * curve.sigma[:, k], axis, AXIS_COLOURS[axis])
             for k, axis in enumerate("xyz")
         ]
-        upright = text_axis(f"σ of the {triad} bias / ({unit})", rangemode="tozero")
-        layout = base_layout(300, xaxis=text_axis(_CELSIUS), yaxis=upright)
-        figures.append(Figure(f"{triad}-sigma", f"Standard uncertainty of the {triad} bias", data, layout))
+        highest = 1.05 * factor * float(np.nanmax(curve.sigma))
+        upright = Axis(f"σ of the {triad} bias / ({unit})", span=(0.0, highest or 1.0))
+        label = f"Standard uncertainty of the {triad} bias"
+        figures.append(Figure(f"{triad}-sigma", label, marks, Axis(_CELSIUS), upright, 300))
     caption = (
         "Standard uncertainty of the bias over the span that was calibrated, in the pose of the test where there was "
         "one alone. Beyond its ends the calibration is not used, unless asked to."
@@ -185,17 +168,16 @@ def _residuals(evidence: ThermalCurves) -> list[Block]:
         known = np.isfinite(residuals)
         if not np.any(known):
             continue
-        data: list[Plot] = []
+        marks: list[Mark] = []
         for k, axis in enumerate("xyz"):
             if np.any(known[:, k]):
                 alone = name == "specific force" and not np.any(known[:, 1])
                 mixed = k == 0 and name == "specific force" and not np.all(known[:, 1])
-                marker = {"color": GREY if alone else AXIS_COLOURS[axis], "size": 5, "opacity": 0.7}
+                colour = GREY if alone else AXIS_COLOURS[axis]
                 label = "norm" if alone else ("x, or the norm" if mixed else axis)
-                data.append(_points(evidence.celsius, residuals[:, k], "σ", name=label, marker=marker))
-        upright = text_axis(f"{name}, residual / σ", zeroline=True)
-        layout = base_layout(300, xaxis=text_axis(_CELSIUS), yaxis=upright)
-        figures.append(Figure(f"residuals-{columns.start}", f"Residuals of {name}", data, layout))
+                marks.append(_points(evidence.celsius, residuals[:, k], "σ", label, colour))
+        label, upright = f"Residuals of {name}", Axis(f"{name}, residual / σ")
+        figures.append(Figure(f"residuals-{columns.start}", label, marks, Axis(_CELSIUS), upright, 300))
     return section("Residuals over temperature", Figures(figures, _RESIDUALS))
 
 
@@ -205,9 +187,9 @@ def _span(evidence: ThermalCurves, recording: Recording) -> list[Block]:
     recorded = (evidence.path_time - first) / 60.0
     used = (0.5 * (evidence.start + evidence.stop) - first) / 60.0
     name = "rests used, at the sensors' temperature"
-    data: list[Plot] = [
-        scatter(recorded, evidence.path_celsius, "lines", name="recorded", line={"color": GREY, "width": 1}),
-        scatter(used, evidence.celsius, name=name, marker={"color": GREEN, "size": 5}),
+    marks: list[Mark] = [
+        Curve(recorded, evidence.path_celsius, "recorded", GREY, width=1),
+        Points(used, evidence.celsius, name, GREEN, size=5),
     ]
     if evidence.rejected:
         spans = np.array([[start, stop, np.nan] for start, stop, _ in evidence.rejected])
@@ -215,40 +197,34 @@ def _span(evidence: ThermalCurves, recording: Recording) -> list[Block]:
         low = float(np.min(evidence.path_celsius)) - 0.04 * float(np.ptp(evidence.path_celsius))
         why = "rests left out: " + ("not settled" if evidence.kind == "soak" else "too fast")
         y = [low if np.isfinite(value) else None for value in x]
-        data.append(scatter(x, y, "lines", name=why, line={"color": ORANGE, "width": 6}))
-    layout = base_layout(320, xaxis=text_axis("time / min"), yaxis=text_axis("temperature / °C"))
+        marks.append(Curve(x, y, why, ORANGE, width=6))
     ends = float(np.min(evidence.celsius)), float(np.max(evidence.celsius))
     caption = (
         f"The way of the temperature, and the {evidence.celsius.size} stretches of rest that were used, from "
         f"{ends[0]:.1f} to {ends[1]:.1f} °C. At temperatures between the green points nothing was measured."
     )
-    figure = Figure("span", "Temperature over time", data, layout)
+    axes = Axis("time / min"), Axis("temperature / °C")
+    figure = Figure("span", "Temperature over time", marks, *axes, 320)
     notes = [f"Left out: {why}." for _, _, why in evidence.rejected[:8]]
     return section("The span covered", Figures([figure], caption), Sentences(notes, "notes"))
 
 
 def _candidates(evidence: ThermalCurves) -> list[Block]:
     names = [f"{c.name} ({c.unknowns} unknowns)" for c in evidence.candidates]
-    data: list[Plot] = [
-        {
-            "type": "bar",
-            "orientation": "h",
-            "y": names,
-            "x": plain([c.score for c in evidence.candidates]),
-            "marker": {"color": [GREEN if c.chosen else GREY for c in evidence.candidates]},
-            "error_x": error_bars([c.spread for c in evidence.candidates], thickness=1),
-            "hovertemplate": "%{y}: %{x:.3g}<extra></extra>",
-        }
-    ]
-    layout = base_layout(
-        60 + 34 * len(names),
-        xaxis=text_axis("mean square of what was predicted wrongly / σ²", type="log"),
-        yaxis=text_axis("", autorange="reversed"),
+    bars = Bars(
+        plain([c.score for c in evidence.candidates]),
+        names,
+        colour=[GREEN if c.chosen else GREY for c in evidence.candidates],
+        hover="%{y}: %{x:.3g}<extra></extra>",
+        lying=True,
+        sigma=plain([c.spread for c in evidence.candidates]),
     )
+    across = Axis("mean square of what was predicted wrongly / σ²", "log")
+    upright = Axis(kind="names", downwards=True)
     left = "soaks" if evidence.kind == "soak" else "bands of temperature"
     caption = (
         f"Each candidate was fitted without some {left} and predicted them: 1 is as good as the noise. The green one "
         "was taken: of those that predict alike, the one with the fewest unknowns."
     )
-    figure = Figure("candidates", "Candidates", data, layout)
+    figure = Figure("candidates", "Candidates", [bars], across, upright, 60 + 34 * len(names))
     return section("The choice of the functions", Figures([figure], caption))

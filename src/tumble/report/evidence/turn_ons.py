@@ -4,16 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from tumble.report.figures.plot import (
-    AXIS_COLOURS,
-    GREY,
-    base_layout,
-    error_bars,
-    plain,
-    scatter,
-    small_title,
-)
-from tumble.report.page import Block, Figure, Figures, Plot, Sentences, Table, section
+from tumble.report.figures.record import AXIS_COLOURS, GREY, Axis, Figure, Mark, Points, Spans, plain
+from tumble.report.page import Block, Figures, Sentences, Table, section
 from tumble.report.parameters import OPTIONAL, Measure, ParameterRow, parameter_rows
 from tumble.report.rounding import fixed, with_uncertainty
 
@@ -149,7 +141,7 @@ def _stable_cells(one: StableBlock, row: ParameterRow) -> list[str]:
 
 def _drawn(told: TurnOnsBlock, biases: list[BiasBlock], rows: dict[str, ParameterRow], kind: str) -> Figure:
     names = [r.name for r in told.recordings]
-    data: list[Plot] = []
+    marks: list[Mark] = []
     widest, unit = 0.0, ""
     for number, bias in enumerate(biases):
         factor, unit = _practical(rows[bias.parameter])
@@ -158,31 +150,26 @@ def _drawn(told: TurnOnsBlock, biases: list[BiasBlock], rows: dict[str, Paramete
         sigmas = [1.96 * factor * (bias.standard_uncertainties[k] or 0.0) for k in at]
         axis = bias.parameter[-1]
         widest = max(widest, bias.coverage_factor * factor * bias.next_standard_uncertainty)
-        data.append(
-            scatter(
+        marks.append(
+            Points(
                 [k + 1 + 0.12 * (number - 1) for k in at],
                 plain(values, 6),
-                name=axis,
-                error_y=error_bars(sigmas, thickness=1.5, width=4),
-                marker={"size": 8, "color": AXIS_COLOURS[axis]},
-                text=[names[k] for k in at],
-                hovertemplate=f"{axis}, %{{text}}: %{{y:.4g}} {unit}<extra></extra>",
+                axis,
+                AXIS_COLOURS[axis],
+                size=8,
+                sigma=plain(sigmas),
+                words=[names[k] for k in at],
+                hover=f"{axis}, %{{text}}: %{{y:.4g}} {unit}<extra></extra>",
             )
         )
-    band: Plot = {"type": "rect", "xref": "paper", "x0": 0, "x1": 1, "y0": -widest, "y1": widest}
-    band |= {"fillcolor": GREY, "opacity": 0.12, "line": {"width": 0}, "layer": "below"}
-    layout = base_layout(
+    marks.append(Spans([-widest], [widest], colour=GREY, opacity=0.12, lying=True))
+    places, span = range(1, len(names) + 1), (0.5, len(names) + 0.5)
+    return Figure(
+        f"turn-ons-{kind}",
+        f"{kind} biases of {len(names)} recordings about their mean",
+        marks,
+        Axis("recording, in the table's order", ticks=places, span=span, zero=False),
+        Axis(),
         300,
-        margin={"l": 64, "r": 12, "t": 52, "b": 48},
-        title=small_title(f"{kind} bias less its mean / {unit}", x=0.02, y=0.98),
-        xaxis={
-            "tickvals": [k + 1 for k in range(len(names))],
-            "range": [0.5, len(names) + 0.5],
-            "zeroline": False,
-            "title": small_title("recording, in the table's order"),
-        },
-        yaxis={"zeroline": True},
-        shapes=[band],
+        title=f"{kind} bias less its mean / {unit}",
     )
-    label = f"{kind} biases of {len(names)} recordings about their mean"
-    return Figure(f"turn-ons-{kind}", label, data, layout)

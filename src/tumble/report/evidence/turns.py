@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tumble.arrays import Series
 from tumble.report.evidence.holds import numbered, rms
 from tumble.report.evidence.uncalibrated import nominal_turn_angles
-from tumble.report.figures.plot import BLUE, GREY, RED, base_layout, plain, scatter, text_axis
-from tumble.report.page import Block, Figure, Figures, Plot, section
+from tumble.report.figures.record import BLUE, GREY, RED, Axis, Curve, Figure, Mark, Points
+from tumble.report.page import Block, Figures, section
 
 if TYPE_CHECKING:
     from tumble.calibration.evidence import Turns
@@ -34,9 +35,9 @@ def turns(told: Turns, subject: Subject) -> list[Block]:
         f"turned {size:.0f}°, from {poses[k]} to {poses[k + 1]}"
         for k, size in zip(at, np.degrees(told.sizes[at]), strict=True)
     ]
-    shown: Plot = {"text": words, "hovertemplate": "turn %{x}: %{y:.3f}°<br>%{text}<extra></extra>"}
-    x = (at + 1).tolist()
-    data: list[Plot] = []
+    shown: dict[str, Any] = {"words": words, "hover": "turn %{x}: %{y:.3f}°<br>%{text}<extra></extra>"}
+    x, expected = (at + 1).tolist(), np.degrees(told.sigmas[at])
+    marks: list[Mark] = []
     caption = (
         f"Gravity carried over a turn by the corrected gyro ends {rms(after):.2g}° rms from where it "
         "is seen afterwards. The blue points should lie around the grey line of expected standard "
@@ -44,29 +45,26 @@ def turns(told: Turns, subject: Subject) -> list[Block]:
     )
     if before is not None:
         earlier = np.degrees(before.residuals[at])
-        marker = {"color": GREY, "size": 7, "symbol": "circle-open"}
-        data.append(scatter(x, earlier, name="before", marker=marker, **shown))
+        marks.append(Points(x, earlier, "before", GREY, symbol="circle-open", **shown))
         caption += f". Before it was {rms(earlier):.2g}° rms, with {before.words}"
     gone = {int(np.searchsorted(at, left.index)) for left in estimate.left_out if left.kind == "turn"}
     colours = [RED if k in gone else BLUE for k in range(at.size)]
-    data.append(scatter(x, after, name="after", marker={"color": colours, "size": 8}, **shown))
-    line = {"color": GREY, "width": 1.5, "shape": "hvh"}
-    hovered = "expected %{y:.3f}°<extra></extra>"
-    expected = np.degrees(told.sigmas[at])
-    data.append(scatter(x, expected, "lines", name="expected", line=line, hovertemplate=hovered))
-    angles = text_axis("angle / °", type="log", **_decades([y for trace in data for y in trace["y"] if y]))
-    layout = base_layout(380, xaxis=numbered("turn (from hold n to the next)", at + 1), yaxis=angles)
+    marks.append(Points(x, after, "after", colours, size=8, **shown))
+    hover = "expected %{y:.3f}°<extra></extra>"
+    marks.append(Curve(x, expected, "expected", GREY, hover=hover, width=1.5, steps="mid"))
+    every = np.concatenate([mark.y for mark in marks])
+    angles = Axis("angle / °", "log", ticks=_decades(every[every > 0.0]))
     label = "Angle between gravity carried over each turn and gravity seen, before and after"
-    figure = Figure("turns", label, data, layout)
+    across = numbered("turn (from hold n to the next)", at + 1)
+    figure = Figure("turns", label, marks, across, angles, 380)
     return section("Turns: gravity carried by the gyro", Figures([figure], f"{caption}."))
 
 
-def _decades(values: list[float]) -> Plot:
+def _decades(values: Series) -> list[float]:
     """Return ticks of a logarithmic axis that are plain numbers: 1, 2, 5 or 1 only over many decades."""
-    if not values:
-        return {}
-    low, high = min(values), max(values)
+    if not values.size:
+        return []
+    low, high = values.min(), values.max()
     steps = (1, 2, 5) if np.log10(high / low) < 2.5 else (1,)
     first, last = int(np.floor(np.log10(low))), int(np.ceil(np.log10(high)))
-    ticks = [step * 10.0**decade for decade in range(first, last + 1) for step in steps]
-    return {"tickvals": plain(ticks), "ticktext": [f"{tick:.12g}" for tick in ticks]}
+    return [step * 10.0**decade for decade in range(first, last + 1) for step in steps]

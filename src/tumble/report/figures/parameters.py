@@ -8,16 +8,8 @@ from itertools import groupby
 import numpy as np
 
 from tumble.arrays import Table
-from tumble.report.figures.plot import (
-    BLUE,
-    base_layout,
-    error_bars,
-    plain,
-    scatter,
-    small_title,
-    upright_line,
-)
-from tumble.report.page import Block, Figure, Figures, Plot, Sentences, section
+from tumble.report.figures.record import GREY, Axis, Figure, Map, Points, Spans, plain
+from tumble.report.page import Block, Figures, Sentences, section
 from tumble.report.parameters import ACCELEROMETER, GYRO, OPTIONAL, ParameterRow
 from tumble.report.rounding import fixed
 
@@ -48,25 +40,22 @@ def intervals(rows: list[ParameterRow], factor: float) -> list[Block]:
 
 def _intervals(name: str, rows: list[ParameterRow], factor: float) -> Figure:
     title = _title(rows[0])
-    half = [row.factor(factor) * row.drawn.sigma for row in rows]
-    trace = scatter(
+    points = Points(
         plain([row.drawn.value for row in rows], 7),
         [_axis_label(row) for row in rows],
-        error_x=error_bars(half, thickness=2, width=6, color=BLUE),
-        marker={"size": 7, "color": BLUE},
-        text=[row.drawn.text for row in rows],
-        hovertemplate="%{y}: %{text}<extra></extra>",
+        sigma=plain([row.factor(factor) * row.drawn.sigma for row in rows]),
+        hover="%{y}: %{text}<extra></extra>",
+        words=[row.drawn.text for row in rows],
     )
-    layout = base_layout(
+    return Figure(
+        name,
+        f"{title} with 95 % intervals",
+        [points, Spans([0], [0], colour=GREY)],
+        Axis(zero=False),
+        Axis(kind="names", downwards=True),
         96 + 26 * len(rows),
-        title=small_title(f"{title} / {_in_brackets(rows[0].drawn.unit)}", x=0.02, y=0.97),
-        margin={"l": 30, "r": 16, "t": 34, "b": 30},
-        xaxis={"zeroline": False, "nticks": 6},
-        yaxis={"autorange": "reversed", "automargin": True, "type": "category"},
-        shapes=[upright_line(0, layer="below")],
-        showlegend=False,
+        title=f"{title} / {_in_brackets(rows[0].drawn.unit)}",
     )
-    return Figure(name, f"{title} with 95 % intervals", [trace], layout)
 
 
 def _title(row: ParameterRow) -> str:
@@ -103,29 +92,22 @@ def correlations(rows: list[ParameterRow], matrix: Table) -> list[Block]:
     names = [row.short for row in rows]
     size = len(names)
     rounded = np.round(matrix, 2) + 0.0
-    trace: Plot = {
-        "type": "heatmap",
-        "x": names,
-        "y": names,
-        "z": [[float(v) if math.isfinite(v) else None for v in row] for row in rounded],
-        "zmin": -1,
-        "zmax": 1,
-        "colorscale": [[0, "#c8394d"], [0.5, "rgba(139,145,156,0.10)"], [1, "#2f6fc2"]],
-        "colorbar": {"thickness": 12, "len": 0.6, "title": {"text": ""}},
-        "xgap": 1,
-        "ygap": 1,
-        "hovertemplate": "%{x} and %{y}: %{z:.2f}<extra></extra>",
-    }
-    axis: Plot = {"automargin": True, "tickfont": {"size": 11}, "dtick": 1, "showgrid": False}
-    layout = base_layout(
-        170 + 17 * size,
-        xaxis={**axis, "tickangle": -60},
-        yaxis={**axis, "autorange": "reversed"},
-        margin={"l": 20, "r": 0, "t": 10, "b": 20},
+    shown = Map(
+        names,
+        names,
+        hover="%{x} and %{y}: %{z:.2f}<extra></extra>",
+        values=[[float(v) if math.isfinite(v) else None for v in row] for row in rounded],
     )
-    label = "Correlations between the parameters"
-    least, most = 240 + 17 * size, 360 + 36 * size
-    figure = Figure("correlations", label, [trace], layout, least_width=least, most_width=most)
+    figure = Figure(
+        "correlations",
+        "Correlations between the parameters",
+        [shown],
+        Axis(kind="names", every=1),
+        Axis(kind="names", every=1, downwards=True),
+        170 + 17 * size,
+        least_width=240 + 17 * size,
+        most_width=360 + 36 * size,
+    )
     return section("Correlations", Figures([figure], _PALE), Sentences([_strongest(rows, matrix)], "notes"))
 
 

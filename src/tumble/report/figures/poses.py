@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -9,8 +10,8 @@ import numpy as np
 from tumble.arrays import AnyArray, Vector, Vectors
 from tumble.attitude.directions import twenty_six_directions
 from tumble.calibration.poses import describe_direction, distinct_poses
-from tumble.report.figures.plot import BLUE, GREY, RED, base_layout, hover, plain, scatter, text_axis
-from tumble.report.page import Block, Figure, Figures, Plot, Sentences, section
+from tumble.report.figures.record import BLUE, GREY, RED, Axis, Curve, Figure, Look, Mark, Points, plain
+from tumble.report.page import Block, Figures, Sentences, section
 
 # More hold numbers than this at one point are counted instead of listed.
 _MOST_NUMBERS = 4
@@ -36,15 +37,26 @@ def poses(up_b: Vectors, left_out: set[int], *, by_hand: bool = True) -> list[Bl
     if len(missing) and by_hand:
         notes.append("Missing: " + "; ".join(pose_words(direction) for direction in missing) + ".")
     colours = [RED if k in left_out else BLUE for k in range(len(units))]
-    words = [hover(f"hold {k + 1}: {pose_words(unit)}") for k, unit in enumerate(units)]
+    words = [f"hold {k + 1}: {pose_words(unit)}" for k, unit in enumerate(units)]
     caption = (
         "Each numbered point is the direction that pointed up in a hold"
         + (": they should cover the sphere evenly, with a point near each faint marker" if by_hand else "")
         + "; drag to turn it."
     )
     label = "Directions that pointed up in the holds, on a sphere"
-    drawn = _sphere(units, colours, words), _scene()
-    figure = Figure("poses", label, *drawn, _map(units, colours, words))
+    flat = Figure(
+        "poses",
+        label,
+        _rims() + _marks(_mapped, units, colours, words),
+        Axis(
+            "left: +z half, right: −z half; +x to the right, +y up", span=(-2.2, 2.2), bare=True, zero=False
+        ),
+        Axis(span=(-1.15, 1.15), bare=True, zero=False),
+        420,
+        square=True,
+    )
+    solid = _globe() + _marks(lambda points: points, units, colours, words)
+    figure = Figure("poses", label, solid, Axis(), Axis(), 520, flat=flat)
     return section("Poses", Figures([figure], caption), Sentences(notes, "notes"))
 
 
@@ -72,109 +84,48 @@ def missing_directions(units: Vectors) -> Vectors:
     return standard[np.setdiff1d(np.arange(26), taken)]
 
 
-def _sphere(units: Vectors, colours: list[str], words: list[str]) -> list[Plot]:
-    standard = twenty_six_directions()
-    angle = np.linspace(0.0, 2.0 * np.pi, 73)
-    circle = np.column_stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)])
+def _marks(
+    project: Callable[[Vectors], AnyArray], units: Vectors, colours: list[str], words: list[str]
+) -> list[Mark]:
+    """Return the standard attitudes and the holds, on the sphere or on the map."""
+    standard, size = twenty_six_directions(), 1 if project is _mapped else 0
+    grey: Look = {"symbol": "circle-open", "size": 9 + 2 * size, "colour": GREY, "opacity": 0.4 + 0.2 * size}
+    hold: Look = {"size": 5 + size, "colour": colours, "above": True}
+    known = [pose_words(d) for d in standard]
+    return [
+        Points(**_places(project(standard)), **grey, name="standard attitude", words=known),
+        Points(**_places(project(units)), **hold, name="hold", labels=_numbers(units), words=words),
+    ]
+
+
+def _places(points: AnyArray) -> dict[str, Any]:
+    return {name: plain(column, 4) for name, column in zip("xyz", points.T, strict=False)}
+
+
+def _globe() -> list[Mark]:
+    """Return three circles about the sphere, and the names of its axes."""
+    circle = np.column_stack([_rim(), np.zeros(73)])
     gap = np.full((1, 3), np.nan)
     grid = np.vstack([circle, gap, circle[:, [0, 2, 1]], gap, circle[:, [2, 0, 1]]])
-    faces = np.vstack([np.eye(3), -np.eye(3)])
+    faces = 1.25 * np.vstack([np.eye(3), -np.eye(3)])
+    named = ["+x", "+y", "+z", "−x", "−y", "−z"]
     return [
-        {
-            **_points(1.25 * faces),
-            "mode": "text",
-            "text": ["+x", "+y", "+z", "−x", "−y", "−z"],
-            "textfont": {"size": 15},
-            "hoverinfo": "skip",
-            "showlegend": False,
-        },
-        {
-            **_points(grid),
-            "mode": "lines",
-            "line": {"color": GREY, "width": 2},
-            "opacity": 0.35,
-            "hoverinfo": "skip",
-            "showlegend": False,
-        },
-        {
-            **_points(standard),
-            "mode": "markers",
-            "name": "standard attitude",
-            "marker": {"size": 9, "color": GREY, "opacity": 0.4, "symbol": "circle-open"},
-            "hovertext": [pose_words(d) for d in standard],
-            "hoverinfo": "text",
-        },
-        {
-            **_points(units),
-            "mode": "markers+text",
-            "name": "hold",
-            "text": _numbers(units),
-            "textposition": "top center",
-            "marker": {"size": 5, "color": colours},
-            "hovertext": words,
-            "hoverinfo": "text",
-        },
+        Points(**_places(faces), symbol="", labels=named, size=15, colour="", hover="", legend=False),
+        Curve(**_places(grid), colour=GREY, opacity=0.35, hover="", legend=False),
     ]
 
 
-def _points(points: Vectors) -> Plot:
-    return {
-        "type": "scatter3d",
-        "x": plain(points[:, 0], 4),
-        "y": plain(points[:, 1], 4),
-        "z": plain(points[:, 2], 4),
-    }
+def _rims() -> list[Mark]:
+    """Return the edges of both half spheres of the equal-area map."""
+    return [
+        Curve(**_places(_rim() + np.array([side, 0.0])), colour=GREY, width=1, hover="", legend=False)
+        for side in (-1.1, 1.1)
+    ]
 
 
-def _scene() -> Plot:
-    hidden: Plot = {"visible": False, "range": [-1.3, 1.3], "showspikes": False}
-    scene: Plot = {f"{name}axis": dict(hidden) for name in "xyz"}
-    scene["aspectmode"] = "cube"
-    # Off the diagonal, so that no standard attitude hides behind another.
-    scene["camera"] = {"eye": {"x": 0.98, "y": 0.64, "z": 0.52}}
-    return base_layout(520, scene=scene, margin={"l": 0, "r": 0, "t": 0, "b": 0}, dragmode="orbit")
-
-
-def _map(units: Vectors, colours: list[str], words: list[str]) -> tuple[list[Plot], Plot]:
-    """Return an equal-area map, both half spheres side by side, for where nothing turns."""
-    standard = twenty_six_directions()
+def _rim() -> AnyArray:
     angle = np.linspace(0.0, 2.0 * np.pi, 73)
-    rim = np.column_stack([np.cos(angle), np.sin(angle)])
-    grey: dict[str, Any] = {"size": 11, "color": GREY, "symbol": "circle-open"}
-    data: list[Plot] = [
-        _drawn(side + rim, mode="lines", line={"color": GREY, "width": 1}, hoverinfo="skip", showlegend=False)
-        for side in (np.array([-1.1, 0.0]), np.array([1.1, 0.0]))
-    ]
-    data.append(
-        _drawn(
-            _mapped(standard),
-            mode="markers",
-            name="standard attitude",
-            marker=grey,
-            opacity=0.6,
-            hovertext=[pose_words(d) for d in standard],
-            hoverinfo="text",
-        )
-    )
-    data.append(
-        _drawn(
-            _mapped(units),
-            mode="markers+text",
-            name="hold",
-            text=_numbers(units),
-            textposition="top center",
-            marker={"size": 6, "color": colours},
-            hovertext=words,
-            hoverinfo="text",
-        )
-    )
-    hidden = {"showticklabels": False, "showgrid": False, "zeroline": False}
-    layout = base_layout(
-        420,
-        xaxis=text_axis("left: +z half, right: −z half; +x to the right, +y up", range=[-2.2, 2.2], **hidden),
-        yaxis={**hidden, "scaleanchor": "x", "range": [-1.15, 1.15]},
-    )
-    return data, layout
+    return np.column_stack([np.cos(angle), np.sin(angle)])
 
 
 def _mapped(points: Vectors) -> AnyArray:
@@ -182,7 +133,3 @@ def _mapped(points: Vectors) -> AnyArray:
     upper = points[:, 2] >= -1e-12
     depth = np.abs(points[:, 2])
     return points[:, :2] / np.sqrt(1.0 + depth)[:, None] + np.where(upper, -1.1, 1.1)[:, None] * [1.0, 0.0]
-
-
-def _drawn(points: AnyArray, mode: str, **look: Any) -> Plot:
-    return scatter(plain(points[:, 0], 4), plain(points[:, 1], 4), mode, **look)

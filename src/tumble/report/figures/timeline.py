@@ -9,22 +9,24 @@ import numpy as np
 
 from tumble.arrays import Series, Vector, Vectors
 from tumble.records import dataclass
-from tumble.report.figures.plot import (
+from tumble.report.figures.record import (
     AXIS_COLOURS,
     BLUE,
-    GREY,
     ORANGE,
     PURPLE,
     RED,
     TEAL,
-    base_layout,
-    hover,
-    packed,
+    Axis,
+    Bars,
+    Curve,
+    Figure,
+    Look,
+    Mark,
+    Points,
+    Spans,
     plain,
-    scatter,
-    text_axis,
 )
-from tumble.report.page import Block, Figure, Figures, Plot, Sentences, section
+from tumble.report.page import Block, Figures, Sentences, section
 from tumble.units import angular_rate_factor, specific_force_factor
 
 if TYPE_CHECKING:
@@ -80,24 +82,17 @@ def timeline(subject: Subject) -> list[Block]:
     """
     recording, model = subject.recording, subject.estimate.model
     spins = [] if subject.matching is None else [(spin.start, spin.stop) for spin in subject.matching.spins]
-    data: list[Plot] = _strip(recording, subject.timeline, subject.estimate, spins)
-    layout = base_layout(
-        560,
-        xaxis=text_axis(
-            "time / s",
-            range=[0.0, round(recording.duration, 3)],
-            anchor="y2" if recording.angular_rate is not None else "y",
-        ),
-        shapes=_shades(recording, subject.timeline, subject.holds_left_out),
-        barmode="overlay",
-        yaxis3={"domain": [0.95, 1.0], "visible": False, "fixedrange": True, "range": [-0.5, 0.5]},
-    )
     panels = _panels(recording, model.accelerometer, model.gyroscope)
-    tops = {1: [(0.0, 0.93)], 2: [(0.49, 0.93), (0.0, 0.44)]}[max(len(panels), 1)]
-    for number, (title, values) in enumerate(panels):
-        axis = "y" if number == 0 else "y2"
-        layout["yaxis" + axis[1:]] = text_axis(title, domain=list(tops[number]), zeroline=False)
-        data += _channels(values, axis, first=number == 0)
+    shares = [(0.0, 0.93)] if len(panels) < 2 else [(0.49, 0.93), (0.0, 0.44)]
+    axes = [Axis(title, zero=False, share=share) for (title, _), share in zip(panels, shares, strict=False)]
+    # The strip on top is no quantity.
+    axes.append(Axis(span=(-0.5, 0.5), hidden=True, share=(0.95, 1.0)))
+    strip = len(panels)
+    marks = [
+        *_shades(recording, subject.timeline, subject.holds_left_out),
+        *_strip(recording, subject.timeline, subject.estimate, spins, strip),
+        *(mark for number, (_, values) in enumerate(panels) for mark in _channels(values, number)),
+    ]
     caption = (
         "Each numbered blue stretch is a hold and should be flat; purple is a turn that was used, "
         + ("teal a spin, " if spins else "")
@@ -106,8 +101,13 @@ def timeline(subject: Subject) -> list[Block]:
         "Point at the strip on top for the reason."
     )
     label = "Specific force and angular rate over time with holds and turns"
-    figures = Figures([Figure("timeline", label, data, layout)], caption)
-    return section("Timeline", figures, Sentences(_rejection_notes(recording, subject.timeline), "notes"))
+    across = Axis("time / s", span=(0.0, round(recording.duration, 3)))
+    figure = Figure("timeline", label, marks, across, axes, 560)
+    return section(
+        "Timeline",
+        Figures([figure], caption),
+        Sentences(_rejection_notes(recording, subject.timeline), "notes"),
+    )
 
 
 def _panels(recording: Recording, force: Triad | None, gyro: Triad | None) -> list[tuple[str, Envelope]]:
@@ -141,28 +141,31 @@ def _scaled(raw: Envelope, scale: Vector, offset: Vector) -> Envelope:
     return Envelope(raw.start, raw.step, scale * (raw.values - offset))
 
 
-def _channels(values: Envelope, axis: str, *, first: bool) -> list[Plot]:
+def _channels(values: Envelope, panel: int) -> list[Mark]:
     return [
-        {
-            "type": "scatter",
-            "mode": "lines",
-            "name": name,
-            "legendgroup": name,
-            "showlegend": first,
-            "x0": round(values.start, 6),
-            "dx": round(values.step, 9),
-            "y": packed(values.values[:, column]),
-            "yaxis": axis,
-            "line": {"width": 1, "color": AXIS_COLOURS[name]},
-            "hovertemplate": "%{y:.3f} at %{x:.2f} s",
-        }
+        Curve(
+            round(values.start, 6),
+            values.values[:, column],
+            name,
+            AXIS_COLOURS[name],
+            panel=panel,
+            legend=panel == 0,
+            group=name,
+            hover="%{y:.3f} at %{x:.2f} s",
+            width=1,
+            step=round(values.step, 9),
+        )
         for column, name in enumerate("xyz")
     ]
 
 
 def _strip(
-    recording: Recording, timeline: Timeline, estimate: Estimate, spins: Sequence[tuple[int, int]]
-) -> list[Plot]:
+    recording: Recording,
+    timeline: Timeline,
+    estimate: Estimate,
+    spins: Sequence[tuple[int, int]],
+    panel: int,
+) -> list[Mark]:
     """Return the bars on top: what each stretch of the recording was taken for."""
     why = {(left.kind, left.index): left.reason for left in estimate.left_out}
     restless = {one.hold: one.sway for one in estimate.holds.restless}
@@ -192,12 +195,15 @@ def _strip(
     ]
     # A spin lies within the turn between two holds, or within what was rejected: it is drawn over them.
     kinds = [("turns", turns), ("holds", holds), ("rejected", rejected), ("spins", spun)]
-    bars = [_bars(recording, name, items) for name, items in kinds if items]
+    bars = [_bars(recording, name, items, panel) for name, items in kinds if items]
     colours = {"holds": BLUE, "turns": PURPLE, "spins": TEAL}
-    legend = [_legend(name, colours[name]) for name, items in kinds if items and name in colours]
+    named = [(name, colours[name]) for name, items in kinds if items and name in colours]
     drawn = {colour for _, items in kinds for *_, colour in items}
-    legend += [_legend(name, colour) for colour, name in _MEANINGS.items() if colour in drawn]
-    return [*bars, *legend, _hold_numbers(recording, timeline)]
+    named += [(name, colour) for colour, name in _MEANINGS.items() if colour in drawn]
+    # Points at no place: the bars' own entry would have the first bar's colour, which may be red.
+    square: Look = {"panel": panel, "symbol": "square", "size": 10, "hover": ""}
+    legend = [Points([None], [None], name, colour, **square) for name, colour in named]
+    return [*bars, *legend, _hold_numbers(recording, timeline, panel)]
 
 
 _MEANINGS = {RED: "left out", ORANGE: "rejected, swaying or not used"}
@@ -209,75 +215,43 @@ def _spin_words(estimate: Estimate, index: int, reason: str | None) -> str:
     return words + (f", left out: {reason}" if reason else "")
 
 
-def _legend(name: str, colour: str) -> Plot:
-    """Return a trace without points: the bars' own entry would have the first bar's colour, which may be red."""
-    marker = {"color": colour, "symbol": "square", "size": 10}
-    return scatter([None], [None], name=name, yaxis="y3", marker=marker, hoverinfo="skip")
-
-
-def _hold_numbers(recording: Recording, timeline: Timeline) -> Plot:
+def _hold_numbers(recording: Recording, timeline: Timeline, panel: int) -> Points:
     """Return the numbers on the strip; the page's script shows as many as there is room for."""
     start = _elapsed(recording, [hold.start for hold in timeline.holds])
     stop = _elapsed(recording, [hold.stop for hold in timeline.holds])
-    return scatter(
-        plain(0.5 * (start + stop), 7),
-        [0] * len(timeline.holds),
-        "text",
-        meta="numbers",
-        yaxis="y3",
-        text=[str(k + 1) for k in range(len(timeline.holds))],
-        textfont={"color": "#fff", "size": 11},
-        hoverinfo="skip",
-        showlegend=False,
+    numbers = [str(k + 1) for k in range(len(timeline.holds))]
+    look: Look = {"panel": panel, "legend": False, "hover": "", "symbol": "", "size": 11}
+    return Points(
+        plain(0.5 * (start + stop), 7), [0] * len(numbers), colour="#ffffff", labels=numbers, **look
     )
 
 
-def _bars(recording: Recording, name: str, items: list[tuple[int, int, str, str]]) -> Plot:
+def _bars(recording: Recording, name: str, items: list[tuple[int, int, str, str]], panel: int) -> Bars:
     start = _elapsed(recording, [item[0] for item in items])
     stop = _elapsed(recording, [item[1] for item in items])
     width = np.maximum(stop - start, _NARROWEST * recording.duration)
-    middle = 0.5 * (start + stop)
-    return {
-        "type": "bar",
-        "orientation": "h",
-        "name": name,
-        "showlegend": False,
-        "y": [0] * len(items),
-        "yaxis": "y3",
-        "base": packed(middle - 0.5 * width),
-        "x": packed(width),
-        "width": 1,
-        "hovertext": [
-            f"{hover(item[2])}<br>{a:.1f} to {b:.1f} s" for item, a, b in zip(items, start, stop, strict=True)
-        ],
-        "hoverinfo": "text",
-        "marker": {"color": [item[3] for item in items], "line": {"width": 0}},
-    }
+    return Bars(
+        width,
+        [0] * len(items),
+        name,
+        [item[3] for item in items],
+        panel=panel,
+        legend=False,
+        words=[f"{item[2]}\n{a:.1f} to {b:.1f} s" for item, a, b in zip(items, start, stop, strict=True)],
+        lying=True,
+        base=0.5 * (start + stop) - 0.5 * width,
+        width=1,
+    )
 
 
-def _shades(recording: Recording, timeline: Timeline, gone: set[int]) -> list[Plot]:
+def _shades(recording: Recording, timeline: Timeline, gone: set[int]) -> list[Spans]:
     stretches = [(h.start, h.stop, RED if k in gone else BLUE) for k, h in enumerate(timeline.holds)]
     stretches += [(r.start, r.stop, ORANGE) for r in timeline.rejections]
     if len(stretches) > _MOST_SHADED:
         return []
-    start = _elapsed(recording, [s[0] for s in stretches])
-    stop = _elapsed(recording, [s[1] for s in stretches])
-    return [
-        {
-            "type": "rect",
-            "xref": "x",
-            "yref": "paper",
-            "x0": round(float(a), 3),
-            "x1": round(float(b), 3),
-            "y0": 0,
-            "y1": 0.93,
-            "line": {"width": 0},
-            "fillcolor": colour or GREY,
-            "opacity": 0.13,
-            "layer": "below",
-        }
-        for a, b, (_, _, colour) in zip(start, stop, stretches, strict=True)
-    ]
+    ends = [start for start, _, _ in stretches], [stop for _, stop, _ in stretches]
+    start, stop = ([round(float(at), 3) for at in _elapsed(recording, end)] for end in ends)
+    return [Spans(start, stop, colour=[s[2] for s in stretches], opacity=0.13)]
 
 
 def _elapsed(recording: Recording, samples: list[int]) -> Series:
