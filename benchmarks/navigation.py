@@ -343,7 +343,7 @@ def show_outages(drive: Drive, setup: FilterSetup, name: str) -> None:
             block = 1 if repeated else round(2.0 * found.duration)  # sliding outages begin a second apart
             error = rms_of(found.horizontal**2, block, rng)
             words.append(
-                f"{found.duration:g} s {error.value:.3g} ± {error.sigma:.1g} m ({len(found.starts)})"
+                f"{found.duration:g} s {error.value:.3g} ± {error.standard_uncertainty:.1g} m ({len(found.starts)})"
             )
         print(f"outages, {'repeated' if repeated else 'sliding'}, {name}: {', '.join(words)}")
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 
-_LONGEST_WORD = 300
+_LONG = re.compile(r"\S{300,}")
 
 
 class TumbleError(Exception):
@@ -20,11 +20,7 @@ class TumbleError(Exception):
     exit_status: int = 2
 
     def __init__(self, message: object = "") -> None:
-        super().__init__(re.sub(rf"\S{{{_LONGEST_WORD},}}", _shortened, str(message)))
-
-
-def _shortened(word: re.Match[str]) -> str:
-    return f"{word[0][:120]}…{word[0][-60:]}"
+        super().__init__(_LONG.sub(lambda word: f"{word[0][:120]}…{word[0][-60:]}", str(message)))
 
 
 class NotBuiltError(TumbleError, ImportError):

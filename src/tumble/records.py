@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 import sys
 from functools import cache, partial
+from math import isfinite
 from operator import attrgetter
 from reprlib import recursive_repr
 
@@ -148,3 +149,15 @@ def _state(self: Any) -> tuple[Any, ...]:
 def _restore(self: Any, state: tuple[Any, ...]) -> None:
     for name, value in zip(_names(self.__class__), state, strict=True):
         object.__setattr__(self, name, value)
+
+
+def as_document(value: Any) -> Any:
+    """Return what JSON holds of records, lists and numbers; null for what is not finite."""
+    kind: type[Any] = value.__class__
+    if dataclasses.is_dataclass(kind):
+        return {name: as_document(getattr(value, name)) for name in _names(kind)}
+    if issubclass(kind, dict):
+        return {key: as_document(one) for key, one in value.items()}
+    if issubclass(kind, (list, tuple)):
+        return [as_document(one) for one in value]
+    return None if issubclass(kind, float) and not isfinite(value) else value

@@ -72,17 +72,14 @@ def show_drive(found: DriveVerification, output: Path | None, printed: PrintOpti
     typer.Exit
         Always: 0 if it serves, 1 if not.
     """
-    from tumble.workflows.verification.drive_document import drive_document, write_drive
-
-    document = drive_document(found)
     files: list[Path] = []
     if output is not None:
-        files = write_drive(document, output, shlex.join(["tumble", *sys.argv[1:]]))
+        files = found.write(output, shlex.join(["tumble", *sys.argv[1:]]))
         results_stand()
     if printed.as_json:
-        say_json(document, indent=1)
+        say_json(found.document, indent=1)
     else:
-        _print_drive(document, printed.quiet)
+        _print_drive(found.document, printed.quiet)
         say_written(files)
     raise typer.Exit(0 if found.fit else 1)
 

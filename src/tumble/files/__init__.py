@@ -8,9 +8,19 @@ Every file that tumble writes goes out through it: whole, beside its place and t
 a device or a pipe.
 """
 
-from tumble.files.documents import read_json, read_yaml
-from tumble.files.opening import opened, read_text, reading, size_of
-from tumble.files.text import HIDDEN, lines_of, number_of, shown, without_password
+from tumble.files.documents import (
+    HIDDEN,
+    lines_of,
+    number_of,
+    opened,
+    read_json,
+    read_text,
+    read_yaml,
+    reading,
+    shown,
+    size_of,
+    without_password,
+)
 from tumble.files.writing import (
     GrowingFile,
     check_target,
@@ -21,7 +31,6 @@ from tumble.files.writing import (
     put_text,
     results_folder,
     temporary_folder,
-    uninterrupted,
     write_text,
     write_texts,
     written_beside,
@@ -47,7 +56,6 @@ __all__ = [
     "shown",
     "size_of",
     "temporary_folder",
-    "uninterrupted",
     "without_password",
     "write_text",
     "write_texts",

@@ -1,15 +1,200 @@
-"""JSON and YAML of unknown origin: read whole or refused, with limits of size, depth, digits and repetition."""
+"""Reading what a user names: ordinary files only; text, JSON and YAML of unknown origin whole, or refused.
+
+Texts have a bounded size, documents also a depth, digits and repetition. Here is also what a line, a hidden character
+and a number are.
+"""
 
 from __future__ import annotations
 
+import errno
 import json
+import math
+import os
 import re
-from collections.abc import Iterable
+import stat
+from collections.abc import Generator, Iterable
+from contextlib import contextmanager
+from io import BufferedReader
 from pathlib import Path
 from typing import Any, cast
 
-from tumble.files.opening import read_text
-from tumble.files.text import shown
+from tumble.errors import TumbleError, UsageError
+
+HIDDEN = re.compile("[\x00-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
+"""Control characters, separators of lines, marks that turn the direction of writing, halves of characters."""
+# A user with a password, as a URL has them: also where its scheme was left out.
+_SECRET = re.compile(r"(?<=://)[^\s/'\"@]+@|[^\s/'\"@:]+:[^\s/'\"@]+@")
+
+
+def shown(text: str) -> str:
+    """Return a text on one line, each hidden character as its number.
+
+    Examples
+    --------
+    >>> shown("MPU-9250")
+    'MPU-9250'
+    >>> shown("a" + chr(10) + "b")
+    'a<U+000A>b'
+    """
+    return HIDDEN.sub(lambda match: f"<U+{ord(match[0]):04X}>", text)
+
+
+def without_password(text: str) -> str:
+    """Return a text whose URLs have no user and password.
+
+    Examples
+    --------
+    >>> without_password("tcp://me:secret@host:8786 does not answer")
+    'tcp://***@host:8786 does not answer'
+    """
+    return _SECRET.sub("***@", text)
+
+
+def lines_of(text: str) -> list[str]:
+    """Return the lines of a text, which end with LF, CR LF or CR.
+
+    `str.splitlines` also ends lines at form feeds, vertical tabs, U+0085 and U+2028, as no table and no editor does.
+    """
+    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    return lines[:-1] if lines and not lines[-1] else lines
+
+
+_LONGEST = 400  # characters: 64-bit numbers written out in full have 310 digits before the point
+
+
+def number_of(value: object) -> float:
+    """Return a value of a document, or a word of a text, as a finite number.
+
+    Parameters
+    ----------
+    value : int, float or text such as ``-1.5e-3``; no truth value, no digits apart by ``_``, no other alphabet's.
+
+    Raises
+    ------
+    ValueError
+        If it is none, or not finite.
+
+    Examples
+    --------
+    >>> number_of(" 2.5e1 ")
+    25.0
+    """
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        raise ValueError(f"{value!r:.40} is no number")
+    if isinstance(value, str) and (len(value) > _LONGEST or "_" in value or not value.isascii()):
+        raise ValueError(f"{value[:40]!r} is no number")
+    try:
+        number = float(value)
+    except (ValueError, OverflowError):
+        words = f"{value[:40]!r} is no number" if isinstance(value, str) else "it is too large"
+        raise ValueError(words) from None
+    if not math.isfinite(number):
+        raise ValueError(f"{str(value)[:40]} is not finite")
+    return number
+
+
+LARGEST_TEXT = 64 << 20
+"""Bytes of a text that is read whole and is no recording, such as a list of intervals or a GNSS track."""
+
+_KINDS = (
+    (stat.S_ISFIFO, "a pipe"),
+    (stat.S_ISSOCK, "a socket"),
+    (stat.S_ISCHR, "a device or a terminal"),
+    (stat.S_ISBLK, "a disk"),
+    (stat.S_ISDIR, "a folder"),
+)
+
+
+def kind_of(found: os.stat_result) -> str:
+    """Return what something is that is no ordinary file, nothing for one."""
+    return next((words for is_kind, words in _KINDS if is_kind(found.st_mode)), "")
+
+
+def size_of(path: Path) -> int:
+    """Return the size in bytes of an ordinary file.
+
+    Raises
+    ------
+    OSError
+        If it is not there, or is a pipe, a socket, a device or a folder; `strerror` says which and what to do.
+    """
+    found = path.stat()
+    if kind := kind_of(found):
+        raise OSError(errno.EINVAL, f"it is {kind}: give an ordinary file", os.fspath(path))
+    return found.st_size
+
+
+def opened(path: Path) -> BufferedReader:
+    """Open an ordinary file for its bytes.
+
+    Raises
+    ------
+    OSError
+        If it cannot be opened, or is no ordinary file.
+    """
+    size_of(path)
+    return path.open("rb")
+
+
+@contextmanager
+def reading(path: Path, what: str, error: type[TumbleError] = UsageError, hint: str = "") -> Generator[None]:
+    """Open and read a file that a user named: whatever is wrong with it is one sentence.
+
+    Parameters
+    ----------
+    path : of the file.
+    what : it should be, with its article.
+    error : that the sentence is raised as.
+    hint : where such a file comes from, if it is not there.
+
+    Raises
+    ------
+    TumbleError
+        Where an OSError, or a ValueError whose words end a sentence, comes from within.
+    """
+    try:
+        yield
+    except FileNotFoundError:
+        there = f"There is no {what.removeprefix('a ').removeprefix('an ')} {path}"
+        raise error(f"{there}: {hint}." if hint else f"{there}.") from None
+    except UnicodeDecodeError as problem:
+        raise error(
+            f"{path} cannot be read as {what}: it is no text in UTF-8 (byte {problem.start + 1})."
+        ) from None
+    except OSError as problem:
+        raise error(f"{path} cannot be read as {what}: {problem.strerror or problem}.") from problem
+    except ValueError as problem:
+        raise error(f"{path} cannot be read as {what}: {problem}.") from problem
+
+
+def read_text(path: Path, largest: int = LARGEST_TEXT, *, errors: str = "strict") -> str:
+    """Return the text of a file in UTF-8, with or without its mark.
+
+    Parameters
+    ----------
+    path : of the file.
+    largest : bytes that such a file may have.
+    errors : what to do with bytes that are no UTF-8: ``strict`` or ``replace``.
+
+    Raises
+    ------
+    OSError
+        If it cannot be opened, is no ordinary file, or is longer.
+    UnicodeDecodeError
+        If it is no UTF-8, and `errors` is ``strict``.
+    """
+    with opened(path) as file:
+        content = file.read(largest + 1)
+    if len(content) > largest:
+        raise OSError(
+            errno.EFBIG, f"it is longer than {_in_words(largest)}, which no such file is", os.fspath(path)
+        )
+    return content.decode("utf-8-sig", errors)
+
+
+def _in_words(octets: int) -> str:
+    return f"{octets >> 20} MB" if octets >= 1 << 20 else f"{octets >> 10} kB"
+
 
 LARGEST_JSON = 64 << 20
 LARGEST_YAML = 1 << 20
@@ -39,10 +224,10 @@ def read_json(path: Path, largest: int = LARGEST_JSON) -> Any:
     ------
     OSError
         If it cannot be opened, is no ordinary file, or is longer.
-    DocumentError
-        If it is no JSON, nested too deeply, has a key twice, or holds a number or a text that cannot be.
+    ValueError
+        If it is no UTF-8, no JSON, nested too deeply, has a key twice, or holds a number or a text that cannot be.
     """
-    text = _text(path, largest)
+    text = read_text(path, largest)
     try:
         document: Any = json.loads(text, parse_int=_whole, object_pairs_hook=_once)
     except json.JSONDecodeError as error:
@@ -53,13 +238,6 @@ def read_json(path: Path, largest: int = LARGEST_JSON) -> Any:
         raise DocumentError("it holds a text with half a character (\\ud800 to \\udfff)")
     _refuse_deep([document], DEEPEST + 1)
     return document
-
-
-def _text(path: Path, largest: int) -> str:
-    try:
-        return read_text(path, largest)
-    except UnicodeDecodeError as error:
-        raise DocumentError(f"it is no text in UTF-8 (byte {error.start + 1})") from None
 
 
 def _whole(digits: str) -> int:
@@ -105,12 +283,12 @@ def read_yaml(path: Path) -> Any:
     ------
     OSError
         If it cannot be opened, is no ordinary file, or is longer.
-    DocumentError
-        If it is no YAML, nested too deeply, has a key twice, or grows beyond measure by its aliases.
+    ValueError
+        If it is no UTF-8, no YAML, nested too deeply, has a key twice, or grows beyond measure by its aliases.
     """
     import yaml
 
-    text = _text(path, LARGEST_YAML)
+    text = read_text(path, LARGEST_YAML)
     if text.startswith("%YAML"):
         text = text.partition("\n")[2]
     loader = yaml_loader()

@@ -16,7 +16,7 @@ from contextvars import ContextVar
 from pathlib import Path
 
 from tumble.errors import OutputError, UsageError
-from tumble.files.opening import kind_of
+from tumble.files.documents import kind_of
 
 # A line is never longer than this; the end of a file that was cut off is looked for so far back.
 _LONGEST_LINE = 1 << 20
@@ -32,6 +32,10 @@ class GrowingFile:
     ----------
     path : made, in a folder that is there; with `resume` it may be there, and half a last line is cut off.
     resume : go on with what is there.
+
+    Attributes
+    ----------
+    size : bytes that are in the file, without those that wait.
 
     Raises
     ------
@@ -55,12 +59,7 @@ class GrowingFile:
             raise OutputError(f"{path} could not be written: {error.strerror or error}.") from error
         self._pending: list[bytes] = []
         self._lock()
-        self._size = self._whole_lines()
-
-    @property
-    def size(self) -> int:
-        """Bytes that are in the file, without those that wait."""
-        return self._size
+        self.size = self._whole_lines()
 
     def append(self, lines: bytes) -> None:
         """Keep whole lines until the next `flush`.
@@ -89,13 +88,13 @@ class GrowingFile:
             rest = memoryview(content)
             while rest:
                 rest = rest[os.write(self._handle, rest) :]
-            self._size += len(content)
+            self.size += len(content)
             if durable:
                 os.fsync(self._handle)
         except OSError as error:
             with suppress(OSError):
-                os.ftruncate(self._handle, self._size)
-                self._size = self._whole_lines()
+                os.ftruncate(self._handle, self.size)
+                self.size = self._whole_lines()
             raise OutputError(
                 f"{self.path} could not be written on: {error.strerror or error}; all before that is kept."
             ) from error

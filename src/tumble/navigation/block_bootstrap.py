@@ -14,11 +14,15 @@ class Statistic:
 
     Attributes
     ----------
-    value, sigma : in one unit.
+    value, standard_uncertainty : in one unit.
     """
 
     value: float
-    sigma: float
+    standard_uncertainty: float
+
+    def times(self, factor: float) -> Statistic:
+        """Return the number in a unit so many times smaller."""
+        return Statistic(factor * self.value, factor * self.standard_uncertainty)
 
 
 _RESAMPLES = 1000

@@ -63,7 +63,7 @@ def render_drive(document: dict[str, Any], command: str) -> str:
 
     Parameters
     ----------
-    document : as `tumble.workflows.verification.drive_document.drive_document` makes it.
+    document : of `tumble.workflows.verification.drive_verification.DriveVerification`.
     command : how to make it again.
     """
     return render_page(_drive_page(document, command))

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tumble.workflows.verification.drive import verify_drive
-from tumble.workflows.verification.drive_verification import DriveVerification
+from tumble.workflows.verification.drive_verification import DriftAfter, DriveVerification
 
 HERE = Path(__file__).parent
 
@@ -22,13 +22,8 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def judged(recording: Path, track: Path) -> DriveVerification:
-    return verify_drive(
-        HERE / "calibration.json",
-        recording,
-        track,
-        units="g,deg/s,ms",
-        turn_on=(0.0, 0.0),
-    )
+    document = HERE / "calibration.json"
+    return verify_drive(document, recording, track, units="g,deg/s,ms", turn_on=(0.0, 0.0))
 
 
 @pytest.fixture(scope="module")
@@ -36,31 +31,33 @@ def found(files: Path) -> DriveVerification:
     return judged(files / "imu.csv", files / "track.pos")
 
 
+def after_two(found: DriveVerification) -> DriftAfter:
+    return next(after for after in found.variant("all").drift if after.seconds == 2.0)
+
+
 def test_the_clocks_are_those_of_the_whole_drive(found: DriveVerification) -> None:
     # the whole drive gives -1436038199.812 s; two setups differ there by 42 ms already, and a fifth of it by twice that
-    assert found.offset == pytest.approx(-1436038199.812, abs=0.1)
+    assert found.time_offset.value == pytest.approx(-1436038199.812, abs=0.1)
 
 
 def test_a_calibration_of_the_minutes_before_halves_the_first_seconds_of_drift(
     found: DriveVerification,
 ) -> None:
-    two = found.seconds.tolist().index(2.0)
-    ratio = found.drift_ratio("all", two)
-    assert ratio.value + 2.0 * ratio.sigma < 1.0
+    ratio = after_two(found).ratio_to_uncalibrated
+    assert ratio.value + 2.0 * ratio.standard_uncertainty < 1.0
 
 
 def test_an_outage_of_two_seconds_costs_decimetres(found: DriveVerification) -> None:
     """The filter's own estimates are as good as the calibration by then: 0.14 m on the whole drive."""
-    rms, _ = found.outage_statistics("all", 2.0, "sliding")
-    assert 0.02 < rms.value < 0.4
-    assert found.accuracy("all")[2].startswith("low")
+    whole = found.variant("all")
+    assert 0.02 < whole.outages_sliding[0].horizontal_rms.value < 0.4
+    assert whole.accuracy_class.startswith("low")
 
 
 def test_innovations_smaller_than_expected_are_explained_by_the_drive(found: DriveVerification) -> None:
     """Positions scatter less than RTKLIB states, which an independent look at the rests confirms."""
-    assert found.part("all").innovations < 0.7
-    assert "mm are stated" in found.why_innovations
-    assert any(found.why_innovations in reason for reason in found.reasons)
+    assert found.variant("all").innovations < 0.7
+    assert any("mm are stated" in reason for reason in found.reasons)
 
 
 def test_missing_samples_do_not_change_what_is_said_of_the_calibration(
@@ -73,8 +70,8 @@ def test_missing_samples_do_not_change_what_is_said_of_the_calibration(
     (tmp_path / "imu.csv").write_text("\n".join([lines[0], *kept]) + "\n")
     cut = judged(tmp_path / "imu.csv", files / "track.pos")
     assert cut.fit == found.fit
-    assert cut.part("all").refused <= found.part("all").refused + 1
+    assert cut.variant("all").positions_refused <= found.variant("all").positions_refused + 1
     assert any("starts anew" in remark for remark in cut.remarks)
-    two = found.seconds.tolist().index(2.0)
-    now, before = (one.drift_rms("all", two) for one in (cut, found))
-    assert abs(now.value - before.value) < 3.0 * (now.sigma**2 + before.sigma**2) ** 0.5
+    now, before = (after_two(one).horizontal_rms for one in (cut, found))
+    both = now.standard_uncertainty**2 + before.standard_uncertainty**2
+    assert abs(now.value - before.value) < 3.0 * both**0.5

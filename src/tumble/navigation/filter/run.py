@@ -5,8 +5,6 @@ Smoothing: every state by all fixes, those before it and those after.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from tumble.arrays import AnyArray, Series, Table, Vectors
@@ -239,11 +237,8 @@ def _fixes(track: GnssTrack, *, positions: bool, velocities: bool) -> tuple[AnyA
 
 def unpacked(time: Series, navs: Table) -> Trajectory:
     """Return the trajectory of packed local-level states, (instants, 10)."""
-    position, velocity_n, quaternion = (np.ascontiguousarray(navs[:, cut]) for cut in _CUTS)
+    position, velocity_n, quaternion = map(np.ascontiguousarray, np.split(navs, [3, 6], axis=1))
     return Trajectory(time, position[:, 0], position[:, 1], position[:, 2], velocity_n, quaternion)
-
-
-_CUTS = (slice(0, 3), slice(3, 6), slice(6, 10))
 
 
 def _from_start(samples: InertialSamples, start: NavigationState) -> InertialSamples:
@@ -299,16 +294,10 @@ def _events(fixes: Series, instants: Series | None, start: float, stop: float) -
 
 
 def _gate(probability: float) -> float:
-    """The limit that a chi-square of three exceeds with a probability, by halving; infinite for zero."""
-    if probability <= 0.0:
-        return float("inf")
-    low, high = 0.0, 2000.0
-    for _ in range(80):
-        middle = 0.5 * (low + high)
-        half = 0.5 * middle
-        beyond = math.erfc(math.sqrt(half)) + 2.0 * math.sqrt(half / math.pi) * math.exp(-half)
-        low, high = (middle, high) if beyond > probability else (low, middle)
-    return high
+    """The limit that a chi-square of three exceeds with a probability; infinite for zero."""
+    from scipy.special import chdtri
+
+    return float(chdtri(3.0, probability)) if probability > 0.0 else float("inf")
 
 
 def _unseen(samples: InertialSamples) -> Series:

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from tumble.arrays import Series
 from tumble.calibration.verdict import two_digits
 from tumble.counting import counted
 from tumble.document import Calibration, read_calibration
@@ -26,7 +25,7 @@ from tumble.navigation import (
 )
 from tumble.navigation.drive import sharpen_clock, wide_setup
 from tumble.navigation.filter.stretches import LONGEST_BRIDGED
-from tumble.navigation.free_drift import FreeDrift, free_drift
+from tumble.navigation.free_drift import free_drift
 from tumble.navigation.gnss.outliers import fit_velocities
 from tumble.navigation.time_alignment import spans_in_words
 from tumble.recording import Recording, read_recordings
@@ -46,10 +45,14 @@ from tumble.workflows.verification.calibration_parts import (
 )
 from tumble.workflows.verification.drive_filter import about_innovations, drive_filter
 from tumble.workflows.verification.drive_verification import (
+    Departure,
     DriveVerification,
-    PartResult,
+    FreeToFind,
+    Navigated,
+    TimeOffset,
     judge_drive,
     no_proof,
+    variant_of,
 )
 
 _FEWEST_FIXES = 30
@@ -126,12 +129,25 @@ def verify_drive(
     task = _Task(document, parts, drive, setup, grade, moved)
     if known:
         task.drive = sharpen_clock(drive, _free_biases(task.knowing(parts[-1]), grade))
-    found = _navigated(task, say)
-    found.track, found.setting, found.left_out = track.name, setting, left_out
-    found.recording = ", ".join(source.name for source in recording.sources)
-    found.remarks = remarks + found.remarks
+    navigated, states, free = _navigated(task, say)
+    gaps = parts[-1].samples.missing()
+    clock = task.drive.clock
+    found = DriveVerification(
+        recording=", ".join(source.name for source in recording.sources),
+        gnss=track.name,
+        fit=True,
+        reasons=[],
+        remarks=[*remarks, *([_gap_words(gaps)] if gaps else [])],
+        setting=setting,
+        time_offset=TimeOffset(clock.offset, clock.sigma, "s", str(clock)),
+        alignment=str(task.drive.alignment),
+        duration=float(task.drive.track.time[-1] - task.drive.start.time),
+        positions_left_out=left_out,
+        variants=[variant_of(one, navigated[0]) for one in navigated],
+        sensor_states=states,
+    )
     hashes = {name.sha256 for name in document.recordings}
-    judge_drive(found, any(source.sha256 in hashes for source in recording.sources))
+    judge_drive(found, free, any(source.sha256 in hashes for source in recording.sources))
     return found
 
 
@@ -152,7 +168,9 @@ class _Task:
         return self.setup.with_sensor_covariance(given)
 
 
-def _navigated(task: _Task, say: Callable[[str], None]) -> DriveVerification:
+def _navigated(
+    task: _Task, say: Callable[[str], None]
+) -> tuple[list[Navigated], dict[str, Departure], FreeToFind]:
     """What navigation is with each part, and what a filter that may find the biases says of them."""
     parts, drive = task.parts, task.drive
     whole, own = parts[-1], task.knowing(parts[-1])
@@ -162,37 +180,28 @@ def _navigated(task: _Task, say: Callable[[str], None]) -> DriveVerification:
     say("smoothing")
     reference = smooth(drive.run(own, keep_covariances=True)).trajectory
     seconds = _seconds(lengths, float(reference.time[-1] - reference.time[0]))
-    results: list[PartResult] = []
+    whole_drive = float(drive.track.time[-1]) - drive.start.time
+    found: list[Navigated] = []
     why = ""
     for part in counted(parts, len(parts)):
         say(part.part)
         told = task.knowing(part)
         mine = drive if part.part == WHOLE else drive.with_samples(part.samples)
         run = mine.run(told, interval=1.0)
-        every = max(3.0, (float(drive.track.time[-1]) - drive.start.time) / 150.0)
-        drift = free_drift(part.samples, reference, seconds.tolist(), every=every, gaps=gaps)
-        results.append(_result(part.part, mine, told, run, drift, lengths))
+        drift = free_drift(part.samples, reference, seconds, every=max(3.0, whole_drive / 150.0), gaps=gaps)
+        every = max(2.0, round((float(mine.track.time[-1]) - mine.start.time) / 150.0))
+        sliding, repeated = (
+            outages(mine, told, lengths, every=every, settle=_settle(mine), repeated=again, before=run)
+            for again in (False, True)
+        )
+        found.append(Navigated(part.part, drift, sliding, repeated, run))
         why = about_innovations(mine, run)
     say("with free biases")
     free = drive.run(_free_biases(own, task.grade), interval=1.0)
-    lost = no_proof(free) and next(result for result in results if result.part == AT_REST).no_proof
+    lost = no_proof(free) and next(no_proof(one.run) for one in found if one.part == AT_REST)
     strict = _departures(free, task.knowing(whole, (0.0, 0.0)))
-    return DriveVerification(
-        offset=drive.clock.offset,
-        offset_sigma=drive.clock.sigma,
-        clock=str(drive.clock),
-        alignment=str(drive.alignment),
-        parts=results,
-        contradictions=_departures(free, own),
-        moved={name: far for name, far in strict.items() if "bias" in name},
-        no_proof=lost,
-        why_innovations=why,
-        refused_free=len(free.refused),
-        turn_on=task.moved,
-        seconds=seconds,
-        duration=float(drive.track.time[-1] - drive.start.time),
-        remarks=[_gap_words(gaps)] if gaps else [],
-    )
+    moved = {name: far for name, far in strict.items() if "bias" in name}
+    return found, _departures(free, own), FreeToFind(task.moved, moved, len(free.refused), lost, why)
 
 
 def _one(recordings: Sequence[Recording]) -> Recording:
@@ -264,40 +273,11 @@ def _settle(drive: Drive) -> float:
     return min(120.0, 0.3 * (float(drive.track.time[-1]) - drive.start.time))
 
 
-def _seconds(lengths: Sequence[float], drive: float) -> Series:
+def _seconds(lengths: Sequence[float], drive: float) -> list[float]:
     """Lengths of the free drift: to a minute where the drive has some, whatever the outages."""
     longest = max(*lengths, 61.0 if drive > 90.0 else 0.0)
     usual = [1.0, 2.0, 3.0, 5.0, 7.0, 10.0, 15.0, 20.0, 30.0, 40.0, 50.0, 60.0]
-    return np.array(sorted({*(t for t in usual if t < longest), *lengths}), dtype=float)
-
-
-def _result(
-    name: str,
-    drive: Drive,
-    setup: FilterSetup,
-    run: FilterRun,
-    drift: FreeDrift,
-    lengths: Sequence[float],
-) -> PartResult:
-    settle = _settle(drive)
-    every = max(2.0, round((float(drive.track.time[-1]) - drive.start.time) / 150.0))
-    found = [
-        outages(drive, setup, lengths, every=every, settle=settle, repeated=again, before=run)
-        for again in (False, True)
-    ]
-    distances: Series = run.distances[:, 0]
-    seen = np.isfinite(distances)
-    taken = seen & run.taken[:, 0]
-    return PartResult(
-        name,
-        drift,
-        found[0],
-        found[1],
-        float(np.mean(distances[taken])) / 3.0,
-        len(run.refused),
-        int(seen.sum()),
-        no_proof(run),
-    )
+    return sorted({*(t for t in usual if t < longest), *lengths})
 
 
 def _free_biases(setup: FilterSetup, grade: Grade) -> FilterSetup:
@@ -311,9 +291,9 @@ def _free_biases(setup: FilterSetup, grade: Grade) -> FilterSetup:
     return setup.with_sensor_covariance(covariance)
 
 
-def _departures(run: FilterRun, allowed: FilterSetup) -> dict[str, tuple[float, float]]:
+def _departures(run: FilterRun, allowed: FilterSetup) -> dict[str, Departure]:
     """Sensor states that the drive determines, and how far they are from the calibration's in what both allow."""
-    found: dict[str, tuple[float, float]] = {}
+    found: dict[str, Departure] = {}
     span = float(run.time[-1] - run.time[0])
     for at, state in enumerate(allowed.states):
         after = float(run.sigmas[-1, 9 + at]) ** 2
@@ -324,7 +304,7 @@ def _departures(run: FilterRun, allowed: FilterSetup) -> dict[str, tuple[float, 
         estimate = float(run.sensors[-1, at])
         # a bias is determined by the drive alone, a matrix by both: what its prior leaves is before less after
         spread = known + after if state.column < 0 else before - after
-        found[state.name] = (estimate, estimate / float(np.sqrt(spread)))
+        found[state.name] = Departure(estimate, estimate / float(np.sqrt(spread)))
     return found
 
 

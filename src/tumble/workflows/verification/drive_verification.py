@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import field
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from tumble.arrays import Series
 from tumble.calibration.verdict import two_digits
+from tumble.files import write_texts
 from tumble.navigation import FilterRun, OutageErrors
 from tumble.navigation.block_bootstrap import Statistic, ratio_of, rms_of
 from tumble.navigation.free_drift import FreeDrift
-from tumble.records import dataclass
+from tumble.records import as_document, dataclass
 from tumble.workflows.verification.calibration_parts import AT_REST, UNCALIBRATED, WHOLE
 
+FORMAT = "tumble verify drive"
+VERSION = 1
 # Normalised errors beyond this contradict the calibration: one in 15,000 by chance.
 LARGEST_NORMALISED = 4.0
 # Beyond this the IMU and the positions do not describe one drive, whoever is to blame.
@@ -24,144 +30,213 @@ _FEWEST = 4
 # A drive of less, s, speaks against a calibration by its drift only where that is beyond doubt.
 _SHORT = 120.0
 _TRIADS = ("accelerometer", "gyroscope")
-_UNKNOWN = Statistic(float("nan"), float("nan"))
 _GRAVITY, _EARTH_RADIUS = 9.81, 6.371e6
 
 
 @dataclass(frozen=True, slots=True)
-class PartResult:
-    """What navigation was with a part of the calibration.
+class DriftAfter:
+    """Free inertial drift after one length: rms over so many known starts, m, and over that without calibration."""
+
+    seconds: float
+    starts: int
+    horizontal_rms: Statistic
+    ratio_to_uncalibrated: Statistic
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorAfter:
+    """The error at the ends of outages of one length: rms, m, and over that without calibration."""
+
+    seconds: float
+    outages: int
+    horizontal_rms: Statistic
+    ratio_to_uncalibrated: Statistic
+
+
+@dataclass(frozen=True, slots=True)
+class Variant:
+    """What navigation is with a part of the calibration.
 
     Attributes
     ----------
-    part : its name.
+    name : of the part.
     drift : free inertial drift from known starts.
-    sliding, gaps : outages of each length, one by one and again and again.
+    outages_sliding, outages_repeated : outages of each length, one by one and again and again.
+    drift_over_an_hour_at_least, drift_over_an_hour_at_most : km, that the free runs let expect: least if the
+        accelerometers cause all of it (with Schuler's period), most if the gyros do.
+    accuracy_class : of the least.
     innovations : mean squared normalised innovation of the positions taken, over its degrees of freedom; 1 when the
         filter is consistent.
-    refused, fixes : positions that the filter took for outliers, and all.
-    no_proof : whether it finds no motion that samples and positions both describe.
+    positions_refused, positions : that the filter took for outliers, and all.
     """
 
-    part: str
-    drift: FreeDrift
-    sliding: list[OutageErrors]
-    gaps: list[OutageErrors]
+    name: str
+    drift: list[DriftAfter]
+    outages_sliding: list[ErrorAfter]
+    outages_repeated: list[ErrorAfter]
+    drift_over_an_hour_at_least: Statistic
+    drift_over_an_hour_at_most: Statistic
+    accuracy_class: str
     innovations: float
+    positions_refused: int
+    positions: int
+
+
+@dataclass(frozen=True, slots=True)
+class TimeOffset:
+    """s to add to the track's times, with its standard uncertainty, and what was done in words."""
+
+    value: float
+    standard_uncertainty: float
+    unit: str
+    words: str
+
+
+@dataclass(frozen=True, slots=True)
+class Departure:
+    """What the drive finds of a sensor state (SI), and of how many of its standard uncertainties that is."""
+
+    estimate: float
+    normalised: float
+
+
+@dataclass(frozen=True, slots=True)
+class FreeToFind:
+    """What a filter of the calibrated samples says that may find the biases itself.
+
+    Attributes
+    ----------
+    turn_on : m/s² and rad/s, by how much biases may have moved since the calibration.
+    moved : bias -> what it departs by, if biases could not have moved since.
+    refused : positions that it refuses.
+    no_proof : whether even it finds no motion that both describe, nor one of the uncalibrated samples.
+    why_innovations : why they are not of the size that the filter expects, with all of the calibration.
+    """
+
+    turn_on: tuple[float, float]
+    moved: dict[str, Departure]
     refused: int
-    fixes: int
-    no_proof: bool = False
+    no_proof: bool
+    why_innovations: str
+
+
+UNITS = {"drift": "m", "outage": "m", "drift_over_an_hour": "km", "sensor_states": "SI"}
 
 
 @dataclass(slots=True)
 class DriveVerification:
-    """A calibration's worth on a drive.
+    """A calibration's worth on a drive, as ``verify.json`` has it.
 
     Attributes
     ----------
-    recording, track : names of the files.
-    offset, offset_sigma : s to add to the track's times, and its standard uncertainty (0 where given).
-    clock, alignment, setting : in words.
-    parts : by part of the calibration, uncalibrated first, all of it last.
-    contradictions : state of a sensor -> estimate (SI) and how many of its standard uncertainties that is.
-    moved : bias -> estimate (SI) and how many standard uncertainties of the calibration and the drive that is, if
-        biases could not have moved since.
-    turn_on : m/s² and rad/s, by how much they may have moved.
-    refused_free : positions refused by a filter of the calibrated samples that is free to find the biases.
-    no_proof : whether even that filter finds no motion that both describe, nor one of the uncalibrated samples.
-    left_out : positions that do not fit the receiver's own velocities.
-    why_innovations : why they are not of the size that the filter expects, with all of the calibration.
-    seconds : s, lengths of the free drift.
+    recording, gnss : names of the files.
     fit, reasons, remarks : the verdict, and sentences.
+    setting, alignment : how it was compared, in words.
+    duration : s.
+    positions_left_out : that do not fit the receiver's own velocities.
+    variants : by part of the calibration, uncalibrated first, all of it last.
+    sensor_states : those that the drive determines, by their names.
     """
 
-    offset: float
-    offset_sigma: float
-    clock: str
+    recording: str
+    gnss: str
+    fit: bool
+    reasons: list[str]
+    remarks: list[str]
+    setting: list[str]
+    time_offset: TimeOffset
     alignment: str
-    parts: list[PartResult]
-    contradictions: dict[str, tuple[float, float]]
-    seconds: Series
     duration: float
-    recording: str = ""
-    track: str = ""
-    setting: list[str] = field(default_factory=list[str])
-    moved: dict[str, tuple[float, float]] = field(default_factory=dict[str, tuple[float, float]])
-    turn_on: tuple[float, float] = (0.0, 0.0)
-    refused_free: int = 0
-    no_proof: bool = False
-    left_out: int = 0
-    why_innovations: str = ""
-    fit: bool = True
-    reasons: list[str] = field(default_factory=list[str])
-    remarks: list[str] = field(default_factory=list[str])
+    positions_left_out: int
+    variants: list[Variant]
+    sensor_states: dict[str, Departure]
 
-    def part(self, name: str) -> PartResult:
-        """Return the result of a part by its name."""
-        return next(result for result in self.parts if result.part == name)
+    def variant(self, name: str) -> Variant:
+        """Return what is said of a part by its name."""
+        return next(one for one in self.variants if one.name == name)
 
-    def drift_rms(self, name: str, length: int) -> Statistic:
-        """Return the rms horizontal drift of a part, m, after one of the lengths."""
-        drift = self.part(name).drift
-        squares = drift.horizontal_squares(length)
-        return rms_of(squares[np.isfinite(squares)], drift.block(length), _dice(length))
+    @property
+    def document(self) -> dict[str, Any]:
+        """All of it as plain data: SI, with standard uncertainties; what is unknown is null."""
+        return {"format": FORMAT, "version": VERSION, **as_document(self), "units": UNITS}
 
-    def drift_ratio(self, name: str, length: int) -> Statistic:
-        """Return the drift of a part over that without calibration, from the same starts."""
-        ours, theirs = (self.part(one).drift for one in (name, UNCALIBRATED))
-        squares, others = ours.horizontal_squares(length), theirs.horizontal_squares(length)
-        good = np.isfinite(squares) & np.isfinite(others)
-        return ratio_of(squares[good], others[good], ours.block(length), _dice(length))
-
-    def outage_statistics(self, name: str, duration: float, kind: str) -> tuple[Statistic, Statistic]:
-        """Return the rms horizontal error of a part at the ends of outages, m, and its ratio to that uncalibrated.
+    def write(self, folder: Path, command: str) -> list[Path]:
+        """Write ``verify.json`` and ``verify.html`` into a folder, and return them.
 
         Parameters
         ----------
-        name : of the part.
-        duration : s.
-        kind : "sliding" or "gaps".
+        folder : where.
+        command : how to make it again.
+
+        Raises
+        ------
+        OutputError
+            If they cannot be written; earlier ones are intact.
         """
-        ours, theirs = (
-            next(one for one in getattr(self.part(part), kind) if one.duration == duration)
-            for part in (name, UNCALIBRATED)
-        )
-        if not len(ours.starts):
-            return _UNKNOWN, _UNKNOWN
-        apart = float(np.median(np.diff(ours.starts))) if len(ours.starts) > 1 else duration
-        block = max(1, round(2.0 * duration / apart))
-        squares = ours.horizontal**2
-        theirs_at = {round(start, 3): row for row, start in enumerate(theirs.starts.tolist())}
-        pairs = [
-            (row, theirs_at[round(start, 3)])
-            for row, start in enumerate(ours.starts.tolist())
-            if round(start, 3) in theirs_at
-        ]
-        at, other = [row for row, _ in pairs], [row for _, row in pairs]
-        ratio = ratio_of(squares[at], theirs.horizontal[other] ** 2, block, _dice(1)) if pairs else _UNKNOWN
-        return rms_of(squares, block, _dice(2)), ratio
+        from tumble.report.drive import render_drive
 
-    def accuracy(self, name: str) -> tuple[Statistic, Statistic, str]:
-        """Return least and most drift over an hour, km/h, that the free runs let expect, and the class of the least.
+        document = self.document
+        text = json.dumps(document, indent=1, ensure_ascii=False) + "\n"
+        page = render_drive(document, command)
+        return write_texts({folder / "verify.json": text, folder / "verify.html": page})
 
-        Least if the accelerometers cause all of it (with Schuler's period), most if the gyros do.
-        """
-        rms, seconds = self.drift_rms(name, self.longest), float(self.seconds[self.longest])
-        least, most = _hourly_drift(seconds)
-        return (
-            Statistic(rms.value * least, rms.sigma * least),
-            Statistic(rms.value * most, rms.sigma * most),
-            _class_between(rms.value * least, rms.value * most),
-        )
 
-    @property
-    def longest(self) -> int:
-        """Index of the longest length that enough starts reach."""
-        drift = self.parts[0].drift
-        reached = [
-            i for i in range(len(self.seconds)) if np.isfinite(drift.horizontal_squares(i)).sum() >= _FEWEST
-        ]
-        return reached[-1] if reached else 0
+@dataclass(frozen=True, slots=True)
+class Navigated:
+    """Navigation with a part of the calibration, error by error: `repeated` are outages again and again."""
+
+    part: str
+    drift: FreeDrift
+    sliding: list[OutageErrors]
+    repeated: list[OutageErrors]
+    run: FilterRun
+
+
+def variant_of(own: Navigated, plain: Navigated) -> Variant:
+    """Return the numbers of a part, beside those of the uncalibrated samples."""
+    drift = [_drift(own.drift, plain.drift, i) for i in range(len(own.drift.seconds))]
+    after = _longest(drift)
+    rms, (least, most) = after.horizontal_rms, _hourly_drift(after.seconds)
+    distances: Series = own.run.distances[:, 0]
+    seen = np.isfinite(distances)
+    return Variant(
+        own.part,
+        drift,
+        [_outage(*both) for both in zip(own.sliding, plain.sliding, strict=True)],
+        [_outage(*both) for both in zip(own.repeated, plain.repeated, strict=True)],
+        rms.times(least),
+        rms.times(most),
+        _class_between(rms.value * least, rms.value * most),
+        float(np.mean(distances[seen & own.run.taken[:, 0]])) / 3.0,
+        len(own.run.refused),
+        int(seen.sum()),
+    )
+
+
+def _drift(own: FreeDrift, plain: FreeDrift, length: int) -> DriftAfter:
+    squares, others = (drift.horizontal_squares(length) for drift in (own, plain))
+    known = np.isfinite(squares)
+    both, block = known & np.isfinite(others), own.block(length)
+    return DriftAfter(
+        float(own.seconds[length]),
+        int(known.sum()),
+        rms_of(squares[known], block, _dice(length)),
+        ratio_of(squares[both], others[both], block, _dice(length)),
+    )
+
+
+def _outage(own: OutageErrors, plain: OutageErrors) -> ErrorAfter:
+    apart = float(np.median(np.diff(own.starts))) if len(own.starts) > 1 else own.duration
+    block = max(1, round(2.0 * own.duration / apart))
+    _, at, other = np.intersect1d(np.round(own.starts, 3), np.round(plain.starts, 3), return_indices=True)
+    squares, others = own.horizontal**2, plain.horizontal**2
+    ratio = ratio_of(squares[at], others[other], block, _dice(1))
+    return ErrorAfter(own.duration, len(own.starts), rms_of(squares, block, _dice(2)), ratio)
+
+
+def _longest(drift: Sequence[DriftAfter]) -> DriftAfter:
+    """The longest length that enough starts reach."""
+    return next((after for after in reversed(drift) if after.starts >= _FEWEST), drift[0])
 
 
 def _dice(seed: int) -> np.random.Generator:
@@ -197,58 +272,63 @@ def accuracy_class(kilometres_per_hour: float) -> str:
     return "medium (navigation grade)" if kilometres_per_hour > 1.0 else "high"
 
 
-def judge_drive(found: DriveVerification, own_recording: bool) -> None:
+def judge_drive(found: DriveVerification, free: FreeToFind, own_recording: bool) -> None:
     """Fill `fit` and `reasons`.
 
     Parameters
     ----------
     found : without them.
+    free : what a filter finds that may find the biases.
     own_recording : whether the calibration was made from this drive.
     """
     against: list[str] = []
-    last = found.longest
-    ratio = found.drift_ratio(WHOLE, last)
-    seconds = found.seconds[last]
+    whole = found.variant(WHOLE)
+    after = _longest(whole.drift)
+    ratio = after.ratio_to_uncalibrated
     # few blocks of starts understate how their ratio scatters
     surely = 2.0 if found.duration >= _SHORT else 4.0
-    if np.isfinite(ratio.sigma) and ratio.value - surely * ratio.sigma > 1.0:
+    if np.isfinite(ratio.standard_uncertainty) and ratio.value - surely * ratio.standard_uncertainty > 1.0:
         against.append(
-            f"After {seconds:g} s of free navigation the drift with the calibration is {ratio.value:.2f} ± "
-            f"{ratio.sigma:.2f} times that without: it is of another unit, or the unit has changed; calibrate again."
+            f"After {after.seconds:g} s of free navigation the drift with the calibration is {ratio.value:.2f} ± "
+            f"{ratio.standard_uncertainty:.2f} times that without: it is of another unit, or the unit has changed; "
+            "calibrate again."
         )
-    worst = sorted(found.contradictions.items(), key=lambda item: -abs(item[1][1]))
-    if worst and abs(worst[0][1][1]) > LARGEST_NORMALISED:
-        name, (estimate, times) = worst[0]
+    name, worst = _largest(found.sensor_states)
+    if abs(worst.normalised) > LARGEST_NORMALISED:
         against.append(
-            f"The drive finds the {_plain(name)} off by {_practical(name, estimate)}, {abs(times):.1f} times what the "
-            f"calibration's uncertainty allows{_beside(found, name)}."
+            f"The drive finds the {_plain(name)} off by {_practical(name, worst.estimate)}, "
+            f"{abs(worst.normalised):.1f} times what the calibration's uncertainty allows{_beside(free, name)}."
         )
-    result = found.part(WHOLE)
-    refused = result.refused > LARGEST_SHARE_REFUSED * result.fixes
-    if found.no_proof:
+    if free.no_proof:
         # what a filter finds that has lost its way says nothing about the sensors
         against = [
             (
-                f"The drive is no proof: {found.refused_free} of {result.fixes} positions were refused by a filter "
+                f"The drive is no proof: {free.refused} of {whole.positions} positions were refused by a filter "
                 "that may find the biases itself, and the others do not fit. Positions and IMU do not describe one "
                 "motion: an axis reversed, a wrong offset between the clocks, too many outliers, or another unit."
             )
         ]
-    elif refused and (raw := found.part(AT_REST)).refused < 0.5 * result.refused:
-        against.insert(
-            0,
-            f"With the calibration the filter refuses {result.refused} of {result.fixes} positions, and uncalibrated, "
-            f"less the gyros' mean at rest, {raw.refused}: it is of another unit, or the unit has changed.",
-        )
+    elif whole.positions_refused > LARGEST_SHARE_REFUSED * whole.positions:
+        raw = found.variant(AT_REST).positions_refused
+        if raw < 0.5 * whole.positions_refused:
+            against.insert(
+                0,
+                f"With the calibration the filter refuses {whole.positions_refused} of {whole.positions} positions, "
+                f"and uncalibrated, less the gyros' mean at rest, {raw}: it is of another unit, or the unit has "
+                "changed.",
+            )
     found.fit = not against
-    own = (
-        ["This is a recording that the calibration was made from: it shows nothing new."]
-        if own_recording
-        else []
-    )
+    own: list[str] = []
+    if own_recording:
+        own.append("This is a recording that the calibration was made from: it shows nothing new.")
     if found.fit:
-        own += _on_turn_on(found)
-    found.reasons = [*against, *own, *_words(found, ratio)]
+        own += _on_turn_on(free)
+    found.reasons = [*against, *own, *_words(found, free)]
+
+
+def _largest(departures: dict[str, Departure]) -> tuple[str, Departure]:
+    """The departure of the most standard uncertainties."""
+    return max(departures.items(), key=lambda one: abs(one[1].normalised), default=("", Departure(0.0, 0.0)))
 
 
 def no_proof(run: FilterRun) -> bool:
@@ -268,58 +348,56 @@ def no_proof(run: FilterRun) -> bool:
     return refused > LARGEST_SHARE_REFUSED and (refused > 0.5 or left > LARGEST_LEFT)
 
 
-def _beside(found: DriveVerification, name: str) -> str:
+def _beside(free: FreeToFind, name: str) -> str:
     """What a bias was allowed beside the calibration's uncertainty."""
     if "bias" not in name:
         return ": it has changed since, or the filter's noise is stated too small"
     return (
-        f" with {_allowed(found)} from one turn-on to the next: it has changed since, or this unit's biases move by "
+        f" with {_allowed(free)} from one turn-on to the next: it has changed since, or this unit's biases move by "
         "more than was said with --turn-on-bias"
     )
 
 
-def _allowed(found: DriveVerification) -> str:
-    force, rate = (_practical(f"{triad} bias", x) for triad, x in zip(_TRIADS, found.turn_on, strict=True))
+def _allowed(free: FreeToFind) -> str:
+    force, rate = (_practical(f"{triad} bias", x) for triad, x in zip(_TRIADS, free.turn_on, strict=True))
     return f"{force} and {rate}"
 
 
-def _on_turn_on(found: DriveVerification) -> list[str]:
+def _on_turn_on(free: FreeToFind) -> list[str]:
     """A sentence where it serves only because biases may have moved since the calibration."""
-    worst = max(found.moved.items(), key=lambda item: abs(item[1][1]), default=None)
-    if worst is None or abs(worst[1][1]) <= LARGEST_NORMALISED:
+    name, worst = _largest(free.moved)
+    if abs(worst.normalised) <= LARGEST_NORMALISED:
         return []
-    name, (estimate, times) = worst
     return [
         (
-            f"It serves if this unit's biases may move by {_allowed(found)} from one turn-on to the "
+            f"It serves if this unit's biases may move by {_allowed(free)} from one turn-on to the "
             f"next (--turn-on-bias). The drive finds the {_plain(name)} moved by "
-            f"{_practical(name, estimate)}, {abs(times):.1f} times what the calibration's own "
+            f"{_practical(name, worst.estimate)}, {abs(worst.normalised):.1f} times what the calibration's own "
             "uncertainty allows."
         )
     ]
 
 
-def _words(found: DriveVerification, ratio: Statistic) -> list[str]:
-    last = found.longest
-    with_it, without = (found.drift_rms(name, last) for name in (WHOLE, UNCALIBRATED))
+def _words(found: DriveVerification, free: FreeToFind) -> list[str]:
+    whole, plain = found.variant(WHOLE), found.variant(UNCALIBRATED)
+    after, without = _longest(whole.drift), _longest(plain.drift)
     words = [
         (
-            f"Free drift after {found.seconds[last]:g} s, horizontal rms: {said(with_it, 'm')} with the calibration, "
-            f"{said(without, 'm')} without; ratio {said(ratio)}."
+            f"Free drift after {after.seconds:g} s, horizontal rms: {said(after.horizontal_rms, 'm')} with the "
+            f"calibration, {said(without.horizontal_rms, 'm')} without; ratio {said(after.ratio_to_uncalibrated)}."
         )
     ]
-    for name, verb in ((UNCALIBRATED, "without"), (WHOLE, "with")):
-        least, most, grade = found.accuracy(name)
+    for one, verb in ((plain, "without"), (whole, "with")):
+        least, most = one.drift_over_an_hour_at_least, one.drift_over_an_hour_at_most
         words.append(
-            f"Class of accuracy {verb} the calibration: {grade}. Over an hour it becomes {said(least, 'km')} if "
-            f"the accelerometers cause it, {far(most)} if the gyros do."
+            f"Class of accuracy {verb} the calibration: {one.accuracy_class}. Over an hour it becomes "
+            f"{said(least, 'km')} if the accelerometers cause it, {far(most)} if the gyros do."
         )
-    result = found.part(WHOLE)
-    left_out = f", and {found.left_out} left out before" if found.left_out else ""
+    left_out = f", and {found.positions_left_out} left out before" if found.positions_left_out else ""
     words.append(
-        f"Innovations: {result.innovations:.2f} times what the filter expects (1 when consistent); {result.refused} of "
-        f"{result.fixes} positions refused as outliers{left_out}."
-        f"{' ' if found.why_innovations else ''}{found.why_innovations}"
+        f"Innovations: {whole.innovations:.2f} times what the filter expects (1 when consistent); "
+        f"{whole.positions_refused} of {whole.positions} positions refused as outliers{left_out}."
+        f"{' ' if free.why_innovations else ''}{free.why_innovations}"
     )
     return words
 
@@ -334,10 +412,10 @@ def said(number: Statistic, unit: str = "") -> str:
     tail = f" {unit}" if unit else ""
     if not np.isfinite(number.value):
         return "unknown"
-    if not (np.isfinite(number.sigma) and number.sigma > 0.0):
+    if not (number.standard_uncertainty > 0.0):
         return f"{number.value:.2g}{tail} (too few for an uncertainty)"
-    digits = max(0, 1 - int(np.floor(np.log10(number.sigma))))
-    return f"{number.value:,.{digits}f} ± {number.sigma:,.{digits}f}{tail}"
+    digits = max(0, 1 - int(np.floor(np.log10(number.standard_uncertainty))))
+    return f"{number.value:,.{digits}f} ± {number.standard_uncertainty:,.{digits}f}{tail}"
 
 
 def far(number: Statistic) -> str:
