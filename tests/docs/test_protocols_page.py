@@ -17,9 +17,10 @@ import pytest
 
 from tumble.errors import ProtocolError
 from tumble.protocol import PROTOCOLS, HoldStep, SpinStep, named_protocol, protocol_schema, read_protocol
-from tumble.protocol.keys import KINDS, PROTOCOL, SITE, Key
+from tumble.protocol.keys import STEPS, Key, known_keys
 from tumble.simulation import play_protocol
 
+KINDS = {kind: known_keys(kind) for kind in STEPS}
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "protocols.md"
 SCHEMA_FILE = ROOT / "docs" / "schema" / "protocol.schema.json"
@@ -76,8 +77,8 @@ SHARED = {
 }
 
 TABLES = {
-    "file": lambda: key_table(PROTOCOL),
-    "site": lambda: key_table(SITE),
+    "file": lambda: key_table(known_keys("protocol")),
+    "site": lambda: key_table(known_keys("site")),
     "step": lambda: key_table({name: KINDS["hold"][name] for name in KINDS["hold"] if name in SHARED}),
     **{
         kind: lambda kind=kind: key_table({n: key for n, key in KINDS[kind].items() if n not in SHARED})

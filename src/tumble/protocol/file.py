@@ -17,27 +17,16 @@ from tumble.errors import ProtocolError, SiteError, UsageError
 from tumble.files import read_text, reading
 from tumble.files.writing import put_text, written_beside
 from tumble.procedure_names import KNOWN_PROCEDURES
-from tumble.protocol.keys import ANGLES, FORMAT, FRAME, KINDS, PROTOCOL, SITE, VERSION, Key
+from tumble.protocol.keys import FORMAT, STEPS, VERSION, known_keys, schema_of
 from tumble.protocol.library import PROTOCOLS, named_protocol
 from tumble.protocol.step_entries import steps_of
 from tumble.protocol.steps import Protocol, Step
 from tumble.protocol.yaml_nodes import Entry, compose, nearest
 from tumble.protocol.yaml_text import protocol_to_text
 from tumble.sample_rates import sample_rate
-from tumble.units import DEGREE
 
 # Ten thousand steps are a megabyte; a recording that is given for a protocol is more.
 LARGEST = 2 * 1024 * 1024
-# A key that stands too far left or right is another mapping's.
-_OUTDENTED = {
-    **{key: f"it belongs to a step, indent it below its `{kind}:`." for kind in KINDS for key in KINDS[kind]},
-    **{kind: f"it is a step, write `- {kind}:` below `steps:`." for kind in KINDS},
-    **dict.fromkeys(SITE, "it belongs to the site, indent it below `site:`."),
-}
-_INDENTED = {
-    key: f"it belongs to the protocol, write `{key}:` without a space before it."
-    for key in PROTOCOL.keys() - SITE
-}
 
 
 def read_protocol(path: str | os.PathLike[str]) -> Protocol:
@@ -113,7 +102,15 @@ def _read(content: str, file: str, stem: str, *, lines: bool = True) -> Protocol
     _check_format(
         next(replace(root, node=v, key="format") for k, v in root.node.value if k.value == "format")
     )
-    keys = root.mapping(PROTOCOL, "a protocol", _OUTDENTED)
+    # A key that stands too far left or right is another mapping's.
+    outdented = {
+        key: f"it belongs to a step, indent it below its `{kind}:`."
+        for kind in STEPS
+        for key in known_keys(kind)
+    }
+    outdented |= {kind: f"it is a step, write `- {kind}:` below `steps:`." for kind in STEPS}
+    outdented |= dict.fromkeys(known_keys("site"), "it belongs to the site, indent it below `site:`.")
+    keys = root.mapping(known_keys("protocol"), "a protocol", outdented)
     _check_version(keys)
     _check_conventions(keys)
     return _protocol(root, keys, stem)
@@ -127,7 +124,7 @@ def _check_format(entry: Entry) -> None:
 def _check_version(keys: dict[str, Entry]) -> None:
     if "version" not in keys:
         return
-    version = keys["version"].number(least=1)
+    version = keys["version"].number(limits={"minimum": 1})
     if version != VERSION:
         raise keys["version"].error(
             f"the version is {version:g}, and this tumble reads version {VERSION}: install a newer tumble."
@@ -135,7 +132,8 @@ def _check_version(keys: dict[str, Entry]) -> None:
 
 
 def _check_conventions(keys: dict[str, Entry]) -> None:
-    for key, sentence in (("frame", FRAME), ("angles", ANGLES)):
+    for key in ("frame", "angles"):
+        sentence = known_keys("protocol")[key].schema["const"]
         if key in keys and keys[key].text() != sentence:
             raise keys[key].error(
                 f"`{key}` states another convention than tumble's. Convert the steps to tumble's and remove "
@@ -174,7 +172,7 @@ def _protocol(root: Entry, keys: dict[str, Entry], stem: str) -> Protocol:
 def _rate(entry: Entry) -> float:
     """Return a sampling rate, with its uncertainty if the file says it."""
     if not any(sign in entry.text() for sign in ("±", "+-", "+/-")):
-        return entry.number(positive=True)
+        return entry.number(limits={"exclusiveMinimum": 0})
     try:
         return sample_rate(entry.text())
     except UsageError:
@@ -222,7 +220,11 @@ def _site(root: Entry, keys: dict[str, Entry]) -> Site:
             "the site is missing: write `site:` and below it `latitude_deg: 48.1` and `height_m: 520`, "
             "or write `gravity: 9.81` in m/s² where only that is known."
         )
-    found = keys["site"].mapping(SITE, "a site", _INDENTED)
+    outside = {
+        key: f"it belongs to the protocol, write `{key}:` without a space before it."
+        for key in known_keys("protocol").keys() - known_keys("site").keys()
+    }
+    found = keys["site"].mapping(known_keys("site"), "a site", outside)
     if "latitude_deg" not in found and "gravity" not in found:
         raise keys["site"].error("write `latitude_deg` below `site`, or `gravity` in m/s².")
     return _site_of(found)
@@ -230,17 +232,12 @@ def _site(root: Entry, keys: dict[str, Entry]) -> Site:
 
 def _site_of(found: dict[str, Entry]) -> Site:
     """Return the site that a file's entries say: gravity as given, else normal gravity."""
-    height = found["height_m"].number(least=-500.0, most=10_000.0) if "height_m" in found else None
-    latitude = None
-    if "latitude_deg" in found:
-        beyond = "Beyond 90 there are the poles; is it the longitude?"
-        latitude = found["latitude_deg"].number(DEGREE, least=-90.0, most=90.0, instead=beyond)
+    height, latitude, gravity, sigma = (
+        found[key].number() if key in found else None
+        for key in ("height_m", "latitude_deg", "gravity", "gravity_uncertainty")
+    )
     site = None if latitude is None else Site.from_latitude(latitude, height)
-    sigma = found["gravity_uncertainty"].number(least=0.0) if "gravity_uncertainty" in found else None
-    if "gravity" in found:
-        gravity = found["gravity"].number(
-            least=9.75, most=9.85, instead="No place on the Earth's surface has another, in m/s²."
-        )
+    if gravity is not None:
         try:
             site = replace(
                 (site or Site.unknown()).with_gravity(Site.from_gravity(gravity, sigma)), height=height
@@ -261,83 +258,12 @@ def protocol_schema() -> dict[str, Any]:
     What depends on more than one step (a spin without a hold before it, intervals that overlap) only the
     reader sees.
     """
-    properties = _properties(PROTOCOL)
-    properties["format"]["const"] = FORMAT
-    properties["version"] = {**properties["version"], "type": "integer", "const": VERSION}
-    properties["frame"]["const"] = FRAME
-    properties["angles"]["const"] = ANGLES
-    properties["like"]["enum"] = list(PROTOCOLS)
-    properties["procedure"]["enum"] = list(KNOWN_PROCEDURES)
-    properties["recordings"] |= {"type": "array", "items": {"type": "string"}, "uniqueItems": True}
-    properties["site"] |= {
-        **_mapping(_properties(SITE)),
-        "anyOf": [{"required": ["latitude_deg"]}, {"required": ["gravity"]}],
-    }
-    steps = [{"$ref": f"#/$defs/{kind}"} for kind in KINDS]
-    properties["steps"] |= {"type": "array", "items": {"oneOf": steps}, "contains": {"required": ["hold"]}}
-    return {
+    schema: dict[str, Any] = {
         "title": FORMAT,
-        **_mapping(properties, "format"),
-        "allOf": [
-            {"oneOf": [{"required": ["steps"]}, {"required": ["like"]}]},
-            {"oneOf": [{"required": ["site"]}, {"required": ["gravity"]}]},
-            {"anyOf": [{"required": ["procedure"]}, {"required": ["like"]}]},
-        ],
-        "$defs": _kinds(),
+        **schema_of("protocol"),
+        "$defs": {kind: schema_of(kind) for kind in STEPS},
     }
-
-
-def _properties(keys: dict[str, Key]) -> dict[str, Any]:
-    """Return each key's schema with its description, unit and default in words."""
-    result: dict[str, Any] = {}
-    for name, key in keys.items():
-        unit = f" [{key.unit}]" if key.unit else ""
-        default = f"; without it: {key.default}" if key.default else ""
-        result[name] = {**key.schema, "description": f"{key.words}{unit}{default}"}
-    return result
-
-
-def _mapping(properties: dict[str, Any], *required: str) -> dict[str, Any]:
-    return {
-        "type": "object",
-        "properties": properties,
-        "required": list(required),
-        "additionalProperties": False,
-    }
-
-
-def _kinds() -> dict[str, Any]:
-    """Return the schema of each kind of step, with what excludes what."""
-    kinds: dict[str, Any] = {kind: _mapping(_properties(keys), kind) for kind, keys in KINDS.items()}
-    timed = [{"required": ["seconds"]}, {"required": ["interval_s"]}]
-    kinds["hold"] |= {
-        "anyOf": timed,
-        "not": {"required": ["attitude_deg", "up"]},
-        "dependentSchemas": {
-            "heading_deg": {"required": ["up"]},
-            "uncertainty_deg": {"anyOf": [{"required": ["up"]}, {"required": ["attitude_deg"]}]},
-        },
-    }
-    kinds["turn"] |= {
-        "anyOf": timed,
-        "not": {"required": ["angle_deg", "revolutions"]},
-        "dependentSchemas": {
-            "uncertainty_deg": {"anyOf": [{"required": ["angle_deg"]}, {"required": ["revolutions"]}]}
-        },
-    }
-    kinds["soak"] |= {"anyOf": timed}
-    kinds["soak"]["required"].append("temperature_celsius")
-    kinds["ramp"] |= {
-        "anyOf": [*timed, {"required": ["rate_k_per_min"]}],
-        "not": {"required": ["seconds", "rate_k_per_min"]},
-    }
-    kinds["ramp"]["required"] += ["from_celsius", "to_celsius"]
-    kinds["spin"] |= {
-        "anyOf": [*timed, {"required": ["revolutions"]}],
-        "not": {"required": ["seconds", "revolutions"]},
-        "dependentSchemas": {"angle_uncertainty_arcsec": {"required": ["angle_deg"]}},
-    }
-    kinds["spin"]["properties"]["angle_deg"]["not"] = {"const": 0}
-    kinds["spin"]["required"].append("rate_deg_per_s")
-    kinds["spin"]["properties"]["rate_deg_per_s"]["not"] = {"const": 0}
-    return kinds
+    schema["properties"]["like"]["enum"] = list(PROTOCOLS)
+    schema["properties"]["procedure"]["enum"] = list(KNOWN_PROCEDURES)
+    schema["properties"]["site"] |= schema_of("site")
+    return schema

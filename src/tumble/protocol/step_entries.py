@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TypedDict
 
 import numpy as np
 
 from tumble.arrays import Vector
-from tumble.protocol.keys import ARC_SECOND, KINDS, MINUTE, PPM, RAMP, REVOLUTION
+from tumble.protocol.keys import REVOLUTION, STEPS, known_keys
 from tumble.protocol.steps import HoldStep, Pose, RampStep, SoakStep, SpinStep, Step, TurnStep
 from tumble.protocol.yaml_nodes import Entry, nearest
-from tumble.units import DEGREE
 
 # A vector this near to unit length was written as one, and stays as it is to the last digit.
 _UNIT = 1e-12
+_VECTOR = {"minItems": 3, "items": {"minimum": -1e6, "maximum": 1e6}}
 
 
 class _Place(TypedDict):
@@ -91,7 +92,7 @@ def _step(item: Entry, number: int) -> Step:
             f"a step is to be `hold:`, `turn:`, `spin:`, `soak:` or `ramp:` with its keys below it{word}."
         )
     written = [str(key.value) for key, _ in item.node.value if key.id == "scalar"]
-    kinds = [kind for kind in KINDS if kind in written]
+    kinds = [kind for kind in STEPS if kind in written]
     if len(kinds) > 1:
         raise item.error(
             f"it is {' and '.join(f'`{kind}`' for kind in kinds)} at once: make two steps of it."
@@ -105,52 +106,62 @@ def _step(item: Entry, number: int) -> Step:
             f"after `{kind}:` stands its name alone: its keys stand below it."
         )
     called = _called(number, Entry(item.file, name).text())
-    keys = replace(item, step=called).mapping(KINDS[kind], f"a {kind}")
+    keys = replace(item, step=called).mapping(known_keys(kind), f"a {kind}")
     place = _Place(name=keys[kind].text(), file=_file(keys), interval=_interval(keys))
-    if kind == "hold":
-        return HoldStep(_seconds(keys, keys[kind]), _pose(keys), **place)
-    if kind == "turn":
-        return _turn(keys, place)
-    if kind == "soak":
-        return _soak(keys, place)
-    if kind == "ramp":
-        return _ramp(keys, place)
-    return _spin(keys, place)
+    return _READERS[kind](keys, keys[kind], place)
 
 
-def _soak(keys: dict[str, Entry], place: _Place) -> SoakStep:
-    celsius = _celsius(keys, "temperature_celsius", keys["soak"])
-    tolerance = keys["tolerance_k"].number(positive=True) if "tolerance_k" in keys else 1.0
-    return SoakStep(_seconds(keys, keys["soak"]), celsius, tolerance, **place)
+def _said(keys: dict[str, Entry]) -> dict[str, float]:
+    """Return what one key alone says each, by the step's attributes."""
+    return {entry.spec.attribute: entry.number() for entry in keys.values() if entry.spec.attribute}
 
 
-def _ramp(keys: dict[str, Entry], place: _Place) -> RampStep:
-    start, stop = (_celsius(keys, key, keys["ramp"]) for key in ("from_celsius", "to_celsius"))
+def _refuse_both(keys: dict[str, Entry], one: str, other: str) -> None:
+    if one in keys and other in keys:
+        raise keys[other].error(f"`{one}` and `{other}` say the same: remove one.")
+
+
+def _refuse_without_angle(keys: dict[str, Entry], key: str, *angles: str) -> None:
+    if key in keys and not keys.keys() & set(angles):
+        raise keys[key].error(f"`{key}` says nothing without `angle_deg`: add it.")
+
+
+def _refuse_missing(keys: dict[str, Entry], step: Entry, key: str, what: str) -> None:
+    if key not in keys:
+        raise step.error(f"`{key}` is missing: write {what}.")
+
+
+def _hold(keys: dict[str, Entry], step: Entry, place: _Place) -> HoldStep:
+    return HoldStep(_seconds(keys, step), _pose(keys), **place)
+
+
+def _soak(keys: dict[str, Entry], step: Entry, place: _Place) -> SoakStep:
+    _refuse_missing(keys, step, "temperature_celsius", "the temperature in °C")
+    return SoakStep(**(_said(keys) | {"duration": _seconds(keys, step)}), **place)
+
+
+def _ramp(keys: dict[str, Entry], step: Entry, place: _Place) -> RampStep:
+    for key in ("from_celsius", "to_celsius"):
+        _refuse_missing(keys, step, key, "the temperature in °C")
+    said = _said(keys)
+    start, stop = said["start_celsius"], said["stop_celsius"]
     if start == stop:
         raise keys["to_celsius"].error(
             f"the ramp goes from {start:g} °C to {stop:g} °C, which is none: write a `soak:` instead."
         )
+    _refuse_both(keys, "seconds", "rate_k_per_min")
     if "rate_k_per_min" in keys:
-        if "seconds" in keys:
-            raise keys["rate_k_per_min"].error("`seconds` and `rate_k_per_min` say the same: remove one.")
-        duration = abs(stop - start) / keys["rate_k_per_min"].number(positive=True) * MINUTE
+        said["duration"] = abs(stop - start) / keys["rate_k_per_min"].number() * 60.0
     else:
-        duration = _seconds(keys, keys["ramp"])
-    if not 0.0 < duration < np.inf:
-        raise keys["ramp"].error(f"a ramp at this rate lasts {duration:g} s, which is no time.")
-    tumbled = keys["tumble_every_s"].number(positive=True) if "tumble_every_s" in keys else 0.0
-    return RampStep(duration, start, stop, tumbled, **place)
-
-
-def _celsius(keys: dict[str, Entry], key: str, step: Entry) -> float:
-    if key not in keys:
-        raise step.error(f"`{key}` is missing: write the temperature in °C.")
-    return keys[key].number(least=-200.0, most=300.0, instead="It is in °C, not in K.")
+        said["duration"] = _seconds(keys, step)
+    if not 0.0 < said["duration"] < np.inf:
+        raise step.error(f"a ramp at this rate lasts {said['duration']:g} s, which is no time.")
+    return RampStep(**said, **place)
 
 
 def _unknown_kind(written: list[str]) -> str:
     """Return why keys without a kind are no step."""
-    kinds = tuple(KINDS)
+    kinds = tuple(STEPS)
     for word in written:
         said = nearest(word, kinds)
         if said.startswith("did"):
@@ -161,7 +172,7 @@ def _unknown_kind(written: list[str]) -> str:
 def _seconds(keys: dict[str, Entry], item: Entry) -> float:
     """Return the step's duration: as written, or that of its interval."""
     if "seconds" in keys:
-        return keys["seconds"].number(positive=True)
+        return keys["seconds"].number()
     interval = _interval(keys)
     if interval is None:
         raise item.error("`seconds` is missing: write how long the step takes.")
@@ -177,7 +188,7 @@ def _file(keys: dict[str, Entry]) -> str | None:
 def _interval(keys: dict[str, Entry]) -> tuple[float, float] | None:
     if "interval_s" not in keys:
         return None
-    start, stop = keys["interval_s"].numbers(2)
+    start, stop = keys["interval_s"].numbers()
     if stop <= start:
         raise keys["interval_s"].error(
             f"the interval ends at {stop:g} s, not after its start at {start:g} s: write [start, stop]."
@@ -189,13 +200,8 @@ def _interval(keys: dict[str, Entry]) -> tuple[float, float] | None:
     return start, stop
 
 
-def _sigma(keys: dict[str, Entry]) -> float:
-    if "uncertainty_deg" not in keys:
-        return 0.0
-    return keys["uncertainty_deg"].number(DEGREE, least=0.0, most=180.0)
-
-
 def _pose(keys: dict[str, Entry]) -> Pose | None:
+    sigma = keys["uncertainty_deg"].number() if "uncertainty_deg" in keys else 0.0
     if "attitude_deg" in keys:
         from scipy.spatial.transform import Rotation
 
@@ -203,18 +209,16 @@ def _pose(keys: dict[str, Entry]) -> Pose | None:
             raise keys["attitude_deg"].error(
                 "`attitude_deg` says the whole attitude: remove it, or `up` and `heading_deg`."
             )
-        roll, pitch, heading = keys["attitude_deg"].numbers(3, most=360.0)
+        roll, pitch, heading = keys["attitude_deg"].numbers(factor=1.0)
         attitude = Rotation.from_euler("ZYX", [heading, pitch, roll], degrees=True)
-        return Pose.from_rotation(attitude, _sigma(keys))
+        return Pose.from_rotation(attitude, sigma)
     if "up" not in keys:
         for key in ("heading_deg", "uncertainty_deg"):
             if key in keys:
                 raise keys[key].error(f"`{key}` says nothing without `up`: write `up: x` or the like.")
         return None
-    heading = None
-    if "heading_deg" in keys:
-        heading = keys["heading_deg"].number(DEGREE, least=-360.0, most=360.0)
-    return Pose(_direction(keys["up"]), heading, _sigma(keys))
+    heading = keys["heading_deg"].number() if "heading_deg" in keys else None
+    return Pose(_direction(keys["up"]), heading, sigma)
 
 
 def _direction(entry: Entry) -> Vector:
@@ -228,8 +232,7 @@ def _direction(entry: Entry) -> Vector:
         vector = np.zeros(3)
         vector["xyz".index(axis)] = -1.0 if sign == "-" else 1.0
         return vector
-    instead = "A direction is written in numbers such as [1, 1, 0]."
-    vector = np.array(entry.numbers(3, most=1e6, instead=instead))
+    vector = np.array(entry.numbers(_VECTOR, "A direction is written in numbers such as [1, 1, 0]."))
     length = float(np.linalg.norm(vector))
     if length < 1e-6:
         raise entry.error(
@@ -238,64 +241,47 @@ def _direction(entry: Entry) -> Vector:
     return vector if abs(length - 1.0) < _UNIT else vector / length
 
 
-def _turn(keys: dict[str, Entry], place: _Place) -> TurnStep:
+def _turn(keys: dict[str, Entry], step: Entry, place: _Place) -> TurnStep:
+    _refuse_both(keys, "angle_deg", "revolutions")
+    _refuse_without_angle(keys, "uncertainty_deg", "angle_deg", "revolutions")
     axis = _direction(keys["axis"]) if "axis" in keys else None
-    angle = None
-    if "angle_deg" in keys and "revolutions" in keys:
-        raise keys["revolutions"].error("`angle_deg` and `revolutions` say the same: remove one.")
-    if "angle_deg" in keys:
-        instead = "Write a turn of more as `revolutions`."
-        angle = keys["angle_deg"].number(DEGREE, least=-360.0, most=360.0, instead=instead)
-    elif "revolutions" in keys:
-        angle = keys["revolutions"].number(REVOLUTION)
-    if "uncertainty_deg" in keys and angle is None:
-        raise keys["uncertainty_deg"].error("`uncertainty_deg` says nothing without `angle_deg`: add it.")
-    return TurnStep(_seconds(keys, keys["turn"]), axis, angle, _sigma(keys), **place)
+    angle = next((keys[key].number() for key in ("angle_deg", "revolutions") if key in keys), None)
+    said = _said(keys) | {"duration": _seconds(keys, step)}
+    return TurnStep(**said, axis_b=axis, angle=angle, **place)
 
 
-def _spin(keys: dict[str, Entry], place: _Place) -> SpinStep:
-    if "rate_deg_per_s" not in keys:
-        raise keys["spin"].error(
-            "`rate_deg_per_s` is missing: write the table's rate, negative for clockwise."
-        )
-    rate = keys["rate_deg_per_s"].number(DEGREE)
+def _spin(keys: dict[str, Entry], step: Entry, place: _Place) -> SpinStep:
+    _refuse_missing(keys, step, "rate_deg_per_s", "the table's rate, negative for clockwise")
+    _refuse_both(keys, "seconds", "revolutions")
+    _refuse_without_angle(keys, "angle_uncertainty_arcsec", "angle_deg")
+    said = _said(keys)
+    rate, angle = said["rate"], said.get("angle")
     if rate == 0.0:
         raise keys["rate_deg_per_s"].error("`rate_deg_per_s` is 0, which is no spin: write a hold.")
-    if "seconds" in keys and "revolutions" in keys:
-        raise keys["revolutions"].error("`seconds` and `revolutions` say the same: remove one.")
     if "revolutions" in keys:
-        instead = "The sign of the rate says the way."
-        duration = keys["revolutions"].number(positive=True, instead=instead) * (REVOLUTION / abs(rate))
+        said["duration"] = keys["revolutions"].number(1.0) * (REVOLUTION / abs(rate))
     elif "seconds" in keys or "interval_s" in keys:
-        duration = _seconds(keys, keys["spin"])
+        said["duration"] = _seconds(keys, step)
     else:
-        raise keys["spin"].error(
-            "`seconds` or `revolutions` is missing: write how long the rate is constant."
-        )
-    if not 0.0 < duration < np.inf:
-        raise keys["spin"].error(f"so many revolutions at this rate last {duration:g} s, which is no time.")
-    vertical = "axis" not in keys or (keys["axis"].is_scalar and keys["axis"].text() == "up")
-    axis = None if vertical else _direction(keys["axis"])
-    ramp = keys["ramp_s"].number(least=0.0) if "ramp_s" in keys else RAMP
-    sigma = keys["uncertainty_ppm"].number(PPM, least=0.0) if "uncertainty_ppm" in keys else None
-    angle, angle_sigma = _display(keys, rate)
-    return SpinStep(duration, rate, axis, sigma, ramp, **place, angle=angle, angle_sigma=angle_sigma)
-
-
-def _display(keys: dict[str, Entry], rate: float) -> tuple[float | None, float]:
-    """Return the angle of the table's display with its uncertainty."""
-    sigma = "angle_uncertainty_arcsec"
-    if "angle_deg" not in keys:
-        if sigma in keys:
-            raise keys[sigma].error(f"`{sigma}` says nothing without `angle_deg`: add it.")
-        return None, 0.0
-    angle = keys["angle_deg"].number(DEGREE)
+        raise step.error("`seconds` or `revolutions` is missing: write how long the rate is constant.")
+    if not 0.0 < said["duration"] < np.inf:
+        raise step.error(f"so many revolutions at this rate last {said['duration']:g} s, which is no time.")
     if angle == 0.0:
         raise keys["angle_deg"].error("`angle_deg` is 0, which is no spin: leave the key or the step out.")
-    if angle * rate < 0.0:
+    if angle is not None and angle * rate < 0.0:
         raise keys["angle_deg"].error(
             f"`angle_deg` is {keys['angle_deg'].text()} and `rate_deg_per_s` is "
             f"{keys['rate_deg_per_s'].text()}: the table cannot turn one way and show the other. "
             "Change the sign of the wrong one; negative is clockwise."
         )
-    return angle, keys[sigma].number(ARC_SECOND, least=0.0) if sigma in keys else 0.0
+    vertical = "axis" not in keys or (keys["axis"].is_scalar and keys["axis"].text() == "up")
+    return SpinStep(**said, axis_b=None if vertical else _direction(keys["axis"]), **place)
+
+
+_READERS: dict[str, Callable[[dict[str, Entry], Entry, _Place], Step]] = {
+    "hold": _hold,
+    "turn": _turn,
+    "spin": _spin,
+    "soak": _soak,
+    "ramp": _ramp,
+}

@@ -11,9 +11,11 @@ from typing import Any, cast
 
 from tumble.errors import ProtocolError
 from tumble.files.documents import composed, yaml_loader
+from tumble.protocol.keys import Key
 from tumble.protocol.numerals import value_of
 from tumble.records import dataclass
 
+_TEXT = Key("")
 _SAID = 1 << 18  # characters that the slow loader, of some 100 kB/s, is asked of
 
 
@@ -28,6 +30,7 @@ class Entry:
     step : such as ``step 3 (x up)``; empty outside the steps.
     key : under which the value stands; empty for a whole step or file.
     lines : whether anybody can look at the file's lines.
+    spec : what the key means; that of texts where nothing is known of it.
     """
 
     file: str
@@ -35,6 +38,7 @@ class Entry:
     step: str = ""
     key: str = ""
     lines: bool = True
+    spec: Key = _TEXT
 
     def error(self, message: str) -> ProtocolError:
         """Return the error that names file, line and step."""
@@ -53,7 +57,7 @@ class Entry:
         return self.is_scalar and not self.node.style and str(self.node.value) in ("", "~", "null")
 
     def mapping(
-        self, known: Iterable[str], what: str, elsewhere: dict[str, str] | None = None
+        self, known: dict[str, Key], what: str, elsewhere: dict[str, str] | None = None
     ) -> dict[str, Entry]:
         """Return the entries of a mapping by key.
 
@@ -68,7 +72,6 @@ class Entry:
         ProtocolError
             If it is no mapping, or a key is unknown or stands twice.
         """
-        known = tuple(known)
         if self.node.id != "mapping":
             raise self.error(f"{what} is to be `key: value`, one a line, with the keys {_listed(known)}.")
         found: dict[str, Entry] = {}
@@ -82,7 +85,7 @@ class Entry:
             if key in found:
                 line = found[key].node.start_mark.line + 1
                 raise here.error(f"`{key}` stands twice, first in line {line}: remove one.")
-            found[key] = replace(self, node=value, key=key)
+            found[key] = replace(self, node=value, key=key, spec=known[key])
         return found
 
     def sequence(self) -> list[Entry]:
@@ -110,22 +113,14 @@ class Entry:
         return "" if self.is_empty else str(self.node.value)
 
     def number(
-        self,
-        factor: float = 1.0,
-        *,
-        least: float = -math.inf,
-        most: float = math.inf,
-        positive: bool = False,
-        instead: str = "",
+        self, factor: float | None = None, limits: dict[str, Any] | None = None, instead: str = ""
     ) -> float:
-        """Return a finite number, times the factor of its unit.
+        """Return a finite number within the limits of its key, times the factor of its unit.
 
         Parameters
         ----------
-        factor : SI value of the file's unit.
-        least, most : limits in the file's unit.
-        positive : whether zero and less are refused.
-        instead : what to write instead of a number beyond the limits, after a colon.
+        factor, limits, instead : what is not as the key has it: SI value of the file's unit, JSON schema of
+            a number, and what to write instead of a number beyond its limits.
 
         Raises
         ------
@@ -136,20 +131,22 @@ class Entry:
             raise self.error(f"`{self.key}` is empty: write a number after it, or remove it.")
         word = str(self.node.value)
         try:
-            value = value_of(word, factor)
+            value = value_of(word, self.spec.factor if factor is None else factor)
         except (ValueError, TypeError):
             raise self.error(self._no_number()) from None
         if self.node.style:
             raise self.error(self._no_number())
         if not math.isfinite(value):
             raise self.error(f"`{self.key}` is {word}: a finite number is needed.")
-        given = float(word)
-        if positive and value <= 0.0:
-            raise self.error(f"`{self.key}` is {word}: it has to be more than 0.{instead and f' {instead}'}")
-        if not least <= given <= most:
-            span = f"from {least:g} to {most:g}" if most < math.inf else f"{least:g} or more"
-            raise self.error(f"`{self.key}` is {word}: it has to be {span}.{instead and f' {instead}'}")
-        return value
+        given, limits = float(word), limits or self.spec.schema
+        least, most = limits.get("minimum", -math.inf), limits.get("maximum", math.inf)
+        span = f"from {least:g} to {most:g}" if most < math.inf else f"{least:g} or more"
+        if "exclusiveMinimum" in limits and value <= 0.0:
+            span = "more than 0"
+        elif least <= given <= most:
+            return value
+        said = instead or self.spec.instead
+        raise self.error(f"`{self.key}` is {word}: it has to be {span}.{said and f' {said}'}")
 
     def _no_number(self) -> str:
         """Return why this is no number, and what to write."""
@@ -168,20 +165,22 @@ class Entry:
         return f"`{self.key}` is `{word[:30]}`, and is to be a number."
 
     def numbers(
-        self, count: int, factor: float = 1.0, *, most: float = math.inf, instead: str = ""
+        self, limits: dict[str, Any] | None = None, instead: str = "", factor: float | None = None
     ) -> list[float]:
-        """Return a list of so many finite numbers, each times the factor, none larger than `most`.
+        """Return a list of as many finite numbers as its key, or another schema, has, each within their limits.
 
         Raises
         ------
         ProtocolError
             If it is none.
         """
+        limits = limits or self.spec.schema
+        count = limits["minItems"]
         if self.node.id != "sequence" or len(self.node.value) != count:
             raise self.error(
                 f"`{self.key}` is to be a list of {count} numbers, [{', '.join(['…'] * count)}]."
             )
-        return [item.number(factor, least=-most, most=most, instead=instead) for item in self.sequence()]
+        return [item.number(factor, limits["items"], instead) for item in self.sequence()]
 
 
 def nearest(word: str, known: Iterable[str]) -> str:

@@ -10,9 +10,9 @@ import numpy as np
 from tumble.arrays import Vector
 from tumble.earth.site import Site
 from tumble.errors import ProtocolError, SiteError
-from tumble.protocol.keys import ANGLES, ARC_SECOND, FORMAT, FRAME, PPM, REVOLUTION, VERSION
+from tumble.protocol.keys import REVOLUTION, STEPS, known_keys
 from tumble.protocol.numerals import numeral_of, value_of
-from tumble.protocol.steps import HoldStep, Protocol, RampStep, SoakStep, SpinStep, Step, TurnStep
+from tumble.protocol.steps import HoldStep, Protocol, RampStep, SpinStep, Step, TurnStep
 from tumble.sample_rates import SampleRate
 from tumble.units import DEGREE
 
@@ -40,12 +40,13 @@ def protocol_to_text(protocol: Protocol) -> str:
             f"The protocol {protocol.name!r} cannot be a file: it has no site, and a file says where it is "
             "performed. Add one, such as site=Site.from_latitude(latitude, height)."
         )
-    lines = [_HEAD, f"format: {FORMAT}", f"version: {VERSION}"]
+    keys = known_keys("protocol")
+    lines = [_HEAD, *(f"{key}: {keys[key].schema['const']}" for key in ("format", "version"))]
     lines += [f"name: {_quoted(protocol.name)}", f"procedure: {_quoted(protocol.procedure)}"]
     if protocol.description:
         lines.append(f"description: {_quoted(protocol.description)}")
     lines += ["site:", *(f"  {line}" for line in _site_lines(protocol.site))]
-    lines += [f"frame: {_quoted(FRAME)}", f"angles: {_quoted(ANGLES)}"]
+    lines += [f"{key}: {_quoted(keys[key].schema['const'])}" for key in ("frame", "angles")]
     if protocol.recordings:
         lines += ["recordings:", *(f"  - {_quoted(name)}" for name in protocol.recordings)]
     for key, value in (("units", protocol.units), ("columns", protocol.columns)):
@@ -96,92 +97,57 @@ def _quoted(word: str) -> str:
     return text.removesuffix("\n").removesuffix("\n...")
 
 
-def _named(kind: str, name: str) -> str:
-    return f"{kind}: {_quoted(name)}" if name else f"{kind}:"
-
-
 def _step_lines(step: Step) -> list[str]:
-    if isinstance(step, HoldStep):
-        lines = [_named("hold", step.name), *_pose_lines(step), f"seconds: {numeral_of(step.duration)}"]
+    kind = next(kind for kind, made in STEPS.items() if isinstance(step, made))
+    texts = {
+        key: numeral_of(value, spec.factor)
+        for key, spec in known_keys(kind).items()
+        if spec.attribute and (value := getattr(step, spec.attribute)) is not None
+    }
+    texts[kind] = _quoted(step.name) if step.name else ""
+    if isinstance(step, HoldStep) and step.pose is not None:
+        texts["up"] = _direction_text(step.pose.up_b)
+        if step.pose.heading is not None:
+            texts["heading_deg"] = numeral_of(step.pose.heading, DEGREE)
+        texts["uncertainty_deg"] = numeral_of(step.pose.sigma, DEGREE)
     elif isinstance(step, TurnStep):
-        lines = [_named("turn", step.name), *_turn_lines(step), f"seconds: {numeral_of(step.duration)}"]
-    elif isinstance(step, SoakStep):
-        lines = [_named("soak", step.name), *_soak_lines(step), f"seconds: {numeral_of(step.duration)}"]
-    elif isinstance(step, RampStep):
-        lines = [_named("ramp", step.name), *_ramp_lines(step), f"seconds: {numeral_of(step.duration)}"]
-    else:
-        lines = [_named("spin", step.name), *_spin_lines(step)]
+        _put_turn(step, texts)
+    elif isinstance(step, SpinStep):
+        texts["axis"] = "up" if step.axis_b is None else _direction_text(step.axis_b)
+        _put_revolutions(step, texts)
+        if step.angle is None and not step.angle_sigma:
+            del texts["angle_uncertainty_arcsec"]
+    elif isinstance(step, RampStep) and not step.tumbled:
+        del texts["tumble_every_s"]
     if step.file is not None:
-        lines.append(f"file: {_quoted(step.file)}")
+        texts["file"] = _quoted(step.file)
     if step.interval is not None:
         start, stop = (numeral_of(edge) for edge in step.interval)
-        lines.append(f"interval_s: [{start}, {stop}]")
-    return lines
+        texts["interval_s"] = f"[{start}, {stop}]"
+    return [f"{key}: {texts[key]}".rstrip() for key in known_keys(kind) if key in texts]
 
 
-def _pose_lines(step: HoldStep) -> list[str]:
-    if step.pose is None:
-        return []
-    lines = [f"up: {_direction_text(step.pose.up_b)}"]
-    if step.pose.heading is not None:
-        lines.append(f"heading_deg: {numeral_of(step.pose.heading, DEGREE)}")
-    return [*lines, f"uncertainty_deg: {numeral_of(step.pose.sigma, DEGREE)}"]
-
-
-def _turn_lines(step: TurnStep) -> list[str]:
-    lines: list[str] = []
+def _put_turn(step: TurnStep, texts: dict[str, str]) -> None:
     if step.axis_b is not None:
-        lines.append(f"axis: {_direction_text(step.axis_b)}")
+        texts["axis"] = _direction_text(step.axis_b)
     if step.angle is not None:
         degrees = numeral_of(step.angle, DEGREE)
-        within = abs(float(degrees)) <= 360.0
-        lines.append(
-            f"angle_deg: {degrees}" if within else f"revolutions: {numeral_of(step.angle, REVOLUTION)}"
-        )
-    if step.angle is not None or step.sigma:
-        lines.append(f"uncertainty_deg: {numeral_of(step.sigma, DEGREE)}")
-    return lines
+        if abs(float(degrees)) <= 360.0:
+            texts["angle_deg"] = degrees
+        else:
+            texts["revolutions"] = numeral_of(step.angle, REVOLUTION)
+    elif not step.sigma:
+        del texts["uncertainty_deg"]
 
 
-def _spin_lines(step: SpinStep) -> list[str]:
-    lines = [
-        f"axis: {'up' if step.axis_b is None else _direction_text(step.axis_b)}",
-        f"rate_deg_per_s: {numeral_of(step.rate, DEGREE)}",
-        _spin_length(step),
-        f"ramp_s: {numeral_of(step.ramp)}",
-    ]
-    if step.sigma is not None:
-        lines.append(f"uncertainty_ppm: {numeral_of(step.sigma, PPM)}")
-    if step.angle is not None:
-        lines.append(f"angle_deg: {numeral_of(step.angle, DEGREE)}")
-    if step.angle is not None or step.angle_sigma:
-        lines.append(f"angle_uncertainty_arcsec: {numeral_of(step.angle_sigma, ARC_SECOND)}")
-    return lines
-
-
-def _soak_lines(step: SoakStep) -> list[str]:
-    return [
-        f"temperature_celsius: {numeral_of(step.temperature_celsius)}",
-        f"tolerance_k: {numeral_of(step.tolerance)}",
-    ]
-
-
-def _ramp_lines(step: RampStep) -> list[str]:
-    lines = [
-        f"from_celsius: {numeral_of(step.start_celsius)}",
-        f"to_celsius: {numeral_of(step.stop_celsius)}",
-    ]
-    return [*lines, f"tumble_every_s: {numeral_of(step.tumbled)}"] if step.tumbled else lines
-
-
-def _spin_length(step: SpinStep) -> str:
-    """Return whole revolutions where the spin has them, to the last digit; else its seconds."""
+def _put_revolutions(step: SpinStep, texts: dict[str, str]) -> None:
+    """Put whole revolutions where the spin has them, to the last digit, in the place of its seconds."""
     if step.rate:
         period = REVOLUTION / abs(value_of(numeral_of(step.rate, DEGREE), DEGREE))
         count = step.duration / period
         if 0.5 < count < 1e6 and round(count) * period == step.duration:
-            return f"revolutions: {round(count)}"
-    return f"seconds: {numeral_of(step.duration)}"
+            del texts["seconds"]
+            texts["revolutions"] = str(round(count))
 
 
 def _direction_text(vector: Vector) -> str:
