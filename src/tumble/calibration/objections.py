@@ -395,7 +395,7 @@ def of_other_rests(session: Session) -> str:
     ----------
     session : of the recording.
     """
-    from tumble.segmentation.other_rests import find_other_rests
+    from tumble.segmentation.creep import find_other_rests
 
     recording, timeline = session.recording, session.timeline
     other = None if session.intervals is not None else find_other_rests(recording, timeline)

@@ -1,7 +1,7 @@
 """Protocol files: YAML for people, read with the line of every mistake, written so that it reads back.
 
 Angles are degrees and times are seconds, as people write them, and each key ends in its unit. What is
-read is what was written to the last bit (see `tumble.protocol.numerals`). The JSON schema is made of the reader's own
+read is what was written to the last bit (see `tumble.protocol.keys`). The JSON schema is made of the reader's own
 keys.
 """
 

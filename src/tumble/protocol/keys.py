@@ -2,13 +2,21 @@
 
 The reader takes from here which keys there are and what they may be, the writer which it writes, the schema and the
 documentation what they are.
+
+Numbers stand there as text in a field's unit, without loss: what is written in degrees comes back in radians to the
+bit. A text of up to 17 significant digits means the 64-bit number nearest to it, times the factor of its unit: what
+``0.5 * pi / 180`` is in a program, ``0.5`` is in a file. One value in eleven has no such text, because the product
+skips it; then the text has more digits, and the product is rounded once, at its end.
 """
 
 from __future__ import annotations
 
+import math
+import re
 from dataclasses import field, replace
+from decimal import Context, Decimal
+from fractions import Fraction
 from functools import cache
-from math import pi
 from pathlib import Path
 from typing import Any
 
@@ -18,9 +26,14 @@ from tumble.records import dataclass
 from tumble.units import DEGREE
 
 FORMAT, VERSION = "tumble protocol", 1
-REVOLUTION = 2.0 * pi
+REVOLUTION = 2.0 * math.pi
 PPM = 1e-6
 _FACTORS = {"°": DEGREE, "°/s": DEGREE, "turns": REVOLUTION, "″": DEGREE / 3600.0, "ppm of it": PPM}
+
+# Enough for any 64-bit number; more digits are meant.
+_FLOAT_DIGITS = 17
+# A longer text is no number that anyone meant digit by digit, and exact arithmetic would take its time.
+_LONGEST = 60
 
 STEPS: dict[str, type[Any]] = {
     "hold": HoldStep,
@@ -86,3 +99,70 @@ def schema_of(of: str) -> dict[str, Any]:
         "additionalProperties": False,
         **_tables()[of]["rules"],
     }
+
+
+def value_of(numeral: str, factor: float = 1.0) -> float:
+    """Return the number that a text means, times the factor of its unit.
+
+    Parameters
+    ----------
+    numeral : a decimal number, such as ``-0.5`` or ``1.5e-3``.
+    factor : SI value of the text's unit; π/180 for degrees.
+
+    Raises
+    ------
+    ValueError
+        If the text is no number.
+
+    Examples
+    --------
+    >>> value_of("2.5", 1e-6)
+    2.5e-06
+    """
+    nearest = float(numeral)
+    if _digits(numeral) <= _FLOAT_DIGITS or len(numeral) > _LONGEST or not 0.0 < abs(nearest) < float("inf"):
+        return nearest * factor
+    return float(Fraction(Decimal(numeral)) * Fraction(factor))
+
+
+def numeral_of(value: float, factor: float = 1.0) -> str:
+    """Return the shortest of the texts that mean `value`, which YAML takes for a number too.
+
+    Parameters
+    ----------
+    value : SI. One that is not finite becomes a text that no reader takes for a number.
+    factor : SI value of the text's unit.
+
+    Examples
+    --------
+    >>> import math
+    >>> numeral_of(math.pi / 2, math.pi / 180), numeral_of(1e-5)
+    ('90', '1.0e-05')
+    """
+    value = float(value)
+    if not math.isfinite(value):
+        return str(value)
+    for digits in (15, 16, 17):
+        text = f"{value / factor:.{digits}g}"
+        if value_of(text, factor) == value:
+            return _with_point(text)
+    exact = Fraction(value) / Fraction(factor)
+    texts = [
+        str(Context(prec=digits).divide(Decimal(exact.numerator), Decimal(exact.denominator)))
+        for digits in (18, 19, 20, 21)
+    ]
+    return _with_point(next((t for t in texts if value_of(t, factor) == value), texts[-1]))
+
+
+def _digits(numeral: str) -> int:
+    """Return how many significant digits a text has."""
+    mantissa = re.split("[eE]", numeral)[0]
+    return len(re.sub(r"\D", "", mantissa).lstrip("0"))
+
+
+def _with_point(text: str) -> str:
+    """Return 1e-05 as 1.0e-05, which YAML 1.1 takes for a word otherwise; and keep the sign of -0."""
+    if text == "-0":
+        return "-0.0"
+    mantissa, mark, exponent = text.partition("E" if "E" in text else "e")
+    return f"{mantissa}{'' if '.' in mantissa else '.0'}e{exponent}" if mark else text

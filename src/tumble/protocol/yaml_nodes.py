@@ -11,8 +11,7 @@ from typing import Any, cast
 
 from tumble.errors import ProtocolError
 from tumble.files.documents import composed, yaml_loader
-from tumble.protocol.keys import Key
-from tumble.protocol.numerals import value_of
+from tumble.protocol.keys import Key, value_of
 from tumble.records import dataclass
 
 _TEXT = Key("")

@@ -10,8 +10,7 @@ import numpy as np
 from tumble.arrays import Vector
 from tumble.earth.site import Site
 from tumble.errors import ProtocolError, SiteError
-from tumble.protocol.keys import REVOLUTION, STEPS, known_keys
-from tumble.protocol.numerals import numeral_of, value_of
+from tumble.protocol.keys import REVOLUTION, STEPS, known_keys, numeral_of, value_of
 from tumble.protocol.steps import HoldStep, Protocol, RampStep, SpinStep, Step, TurnStep
 from tumble.sample_rates import SampleRate
 from tumble.units import DEGREE

@@ -8,7 +8,7 @@ are found on the way, from the units, from the sphere of all holds, or from the 
 
 from __future__ import annotations
 
-from dataclasses import field, replace
+from dataclasses import field
 from itertools import pairwise
 
 import numpy as np
@@ -17,36 +17,21 @@ from tumble.arrays import Vectors
 from tumble.protocol.steps import HoldStep, Protocol, SpinStep, TurnStep
 from tumble.recording.recording import Recording
 from tumble.records import dataclass
-from tumble.segmentation.alignment import Alignment, align
-from tumble.segmentation.events import (
-    GAP,
-    Event,
-    Reading,
-    angles_from,
-    common_rate_scale,
-    costs_of,
-    find_events,
-    gaps_of,
-    pose_of,
-)
+from tumble.segmentation import mismatch
+from tumble.segmentation.alignment import Case, Fit
+from tumble.segmentation.events import POSE_FLOOR, Event, angles_from, find_events, pose_of, spin_axis
 from tumble.segmentation.observations import HoldMeans
-from tumble.segmentation.rough_directions import (
-    RoughScale,
-    scale_of_poses,
-    scale_of_sphere,
-    scale_of_units,
-)
 from tumble.segmentation.spin_means import SpinMeans, observe_spins, whole_revolutions
 from tumble.segmentation.timeline import Timeline
-from tumble.units import angular_rate_factor, specific_force_factor
+from tumble.units import angular_rate_factor
 
 # Two holds of one step are both used if their directions agree this well (or three of the pose's sigma).
 SAME_HOLD = np.radians(0.5)
 # Where turns follow one another without a hold, a rest shorter than this share of the shortest hold is a pause.
 PAUSE = 0.5
 FIXTURE_PROCEDURE = "strapdown-rotation"
-# Start of the search for a centre from the poses alone: how many holds too many or too few come first.
-FIRST_SHIFTS = (0, 1, -1, 2, -2)
+# Of one kind, so many sentences; the others are counted.
+MOST_SENTENCES = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,123 +70,6 @@ class Matching:
     remarks: list[str] = field(default_factory=list[str])
 
 
-@dataclass(frozen=True, slots=True)
-class Fit:
-    """An alignment and the reading of raw numbers under which it was found."""
-
-    alignment: Alignment
-    reading: Reading
-
-
-@dataclass(frozen=True, slots=True)
-class Case:
-    """A protocol beside what was found: what every question about their likeness needs.
-
-    `steps` are the indices of the protocol's holds and spins in the order expected.
-    """
-
-    protocol: Protocol
-    recording: Recording
-    timeline: Timeline
-    means: HoldMeans
-    steps: list[int]
-    events: list[Event]
-
-    def fit(self) -> Fit:
-        """Return the best alignment, whatever centre and scale the accelerometer has."""
-        reading = Reading(self.means.specific_force, None, np.eye(3), self.rate_scale())
-        fits = [self._settled(replace(reading, scale=scale)) for scale in self.scales(reading.specific_force)]
-        return min(fits, key=lambda fit: fit.alignment.cost)
-
-    def only(self, kind: type[HoldStep] | type[SpinStep]) -> Case:
-        """Return the same with the holds alone, or the spins alone.
-
-        Parameters
-        ----------
-        kind : of step.
-        """
-        steps = [number for number in self.steps if isinstance(self.protocol.steps[number], kind)]
-        return replace(
-            self, steps=steps, events=[e for e in self.events if (e.hold is not None) == (kind is HoldStep)]
-        )
-
-    def rate_scale(self) -> float | None:
-        """Return the raw units per rad/s of the gyro that the spins show; None without spins."""
-        factor = angular_rate_factor(self.recording.angular_rate_unit)
-        return common_rate_scale(self.protocol, self.events, None if factor is None else 1.0 / factor)
-
-    def name(self, i: int) -> str:
-        """Return step `i` of `steps` as the user knows it, such as ``4 (x down)``.
-
-        Parameters
-        ----------
-        i : index into `steps`.
-        """
-        number = self.steps[i]
-        words = self.protocol.steps[number].name
-        return f"{number + 1} ({words})" if words else f"{number + 1}"
-
-    def scales(self, force: Vectors | None) -> list[RoughScale | None]:
-        """Return centres and scales of the accelerometer to begin with.
-
-        Parameters
-        ----------
-        force : (holds, 3) raw means; None without an accelerometer.
-        """
-        if force is None:
-            return [None]
-        if specific_force_factor(self.recording.specific_force_unit) is not None:
-            return [scale_of_units(force)]
-        sphere = scale_of_sphere(force)
-        if sphere is not None:
-            return [sphere]
-        posed = [pose.up_b for i in self.steps if (pose := pose_of(self.protocol.steps[i])) is not None]
-        scales: list[RoughScale | None] = []
-        for shift in FIRST_SHIFTS:
-            first_hold, first_pose = max(shift, 0), max(-shift, 0)
-            count = min(len(force) - first_hold, len(posed) - first_pose)
-            if count >= 2:
-                raw, up_b = force[first_hold:][:count], np.array(posed[first_pose:][:count])
-                scales.append(scale_of_poses(raw, up_b))
-        return [scale for scale in scales if scale is not None] or [scale_of_units(force)]
-
-    def _settled(self, reading: Reading) -> Fit:
-        """Align, find the scale from what was aligned, and align again until nothing changes."""
-        fit = self.aligned(reading)
-        for _ in range(4):
-            scale = self._scale_from(fit)
-            if scale is None:
-                break
-            better = self.aligned(replace(reading, scale=scale))
-            if better.alignment.cost >= fit.alignment.cost:
-                break
-            fit = better
-        return fit
-
-    def aligned(self, reading: Reading) -> Fit:
-        """Return the best alignment under a reading of the raw numbers.
-
-        Parameters
-        ----------
-        reading : scales and axes.
-        """
-        cost, again = costs_of(self.protocol, self.steps, self.events, reading, self.recording)
-        gaps = gaps_of(self.events, self.timeline.holds)
-        return Fit(align(cost, gaps, np.full(len(self.steps), GAP), again), reading)
-
-    def _scale_from(self, fit: Fit) -> RoughScale | None:
-        rows: list[int] = []
-        up_b: list[np.ndarray] = []
-        for i, k in fit.alignment.pairs:
-            step, hold = self.protocol.steps[self.steps[i]], self.events[k].hold
-            if isinstance(step, HoldStep) and step.pose is not None and hold is not None:
-                rows.append(hold)
-                up_b.append(step.pose.up_b)
-        if fit.reading.specific_force is None or not rows:
-            return None
-        return scale_of_poses(fit.reading.specific_force[rows], np.array(up_b))
-
-
 def match_protocol(
     protocol: Protocol, recording: Recording, timeline: Timeline, means: HoldMeans
 ) -> Matching:
@@ -220,9 +88,6 @@ def match_protocol(
         If the recording is not of this protocol: too little of it fits, spins go the other way round or
         at another rate, or axes are swapped. The message says what the recording looks like.
     """
-    from tumble.segmentation import mismatch
-    from tumble.segmentation.matching_words import remarks_of
-
     case = _open_case(protocol, recording, timeline, means)
     mismatch.refuse_without_spins(case)
     mismatch.refuse_wrong_units(case)
@@ -252,7 +117,7 @@ def match_protocol(
             if isinstance(step, HoldStep | SpinStep) and number not in matched
         ),
         extra=tuple(e.hold for k, e in enumerate(case.events) if e.hold is not None and k not in used),
-        remarks=remarks_of(case, fit, chosen),
+        remarks=_remarks_of(case, fit, chosen),
     )
 
 
@@ -341,3 +206,192 @@ def observe_matched_spins(
         assert isinstance(step, SpinStep)
         periods.append(2.0 * np.pi / abs(step.rate))
     return observe_spins(recording, matching.spins, periods)
+
+
+def _remarks_of(case: Case, fit: Fit, chosen: list[tuple[int, int]]) -> list[str]:
+    """Return sentences on all that is not as the protocol says; none where everything is."""
+    instead = _spins_instead(case, fit)
+    return [
+        *_about_triads(case),
+        *_shortened(_missing(case, fit, instead), "more steps were not found."),
+        *_shortened(_again(case, fit, chosen), "more steps were done more than once."),
+        *_shortened(
+            _extra(case, fit, instead), "more holds and spins are not in the protocol and were left out."
+        ),
+        *_reversed_turns(case, chosen),
+    ]
+
+
+def _shortened(sentences: list[str], rest: str) -> list[str]:
+    if len(sentences) <= MOST_SENTENCES:
+        return sentences
+    return [*sentences[: MOST_SENTENCES - 1], f"{len(sentences) - MOST_SENTENCES + 1} {rest}"]
+
+
+def _about_triads(case: Case) -> list[str]:
+    spins = sum(isinstance(step, SpinStep) for step in case.protocol.steps)
+    remarks: list[str] = []
+    if case.recording.angular_rate is None and spins:
+        remarks.append(
+            f"The recording has no gyro: the protocol's {spins} spins cannot be seen in it, nor the "
+            "holds before and after a spin be separated."
+        )
+    if case.means.specific_force is None:
+        remarks.append(
+            "The recording has no accelerometer: its holds were taken for the protocol's in order, whatever their pose."
+        )
+    return remarks
+
+
+def _spins_instead(case: Case, fit: Fit) -> dict[int, int]:
+    """The event that stands where a spin is missing, by its place in `case.steps`: at another rate, most likely."""
+    matched, used = fit.alignment.steps(), {k for _, k in fit.alignment.pairs}
+    gaps: dict[tuple[int, int], list[int]] = {}
+    for i, number in enumerate(case.steps):
+        if i not in matched and isinstance(case.protocol.steps[number], SpinStep):
+            before = max((k for other, k in fit.alignment.pairs if other < i), default=-1)
+            after = min((k for other, k in fit.alignment.pairs if other > i), default=len(case.events))
+            gaps.setdefault((before, after), []).append(i)
+    instead: dict[int, int] = {}
+    for (before, after), missing in gaps.items():
+        there = [
+            k
+            for k in range(before + 1, after)
+            if k not in used and (spin := case.events[k].spin) is not None and spin.usable
+        ]
+        if len(there) == len(missing):
+            instead |= dict(zip(missing, there, strict=True))
+    return instead
+
+
+def _spin_not_found(case: Case, fit: Fit, i: int, event: Event | None, where: str) -> str:
+    step = case.protocol.steps[case.steps[i]]
+    assert isinstance(step, SpinStep)
+    stated = f"{np.degrees(step.rate):.4g}°/s"
+    declared = angular_rate_factor(case.recording.angular_rate_unit)
+    scale = fit.reading.rate_scale if declared is None else 1.0 / declared
+    if event is None or event.rate is None or scale is None:
+        return f"Step {case.name(i)}, a spin at {stated}, was not found{where}."
+    axis_b = spin_axis(case.protocol, case.steps[i], event, fit.reading.up_b())
+    shown = float(np.linalg.norm(event.rate)) / scale
+    if axis_b is not None:
+        shown = float(np.copysign(shown, event.rate @ axis_b))
+    return (
+        f"Step {case.name(i)} was left out: it states {stated}, and the gyro showed {np.degrees(shown):.4g}°/s "
+        f"at {_span(case, event)}."
+    )
+
+
+def _missing(case: Case, fit: Fit, instead: dict[int, int]) -> list[str]:
+    found = fit.alignment.steps()
+    events = dict(fit.alignment.pairs)
+    remarks: list[str] = []
+    for i, number in enumerate(case.steps):
+        interval = case.protocol.steps[number].interval
+        spin = case.events[events[i]].spin if i in found else None
+        if spin is not None and not spin.usable:
+            remarks.append(f"Step {case.name(i)} was left out: {spin.reason}.")
+        elif i not in found:
+            where = "" if interval is None else f" between {interval[0]:.4g} and {interval[1]:.4g} s"
+            if isinstance(case.protocol.steps[number], SpinStep):
+                event = case.events[instead[i]] if i in instead else None
+                remarks.append(_spin_not_found(case, fit, i, event, where))
+            else:
+                remarks.append(f"Step {case.name(i)} was not found{where}.")
+    return remarks
+
+
+def _again(case: Case, fit: Fit, chosen: list[tuple[int, int]]) -> list[str]:
+    remarks: list[str] = []
+    for i in sorted(fit.alignment.steps()):
+        times = sum(step == i for step, _ in fit.alignment.pairs)
+        used = sum(step == i for step, _ in chosen)
+        if times > 1 and used:
+            how = (
+                "both are used"
+                if times == used == 2
+                else "all are used"
+                if times == used
+                else "the longest is used"
+            )
+            often = "twice" if times == 2 else f"{times} times"
+            remarks.append(f"Step {case.name(i)} was done {often}: {how}.")
+    return remarks
+
+
+def _extra(case: Case, fit: Fit, instead: dict[int, int]) -> list[str]:
+    used = {k: i for i, k in fit.alignment.pairs}
+    remarks: list[str] = []
+    for k, event in enumerate(case.events):
+        if (
+            k in used
+            or k in instead.values()
+            or _is_rest_beside_spin(case, k, used)
+            or _is_turn(case, k, used)
+        ):
+            continue
+        kind = "hold" if event.hold is not None else "spin"
+        if event.spin is not None and not event.spin.usable:
+            # Its rate is cut off, so that it looks like no step: the reason comes first.
+            remarks.append(f"The spin at {_span(case, event)} was left out: {event.spin.reason}.")
+            continue
+        remarks.append(
+            f"The {kind} at {_span(case, event)} is not in the protocol{_likeness(case, fit, event)} and was left out."
+        )
+    return remarks
+
+
+def _span(case: Case, event: Event) -> str:
+    time = case.recording.time
+    return f"{time[event.start] - time[0]:.0f}–{time[event.stop - 1] - time[0]:.0f} s"
+
+
+def _is_rest_beside_spin(case: Case, k: int, used: dict[int, int]) -> bool:
+    """Whether a hold is the rest before or after a spin, which no protocol has to name."""
+    if case.events[k].hold is None:
+        return False
+    for neighbour, side in ((k - 1, 1), (k + 1, -1)):
+        if neighbour not in used or case.events[neighbour].spin is None:
+            continue
+        number = case.steps[used[neighbour]] + side
+        if not 0 <= number < len(case.protocol.steps):
+            return True
+        if not isinstance(case.protocol.steps[number], HoldStep):
+            return True
+    return False
+
+
+def _is_turn(case: Case, k: int, used: dict[int, int]) -> bool:
+    """Whether a spin is a turn from one hold to the next, which a table makes at a constant rate too."""
+    before = [used[other] for other in used if other < k]
+    after = [used[other] for other in used if other > k]
+    if case.events[k].spin is None or not before or not after or min(after) == max(before):
+        return False
+    first, last = case.steps[max(before)], case.steps[min(after)]
+    between = case.protocol.steps[first + 1 : last]
+    holds = all(isinstance(case.protocol.steps[n], HoldStep) for n in (first, last))
+    return holds and not any(isinstance(step, SpinStep) for step in between)
+
+
+def _likeness(case: Case, fit: Fit, event: Event) -> str:
+    """The step that a left-out hold looks like, if there is one and only one pose that does."""
+    up_b = fit.reading.up_b()
+    if event.hold is None or up_b is None:
+        return ""
+    like: list[int] = []
+    for i, number in enumerate(case.steps):
+        pose = pose_of(case.protocol.steps[number])
+        if pose is not None:
+            angle = float(angles_from(up_b[[event.hold]], pose.up_b)[0])
+            if angle < 2.0 * np.hypot(pose.sigma, POSE_FLOOR):
+                like.append(i)
+    return f" at this place (it looks like step {case.name(like[0])})" if len(like) == 1 else ""
+
+
+def _reversed_turns(case: Case, chosen: list[tuple[int, int]]) -> list[str]:
+    wrong, _, _ = mismatch.find_reversed_turns(case, chosen)
+    if not wrong:
+        return []
+    steps = ", ".join(str(number + 1) for number in wrong)
+    plural = "s" if len(wrong) > 1 else ""
+    return [f"Step{plural} {steps}: turned the other way round than the protocol says, to the same pose."]

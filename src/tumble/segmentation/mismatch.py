@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,13 +11,10 @@ from tumble.errors import SegmentationError
 from tumble.protocol.steps import HoldStep, SpinStep, TurnStep
 from tumble.recording.columns import renamed
 from tumble.recording.gravity_check import find_axis_contradiction
-from tumble.segmentation.alignment import signed_permutations
+from tumble.recording.recording import Recording
+from tumble.segmentation.alignment import Case, Fit, signed_permutations
 from tumble.segmentation.events import GAP, pose_of, spin_axis
 from tumble.units import angular_rate_factor, known_units
-
-if TYPE_CHECKING:
-    from tumble.recording import Recording
-    from tumble.segmentation.matching import Case, Fit
 
 # A share of the steps below which the protocol is not the recording's.
 SMALLEST_SHARE = 0.5

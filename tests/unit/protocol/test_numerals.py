@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import yaml
 
-from tumble.protocol.numerals import numeral_of, value_of
+from tumble.protocol.keys import numeral_of, value_of
 
 DEGREE, PPM = math.pi / 180.0, 1e-6
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from tumble.attitude.directions import twenty_six_directions
 from tumble.segmentation.alignment import Alignment, align, signed_permutations
-from tumble.segmentation.rough_directions import scale_of_poses, scale_of_sphere, scale_of_units
+from tumble.segmentation.events import scale_of_poses, scale_of_sphere, scale_of_units
 
 GAP, AGAIN = 6.0, 3.0
 

@@ -14,8 +14,7 @@ from tumble.earth import Site
 from tumble.protocol import named_protocol
 from tumble.recording import Recording
 from tumble.segmentation import find_timeline
-from tumble.segmentation.creep import in_other_poses_too
-from tumble.segmentation.other_rests import find_other_rests
+from tumble.segmentation.creep import find_other_rests, in_other_poses_too
 from tumble.sensor import ImuModel, Triad
 from tumble.simulation.protocols import simulate_protocol
 

@@ -95,7 +95,7 @@ def _known_from_recording(path: Path) -> tuple[Square, list[str]]:
     from tumble.design.next_pose import known_from_holds
     from tumble.recording import read_recording
     from tumble.segmentation import find_timeline, observe_holds
-    from tumble.segmentation.rough_directions import scale_of_sphere, scale_of_units
+    from tumble.segmentation.events import scale_of_sphere, scale_of_units
     from tumble.units import specific_force_factor
 
     recording = read_recording(path)
