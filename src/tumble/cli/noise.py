@@ -70,7 +70,7 @@ def noise_command(
     if printed.as_json:
         say_json(found.document, indent=1)
         return
-    from tumble.report.noise_words import curve_lines, noise_lines, triad_lines
+    from tumble.report.noise import curve_lines, noise_lines, triad_lines
 
     noise, long = found.noise, not printed.quiet
     if long:

@@ -11,7 +11,7 @@ from pydantic import ConfigDict, Field
 
 import tumble
 from tumble.document.part import DocumentPart
-from tumble.report.noise_words import (
+from tumble.report.noise import (
     CURVE,
     DEFINITIONS,
     FORMULA,

@@ -16,7 +16,7 @@ from tumble.calibration.equations.observed import hold_swings
 from tumble.calibration.equations.turn import HoldsAndTurns
 from tumble.calibration.evidence import RestlessHold
 from tumble.calibration.outcome.estimate import restless_remarks
-from tumble.report.evidence.holds import restless
+from tumble.report.evidence.residuals import restless
 from tumble.report.page import Table
 
 

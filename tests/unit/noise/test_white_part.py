@@ -16,8 +16,8 @@ from tumble.noise.terms import GaussMarkov, NoiseModel
 from tumble.noise.triads import triad_terms
 from tumble.noise.white_part import shortest_time, slower_part, white_beyond, white_part
 from tumble.recording import Recording
+from tumble.report.noise import noise_rows
 from tumble.report.noise_document import noise_document
-from tumble.report.noise_words import noise_rows
 from tumble.workflows.given.noise_models import read_noise_models
 
 RATE, TIME, WHITE = 100.0, 0.03, 1e-4

@@ -11,8 +11,7 @@ import pytest
 
 from tumble.attitude.directions import twenty_six_directions
 from tumble.calibration.evidence import Turns
-from tumble.report.evidence.turns import turns
-from tumble.report.evidence.uncalibrated import nominal_hold_norms, nominal_turn_angles
+from tumble.report.evidence.residuals import nominal_hold_norms, nominal_turn_angles, turns
 from tumble.report.figures.on_page import packed
 from tumble.report.figures.poses import missing_directions, pose_words, poses
 from tumble.report.figures.record import Bars, plain

@@ -10,8 +10,7 @@ import pytest
 from tumble.noise.characterisation import Channel, Characterisation, characterise
 from tumble.recording import Recording, Source
 from tumble.report.html import render_page
-from tumble.report.noise import noise_page
-from tumble.report.noise_words import noise_lines, noise_rows, practical_unit, si_unit
+from tumble.report.noise import noise_lines, noise_page, noise_rows, practical_unit, si_unit
 
 RATE = 100.0
 

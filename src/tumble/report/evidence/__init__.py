@@ -10,12 +10,10 @@ from tumble.calibration.evidence import Budget, Evidence, Holds, Spins, ThermalC
 from tumble.calibration.magnetometer.estimate import Magnetometer
 from tumble.report.evidence.beside import beside
 from tumble.report.evidence.budget import budget
-from tumble.report.evidence.holds import holds
 from tumble.report.evidence.magnetometer import magnetometer
-from tumble.report.evidence.spins import spins
+from tumble.report.evidence.residuals import holds, spins, turns
 from tumble.report.evidence.thermal import thermal
 from tumble.report.evidence.turn_ons import turn_ons
-from tumble.report.evidence.turns import turns
 from tumble.report.page import Block
 from tumble.report.subject import Subject
 

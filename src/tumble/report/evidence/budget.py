@@ -8,20 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tumble.calibration.verdict import two_digits
-from tumble.report.figures.record import (
-    BLUE,
-    GREEN,
-    GREY,
-    ORANGE,
-    PURPLE,
-    RED,
-    TEAL,
-    Axis,
-    Bars,
-    Figure,
-    Mark,
-    plain,
-)
+from tumble.report.figures.record import PALETTE, Axis, Bars, Figure, Mark, plain
 from tumble.report.page import Block, Figures, Sentences, Table, section
 
 if TYPE_CHECKING:
@@ -38,7 +25,6 @@ if TYPE_CHECKING:
 
 # Shares of the variance below a hundredth of a per cent are not worth a number.
 _NOTHING = 1e-2
-_COLOURS = (BLUE, TEAL, GREEN, ORANGE, RED, PURPLE, GREY)
 # Of each kind of observation so many are shown, the most harmful first.
 SHOWN = 5
 _KINDS = {
@@ -85,8 +71,8 @@ def _drawn(told: Budget, rows: list[ParameterRow]) -> Figure:
                 plain(share, 4),
                 [row.short for row in rows],
                 name,
-                _COLOURS[at % len(_COLOURS)],
-                opacity=1.0 if at < len(_COLOURS) else 0.55,
+                PALETTE[at % len(PALETTE)],
+                opacity=1.0 if at < len(PALETTE) else 0.55,
                 hover="%{y}: %{x:.1f} %<extra>%{fullData.name}</extra>",
                 lying=True,
             )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 from collections.abc import Callable, Iterable
 from importlib import import_module
+from importlib.resources import files
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -20,33 +21,7 @@ COLUMN = 3.46
 """Inches: the column of most journals, 88 mm."""
 _PIXELS = 190.0
 """Of a page's figure that are an inch of a paper's."""
-_STYLE = {
-    "font.family": "DejaVu Sans",
-    "font.size": 7.0,
-    "axes.linewidth": 0.5,
-    "axes.titlesize": 7.0,
-    "axes.grid": True,
-    "grid.linewidth": 0.3,
-    "grid.color": "#d5d8dd",
-    "axes.axisbelow": True,
-    "xtick.major.width": 0.5,
-    "ytick.major.width": 0.5,
-    "legend.frameon": False,
-    "pdf.fonttype": 42,
-    "svg.fonttype": "path",
-    "svg.hashsalt": "tumble",
-    "savefig.dpi": 600,
-    "figure.constrained_layout.use": True,
-}
-_SYMBOLS = {
-    "square": "s",
-    "diamond": "D",
-    "cross": "P",
-    "x": "x",
-    "x-thin": "x",
-    "triangle-up": "^",
-    "triangle-down": "v",
-}
+_SYMBOLS = {"square": "s", "diamond": "D", "cross": "P", "x": "x", "triangle-up": "^", "triangle-down": "v"}
 _DASHES = {"dash": (0, (5, 2)), "dot": (0, (1, 1.5)), "dashdot": (0, (5, 2, 1, 2))}
 
 
@@ -103,9 +78,9 @@ def draw(figure: record.Figure, form: str) -> bytes:
         If matplotlib is not installed.
     """
     require_library()
-    library: Any = import_module("matplotlib")
     flat = figure.flat or figure
-    with library.rc_context(_STYLE):
+    style: Any = import_module("matplotlib.style")
+    with style.context(files("tumble.report") / "templates" / "paper.mplstyle"):
         from matplotlib.figure import Figure as Picture
 
         picture: Any = Picture(figsize=(COLUMN, float(np.clip(flat.height / _PIXELS, 1.2, 8.0))))
@@ -219,7 +194,7 @@ def _points(one: Any, mark: record.Points) -> None:
             {"facecolors": "none", "edgecolors": colour, "linewidths": 0.6} if hollow else {"color": colour}
         )
         look |= {"linewidths": 0.7} if symbol.startswith("x") else {}
-        kind = _SYMBOLS.get(symbol, "o")
+        kind = _SYMBOLS.get(symbol.removesuffix("-thin"), "o")
         one.scatter(x, y, s=(0.45 * mark.size) ** 2, marker=kind, label=label, zorder=3, **look)
     for at, height, words in zip(x, y, mark.labels, strict=False):
         place = {"ha": "center", "va": "bottom" if mark.above else "center", "clip_on": True}

@@ -17,6 +17,7 @@ Look = dict[str, Any]
 
 BLUE, RED, GREEN, ORANGE, GREY, PURPLE = "#3b82d6", "#d6485b", "#2f9e6e", "#dd8a21", "#8b919c", "#8f63c9"
 TEAL = "#12a5ad"
+PALETTE = (BLUE, TEAL, GREEN, ORANGE, RED, PURPLE, GREY)
 AXIS_COLOURS = {"x": RED, "y": GREEN, "z": BLUE}
 # Of a map: least, nothing, most; what is nothing lets the page through.
 LEAST, NOTHING, MOST = "#c8394d", (GREY, 0.1), "#2f6fc2"
