@@ -320,7 +320,7 @@ class TestCalibrationTarget:
         file = tmp_path / "calibration.json"
         document(model_for(TARGETS[name])).write(file)
         before = file.read_bytes()
-        with pytest.raises(UsageError, match=r"input itself|must be a folder"):
+        with pytest.raises(UsageError, match=r"one of the inputs|must be a folder"):
             convert_to(file, name, output=file)
         assert file.read_bytes() == before
 

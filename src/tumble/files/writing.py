@@ -155,7 +155,7 @@ def inputs_kept(paths: Iterable[Path]) -> Generator[None, None, None]:
     ----------
     paths : what the command reads; of a folder, the files in it that a calibration or a simulation has there.
     """
-    held: set[tuple[int, int]] = set()
+    held: set[tuple[int, int]] = set(_inputs.get())
     for path in paths:
         for file in (path, path / "calibration.json", path / "protocol.yaml", path / "noise.json"):
             with suppress(OSError, ValueError):

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Sequence
 from dataclasses import replace
-from itertools import product
 from pathlib import Path
 
 from tumble.border import border
@@ -20,14 +18,11 @@ from tumble.export.readers import read_file
 from tumble.export.reading import check_plausible
 from tumble.export.subject import LARGEST_LOSS, Subject, Wishes, prepare
 from tumble.export.target import MAGNETOMETER, MATRIX, NOISE, SCALE, Target, find_target, targets
-from tumble.files import write_texts
+from tumble.files import inputs_kept, write_texts
 from tumble.recording.formats.logs.own_parameters import UNSTATED
 from tumble.recording.formats.table import hash_file
 from tumble.records import dataclass
 from tumble.units import angular_rate_factor, find_unit, specific_force_factor
-
-# What a folder is given for.
-_INPUTS = ("calibration.json", "noise.json")
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,10 +108,9 @@ def convert_to(
     coefficients = None if noise is None else read_noise(Path(noise), rate=rate)
     subject = prepare(document, chosen, wishes, coefficients)
     texts = chosen.write(subject)
-    files = _places(
-        texts, chosen, output, [p for p in (calibration, noise) if isinstance(p, str | os.PathLike)]
-    )
-    write_texts(dict(zip(files, texts.values(), strict=True)))
+    files = _places(texts, chosen, output)
+    with inputs_kept(Path(one) for one in (calibration, noise) if isinstance(one, str | os.PathLike)):
+        write_texts(dict(zip(files, texts.values(), strict=True)))
     return Converted(files, [*left_out, *_remarks(subject)])
 
 
@@ -148,26 +142,14 @@ def _without_corrected_before(document: Calibration, target: Target) -> tuple[Ca
     return document.model_copy(update={"magnetometer": None}), said
 
 
-def _places(
-    texts: dict[str, str],
-    target: Target,
-    output: str | os.PathLike[str] | None,
-    inputs: Sequence[str | os.PathLike[str]],
-) -> list[Path]:
+def _places(texts: dict[str, str], target: Target, output: str | os.PathLike[str] | None) -> list[Path]:
     if len(texts) > 1:
         folder = Path(output) if output is not None else Path(target.file)
         if folder.exists() and not folder.is_dir():
             raise UsageError(f"{target.title} is {len(texts)} files: {folder} must be a folder.")
-        files = [folder / name for name in texts]
-    else:
-        file = Path(output) if output is not None else Path(target.file)
-        files = [file / next(iter(texts))] if file.is_dir() else [file]
-    for given in inputs:
-        places = [Path(given) / name for name in _INPUTS] if Path(given).is_dir() else [Path(given)]
-        for place, file in product(places, files):
-            if place.exists() and file.exists() and file.samefile(place):
-                raise UsageError(f"{file} is the input itself: give another file with -o.")
-    return files
+        return [folder / name for name in texts]
+    file = Path(output) if output is not None else Path(target.file)
+    return [file / next(iter(texts))] if file.is_dir() else [file]
 
 
 def _remarks(subject: Subject) -> list[str]:
@@ -220,8 +202,6 @@ def convert_from(
     for unit, factor in zip(raw_units, (specific_force_factor, angular_rate_factor), strict=True):
         factor(unit)
     target_file = Path(output) / "calibration.json" if Path(output).is_dir() else Path(output)
-    if any(target_file.exists() and target_file.samefile(file) for file in found.files):
-        raise UsageError(f"{target_file} is the input itself: give another file with -o.")
     model = found.model
     check_plausible(model, raw_units, Path(path))
     document = calibration_from_model(
@@ -233,7 +213,8 @@ def convert_from(
         remarks=[_sentence(remark) for remark in found.remarks],
         thermal=found.thermal,
     )
-    document.write(target_file)
+    with inputs_kept(found.files):
+        document.write(target_file)
     return Converted(
         [target_file], [*document.remarks, "The file holds no uncertainties, so the document has none."]
     )
@@ -269,10 +250,7 @@ def turn(
         If the file cannot be read, or the result not be written.
     """
     document = turned_to(read_calibration(calibration), frame)
-    file, place = (
-        Path(p) / "calibration.json" if Path(p).is_dir() else Path(p) for p in (output, calibration)
-    )
-    if file.exists() and place.exists() and file.samefile(place):
-        raise UsageError(f"{file} is the input itself: give another file with -o.")
-    document.write(file)
+    file = Path(output) / "calibration.json" if Path(output).is_dir() else Path(output)
+    with inputs_kept([Path(calibration)]):
+        document.write(file)
     return file, document
