@@ -99,8 +99,7 @@ def about(steps: int) -> Generator[None]:
 
 def stepped() -> None:
     """Say that one step of an iteration is done."""
-    one = _STEPPED.get()
-    if one is not None:
+    if (one := _STEPPED.get()) is not None:
         one()
 
 
@@ -124,8 +123,7 @@ class Stage:
 
     def __init__(self) -> None:
         self._name = ""
-        self._began = self._told = time.monotonic()
-        self._share = 0.0
+        self._restart()
 
     def begin(self, words: str) -> None:
         """Say what is being done from now on; a loop that is not at its end goes on."""

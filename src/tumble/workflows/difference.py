@@ -59,12 +59,8 @@ def verdict(found: Difference, allowed: tuple[float, float] | None) -> tuple[boo
         allowance = "" if limit is None else f", {'above' if large else 'within'} what is allowed"
         sentences.append(f"{text(effect.value, effect.standard_uncertainty)}: {said}{allowance}.")
     if found.groups:
-        sentences.insert(
-            0,
-            "The parameters differ by more than chance (5 %, all groups together)."
-            if found.significant
-            else "The parameters differ by no more than chance (5 %, all groups together).",
-        )
+        chance = "more" if found.significant else "no more"
+        sentences.insert(0, f"The parameters differ by {chance} than chance (5 %, all groups together).")
     return matters, sentences
 
 
