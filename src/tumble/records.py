@@ -21,20 +21,20 @@ if TYPE_CHECKING:
     from typing import Any
 
 
-def _record(kind: type[Any] | None = None, /, *, frozen: bool = False, slots: bool = False) -> Any:
+def _record(kind: type[Any] | None = None, /, *, frozen: bool = False, **how: bool) -> Any:
     """Make a record of a class."""
     if kind is None:
-        return partial(_record, frozen=frozen, slots=slots)
+        return partial(_record, frozen=frozen, **how)
     own = vars(kind)
     # Without words the standard library writes some, from a constructor that is not there yet.
     kind.__doc__ = kind.__doc__ or kind.__name__
     methods: dict[str, Any] = {"__repr__": _repr, "__eq__": _equal, "__hash__": _hash if frozen else None}
     if frozen:
         methods |= {"__setattr__": _refuse_setting, "__delattr__": _refuse_deleting}
-    if frozen and slots:
+    if frozen and how.get("slots"):
         methods |= {"__getstate__": _state, "__setstate__": _restore}
     methods = {name: method for name, method in methods.items() if not _defines(own, name)}
-    made: Any = dataclasses.dataclass(kind, init=False, repr=False, eq=False, slots=slots)
+    made: Any = dataclasses.dataclass(kind, init=False, repr=False, eq=False, **how)
     for name, method in methods.items():
         setattr(made, name, method)
     if "__init__" not in own:
@@ -79,7 +79,9 @@ def _constructor(kind: type[Any], setting: str) -> Callable[..., None]:
     """The constructor of a class with all its fields, in their order."""
     given: dict[str, Any] = {"_set": object.__setattr__, "_factory": _FACTORY}
     parameters, lines = ["_self"], list[str]()
-    for field in dataclasses.fields(kind):
+    for field in sorted(dataclasses.fields(kind), key=attrgetter("kw_only")):
+        if field.kw_only and "*" not in parameters:
+            parameters.append("*")
         name, default = field.name, f"_default_{field.name}"
         if field.default is not dataclasses.MISSING:
             given[default] = field.default

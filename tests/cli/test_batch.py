@@ -16,8 +16,9 @@ import numpy as np
 import polars as pl
 import pytest
 
+from tumble.earth import Site
 from tumble.workflows.batches.batch import run_batch
-from tumble.workflows.batches.unit import BatchOptions
+from tumble.workflows.request import CalibrateRequest
 
 GRAVITY = 9.81
 RUN = "import sys; from tumble.cli.main import main; sys.argv[0] = 'tumble'; main()"
@@ -223,7 +224,7 @@ def test_a_cluster_that_loses_a_worker_in_the_middle_does_all_units(
         batch = run_batch(
             str(lot),
             tmp_path / "out",
-            BatchOptions(gravity=GRAVITY),
+            CalibrateRequest(site=Site.from_gravity(GRAVITY)),
             scheduler=cluster.scheduler_address,
             progress=kill_once,
         )

@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 
 from tumble import counting
+from tumble.cli.inspect import shares
 from tumble.cli.terminal import progress, shortened
 from tumble.counting import part
 
@@ -160,3 +161,20 @@ def test_the_time_left_stands_on_one_line_of_a_terminal(monkeypatch: pytest.Monk
     lines = watched("an item with " + 9 * "a very long name, ").splitlines()
     assert [line for line in lines if bar in line]
     assert all(len(line) <= 80 for line in lines)
+
+
+@pytest.mark.parametrize(
+    ("resting", "moving", "shown"),
+    [
+        (0.46, 0.47, (46, 47, 7)),
+        (0.505, 0.495, (50, 50, 0)),
+        (0.005, 0.995, (0, 100, 0)),
+        (0.0, 0.0, (0, 0, 100)),
+        (0.995, 0.005, (100, 0, 0)),
+    ],
+)
+def test_shares_are_whole_and_add_up_to_100(
+    resting: float, moving: float, shown: tuple[int, int, int]
+) -> None:
+    assert shares(resting, moving) == shown
+    assert sum(shown) == 100

@@ -12,7 +12,7 @@ import pytest
 
 from tumble.document import read_calibration
 from tumble.earth import Site
-from tumble.workflows.several.turn_ons import calibrate_turn_ons
+from tumble.workflows.calibrate import calibrate
 
 GRAVITY = 9.81
 
@@ -197,10 +197,11 @@ def test_an_earlier_calibration_counts_once_and_a_strangers_is_objected_to(
         assert sigmas[1][angle] == pytest.approx(sigma / np.sqrt(2.0), rel=0.15)
     alone = tumble("calibrate", folder / "stranger.csv", "--gravity", GRAVITY, "-o", tmp_path / "stranger")
     assert alone.status == 0, alone
-    other = calibrate_turn_ons(
+    other = calibrate(
         [folder / "monday.csv", folder / "tuesday.csv"],
         site=Site.from_gravity(GRAVITY),
         prior=tmp_path / "stranger",
+        turn_ons=True,
     )
     assert not other.accepted
     assert "The prior contradicts the recording" in " ".join(other.calibration.verdict.reasons)

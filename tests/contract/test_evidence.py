@@ -51,8 +51,7 @@ HOSTILE = "</script><b>&\"'`[red]"
 @pytest.fixture(scope="module")
 def demo() -> Subject:
     """The demo recording by hand: holds and turns of its own, and parameters for the others to be about."""
-    from tumble.workflows.calibrate import calibrate
-    from tumble.workflows.demo import GRAVITY, RATE, RECORDING
+    from tumble.workflows.calibrate import GRAVITY, RATE, RECORDING, calibrate
 
     with as_file(files("tumble") / "data" / RECORDING) as path:
         run = calibrate(

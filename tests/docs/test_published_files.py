@@ -12,8 +12,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from tumble.workflows.calibrate import calibrate
-from tumble.workflows.demo import RECORDING
+from tumble.workflows.calibrate import RECORDING, calibrate
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"

@@ -2,42 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
-from pathlib import Path
-from typing import Annotated
+from dataclasses import replace
 
-from tumble.cli.groups import ADVANCED, option
-from tumble.cli.options import (
-    CalibrationArgument,
-    FileOptions,
-    PrintOptions,
-    Recordings,
-    TemperatureOptions,
-    output_option,
-)
+from tumble.cli.options import CalibrationArgument, PrintOptions, Recordings
 from tumble.cli.terminal import progress, results_stand, say, say_json
+from tumble.workflows.request import ApplyRequest
 
 
 def apply_command(
     calibration: CalibrationArgument,
     recordings: Recordings,
-    file: FileOptions,
-    temperature: TemperatureOptions,
+    asked: ApplyRequest,
     printed: PrintOptions,
-    output: Annotated[
-        Path | None,
-        output_option(
-            "The corrected file: .csv or .parquet. Of a bag: a bag of its kind. A name without an ending: a "
-            "folder like EuRoC's. By default NAME-corrected, as the recording is, else .csv.",
-            "FILE",
-        ),
-    ] = None,
-    shift_lag: Annotated[
-        bool,
-        option(
-            ADVANCED, "", "Take out the lag between the triads that the calibration states.", "--shift-lag"
-        ),
-    ] = False,
 ) -> None:
     """Correct a recording: specific force in m/s², angular rate in rad/s, in the calibration's frame b.
 
@@ -54,15 +30,12 @@ def apply_command(
 
     with progress(printed.silent) as tell:
         tell("reading")
-        done = apply(
-            calibration,
-            recordings,
-            output=output,
-            shift_lag=shift_lag,
-            progress=lambda samples: tell(f"{samples:,} samples corrected"),
-            **file.given(),
-            **asdict(temperature),
-        )
+
+        def so_far(samples: int) -> None:
+            tell(f"{samples:,} samples corrected")
+
+        asked = replace(asked, calibration=calibration, paths=recordings, progress=so_far)
+        done = apply(**vars(asked))
     results_stand()
     if printed.as_json:
         say_json({"file": str(done.file.resolve()), "samples": done.samples, "remarks": done.remarks})

@@ -2,27 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import MISSING, asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tumble.cli.groups import ADVANCED, FIRST, option
-from tumble.cli.options import (
-    FileOptions,
-    Limits,
-    NoteOption,
-    PrintOptions,
-    Prior,
-    Protocol,
-    RegistryName,
-    SiteOptions,
-    complete_procedure,
-    output_option,
-)
+from tumble.cli.groups import OF_MANY
+from tumble.cli.options import PrintOptions, SiteOptions
 from tumble.cli.terminal import console, progress, results_stand, say_json, say_written, state
 from tumble.records import dataclass
+from tumble.workflows.request import FIRST, CalibrateRequest, option
 
 if TYPE_CHECKING:
     from tumble.fleet.outcome import Batch
@@ -33,50 +23,20 @@ _MOST_SAID = 20
 
 @dataclass(frozen=True)
 class WorkOptions:
-    """Who does the work."""
+    """Who does the work.
 
-    workers: Annotated[
-        int | None, option(_WORK, "N", "Processes that work at a time (default: one a processor).")
-    ] = None
-    scheduler: Annotated[
-        str | None,
-        option(_WORK, "tcp://HOST:PORT", "A Dask cluster that does the work instead (extra `fleet`)."),
-    ] = None
+    Attributes
+    ----------
+    workers : Processes that work at a time (default: one a processor).
+    scheduler : A Dask cluster that does the work instead (extra `fleet`).
+    """
 
-
-@dataclass(frozen=True)
-class UnitsOptions:
-    """What holds for all units where the manifest says nothing else."""
-
-    protocol: Protocol = None
-    procedure: Annotated[
-        str | None,
-        option(
-            FIRST,
-            "NAME",
-            "As for `tumble calibrate`; without it each unit's own.",
-            complete=complete_procedure,
-        ),
-    ] = None
-    limits: Limits = None
-    reports: Annotated[
-        str,
-        option(
-            FIRST,
-            "WHICH",
-            "Of which units a report.html is written: none, failed (all that are not accepted; the default), all.",
-        ),
-    ] = "failed"
-    prior: Prior = None
-    confirm_scale: Annotated[
-        bool,
-        option(
-            ADVANCED, "", "The units' scale factors are really beyond what units have.", "--confirm-scale"
-        ),
-    ] = False
+    workers: int | None = option(_WORK, "N")
+    scheduler: str | None = option(_WORK, "tcp://HOST:PORT")
 
 
 def batch_command(
+    *,
     sources: Annotated[
         list[str],
         typer.Argument(
@@ -85,14 +45,12 @@ def batch_command(
             "(CSV with the columns unit and files).",
         ),
     ],
-    output: Annotated[Path, output_option("Folder for table.csv, table.html, table.parquet, units/NAME/.")],
-    which: UnitsOptions,
+    output: Path = option(FIRST, "DIR", "--output", "-o", default=MISSING),
+    asked: Annotated[CalibrateRequest, OF_MANY],
     site: SiteOptions,
-    file: FileOptions,
     work: WorkOptions,
     printed: PrintOptions,
-    registry: RegistryName = None,
-    notes: NoteOption = None,
+    reports: str = option(FIRST, "WHICH", default="failed"),
 ) -> None:
     """Calibrate many units, and say which of them are not fit, out of limits, or unlike the others.
 
@@ -100,20 +58,19 @@ def batch_command(
 
     Each unit's calibration.json is written when it is there; run again, only what is new or changed is done, whatever
     ended the last run. A unit that fails stops nothing. Exit status 0: every unit is accepted; 1: not.
+
+    Parameters
+    ----------
+    output : Folder for table.csv, table.html, table.parquet, units/NAME/.
+    reports : Of which units a report.html is written: none, failed (all that are not accepted; the default), all.
     """
     from tumble.workflows.batches.batch import run_batch
-    from tumble.workflows.batches.unit import BatchOptions
-    from tumble.workflows.given.notes import notes_of
+    from tumble.workflows.given.site import choose_site
 
-    notes_of(notes)  # a wrong one is refused before minutes of work
-
-    given = asdict(which) | asdict(site) | file.given()
-    given["topics"] = tuple(given["topics"] or ())
-    given["limits"] = None if which.limits is None else str(which.limits)
-    options = BatchOptions(**given, notes=tuple(notes or ()))
+    asked = replace(asked, site=choose_site(**asdict(site)))
     state["stopped"] = "Stopped; the units that were done are kept, and the same call does the rest."
     with progress(printed.silent) as tell:
-        batch = run_batch(sources, output, options, registry=registry, progress=tell, **asdict(work))
+        batch = run_batch(sources, output, asked, reports=reports, progress=tell, **asdict(work))
     results_stand()
     _print(batch, printed)
     raise typer.Exit(0 if batch.accepted == len(batch.units) else 1)

@@ -2,38 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import asdict
-from functools import partial
+import os
+from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+from typing import TYPE_CHECKING
 
 import typer
 
-from tumble.cli.groups import ADVANCED, FIRST, option, refuse_given
 from tumble.cli.options import (
     FiguresOption,
-    FileOptions,
-    Intervals,
-    Limits,
     LongPrintOptions,
-    NoiseFile,
-    NoteOption,
     OptionalRecordings,
-    Prior,
-    Protocol,
-    RegistryName,
     SiteOptions,
     UnitOptions,
     check_figures,
-    complete_procedure,
     draw_figures,
-    output_option,
 )
 from tumble.cli.terminal import console, progress, results_stand, say_json_text, say_written
-from tumble.errors import UsageError
-from tumble.procedure_names import KNOWN_PROCEDURES
-from tumble.records import dataclass
+from tumble.workflows.request import FIRST, CalibrateRequest, option
 
 if TYPE_CHECKING:
     from tumble.workflows.calibrate import CalibrationRun
@@ -41,15 +27,17 @@ if TYPE_CHECKING:
 
 def demo_command(
     printed: LongPrintOptions,
-    output: Annotated[
-        Path, output_option("Folder for calibration.json and report.html (default: tumble-demo).")
-    ] = Path("tumble-demo"),
+    output: Path = option(FIRST, "DIR", "--output", "-o", default=Path("tumble-demo")),
 ) -> None:
     """Calibrate a real recording that ships with the package: an MPU-9150 tumbled by hand, 160 s.
 
     Opens nothing; prints where the report is.
+
+    Parameters
+    ----------
+    output : Folder for calibration.json and report.html (default: tumble-demo).
     """
-    from tumble.workflows.demo import demo
+    from tumble.workflows.calibrate import demo
 
     with progress(printed.silent) as tell:
         run = demo(output, progress=tell)
@@ -58,112 +46,13 @@ def demo_command(
     raise typer.Exit(0 if run.calibration.verdict.fit else 1)
 
 
-_SEVERAL = "Several recordings"
-
-
-@dataclass(frozen=True)
-class OneOptions:
-    """What goes with one recording of one unit alone."""
-
-    intervals: Intervals = None
-    noise: NoiseFile = None
-    field: Annotated[
-        str | None,
-        option(
-            ADVANCED,
-            "NORM[,DIP]|wmm,LONGITUDE,DATE",
-            "Magnetic field there with its unit, and its dip in degrees (49.2uT,66): makes the scale factors of a "
-            "magnetometer absolute. Or by the World Magnetic Model at --site (wmm,11.58,2026-05-03).",
-        ),
-    ] = None
-    estimator: Annotated[
-        str | None,
-        option(
-            ADVANCED,
-            "NAME",
-            "A paper's own estimator, whose result stands beside the joint one, with the difference in sigmas, and "
-            "with -o in calibration-NAME.json: six-position, multi-position-9, zhang-optimal, ... An unknown NAME "
-            "lists all with their sources.",
-        ),
-    ] = None
-    monte_carlo: Annotated[
-        int | None,
-        option(
-            ADVANCED,
-            "N",
-            "Propagate distributions with N draws (JCGM 101; 10000 take seconds) and say whether the "
-            "stated intervals hold.",
-        ),
-    ] = None
-
-
-@dataclass(frozen=True)
-class ProtocolOptions:
-    """What was done to the unit."""
-
-    protocol: Protocol = None
-
-
-@dataclass(frozen=True)
-class SeveralOptions:
-    """What several recordings are of."""
-
-    turn_ons: Annotated[
-        bool,
-        option(
-            _SEVERAL,
-            "",
-            "Each RECORDING (a file, acc.csv,gyro.csv, or a protocol file) is the same unit switched on anew: "
-            "biases are each one's own, what is stable is common to all.",
-            "--turn-ons",
-        ),
-    ] = False
-
-
-@dataclass(frozen=True)
-class EstimateOptions:
-    """How parameters are estimated, of one recording or several."""
-
-    prior: Prior = None
-    confirm_scale: Annotated[
-        bool,
-        option(
-            ADVANCED,
-            "",
-            "The unit's scale factors are really beyond what units have: no reason against its calibration.",
-            "--confirm-scale",
-        ),
-    ] = False
-
-
 def calibrate_command(
-    context: typer.Context,
-    estimate: EstimateOptions,
-    done_to_it: ProtocolOptions,
-    site: SiteOptions,
-    file: FileOptions,
-    several: SeveralOptions,
-    one: OneOptions,
     unit: UnitOptions,
+    asked: CalibrateRequest,
+    site: SiteOptions,
     printed: LongPrintOptions,
     recordings: OptionalRecordings = None,
-    limits: Limits = None,
-    registry: RegistryName = None,
-    notes: NoteOption = None,
     figures: FiguresOption = None,
-    output: Annotated[
-        Path | None, output_option("Folder for calibration.json and report.html (default: NAME-calibration).")
-    ] = None,
-    procedure: Annotated[
-        str | None,
-        option(
-            FIRST,
-            "NAME",
-            f"What is believed: {', '.join(KNOWN_PROCEDURES[:-1])} or {KNOWN_PROCEDURES[-1]}; without it the "
-            "protocol or the recording decides, and it is said why.",
-            complete=complete_procedure,
-        ),
-    ] = None,
 ) -> None:
     """Calibrate an IMU from a recording of it tumbled by hand, on faces, or on a rate table.
 
@@ -175,63 +64,23 @@ def calibrate_command(
     report.html, prints the parameters with their standard uncertainties, and says whether the result
     is fit for use (exit status 0) or not (1). With --limits the unit has to be within them, too.
     """
-    from tumble.workflows.given.notes import notes_of
+    given = recordings or []
+    output = Path(asked.output or _default_folder(given, asked.protocol))
+    check_figures(figures, output)
+    from tumble.workflows.calibrate import calibrate
     from tumble.workflows.given.site import choose_site
 
-    given = recordings or []
-    check_figures(figures, output or _default_folder(given, done_to_it.protocol))
-    if registry is not None:
-        from tumble.workflows.registry import require_registry
-
-        require_registry(registry, unit.imu_serial)
-    shared: dict[str, Any] = {**file.given(), "site": choose_site(**asdict(site)), "limits": limits}
-    shared |= {"notes": notes_of(notes), "confirm_scale": estimate.confirm_scale}
-    shared |= {
-        "output": output or _default_folder(given, done_to_it.protocol),
-        "protocol": done_to_it.protocol,
-        "prior": estimate.prior,
-        "imu": unit.imu,
-    }
-    if several.turn_ons:
-        from tumble.workflows.several.turn_ons import calibrate_turn_ons
-
-        _refuse_beside_turn_ons(context, procedure)
-        _calibrate(partial(calibrate_turn_ons, given, **shared), printed, registry, figures)
-    from tumble.workflows.calibrate import calibrate
-
-    shared |= {"procedure": procedure, **asdict(one)}
-    _calibrate(partial(calibrate, given, **shared), printed, registry, figures)
-
-
-def _refuse_beside_turn_ons(context: typer.Context, procedure: str | None) -> None:
-    """Refuse what belongs to a single recording."""
-    if procedure not in (None, "joint"):
-        raise UsageError(
-            f"--turn-ons is the joint estimator's, and --procedure {procedure} was asked for: leave one of them out."
-        )
-    refuse_given(context, [OneOptions], "{} does not go with --turn-ons: leave one of them out.")
-
-
-def _calibrate(
-    make: Callable[..., CalibrationRun],
-    printed: LongPrintOptions,
-    registry: str | None,
-    figures: str | None,
-) -> NoReturn:
-    """Make a calibration, print what was found, and leave with the status of its verdict."""
+    place = choose_site(**asdict(site))
     with progress(printed.silent) as tell:
-        run = make(progress=tell)
+        asked = replace(asked, paths=given, output=output, site=place, imu=unit.imu, progress=tell)
+        run = calibrate(**vars(asked))
         run.files += draw_figures(figures, run.page, run.files)
-    if registry is not None:
-        from tumble.workflows.registry import add_calibration
-
-        add_calibration(registry, run.calibration)
     results_stand()
     print_run(run, printed)
     raise typer.Exit(0 if run.accepted else 1)
 
 
-def _default_folder(recordings: list[Path], protocol: str | None) -> Path:
+def _default_folder(recordings: list[Path], protocol: str | os.PathLike[str] | None) -> Path:
     """Return where the results go when nobody says: beside what they were made from, by its name."""
     first = recordings[0] if recordings else None
     if first is not None and first.suffix.lower() not in (".yaml", ".yml"):

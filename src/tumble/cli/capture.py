@@ -23,21 +23,11 @@ from rich.text import Text
 
 from tumble.capture.events import BELLS, Event
 from tumble.capture.targets import groups_of
-from tumble.cli.groups import ADVANCED, FIRST, option
-from tumble.cli.options import (
-    Imu,
-    NoteOption,
-    PrintOptions,
-    RegistryName,
-    SiteOptions,
-    StreamOptions,
-    UnitOptions,
-    complete_protocol,
-    output_option,
-)
+from tumble.cli.options import Imu, NoteOption, PrintOptions, RegistryName, SiteOptions, UnitOptions
 from tumble.cli.terminal import plain, results_stand, say, say_aside, say_json_text, say_written, table
 from tumble.records import dataclass
 from tumble.sample_rates import sample_rate
+from tumble.workflows.request import ADVANCED, FIRST, StreamRequest, option
 
 if TYPE_CHECKING:
     from collections.abc import Generator, Sequence
@@ -150,41 +140,28 @@ def _held_words(held: float, wanted: float) -> str:
 
 @dataclass(frozen=True)
 class CaptureOptions:
-    """What is captured, and how well."""
+    """What is captured, and how well.
 
-    hold: Annotated[
-        float,
-        option(ADVANCED, "S", "How long each pose is to be held, seconds.", "--hold", show_default=True),
-    ] = 3.0
-    target: Annotated[
-        list[str] | None,
-        option(
-            ADVANCED,
-            "NAME=NUMBER",
-            "Standard uncertainty to reach, as accelerometer.bias=2mg or gyro.scale=500ppm; once for each.",
-            "--target",
-        ),
-    ] = None
+    Attributes
+    ----------
+    hold : How long each pose is to be held, seconds.
+    target : Standard uncertainty to reach, as accelerometer.bias=2mg or gyro.scale=500ppm; once for each.
+    protocol : Go through the steps of a protocol; `rest` is a unit that lies still for its noise.
+    resume : Go on with the capture that is in DIR.
+    web : Show it in a browser on this machine.
+    """
+
+    hold: float = option(ADVANCED, "S", default=3.0, show_default=True)
+    target: list[str] | None = option(ADVANCED, "NAME=NUMBER")
     imu: Imu = "consumer-mems"
-    protocol: Annotated[
-        str | None,
-        option(
-            ADVANCED,
-            "FILE|NAME",
-            "Go through the steps of a protocol; `rest` is a unit that lies still for its noise.",
-            "--protocol",
-            complete=complete_protocol,
-        ),
-    ] = None
-    resume: Annotated[bool, option(ADVANCED, "", "Go on with the capture that is in DIR.", "--resume")] = (
-        False
-    )
-    web: Annotated[bool, option(FIRST, "", "Show it in a browser on this machine.", "--web")] = False
+    protocol: str | None = option(ADVANCED, "FILE|NAME", complete="protocol")
+    resume: bool = option(ADVANCED, "", "--resume", default=False)
+    web: bool = option(FIRST, "", "--web", default=False)
 
 
 def capture_command(
     what: CaptureOptions,
-    file: StreamOptions,
+    file: StreamRequest,
     place: SiteOptions,
     unit: UnitOptions,
     printed: PrintOptions,
@@ -199,15 +176,18 @@ def capture_command(
     ] = None,
     notes: NoteOption = None,
     registry: RegistryName = None,
-    output: Annotated[
-        Path, output_option("Folder for the recording, the events, calibration.json and report.html.")
-    ] = Path("capture"),
+    output: Path = option(FIRST, "DIR", "--output", "-o", default=Path("capture")),
 ) -> None:
-    """Record a unit while it is in the hand: which poses count, which is next, how good it is, when to stop."""
+    """Record a unit while it is in the hand: which poses count, which is next, how good it is, when to stop.
+
+    Parameters
+    ----------
+    output : Folder for the recording, the events, calibration.json and report.html.
+    """
     if source is None:
         _list_sources()
         return
-    from tumble.workflows.given.notes import notes_of
+    from tumble.workflows.request import notes_of
 
     order = replace(_order(source, what, file, place, output), unit=unit.imu, notes=notes_of(notes))
     if registry is not None:
@@ -286,7 +266,7 @@ def _terminal(order: CaptureOrder, printed: PrintOptions) -> Generator[Listener,
 
 
 def _order(
-    source: str, what: CaptureOptions, file: StreamOptions, place: SiteOptions, output: Path
+    source: str, what: CaptureOptions, file: StreamRequest, place: SiteOptions, output: Path
 ) -> CaptureOrder:
     from tumble.capture.run import CaptureOrder, require_hold
     from tumble.capture.source import SourceOptions, find_source

@@ -8,9 +8,9 @@ from typing import Annotated
 
 import typer
 
-from tumble.cli.groups import FIRST, option
-from tumble.cli.options import PrintOptions, RegistryName, output_option
+from tumble.cli.options import PrintOptions, RegistryName
 from tumble.cli.terminal import progress, results_stand, say, say_json, say_written
+from tumble.workflows.request import FIRST, option
 
 
 def certificate_command(
@@ -19,32 +19,24 @@ def certificate_command(
         Path,
         typer.Argument(metavar="CALIBRATION", help="calibration.json, or its folder.", show_default=False),
     ],
-    output: Annotated[
-        Path,
-        output_option(
-            "The PDF (default: certificate.pdf); as .xml, PTB's digital calibration certificate (DCC 3.3.0).",
-            "FILE",
-        ),
-    ] = Path("certificate.pdf"),
-    profile: Annotated[
-        Path | None,
-        option(
-            FIRST, "PROFILE.YAML", "What the laboratory says: name, logo, customer, traceability, conditions."
-        ),
-    ] = None,
-    number: Annotated[str | None, option(FIRST, "TEXT", "Its number (default: made of the day).")] = None,
-    language: Annotated[
-        str, option(FIRST, "CODE", "en, de, fr, es or zh.", "--language", show_default=True)
-    ] = "en",
-    date: Annotated[
-        str | None,
-        option(FIRST, "YYYY-MM-DD", "Day of issue (default: today); the same day makes the same bytes."),
-    ] = None,
+    output: Path = option(FIRST, "FILE", "--output", "-o", default=Path("certificate.pdf")),
+    profile: Path | None = option(FIRST, "PROFILE.YAML"),
+    number: str | None = option(FIRST, "TEXT"),
+    language: str = option(FIRST, "CODE", default="en", show_default=True),
+    date: str | None = option(FIRST, "YYYY-MM-DD"),
     registry: RegistryName = None,
 ) -> None:
     """A certificate of a calibration in the form of ISO/IEC 17025: PDF/A with the calibration.json inside.
 
     tumble certificate calibrated --profile laboratory.yaml -o unit-17.pdf
+
+    Parameters
+    ----------
+    output : The PDF (default: certificate.pdf); as .xml, PTB's digital calibration certificate (DCC 3.3.0).
+    profile : What the laboratory says: name, logo, customer, traceability, conditions.
+    number : Its number (default: made of the day).
+    language : en, de, fr, es or zh.
+    date : Day of issue (default: today); the same day makes the same bytes.
     """
     from tumble.workflows.certificate import make_certificate
 

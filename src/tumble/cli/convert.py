@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tumble.cli.groups import ADVANCED, FIRST, option
-from tumble.cli.options import NoiseFile, PrintOptions, complete_target, output_option
+from tumble.cli.options import NoiseFile, PrintOptions
 from tumble.cli.terminal import console, results_stand, say, say_json, say_written, table
 from tumble.errors import UsageError
 from tumble.records import dataclass
+from tumble.workflows.request import ADVANCED, FIRST, option
 
 if TYPE_CHECKING:
     from tumble.workflows.convert import Converted
@@ -21,31 +21,33 @@ _NOISE = "Noise, for tools that want it"
 
 @dataclass(frozen=True)
 class FormOptions:
-    """What another tool's file leaves open."""
+    """What another tool's file leaves open.
 
-    frame: Annotated[
-        str | None, option(ADVANCED, "NAME", "Frame of corrected vectors, where the form leaves it open.")
-    ] = None
-    at_temperature: Annotated[
-        float | None, option(ADVANCED, "CELSIUS", "Take a calibration with temperature at this one.")
-    ] = None
-    largest_loss: Annotated[
-        float,
-        option(ADVANCED, "PPM", "Refuse what loses more than this of a vector's length.", show_default=True),
-    ] = 20000.0
-    ros_topic: Annotated[
-        str | None, option(ADVANCED, "NAME", "ROS topic, for forms that name one (the bag's, else /imu0).")
-    ] = None
+    Attributes
+    ----------
+    frame : Frame of corrected vectors, where the form leaves it open.
+    at_temperature : Take a calibration with temperature at this one.
+    largest_loss : Refuse what loses more than this of a vector's length.
+    ros_topic : ROS topic, for forms that name one (the bag's, else /imu0).
+    """
+
+    frame: str | None = option(ADVANCED, "NAME")
+    at_temperature: float | None = option(ADVANCED, "CELSIUS")
+    largest_loss: float = option(ADVANCED, "PPM", default=20000.0, show_default=True)
+    ros_topic: str | None = option(ADVANCED, "NAME")
 
 
 @dataclass(frozen=True)
 class NoiseOptions:
-    """Noise that is written beside a calibration."""
+    """Noise that is written beside a calibration.
+
+    Attributes
+    ----------
+    consumer_rate : Rate that the consumer runs at, for per-sample noise.
+    """
 
     noise: NoiseFile = None
-    consumer_rate: Annotated[
-        float | None, option(_NOISE, "HZ", "Rate that the consumer runs at, for per-sample noise.")
-    ] = None
+    consumer_rate: float | None = option(_NOISE, "HZ")
 
 
 def convert_command(
@@ -60,27 +62,10 @@ def convert_command(
             show_default=False,
         ),
     ] = None,
-    to: Annotated[
-        str | None,
-        option(FIRST, "TARGET", "Write it in this tool's form.", "--to", complete=complete_target),
-    ] = None,
-    source: Annotated[
-        str | None,
-        option(
-            FIRST,
-            "TARGET",
-            "Read this tool's file and write calibration.json.",
-            "--from",
-            complete=complete_target,
-        ),
-    ] = None,
-    output: Annotated[
-        Path | None, output_option("The file (default: the tool's own name for it).", "PATH")
-    ] = None,
-    units: Annotated[
-        str | None,
-        option(FIRST, "UNIT,UNIT", "With --from: raw units where the file does not say them, as g,deg/s."),
-    ] = None,
+    to: str | None = option(FIRST, "TARGET", complete="target"),
+    source: str | None = option(FIRST, "TARGET", "--from", complete="target"),
+    output: Path | None = option(FIRST, "PATH", "--output", "-o"),
+    units: str | None = option(FIRST, "UNIT,UNIT"),
 ) -> None:
     """Write a calibration as another tool's file, or read one. Without arguments: the list of targets.
 
@@ -90,6 +75,13 @@ def convert_command(
 
     Each file says its formula and a test vector in its comments. What a form cannot hold is said with its
     size; too large a loss is refused.
+
+    Parameters
+    ----------
+    to : Write it in this tool's form.
+    source : Read this tool's file and write calibration.json.
+    output : The file (default: the tool's own name for it).
+    units : With --from: raw units where the file does not say them, as g,deg/s.
     """
     if to is not None and source is not None:
         raise UsageError(

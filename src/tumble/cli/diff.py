@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
-from tumble.cli.groups import FIRST, option
 from tumble.cli.options import PrintOptions
 from tumble.cli.terminal import console, say_json
 from tumble.errors import UsageError
+from tumble.workflows.request import FIRST, option
 
 if TYPE_CHECKING:
     from tumble.document.difference import Difference
@@ -28,10 +28,7 @@ def diff_command(
     ],
     second: Annotated[Path, typer.Argument(metavar="SECOND", help="A calibration of the same unit.")],
     printed: PrintOptions,
-    allowed: Annotated[
-        str | None,
-        option(FIRST, "UG,DEG/H", "Changes that do no harm: µg at 1 g and deg/h at rest, as 500,20."),
-    ] = None,
+    allowed: str | None = option(FIRST, "UG,DEG/H"),
 ) -> None:
     """Say what changed between two calibrations, in sigmas, and whether it matters.
 
@@ -41,6 +38,10 @@ def diff_command(
     more than its uncertainty, and more than --allowed.
 
     tumble diff truth.json calibration.json says whether a calibration recovers a simulated unit.
+
+    Parameters
+    ----------
+    allowed : Changes that do no harm: µg at 1 g and deg/h at rest, as 500,20.
     """
     from tumble.workflows.difference import difference, verdict
     from tumble.workflows.simulated.recovery import is_truth

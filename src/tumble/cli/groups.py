@@ -1,55 +1,61 @@
-"""Groups of options: a command takes one frozen record a group, and typer sees all their options side by side."""
+"""Groups of options: a command takes one frozen record a group, and typer sees all their options side by side.
+
+What `tumble --help` and `tumble COMMAND --help` print.
+"""
 
 from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import fields, is_dataclass
-from itertools import pairwise
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import MISSING, fields, is_dataclass
+from importlib import import_module
+from itertools import groupby, pairwise
+from operator import itemgetter
 from pathlib import Path
-from typing import Any, cast, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, cast, get_args, get_origin, get_type_hints
 
 import typer
 from typer.core import TyperCommand, TyperGroup
 
 from tumble.errors import UsageError
 
-FIRST = "What people need first"
-PLACE = "Where it was recorded"
-FILE = "What the file does not say itself"
-RECORD = "For the record"
-ADVANCED = "Advanced"
+if TYPE_CHECKING:
+    pass
+
 PRINTED = "What is printed"
+OF_MANY = object()
+# How far the texts of a help stand from the left; a longer spelling has a line of its own and is never cut.
+_INDENT = 26
+# What the shell completes after an option or argument: where the names are, read when they are asked for.
+NAMES = {
+    "procedure": "tumble.procedure_names:KNOWN_PROCEDURES",
+    "protocol": "tumble.protocol.library:PROTOCOLS",
+    "grade": "tumble.simulation.grades:GRADES",
+    "target": "tumble.export.target:targets",
+    "study": "tumble.reproduction.items:all_items",
+}
 
 
-def option(
-    panel: str,
-    metavar: str,
-    help: str,
-    *names: str,
-    show_default: bool = False,
-    complete: Callable[[str], list[str]] | None = None,
-) -> Any:
-    """Declare an option.
+def completed(kind: str) -> Callable[[str], list[str]]:
+    """Return what gives the names that begin with what was typed.
 
     Parameters
     ----------
-    panel : of the help that it stands in.
-    metavar : what stands for its value; empty for a flag.
-    help : what it says.
-    names : its spellings, such as ``--output`` and ``-o``; none takes the name of the field.
-    show_default : whether the help shows the default.
-    complete : gives the values that begin with what was typed, for the shell.
+    kind : of `NAMES`.
     """
-    return typer.Option(
-        *names,
-        help=help,
-        rich_help_panel=panel,
-        metavar=metavar,
-        show_default=show_default,
-        autocompletion=complete,
-    )
+
+    def beginning(incomplete: str) -> list[str]:
+        module, _, name = NAMES[kind].partition(":")
+        found: Any = getattr(import_module(module), name)
+        return [
+            one
+            for one in cast("Iterable[str]", found() if callable(found) else found)
+            if one.startswith(incomplete)
+        ]
+
+    return beginning
 
 
 def numbers(text: str, option: str, count: int | None = None) -> tuple[float, ...]:
@@ -104,16 +110,20 @@ def grouped(command: Callable[..., None]) -> Callable[..., None]:
     ----------
     command : whose parameters are options, arguments, or records of them.
     """
-    groups: dict[str, type] = {}
+    from tumble.workflows.request import listed_words
+
+    groups: dict[str, tuple[type, list[inspect.Parameter]]] = {}
     flat: list[inspect.Parameter] = []
+    help_text, words = listed_words(command.__doc__ or "")
     hints = get_type_hints(command, include_extras=True)
     for parameter in inspect.signature(command).parameters.values():
         hint = hints[parameter.name]
-        if isinstance(hint, type) and is_dataclass(hint):
-            groups[parameter.name] = hint
-            flat += _options_of(hint)
+        kind, *how = get_args(hint) if get_origin(hint) is Annotated else (hint,)
+        if isinstance(kind, type) and is_dataclass(kind):
+            groups[parameter.name] = kind, list(_options_of(kind, of_many=OF_MANY in how))
+            flat += groups[parameter.name][1]
         else:
-            flat.append(parameter.replace(annotation=hint, kind=inspect.Parameter.KEYWORD_ONLY))
+            flat.append(_parameter(parameter.name, parameter.default, hint, words))
 
     def run(**given: Any) -> None:
         from tumble.files import check_target, inputs_kept
@@ -122,12 +132,12 @@ def grouped(command: Callable[..., None]) -> Callable[..., None]:
             if isinstance(output := given.get("output"), Path) and not output.is_dir():
                 check_target(output)
             made = {
-                name: group(**{field.name: given.pop(field.name) for field in fields(group)})
-                for name, group in groups.items()
+                name: group(**_unsaid(group), **{option.name: given.pop(option.name) for option in options})
+                for name, (group, options) in groups.items()
             }
             command(**given, **made)
 
-    run.__doc__ = flowing(command.__doc__ or "")
+    run.__doc__ = flowing(help_text)
     run.__signature__ = inspect.Signature(flat)  # type: ignore[attr-defined]
     run.__annotations__ = {parameter.name: parameter.annotation for parameter in flat}
     return run
@@ -144,13 +154,53 @@ def _inputs(given: dict[str, Any]) -> list[Path]:
     return found
 
 
-def _options_of(group: Any) -> list[inspect.Parameter]:
-    hints = get_type_hints(group, include_extras=True)
-    keyword = inspect.Parameter.KEYWORD_ONLY
-    return [
-        inspect.Parameter(field.name, keyword, default=field.default, annotation=hints[field.name])
-        for field in fields(group)
-    ]
+def _options_of(group: Any, *, of_many: bool) -> Iterator[inspect.Parameter]:
+    """The options of a group, or those of a request that may hold for all units of a batch."""
+    from tumble.workflows.request import option_of, words_of
+
+    hints, words = dict[str, Any](), words_of(group)
+    with suppress(NameError):  # a request names what only programs give, and has its kinds
+        hints = get_type_hints(group, include_extras=True)
+    for field in fields(group):
+        found = option_of(field)
+        if found is None and field.name not in hints:
+            continue
+        if of_many and found is not None:
+            if found.alone or found.of_many is None:
+                continue
+            words[field.name] = found.of_many or words[field.name]
+        yield _parameter(field.name, field.default if found is None else field, hints.get(field.name), words)
+
+
+def _unsaid(group: Any) -> dict[str, None]:
+    """What has to be given to a request and is no option of it: the command gives it afterwards."""
+    from tumble.workflows.request import option_of
+
+    return {field.name: None for field in fields(group) if field.default is MISSING and not option_of(field)}
+
+
+def _parameter(name: str, default: Any, hint: Any, words: dict[str, str]) -> inspect.Parameter:
+    """An option or argument as typer takes it; what an option's help says stands in a docstring, or with it."""
+    kind, *declared = get_args(hint) if get_origin(hint) is Annotated else (hint,)
+    from tumble.workflows.request import option_of
+
+    given: Any = default
+    found = next(filter(None, map(option_of, (given, *declared))), None)
+    if found is not None:
+        given = given.default if option_of(given) else given
+        hint = Annotated[
+            found.kind or kind or (bool if given is False else str | None),
+            typer.Option(
+                *found.names,
+                help=found.help or words[name],
+                rich_help_panel=found.panel,
+                metavar=found.metavar,
+                show_default=found.show_default,
+                autocompletion=completed(found.complete) if found.complete else None,
+            ),
+        ]
+    given = inspect.Parameter.empty if given is MISSING else given
+    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=given, annotation=hint)
 
 
 def flowing(text: str) -> str:
@@ -206,9 +256,7 @@ class _Helped:
         ----------
         ctx, formatter : typer's.
         """
-        from tumble.cli.help import print_help
-
-        print_help(self, ctx)
+        _print_help(self, ctx)
 
 
 class Group(_Helped, TyperGroup):
@@ -271,3 +319,87 @@ class Command(_Helped, TyperCommand):
 def _what_left_of(command: str, name: str) -> str | None:
     options = what_left()["options"]
     return options.get(command, {}).get(name) or options.get("every command", {}).get(name)
+
+
+def _print_help(command: Any, context: Any) -> None:
+    """Print what a command is for, an example, then the options."""
+    from rich.padding import Padding
+    from rich.text import Text
+
+    from tumble.cli.terminal import console
+
+    screen = console()
+    panels: dict[str, dict[str, str]] = command.panels() if hasattr(command, "panels") else {}
+    after = ["COMMAND ..."] if panels else _arguments(command, context)
+    words = [context.command_path, "[OPTIONS]", *after]
+    screen.print(Text.assemble(("Usage: ", "yellow"), " ".join(words)))
+    for paragraph in (command.help or "").split("\n\n"):
+        example = paragraph.startswith("tumble ")
+        screen.print()
+        screen.print(Padding(Text(paragraph, "bold cyan" if example else ""), (0, 0, 0, 2 if example else 0)))
+    for title, sentences in panels.items():
+        screen.print(Text(f"\n{title}", "bold"))
+        for name, sentence in sentences.items():
+            _print_row(screen, f"  {name}", sentence)
+    options = (
+        sorted(command.get_params(context), key=lambda one: one.rich_help_panel == PRINTED) if panels else []
+    )
+    ordered = [("Options", one) for one in options] or _ordered(command, context)
+    for title, parameters in groupby(ordered, key=itemgetter(0)):
+        screen.print(Text(f"\n{title}", "bold"))
+        for _, parameter in parameters:
+            _print_row(screen, f"  {_spelled(parameter)}", _words(parameter))
+
+
+def _ordered(command: Any, context: Any) -> list[tuple[str, Any]]:
+    """Each parameter with its panel: arguments, what people need first, the command's own, what all commands have."""
+    from tumble.workflows.request import ADVANCED, FILE, FIRST, PLACE, RECORD
+
+    seen = [
+        ("Arguments" if one.param_type_name == "argument" else one.rich_help_panel or ADVANCED, one)
+        for one in command.get_params(context)
+    ]
+    first, last = ("Arguments", FIRST, PLACE, FILE), (RECORD, ADVANCED, PRINTED)
+    own = [title for title, _ in seen if title not in (*first, *last)]
+    order = [*first, *dict.fromkeys(own), *last]
+    return sorted(seen, key=lambda one: order.index(one[0]))
+
+
+def _arguments(command: Any, context: Any) -> list[str]:
+    return [_spelled(one) for one in command.get_params(context) if one.param_type_name == "argument"]
+
+
+def _spelled(parameter: Any) -> str:
+    """An option's spellings and what stands for its value; a flag's two spellings with a stroke."""
+    if parameter.param_type_name == "argument":
+        name = parameter.metavar or parameter.name.upper()
+        return name if parameter.required or name.startswith("[") else f"[{name}]"
+    names = "/".join([", ".join(parameter.opts), *parameter.secondary_opts])
+    return f"{names} {parameter.metavar}" if parameter.metavar else names
+
+
+def _words(parameter: Any) -> str:
+    words = parameter.help or ""
+    if (
+        parameter.show_default
+        and parameter.default not in (None, False)
+        and parameter.param_type_name == "option"
+    ):
+        words += f" Default: {parameter.default}."
+    if getattr(parameter, "required", False) and parameter.param_type_name == "option":
+        words += " Required."
+    return words
+
+
+def _print_row(screen: Any, left: str, words: str) -> None:
+    from rich.table import Table
+    from rich.text import Text
+
+    if len(left) > _INDENT - 2:
+        screen.print(Text(left, "cyan"))
+        left = ""
+    row = Table.grid(padding=0)
+    row.add_column(width=_INDENT)
+    row.add_column(ratio=1)
+    row.add_row(Text(left, "cyan"), Text(words))
+    screen.print(row)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-from tumble.cli.groups import FIRST, PRINTED, option
-from tumble.cli.options import FileOptions, PrintOptions, Recordings
+from tumble.cli.groups import PRINTED
+from tumble.cli.options import PrintOptions, Recordings
 from tumble.cli.terminal import console, plain, progress, say, say_json, table
 from tumble.records import dataclass
+from tumble.workflows.request import FIRST, FileRequest, option
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -20,28 +21,35 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class InspectPrintOptions(PrintOptions):
-    """How findings are printed."""
+    """How findings are printed.
 
-    quiet: Annotated[bool, option(PRINTED, "", "Print warnings only.", "--quiet", "-q")] = False
-    verbose: Annotated[bool, option(PRINTED, "", "Print every gap and every channel.", "--verbose", "-v")] = (
-        False
-    )
+    Attributes
+    ----------
+    quiet : Print warnings only.
+    verbose : Print every gap and every channel.
+    """
+
+    quiet: bool = option(PRINTED, "", "--quiet", "-q", default=False)
+    verbose: bool = option(PRINTED, "", "--verbose", "-v", default=False)
 
 
 def inspect_command(
     recording: Recordings,
-    file: FileOptions,
+    file: FileRequest,
     printed: InspectPrintOptions,
-    save: Annotated[
-        Path | None, option(FIRST, "FILE", "Convert to this file: .csv or .parquet, raw numbers, time in s.")
-    ] = None,
+    save: Path | None = option(FIRST, "FILE"),
 ) -> None:
-    """Say what a recording holds: streams, units, rate, gaps, rest and motion, and what it is good for."""
+    """Say what a recording holds: streams, units, rate, gaps, rest and motion, and what it is good for.
+
+    Parameters
+    ----------
+    save : Convert to this file: .csv or .parquet, raw numbers, time in s.
+    """
     from tumble.workflows.inspect import inspect
 
     with progress(printed.silent) as tell:
         tell("reading")
-        inspection = inspect(recording, save=save, **file.given())
+        inspection = inspect(recording, save=save, **file.how())
     if printed.as_json:
         say_json(inspection.to_dict(), indent=2)
         return

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import MISSING, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tumble.cli.groups import FIRST, option
-from tumble.cli.options import FileOptions, PrintOptions, output_option
+from tumble.cli.options import PrintOptions
 from tumble.cli.terminal import console, progress, results_stand, say_json_text, say_written, table
+from tumble.workflows.request import FIRST, MountRequest, option
 
 if TYPE_CHECKING:
     from tumble.workflows.mount import Mounted
 
 
 def mount_command(
+    *,
     level: Annotated[Path, typer.Argument(metavar="LEVEL", help="A recording at rest with the mount level.")],
     pitched: Annotated[
         Path,
@@ -24,42 +26,24 @@ def mount_command(
             help="A recording at rest with the mount pitched by 90° about its y axis, x up.",
         ),
     ],
-    calibration: Annotated[
-        Path,
-        option(FIRST, "CALIBRATION", "calibration.json, or the folder that holds it.", "--calibration", "-c"),
-    ],
-    file: FileOptions,
+    calibration: Path = option(FIRST, "CALIBRATION", "--calibration", "-c", default=MISSING),
+    asked: MountRequest,
     printed: PrintOptions,
-    output: Annotated[
-        Path, output_option("The file, or the folder for mount.json (default: mount.json).", "PATH")
-    ] = Path("mount.json"),
-    mount_mrad: Annotated[
-        float,
-        option(
-            FIRST,
-            "MRAD",
-            "How well the mount was levelled and turned about its y axis, one sigma.",
-            show_default=True,
-        ),
-    ] = 0.0,
 ) -> None:
     """Say how a calibrated unit lies on its mount: three angles, from gravity in two attitudes of the mount.
 
     A calibration corrects the sensors in the unit's own axes; what uses them knows the mount's. Level the
     mount (shims), record ten seconds; pitch it by 90° about its y axis until x is up, record ten more.
+
+    Parameters
+    ----------
+    calibration : calibration.json, or the folder that holds it.
     """
     from tumble.workflows.mount import mount
 
     with progress(printed.silent) as tell:
-        done = mount(
-            level,
-            pitched,
-            calibration,
-            output=output,
-            mount_sigma=1e-3 * mount_mrad,
-            progress=tell,
-            **file.given(),
-        )
+        asked = replace(asked, level=level, pitched=pitched, calibration=calibration, progress=tell)
+        done = mount(asked)
     results_stand()
     if printed.as_json:
         say_json_text(done.file.read_text(encoding="utf-8"))

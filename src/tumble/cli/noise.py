@@ -2,22 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
-from pathlib import Path
-from typing import Annotated
+from dataclasses import replace
 
-from tumble.cli.groups import ADVANCED, FIRST, option
-from tumble.cli.options import (
-    FiguresOption,
-    FileOptions,
-    PrintOptions,
-    Recordings,
-    check_figures,
-    draw_figures,
-    output_option,
-)
+from tumble.cli.options import FiguresOption, PrintOptions, Recordings, check_figures, draw_figures
 from tumble.cli.terminal import progress, results_stand, say, say_json, say_written
-from tumble.records import dataclass
+from tumble.workflows.request import NoiseRequest
 
 _LETTERS = (
     "Letters as in IEEE Std 952. B: flicker of two-sided density B²/(2πf); the curve's floor is 0.664 B. "
@@ -25,31 +14,10 @@ _LETTERS = (
 )
 
 
-@dataclass(frozen=True)
-class AnalysisOptions:
-    """What is analysed, and how."""
-
-    skip: Annotated[float, option(FIRST, "S", "Seconds at the start to leave out, such as warm-up.")] = 0.0
-    remove_temperature: Annotated[
-        bool, option(FIRST, "", "Take a straight line in the temperature off first.", "--remove-temperature")
-    ] = False
-    fit: Annotated[
-        str,
-        option(
-            ADVANCED,
-            "WAY",
-            "How the terms are found: curve, a weighted fit of the whole curve (default), or moments, the "
-            "generalized method of wavelet moments.",
-        ),
-    ] = "curve"
-
-
 def noise_command(
     recording: Recordings,
-    file: FileOptions,
-    analysis: AnalysisOptions,
+    asked: NoiseRequest,
     printed: PrintOptions,
-    output: Annotated[Path | None, output_option("Folder for noise.json and noise.html.")] = None,
     figures: FiguresOption = None,
 ) -> None:
     """Noise of a unit at rest: white noise, bias instability and random walks of every channel.
@@ -61,9 +29,9 @@ def noise_command(
     """
     from tumble.workflows.noise import analyse_noise
 
-    check_figures(figures, output)
+    check_figures(figures, asked.output)
     with progress(printed.silent) as tell:
-        found = analyse_noise(recording, output=output, progress=tell, **file.given(), **asdict(analysis))
+        found = analyse_noise(**vars(replace(asked, paths=recording, progress=tell)))
     files = [*found.files, *draw_figures(figures, found.page, found.files)]
     if files:
         results_stand()

@@ -1,7 +1,4 @@
-"""Options that several commands share, each declared once, and the groups in which commands take them.
-
-What the shell completes after `tumble`: names from the registries, read when they are asked for.
-"""
+"""Options that several commands share, each declared once, and the groups in which commands take them."""
 
 from __future__ import annotations
 
@@ -12,73 +9,20 @@ from typing import Annotated, Any, TypeAlias
 
 import typer
 
-from tumble.cli.groups import ADVANCED, FILE, FIRST, PLACE, PRINTED, RECORD, option
+from tumble.cli.groups import PRINTED
 from tumble.errors import UsageError
 from tumble.records import dataclass
-
-
-def _beginning(names: Iterable[str], incomplete: str) -> list[str]:
-    return [name for name in names if name.startswith(incomplete)]
-
-
-def complete_procedure(incomplete: str) -> list[str]:
-    """Return the procedures that begin so.
-
-    Parameters
-    ----------
-    incomplete : what was typed.
-    """
-    from tumble.procedure_names import KNOWN_PROCEDURES
-
-    return _beginning(KNOWN_PROCEDURES, incomplete)
-
-
-def complete_protocol(incomplete: str) -> list[str]:
-    """Return the named protocols that begin so; the shell completes files where there is none.
-
-    Parameters
-    ----------
-    incomplete : what was typed.
-    """
-    from tumble.protocol.library import PROTOCOLS
-
-    return _beginning(PROTOCOLS, incomplete)
-
-
-def complete_grade(incomplete: str) -> list[str]:
-    """Return the grades of units that begin so.
-
-    Parameters
-    ----------
-    incomplete : what was typed.
-    """
-    from tumble.simulation.grades import GRADES
-
-    return _beginning(GRADES, incomplete)
-
-
-def complete_target(incomplete: str) -> list[str]:
-    """Return the forms of other tools that begin so.
-
-    Parameters
-    ----------
-    incomplete : what was typed.
-    """
-    from tumble.export.target import targets
-
-    return _beginning(targets(), incomplete)
-
-
-def complete_study(incomplete: str) -> list[str]:
-    """Return the papers' tables and figures that begin so.
-
-    Parameters
-    ----------
-    incomplete : what was typed.
-    """
-    from tumble.reproduction.items import all_items
-
-    return _beginning(all_items(), incomplete)
+from tumble.workflows.request import (
+    ADVANCED,
+    FIRST,
+    GRADES,
+    PLACE,
+    RECORD,
+    ApplyRequest,
+    CalibrateRequest,
+    option,
+    shared,
+)
 
 
 def _matched(paths: list[Path] | None) -> list[Path] | None:
@@ -105,7 +49,6 @@ _WHAT = (
     "A recording: a file (CSV, text, Parquet, NPY, MATLAB, a ROS bag, MCAP, a flight log, ...), a folder, "
     "or a pair of files with one triad each."
 )
-GRADES = "consumer-mems, industrial-mems, hg1900, hg1700, tactical, ring-laser"
 
 Recordings: TypeAlias = Annotated[
     list[Path], typer.Argument(help=_WHAT, metavar="RECORDING...", callback=_matched)
@@ -122,34 +65,22 @@ OptionalRecordings: TypeAlias = Annotated[
 CalibrationArgument: TypeAlias = Annotated[
     Path, typer.Argument(metavar="CALIBRATION", help="calibration.json, or the folder that holds it.")
 ]
-NoiseFile: TypeAlias = Annotated[
-    Path | None,
-    option(
-        ADVANCED,
-        "NOISE.JSON",
-        "This unit's own noise, from `tumble noise -o`, in place of what is assumed of it.",
-        "--noise",
-    ),
-]
-Limits: TypeAlias = Annotated[
-    Path | None,
-    option(
-        RECORD,
-        "LIMITS.YAML",
-        "Acceptance limits of parameters, with a decision rule: also say whether the unit is within them.",
-        "--limits",
-    ),
-]
+NoiseFile: TypeAlias = Annotated[Path | None, shared(CalibrateRequest, "noise")]
+Limits: TypeAlias = Annotated[Path | None, shared(CalibrateRequest, "limits")]
 
 
 @dataclass(frozen=True)
 class UnitOptions:
-    """What a unit is called."""
+    """What a unit is called.
 
-    imu_model: Annotated[str | None, option(RECORD, "MODEL", "Model of the unit, noted in the file.")] = None
-    imu_serial: Annotated[
-        str | None, option(RECORD, "SERIAL", "Serial number of the unit, noted in the file.")
-    ] = None
+    Attributes
+    ----------
+    imu_model : Model of the unit, noted in the file.
+    imu_serial : Serial number of the unit, noted in the file.
+    """
+
+    imu_model: str | None = option(RECORD, "MODEL")
+    imu_serial: str | None = option(RECORD, "SERIAL")
 
     @property
     def imu(self) -> tuple[str | None, str | None]:
@@ -157,202 +88,68 @@ class UnitOptions:
         return self.imu_model, self.imu_serial
 
 
-RegistryName: TypeAlias = Annotated[
-    str | None,
-    option(
-        RECORD,
-        "FILE|URL",
-        "The registry: a SQLite file, or postgresql://user:password@host/name.",
-        "--registry",
-    ),
-]
-NoteOption: TypeAlias = Annotated[
-    list[str] | None,
-    option(
-        RECORD,
-        "KEY=VALUE",
-        "Note it in the results: operator, place, instrument, remarks, or any other name. Repeat for several.",
-        "--note",
-    ),
-]
-Prior: TypeAlias = Annotated[
-    str | None,
-    option(
-        ADVANCED,
-        "CALIBRATION|GRADE",
-        "What is known beforehand: an earlier calibration.json of this unit (its non-orthogonalities are kept, and six "
-        f"poses suffice), a file of `tumble registry fleet`, or a kind: {GRADES}. Batches take no calibration.json.",
-        "--prior",
-        complete=complete_grade,
-    ),
-]
+RegistryName: TypeAlias = Annotated[str | None, shared(CalibrateRequest, "registry")]
+NoteOption: TypeAlias = Annotated[list[str] | None, shared(CalibrateRequest, "notes")]
 DataSheet: TypeAlias = Annotated[
     str | None,
     option(
         ADVANCED,
         "GRADE",
-        f"A kind of unit, whose data sheet says what is not known of this one: {GRADES}; plans of poses also take "
-        "the file of `tumble registry fleet`.",
         "--data-sheet",
-        complete=complete_grade,
+        help=f"A kind of unit, whose data sheet says what is not known of this one: {GRADES}; plans of poses also take "
+        "the file of `tumble registry fleet`.",
+        complete="grade",
     ),
 ]
-Temperature: TypeAlias = Annotated[
-    float | None,
-    option(
-        FILE,
-        "CELSIUS",
-        "Temperature of the whole recording in °C, where it has no column of it.",
-        "--temperature",
-    ),
-]
+Temperature: TypeAlias = Annotated[float | None, shared(ApplyRequest, "temperature")]
 TurnOnBias: TypeAlias = Annotated[
     str | None,
     option(
-        ADVANCED,
-        "MG,DEG/H",
-        "By how much biases move when the unit is switched on anew, one sigma.",
-        "--turn-on-bias",
+        ADVANCED, "MG,DEG/H", help="By how much biases move when the unit is switched on anew, one sigma."
     ),
 ]
 Seed: TypeAlias = Annotated[
-    int, option(FIRST, "N", "What is drawn; the same seed draws the same.", "--seed", show_default=True)
+    int, option(FIRST, "N", "--seed", help="What is drawn; the same seed draws the same.", show_default=True)
 ]
 Imu: TypeAlias = Annotated[
     str,
     option(
         FIRST,
         "GRADE",
-        f"Grade of the unit: {GRADES}.",
         "--imu",
+        help=f"Grade of the unit: {GRADES}.",
         show_default=True,
-        complete=complete_grade,
+        complete="grade",
     ),
 ]
-Protocol: TypeAlias = Annotated[
-    str | None,
-    option(
-        FIRST,
-        "FILE|NAME",
-        "What was done to the unit: a protocol file (YAML), or the name of a protocol, such as six-position.",
-        "--protocol",
-        complete=complete_protocol,
-    ),
-]
-Intervals: TypeAlias = Annotated[
-    Path | None,
-    option(
-        ADVANCED,
-        "FILE",
-        "A file with start and stop of each hold in seconds, instead of finding the holds.",
-        "--intervals",
-    ),
-]
-Json: TypeAlias = Annotated[bool, option(PRINTED, "", "Print everything as JSON.", "--json")]
-Quiet: TypeAlias = Annotated[bool, option(PRINTED, "", "Print the verdict only.", "--quiet", "-q")]
-Verbose: TypeAlias = Annotated[bool, option(PRINTED, "", "Print more of what was found.", "--verbose", "-v")]
-
-
-def output_option(help: str, metavar: str = "DIR") -> object:
-    """Declare ``-o``: where a command writes.
-
-    Parameters
-    ----------
-    help : what it writes, and where it does without.
-    metavar : whether a folder, a file or either is asked for.
-    """
-    return option(FIRST, metavar, help, "--output", "-o")
-
-
-@dataclass(frozen=True)
-class StreamOptions:
-    """What samples do not say themselves."""
-
-    units: Annotated[
-        str | None,
-        option(
-            FILE,
-            "UNIT,...",
-            "Units as g,deg/s,ms; counts; '16384 LSB/g'; m/s,rad for increments; degF or K of the temperature; or "
-            "a chip with its ranges, as mpu6050,2g,250dps.",
-        ),
-    ] = None
-    columns: Annotated[
-        str | None,
-        option(
-            FILE,
-            "NAME,...",
-            "What the columns are, as t,ax,ay,az,gx,gy,gz,mx,my,mz; - skips one, -ay reverses one.",
-        ),
-    ] = None
-    rate: Annotated[
-        str | None,
-        option(
-            FILE,
-            "HZ[±HZ]",
-            "Sampling rate of a file without time stamps; of any with its standard uncertainty, as 100±0.1; crystal "
-            "where a crystal times the stamps.",
-        ),
-    ] = None
-
-
-@dataclass(frozen=True)
-class FileOptions(StreamOptions):
-    """What a recording's file does not say itself."""
-
-    topics: Annotated[
-        list[str] | None,
-        option(
-            FILE,
-            "NAME",
-            "Topic or message of a bag or log; twice for an accelerometer and a gyro apart.",
-            "--topic",
-        ),
-    ] = None
-
-    def given(self) -> dict[str, Any]:
-        """Return what was given as the library takes it."""
-        return {"units": self.units, "columns": self.columns, "rate": self.rate, "topics": self.topics}
+Json: TypeAlias = Annotated[bool, option(PRINTED, "", "--json", help="Print everything as JSON.")]
 
 
 @dataclass(frozen=True)
 class SiteOptions:
-    """Where a recording was made."""
+    """Where a recording was made.
 
-    site: Annotated[
-        str | None,
-        option(
-            PLACE, "LAT[,H]", "Latitude in degrees and height in metres, for gravity and the Earth's rate."
-        ),
-    ] = None
-    gravity: Annotated[
-        str | None,
-        option(PLACE, "G[±U]", "Gravity there in m/s², good to half its last digit, or as 9.80788±0.00002."),
-    ] = None
+    Attributes
+    ----------
+    site : Latitude in degrees and height in metres, for gravity and the Earth's rate.
+    gravity : Gravity there in m/s², good to half its last digit, or as 9.80788±0.00002.
+    """
 
-
-@dataclass(frozen=True)
-class TemperatureOptions:
-    """At which temperature a calibration is applied."""
-
-    temperature: Temperature = None
-    outside: Annotated[
-        str,
-        option(
-            ADVANCED,
-            "HOW",
-            "Beyond the calibrated temperatures: refuse (default), hold the parameters of the span's end, or "
-            "extrapolate.",
-        ),
-    ] = "refuse"
+    site: str | None = option(PLACE, "LAT[,H]")
+    gravity: str | None = option(PLACE, "G[±U]")
 
 
 @dataclass(frozen=True)
 class PrintOptions:
-    """How an answer is printed."""
+    """How an answer is printed.
+
+    Attributes
+    ----------
+    quiet : Print the verdict only.
+    """
 
     as_json: Json = False
-    quiet: Quiet = False
+    quiet: bool = option(PRINTED, "", "--quiet", "-q", default=False)
 
     @property
     def silent(self) -> bool:
@@ -362,9 +159,14 @@ class PrintOptions:
 
 @dataclass(frozen=True)
 class LongPrintOptions(PrintOptions):
-    """How an answer with details is printed."""
+    """How an answer with details is printed.
 
-    verbose: Verbose = False
+    Attributes
+    ----------
+    verbose : Print more of what was found.
+    """
+
+    verbose: bool = option(PRINTED, "", "--verbose", "-v", default=False)
 
 
 FiguresOption: TypeAlias = Annotated[
@@ -372,13 +174,13 @@ FiguresOption: TypeAlias = Annotated[
     option(
         ADVANCED,
         "pdf|svg|png",
-        "Also draw the figures of the page for a paper, one column wide, in the folder figures beside it.",
         "--figures",
+        help="Also draw the figures of the page for a paper, one column wide, in the folder figures beside it.",
     ),
 ]
 
 
-def check_figures(form: str | None, output: Path | None) -> None:
+def check_figures(form: str | None, output: object) -> None:
     """Refuse before minutes of work what cannot be drawn.
 
     Parameters

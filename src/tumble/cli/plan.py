@@ -11,13 +11,8 @@ from typing import Annotated, Any
 
 import typer
 
-from tumble.cli.groups import refuse_given
-from tumble.cli.options import (
-    LongPrintOptions,
-    SiteOptions,
-    complete_protocol,
-    output_option,
-)
+from tumble.cli.groups import completed, refuse_given
+from tumble.cli.options import LongPrintOptions, SiteOptions
 from tumble.cli.plan_options import (
     PlanOptions,
     PoseOptions,
@@ -25,6 +20,7 @@ from tumble.cli.plan_options import (
     WishOptions,
 )
 from tumble.cli.terminal import progress, results_stand
+from tumble.workflows.request import FIRST, option
 
 
 def plan_command(
@@ -33,7 +29,7 @@ def plan_command(
         str,
         typer.Argument(
             metavar="PROTOCOL",
-            autocompletion=complete_protocol,
+            autocompletion=completed("protocol"),
             help="What is planned. Poses are searched: multi-position, hand-held, six-position. Any other protocol, by "
             "name (turntable-9, strapdown-rotation, multi-position-26, …) or as a file, is judged as it is.",
         ),
@@ -44,10 +40,7 @@ def plan_command(
     searched: PoseOptions,
     judged: ProtocolOptions,
     printed: LongPrintOptions,
-    output: Annotated[
-        Path | None,
-        output_option("A folder for protocol.yaml, plan.json and sheet.html.", "FOLDER"),
-    ] = None,
+    output: Path | None = option(FIRST, "FOLDER", "--output", "-o"),
 ) -> None:
     """Say how accurate a test will be before it is done, and find a better one.
 
@@ -61,6 +54,10 @@ def plan_command(
     tumble plan multi-position --imu tactical --time 15 -o plan
 
     All numbers are one sigma.
+
+    Parameters
+    ----------
+    output : A folder for protocol.yaml, plan.json and sheet.html.
     """
     from tumble.workflows.given.site import choose_site
     from tumble.workflows.planning.plan import kind_of_plan

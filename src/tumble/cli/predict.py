@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-from tumble.cli.groups import FIRST, option
-from tumble.cli.options import CalibrationArgument, DataSheet, Json, NoiseFile, TurnOnBias, output_option
+from tumble.cli.options import CalibrationArgument, DataSheet, Json, NoiseFile, TurnOnBias
 from tumble.cli.terminal import console, results_stand, say_json, say_written, table
 from tumble.cli.verify import turn_on_of
+from tumble.workflows.request import FIRST, option
 
 if TYPE_CHECKING:
     import numpy as np
@@ -111,18 +111,11 @@ def _practical(state: StateAdvice, digits: Callable[[float], str]) -> str:
 
 def predict_command(
     calibration: CalibrationArgument,
-    seconds: Annotated[
-        list[float] | None,
-        option(
-            FIRST, "S", "Seconds without aiding, up to 600; may be given several times. Without it 10 and 60."
-        ),
-    ] = None,
+    seconds: list[float] | None = option(FIRST, "S"),
     data_sheet: DataSheet = None,
     noise: NoiseFile = None,
     turn_on_bias: TurnOnBias = None,
-    output: Annotated[
-        Path | None, output_option("File or folder for filter.json, a filter's states.", "PATH")
-    ] = None,
+    output: Path | None = option(FIRST, "PATH", "--output", "-o"),
     as_json: Json = False,
 ) -> None:
     """Say what a calibration is worth: position error without satellites, attitude error after a turn.
@@ -131,6 +124,11 @@ def predict_command(
     sigma. Beside it is the error of the same unit with nominal scale factors and no bias. On a straight course noise,
     the wander of biases and --turn-on-bias are in it; there it says which states a filter has to carry, and their first
     sigmas. With --data-sheet: what a kind of unit promises without calibration, beside it.
+
+    Parameters
+    ----------
+    seconds : Seconds without aiding, up to 600; may be given several times. Without it 10 and 60.
+    output : File or folder for filter.json, a filter's states.
     """
     from tumble.workflows.predict import predict, states_document, write_states
 

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
-from tumble.cli.groups import FIRST, Command, Group, grouped, option
-from tumble.cli.options import Json, PrintOptions, RegistryName, output_option
+from tumble.cli.groups import Command, Group, grouped
+from tumble.cli.options import Json, PrintOptions, RegistryName
 from tumble.cli.terminal import console, results_stand, say, say_json, say_written, table
 from tumble.errors import UsageError
+from tumble.workflows.request import FIRST, option
 
 if TYPE_CHECKING:
     from tumble.workflows.registry import History
@@ -37,13 +38,15 @@ def add_command(
     ],
     printed: PrintOptions,
     registry: RegistryName = None,
-    unit: Annotated[
-        str | None, option(FIRST, "NAME", "Which unit it is of (default: the serial number in the document).")
-    ] = None,
+    unit: str | None = option(FIRST, "NAME"),
 ) -> None:
     """Add calibrations; one that is there already is left as it is.
 
     tumble registry add lot-17/units/* --registry units.sqlite
+
+    Parameters
+    ----------
+    unit : Which unit it is of (default: the serial number in the document).
     """
     from tumble.workflows.registry import add_files
 
@@ -57,28 +60,22 @@ def add_command(
 
 def list_command(
     registry: RegistryName = None,
-    unit: Annotated[str | None, option(FIRST, "NAME", "Its calibrations only.")] = None,
-    most: Annotated[int, option(FIRST, "N", "As many at most, the newest first.", show_default=True)] = 50,
-    due: Annotated[
-        Path | None,
-        option(
-            FIRST,
-            "TOLERANCES.YAML",
-            "Instead when each unit is due: when its drift, with twice its uncertainty, meets a tolerance. A file as "
-            "for --limits: `within` is the change that is allowed.",
-        ),
-    ] = None,
-    before: Annotated[
-        str | None,
-        option(
-            FIRST,
-            "YYYY-MM-DD",
-            "Of --due only units before that day, or of which nobody knows; exit status 1 if there is one.",
-        ),
-    ] = None,
+    unit: str | None = option(FIRST, "NAME"),
+    most: int = option(FIRST, "N", default=50, show_default=True),
+    due: Path | None = option(FIRST, "TOLERANCES.YAML"),
+    before: str | None = option(FIRST, "YYYY-MM-DD"),
     as_json: Json = False,
 ) -> None:
-    """List calibrations, the newest first, or with --due the units, the next one first."""
+    """List calibrations, the newest first, or with --due the units, the next one first.
+
+    Parameters
+    ----------
+    unit : Its calibrations only.
+    most : As many at most, the newest first.
+    due : Instead when each unit is due: when its drift, with twice its uncertainty, meets a tolerance. A file as for
+        --limits: `within` is the change that is allowed.
+    before : Of --due only units before that day, or of which nobody knows; exit status 1 if there is one.
+    """
     if most < 1:
         raise UsageError(f"--most {most}: give one or more.")
     if due is not None:
@@ -138,10 +135,15 @@ def show_command(
         ),
     ],
     registry: RegistryName = None,
-    output: Annotated[Path | None, output_option("Write its document there.", "FILE")] = None,
+    output: Path | None = option(FIRST, "FILE", "--output", "-o"),
     as_json: Json = False,
 ) -> None:
-    """Show a calibration, whole."""
+    """Show a calibration, whole.
+
+    Parameters
+    ----------
+    output : Write its document there.
+    """
     from tumble.registry.store import find
     from tumble.workflows.registry import date_words, registry_at
 
@@ -168,12 +170,16 @@ def show_command(
 def history_command(
     unit: Annotated[str, typer.Argument(metavar="UNIT", help="Name of a unit.")],
     registry: RegistryName = None,
-    output: Annotated[Path | None, output_option("Also draw it: an HTML page.", "FILE")] = None,
+    output: Path | None = option(FIRST, "FILE", "--output", "-o"),
     as_json: Json = False,
 ) -> None:
     """Show how a unit changes: each parameter's change and rate, with uncertainties from all its calibrations.
 
     An EWMA chart against the first five says whether something has changed: of a check unit, the measurement.
+
+    Parameters
+    ----------
+    output : Also draw it: an HTML page.
     """
     from tumble.workflows.registry import date_words, history, history_rows
 
@@ -227,15 +233,16 @@ def _say_signals(found: History, rows: list[dict[str, Any]]) -> None:
 
 def fleet_command(
     registry: RegistryName = None,
-    output: Annotated[
-        Path | None,
-        output_option("Write the mean unit with the spread as a calibration.json for --prior.", "FILE"),
-    ] = None,
+    output: Path | None = option(FIRST, "FILE", "--output", "-o"),
     as_json: Json = False,
 ) -> None:
     """Say how units differ: mean and spread between units, without what the calibrations' own errors add.
 
     tumble registry fleet -o fleet.json, then tumble calibrate next.csv --prior fleet.json
+
+    Parameters
+    ----------
+    output : Write the mean unit with the spread as a calibration.json for --prior.
     """
     from tumble.workflows.registry import fleet
 

@@ -8,9 +8,10 @@ from typing import Annotated
 
 import typer
 
-from tumble.cli.groups import ADVANCED, FIRST, option
-from tumble.cli.options import PrintOptions, Seed, complete_study, output_option
+from tumble.cli.groups import completed
+from tumble.cli.options import PrintOptions, Seed
 from tumble.cli.terminal import progress, results_stand, say, say_json, say_written
+from tumble.workflows.request import ADVANCED, FIRST, option
 
 
 def reproduce_command(
@@ -18,29 +19,27 @@ def reproduce_command(
     item: Annotated[
         str | None,
         typer.Argument(
-            autocompletion=complete_study,
+            autocompletion=completed("study"),
             help="What to make anew: an item of the list, or `hayal`, `zhang` or `savage` for all of a paper.",
         ),
     ] = None,
-    repetitions: Annotated[
-        int | None,
-        option(FIRST, "N", "How many simulated runs; hundreds show the range that one run lies in."),
-    ] = None,
+    repetitions: int | None = option(FIRST, "N"),
     seed: Seed = 0,
-    output: Annotated[
-        Path | None, output_option("Folder for a page, the data and pictures of each item.")
-    ] = None,
-    workers: Annotated[
-        int, option(ADVANCED, "N", "Processes that make a paper's items side by side.", show_default=True)
-    ] = 1,
-    scheduler: Annotated[
-        str | None, option(ADVANCED, "tcp://HOST:PORT", "A Dask cluster that makes the items instead.")
-    ] = None,
+    output: Path | None = option(FIRST, "DIR", "--output", "-o"),
+    workers: int = option(ADVANCED, "N", default=1, show_default=True),
+    scheduler: str | None = option(ADVANCED, "tcp://HOST:PORT"),
 ) -> None:
     """Make the tables and figures of the papers anew, beside the printed numbers, with a verdict a row.
 
     Without ITEM it lists what there is. Only the papers' numbers are stored; ours are simulated when the
     command runs.
+
+    Parameters
+    ----------
+    repetitions : How many simulated runs; hundreds show the range that one run lies in.
+    output : Folder for a page, the data and pictures of each item.
+    workers : Processes that make a paper's items side by side.
+    scheduler : A Dask cluster that makes the items instead.
     """
     from tumble.workflows.reproduce import reproduce
 

@@ -8,19 +8,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tumble.cli.groups import ADVANCED, FIRST, option
-from tumble.cli.options import (
-    Imu,
-    PrintOptions,
-    Seed,
-    SiteOptions,
-    TurnOnBias,
-    complete_protocol,
-    output_option,
-)
+from tumble.cli.groups import completed
+from tumble.cli.options import Imu, PrintOptions, Seed, SiteOptions, TurnOnBias
 from tumble.cli.terminal import progress, results_stand, say, say_json, say_written
 from tumble.cli.verify import turn_on_of
 from tumble.records import dataclass
+from tumble.workflows.request import ADVANCED, FIRST, option
 
 if TYPE_CHECKING:
     from tumble.workflows.simulate import Simulated
@@ -31,47 +24,26 @@ _PRACTICAL = {"1": (1e6, "ppm"), "rad": (1e3, "mrad")}
 
 @dataclass(frozen=True)
 class SessionOptions:
-    """Which unit is recorded, and how."""
+    """Which unit is recorded, and how.
+
+    Attributes
+    ----------
+    unit : Seed of the unit alone: the same unit in another session (default: --seed).
+    rate : Sampling rate (default: the protocol's or the grade's own).
+    duration : With rest: seconds to record (default: 600).
+    units : What the recording is in: SI (default), or counts, as a converter gives them.
+    magnetometer : Also record a magnetometer, in µT at its own rate: lis3mdl or rm3100.
+    errors : What else is wrong: of the chain to the file, a turntable or a two-axis fixture, the field.
+    """
 
     grade: Imu = "consumer-mems"
     seed: Seed = 0
-    unit: Annotated[
-        int | None,
-        option(
-            FIRST,
-            "N",
-            "Seed of the unit alone: the same unit in another session (default: --seed).",
-            "--unit-seed",
-        ),
-    ] = None
-    rate: Annotated[
-        float | None,
-        option(FIRST, "HZ", "Sampling rate (default: the protocol's or the grade's own).", "--sample-rate"),
-    ] = None
-    duration: Annotated[float | None, option(FIRST, "S", "With rest: seconds to record (default: 600).")] = (
-        None
-    )
-    units: Annotated[
-        str,
-        option(
-            ADVANCED,
-            "SI|counts",
-            "What the recording is in: SI (default), or counts, as a converter gives them.",
-            "--output-units",
-        ),
-    ] = "SI"
-    magnetometer: Annotated[
-        str | None,
-        option(ADVANCED, "GRADE", "Also record a magnetometer, in µT at its own rate: lis3mdl or rm3100."),
-    ] = None
-    errors: Annotated[
-        Path | None,
-        option(
-            ADVANCED,
-            "FILE.YAML",
-            "What else is wrong: of the chain to the file, a turntable or a two-axis fixture, the field.",
-        ),
-    ] = None
+    unit: int | None = option(FIRST, "N", "--unit-seed")
+    rate: float | None = option(FIRST, "HZ", "--sample-rate")
+    duration: float | None = option(FIRST, "S")
+    units: str = option(ADVANCED, "SI|counts", "--output-units", default="SI")
+    magnetometer: str | None = option(ADVANCED, "GRADE")
+    errors: Path | None = option(ADVANCED, "FILE.YAML")
 
 
 def simulate_command(
@@ -79,7 +51,7 @@ def simulate_command(
         str,
         typer.Argument(
             metavar="PROTOCOL",
-            autocompletion=complete_protocol,
+            autocompletion=completed("protocol"),
             help="A protocol file, or the name of a protocol: six-position, multi-position-26 (18, 10, "
             "9), rate-table, modified-multi-position, turntable-9 (18), laboratory, "
             "strapdown-rotation, thermal-soak, thermal-ramp (-tumbled), thermal-fridge, hand-held. "
@@ -90,7 +62,7 @@ def simulate_command(
     site: SiteOptions,
     printed: PrintOptions,
     turn_on_bias: TurnOnBias = None,
-    output: Annotated[Path | None, output_option("Folder for the files (default: NAME-simulated).")] = None,
+    output: Path | None = option(FIRST, "DIR", "--output", "-o"),
 ) -> None:
     """Play a protocol on a simulated unit: try a test before you do it, or check what a calibration finds.
 
@@ -99,6 +71,10 @@ def simulate_command(
     Writes recording.csv, protocol.yaml and truth.json. `tumble calibrate --protocol
     DIR/protocol.yaml` needs nothing else; the truth, with the keys of calibration.json, is for you to
     compare. The same seed gives the same files, bit for bit.
+
+    Parameters
+    ----------
+    output : Folder for the files (default: NAME-simulated).
     """
     from tumble.workflows.given.site import choose_site
     from tumble.workflows.simulate import simulate

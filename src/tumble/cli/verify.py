@@ -10,26 +10,25 @@ import shlex
 import sys
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import typer
 
-from tumble.cli.groups import numbers, option, refuse_given
+from tumble.cli.groups import numbers, refuse_given
 from tumble.cli.options import (
     CalibrationArgument,
     DataSheet,
-    FileOptions,
     Limits,
     PrintOptions,
     Recordings,
     SiteOptions,
     Temperature,
     TurnOnBias,
-    output_option,
 )
 from tumble.cli.terminal import console, progress, results_stand, say_json, say_written, table
 from tumble.errors import UsageError
 from tumble.records import dataclass
+from tumble.workflows.request import FIRST, FileRequest, option
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -121,16 +120,18 @@ _DRIVE = "A drive with satellite positions"
 
 @dataclass(frozen=True)
 class DriveOptions:
-    """What only a drive has."""
+    """What only a drive has.
 
-    lever_arm: Annotated[
-        str | None, option(_DRIVE, "X,Y,Z", "Metres from the IMU to the antenna, in b. Without it, 0,0,0.")
-    ] = None
+    Attributes
+    ----------
+    lever_arm : Metres from the IMU to the antenna, in b. Without it, 0,0,0.
+    output : With --gnss: folder for verify.json and verify.html.
+    """
+
+    lever_arm: str | None = option(_DRIVE, "X,Y,Z")
     data_sheet: DataSheet = None
     turn_on_bias: TurnOnBias = None
-    output: Annotated[Path | None, output_option("With --gnss: folder for verify.json and verify.html.")] = (
-        None
-    )
+    output: Path | None = option(FIRST, "DIR", "--output", "-o")
 
 
 def verify_command(
@@ -138,19 +139,12 @@ def verify_command(
     calibration: CalibrationArgument,
     recordings: Recordings,
     site: SiteOptions,
-    file: FileOptions,
+    file: FileRequest,
     drive: DriveOptions,
     printed: PrintOptions,
     limits: Limits = None,
     temperature: Temperature = None,
-    gnss: Annotated[
-        Path | None,
-        option(
-            _DRIVE,
-            "FILE",
-            "Satellite positions of a drive (.pos, NMEA, CSV): judge by navigation instead.",
-        ),
-    ] = None,
+    gnss: Path | None = option(_DRIVE, "FILE"),
 ) -> None:
     """Judge a calibration on another recording: the norm of each hold, the angle left after each turn.
 
@@ -162,8 +156,12 @@ def verify_command(
     The residuals are compared with what the calibration's uncertainty and the noise explain. Gravity
     is the calibration's own unless --site or --gravity is given. A calibration with a thermal model follows the
     recording's temperature. Exit status 0: it serves; 1: not. With --limits its parameters have to be within them.
+
+    Parameters
+    ----------
+    gnss : Satellite positions of a drive (.pos, NMEA, CSV): judge by navigation instead.
     """
-    read = file.given()
+    read = file.how()
     if gnss is not None:
         sentence = "{} says nothing to a drive, whose place the positions give: leave it out."
         refuse_given(context, [SiteOptions], sentence)

@@ -35,7 +35,7 @@ from tumble.workflows.corrected.temperature import (
     needs_temperature,
     refuse_twice,
 )
-from tumble.workflows.progress import public
+from tumble.workflows.request import ApplyRequest, asked
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,39 +47,12 @@ class Applied:
     remarks: list[str]
 
 
-@public
-def apply(
-    calibration: str | os.PathLike[str] | Calibration,
-    paths: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
-    *,
-    output: str | os.PathLike[str] | None = None,
-    columns: str | None = None,
-    units: str | None = None,
-    rate: float | str | None = None,
-    topics: Sequence[str] | None = None,
-    temperature: float | None = None,
-    outside: str = "refuse",
-    shift_lag: bool = False,
-    progress: Callable[[int], None] | None = None,
-) -> Applied:
+@asked(ApplyRequest)
+def apply(request: ApplyRequest) -> Applied:
     """Correct a recording and write it in m/s² and rad/s, frame b.
 
     Memory does not grow with the recording for bags, text, Parquet and NPY. The file says which calibrations it went
     through, so that none is applied twice.
-
-    Parameters
-    ----------
-    calibration : a ``calibration.json``, its folder, or a `Calibration`.
-    paths, columns, units, rate, topics : the recording, as for `tumble.read_recording`.
-    output : ``.csv`` or ``.parquet``; of a bag ``.bag``, ``.mcap``, ``.db3`` or a folder, as the bag is, with
-        everything but the IMU's messages as it was; a name without an ending is a folder as EuRoC's. By
-        default the recording's name with ``-corrected``, in the recording's form where that can be written, else CSV.
-    temperature : °C of the whole recording, for a calibration with a thermal model and a recording without a
-        column of temperature.
-    outside : where the sensor's temperature leaves the span that was calibrated: ``refuse``, ``hold`` the
-        parameters of the span's end, or ``extrapolate``.
-    shift_lag : whether the lag between the triads that the calibration states is taken out.
-    progress : is given the number of samples done.
 
     Raises
     ------
@@ -90,16 +63,17 @@ def apply(
     OutputError
         If the file cannot be written; an earlier one is intact.
     """
+    calibration, paths, temperature = request.calibration, request.paths, request.temperature
     document = calibration if isinstance(calibration, Calibration) else read_calibration(calibration)
-    beyond = check_outside(outside)
+    beyond = check_outside(request.outside)
     files = [Path(paths)] if isinstance(paths, str | os.PathLike) else [Path(path) for path in paths]
-    topics = [topics] if isinstance(topics, str) else topics
-    goal = destination(output, files)
+    topics = [request.topics] if isinstance(request.topics, str) else request.topics
+    goal = destination(request.output, files)
     _refuse_inputs(goal.path, files, calibration)
-    lag = lag_of(document) if shift_lag else None
+    lag = lag_of(document) if request.shift_lag else None
     done_before = corrections_of(files, topics)
     refuse_twice(document, done_before)
-    blocks = iter(read_blocks(paths, columns=columns, units=units, rate=rate, topics=topics))
+    blocks = iter(read_blocks(paths, **request.how()))
     first = next(blocks)
     if needs_temperature(document):
         check_temperature(document, first, files, temperature, beyond)
@@ -112,13 +86,13 @@ def apply(
     remarks += find_steps_of_two(_corrected(Corrector(document, beyond), first, factors, celsius))
     marks = [*done_before, document.identity]
     if goal.form == "bag":
-        if columns is not None:
+        if request.columns is not None:
             raise UsageError("--columns is for columns, and a bag has messages: leave it out, or write .csv.")
-        task = BagCorrection(document, beyond, temperature, factors, lag, marks, progress)
+        task = BagCorrection(document, beyond, temperature, factors, lag, marks, request.progress)
         first, blocks = None, None
         done = task.write(files[0], goal.path, topics or ())
         return Applied(goal.path, done, list(dict.fromkeys([*remarks, *task.told])))
-    work = _Blocks(document, beyond, factors, temperature, progress, magnetometer)
+    work = _Blocks(document, beyond, factors, temperature, request.progress, magnetometer)
     shift = None if lag is None else ForceShift(lag)
     corrected = work.corrected(chain([first], blocks))
     _write(goal, corrected if shift is None else shifted(corrected, shift), marks, files)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -25,6 +25,7 @@ from tumble.workflows.apply import in_calibration_units, raw_factors
 from tumble.workflows.corrected.corrections import corrections_of
 from tumble.workflows.corrected.temperature import FAR_FROM_CALIBRATION, recorded_span, refuse_twice
 from tumble.workflows.progress import silent
+from tumble.workflows.request import MountRequest
 
 FORMAT = "tumble mount"
 # Rests of one recording whose gravity is farther apart are of different poses, rad.
@@ -67,30 +68,12 @@ class _Rest:
     sha256: str
 
 
-def mount(
-    level: str | os.PathLike[str],
-    pitched: str | os.PathLike[str],
-    calibration: str | os.PathLike[str] | Calibration,
-    *,
-    output: str | os.PathLike[str] | None = None,
-    mount_sigma: float = 0.0,
-    columns: str | None = None,
-    units: str | None = None,
-    rate: float | str | None = None,
-    topics: Sequence[str] | None = None,
-    progress: Callable[[str], None] | None = None,
-) -> Mounted:
+def mount(request: MountRequest) -> Mounted:
     """Find the rotation from a unit's axes to its mount's, and write it.
 
     Parameters
     ----------
-    level : a recording at rest with the mount level.
-    pitched : one with the mount pitched by 90° about y, x up.
-    calibration : a ``calibration.json``, its folder, or a `Calibration`.
-    output : the file; ``mount.json`` by default.
-    mount_sigma : rad, how well the mount was levelled, and turned about its y; one sigma of each angle.
-    columns, units, rate, topics : of both recordings, as for `tumble.read_recording`.
-    progress : called with a sentence on what is being done.
+    request : the two recordings at rest, the calibration, and how well the mount was levelled.
 
     Raises
     ------
@@ -101,9 +84,10 @@ def mount(
     OutputError
         If the file cannot be written; an earlier one is intact.
     """
-    say = progress or silent
+    level, pitched, calibration = request.level, request.pitched, request.calibration
+    say, mount_sigma = request.progress or silent, 1e-3 * request.mount_mrad
     if not 0.0 <= mount_sigma <= 0.1:
-        raise UsageError(f"A mount levelled to {1e3 * mount_sigma:g} mrad: give 0 to 100 (--mount-mrad).")
+        raise UsageError(f"A mount levelled to {request.mount_mrad:g} mrad: give 0 to 100 (--mount-mrad).")
     if Path(level).exists() and Path(pitched).exists() and Path(level).samefile(pitched):
         raise UsageError(
             f"{level} is given twice: the second recording has to be of the mount pitched by 90°."
@@ -115,12 +99,13 @@ def mount(
             "that takes the accelerometers' calibration."
         )
     named = [Path(level), Path(pitched)]
-    target = _target(output, named + ([] if isinstance(calibration, Calibration) else [Path(calibration)]))
+    target = Path(request.output)
+    target = target / "mount.json" if target.is_dir() else target
     rests: list[_Rest] = []
     remarks: list[str] = []
     for path in (level, pitched):
         say(f"reading {Path(path).name}")
-        rests.append(_rest(path, document, remarks, columns=columns, units=units, rate=rate, topics=topics))
+        rests.append(_rest(path, document, remarks, request))
     triad = document.model.accelerometer
     assert triad is not None
     forces = [np.asarray(triad.correct(rest.mean[None, :])[0], dtype=np.float64) for rest in rests]
@@ -143,16 +128,6 @@ def mount(
     return Mounted(found, (rests[0].seconds, rests[1].seconds), (norms[0], norms[1]), remarks, target)
 
 
-def _target(output: str | os.PathLike[str] | None, inputs: Sequence[Path]) -> Path:
-    """The file that is written, which is none of the inputs."""
-    target = Path("mount.json") if output is None else Path(output)
-    if target.is_dir():
-        target = target / "mount.json"
-    if any(target.exists() and path.exists() and target.samefile(path) for path in inputs):
-        raise UsageError(f"{target} is one of the inputs: give another file with -o.")
-    return target
-
-
 def _norm_errors(forces: Sequence[Vector], gravity: float, names: tuple[str, str]) -> list[float]:
     """By how much the corrected force of each rest is off gravity, m/s²; refused where it is another unit's."""
     norms = [float(np.linalg.norm(force) - gravity) for force in forces]
@@ -166,23 +141,16 @@ def _norm_errors(forces: Sequence[Vector], gravity: float, names: tuple[str, str
 
 
 def _rest(
-    path: str | os.PathLike[str],
-    document: Calibration,
-    remarks: list[str],
-    *,
-    columns: str | None,
-    units: str | None,
-    rate: float | str | None,
-    topics: Sequence[str] | None,
+    path: str | os.PathLike[str], document: Calibration, remarks: list[str], request: MountRequest
 ) -> _Rest:
     """Read a recording and average its rest, in the calibration's raw units."""
-    recording = read_recordings(path, columns=columns, units=units, rate=rate, topics=topics)[0]
+    recording = read_recordings(path, **request.how())[0]
     if recording.specific_force is None:
         raise RecordingError(
             f"{Path(path).name} has no accelerometer columns: only gravity shows how a unit lies on its "
             "mount."
         )
-    refuse_twice(document, corrections_of([Path(path)], topics))
+    refuse_twice(document, corrections_of([Path(path)], request.topics))
     low, high = recorded_span(recording, None)
     made_at = document.temperature_celsius
     if made_at is not None and max(high - made_at, made_at - low) > FAR_FROM_CALIBRATION:

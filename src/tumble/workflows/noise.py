@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,9 +12,10 @@ from tumble.errors import UsageError
 from tumble.files import opened, results_folder
 from tumble.recording import Recording, read_blocks, read_recording
 from tumble.recording.formats.frames import Frame
-from tumble.recording.reading import Paths, recording_inputs
+from tumble.recording.reading import recording_inputs
 from tumble.records import dataclass
-from tumble.workflows.progress import public, silent
+from tumble.workflows.progress import silent
+from tumble.workflows.request import NoiseRequest, asked
 
 if TYPE_CHECKING:
     from tumble.noise.characterisation import Characterisation
@@ -49,34 +48,11 @@ class NoiseAnalysis:
         return noise_page(self.noise, self.command)
 
 
-@public
-def analyse_noise(
-    paths: Paths | Recording,
-    *,
-    output: str | os.PathLike[str] | None = None,
-    columns: str | None = None,
-    units: str | Sequence[str] | None = None,
-    rate: float | str | None = None,
-    topics: str | Sequence[str] | None = None,
-    skip: float = 0.0,
-    remove_temperature: bool = False,
-    fit: str = "curve",
-    progress: Callable[[str], None] | None = None,
-) -> NoiseAnalysis:
+@asked(NoiseRequest)
+def analyse_noise(request: NoiseRequest) -> NoiseAnalysis:
     """Read a recording, characterise its noise, and write noise.json and noise.html if `output` is a folder.
 
     A file of more than half a gigabyte of numbers is read block by block, twice, in little memory.
-
-    Parameters
-    ----------
-    paths, columns, units, rate, topics : as for `tumble.recording.read_recording`; a `Recording` that was read already
-        stands for its files.
-    output : folder for the two files; None writes nothing.
-    skip : s at the start to leave out.
-    remove_temperature : take a straight line in the temperature off first.
-    fit : "curve", weighted fit of the logarithm of the whole curve, or "moments", the generalized method of wavelet
-        moments.
-    progress : called with a sentence on what is being done.
 
     Raises
     ------
@@ -89,34 +65,27 @@ def analyse_noise(
     """
     from tumble.noise.characterisation import characterise, characterise_blocks
 
-    if not (np.isfinite(skip) and skip >= 0.0):
-        raise UsageError(f"--skip {skip}: give seconds, 0 or more.")
-    folder = results_folder(output)
-    method = _method(fit)
-    how: dict[str, Any] = {"skip": skip, "remove_temperature": remove_temperature, "method": method}
-    said: dict[str, Any] = {
-        "columns": columns,
-        "units": units,
-        "rate": rate,
-        "topics": topics,
-        "parted": True,
+    if not (np.isfinite(request.skip) and request.skip >= 0.0):
+        raise UsageError(f"--skip {request.skip}: give seconds, 0 or more.")
+    folder, method, paths = results_folder(request.output), _method(request.fit), request.paths
+    asked_for: dict[str, Any] = {
+        "skip": request.skip,
+        "remove_temperature": request.remove_temperature,
+        "method": method,
     }
-    say = progress or silent
-    if isinstance(paths, Recording) and (columns or units or rate or topics):
-        raise UsageError(
-            "A Recording was read already: say columns, units, rate and topics when it is read, not afterwards."
-        )
+    how: dict[str, Any] = {**request.how(), "parted": True}
+    say = request.progress or silent
     listed = [] if isinstance(paths, Recording) else recording_inputs(paths)
     say("reading")
     if sum(map(_numbers_in, listed)) > STREAMED_ABOVE:
-        noise = characterise_blocks(lambda: read_blocks(listed, **said), **how, progress=say)
+        noise = characterise_blocks(lambda: read_blocks(listed, **how), **asked_for, progress=say)
     else:
-        recording = paths if isinstance(paths, Recording) else read_recording(listed, **said)
+        recording = paths if isinstance(paths, Recording) else read_recording(listed, **how)
         say("averaging")
-        noise = characterise(recording, **how)
+        noise = characterise(recording, **asked_for)
     from tumble.report.noise_document import noise_document
 
-    command = _command(noise, skip, remove_temperature, method)
+    command = _command(noise, request)
     found = NoiseAnalysis(noise, noise_document(noise), command=command)
     if folder is None:
         return found
@@ -143,11 +112,12 @@ def _numbers_in(path: Path | Frame) -> int:
         return 0
 
 
-def _command(noise: Characterisation, skip: float, remove_temperature: bool, method: Method) -> str:
+def _command(noise: Characterisation, request: NoiseRequest) -> str:
     words = ["tumble", "noise", *(source.name for source in noise.sources)]
-    words += [f"--skip {skip:g}"] if skip else []
-    words += ["--remove-temperature"] if remove_temperature else []
-    return " ".join([*words, *([f"--fit {method}"] if method != "curve" else [])])
+    words += [f"--skip {request.skip:g}"] if request.skip else []
+    words += ["--remove-temperature"] if request.remove_temperature else []
+    fit = request.fit.strip().lower()
+    return " ".join([*words, *([f"--fit {fit}"] if fit != "curve" else [])])
 
 
 def _write(folder: Path, found: NoiseAnalysis) -> tuple[Path, ...]:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from importlib.metadata import entry_points
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,6 +22,7 @@ from tumble.recording import find_dead_channels
 
 if TYPE_CHECKING:
     from tumble.calibration import Estimate
+    from tumble.workflows.results import Clock
 
 GROUP = "tumble.estimators"
 """The group of entry points: each names a mapping from an estimator's name to its record."""
@@ -81,6 +84,29 @@ def find_estimator(name: str, *, has_protocol: bool) -> Estimator:
     if one.needs_protocol and not has_protocol:
         raise UsageError(f"The estimator {name} has to know what a table did: give --protocol FILE.")
     return one
+
+
+def find_holds(session: Session, intervals: str | os.PathLike[str] | None, clock: Clock) -> None:
+    """Find holds and turns, and which step of the protocol each of them is.
+
+    Parameters
+    ----------
+    session : of one recording.
+    intervals : as for `calibrate`.
+    clock : is told how long it takes.
+    """
+    session.say("finding holds and turns")
+    from tumble.segmentation import read_intervals
+
+    clock.lap("importing")
+    session.intervals = None if intervals is None else read_intervals(Path(intervals))
+    if session.by_temperature:
+        from tumble.calibration.thermal.coverage import require_time_base
+
+        require_time_base(session.recording, session.protocol)
+    # Asked for now, so that what is wrong with holds is said before anything else.
+    _ = session.means, session.matching
+    clock.lap("segmenting")
 
 
 def run_procedure(session: Session, procedure: str | None) -> tuple[Estimate, str]:

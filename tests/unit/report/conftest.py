@@ -85,8 +85,7 @@ def write_calibration() -> Callable[..., Calibration]:
 @pytest.fixture(scope="session")
 def hand_held() -> dict[str, Any]:
     """The demo recording by the hand-held procedure, its file named so that it would break a page."""
-    from tumble.workflows.calibrate import calibrate
-    from tumble.workflows.demo import GRAVITY, RATE, RECORDING
+    from tumble.workflows.calibrate import GRAVITY, RATE, RECORDING, calibrate
 
     with as_file(files("tumble") / "data" / RECORDING) as path:
         run = calibrate(

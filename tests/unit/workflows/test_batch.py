@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import sys
+import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -11,7 +14,7 @@ import pytest
 
 from tumble.errors import UsageError
 from tumble.workflows.batches.executors import hands
-from tumble.workflows.batches.source import read_source, unit_name
+from tumble.workflows.batches.source import read_source
 
 
 def manifest(folder: Path, text: str) -> str:
@@ -95,13 +98,6 @@ def test_a_source_that_is_not_there_is_said(source: str) -> None:
         read_source([source])
 
 
-@pytest.mark.parametrize(
-    ("file", "name"), [("a/unit.17.csv.gz", "unit.17"), ("u1.parquet", "u1"), ("u.zip", "u")]
-)
-def test_a_unit_is_called_as_its_file(file: str, name: str) -> None:
-    assert unit_name(file) == name
-
-
 # --- who does the work
 
 
@@ -134,3 +130,35 @@ def test_any_executor_does_the_work_and_is_left_open() -> None:
 def test_no_workers_are_refused() -> None:
     with pytest.raises(UsageError, match="--workers 0"), hands(workers=0):
         pass
+
+
+BEGIN = """
+import os, time
+from tumble.workflows.batches.executors import processes
+if __name__ == "__main__":
+    pool = processes(1)
+    print(pool.submit(os.getpid).result(), flush=True)
+    time.sleep(60.0)
+"""
+
+
+def is_there(number: int) -> bool:
+    try:
+        os.kill(number, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+def test_workers_of_a_program_that_is_killed_end_too() -> None:
+    with subprocess.Popen([sys.executable, "-c", BEGIN], stdout=subprocess.PIPE, text=True) as program:
+        assert program.stdout is not None
+        worker = int(program.stdout.readline())
+        assert is_there(worker)
+        program.kill()
+    for _ in range(300):
+        if not is_there(worker):
+            return
+        time.sleep(0.1)
+    os.kill(worker, 9)
+    raise AssertionError("its worker waits for tasks that nobody will give it")

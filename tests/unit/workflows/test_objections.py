@@ -11,8 +11,7 @@ import pytest
 from tumble.calibration.prior import StableKnowledge, find_contradiction
 from tumble.earth import Site
 from tumble.errors import ConvergenceError, RecordingError, UsageError
-from tumble.workflows.calibrate import calibrate
-from tumble.workflows.demo import RECORDING
+from tumble.workflows.calibrate import RECORDING, calibrate
 from tumble.workflows.simulate import simulate
 from tumble.workflows.verify import verify
 

@@ -8,6 +8,7 @@ import pytest
 
 from tumble.errors import SiteError, UsageError
 from tumble.workflows.given.site import choose_site
+from tumble.workflows.request import notes_of
 
 
 def test_a_latitude_gives_normal_gravity_there() -> None:
@@ -51,3 +52,30 @@ def test_a_gravity_that_the_latitude_does_not_have_is_a_contradiction() -> None:
 def test_what_is_no_latitude_is_refused_with_an_example(text: str) -> None:
     with pytest.raises(UsageError, match=r"48\.1,520"):
         choose_site(text, None)
+
+
+def test_notes_keep_their_order_and_their_values_and_names_are_small_letters() -> None:
+    assert list(notes_of(["Place=hall 2", "operator= A. Smith ", "remarks=a=b, c"]).items()) == [
+        ("place", "hall 2"),
+        ("operator", "A. Smith"),
+        ("remarks", "a=b, c"),
+    ]
+    assert notes_of({"Instrument": "table 7"}) == {"instrument": "table 7"}
+    assert notes_of("operator=Smith") == {"operator": "Smith"}
+    assert notes_of(None) == {}
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        (["operator"], "give a name and a value"),
+        (["=Smith"], "give a name and a value"),
+        (["operator= "], "give a name and a value"),
+        (["a=1", "A=2"], "--note a is given twice"),
+        (["a=1\n2"], "line break"),
+        (["a\x1b[2J=1"], "line break"),
+    ],
+)
+def test_a_wrong_note_is_refused_in_a_sentence(given: list[str], said: str) -> None:
+    with pytest.raises(UsageError, match=said):
+        notes_of(given)

@@ -29,14 +29,9 @@ from tumble.fleet.outlying import FALSE_ALARM, loud_or_dead
 from tumble.recording.formats.output import write_table
 from tumble.workflows.batches.executors import hands
 from tumble.workflows.batches.source import UnitTask, read_source
-from tumble.workflows.batches.unit import (
-    BatchOptions,
-    Job,
-    calibrate_unit,
-    check_options,
-    failed,
-)
+from tumble.workflows.batches.unit import Job, calibrate_unit, check_request, failed
 from tumble.workflows.progress import silent
+from tumble.workflows.request import CalibrateRequest
 
 if TYPE_CHECKING:
     from tumble.fleet.outcome import Batch
@@ -47,82 +42,40 @@ Cell = str | float | None
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
 
 
-def rows_of(batch: Batch) -> tuple[list[str], list[list[Cell]]]:
-    """Return heads and rows of the table.
-
-    First unit, files, verdict, limits and reasons; then what the manifest says, the temperature, and each parameter
-    with its unit in brackets, followed by its standard uncertainty (``sigma of ...``).
-
-    Parameters
-    ----------
-    batch : of units.
-    """
-    more = list(dict.fromkeys(name for unit in batch.units for name in unit.more))
-    names = list(dict.fromkeys((p[0], p[3]) for unit in batch.units for p in unit.parameters))
-    heads = ["unit", "files", "verdict", "limits", "reasons", *more, "temperature [degC]"]
-    for name, unit in names:
-        heads += [f"{name} [{unit}]", f"sigma of {name} [{unit}]"]
-    rows: list[list[Cell]] = []
-    for one in batch.units:
-        known = {(p[0], p[3]): (p[1], p[2]) for p in one.parameters}
-        row: list[Cell] = [
-            one.unit,
-            ";".join(one.files),
-            one.verdict,
-            one.limits,
-            " ".join(batch.reasons(one)),
-        ]
-        row += [one.more.get(name, "") for name in more]
-        row.append(one.temperature)
-        for name in names:
-            row += list(known.get(name, (None, None)))
-        rows.append(row)
-    return heads, rows
+def _columns_of(batch: Batch) -> dict[str, list[Cell]]:
+    """The table by its heads: of each parameter with its unit in brackets, followed by its standard uncertainty."""
+    units = batch.units
+    columns: dict[str, list[Cell]] = {
+        "unit": [one.unit for one in units],
+        "files": [";".join(one.files) for one in units],
+        "verdict": [one.verdict for one in units],
+        "limits": [one.limits for one in units],
+        "reasons": [" ".join(batch.reasons(one)) for one in units],
+    }
+    for name in dict.fromkeys(name for one in units for name in one.more):
+        columns[name] = [one.more.get(name, "") for one in units]
+    columns["temperature [degC]"] = [one.temperature for one in units]
+    known = [{(name, unit): (value, sigma) for name, value, sigma, unit in one.parameters} for one in units]
+    for name, unit in dict.fromkeys(key for one in known for key in one):
+        pairs = [one.get((name, unit), (None, None)) for one in known]
+        columns[f"{name} [{unit}]"] = [value for value, _ in pairs]
+        columns[f"sigma of {name} [{unit}]"] = [sigma for _, sigma in pairs]
+    return columns
 
 
-def csv_text(heads: list[str], rows: list[list[Cell]]) -> str:
-    """Return the table as CSV; a text that a spreadsheet would run as a formula has an apostrophe in front.
-
-    Parameters
-    ----------
-    heads, rows : of the table.
-    """
+def _csv_text(columns: dict[str, list[Cell]]) -> str:
+    """The table as CSV; a text that a spreadsheet would run as a formula has an apostrophe in front."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow([_harmless(head) for head in heads])
-    for row in rows:
-        writer.writerow(
-            ["" if cell is None else _harmless(cell) if isinstance(cell, str) else repr(cell) for cell in row]
-        )
+    for row in (columns, *zip(*columns.values(), strict=True)):
+        writer.writerow([_written(cell) for cell in row])
     return text.getvalue()
 
 
-def _harmless(text: str) -> str:
-    return f"'{text}" if text.startswith(_FORMULA) else text
-
-
-def write_parquet(path: Path, heads: list[str], rows: list[list[Cell]]) -> Path:
-    """Write the table as Parquet; return its place.
-
-    Parameters
-    ----------
-    path, heads, rows : where, and what.
-
-    Raises
-    ------
-    OutputError
-        If it cannot be written; an earlier one is then intact.
-    """
-    text = {"unit", "files", "verdict", "limits", "reasons"}
-    columns: dict[str, list[Cell]] = {}
-    for place, head in enumerate(heads):
-        column = [row[place] for row in rows]
-        is_text = head in text or any(isinstance(cell, str) for cell in column)
-        columns[head] = [str(cell or "") for cell in column] if is_text else column
-    write_table(
-        path, columns, numbers={head for head in heads if not any(isinstance(c, str) for c in columns[head])}
-    )
-    return path
+def _written(cell: Cell) -> str:
+    if isinstance(cell, str):
+        return f"'{cell}" if cell.startswith(_FORMULA) else cell
+    return "" if cell is None else repr(cell)
 
 
 FORMAT, VERSION = "tumble batch unit", 1
@@ -132,12 +85,12 @@ UNITS = "units"
 def run_batch(
     sources: str | Sequence[str],
     output: str | Path,
-    options: BatchOptions | None = None,
+    asked: CalibrateRequest | None = None,
     *,
+    reports: str = "failed",
     workers: int | None = None,
     scheduler: str | None = None,
     executor: Executor | None = None,
-    registry: str | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Batch:
     """Calibrate many units, and write a table of them.
@@ -146,11 +99,11 @@ def run_batch(
     ----------
     sources : a folder, a pattern, a manifest, or recordings.
     output : folder for ``table.csv``, ``table.parquet``, ``table.html`` and ``units/NAME/calibration.json``.
-    options : that hold for all units.
+    asked : of all units, where the manifest says nothing else.
+    reports : of which units a report is written: "none", "failed" or "all".
     workers : processes; None for one a processor.
     scheduler : address of a Dask cluster that does the work instead.
     executor : any `concurrent.futures.Executor` instead; it is left open.
-    registry : URL or file of a registry that the calibrations are added to.
     progress : called with a sentence on what is being done.
 
     Raises
@@ -161,19 +114,18 @@ def run_batch(
         If results cannot be written; what was there is intact.
     """
     say = progress or silent
-    options = options or BatchOptions()
-    folder = Path(output)
-    check_options(options)
+    asked, folder = asked or CalibrateRequest(), Path(output)
+    check_request(asked, reports)
     tasks = read_source([sources] if isinstance(sources, str) else list(sources))
     results_folder(folder)
     make_folder(folder / UNITS)
-    if options.reports != "none":
+    if reports != "none":
         _write_library(folder)
     known = {task.unit: _lean(earlier) for task in tasks if (earlier := _earlier(folder, task)) is not None}
     done: dict[str, UnitOutcome] = {}
     kept = 0
-    with _registry(registry) as store, hands(workers, scheduler, executor) as crew:
-        jobs = _jobs(tasks, known, folder, options)
+    with _registry(asked.registry) as store, hands(workers, scheduler, executor) as crew:
+        jobs = _jobs(tasks, known, folder, asked, reports)
         say(f"calibrating {len(tasks)} units")
         made = crew.run(calibrate_unit, jobs, lambda job, why: failed(job.task, f"It is lost: {why}."))
         for outcome in counted(made, len(tasks)):
@@ -217,15 +169,20 @@ def _registry(name: str | None) -> Generator[Callable[[UnitOutcome], None], None
 
 
 def _jobs(
-    tasks: Sequence[UnitTask], known: dict[str, UnitOutcome], folder: Path, options: BatchOptions
+    tasks: Sequence[UnitTask],
+    known: dict[str, UnitOutcome],
+    folder: Path,
+    asked: CalibrateRequest,
+    reports: str,
 ) -> Iterator[Job]:
+    asked = replace(asked, registry=None)  # whoever asks for the work adds what comes of it
     for task in tasks:
         earlier = known.get(task.unit)
         if earlier is not None:
-            wanted = options.reports == "all" or (options.reports == "failed" and not earlier.accepted)
+            wanted = reports == "all" or (reports == "failed" and not earlier.accepted)
             if wanted and not (folder / UNITS / task.unit / "report.html").is_file():
                 earlier = None
-        yield Job(task, options, None if earlier is None else earlier.key)
+        yield Job(task, asked, reports, None if earlier is None else earlier.key)
 
 
 def _earlier(folder: Path, task: UnitTask) -> UnitOutcome | None:
@@ -352,8 +309,10 @@ def _write_tables(folder: Path, batch: Batch) -> None:
     from tumble.report.batch import batch_page
     from tumble.report.html import LIBRARY, render_page
 
-    heads, rows = rows_of(batch)
+    columns = _columns_of(batch)
     _write_library(folder)
     page = render_page(batch_page(batch), None, LIBRARY)
-    batch.files = write_texts({folder / "table.csv": csv_text(heads, rows), folder / "table.html": page})
-    batch.files.insert(1, write_parquet(folder / "table.parquet", heads, rows))
+    batch.files = write_texts({folder / "table.csv": _csv_text(columns), folder / "table.html": page})
+    numbers = {head for head, column in columns.items() if not any(isinstance(cell, str) for cell in column)}
+    write_table(folder / "table.parquet", columns, numbers)
+    batch.files.insert(1, folder / "table.parquet")

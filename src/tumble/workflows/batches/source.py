@@ -9,7 +9,7 @@ import os
 import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import field
+from dataclasses import field, fields
 from difflib import get_close_matches
 from pathlib import Path
 
@@ -17,25 +17,14 @@ from tumble.errors import UsageError
 from tumble.files import HIDDEN, number_of, read_text, reading, shown, without_password
 from tumble.records import dataclass
 from tumble.sample_rates import stated_clock
+from tumble.workflows.request import CalibrateRequest, option_of
 
 MANIFEST = "manifest.csv"
 """In a folder it says what the units are."""
+BY_UNIT = tuple(one.name for one in fields(CalibrateRequest) if (own := option_of(one)) and own.by_unit)
+"""Fields of the request that a manifest may say unit by unit."""
 # What a manifest may say of a unit; any other column is kept for the table.
-TOLD = (
-    *(
-        "protocol",
-        "procedure",
-        "units",
-        "columns",
-        "rate",
-        "topic",
-        "site",
-        "gravity",
-        "temperature",
-        "prior",
-    ),
-    *("noise", "model", "intervals"),
-)
+TOLD = (*BY_UNIT, "topic", "site", "gravity", "temperature", "model")
 KNOWN = ("unit", "files", *TOLD)
 OUTCOME = ("verdict", "limits", "reasons")
 _NO_RECORDING = {

@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,14 +24,16 @@ from tumble.errors import (
 from tumble.files import shown, without_password
 from tumble.fleet.outcome import ACCELEROMETER, GYRO, UnitOutcome
 from tumble.records import dataclass
-from tumble.workflows.batches.source import UnitTask
-from tumble.workflows.given.notes import USUAL, notes_of
+from tumble.workflows.batches.source import BY_UNIT, UnitTask
+from tumble.workflows.given.site import choose_site, given_site
 from tumble.workflows.magnetometer import field_reasons
+from tumble.workflows.request import USUAL, CalibrateRequest, notes_of
 
 if TYPE_CHECKING:
-    from tumble.workflows.calibrate import CalibrationRun
+    from tumble.workflows.results import CalibrationRun
 
-VERSION = 1
+VERSION = 2
+OF_FILES = ("protocol", "prior", "noise", "limits", "intervals")
 REPORTS = ("none", "failed", "all")
 # What a recording is found to be. Any other error says nothing of it.
 _OF_RECORDING = (RecordingError, SegmentationError, ObservabilityError, ConvergenceError)
@@ -40,42 +43,24 @@ LIBRARY = "../../plotly.min.js"
 
 
 @dataclass(frozen=True, slots=True)
-class BatchOptions:
-    """What holds for all units of a batch; the manifest goes before it.
+class Job:
+    """A unit, what is asked of all units, and the key of the result that an earlier run left, None for none.
 
-    `reports` : "none", "failed" or "all".
+    The manifest goes before what is asked of all; `reports` : "none", "failed" or "all".
     """
 
-    protocol: str | None = None
-    procedure: str | None = None
-    site: str | None = None
-    gravity: str | None = None
-    columns: str | None = None
-    units: str | None = None
-    rate: float | str | None = None
-    topics: tuple[str, ...] = ()
-    prior: str | None = None
-    limits: str | None = None
-    notes: tuple[str, ...] = ()
-    confirm_scale: bool = False
-    reports: str = "failed"
-
-
-@dataclass(frozen=True, slots=True)
-class Job:
-    """A unit, the options, and the key of the result that an earlier run left, None for none."""
-
     task: UnitTask
-    options: BatchOptions
+    asked: CalibrateRequest
+    reports: str
     known: str | None = None
 
 
-def check_options(options: BatchOptions) -> None:
-    """Refuse options of a whole batch that are wrong whatever its units are.
+def check_request(asked: CalibrateRequest, reports: str) -> None:
+    """Refuse what is wrong for a whole batch, whatever its units are.
 
     Parameters
     ----------
-    options : as given for all units.
+    asked, reports : for all units.
 
     Raises
     ------
@@ -87,18 +72,18 @@ def check_options(options: BatchOptions) -> None:
     from tumble.recording.units import read_units_option
     from tumble.workflows.given.prior import find_sheet
     from tumble.workflows.given.protocols import read_given_protocol
-    from tumble.workflows.given.site import choose_site
 
-    if options.reports not in REPORTS:
-        raise UsageError(f"--reports {options.reports}: give none, failed or all.")
-    choose_site(options.site, options.gravity)
-    checks: tuple[tuple[str | None, Callable[[str], object]], ...] = (
-        (options.procedure, find_procedure),
-        (options.protocol, read_given_protocol),
-        (options.limits, lambda name: read_limits(Path(name))),
-        (options.prior, find_sheet),
-        (options.units, read_units_option),
-    )
+    if reports not in REPORTS:
+        raise UsageError(f"--reports {reports}: give none, failed or all.")
+    notes_of(asked.notes)
+    given_site(asked.site)
+    checks: list[tuple[Any, Callable[[Any], object]]] = [
+        (asked.procedure, find_procedure),
+        (asked.protocol, read_given_protocol),
+        (asked.limits, lambda name: read_limits(Path(name))),
+        (asked.prior, find_sheet),
+        (asked.units, read_units_option),
+    ]
     for given, read in checks:
         if given is not None:
             read(given)
@@ -130,10 +115,10 @@ def calibrate_unit(job: Job) -> UnitOutcome:
         return failed(task, f"There is no file {task.missing[0]}{more}.")
     key = ""
     try:
-        key = _key(task, job.options)
+        key = _key(task, job.asked)
         if job.known == key:
             return UnitOutcome(task.unit, list(task.files), key, "", unchanged=True)
-        return _outcome(task, job.options, key)
+        return _outcome(job, key)
     except TumbleError as error:
         return failed(task, str(error), key if isinstance(error, _OF_RECORDING) else "")
     except MemoryError:
@@ -147,7 +132,7 @@ def calibrate_unit(job: Job) -> UnitOutcome:
         )
 
 
-def _key(task: UnitTask, options: BatchOptions) -> str:
+def _key(task: UnitTask, asked: CalibrateRequest) -> str:
     """Return what the result depends on as one hash: contents, options, and the version of tumble."""
     told: dict[str, Any] = {
         "version": [VERSION, tumble.__version__],
@@ -155,20 +140,19 @@ def _key(task: UnitTask, options: BatchOptions) -> str:
         "more": task.more,
         "files": [[Path(name).name, _content_hash(Path(name))] for name in task.files],
     }
-    named = {
-        name: task.told.get(name) or getattr(options, name, None) for name in ("protocol", "prior", "noise")
-    }
-    named |= {"limits": options.limits, "intervals": task.told.get("intervals")}
-    # Of a file the content counts, and neither where it lies nor which reports were asked for.
+    named = {name: task.told.get(name) or getattr(asked, name) for name in OF_FILES}
+    # Of a file the content counts, and not where it lies.
     hashed = {
         name: _content_hash(Path(value)) for name, value in named.items() if value and Path(value).exists()
     }
     told["named"] = hashed
     told["told"] = {key: value for key, value in task.told.items() if key not in hashed}
     told["options"] = {
-        name: getattr(options, name) for name in options.__slots__ if name != "reports" and name not in hashed
+        name: value
+        for name, value in vars(asked).items()
+        if name not in hashed and name not in ("paths", "registry")
     }
-    return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()
+    return hashlib.sha256(json.dumps(told, sort_keys=True, default=repr).encode()).hexdigest()
 
 
 def _content_hash(path: Path) -> str:
@@ -184,11 +168,13 @@ def _content_hash(path: Path) -> str:
     return digest.hexdigest()
 
 
-def _outcome(task: UnitTask, options: BatchOptions, key: str) -> UnitOutcome:
+def _outcome(job: Job, key: str) -> UnitOutcome:
     from tumble.fleet import unit_vector
-    from tumble.workflows.calibrate import report_of
+    from tumble.workflows.calibrate import calibrate
+    from tumble.workflows.results import report_of
 
-    run = _calibrated(task, options)
+    task = job.task
+    run = calibrate(**vars(request_of(task, job.asked)))
     document = run.calibration
     given = task.told.get("temperature")
     if given and document.temperature_celsius is None:
@@ -206,7 +192,7 @@ def _outcome(task: UnitTask, options: BatchOptions, key: str) -> UnitOutcome:
             *field_reasons(document),
             *([] if document.limits is None else document.limits.reasons),
         ],
-        more=notes_of(options.notes) | task.more,
+        more=notes_of(job.asked.notes) | task.more,
         temperature=document.temperature_celsius,
         parameters=[(p.name, p.value, p.standard_uncertainty, p.unit) for p in document.every_parameter],
         vector=None
@@ -221,7 +207,7 @@ def _outcome(task: UnitTask, options: BatchOptions, key: str) -> UnitOutcome:
         hashes=[one.sha256 for one in document.recordings],
         calibration=document.to_json(),
     )
-    if options.reports == "all" or (options.reports == "failed" and not made.accepted):
+    if job.reports == "all" or (job.reports == "failed" and not made.accepted):
         made.report = report_of(run, LIBRARY)
     return made
 
@@ -234,37 +220,18 @@ def _noise(run: CalibrationRun) -> dict[str, list[float]]:
     return found
 
 
-def _notes(task: UnitTask, options: BatchOptions) -> dict[str, str]:
-    """What is noted of all units, and what the manifest says of this one."""
+def request_of(task: UnitTask, asked: CalibrateRequest) -> CalibrateRequest:
+    """Return what is asked of one unit: of all, but for what the manifest says of it.
+
+    Parameters
+    ----------
+    task, asked : the unit, and what is asked of all.
+    """
+    told: dict[str, Any] = {name: value for name, value in task.told.items() if name in BY_UNIT}
+    if "topic" in task.told:
+        told["topics"] = task.told["topic"].split(";")
+    if "site" in task.told or "gravity" in task.told:
+        told["site"] = choose_site(task.told.get("site"), task.told.get("gravity"))
     own = {name: task.more[name] for name in USUAL if task.more.get(name, "").strip()}
-    return notes_of(options.notes) | own
-
-
-def _calibrated(task: UnitTask, options: BatchOptions) -> CalibrationRun:
-    from tumble.workflows.calibrate import calibrate
-    from tumble.workflows.given.site import choose_site
-
-    told = task.told
-    own_place = "site" in told or "gravity" in told
-    place = choose_site(
-        told.get("site") if own_place else options.site,
-        told.get("gravity") if own_place else options.gravity,
-    )
-    topics = tuple(told["topic"].split(";")) if "topic" in told else options.topics
-    return calibrate(
-        list(task.files),
-        protocol=told.get("protocol", options.protocol),
-        procedure=told.get("procedure", options.procedure),
-        site=place,
-        columns=told.get("columns", options.columns),
-        units=told.get("units", options.units),
-        rate=told.get("rate", options.rate),
-        topics=topics or None,
-        prior=told.get("prior", options.prior),
-        noise=told.get("noise"),
-        intervals=told.get("intervals"),
-        confirm_scale=options.confirm_scale,
-        imu=(told.get("model"), task.unit),
-        notes=_notes(task, options),
-        limits=options.limits,
-    )
+    told |= {"imu": (task.told.get("model"), task.unit), "notes": notes_of(asked.notes) | own}
+    return replace(asked, paths=list(task.files), **told)

@@ -11,12 +11,19 @@ from tumble.calibration.prior import FleetSheet, StableKnowledge, TriadFleet, st
 from tumble.document.result import Calibration, read_calibration
 from tumble.errors import UsageError
 from tumble.fleet.fleet_document import PROCEDURE
+from tumble.records import dataclass
 from tumble.simulation.grades import GRADES, Grade, find_grade
 
 
-def known_beforehand(
-    prior: str | os.PathLike[str], serial: str | None = None
-) -> tuple[StableKnowledge | None, Grade | FleetSheet | None]:
+@dataclass(frozen=True)
+class Known:
+    """What is known before a recording: the angles of the unit itself, or the spreads of its kind."""
+
+    angles: StableKnowledge | None = None
+    sheet: Grade | FleetSheet | None = None
+
+
+def known_beforehand(prior: str | os.PathLike[str], serial: str | None = None) -> Known:
     """Return what is known before a recording of the unit itself, or of its kind.
 
     Parameters
@@ -34,10 +41,10 @@ def known_beforehand(
     """
     text = os.fspath(prior)
     if text in GRADES or not (Path(text).exists() or text.endswith(".json")):
-        return None, find_grade(text)
+        return Known(sheet=find_grade(text))
     earlier = read_calibration(text)
     if earlier.procedure == PROCEDURE:
-        return None, FleetSheet(_triad(earlier, "accelerometer"), _triad(earlier, "gyroscope"))
+        return Known(sheet=FleetSheet(_triad(earlier, "accelerometer"), _triad(earlier, "gyroscope")))
     if serial is not None and earlier.imu.serial_number not in (None, serial):
         raise UsageError(
             f"{prior} is the calibration of unit {earlier.imu.serial_number}, and this is unit {serial}: "
@@ -51,7 +58,7 @@ def known_beforehand(
             f"{prior} states no accelerometer matrix with its covariance: it cannot serve as --prior."
         )
     matrix = np.array(earlier.accelerometer.matrix, dtype=float)
-    return stable_knowledge(matrix, earlier.covariance_matrix[np.ix_(at, at)]), None
+    return Known(stable_knowledge(matrix, earlier.covariance_matrix[np.ix_(at, at)]))
 
 
 def find_sheet(name: str | os.PathLike[str]) -> Grade | FleetSheet:
@@ -68,7 +75,7 @@ def find_sheet(name: str | os.PathLike[str]) -> Grade | FleetSheet:
     CalibrationFileError
         If the file cannot be read.
     """
-    _, sheet = known_beforehand(name)
+    sheet = known_beforehand(name).sheet
     if sheet is None:
         raise UsageError(
             f"{name} is a unit's calibration and no fleet's: `tumble registry fleet -o fleet.json` writes one."

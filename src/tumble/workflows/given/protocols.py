@@ -16,7 +16,8 @@ from tumble.records import dataclass
 
 if TYPE_CHECKING:
     from tumble.protocol import Protocol, Step
-    from tumble.workflows.several.joining import Span
+
+Span = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True)

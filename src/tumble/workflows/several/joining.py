@@ -1,4 +1,4 @@
-"""Several recordings of one unit as one: put one after the other, with a pause between."""
+"""The recordings that were named, as one: several of one unit are put one after the other, with a pause between."""
 
 from __future__ import annotations
 
@@ -11,17 +11,22 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tumble.errors import ConvergenceError, ObservabilityError, UsageError
-from tumble.recording import MagneticField, Recording, Remark
+from tumble.recording import MagneticField, Recording, Remark, read_recordings
+from tumble.recording.formats.frames import Frame
+from tumble.recording.reading import Paths, recording_inputs
 from tumble.recording.samples import joined_fields
+from tumble.workflows.corrected.corrections import corrections_of
+from tumble.workflows.given.protocols import GivenProtocol, Span
+from tumble.workflows.request import CalibrateRequest
 
 if TYPE_CHECKING:
     from tumble.calibration.session import Session
+    from tumble.protocol import Protocol
     from tumble.segmentation import Hold, HoldMeans, Rejection, Timeline, Turn
 
 # Between recordings of separate poses: long enough that no hold and no turn goes across.
 PAUSE = 10.0
 
-Span = tuple[float, float]
 NamedSpan = tuple[str, Span]
 
 # Holds of a file from which on their scatter, or what they tell of the accelerometers by themselves, is compared.
@@ -29,6 +34,71 @@ FEWEST_SCATTERED, FEWEST_ALONE = 4, 12
 # Files of one unit that was switched on once differ by no more: in the scatter of the holds of a file, and in standard
 # uncertainties (repeated calibrations of real units differ by twice as many as they should).
 LARGEST_BIAS_STEP, LARGEST_DIFFERENCE = 6.0, 8.0
+
+
+def read_as_told(
+    request: CalibrateRequest, given: GivenProtocol | None
+) -> tuple[Recording, Protocol | None, list[NamedSpan]]:
+    """Read the recordings named, or the protocol's own; options go before what the protocol says.
+
+    Returns the recordings as one, the protocol on its clock, and where on it each recording is.
+
+    Parameters
+    ----------
+    request, given : what was asked for, and the protocol that was given, if one was.
+
+    Raises
+    ------
+    UsageError
+        If nothing is named, or the recordings are not of one unit with the same columns.
+    """
+    how = request.how()
+    if isinstance(request.paths, Recording):
+        recordings = [request.paths]
+    else:
+        named = _files_of(request.paths, given)
+        if not named:
+            raise UsageError(
+                f"The protocol {given.protocol.name} names no recordings: give them, or list them in its file."
+                if given is not None
+                else "Name a recording, or a protocol file that names its recordings (--protocol FILE): "
+                "see `tumble calibrate --help`."
+            )
+        if given is not None:
+            how |= {key: how[key] or getattr(given.protocol, key) for key in ("columns", "units", "rate")}
+        recordings = read_recordings(named, **how)
+    recording, spans = join_recordings(recordings)
+    told = None if given is None else given.on_clock_of(recordings, spans)
+    return recording, told, named_spans(recordings, spans)
+
+
+def _files_of(paths: Paths | Recording, given: GivenProtocol | None) -> Sequence[Path | Frame]:
+    """What was named, or the protocol's own files; nothing of a recording that was read before."""
+    if isinstance(paths, Recording) or (isinstance(paths, list | tuple) and not paths):
+        return [] if given is None else given.files()
+    return recording_inputs(paths)
+
+
+def corrected_by_before(request: CalibrateRequest, given: GivenProtocol | None) -> list[str]:
+    """Return the identities of the calibrations that all recordings were corrected by before.
+
+    Parameters
+    ----------
+    request, given : what was asked for, and the protocol that was given, if one was.
+
+    Raises
+    ------
+    UsageError
+        If they were not all corrected by the same.
+    """
+    marks = {corrections_of([one], request.topics) for one in _files_of(request.paths, given)}
+    if len(marks) > 1:
+        words = "; ".join(", ".join(mark) or "none" for mark in sorted(marks))
+        raise UsageError(
+            f"The recordings were corrected by different calibrations ({words}): take all of them raw, or all "
+            "corrected by the same."
+        )
+    return list(marks.pop()) if marks else []
 
 
 def join_recordings(recordings: list[Recording]) -> tuple[Recording, list[Span]]:
@@ -64,13 +134,12 @@ def require_one_unit(recordings: list[Recording]) -> None:
         If they differ in units or sensors, or one is given twice, under another name too.
     """
     _require_different(recordings)
-    for number, recording in enumerate(recordings):
-        for earlier in recordings[:number]:
-            if _same_samples(recording, earlier):
-                raise UsageError(
-                    f"{recording.sources[0].name} and {earlier.sources[0].name} hold the same "
-                    "samples: the same recording adds nothing a second time."
-                )
+    for earlier, recording in itertools.combinations(recordings, 2):
+        if _same_samples(recording, earlier):
+            raise UsageError(
+                f"{recording.sources[0].name} and {earlier.sources[0].name} hold the same "
+                "samples: the same recording adds nothing a second time."
+            )
     _require_same_columns(recordings)
 
 

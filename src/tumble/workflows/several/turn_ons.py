@@ -18,26 +18,22 @@ from tumble.calibration.session import Options, Session
 from tumble.counting import counted
 from tumble.earth import Site
 from tumble.errors import ConvergenceError, ObservabilityError, SegmentationError, TumbleError, UsageError
-from tumble.files import results_folder
-from tumble.limits import read_limits
 from tumble.recording import Recording
 from tumble.records import dataclass
-from tumble.workflows.calibrate import (
-    CalibrationRun,
-    Clock,
-    completed,
-    corrected_by_before,
-    find_holds,
-    finish_run,
-    read_as_told,
-)
-from tumble.workflows.given.notes import Notes, notes_of
-from tumble.workflows.given.prior import known_beforehand
+from tumble.workflows.given.prior import Known
 from tumble.workflows.given.protocols import GivenProtocol, read_given_protocol
 from tumble.workflows.magnetometer import left_out_of
-from tumble.workflows.procedures import add_remarks, believed
-from tumble.workflows.progress import silent
-from tumble.workflows.several.joining import join_recordings, join_timelines, labels_of, require_one_unit
+from tumble.workflows.procedures import add_remarks, believed, find_holds
+from tumble.workflows.request import CalibrateRequest
+from tumble.workflows.results import CalibrationRun, Clock
+from tumble.workflows.several.joining import (
+    corrected_by_before,
+    join_recordings,
+    join_timelines,
+    labels_of,
+    read_as_told,
+    require_one_unit,
+)
 
 if TYPE_CHECKING:
     from tumble.calibration import Estimate
@@ -46,7 +42,6 @@ if TYPE_CHECKING:
     from tumble.calibration.turn_ons.estimate import SeveralEstimate
     from tumble.document import Calibration
 
-ProtocolName = str | os.PathLike[str] | None
 SUFFIXES = (".yaml", ".yml")
 # A recording that shows this is left out by name, and not the others with it.
 LEFT_OUT = (SegmentationError, ObservabilityError, ConvergenceError)
@@ -73,38 +68,19 @@ class _Settled:
 
 
 def calibrate_turn_ons(
-    recordings: Sequence[str | os.PathLike[str]],
-    *,
-    output: str | os.PathLike[str] | None = None,
-    protocol: ProtocolName = None,
-    site: Site | None = None,
-    columns: str | None = None,
-    units: str | None = None,
-    rate: float | str | None = None,
-    topics: Sequence[str] | None = None,
-    optional_terms: bool = True,
-    confirm_scale: bool = False,
-    prior: str | os.PathLike[str] | None = None,
-    imu: tuple[str | None, str | None] = (None, None),
-    notes: Notes = None,
-    limits: str | os.PathLike[str] | None = None,
-    progress: Callable[[str], None] | None = None,
-) -> CalibrationRun:
+    request: CalibrateRequest, known: Known, clock: Clock
+) -> tuple[CalibrationRun, list[str]]:
     """Calibrate one unit from several recordings of it, by the joint estimator.
 
-    What is stable is common to all recordings; biases are each recording's own, and how they scatter is told.
+    What is stable is common to all recordings; biases are each recording's own, and how they scatter is told. Returns
+    the run, and what all recordings were corrected by before.
 
     Parameters
     ----------
-    recordings : two or more; each a file, two files with one triad each (``acc.csv,gyro.csv``), or a protocol file
-        that names its recording.
-    output : folder for ``calibration.json`` and ``report.html``; None writes nothing.
-    protocol : what was done in the recordings that are no protocol files themselves; None for tumbling by hand.
-    site, columns, units, rate, topics, optional_terms, confirm_scale, imu, notes, progress : as for `calibrate`, for
-        all recordings.
-    limits : file of acceptance limits, which the calibration is held against.
-    prior : an earlier calibration of the unit, whose non-orthogonalities count once, as if the first recording told
-        them, too.
+    request : two or more recordings; each a file, two files with one triad each (``acc.csv,gyro.csv``), or a protocol
+        file that names its recording. Its protocol is that of the recordings that are no protocol files themselves.
+    known : of the angles, which count once, as if the first recording told them, too.
+    clock : of the stages.
 
     Raises
     ------
@@ -112,56 +88,54 @@ def calibrate_turn_ons(
         If a recording cannot serve; the message names it.
     UsageError, ProtocolError, CalibrationFileError
         If the recordings are not of one unit, or an option is wrong.
-    OutputError
-        If the results cannot be written; earlier ones are intact.
     """
-    say, noted = progress or silent, notes_of(notes)
-    folder = results_folder(output)
-    acceptance = None if limits is None else read_limits(Path(limits))
-    named = _named(recordings, protocol)
-    knowledge, sheet = (None, None) if prior is None else known_beforehand(prior, imu[1])
-    if sheet is not None:
+    request.refuse_beside_turn_ons()
+    named = _named(request)
+    if known.sheet is not None:
         raise UsageError(
-            f"--turn-ons takes an earlier calibration of the unit as --prior, and {prior} is none."
+            f"--turn-ons takes an earlier calibration of the unit as --prior, and {request.prior} is none."
         )
-    clock = Clock()
-    how = columns, units, rate, topics
-    read = [(one, *read_as_told([str(f) for f in one.files], one.given, *how)[:2]) for one in named]
+    read = [(one, *read_as_told(replace(request, paths=one.files), one.given)[:2]) for one in named]
     require_one_unit([recording for _, recording, _ in read])
     clock.lap("reading")
-    options = Options(optional_terms=optional_terms, confirm_scale=confirm_scale)
+    options = Options(optional_terms=request.optional_terms, confirm_scale=request.confirm_scale)
     sessions = [
-        (one.name, Session(recording, told, site, options=options, say=_saying(say, one.name)))
+        (
+            one.name,
+            Session(recording, told, request.site, options=options, say=_saying(request.say, one.name)),
+        )
         for one, recording, told in read
     ]
-    settled, absent = _settle_all(sessions, knowledge, clock)
-    say("all recordings together")
-    several, settled, strange = _together(settled, knowledge, optional_terms=optional_terms)
+    settled, absent = _settle_all(sessions, known.angles, clock)
+    request.say("all recordings together")
+    several, settled, strange = _together(settled, known.angles, optional_terms=request.optional_terms)
     sessions, taken = [own.session for own in settled], {own.name for own in settled}
     several.estimate.say("caution", *absent, *strange)
     # One unit samples all its recordings.
     clocks = (session.recording.clock for session in sessions)
     state_unseen_clock(max(clocks, key=lambda one: one.sigma), several.estimate)
-    if knowledge is not None:
-        say_of_prior(several.estimate, sessions, knowledge)
+    if known.angles is not None:
+        say_of_prior(several.estimate, sessions, known.angles)
     state_gravity(_one_site(sessions), several.estimate)
     several.estimate.say("remark", *left_out_of([s.recording for s in sessions]))
     clock.lap("solving")
-    run = _run(sessions, several, imu)
-    before = corrected_by_before([file for one in named if one.name in taken for file in one.files], None)
-    run.calibration = completed(run.calibration, noted, before, acceptance)
-    return finish_run(run, folder, clock, say)
+    files = [file for one in named if one.name in taken for file in one.files]
+    return _run(sessions, several, request), corrected_by_before(replace(request, paths=files), None)
 
 
-def _named(recordings: Sequence[str | os.PathLike[str]], protocol: ProtocolName) -> list[_Named]:
+def _named(request: CalibrateRequest) -> list[_Named]:
     """Resolve what was named: files, pairs of files, and protocol files with their own recordings."""
+    given = request.paths if isinstance(request.paths, list | tuple) else [request.paths]
+    recordings = [one for one in given if isinstance(one, str | os.PathLike)]
+    if len(recordings) < len(given):
+        raise UsageError("--turn-ons takes files: name each recording by its file.")
     if len(recordings) < 2:
         count = "one recording was" if recordings else "none was"
         raise UsageError(
             f"--turn-ons takes two recordings of the unit or more, each made after it was switched on anew; {count} "
             "given. Without --turn-ons a single one is calibrated."
         )
-    default = None if protocol is None else read_given_protocol(protocol)
+    default = None if request.protocol is None else read_given_protocol(request.protocol)
     made: list[_Named] = []
     for text, label in zip(recordings, labels_of([str(r) for r in recordings]), strict=True):
         path, given = Path(text), default
@@ -232,16 +206,13 @@ def _one_site(sessions: Sequence[Session]) -> Site:
     return max((session.site for session in sessions), key=lambda site: site.gravity_sigma / site.gravity)
 
 
-def _run(
-    sessions: Sequence[Session], several: SeveralEstimate, imu: tuple[str | None, str | None]
-) -> CalibrationRun:
+def _run(sessions: Sequence[Session], several: SeveralEstimate, request: CalibrateRequest) -> CalibrationRun:
     recording = join_recordings([session.recording for session in sessions])[0]
     starts = np.cumsum([0, *(len(session.recording) for session in sessions)])[:-1].tolist()
     timelines, means = [session.timeline for session in sessions], [session.means for session in sessions]
     timeline, together = join_timelines(recording, timelines, means, starts)
     reason = REASON.format(count=len(sessions))
-    confirm_scale = sessions[0].options.confirm_scale
-    calibration = _document(recording, several, _one_site(sessions), reason, imu, confirm_scale)
+    calibration = _document(recording, several, _one_site(sessions), reason, request)
     return CalibrationRun(calibration, several.estimate, recording, timeline, together, reason)
 
 
@@ -250,8 +221,7 @@ def _document(
     several: SeveralEstimate,
     site: Site,
     reason: str,
-    imu: tuple[str | None, str | None],
-    confirm_scale: bool,
+    request: CalibrateRequest,
 ) -> Calibration:
     """The document: judged by what was measured, with the biases' uncertainty that of the next turn-on."""
     from tumble.document import calibration_from_estimate
@@ -263,7 +233,7 @@ def _document(
     judged = replace(estimate, parameters=[replace(p, standard_uncertainty=sigma) for p, sigma in pairs])
     remarks = (reason, *dict.fromkeys(remark.text for remark in recording.remarks))
     made = calibration_from_estimate(
-        judged, recording, site, remarks=remarks, imu=imu, confirm_scale=confirm_scale
+        judged, recording, site, remarks=remarks, imu=request.imu, confirm_scale=request.confirm_scale
     )
     factors = zip(made.parameters, estimate.parameters, several.coverage_factors, strict=True)
     parameters = [
