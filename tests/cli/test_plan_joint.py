@@ -52,7 +52,7 @@ def test_a_protocol_file_is_judged_as_it_is(tumble: Any, short: Path, tmp_path: 
         "not determined",
         "Not determined better",
         "Next:",
-        "µg",
+        "mg",
     ):
         assert words in said, words
     assert {one.name for one in (tmp_path / "plan").iterdir()} == {"protocol.yaml", "plan.json", "sheet.html"}
@@ -70,18 +70,18 @@ def test_a_protocol_file_is_judged_as_it_is(tumble: Any, short: Path, tmp_path: 
 def test_what_holds_and_turns_tell_of_a_hand_held_test_is_foretold(tumble: Any) -> None:
     answer = tumble("plan", "hand-held", "--imu", "tactical", "--site", "48", "--poses", 9, "--json")
     assert answer.status == 0, answer
-    found = {one["name"]: one for one in json.loads(answer.out)["both_triads"]}
+    found = {one["name"]: one for one in json.loads(answer.out)["parameters"]}
     assert len(found) == 21
     # a nominal sample rate, 1 % over the root of three, which a tactical gyro's own part is far below
-    assert found["gyro scale factor error x"]["standard_uncertainty"] == pytest.approx(0.0057735, rel=1e-3)
+    assert found["gyro scale factor error x"]["standard_uncertainty"] == pytest.approx(0.0057735, rel=1e-2)
 
 
 def test_a_stated_sample_rate_is_in_the_gyro_scale_factors_and_in_their_target(tumble: Any) -> None:
-    """With a clock of 3000 and one of 0.1 ppm: squares of sigmas differ by the clocks' squares."""
+    """With a clock of 3000 and one of 0.1 ppm: squares differ by the clocks', which the Earth hardly tells."""
     found, said = {}, {}
     for rate in ("100±0.3", "100±0.00001"):
         answer = tumble(
-            *("plan", "modified-multi-position", "--imu", "tactical", "--rate", rate),
+            *("plan", "multi-position-26", "--imu", "tactical", "--rate", rate),
             *("--targets", "gyro-scale=2000", "--json"),
         )
         assert answer.status == 0, answer
@@ -92,8 +92,8 @@ def test_a_stated_sample_rate_is_in_the_gyro_scale_factors_and_in_their_target(t
     wide, narrow = found.values()
     for axis in "xyz":
         name = f"gyro scale factor error {axis}"
-        assert wide[name] ** 2 - narrow[name] ** 2 == pytest.approx(9e-6, rel=1e-3)
-    assert wide["accelerometer bias x"] == narrow["accelerometer bias x"]
+        assert wide[name] ** 2 - narrow[name] ** 2 == pytest.approx(9e-6, rel=2e-2)
+    assert wide["accelerometer bias x"] == pytest.approx(narrow["accelerometer bias x"], rel=1e-6)
     assert "The target is not reached by gyro scale factor error x" in said["100±0.3"]
     assert "All targets are reached" in said["100±0.00001"]
 

@@ -197,10 +197,8 @@ def test_a_plan_takes_what_is_known_from_a_calibration_in_a_fixture() -> None:
     """What a fixture's axes add is no matter of the thirty parameters: the accelerometers' own frame has the same."""
     from tumble.workflows.planning.given import information_of
 
-    task: Any = None
     known = [
-        information_of(one, task).matrix
-        for one in (document(MODEL), turned_to(document(MODEL), "accelerometer-x"))
+        information_of(one).matrix for one in (document(MODEL), turned_to(document(MODEL), "accelerometer-x"))
     ]
     assert np.allclose(known[0], known[1], rtol=1e-6)
     assert np.linalg.matrix_rank(known[0]) > 20

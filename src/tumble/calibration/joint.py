@@ -119,7 +119,7 @@ def calibrate(session: Session, procedure: Procedure, *, clocked: bool = True) -
         what = session.recording, session.timeline, session.site
         return calibrate_thermal(*what, protocol=session.protocol, progress=session.say)
     session.say("joint adjustment")
-    begun, options = _begin(session, procedure, clocked=clocked), session.options
+    begun, options = begin(session, procedure, clocked=clocked), session.options
     task, plain, has_gyro = begun.task, begun.plain, begun.offered.has_gyro
     by_hand = has_gyro and begun.offered.has_force and not task.data.rotations
     known = _known_terms(task.unknowns, wanted=options.optional_terms)
@@ -150,7 +150,7 @@ def calibrate(session: Session, procedure: Procedure, *, clocked: bool = True) -
 
 
 @dataclass(slots=True)
-class _Begun:
+class Begun:
     """An adjustment that begins: what is free without any term, what is not told, and what may be wrong alike."""
 
     offered: Offered
@@ -164,8 +164,21 @@ class _Begun:
     sheets: list[TriadSheet]
 
 
-def _begin(session: Session, procedure: Procedure, *, clocked: bool) -> _Begun:
-    """Gather what was observed and what is believed, where a rough start puts everything."""
+def begin(
+    session: Session, procedure: Procedure, *, clocked: bool = True, start: Unknowns | None = None
+) -> Begun:
+    """Gather what was observed and what is believed, where a rough start puts everything.
+
+    Parameters
+    ----------
+    session, procedure, clocked : as for `calibrate`.
+    start : sensors to start from, however little is told of them; None finds them.
+
+    Raises
+    ------
+    ObservabilityError
+        If what was recorded determines nothing of the accelerometers, or not what the frame needs.
+    """
     poses, site = session.poses_of(procedure), session.site
     if poses is None and procedure.frame == "fixture":
         raise ObservabilityError(
@@ -176,7 +189,7 @@ def _begin(session: Session, procedure: Procedure, *, clocked: bool) -> _Begun:
     poses, has_gyro = (poses if offered.has_force else None), offered.has_gyro
     matched = has_gyro and session.matching is not None and session.matching.spins
     rotations = session.rotations if matched else []
-    u, broken = rough_start(offered, site, rotations), list[str]()
+    u, broken = start or rough_start(offered, site, rotations), list[str]()
     by_hand = None if rotations or offered.means.modelled else u
     base = gather(*offered[:3], by_hand)
     if not has_gyro:
@@ -190,8 +203,7 @@ def _begin(session: Session, procedure: Procedure, *, clocked: bool) -> _Begun:
         # What rests show of it may be a hand's that sways: how biases wander the residuals say.
         data.base, data.rate_density = replace(data.base, rate_floor=np.zeros(3)), np.zeros(3)
     data.poses = poses
-    lacking = FORCE_ALONE[:0] if offered.has_force else FORCE_ALONE
-    plain = np.setdiff1d(PLAIN if has_gyro else FORCE_ALONE, lacking)
+    plain = np.setdiff1d(PLAIN if has_gyro else FORCE_ALONE, [] if offered.has_force else FORCE_ALONE)
     if poses is not None:
         plain = np.concatenate([plain, LAYOUT.indices("fixture")])
     task = start_adjustment(data, u.with_free(plain), site)
@@ -205,9 +217,10 @@ def _begin(session: Session, procedure: Procedure, *, clocked: bool) -> _Begun:
     unsaid = np.setdiff1d(plain, np.concatenate([plain[:0], *(one.place for one in sheets)]))
     task.prior = together(task.prior, name_plate_prior(u.with_free(unsaid), session.recording))
     if untold is not None:
-        _refuse_nothing_told(untold, session.recording)
+        if start is None:
+            _refuse_nothing_told(untold, session.recording)
         task.noise = rough_variances(base, u, has_gyro=has_gyro)
-    return _Begun(offered, task, plain, untold, alike, adjusted, broken, _unlike_angle(rotations, u), sheets)
+    return Begun(offered, task, plain, untold, alike, adjusted, broken, _unlike_angle(rotations, u), sheets)
 
 
 def calibrate_accelerometers(
@@ -390,10 +403,8 @@ def _refuse_nothing_told(untold: Untold, recording: Recording) -> None:
 
 def _seen_on_table(task: JointAdjustment) -> list[str]:
     """The terms that only a table's rotations show, as far as these do."""
-    trial = task.copy()
-    trial.unknowns = trial.unknowns.with_free(
-        np.union1d(task.unknowns.free, unknowns_with(FORCE_ALONE, [*TERMS]))
-    )
+    trial, free = task.copy(), unknowns_with(FORCE_ALONE, [*TERMS])
+    trial.unknowns = trial.unknowns.with_free(np.union1d(task.unknowns.free, free))
     return seen_table_terms(linearise(trial)[1], trial.unknowns)
 
 

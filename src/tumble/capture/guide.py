@@ -32,17 +32,13 @@ from tumble.segmentation.turns import find_turns
 from tumble.units import COUNTS, angular_rate_factor, specific_force_factor
 
 if TYPE_CHECKING:
-    from tumble.calibration.equations.turn import HoldsAndTurns
     from tumble.design.joint_information import JointInformation
     from tumble.design.joint_plan import PlanTask
     from tumble.design.next_step import Aim, NextStep, StepCandidate
-    from tumble.design.planned_motion import PlannedNoise
     from tumble.simulation import Grade
 
 # s that a person needs to bring the unit from one pose to the next.
 TURN = 3.0
-# s over which biases wander while a unit is captured.
-SESSION = 300.0
 # Poses beyond which it is not said how far the targets are.
 FAR = 100.0
 # Stamps that show what clock they are from.
@@ -89,8 +85,7 @@ class Guide:
 
     def load(self) -> None:
         """Import what `judge` needs, which takes seconds on a busy machine: samples are not to wait for it."""
-        for name in ("calibration.equations.gathering", "calibration.poses", "design.next_step"):
-            import_module(f"tumble.{name}")
+        import_module("tumble.design.next_step")
 
     def look_at_clock(self, time: Series) -> None:
         """Find out by the first stamps what clock they are from.
@@ -139,9 +134,7 @@ class Guide:
         means = observe_holds(recording, timeline)
         assert means.specific_force is not None
         up_b = means.specific_force / np.linalg.norm(means.specific_force, axis=1, keepdims=True)
-        if recording.angular_rate is None:
-            return self._poses_alone(means, up_b)
-        task = self._task_of(timeline, recording.rate)
+        task = replace(self._task_of(timeline, recording), clock=self.clock_sigma)
         try:
             known = self._information(live, recording, timeline, means, task)
         except ObservabilityError as missing:
@@ -152,7 +145,7 @@ class Guide:
         # A calibration asks for as many different poses as unknowns, however well turns tell them.
         return replace(progress, enough=False, words=(missing,)) if missing else progress
 
-    def _task_of(self, timeline: Timeline, rate: float) -> PlanTask:
+    def _task_of(self, timeline: Timeline, recording: Recording) -> PlanTask:
         """The unit, with its own white noise as the first hold shows it."""
         from tumble.design.joint_information import parameter_sizes
         from tumble.design.joint_plan import PlanTask
@@ -162,7 +155,7 @@ class Guide:
         if self._task is not None:
             return self._task
         floor, grade = timeline.noise_floor, self._grade
-        own = [_own_noise(sigma, rate) for sigma in (floor.specific_force, floor.angular_rate)]
+        own = [_own_noise(sigma, recording.rate) for sigma in (floor.specific_force, floor.angular_rate)]
         noise = PlannedNoise(
             replace(grade.accelerometer.noise, random_walk=own[0] or grade.accelerometer.noise.random_walk),
             replace(grade.gyroscope.noise, random_walk=own[1] or grade.gyroscope.noise.random_walk),
@@ -170,26 +163,24 @@ class Guide:
         )
         steps = (HoldStep(self.hold), TurnStep(TURN))
         sizes = parameter_sizes(grade)
+        procedure = "joint" if recording.angular_rate is not None else "multi-position"
         self._task = PlanTask(
-            Protocol("capture", "joint", steps), self.site, noise, sizes, grade.g_sensitivity > 0.0
+            Protocol("capture", procedure, steps), self.site, noise, sizes, grade.g_sensitivity > 0.0
         )
         return self._task
 
     def _information(
         self, live: LiveBlocks, recording: Recording, timeline: Timeline, means: HoldMeans, task: PlanTask
     ) -> JointInformation:
-        from tumble.calibration.equations.gathering import gather
-        from tumble.calibration.equations.imu_unknowns import imu_unknowns, unknowns_of
-        from tumble.calibration.equations.observed import observe
-        from tumble.design.joint_information import planned_problem
-        from tumble.sensor import ImuModel
+        from tumble.calibration.session import Session
+        from tumble.design.joint_information import observed_problem
 
         if live.first != self._first and self._latest is not None:
             # The oldest blocks were let go: what was known from them stays known.
             self._first, self._beyond = live.first, self._latest[1]
-        at = imu_unknowns(unknowns_of(ImuModel.ideal()))
-        data = observe(_wandering(gather(recording, timeline, means), task.noise), at, [])
-        information = planned_problem(data, self.site, task.sizes).information()
+        session = Session(recording, given_site=self.site)
+        session.timeline, session.means = timeline, means
+        information = observed_problem(session, task.noise, g_sensitivity=task.g_sensitivity).information()
         total = information if self._beyond is None else information.plus(self._beyond)
         self._latest = (len(timeline.holds), total)
         return total
@@ -200,9 +191,11 @@ class Guide:
 
         floors = np.zeros(PARAMETERS)
         floors[GROUPS["accelerometer scale"]] = self.site.gravity_sigma / self.site.gravity
-        floors[GROUPS["gyro scale"]] = self.clock_sigma
-        sigmas = np.hypot(np.sqrt(np.diag(task.covariance(known))), floors)
-        told = sigmas < TOLD * task.sizes
+        sigmas, perfect = (
+            np.hypot(np.sqrt(np.diag(one.covariance(known))), floors)
+            for one in (task, task.with_perfect_clock)
+        )
+        told = perfect < TOLD * task.sizes
         named: dict[str, float | None] = {
             NAMES[i]: float(sigmas[i]) if told[i] else None for i in map(int, task.parameters())
         }
@@ -210,10 +203,10 @@ class Guide:
         self._waiting = candidates is None
         if candidates is None:
             return Progress(named, up_b, words=("Computing which step would determine most.",))
-        aim = self._aim(task, floors)
+        aim = self._aim(task.with_perfect_clock, floors)
         following = find_next_steps(task, known, candidates, 1, aim)[0]
-        enough, words = judge_stop(task, known, [following], self._limits, sigmas)
-        left = 0.0 if aim is None else aim.poses_left(task, known)
+        enough, words = judge_stop(task, known, [following], self._limits, (sigmas, perfect))
+        left = 0.0 if aim is None else aim.poses_left(task.with_perfect_clock, known)
         if self._limits is not None and not enough and told[task.parameters()].all():
             # A target in reach is gone for, however little each step adds.
             enough = left == 0.0 or (following.most_gain < WORTH and left > len(up_b))
@@ -234,12 +227,15 @@ class Guide:
 
     def _aim(self, task: PlanTask, floors: Series) -> Aim | None:
         """What poses are to reach: the targets without what no pose mends; None where nothing is left of them."""
+        from tumble.design.joint_information import GROUPS, SESSION
         from tumble.design.next_step import Aim, usual_pose
 
         if self._limits is None:
             return None
         if self._usual is None:
             self._usual = usual_pose(task, SESSION)
+        floors = floors.copy()
+        floors[GROUPS["gyro scale"]] = self.clock_sigma
         within = np.sqrt(np.maximum(self._limits**2 - floors**2, 0.0))
         limits = np.where(self._limits > floors, within, np.inf)
         return Aim(limits, self._usual) if np.isfinite(limits).any() else None
@@ -256,45 +252,12 @@ class Guide:
         return found.result() if self._patient or found.done() else None
 
     def _compute(self, task: PlanTask, start_b: Vector) -> list[StepCandidate]:
+        from tumble.design.joint_information import SESSION
         from tumble.design.next_step import led_holds, turn_candidates
 
         if self._turns is None:
             self._turns = turn_candidates(task, table=False, span=SESSION)
         return led_holds(task, SESSION, start_b) + self._turns
-
-    def _poses_alone(self, means: HoldMeans, up_b: Vectors) -> Progress:
-        """What the norms of gravity tell of accelerometers that come without a gyro."""
-        from tumble.design.candidates import PARAMETERS
-        from tumble.design.next_pose import known_from_holds, sigmas_so_far
-
-        assert means.specific_force is not None
-        assert means.specific_force_covariance is not None
-        gravity = float(np.median(np.linalg.norm(means.specific_force, axis=1)))
-        sigmas = sigmas_so_far(known_from_holds(up_b, means.specific_force_covariance, gravity))
-        told = {
-            f"accelerometer {name}": float(sigma) if np.isfinite(sigma) else None
-            for name, sigma in zip(PARAMETERS, sigmas, strict=True)
-        }
-        return Progress(
-            told, up_b, words=("The unit sends no gyro: nine or more different poses are wanted.",)
-        )
-
-
-def _wandering(gathered: HoldsAndTurns, noise: PlannedNoise) -> HoldsAndTurns:
-    """What was gathered, with biases that wander as the grade's do: the holds alone hardly show it.
-
-    A calibration finds it by what its turns do not explain; and the steps that may come next are judged with it.
-    """
-    from tumble.design.hold_noise import wander_sigma
-
-    dwell = float(np.median(gathered.hold_samples)) * gathered.step
-    changed: dict[str, np.ndarray] = {}
-    for name, triad in (("force", noise.accelerometer), ("rate", noise.gyroscope)):
-        floor = getattr(gathered, f"{name}_floor")
-        more = np.maximum(wander_sigma(triad, dwell, SESSION) ** 2 - floor, 0.0)
-        changed[f"{name}_floor"] = floor + more
-        changed[f"{name}_covariance"] = getattr(gathered, f"{name}_covariance") + np.diag(more)
-    return replace(gathered, **changed)
 
 
 def _advice(following: NextStep, left: float) -> Advice:

@@ -7,20 +7,18 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from tumble.cli.groups import completed, refuse_given
 from tumble.cli.options import LongPrintOptions, SiteOptions
-from tumble.cli.plan_options import (
-    PlanOptions,
-    PoseOptions,
-    ProtocolOptions,
-    WishOptions,
-)
-from tumble.cli.terminal import progress, results_stand
+from tumble.cli.plan_options import PlanOptions, PoseOptions, ProtocolOptions
+from tumble.cli.terminal import console, progress, results_stand, say, say_json, say_written, table
 from tumble.workflows.request import FIRST, option
+
+if TYPE_CHECKING:
+    from tumble.workflows.planning.plan import Planned
 
 
 def plan_command(
@@ -35,7 +33,6 @@ def plan_command(
         ),
     ],
     planned: PlanOptions,
-    wishes: WishOptions,
     site: SiteOptions,
     searched: PoseOptions,
     judged: ProtocolOptions,
@@ -60,43 +57,63 @@ def plan_command(
     output : A folder for protocol.yaml, plan.json and sheet.html.
     """
     from tumble.workflows.given.site import choose_site
-    from tumble.workflows.planning.plan import kind_of_plan
+    from tumble.workflows.planning.plan import PlanRequest, plan
 
-    shared = {**asdict(planned), "site": choose_site(**asdict(site))}
-    if kind_of_plan(procedure) == "poses":
-        _refuse(context, [ProtocolOptions], f"a {procedure} test")
-        asked = {"procedure": procedure, **shared, **asdict(wishes), **asdict(searched)}
-        _search(asked, output, printed)
-    else:
-        _refuse(context, [PoseOptions], "a protocol as it is")
-        _judge({"asked": procedure, **shared, **asdict(wishes), **asdict(judged)}, output, printed)
-
-
-def _refuse(context: typer.Context, groups: list[type], what: str) -> None:
-    refuse_given(context, groups, f"{{}} says nothing to {what}: leave it out.")
-
-
-def _judge(asked: dict[str, Any], output: Path | None, printed: LongPrintOptions) -> None:
-    """Judge a protocol as it is."""
-    from tumble.cli.plan_tables import print_protocol
-    from tumble.workflows.planning.protocol import plan_any_protocol
-
+    options = {**asdict(planned), **asdict(searched), **asdict(judged)}
+    request = PlanRequest(procedure, **options, site=choose_site(**asdict(site)))
+    other, what = (PoseOptions, "a protocol as it is")
+    if request.is_searched:
+        other, what = (ProtocolOptions, f"a {procedure} test")
+    refuse_given(context, [other], f"{{}} says nothing to {what}: leave it out.")
     with progress(printed.silent) as tell:
-        done = plan_any_protocol(output=output, progress=tell, steps=not printed.quiet, **asked)
+        done = plan(request, steps=not printed.quiet, output=output, progress=tell)
     results_stand()
-    print_protocol(done, printed)
+    _print(done, printed)
 
 
-def _search(
-    asked: dict[str, Any],
-    output: Path | None,
-    printed: LongPrintOptions,
-) -> None:
-    """Search the poses of a test."""
-    from tumble.cli.plan_tables import print_poses
-    from tumble.workflows.planning.poses import PoseOrder, plan_poses
+def _print(done: Planned, printed: LongPrintOptions) -> None:
+    """Print what a test is worth; with ``-q`` the prediction and what is not told, with ``-v`` each step by itself."""
+    from tumble.workflows.planning.words import (
+        STEP_HEADS,
+        document_of,
+        headline,
+        next_words,
+        prediction_rows,
+        scheme_rows,
+        step_rows,
+    )
 
-    with progress(printed.silent) as tell:
-        done = plan_poses(PoseOrder(**asked), output=output, progress=tell)
-    results_stand()
-    print_poses(done, printed)
+    if printed.as_json:
+        say_json(document_of(done))
+        return
+    screen, quiet = console(), printed.quiet
+    screen.print(headline(done), style="bold")
+    heads = ("predicted standard uncertainty", "x", "y", "z", "unit")
+    screen.print(table(heads, prediction_rows(done), right=(1, 2, 3), tight=True))
+    if done.worths and not quiet:
+        rows = step_rows(done, each=printed.verbose)
+        screen.print(table(STEP_HEADS, rows, right=(1, 2, 4), tight=True, fold=True))
+    if (search := done.search) is not None and not quiet:
+        names, rows = scheme_rows(search)
+        screen.print(table(names, rows, right=range(1, len(names)), tight=True, fold=True))
+        for name, refused in search.schemes.items():
+            if isinstance(refused, str):
+                screen.print(f"• {name}: {refused}.")
+        if printed.verbose:
+            poses = [[step.name, f"{step.duration:.1f} s"] for step in search.protocol.steps[::2]]
+            screen.print(table(("pose", "rest"), poses, right=(1,), tight=True))
+    for sentence in done.given:
+        screen.print(sentence, style="bold green" if done.stop else "bold yellow")
+    for sentence in done.remarks:
+        missing = sentence.startswith("Not determined")
+        if missing or not quiet:
+            screen.print(f"{'' if missing else '• '}{sentence}", style="bold yellow" if missing else "")
+    if not done.stop and (done.given or not quiet):
+        for sentence in next_words(done):
+            screen.print(sentence, style="bold" if done.given else "")
+    say_written(done.files)
+    if done.files and not quiet:
+        say(
+            f"Next: tumble simulate {done.files[0]} -o SIMULATION, or record it and "
+            f"tumble calibrate RECORDING --protocol {done.files[0]}"
+        )

@@ -13,26 +13,20 @@ POSES = "Poses (multi-position, hand-held, six-position)"
 
 @dataclass(frozen=True)
 class PlanOptions:
-    """What every plan takes."""
-
-    imu: Imu = "consumer-mems"
-    seed: Seed = 0
-
-
-@dataclass(frozen=True)
-class WishOptions:
-    """What is there already and what is wished for: of poses and of protocols.
+    """What every plan takes.
 
     Attributes
     ----------
     given : What is there already, a recording or a calibration: the next poses, turns or rotations are said, and when
         to stop.
-    targets : Wished-for standard uncertainties, as bias=50,scale=100,misalignment=20 in µg, ppm and ″; of protocols
-        also gyro-bias (°/h), gyro-scale, gyro-misalignment, rotation and g-sensitivity.
+    targets : Wished-for standard uncertainties, as bias=50,scale=100,misalignment=20 in µg, ppm and ″; also
+        gyro-bias (°/h), gyro-scale, gyro-misalignment, rotation and g-sensitivity.
     rate : The sample rate with its standard uncertainty, as 100±0.01, which all gyro scale factors share. Without it
         the rate is a nominal one, uncertain by 0.58 %.
     """
 
+    imu: Imu = "consumer-mems"
+    seed: Seed = 0
     given: Path | None = option(FIRST, "FILE")
     targets: str | None = option(FIRST, "NAME=N,...")
     rate: str | None = option(ADVANCED, "HZ[±HZ]")

@@ -1,44 +1,59 @@
-"""What a planned test tells of both triads: the joint estimator's information, in the parameters' own names.
+"""What a test tells of both triads: the information of a calibration's own equations, in the parameters' names.
 
-The information matrix is that of the estimator itself, linearised where the sensors are exact: every attitude, the
-Earth rate and whatever belongs to one rotation is eliminated, as in a calibration.
+The equations are those that `tumble.calibration.joint` begins with, linearised where the sensors are exact: every
+attitude, the Earth rate and whatever belongs to one rotation is eliminated, as in a calibration.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import field, replace
-from functools import cache
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from tumble.arrays import Series, Square, Table, inverted
+from tumble.arrays import Series, Square, inverted
 from tumble.calibration.equations.adjustment import JointAdjustment, Section, still_sway
-from tumble.calibration.equations.imu_unknowns import LAYOUT, PLAIN, imu_unknowns, unknowns_of
-from tumble.calibration.equations.observed import Observed
+from tumble.calibration.equations.imu_unknowns import (
+    LAYOUT,
+    PLAIN,
+    gyro_matrix,
+    imu_unknowns,
+    name_plate,
+    terms_prior,
+    unknowns_of,
+)
+from tumble.calibration.equations.observed import Observed, observe
 from tumble.calibration.equations.reference_equations import Heading
 from tumble.calibration.equations.stretches import RecordingStretch, SectionStretch
 from tumble.calibration.equations.turn_equations import Link, Turn
+from tumble.calibration.joint import begin
+from tumble.calibration.optional_terms import unknowns_with
 from tumble.calibration.outcome.budget import recording_influences
 from tumble.calibration.outcome.description import named_function
-from tumble.calibration.start import start_adjustment
-from tumble.earth import Site
+from tumble.calibration.prior import together
+from tumble.calibration.procedure import find_procedure
+from tumble.calibration.session import Session
+from tumble.design.hold_noise import wander_sigma
+from tumble.design.planned_motion import PlannedNoise
 from tumble.estimation import Prior
+from tumble.estimation.balance import Noise
 from tumble.estimation.chain import Chain, Eliminated
-from tumble.estimation.influence import Influences
 from tumble.estimation.reliability import WeakDirection, find_weak_directions
-from tumble.estimation.solve import solve
+from tumble.estimation.solve import settled_at, solve
+from tumble.estimation.unknowns import Unknowns
 from tumble.records import dataclass
 from tumble.sensor import ImuModel
 from tumble.sensor.conventions.shin import shin_from_matrix
 from tumble.sensor.propagation import jacobian
 from tumble.simulation import Grade
+from tumble.units import angular_rate_factor, specific_force_factor
 
 Complex = npt.NDArray[Any]
 
 FREE = np.sort(np.concatenate([PLAIN, LAYOUT.indices("gyro.g_sensitivity")]))
-"""The shared unknowns that a plan looks at: both triads and g-sensitivity."""
+"""The unknowns that information is about: both triads and g-sensitivity."""
 _TERMS = frozenset({"g_sensitivity"})
 LABELS, _EVALUATE = named_function(_TERMS, "full", "accelerometer-x", ("m/s²", "rad/s"))
 NAMES = tuple(name for name, _ in LABELS)
@@ -55,15 +70,18 @@ GROUPS: dict[str, slice] = {
     "g-sensitivity": slice(21, 30),
 }
 PARAMETERS = 30
-WITHOUT_G = np.arange(21)
+COMMON = ("clock", "table_rate")
+"""What all tests on one bench share, beside the parameters: information is about both, and each has its sigma."""
 # A parameter is told when the test leaves less than this of what the data sheet leaves open.
 TOLD = 0.9
 # Of what is not told at all: so many times the data sheet's spread.
 IGNORANCE = 1e2
+# s over which biases wander while a unit is captured.
+SESSION = 300.0
+# Of a name plate's precision: what keeps equations regular, and tells nothing.
+NO_PLATE = 1e-4
 # rad: nothing is known of a heading that nobody carries on, and the equations stay regular.
 UNKNOWN_HEADING = 1e3
-# What is known of gyro scale factors without the planned clock has less than this share of the clock's variance.
-_BEYOND_CLOCK = 0.9
 # No data sheet states that a gyro feels no gravity at all, 0.01 (°/s)/g.
 _LEAST_G_SENSITIVITY = 0.01 * np.pi / 180.0 / 9.80665
 
@@ -91,85 +109,68 @@ def parameter_sizes(grade: Grade) -> Series:
     return np.maximum(sizes, 1e-12)
 
 
-def open_spreads(sizes: Series, *, sheet: bool) -> Series:
-    """Return (30,) by how much each parameter is open before anything is observed.
-
-    Parameters
-    ----------
-    sizes : (30,) of `parameter_sizes`.
-    sheet : believe them.
-    """
-    return sizes * (1.0 if sheet else IGNORANCE)
-
-
 @dataclass(frozen=True, slots=True)
 class JointInformation:
-    """What is known of the thirty parameters.
+    """What is known of the thirty parameters, and of clock and table.
 
     Attributes
     ----------
-    matrix : (30, 30) in the parameters' SI units.
+    matrix : (32, 32) in the parameters' SI units, and in shares; of thirty rows nothing is known of `COMMON`.
     """
 
     matrix: Square
+
+    def __post_init__(self) -> None:
+        """Make room for clock and table."""
+        more = PARAMETERS + len(COMMON) - len(self.matrix)
+        object.__setattr__(self, "matrix", np.pad(self.matrix, (0, more)))
 
     def plus(self, other: JointInformation) -> JointInformation:
         """Return what both tell together."""
         return JointInformation(self.matrix + other.matrix)
 
-    def beside_clock(self, sigma: float) -> JointInformation:
-        """Return what is left where the sample rate is known by `sigma` (a share) alone: gyro scale factors share it.
-
-        Parameters
-        ----------
-        sigma : one standard uncertainty; 0 for a perfect clock.
-        """
-        if not sigma:
-            return self
-        shown = self.matrix[:, GROUPS["gyro scale"]].sum(axis=1)
-        by_clock = shown[GROUPS["gyro scale"]].sum() + sigma**-2
-        return JointInformation(self.matrix - np.outer(shown, shown) / by_clock)
-
-    def is_beyond_clock(self, sigma: float) -> bool:
-        """Whether gyro scale factors are known better than a clock: by another one, or a table's rates.
-
-        Parameters
-        ----------
-        sigma : of the clock, a share.
-        """
-        part = GROUPS["gyro scale"]
-        return bool(_BEYOND_CLOCK * sigma**2 * self.matrix[part, part].sum() > 1.0)
-
-    def covariance(self, sizes: Series, *, g_sensitivity: bool, sheet: bool = False) -> Square:
+    def covariance(
+        self, sizes: Series, at: np.ndarray, *, common: Sequence[float] = (0.0, 0.0), sheet: bool = False
+    ) -> Square:
         """Return (30, 30), finite throughout: what is not told is open by a hundred times its spread.
 
         Parameters
         ----------
         sizes : (30,) of `parameter_sizes`.
-        g_sensitivity : whether it is estimated; if not, it is taken to be nothing and has no covariance.
+        at : indices of the parameters that are estimated; the others are taken to be nothing and have no covariance.
+        common : sigmas of clock and table, shares.
         sheet : believe the data sheet's spreads beforehand.
         """
-        at = np.arange(PARAMETERS) if g_sensitivity else WITHOUT_G
-        open_by = open_spreads(sizes, sheet=sheet)[at]
-        scaled = _symmetric(self.matrix[np.ix_(at, at)] * np.outer(open_by, open_by))
+        open_by = np.zeros(len(self.matrix))
+        open_by[at] = sizes[at] * (1.0 if sheet else IGNORANCE)
+        if not sheet:
+            # Nothing is known of a scale factor without its clock.
+            open_by[GROUPS["gyro scale"]] += IGNORANCE * common[0]
+        open_by[PARAMETERS:] = common
         # By eigenvalues, of which round-off may have made those of nothing a little negative.
-        values, vectors = np.linalg.eigh(scaled)
+        values, vectors = np.linalg.eigh(_symmetric(self.matrix * np.outer(open_by, open_by)))
         inverse = (vectors / (np.maximum(values, 0.0) + 1.0)) @ vectors.T
-        made = np.zeros((PARAMETERS, PARAMETERS))
-        made[np.ix_(at, at)] = inverse * np.outer(open_by, open_by)
-        return made
+        return (inverse * np.outer(open_by, open_by))[:PARAMETERS, :PARAMETERS]
 
-    def weak_directions(self, sizes: Series, *, g_sensitivity: bool) -> list[WeakDirection]:
+    def weak_directions(
+        self, sizes: Series, at: np.ndarray, common: Sequence[float] = (0.0, 0.0)
+    ) -> list[WeakDirection]:
         """Return the combinations that are told no better than the data sheet does, in those sizes, worst first.
 
         Parameters
         ----------
-        sizes, g_sensitivity : as for `covariance`.
+        sizes, at, common : as for `covariance`.
         """
-        at = np.arange(PARAMETERS) if g_sensitivity else WITHOUT_G
-        found = find_weak_directions(_symmetric(self.matrix[np.ix_(at, at)]), sizes[at], TOLD)
-        left_out = (0, PARAMETERS - at.size)
-        return [replace(weak, direction=np.pad(weak.direction, left_out)) for weak in found]
+        prior = np.diag(np.maximum(common, 1e-9) ** -2.0)
+        own, beside = self.matrix[np.ix_(at, at)], self.matrix[at, PARAMETERS:]
+        left = own - beside @ np.linalg.solve(self.matrix[PARAMETERS:, PARAMETERS:] + prior, beside.T)
+        found = find_weak_directions(_symmetric(left), sizes[at], TOLD)
+        made: list[WeakDirection] = []
+        for weak in found:
+            direction = np.zeros(PARAMETERS)
+            direction[at] = weak.direction
+            made.append(replace(weak, direction=direction))
+        return made
 
 
 def _symmetric(matrix: Square) -> Square:
@@ -182,12 +183,18 @@ class PlannedProblem:
 
     Attributes
     ----------
-    task : the adjustment, at the truth.
+    task : the adjustment, at the truth, with everything free that a calibration adjusts.
+    frame : of the calibration's result.
+    terms : optional terms that it estimates.
+    slope : (32, wanted) derivatives of the parameters, clock and table by their unknowns, of scale factors relative.
     rotations : what each rotation says, by the hold before it, once it has been asked for.
     links : what the gyros carry over all turns of a section, by its first hold, once it has been asked for.
     """
 
     task: JointAdjustment
+    frame: str
+    terms: frozenset[str]
+    slope: Square
     rotations: dict[int, Eliminated] = field(default_factory=dict[int, Eliminated])
     links: dict[int, Link] = field(default_factory=dict[int, Link])
 
@@ -209,41 +216,45 @@ class PlannedProblem:
             self.task,
             taking_part=dict(taking_part or self.task.taking_part),
             data=data or self.task.data,
-            unknowns=self.task.unknowns.with_free(FREE),
         )
         recording = RecordingStretch(task)
         for (_, stretch), section in zip(recording.within, task.sections, strict=True):
             assert isinstance(stretch, SectionStretch)
             self._prepare(task, stretch, section, without)
-        normal = Chain.of(recording, task, FREE.size).eliminated().matrix
-        return JointInformation(information_in_names(normal))
+        return self._named(Chain.of(recording, task, task.unknowns.free.size).eliminated().matrix)
 
-    def influences(self, known: Square, *, g_sensitivity: bool) -> Influences:
-        """Return what each observation does to the unknowns, the wander that neighbours share in their covariance.
+    def sections(self) -> list[JointInformation]:
+        """Return what each section determines by itself."""
+        chain = Chain.of(RecordingStretch(self.task), self.task, self.task.unknowns.free.size)
+        return [self._named(inner.matrix) for _, inner in chain.within]
+
+    def _named(self, normal: Square) -> JointInformation:
+        """In names, with everything eliminated that is neither a parameter nor shared by all tests."""
+        u, prior = self.task.unknowns, self.task.prior
+        wanted, whole = _wanted(), u.expanded(normal)
+        rest = np.setdiff1d(u.free, wanted)
+        if rest.size and prior is not None:
+            beside = whole[np.ix_(rest, wanted)]
+            own = whole[np.ix_(rest, rest)] + prior.precision[np.ix_(rest, rest)]
+            whole[np.ix_(wanted, wanted)] -= beside.T @ np.linalg.solve(own, beside)
+        back = inverted(self.slope)
+        return JointInformation(_symmetric(back.T @ whole[np.ix_(wanted, wanted)] @ back))
+
+    def stated(self, known: JointInformation, gravity: Series) -> Square:
+        """Return the covariance of all unknowns as a calibration states it, biases that wander among its causes.
 
         Parameters
         ----------
-        known : (30, 30) information of the parameters beside the test's own, that leaves none of them open.
-        g_sensitivity : whether it is estimated.
+        known : beside the test's own.
+        gravity : (unknowns,) by how much they are off by one sigma of gravity.
         """
-        values = self.task.unknowns.values
-        slope = inverted(_back())
+        wanted, values = _wanted(), self.task.unknowns.values
         precision = np.zeros((values.size, values.size))
-        precision[np.ix_(FREE, FREE)] = slope.T @ known @ slope
-        free = self.task.unknowns.with_free(FREE if g_sensitivity else PLAIN)
-        return recording_influences(replace(self.task, unknowns=free, prior=Prior(values.copy(), precision)))
-
-    def in_names(self, covariance: Table) -> Square:
-        """Return the covariance (30, 30) of the parameters of that of the unknowns.
-
-        Parameters
-        ----------
-        covariance : of both triads and g-sensitivity, or without the latter.
-        """
-        whole = np.zeros((FREE.size, FREE.size))
-        whole[: len(covariance), : len(covariance)] = covariance
-        slope = inverted(_back())
-        return _symmetric(slope @ whole @ slope.T)
+        precision[np.ix_(wanted, wanted)] = self.slope.T @ known.matrix @ self.slope
+        task = replace(self.task, prior=together(self.task.prior, Prior(values.copy(), precision)))
+        settled = settled_at(task)
+        own = settled.cofactor + recording_influences(task, settled).shared
+        return task.unknowns.expanded(own) + np.outer(gravity, gravity)
 
     def _prepare(
         self, task: JointAdjustment, stretch: SectionStretch, section: Section, without: int | None
@@ -256,7 +267,7 @@ class PlannedProblem:
                 if section.first not in self.links:
                     self.links[section.first] = turns.integrated(task)
                 turns.given = self.links[section.first]
-        outside = 9 + FREE.size
+        outside = 9 + task.unknowns.free.size
         for place, inner in stretch.within:
             k = place.node + section.first
             if k not in self.rotations and not isinstance(inner, Eliminated):
@@ -268,57 +279,150 @@ class PlannedProblem:
             stretch.equations.append(Heading(without + 1 - section.first, UNKNOWN_HEADING))
 
 
-def information_in_names(normal: Square) -> Square:
-    """Return the information (30, 30) of the named parameters of that of the unknowns, at exact sensors.
+def _wanted() -> np.ndarray:
+    return np.concatenate([FREE, LAYOUT.indices(*COMMON)])
+
+
+def _raw_units(u: Unknowns) -> Series:
+    """(unknowns,) how many raw units each is of, of sensors that count: about one in SI."""
+    sizes = u.at(np.ones(LAYOUT.size))
+    for names, size in (
+        (("force.bias", "force.scale"), np.mean(u["force.scale"])),
+        (("gyro.matrix", "gyro.bias", "gyro.g_sensitivity"), np.trace(gyro_matrix(u)) / 3.0),
+    ):
+        for name in names:
+            sizes[name][:] = abs(float(size))
+    return sizes.values
+
+
+def _slope(u: Unknowns) -> Square:
+    """(32, wanted) of `PlannedProblem`. By logarithms of scale factors: a clock moves all of them alike."""
+    sizes = _raw_units(u)
+    made = np.asarray(jacobian(_EVALUATE, u.values / sizes), dtype=np.float64) / sizes
+    scale = GROUPS["gyro scale"]
+    made[scale] /= 1.0 + np.real(_EVALUATE(u.values / sizes))[scale, None]
+    zero = np.zeros((PARAMETERS, len(COMMON)))
+    return np.asarray(np.block([[made[:, FREE], zero], [zero.T, np.eye(len(COMMON))]]), dtype=np.float64)
+
+
+def spread_of_sizes(u: Unknowns, sizes: Series) -> Square:
+    """Return the covariance of all unknowns of which nothing but sizes of parameters is known, and any name plate.
 
     Parameters
     ----------
-    normal : of the joint estimator, with all of `FREE` free.
+    u : which are free.
+    sizes : (30,) of `parameter_sizes`.
     """
-    back = _back()
-    return _symmetric(np.asarray(back.T @ normal @ back, dtype=np.float64))
-
-
-@cache
-def _back() -> Square:
-    """(free, 30) derivatives of the free unknowns by the named parameters, at exact sensors."""
-    slope = np.asarray(jacobian(_EVALUATE, unknowns_of(ImuModel.ideal())), dtype=np.float64)[:, FREE]
-    made = inverted(np.ascontiguousarray(slope))
-    made.flags.writeable = False
+    plate = np.zeros(LAYOUT.size)
+    plate[np.setdiff1d(u.free, FREE)] = name_plate(u)[np.setdiff1d(u.free, FREE)]
+    made = np.diag(plate**2)
+    back = inverted(_slope(u))[:PARAMETERS, :PARAMETERS]
+    made[np.ix_(FREE, FREE)] = (back * sizes**2) @ back.T
     return made
 
 
-def planned_problem(data: Observed, site: Site, sizes: Series) -> PlannedProblem:
-    """Return a planned test's equations where all unknowns are true: of exact sensors.
+def planned_problem(
+    session: Session, *, g_sensitivity: bool, start: Unknowns | None = None, settle: bool = True
+) -> PlannedProblem:
+    """Return the equations that a calibration of a session begins with.
 
     Parameters
     ----------
-    data : of `planned_data`, or of a recording.
-    site : gravity and latitude.
-    sizes : (30,) of `parameter_sizes`, that keep the adjustment in bounds where the test does not tell.
+    session : of a planned motion, or of a recording.
+    g_sensitivity : whether it is estimated.
+    start : sensors to start from; None finds them, and refuses what tells nothing of them.
+    settle : take one step, which finds whether the gyros see north.
     """
-    at = imu_unknowns(unknowns_of(ImuModel.ideal()), FREE)
-    task = start_adjustment(data, at, site)
-    task.prior = at.layout.sparse_prior(at.values, _spreads(sizes))
+    record = find_procedure("joint" if session.protocol is None else session.protocol.procedure)
+    begun = begin(session, record, start=start)
+    task, gyro = begun.task, begun.offered.has_gyro
+    terms = [*record.seeks, *(["g_sensitivity"] if g_sensitivity and gyro else [])]
+    alike = {name: sigma for name, sigma in begun.alike.items() if name not in begun.adjusted}
+    free = np.union1d(unknowns_with(begun.plain, terms), LAYOUT.indices(*alike))
+    task.unknowns = task.unknowns.with_free(free)
+    priors = terms_prior(task.unknowns), LAYOUT.sparse_prior(task.unknowns.values, alike)
+    task.prior = together(together(task.prior, priors[0]), priors[1])
+    if "clock" in alike and task.prior is not None:
+        # A calibration adds such a clock afterwards: three name plates do not tell it.
+        at = LAYOUT.indices("gyro.matrix")
+        task.prior.precision[at, at] *= NO_PLATE
     # No smaller than what counts as none: a stiffer hold leaves weak directions to round-off.
-    task.noise.set("sway", still_sway(task))
-    # One step finds whether the gyros see north; attitudes are where they belong already.
-    solve(task, once=True)
-    task.unknowns, task.prior = at, None
-    return PlannedProblem(task)
+    task.noise = Noise({"sway": still_sway(task)})
+    if settle:
+        solve(task, once=True)
+    return PlannedProblem(task, record.frame, frozenset(terms), _slope(task.unknowns))
 
 
-def _spreads(sizes: Series) -> dict[str, float | Series]:
-    gyro = np.full((3, 3), float(np.hypot(sizes[15], sizes[18])))
-    gyro[np.diag_indices(3)] = sizes[12:15]
-    return {
-        "force.bias": sizes[0:3],
-        "force.scale": sizes[3:6],
-        "force.angle": sizes[6:9],
-        "gyro.matrix": gyro.ravel(),
-        "gyro.bias": sizes[9:12],
-        "gyro.g_sensitivity": sizes[21:30],
-    }
+def observed_problem(session: Session, noise: PlannedNoise, *, g_sensitivity: bool) -> PlannedProblem:
+    """Return the equations of a recording, with biases that wander as those of such units do: holds hardly show it.
+
+    A calibration finds it by what its turns do not explain; and the steps that may come next are judged with it.
+
+    Parameters
+    ----------
+    session : what was recorded.
+    noise : of such units.
+    g_sensitivity : whether they have one.
+    """
+    problem = planned_problem(session, g_sensitivity=g_sensitivity, start=_nominal(session), settle=False)
+    base, scales = problem.task.data.base, _raw_units(problem.task.unknowns)
+    dwell = float(np.median(base.hold_samples)) * base.step
+    changed: dict[str, np.ndarray] = {}
+    for name, triad, size in (
+        ("force", noise.accelerometer, scales[LAYOUT["force.bias"]]),
+        ("rate", noise.gyroscope, scales[LAYOUT["gyro.bias"]]),
+    ):
+        floor = getattr(base, f"{name}_floor")
+        more = np.maximum((size * wander_sigma(triad, dwell, SESSION)) ** 2 - floor, 0.0)
+        changed[f"{name}_floor"] = floor + more
+        changed[f"{name}_covariance"] = getattr(base, f"{name}_covariance") + np.diag(more)
+    problem.task.data = _with_noise(problem.task.data, **changed)
+    return problem
+
+
+def exact_sensors() -> Unknowns:
+    """Return sensors without errors, in SI."""
+    return imu_unknowns(unknowns_of(ImuModel.ideal()))
+
+
+def _nominal(session: Session) -> Unknowns | None:
+    """Sensors as their units say, with the gyros' biases at rest; None of counts."""
+    recording, u = session.recording, exact_sensors()
+    factors = (
+        specific_force_factor(recording.specific_force_unit),
+        angular_rate_factor(recording.angular_rate_unit),
+    )
+    if recording.specific_force is None or factors[0] is None:
+        return None
+    u["force.scale"][:] /= factors[0]
+    if session.means.angular_rate is not None:
+        if factors[1] is None:
+            return None
+        u["gyro.matrix"][:] /= factors[1]
+        u["gyro.bias"][:] = np.median(session.means.angular_rate, axis=0)
+    return u
+
+
+def with_longer_hold(data: Observed, hold: int, factor: float) -> Observed:
+    """Return the same observations with one hold that lasts so many times as long, as far as its noise goes.
+
+    Parameters
+    ----------
+    data, hold, factor : which hold of what, and how many times.
+    """
+    base, count = data.base, data.base.hold_samples.astype(float)
+    count[hold] *= factor
+    changed: dict[str, np.ndarray] = {"hold_samples": count}
+    for name, floor in (("force_covariance", base.force_floor), ("rate_covariance", base.rate_floor)):
+        changed[name] = getattr(base, name).copy()
+        changed[name][hold] = (changed[name][hold] - np.diag(floor)) / factor + np.diag(floor)
+    return _with_noise(data, **changed)
+
+
+def _with_noise(data: Observed, **changed: np.ndarray) -> Observed:
+    """The same motion with other noise of its holds."""
+    made = observe(replace(data.base, **changed), exact_sensors(), [*data.rotations.values()], data.parts)
+    return replace(made, poses=data.poses)
 
 
 def parameters_of(

@@ -1,7 +1,12 @@
-"""What any protocol is worth: every parameter of both triads foretold, and what stays open.
+"""What any protocol is worth: every parameter foretold as `calibrate` will state it, and what stays open.
 
 Hands do a protocol differently each time: poses are off by degrees, headings fall anyhow. So it is played several
 times, and what is foretold is the root mean square over these; how much they differ is told, too.
+
+What each step is worth is what is lost without it, and what is gained if it lasts longer. By the equivalence theorem of
+D-optimal designs a step's share of the information should be its share of the time: a step above that should last
+longer, one below it may be shorter. That is so for white noise; where a bias wanders longer holds do not help, which
+the gain of a quarter more time shows.
 """
 
 from __future__ import annotations
@@ -11,10 +16,13 @@ from dataclasses import field, replace
 
 import numpy as np
 
-from tumble.arrays import Series, Square, Table
-from tumble.calibration.equations.causes import FORCE_WANDER
+from tumble.arrays import Series, Square
+from tumble.calibration.checks.unseen import unseen_table
+from tumble.calibration.equations.imu_unknowns import LAYOUT
+from tumble.calibration.outcome.description import gravity_slope, named_function
+from tumble.calibration.procedure import find_procedure
+from tumble.calibration.session import Options, Session
 from tumble.counting import counted
-from tumble.design.hold_noise import hold_covariance
 from tumble.design.joint_information import (
     GROUPS,
     NAMES,
@@ -22,20 +30,24 @@ from tumble.design.joint_information import (
     TOLD,
     JointInformation,
     PlannedProblem,
-    open_spreads,
+    exact_sensors,
     parameter_sizes,
     planned_problem,
+    spread_of_sizes,
+    with_longer_hold,
 )
-from tumble.design.planned_motion import PlannedNoise, PlayedPlan, planned_data, play_plan, require_plannable
+from tumble.design.planned_motion import PlannedNoise, planned_session, require_plannable
 from tumble.earth import Site
-from tumble.protocol.steps import Protocol, SpinStep
+from tumble.protocol.steps import HoldStep, Protocol, SpinStep
 from tumble.records import dataclass
+from tumble.sensor.propagation import propagate
 from tumble.simulation import Grade
 
+UNITS_SI = "m/s²", "rad/s"
 # How often a protocol is played: by hand each time differs, on a table hardly.
 DRAWS_BY_HAND, DRAWS_ON_TABLE = 8, 2
-# Of the stated variance, what is left at least when a wander that all holds share is taken out.
-LEAST_SHARE = 0.02
+# A step that lasts longer: by this share of itself.
+LONGER = 0.25
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +60,7 @@ class PlanTask:
     noise : of the unit.
     sizes : (30,) one sigma of each parameter before the test, see `parameter_sizes`.
     g_sensitivity : whether units of this kind have one, which is then estimated.
-    sheet : believe the sizes beforehand.
+    sheet : whose spreads are believed beforehand; None for nobody's.
     known : what is there already.
     draws : how often it is played; None for a number that suits the protocol.
     seed : of placement, headings and hands.
@@ -60,7 +72,7 @@ class PlanTask:
     noise: PlannedNoise
     sizes: Series
     g_sensitivity: bool
-    sheet: bool = False
+    sheet: Grade | None = None
     known: JointInformation | None = None
     draws: int | None = None
     seed: int = 0
@@ -84,27 +96,48 @@ class PlanTask:
 
     @property
     def has_table(self) -> bool:
-        """Whether a table's angles are read."""
-        return any(isinstance(s, SpinStep) and s.angle is not None for s in self.protocol.steps)
+        """Whether there is a table."""
+        return any(isinstance(s, SpinStep) for s in self.protocol.steps)
 
     @property
-    def is_beyond_clock(self) -> bool:
-        """Whether what is there already knows gyro scale factors better than the clock."""
-        return self.known is not None and self.known.is_beyond_clock(self.clock)
+    def common(self) -> tuple[float, float]:
+        """Standard uncertainties of clock and table, shares."""
+        table = unseen_table(self.protocol)
+        return self.clock, 0.0 if table is None else table.sigma
 
     def covariance(self, information: JointInformation) -> Square:
         """Return (30, 30) of what is there already and this information together."""
         total = information if self.known is None else information.plus(self.known)
-        return total.covariance(self.sizes, g_sensitivity=self.g_sensitivity, sheet=self.sheet)
+        return total.covariance(self.sizes, self.estimated, common=self.common, sheet=self.sheet is not None)
 
-    def known_before(self) -> Square:
-        """Return (30, 30) information of what is there already, and of the sizes as far as they are believed."""
-        own = np.diag(1.0 / open_spreads(self.sizes, sheet=self.sheet) ** 2)
-        return own if self.known is None else own + self.known.matrix
+    @property
+    def with_perfect_clock(self) -> PlanTask:
+        """The same with a perfect clock: no step mends it."""
+        return replace(self, clock=0.0)
+
+    @property
+    def estimated(self) -> np.ndarray:
+        """Indices of the parameters that are estimated."""
+        return np.arange(PARAMETERS if self.g_sensitivity else GROUPS["g-sensitivity"].start)
 
     def parameters(self) -> np.ndarray:
-        """Return the indices of the parameters that are estimated."""
-        return np.arange(PARAMETERS if self.g_sensitivity else GROUPS["g-sensitivity"].start)
+        """Return the indices of the parameters that are estimated and that the procedure is made for."""
+        promises = find_procedure(self.protocol.procedure).promises
+        triads = ("gyros" if i >= GROUPS["gyro bias"].start else "accelerometers" for i in self.estimated)
+        return self.estimated[[not promises or triad in promises for triad in triads]]
+
+    def problem(self, draw: int = 0, protocol: Protocol | None = None) -> tuple[Session, PlannedProblem]:
+        """Return what a performance of the protocol, or of another one, offers, and its equations.
+
+        Parameters
+        ----------
+        draw, protocol : which performance of what.
+        """
+        rng, options = np.random.default_rng([self.seed, draw]), Options(data_sheet=self.sheet)
+        session = planned_session(
+            *(protocol or self.protocol, self.site, self.noise, rng), clock=self.clock, options=options
+        )
+        return session, planned_problem(session, g_sensitivity=self.g_sensitivity, start=exact_sensors())
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,6 +156,27 @@ class Weakness:
     direction: Series
 
 
+@dataclass(frozen=True, slots=True)
+class Foretold:
+    """A parameter as `calibrate` will state it.
+
+    Attributes
+    ----------
+    name, unit : as `calibrate` has them, in the frame of its procedure.
+    sigma : predicted standard uncertainty, SI, with gravity's, the clock's and the table's.
+    without_clock : the same with a perfect clock.
+    spread : the largest sigma of a performance over the smallest.
+    told : whether it is known better than from the data sheet, but for the clock, which no step mends.
+    """
+
+    name: str
+    unit: str
+    sigma: float
+    without_clock: float
+    spread: float
+    told: bool
+
+
 @dataclass(slots=True)
 class JointPlan:
     """What a protocol is worth.
@@ -130,34 +184,40 @@ class JointPlan:
     Attributes
     ----------
     task : what was asked.
-    played : the first performance; `problem` and `information` are its.
-    sigmas : (30,) predicted standard uncertainties, SI, with gravity's and the clock's; NaN for what is not estimated.
-    noise_sigmas : (30,) without these two.
-    spread : (30,) the largest sigma of a performance over the smallest.
-    told : (30,) of bool: whether it is known better than from the data sheet.
-    g_sigmas : (9,) of the g-sensitivity, were it estimated.
+    session, problem, information : of the first performance.
+    foretold : every parameter in the frame of the procedure.
+    sigmas, without_clock : (30,) predicted standard uncertainties of `NAMES`, SI, as of `Foretold`; NaN for what is not
+        estimated.
     weak : what stays open.
     """
 
     task: PlanTask
-    played: PlayedPlan
+    session: Session
     problem: PlannedProblem
     information: JointInformation
+    foretold: list[Foretold]
     sigmas: Series
-    noise_sigmas: Series
-    spread: Series
-    told: np.ndarray
-    g_sigmas: Series
+    without_clock: Series
     weak: list[Weakness] = field(default_factory=list[Weakness])
 
     @property
     def duration(self) -> float:
-        """Seconds of all steps together."""
+        """Seconds, turns included."""
         return self.task.protocol.duration
 
-    def group_rms(self, name: str) -> float:
-        """Return the root mean square sigma of one of `GROUPS`, SI; NaN where it is not estimated or not told."""
-        part = GROUPS[name]
+    @property
+    def told(self) -> np.ndarray:
+        """(30,) of bool: whether it is known better than from the data sheet."""
+        return self.without_clock < TOLD * self.task.sizes
+
+    def group_rms(self, group: str) -> float:
+        """Return the root mean square sigma of a group, SI; NaN if any of it is not told.
+
+        Parameters
+        ----------
+        group : one of `GROUPS`.
+        """
+        part = GROUPS[group]
         return float(np.sqrt(np.mean(self.sigmas[part] ** 2))) if np.all(self.told[part]) else float("nan")
 
 
@@ -176,99 +236,48 @@ def plan_protocol(task: PlanTask, say: Callable[[str], None] | None = None) -> J
     """
     require_plannable(task.protocol)
     draws = task.draws or (DRAWS_ON_TABLE if task.has_table else DRAWS_BY_HAND)
-    made: list[tuple[PlayedPlan, PlannedProblem, JointInformation]] = []
+    made: list[tuple[Session, PlannedProblem, JointInformation]] = []
     if say is not None:
         say("playing it")
     for draw in counted(range(draws), draws):
-        played = play_plan(task.protocol, task.site, np.random.default_rng([task.seed, draw]))
-        problem = planned_problem(planned_data(played, task.noise), task.site, task.sizes)
-        made.append((played, problem, problem.information()))
-    variances = np.array([np.diag(true_covariance(task, played, problem)) for played, problem, _ in made])
-    return _plan(task, made, variances)
-
-
-def _plan(
-    task: PlanTask, made: list[tuple[PlayedPlan, PlannedProblem, JointInformation]], variances: Table
-) -> JointPlan:
-    played, problem, information = made[0]
-    noise = np.sqrt(variances.mean(axis=0))
-    asked = np.zeros(PARAMETERS, dtype=bool)
-    asked[task.parameters()] = True
-    noise[~asked] = np.nan
-    told = asked & (noise < TOLD * task.sizes)
-    total = noise.copy()
-    scale = GROUPS["accelerometer scale"]
-    total[scale] = np.hypot(noise[scale], task.site.gravity_sigma / task.site.gravity)
-    total = np.sqrt(total**2 + clock_variances(task, information))
-    full = np.sqrt(np.diag(replace(task, g_sensitivity=True).covariance(information)))
-    low, high = np.sqrt(variances.min(axis=0)), np.sqrt(variances.max(axis=0))
-    spread = np.where(low > 0.0, high / np.where(low > 0.0, low, 1.0), 1.0)
-    plan = JointPlan(
-        task,
-        played,
-        problem,
-        information,
-        total,
-        noise,
-        spread,
-        told,
-        np.asarray(full[GROUPS["g-sensitivity"]], dtype=np.float64),
+        session, problem = task.problem(draw)
+        made.append((session, problem, problem.information()))
+    found = [_foretold(task, problem) for _, problem, _ in made]
+    sigmas, low, high = (
+        [np.sqrt(of([one[k] for one in found], axis=0)) for k in range(4)] for of in (np.mean, np.min, np.max)
     )
+    labels, sizes = named_function(made[0][1].terms, "full", made[0][1].frame, UNITS_SI)[0], found[0][4]
+    spread = high[1] / np.maximum(low[1], 1e-300)
+    foretold = [
+        Foretold(name, unit, float(sigma), float(perfect), float(ratio), told=bool(perfect < TOLD * size))
+        for (name, unit), sigma, perfect, ratio, size in zip(labels, *sigmas[:2], spread, sizes, strict=True)
+    ]
+    plan = JointPlan(task, *made[0], foretold, sigmas[2], sigmas[3])
     # Of several performances the one that determines least says what may stay open.
-    least = int(np.argmax(np.max(np.sqrt(variances) / task.sizes, axis=1)))
-    plan.weak = find_weaknesses(task, made[least][2])
+    worst = [float(np.nanmax(one[3] / task.sizes**2)) for one in found]
+    plan.weak = find_weaknesses(task, made[int(np.argmax(worst))][2])
     return plan
 
 
-def true_covariance(task: PlanTask, played: PlayedPlan, problem: PlannedProblem) -> Square:
-    """Return (30, 30) covariance of the estimate where biases wander from hold to turn to hold, neighbours alike.
-
-    A bias is asked for as its mean over the session. Of the gyros this is what the joint estimator states; of the
-    accelerometers it knows 1/f noise as it is found, and here their random walk counts, too.
-
-    Parameters
-    ----------
-    task, played, problem : noise, motion and equations.
-    """
-    influences = problem.influences(task.known_before(), g_sensitivity=task.g_sensitivity)
-    covariance = influences.covariance - influences.neighbours.get(FORCE_WANDER, 0.0)
-    triad = task.noise.accelerometer
-    if triad.wanders:
-        times = played.truth.hold_edges
-        floor = float(problem.task.data.base.force_floor[0])
-        wander = hold_covariance(times, replace(triad, random_walk=0.0, resolution=0.0))
-        # By how much the unknowns move if all of a hold shows more by one along an axis.
-        gain = np.zeros((len(times), len(covariance), 3))
-        for one in influences.each:
-            if one.kind == "force":
-                gain[one.place] = one.gain @ np.linalg.solve(one.root, np.tile(np.eye(3), (3, 1)))
-        across = np.tensordot(wander - floor * np.eye(len(times)), gain, 1)
-        covariance += np.tensordot(gain, across, ((0, 2), (0, 2)))
-    made = problem.in_names(covariance)
-    # What is left out of the model of the noise may take too much: rotations' accelerometers wander by themselves.
-    alone = np.diag(problem.in_names(influences.independent))
-    np.fill_diagonal(made, np.maximum(np.diag(made), LEAST_SHARE * alone))
-    return made
-
-
-def clock_variances(task: PlanTask, information: JointInformation) -> Series:
-    """Return (30,) by how much the clock adds to the variances of the parameters.
-
-    Where what is there already has the gyro scale factors from another clock, or from a table, it tells this clock.
-
-    Parameters
-    ----------
-    task : the clock, and what is there already.
-    information : of the planned test, its clock taken as perfect.
-    """
-    added = np.zeros(PARAMETERS)
-    if not task.is_beyond_clock:
-        added[GROUPS["gyro scale"]] = task.clock**2
-        return added
-    perfect, open_ = (
-        np.diag(task.covariance(one)) for one in (information, information.beside_clock(task.clock))
-    )
-    return np.maximum(open_ - perfect, 0.0)
+def _foretold(task: PlanTask, problem: PlannedProblem) -> list[Series]:
+    """Variances with and without the clock's part in the procedure's frame, the same of `NAMES`, and sizes."""
+    u = problem.task.unknowns
+    known = task.known or JointInformation(np.zeros((PARAMETERS, PARAMETERS)))
+    gravity = task.site.gravity_sigma * gravity_slope(u.values, task.site)
+    covariance = problem.stated(known, gravity)
+    (at,) = LAYOUT.indices("clock")
+    clock = covariance[:, at] / np.sqrt(max(float(covariance[at, at]), 1e-300))
+    perfect = covariance - np.outer(clock, clock)
+    made: list[Series] = []
+    for frame in (problem.frame, "accelerometer-x"):
+        function = named_function(problem.terms, "full", frame, UNITS_SI)[1]
+        made += [np.diag(propagate(function, u.values, one)[1]) for one in (covariance, perfect)]
+    # Of `NAMES`: what follows is of other terms, and g-sensitivity may not be estimated.
+    for k in (2, 3):
+        own, made[k] = made[k][task.estimated], np.full(PARAMETERS, np.nan)
+        made[k][task.estimated] = own
+    function = named_function(problem.terms, "full", problem.frame, UNITS_SI)[1]
+    return [*made, np.sqrt(np.diag(propagate(function, u.values, spread_of_sizes(u, task.sizes))[1]))]
 
 
 def find_weaknesses(task: PlanTask, information: JointInformation) -> list[Weakness]:
@@ -282,7 +291,7 @@ def find_weaknesses(task: PlanTask, information: JointInformation) -> list[Weakn
     total = information if task.known is None else information.plus(task.known)
     return [
         Weakness(tuple(NAMES[i] for i in weak.leading()), weak.sigma, weak.direction)
-        for weak in total.weak_directions(task.sizes, g_sensitivity=task.g_sensitivity)
+        for weak in total.weak_directions(task.sizes, task.parameters(), (0.0, task.common[1]))
     ]
 
 
@@ -301,3 +310,126 @@ def mean_log_sigma(task: PlanTask, covariance: Square, at: np.ndarray | None = N
     at = task.parameters() if at is None else at
     scaled = covariance[np.ix_(at, at)] / np.outer(task.sizes[at], task.sizes[at])
     return float(np.linalg.slogdet(scaled)[1]) / (2.0 * at.size)
+
+
+@dataclass(frozen=True, slots=True)
+class StepWorth:
+    """What a step contributes.
+
+    Attributes
+    ----------
+    step : index in the protocol.
+    kind : "hold" or "rotation".
+    name, seconds : as the protocol has them; a rotation with its ramps.
+    share_of_time : of all holds and rotations.
+    share_of_information : of all holds and rotations.
+    loss : by how much the sigmas grow without it, the geometric mean, as a share.
+    most, most_growth : the parameter that suffers most, and how many times its sigma becomes.
+    longer : by how much the sigmas fall if it lasts a quarter longer, as a share; of rotations at one rate and of
+        one duration that of the first.
+    """
+
+    step: int
+    kind: str
+    name: str
+    seconds: float
+    share_of_time: float
+    share_of_information: float
+    loss: float
+    most: str
+    most_growth: float
+    longer: float
+
+    @property
+    def longer_per_minute(self) -> float:
+        """By how much the sigmas fall for each minute that it lasts longer, as a share."""
+        return self.longer / (LONGER * self.seconds / 60.0)
+
+
+def find_step_worths(plan: JointPlan, say: Callable[[str], None] | None = None) -> list[StepWorth]:
+    """Return the worth of every hold and every rotation, in their order.
+
+    Parameters
+    ----------
+    plan : of the whole protocol; its first performance is looked at.
+    say : called with a sentence on what is being done.
+    """
+    task, problem, base = plan.task, plan.problem, plan.information
+    data, (_, matching) = problem.task.data, plan.session.matched
+    found: list[tuple[int, JointInformation, float]] = []
+    if say is not None:
+        say("leaving out one step after the other")
+    for hold in counted(matching.holds, len(matching.holds)):
+        left = problem.task.copy().taking_part
+        for kind in ("force", "rate", "pose"):
+            left[kind][hold.hold] = False
+        longer = problem.information(data=with_longer_hold(data, hold.hold, 1.0 + LONGER))
+        found.append((hold.step, problem.information(left), _gain(task, base, longer)))
+    longer_gain: dict[tuple[float, float], float] = {}
+    for before, spin in counted(data.rotations.items(), len(data.rotations)):
+        step = matching.spins[spin.row].step
+        spun = task.protocol.steps[step]
+        assert isinstance(spun, SpinStep)
+        # Rotations that are alike gain alike: the first of each kind is played longer.
+        alike = (abs(spun.rate), spun.duration)
+        if alike not in longer_gain:
+            _, played = task.problem(0, with_longer_step(task.protocol, step, 1.0 + LONGER))
+            longer_gain[alike] = _gain(task, base, played.information())
+        found.append((step, problem.information(without=before), longer_gain[alike]))
+    return _worths(plan, sorted(found, key=lambda one: one[0]))
+
+
+def _worths(plan: JointPlan, found: list[tuple[int, JointInformation, float]]) -> list[StepWorth]:
+    task, at = plan.task, plan.task.parameters()
+    covariance = task.covariance(plan.information)
+    part = slice(PARAMETERS)
+    seconds = np.array([_step_seconds(task.protocol, step) for step, *_ in found])
+    lost = [plan.information.matrix[part, part] - less.matrix[part, part] for _, less, _ in found]
+    own: Series = np.array([max(float(np.sum(covariance * one)), 0.0) for one in lost])
+    shares = own / max(float(own.sum()), 1e-30)
+    sigma = np.sqrt(np.diag(covariance)[at])
+    made: list[StepWorth] = []
+    for (step, less, longer), share, time in zip(found, shares.tolist(), seconds.tolist(), strict=True):
+        left, one = task.covariance(less), task.protocol.steps[step]
+        growth = np.sqrt(np.diag(left)[at]) / sigma
+        worst = int(np.argmax(growth))
+        made.append(
+            StepWorth(
+                *(step, "rotation" if isinstance(one, SpinStep) else "hold", one.name or f"step {step + 1}"),
+                *(time, time / float(seconds.sum()), share),
+                float(np.expm1(mean_log_sigma(task, left) - mean_log_sigma(task, covariance))),
+                *(NAMES[int(at[worst])], float(growth[worst]), longer),
+            )
+        )
+    return made
+
+
+def _gain(task: PlanTask, base: JointInformation, longer: JointInformation) -> float:
+    """By how much the sigmas fall, as a share."""
+    before, after = (mean_log_sigma(task, task.covariance(one)) for one in (base, longer))
+    return -float(np.expm1(after - before))
+
+
+def with_longer_step(protocol: Protocol, step: int, factor: float) -> Protocol:
+    """Return the protocol with a hold or spin that takes so many times as long; a spin turns further.
+
+    Parameters
+    ----------
+    protocol, step, factor : which step of what, and how many times.
+    """
+    one = protocol.steps[step]
+    if isinstance(one, SpinStep):
+        ramps = one.ramp
+        duration = factor * (one.duration + ramps) - ramps
+        angle = None if one.angle is None else factor * one.angle
+        longer = replace(one, duration=duration, angle=angle)
+    else:
+        longer = replace(one, duration=factor * one.duration)
+    return replace(protocol, steps=(*protocol.steps[:step], longer, *protocol.steps[step + 1 :]))
+
+
+def _step_seconds(protocol: Protocol, step: int) -> float:
+    """Return how long a step takes, a spin with its ramps."""
+    one = protocol.steps[step]
+    assert isinstance(one, SpinStep | HoldStep)
+    return one.duration + (2.0 * one.ramp if isinstance(one, SpinStep) else 0.0)

@@ -1,7 +1,8 @@
 """Which hold, turn or rotation to add next: each played by itself, and what it adds to what is known.
 
 A candidate is a short protocol of its own: the unit rests, is turned, rests. Its attitudes are its own, so that its
-information simply adds to that of everything else.
+information simply adds to that of everything else. All candidates are played one after the other in one recording, of
+which each is a section. Who has a table is offered its rotations, and nobody else is.
 """
 
 from __future__ import annotations
@@ -15,16 +16,23 @@ import numpy as np
 from tumble.arrays import Series, Vector
 from tumble.attitude.directions import twenty_six_directions
 from tumble.calibration.poses import SAME_POSE, describe_direction
-from tumble.design.joint_information import GROUPS, NAMES, TOLD, JointInformation, planned_problem
+from tumble.design.joint_information import (
+    GROUPS,
+    NAMES,
+    TOLD,
+    JointInformation,
+    exact_sensors,
+    planned_problem,
+)
 from tumble.design.joint_plan import PlanTask, Weakness, mean_log_sigma
-from tumble.design.planned_motion import planned_data, play_plan
+from tumble.design.planned_motion import planned_session
 from tumble.protocol.library import BY_HAND, named_protocol
 from tumble.protocol.steps import HoldStep, Pose, Protocol, SpinStep, Step, TurnStep
 from tumble.records import dataclass
 from tumble.simulation.axis_angles import unit
 
-# Seconds of a hold, of the turn to it, and of a rest beside a turn by hand.
-HOLD, TURN, REST = 10.0, 3.0, 4.0
+# Seconds of a hold, and of the turn to it.
+HOLD, TURN = 10.0, 3.0
 # A hand's turn by an angle of which nobody reads anything.
 HAND_ANGLE = 30.0 * np.pi / 180.0
 # s of the shortest turn by hand from one pose to another.
@@ -141,42 +149,36 @@ class NextStep:
     open_left: int
 
 
+Plan = tuple[str, tuple[Step, ...]]
+"""A candidate's name and steps, before it is played."""
+
+
 def step_candidates(task: PlanTask, *, table: bool, span: float) -> list[StepCandidate]:
-    """Return holds in all 26 directions, turns by hand about six axes, and a table's rotations about them.
+    """Return holds in all 26 directions, and for gyros turns by hand, or a table's rotations, about six axes.
 
     Parameters
     ----------
     task : unit, place, and the protocol whose times and table are taken.
-    table : whether there is a table whose angles are read.
+    table : whether there is a table.
     span : s over which biases wander.
     """
-    hold, turn = _usual_times(task)
-    holds = [
-        _candidate(task, _hold_words(up, hold), (HoldStep(hold, Pose(up, None, BY_HAND)),), turn, span)
-        for up in twenty_six_directions()
+    hold, _ = _usual_times(task)
+    plans: list[Plan] = [
+        (_hold_words(up, hold), (HoldStep(hold, Pose(up, None, BY_HAND)),)) for up in twenty_six_directions()
     ]
-    return holds + turn_candidates(task, table=table, span=span)
+    if np.any(task.parameters() >= GROUPS["gyro bias"].start):
+        plans += _rotations(task.protocol) if table else _hand_turns(task)
+    return _played(task, plans, span)
 
 
 def turn_candidates(task: PlanTask, *, table: bool, span: float) -> list[StepCandidate]:
-    """Return turns by hand about six axes, and a table's rotations about them: from where does not matter.
+    """Return turns by hand about six axes, or a table's rotations about them: from where does not matter.
 
     Parameters
     ----------
     task, table, span : as for `step_candidates`.
     """
-    hold, turn = _usual_times(task)
-    plans: list[tuple[str, tuple[Step, ...]]] = []
-    for name, axis, up in _AXES:
-        for degrees in (180, 360):
-            words = (
-                f"turn by hand by {degrees}° about {name}, held level, {hold:.0f} s at rest before and after"
-            )
-            plans.append((words, _by_hand(unit(axis), unit(up), np.radians(degrees), hold, turn)))
-    if table:
-        for name, axis, up in _AXES:
-            plans += _rotations(task.protocol, name, unit(axis), unit(up))
-    return [_candidate(task, name, steps, turn, span) for name, steps in plans]
+    return _played(task, _rotations(task.protocol) if table else _hand_turns(task), span)
 
 
 def _usual_times(task: PlanTask) -> tuple[float, float]:
@@ -200,18 +202,18 @@ def led_holds(task: PlanTask, span: float, start_b: Vector) -> list[StepCandidat
     """
     hold, turn = _usual_times(task)
     rest = HoldStep(hold, Pose(start_b, None, BY_HAND))
-    known = _candidate(task, "", (rest,), turn, span).information.matrix
-    found: list[StepCandidate] = []
+    plans: list[Plan] = [("", (rest,))]
     for up in twenty_six_directions():
         led = _led_turn(start_b, up, turn)
-        if led.angle < SAME_POSE:
-            continue
-        there = HoldStep(hold, Pose(up, None, BY_HAND))
-        made = _candidate(task, _hold_words(up, hold), (rest, led, there), turn, span)
-        # The rest before is known already.
-        added = JointInformation(made.information.matrix - known)
-        found.append(StepCandidate(made.name, led.duration + hold, added, (there,)))
-    return found
+        if led.angle is not None and led.angle >= SAME_POSE:
+            plans.append((_hold_words(up, hold), (rest, led, HoldStep(hold, Pose(up, None, BY_HAND)))))
+    known, *made = _played(task, plans, span)
+    # The rest before is known already.
+    less = JointInformation(-known.information.matrix)
+    return [
+        replace(one, seconds=sum(s.duration for s in one.steps[1:]), information=one.information.plus(less))
+        for one in made
+    ]
 
 
 def _led_turn(start_b: Vector, up_b: Vector, turn: float) -> TurnStep:
@@ -238,38 +240,58 @@ def usual_pose(task: PlanTask, span: float) -> JointInformation:
     steps: list[Step] = [HoldStep(hold, Pose(order[0], None, BY_HAND))]
     for before, up in pairwise(order):
         steps += [_led_turn(before, up, turn), HoldStep(hold, Pose(up, None, BY_HAND))]
-    whole = _candidate(task, "", tuple(steps), turn, span).information
-    return JointInformation(whole.matrix / len(order))
+    (whole,) = _played(task, [("", tuple(steps))], span)
+    return JointInformation(whole.information.matrix / len(order))
 
 
-def _by_hand(axis: Vector, up: Vector, angle: float, hold: float, turn: float) -> tuple[Step, ...]:
-    slow = turn * max(1.0, angle / np.pi)
-    return (
-        HoldStep(hold, Pose(up, None, BY_HAND)),
-        TurnStep(slow, axis, float(angle), HAND_ANGLE),
-        HoldStep(hold),
-    )
+def _hand_turns(task: PlanTask) -> list[Plan]:
+    hold, turn = _usual_times(task)
+    plans: list[Plan] = []
+    for name, axis, up in _AXES:
+        for degrees in (180, 360):
+            words = (
+                f"turn by hand by {degrees}° about {name}, held level, {hold:.0f} s at rest before and after"
+            )
+            slow = TurnStep(turn * max(1.0, degrees / 180.0), unit(axis), np.radians(degrees), HAND_ANGLE)
+            plans.append((words, (HoldStep(hold, Pose(unit(up), None, BY_HAND)), slow, HoldStep(hold))))
+    return plans
 
 
-def _rotations(protocol: Protocol, name: str, axis: Vector, up: Vector) -> list[tuple[str, tuple[Step, ...]]]:
+def _rotations(protocol: Protocol) -> list[Plan]:
+    """Rotations of the table like the protocol's first, from rest to rest, both ways."""
     steps = (*protocol.steps, *named_protocol("turntable-9").steps)
-    like = next(s for s in steps if isinstance(s, SpinStep) and s.angle is not None)
-    rest = HoldStep(20.0, Pose(up, None, BY_HAND))
-    found: list[tuple[str, tuple[Step, ...]]] = []
-    for sign, way in ((1.0, "counter-clockwise"), (-1.0, "clockwise")):
-        angle = sign * abs(like.angle or 0.0)
-        spin = replace(like, rate=sign * abs(like.rate), axis_b=axis, angle=angle, name="")
-        turned = f"{abs(angle) / (2.0 * np.pi):.3g} turns"
-        found.append((f"rotate the table by {turned} about {name}, level, {way}", (rest, spin, rest)))
-    return found
+    like = next(s for s in steps if isinstance(s, SpinStep))
+    plans: list[Plan] = []
+    for name, axis, up in _AXES:
+        rest = HoldStep(20.0, Pose(unit(up), None, BY_HAND))
+        for sign, way in ((1.0, "counter-clockwise"), (-1.0, "clockwise")):
+            angle = None if like.angle is None else sign * abs(like.angle)
+            spin = replace(like, rate=sign * abs(like.rate), axis_b=unit(axis), angle=angle, name="")
+            turned = abs(like.rate) * (like.duration + like.ramp) if angle is None else abs(angle)
+            words = f"rotate the table by {turned / (2.0 * np.pi):.3g} turns about {name}, level, {way}"
+            plans.append((words, (rest, spin, rest)))
+    return plans
 
 
-def _candidate(task: PlanTask, name: str, steps: tuple[Step, ...], turn: float, span: float) -> StepCandidate:
-    protocol = Protocol(name, "joint", steps)
-    played = play_plan(protocol, task.site, np.random.default_rng([task.seed, 17]))
-    data = planned_data(played, task.noise, span=max(span, protocol.duration))
-    information = planned_problem(data, task.site, task.sizes).information()
-    return StepCandidate(name, protocol.duration + turn, information, steps)
+def _played(task: PlanTask, plans: Sequence[Plan], span: float) -> list[StepCandidate]:
+    """Play candidates one after the other, each from a pose of its own."""
+    turn, steps, apart = _usual_times(task)[1], list[Step](), set[int]()
+    for _, own in plans:
+        steps += [TurnStep(turn)] if steps else []
+        apart.add(len(steps))
+        steps += own
+    protocol = Protocol("candidates", "joint", tuple(steps))
+    rng, span = np.random.default_rng([task.seed, 17]), max(span, *(_seconds(own) for _, own in plans))
+    session = planned_session(protocol, task.site, task.noise, rng, clock=task.clock, span=span, apart=apart)
+    problem = planned_problem(session, g_sensitivity=task.g_sensitivity, start=exact_sensors(), settle=False)
+    return [
+        StepCandidate(name, _seconds(own) + turn, known, own)
+        for (name, own), known in zip(plans, problem.sections(), strict=True)
+    ]
+
+
+def _seconds(steps: Sequence[Step]) -> float:
+    return Protocol("", "joint", tuple(steps)).duration
 
 
 def find_next_steps(
@@ -292,7 +314,7 @@ def find_next_steps(
     count : how many.
     aim : limits to reach; None makes all parameters better known alike.
     """
-    found: list[NextStep] = []
+    found, task = list[NextStep](), task.with_perfect_clock
     seconds = np.array([one.seconds for one in candidates])
     for _ in range(count):
         covariance = task.covariance(known)
@@ -358,7 +380,7 @@ def judge_stop(
     known: JointInformation,
     following: Sequence[NextStep],
     limits: Series | None,
-    sigmas: Series | None = None,
+    sigmas: tuple[Series, Series] | None = None,
 ) -> tuple[bool, list[str]]:
     """Return whether to stop, and why, in sentences.
 
@@ -367,20 +389,19 @@ def judge_stop(
     task, known : what is there.
     following : of `find_next_steps`.
     limits : (30,) wished-for sigmas, SI, infinite where nothing is wished; None for none at all.
-    sigmas : (30,) what is known, as far as that is better known than by the information: of a plan, whose biases
-        wander from hold to hold alike.
+    sigmas : (30,) what is known, and that without the clock's part, as far as it is better known than by the
+        information: of a plan, whose biases wander from hold to hold alike.
     """
     at: list[int] = task.parameters().tolist()
-    sigmas = np.sqrt(np.diag(task.covariance(known))) if sigmas is None else sigmas
-    untold = [NAMES[i] for i in at if sigmas[i] >= TOLD * task.sizes[i]]
+    sigma, perfect = sigmas or [
+        np.sqrt(np.diag(one.covariance(known))) for one in (task, task.with_perfect_clock)
+    ]
+    untold = [NAMES[i] for i in at if perfect[i] >= TOLD * task.sizes[i]]
     if untold:
         return False, [f"Not determined yet: {', '.join(untold)}."]
     words: list[str] = []
     if limits is not None:
-        # No step sees the clock of the samples.
-        clocked = sigmas.copy()
-        clocked[GROUPS["gyro scale"]] = np.hypot(sigmas[GROUPS["gyro scale"]], task.clock)
-        off = [NAMES[i] for i in at if clocked[i] > limits[i]]
+        off = [NAMES[i] for i in np.flatnonzero(sigma > limits).tolist()]
         if not off:
             return True, ["All targets are reached: stop here."]
         words.append(f"The target is not reached by {', '.join(off)}.")

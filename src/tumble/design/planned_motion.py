@@ -1,25 +1,29 @@
-"""What a planned test would offer to the joint estimator: the protocol played without noise, its noise as stated.
+"""What a planned test would offer to a calibration: the protocol played without noise, its noise as stated.
 
 The protocol is played with exact sensors, placed by hand as it would be, at a low sampling rate: a sample then
 stands for many, with the same density of noise. Holds, turns and rotations are where the player put them, so that
-nothing has to be found; the covariances are those that the unit's noise gives to means over them.
+nothing has to be found; the covariances are those that the unit's noise gives to means over them. From there on a plan
+is a calibration: the same equations, the same weights, the same beliefs.
 """
 
 from __future__ import annotations
 
+from collections.abc import Collection
+from dataclasses import replace
+
 import numpy as np
 
-from tumble.arrays import Series, range_means
-from tumble.calibration.equations.gathering import EDGE_WINDOW
-from tumble.calibration.equations.imu_unknowns import imu_unknowns, unknowns_of
-from tumble.calibration.equations.observed import Observed, TableRotation, observe, table_rotation
-from tumble.calibration.equations.turn import HoldsAndTurns
+from tumble.arrays import Matrices, Series, Vectors, range_means
+from tumble.calibration.session import Options, Session
 from tumble.design.hold_noise import wander_sigma, white_density
 from tumble.earth import Site
 from tumble.errors import UsageError
 from tumble.protocol.steps import HoldStep, Protocol, RampStep, SoakStep, SpinStep
-from tumble.recording.recording import Recording
+from tumble.recording.stamps import Clock
 from tumble.records import dataclass
+from tumble.segmentation import Hold, HoldMeans, NoiseFloor, Timeline, Turn
+from tumble.segmentation.matching import MatchedHold, MatchedSpin, Matching
+from tumble.segmentation.spin_means import whole_revolutions
 from tumble.sensor import ImuModel
 from tumble.simulation import TriadNoise, Truth, simulate_protocol
 
@@ -29,8 +33,6 @@ EDGE = 0.15
 HAND_RATE, SAMPLES_A_WINDOW, WINDOW = 20.0, 6.0, 0.3  # Hz, -, rad
 FASTEST = 200.0  # Hz
 LONGEST = 6 * 3600.0  # s
-# A display whose angle is exact to the last digit is still one of a table.
-EXACT_ANGLE = 1e-6  # rad
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,21 +48,6 @@ class PlannedNoise:
     accelerometer: TriadNoise
     gyroscope: TriadNoise
     rate: float
-
-
-@dataclass(frozen=True, slots=True)
-class PlayedPlan:
-    """A protocol as it was played.
-
-    Attributes
-    ----------
-    recording, truth : exact samples, and where everything is in them.
-    holds : (holds, 2) half-open ranges of samples.
-    """
-
-    recording: Recording
-    truth: Truth
-    holds: np.ndarray
 
 
 def require_plannable(protocol: Protocol) -> None:
@@ -90,14 +77,28 @@ def require_plannable(protocol: Protocol) -> None:
         )
 
 
-def play_plan(protocol: Protocol, site: Site, rng: np.random.Generator) -> PlayedPlan:
-    """Play a protocol with an exact unit, placed and turned as hands and a table do.
+def planned_session(
+    protocol: Protocol,
+    site: Site,
+    noise: PlannedNoise,
+    rng: np.random.Generator,
+    *,
+    clock: float = 0.0,
+    options: Options | None = None,
+    span: float | None = None,
+    apart: Collection[int] = (),
+) -> Session:
+    """Play a protocol with an exact unit, placed and turned as hands and a table do; return what it offers.
 
     Parameters
     ----------
-    protocol : holds, turns and spins.
-    site : gravity and Earth rate.
+    protocol, site : holds, turns and spins, and where.
+    noise : of the unit.
     rng : of placement, unknown headings and turns by hand.
+    clock : standard uncertainty of the sample rate as a share.
+    options : of the estimate.
+    span : s over which biases wander; the played motion's own by default.
+    apart : steps before which nothing is carried over from the hold before.
 
     Raises
     ------
@@ -107,103 +108,52 @@ def play_plan(protocol: Protocol, site: Site, rng: np.random.Generator) -> Playe
     fastest = max((abs(s.rate) for s in protocol.steps if isinstance(s, SpinStep)), default=0.0)
     rate = min(max(HAND_RATE, SAMPLES_A_WINDOW * fastest / WINDOW), FASTEST)
     recording, truth = simulate_protocol(protocol, rate, rng, site=site, model=ImuModel.ideal(), noise=False)
+    recording = replace(recording, said_clock=Clock("stated", rate, clock))
     edges = np.asarray(truth.hold_edges, dtype=np.float64)
     trim = np.minimum(EDGE, 0.1 * (edges[:, 1] - edges[:, 0]))
-    first = np.searchsorted(recording.time, edges[:, 0] + trim)
-    last = np.searchsorted(recording.time, edges[:, 1] - trim)
-    holds = np.column_stack([first, np.maximum(last, first + 2)])
-    return PlayedPlan(recording, truth, holds)
+    first, last = (np.searchsorted(recording.time, at) for at in (edges[:, 0] + trim, edges[:, 1] - trim))
+    holds = [Hold(int(a), int(max(b, a + 2))) for a, b in zip(first, last, strict=True)]
+    links = [k for k, step in enumerate(truth.hold_steps[1:]) if step not in apart]
+    turns = [Turn(k, k + 1, holds[k].stop, holds[k + 1].start) for k in links]
+    white = [white_density(triad, noise.rate) for triad in (noise.accelerometer, noise.gyroscope)]
+    force, angular = (np.full(3, one * np.sqrt(rate)) for one in white)
+    session = Session(recording, replace(protocol, steps=truth.steps), site, options=options or Options())
+    session.timeline = Timeline(tuple(holds), tuple(turns), (), NoiseFloor(force, angular, 0.0, ""))
+    session.means = _means(session, noise, recording.duration if span is None else span)
+    session.matching = _matching(session, truth)
+    return session
 
 
-def planned_data(
-    played: PlayedPlan,
-    noise: PlannedNoise,
-    *,
-    span: float | None = None,
-    stretch: Series | None = None,
-    like: Observed | None = None,
-) -> Observed:
-    """Return what the joint estimator would see, with the noise that a unit has.
-
-    Parameters
-    ----------
-    played : the motion.
-    noise : of the unit.
-    span : s over which biases wander; the played motion's own by default.
-    stretch : (holds,) how many times as long each hold lasts as far as its noise goes; once by default.
-    like : the same motion observed already, with other holds' noise: what it shows is taken from there.
-    """
-    base = _base(played, noise, span, stretch, None if like is None else like.base)
-    u = imu_unknowns(unknowns_of(ImuModel.ideal()))
-    rotations = _spins(played, base) if like is None else [*like.rotations.values()]
-    return observe(base, u, rotations, None if like is None else like.parts)
-
-
-def _base(
-    played: PlayedPlan,
-    noise: PlannedNoise,
-    span: float | None,
-    stretch: Series | None,
-    like: HoldsAndTurns | None,
-) -> HoldsAndTurns:
-    recording, holds = played.recording, played.holds
-    assert recording.specific_force is not None
-    assert recording.angular_rate is not None
-    count = (holds[:, 1] - holds[:, 0]).astype(float) * (1.0 if stretch is None else stretch)
-    duration = count / recording.rate
-    span = float(recording.time[-1] - recording.time[0]) if span is None else span
+def _means(session: Session, noise: PlannedNoise, span: float) -> HoldMeans:
+    """Means of holds as a noise model knows them: white noise of each, and biases that wander."""
+    recording = session.recording
+    at: np.ndarray = np.array([(hold.start, hold.stop) for hold in session.timeline.holds])
+    count = (at[:, 1] - at[:, 0]).astype(float)
+    duration, dof = count / recording.rate, np.full(len(at), np.inf)
     dwell = float(np.median(duration))
-    white = [white_density(triad, noise.rate) ** 2 for triad in (noise.accelerometer, noise.gyroscope)]
-    floor = [
-        wander_sigma(triad, dwell, max(span, dwell)) ** 2 for triad in (noise.accelerometer, noise.gyroscope)
-    ]
-    edge = np.maximum(
-        1,
-        np.minimum(EDGE_WINDOW * recording.rate, 0.5 * (holds[:, 1] - holds[:, 0])).round().astype(int),
-    )
-    start, stop = np.full(len(holds), -1), np.full(len(holds), -1)
-    start[:-1], stop[:-1] = holds[:-1, 1] - 1, holds[1:, 0] + 1
-    return HoldsAndTurns(
-        time=recording.time,
-        raw_force=recording.specific_force,
-        raw_rate=recording.angular_rate,
-        force_mean=range_means(recording.specific_force, holds) if like is None else like.force_mean,
-        force_covariance=(white[0] / duration + floor[0])[:, None, None] * np.eye(3),
-        rate_mean=range_means(recording.angular_rate, holds) if like is None else like.rate_mean,
-        rate_covariance=(white[1] / duration + floor[1])[:, None, None] * np.eye(3),
-        hold_samples=count,
-        head=np.column_stack([holds[:, 0], holds[:, 0] + edge]),
-        tail=np.column_stack([holds[:, 1] - edge, holds[:, 1]]),
-        turn_start=start,
-        turn_stop=stop,
-        force_sample_variance=np.full(3, white[0] * recording.rate),
-        rate_random_walk=np.full(3, white[1]),
-        force_floor=np.full(3, floor[0]),
-        rate_floor=np.full(3, floor[1]),
+
+    def of(signal: Vectors | None, triad: TriadNoise) -> tuple[Vectors, Matrices, Series]:
+        assert signal is not None
+        white = white_density(triad, noise.rate) ** 2 / duration
+        variance = white + wander_sigma(triad, dwell, max(span, dwell)) ** 2
+        return range_means(signal, at), variance[:, None, None] * np.eye(3), dof
+
+    return HoldMeans(
+        *of(recording.specific_force, noise.accelerometer),
+        *of(recording.angular_rate, noise.gyroscope),
+        *(duration, np.mean(recording.time[at - np.array([0, 1])], axis=1), count, None),
+        modelled=True,
     )
 
 
-def _spins(played: PlayedPlan, base: HoldsAndTurns) -> list[TableRotation]:
-    """The rotations whose angle is read, as the estimator takes them; others are turns like any other."""
-    made: list[TableRotation] = []
-    time, edges = played.recording.time, played.truth.hold_edges
-    for row, spin in enumerate(played.truth.spins):
-        step = played.truth.steps[spin.step]
-        assert isinstance(step, SpinStep)
-        before = int(np.searchsorted(edges[:, 1], spin.start + 1e-6)) - 1
-        if step.angle is None or before < 0 or before + 1 >= len(edges):
-            continue
-        made.append(
-            table_rotation(
-                base,
-                before,
-                int(np.searchsorted(time, spin.start + EDGE)),
-                int(np.searchsorted(time, spin.stop - EDGE)),
-                spin.rate * np.asarray(spin.axis_b),
-                angle=spin.angle,
-                angle_sigma=max(step.angle_sigma, EXACT_ANGLE),
-                row=row,
-                name=step.name or f"rotation {row + 1}",
-            )
+def _matching(session: Session, truth: Truth) -> Matching:
+    """Which hold and which spin is which step, as the player knows it."""
+    recording, spins = session.recording, list[MatchedSpin]()
+    for spin in truth.spins:
+        first, last = (
+            int(np.searchsorted(recording.time, at)) for at in (spin.start + EDGE, spin.stop - EDGE)
         )
-    return made
+        whole = whole_revolutions(recording, first, last, 2.0 * np.pi / abs(spin.rate))
+        spins.append(MatchedSpin(spin.step, *whole))
+    holds = (MatchedHold(step, k) for k, step in enumerate(truth.hold_steps) if step is not None)
+    return Matching(tuple(holds), tuple(spins), (), ())

@@ -1,4 +1,8 @@
-"""A planned test of poses at rest: which, for how long, in which order, and what it will be worth."""
+"""A test of poses at rest, searched: which, for how long, and in which order.
+
+What is made small is the mean variance of the nine parameters that norms at rest tell. Poses are visited near one
+another, and so that a bias that wanders does least harm.
+"""
 
 from __future__ import annotations
 
@@ -7,11 +11,10 @@ from dataclasses import field
 
 import numpy as np
 
-from tumble.arrays import Series, Square, Vectors, inverted
+from tumble.arrays import Series, Square, Table, Vectors, inverted
 from tumble.attitude.directions import twenty_six_directions
-from tumble.calibration.poses import describe_mending, describe_untold
+from tumble.calibration.poses import SAME_POSE, describe_mending, describe_untold, norm_rows
 from tumble.counting import counted
-from tumble.design.candidates import PARAMETERS, pose_rows
 from tumble.design.hold_noise import (
     hold_covariance,
     hold_times,
@@ -19,7 +22,8 @@ from tumble.design.hold_noise import (
     wander_sigma,
     white_density,
 )
-from tumble.design.pose_order import best_order
+from tumble.design.joint_information import JointInformation
+from tumble.design.joint_plan import PlanTask
 from tumble.design.selection import find_visits
 from tumble.errors import ObservabilityError, UsageError
 from tumble.protocol.library import NINE
@@ -27,6 +31,17 @@ from tumble.records import dataclass
 from tumble.simulation.noise import TriadNoise
 from tumble.units import STANDARD_GRAVITY
 
+# Unknowns of `norm_rows` in the order scale, misalignment yz, zy, zx, bias; its angles have the other sign.
+_ORDER = (3, 4, 5, 6, 8, 7, 0, 1, 2)
+PARAMETERS = (
+    *(f"scale factor {axis}" for axis in "xyz"),
+    *(f"misalignment {angle}" for angle in ("yz", "zy", "zx")),
+    *(f"bias {axis}" for axis in "xyz"),
+)
+"""What norms of poses tell: relative scale factors, angles in rad, biases over gravity."""
+# Where they stand among the thirty parameters; angles have the other sign.
+NORMS = np.array([3, 4, 5, 6, 8, 7, 0, 1, 2])
+GROUPS = {"scale": (0, 1, 2), "misalignment": (3, 4, 5), "bias": (6, 7, 8)}
 # A hold of less is not found as rest, s.
 LEAST_DWELL = 4.0
 # Of plans of the same time the one with the fewest poses that is so close to the best is taken.
@@ -34,8 +49,22 @@ FEWER_POSES = 0.05
 # Numbers of poses that are tried where the time is fixed.
 LADDER = (6, 7, 8, 9, 10, 12, 14, 16, 18, 22, 26, 32, 40, 52)
 STARTS = 20
+# Sweeps of swaps.
+MOST_SWEEPS = 3
 NAME = "A-optimal of the 26 directions"
 """Of a plan that was searched: the mean of its variances is least."""
+
+
+def pose_rows(directions: Vectors) -> Table:
+    """Return (poses, 9): what a pose's norm, in gravity, says of each of `PARAMETERS`.
+
+    Parameters
+    ----------
+    directions : (poses, 3) unit vectors up.
+    """
+    rows = norm_rows(directions)[:, _ORDER]
+    rows[:, 3:6] *= -1.0
+    return rows
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,6 +170,20 @@ class PosePlan:
     def sigmas(self) -> Series:
         """(9,) standard uncertainties of `PARAMETERS`."""
         return np.sqrt(np.diag(self.covariance))
+
+
+def known_norms(task: PlanTask, gravity: float) -> Square:
+    """Return the information (9, 9) about `PARAMETERS` of what is there already, and of a sheet that is believed.
+
+    Parameters
+    ----------
+    task : what is planned.
+    gravity : m/s².
+    """
+    nothing = JointInformation(np.zeros((NORMS.size, NORMS.size)))
+    scale = np.repeat([1.0, -1.0, 1.0 / gravity], 3)
+    covariance = task.covariance(nothing)[np.ix_(NORMS, NORMS)] * np.outer(scale, scale)
+    return inverted(np.ascontiguousarray(covariance))
 
 
 def require_seen(directions: Vectors, wanted: np.ndarray, known: Square | None = None) -> None:
@@ -330,3 +373,76 @@ def _free_dwells(task: PoseTask, plan: PosePlan) -> PosePlan:
     if float(dwells.min()) < LEAST_DWELL:
         return plan
     return plan_of(plan.name, task, plan.directions, dwells)
+
+
+def shortest_order(directions: Vectors) -> list[int]:
+    """Return an order in which each pose is near the one before, but never the same again at once.
+
+    Parameters
+    ----------
+    directions : (n, 3) unit vectors up.
+    """
+    left = list(range(len(directions)))
+    order = [max(left, key=lambda index: (round(float(directions[index, 2]), 6), -index))]
+    left.remove(order[0])
+    while left:
+        cosines = directions[left] @ directions[order[-1]]
+        alike = cosines > np.cos(SAME_POSE)
+        # A pose that is to be visited often comes first, so that others are left to stand between.
+        visits = np.array(
+            [np.sum(directions[left] @ directions[index] > np.cos(SAME_POSE)) for index in left]
+        )
+        often = visits >= max(2.0, 0.5 * len(left))
+        score = cosines + 10.0 * often - 100.0 * alike
+        place = int(np.argmax(np.asarray(np.round(score, 9), dtype=np.float64)))
+        order.append(left.pop(place))
+    return order
+
+
+def best_order(task: PoseTask, directions: Vectors, dwell: float) -> list[int]:
+    """Return the order in which a wandering bias does least harm; the shortest where none wanders.
+
+    Neighbours in time share a wander, and poses that look alike pass it on to the parameters: opposite poses one
+    after the other do not. Found by swapping two poses for as long as that helps.
+
+    Parameters
+    ----------
+    task, directions : as of `plan_poses`.
+    dwell : s of each pose.
+    """
+    order = shortest_order(directions)
+    if not task.noise.wanders or len(order) < 3:
+        return order
+    noise = hold_covariance(hold_times(np.full(len(order), dwell), task.turn), task.noise, task.rate)
+    rows, alike = pose_rows(directions), directions @ directions.T
+    base = (
+        1e-10 * np.eye(len(PARAMETERS)) if task.known is None else task.known * float(np.mean(np.diag(noise)))
+    )
+    if task.known is not None:
+        base = base / task.gravity**2
+    gain = inverted(rows.T @ rows + base) @ rows.T
+    mean = float(np.mean(np.diag(noise)))
+    still = float(np.cos(SAME_POSE))
+
+    def value(tried: list[int]) -> float:
+        at = np.array(tried)
+        if np.any(alike[at[1:], at[:-1]] > still):
+            return float("inf")
+        place = gain[:, at]
+        covariance = place @ (alike[np.ix_(at, at)] * noise) @ place.T / mean
+        return float(task.value(covariance))
+
+    now = value(order)
+    for _ in range(MOST_SWEEPS):
+        before = now
+        for first in range(len(order) - 1):
+            for second in range(first + 1, len(order)):
+                order[first], order[second] = order[second], order[first]
+                tried = value(order)
+                if tried < now * (1.0 - 1e-6):
+                    now = tried
+                else:
+                    order[first], order[second] = order[second], order[first]
+        if now > 0.995 * before:
+            break
+    return order

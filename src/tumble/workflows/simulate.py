@@ -137,7 +137,7 @@ def simulate(
     recording, truth, document = _play(played, model, chosen, settings)
     simulated = time.perf_counter()
     say("writing")
-    shown = _as_played(played, truth, chosen, wrong.axes)
+    shown = _as_played(played, truth, chosen, wrong.axes, given.site if site is None else None)
     files, kept = write_simulation(folder, shown, recording, document)
     if kept is not None:
         remarks.append(f"What was simulated there before is another simulation, and kept in {kept}.")
@@ -214,19 +214,23 @@ def _play(
     return recording, truth, document
 
 
-def _as_played(played: _Played, truth: Truth, drawn_from: Grade, axes: str) -> Protocol:
-    """The protocol to calibrate with: as it was played, and how the recording is read."""
-    columns = None
+def _as_played(played: _Played, truth: Truth, drawn_from: Grade, axes: str, stated: Site | None) -> Protocol:
+    """The protocol to calibrate with: as it was played, and how the recording is read.
+
+    What it states of its place and of its clock stays, for whoever has it believes no more than that.
+    """
+    columns, given = None, played.protocol
+    share = (given.rate.relative or 0.0) if isinstance(given.rate, SampleRate) else 0.0
     if axes == "case" and drawn_from.C_instrument_case is not None:
         # Read by these columns, the recording is in the axes that the poses are of.
         columns = case_columns(drawn_from.C_instrument_case)
     return replace(
         played.protocol,
         steps=tuple(_exact(step) for step in truth.steps),
-        site=played.site,
+        site=stated or played.site,
         recordings=(),
         # The stamps of a simulation are true.
-        rate=SampleRate(played.rate, 0.0),
+        rate=SampleRate(played.rate, played.rate * share),
         columns=columns,
         units="counts" if played.units == "counts" else "m/s^2,rad/s,s",
     )

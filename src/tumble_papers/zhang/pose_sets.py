@@ -43,7 +43,7 @@ import numpy as np
 from tumble.arrays import Series, Square, Table, Vector, Vectors, inverted
 from tumble.attitude.directions import twenty_six_directions
 from tumble.calibration.poses import describe_mending, describe_untold
-from tumble.design.candidates import pose_rows
+from tumble.design.pose_plan import pose_rows
 from tumble.errors import ObservabilityError
 from tumble.records import dataclass
 from tumble.sensor.conventions.zhang import matrix_from_zhang

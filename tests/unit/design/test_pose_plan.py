@@ -1,4 +1,4 @@
-"""Plans of poses: noise that holds share, the order, the time, the next pose, and when to stop."""
+"""Plans of poses: noise that holds share, the order and the time."""
 
 from __future__ import annotations
 
@@ -6,11 +6,17 @@ import numpy as np
 import pytest
 
 from tumble.attitude.directions import twenty_six_directions
-from tumble.design.candidates import pose_rows
 from tumble.design.hold_noise import hold_covariance, predict_covariance
-from tumble.design.next_pose import find_next_poses, judge_stop, known_from_holds, sigmas_so_far
-from tumble.design.pose_order import shortest_order
-from tumble.design.pose_plan import PoseTask, plan_of, plan_poses, plan_schemes, plan_time, require_seen
+from tumble.design.pose_plan import (
+    PoseTask,
+    plan_of,
+    plan_poses,
+    plan_schemes,
+    plan_time,
+    pose_rows,
+    require_seen,
+    shortest_order,
+)
 from tumble.errors import ObservabilityError, UsageError
 from tumble.protocol.library import NINE
 from tumble.simulation.noise import TriadNoise, simulate_noise
@@ -90,43 +96,3 @@ def test_poses_that_do_not_tell_are_refused_in_words() -> None:
         plan_poses(task(), 8, 30.0, np.random.default_rng(0))
     with pytest.raises(UsageError, match="too short for the 9 poses"):
         plan_time(task(), 30.0, np.random.default_rng(0))
-
-
-def test_the_next_pose_is_the_one_that_helps_most() -> None:
-    """By trying all 26: after the six faces, then after each pose that was named."""
-    covariances = np.tile(np.diag([1e-8, 2e-8, 3e-8]), (6, 1, 1))
-    known = known_from_holds(CUBE[:6], covariances, 9.8)
-    assert np.array_equal(np.isfinite(sigmas_so_far(known)), [True] * 3 + [False] * 3 + [True] * 3)
-    following = find_next_poses(known, CUBE, 1e-5, ALL, count=3)
-    total = known + np.eye(9) / 0.09
-    for one in following:
-        tried = [total + np.outer(row, row) / 1e-10 for row in pose_rows(CUBE)]
-        best = min(float(np.mean(np.diag(np.linalg.inv(trial)))) for trial in tried)
-        assert one.value == pytest.approx(best, rel=1e-6)
-        row = pose_rows(one.up_b[None])[0]
-        total = total + np.outer(row, row) / 1e-10
-    # Three poses that are no faces, and then everything is told.
-    assert np.all(following[-1].sigmas < 1e-3)
-
-
-def test_when_to_stop_is_said() -> None:
-    noise, wanted = WANDERING, np.arange(9)
-    sigmas = np.full(9, 2e-5)
-    following = find_next_poses(np.diag(1.0 / sigmas**2), CUBE, 1e-4, ALL)
-    stop, words = judge_stop(sigmas, following, {"bias": 3e-4}, noise, 9.8, wanted)
-    assert stop
-    assert words == ["All targets are reached: stop here."]
-    stop, words = judge_stop(sigmas, following, {"bias": 1e-4}, noise, 9.8, wanted)
-    assert not stop
-    assert "bias x" in words[0]
-    # Biases known to a tenth of what they wander, and holds that are five times as noisy as what is known.
-    stop, words = judge_stop(np.full(9, 3e-6), [], {}, noise, 9.8, wanted)
-    assert any("wander" in word for word in words)
-    following = find_next_poses(np.diag(1.0 / sigmas**2), CUBE, 1e-3, ALL)
-    stop, words = judge_stop(sigmas, following, {}, noise, 9.8, wanted)
-    assert stop
-    assert "hardly worth" in words[-1]
-    untold = sigmas_so_far(np.zeros((9, 9)))
-    assert judge_stop(untold, [], {}, noise, 9.8, wanted)[1][0].startswith(
-        "Not determined yet: scale factor x"
-    )

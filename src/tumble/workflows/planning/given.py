@@ -1,4 +1,4 @@
-"""What a recording or a calibration that is there already tells: of the accelerometers, or of both triads."""
+"""What a recording or a calibration that is there already tells of both triads."""
 
 from __future__ import annotations
 
@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tumble.errors import ConvergenceError, ObservabilityError, UsageError
+from tumble.design.joint_information import PARAMETERS, JointInformation, parameters_of
+from tumble.errors import UsageError
 
 if TYPE_CHECKING:
-    from tumble.arrays import Square
-    from tumble.design.joint_information import JointInformation
     from tumble.design.joint_plan import PlanTask
     from tumble.document import Calibration
 
@@ -20,120 +19,67 @@ if TYPE_CHECKING:
 _FLAT = 1e-10
 
 
-def read_given_information(
+def read_given(
     given: str | os.PathLike[str], recorded: str | os.PathLike[str] | None, task: PlanTask
 ) -> tuple[JointInformation, list[str]]:
     """Return the information of a recording or of a calibration, with words about it.
+
+    Of a recording it is that of the equations which a calibration begins with: nothing is adjusted.
 
     Parameters
     ----------
     given : a calibration.json, a folder with one, or a recording.
     recorded : the protocol that it was recorded with; None for none.
-    task : the plan that it is for: site and spreads.
+    task : the plan that it is for: site, spreads, and how biases wander.
 
     Raises
     ------
-    UsageError, CalibrationFileError, RecordingError, SegmentationError, ProtocolError
+    UsageError, CalibrationFileError, RecordingError, SegmentationError, ProtocolError, ObservabilityError
         If it is neither, or cannot be read.
     """
-    path = _existing(given)
-    found = _calibration_at(path)
-    if found is not None:
-        return information_of(found[0], task), found[1]
-    from tumble.workflows.calibrate import calibrate
-
-    try:
-        run = calibrate(path, protocol=recorded, site=task.site)
-    except (ObservabilityError, ConvergenceError):
-        return _of_few_holds(path, task)
-    quality = run.calibration.quality
-    words = f"{path} has {quality.holds} holds and {quality.turns} turns, a {run.calibration.procedure} calibration."
-    return information_of(run.calibration, task), [words]
-
-
-def read_known(given: str | os.PathLike[str]) -> tuple[Square, list[str]]:
-    """Return the information (9, 9) of a calibration or a recording, with words about it.
-
-    Parameters
-    ----------
-    given : a calibration.json, a folder with one, or a recording.
-
-    Raises
-    ------
-    UsageError, CalibrationFileError, RecordingError, SegmentationError, ObservabilityError
-        If it is neither, or has no holds, or no accelerometers.
-    """
-    path = _existing(given)
-    found = _calibration_at(path)
-    if found is None:
-        return _known_from_recording(path)
-    from tumble.design.next_pose import known_from_calibration
-
-    return known_from_calibration(found[0]), found[1]
-
-
-def _existing(given: str | os.PathLike[str]) -> Path:
     path = Path(given)
     if not path.exists():
         raise UsageError(f"--given {path}: there is no such file; give a calibration.json or a recording.")
-    return path
+    if path.is_dir() or path.suffix.lower() == ".json":
+        from tumble.document.result import read_calibration
 
-
-def _calibration_at(path: Path) -> tuple[Calibration, list[str]] | None:
-    """The calibration of a document or a folder, with words about it; None for a recording."""
-    if not path.is_dir() and path.suffix.lower() != ".json":
-        return None
-    from tumble.document.result import read_calibration
-
-    calibration = read_calibration(path)
-    holds = calibration.quality.holds
-    return calibration, [f"{path} is a {calibration.procedure} calibration from {holds} holds."]
-
-
-def _known_from_recording(path: Path) -> tuple[Square, list[str]]:
+        calibration = read_calibration(path)
+        holds = calibration.quality.holds
+        return information_of(calibration), [
+            f"{path} is a {calibration.procedure} calibration from {holds} holds."
+        ]
     from tumble.calibration.poses import describe_direction, distinct_poses
-    from tumble.design.next_pose import known_from_holds
+    from tumble.calibration.session import Session
+    from tumble.design.joint_information import observed_problem
     from tumble.recording import read_recording
-    from tumble.segmentation import find_timeline, observe_holds
-    from tumble.segmentation.events import scale_of_sphere, scale_of_units
-    from tumble.units import specific_force_factor
+    from tumble.workflows.given.protocols import read_given_protocol
 
-    recording = read_recording(path)
-    means = observe_holds(recording, find_timeline(recording))
-    if means.specific_force is None or means.specific_force_covariance is None:
-        raise ObservabilityError(f"{path} has no accelerometer: poses determine nothing of gyros alone.")
-    raw = means.specific_force
-    scale = scale_of_units(raw)
-    if specific_force_factor(recording.specific_force_unit) is None:
-        found = scale_of_sphere(raw)
-        if found is None:
-            raise ObservabilityError(
-                f"{path} is in counts, and its {len(raw)} holds do not determine where zero is: "
-                "declare its units, or hold the unit in more poses."
-            )
-        scale = found
-    directions = scale.directions(raw)
-    words = [describe_direction(directions[index]) for index in distinct_poses(directions)]
-    return known_from_holds(directions, means.specific_force_covariance, scale.scale), [
-        f"{path} has {len(raw)} holds in {len(words)} different poses: {'; '.join(words)}."
-    ]
+    told = None if recorded is None else read_given_protocol(recorded).protocol
+    if told is None:
+        recording = read_recording(path)
+    else:
+        recording = read_recording(path, columns=told.columns, units=told.units, rate=told.rate)
+    session = Session(recording, told, task.site)
+    problem = observed_problem(session, task.noise, g_sensitivity=task.g_sensitivity)
+    up_b = -np.concatenate([section.C_wb[:, 1, 2] for section in problem.task.sections])
+    names = [describe_direction(up_b[index]) for index in distinct_poses(up_b)]
+    counts = f"{len(up_b)} holds and {problem.task.data.turns.size} turns"
+    words = f"{path} has {counts}, in {len(names)} different poses: {'; '.join(names)}."
+    return problem.information(), [words]
 
 
-def information_of(calibration: Calibration, task: PlanTask) -> JointInformation:
+def information_of(calibration: Calibration) -> JointInformation:
     """Return the information that a calibration states of the thirty parameters.
 
     Parameters
     ----------
     calibration : with its covariance; what it does not state counts as not told.
-    task : the spreads by which nothing is known.
 
     Raises
     ------
     UsageError
         If it states no accelerometer matrix.
     """
-    from tumble.design.joint_information import PARAMETERS, JointInformation
-
     values = _values(calibration)
     if calibration.frame.name != "accelerometer-x":
         # A plan's axes are the accelerometers': how a fixture holds the unit is no matter of theirs.
@@ -184,7 +130,6 @@ def _slope(values: dict[str, complex], name: str) -> Any:
 
 def _parameters(values: dict[str, complex]) -> Any:
     """The thirty parameters; those of a gyro that is not there are zero."""
-    from tumble.design.joint_information import parameters_of
 
     def block(name: str, default: Any) -> Any:
         return np.array(
@@ -206,34 +151,3 @@ def _parameters(values: dict[str, complex]) -> Any:
         biases[1] / scales[1],
         sensitivity / scales[1],
     )
-
-
-def _of_few_holds(path: Path, task: PlanTask) -> tuple[JointInformation, list[str]]:
-    """The information of a recording that determines too little for a calibration."""
-    from tumble.calibration.equations.gathering import gather
-    from tumble.calibration.equations.imu_unknowns import imu_unknowns, unknowns_of
-    from tumble.calibration.equations.observed import observe
-    from tumble.design.joint_information import planned_problem
-    from tumble.recording import read_recording
-    from tumble.segmentation import find_timeline, observe_holds
-    from tumble.sensor import ImuModel
-    from tumble.units import angular_rate_factor, specific_force_factor
-
-    recording = read_recording(path)
-    factors = (
-        specific_force_factor(recording.specific_force_unit),
-        angular_rate_factor(recording.angular_rate_unit),
-    )
-    if factors != (1.0, 1.0) or recording.specific_force is None or recording.angular_rate is None:
-        raise UsageError(
-            f"--given {path} does not determine enough for a calibration. So early the next step is "
-            "found only for both triads in m/s² and rad/s: record more poses and turns first."
-        )
-    timeline = find_timeline(recording)
-    means = observe_holds(recording, timeline)
-    values = unknowns_of(ImuModel.ideal())
-    data = observe(gather(recording, timeline, means), imu_unknowns(values), [])
-    problem = planned_problem(data, task.site, task.sizes)
-    turns = int(data.turns.size)
-    words = f"{path} has {data.holds} holds and {turns} turns that can be followed: too few for a calibration yet."
-    return problem.information().beside_clock(task.clock), [words]

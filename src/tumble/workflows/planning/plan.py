@@ -1,6 +1,7 @@
-"""Planning a test before it is done: which kinds of plans there are, and what all of them begin and end with.
+"""Planning a test before it is done: from what a user says to a plan, its protocol, its pages.
 
-Poses are searched (`plan_poses`), any protocol is judged as it is (`plan_any_protocol`).
+Of any protocol as it is. Of a test of poses these are searched first; what they are worth is then said as of any
+protocol: there is one prediction, that of what `tumble calibrate` will state.
 """
 
 from __future__ import annotations
@@ -8,64 +9,191 @@ from __future__ import annotations
 import difflib
 import json
 import math
-from collections.abc import Mapping
+import os
+from collections.abc import Callable
+from dataclasses import field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from tumble.earth import Site
 from tumble.errors import UsageError
+from tumble.files import results_folder
+from tumble.records import dataclass
+from tumble.workflows.planning.searching import DEFAULTS, PoseSearch, check_search, search_poses
+from tumble.workflows.progress import silent
 
 if TYPE_CHECKING:
+    from tumble.arrays import Series
+    from tumble.design.joint_information import JointInformation
+    from tumble.design.joint_plan import JointPlan, PlanTask, StepWorth
+    from tumble.design.next_step import NextStep, StepCandidate
+    from tumble.design.planned_motion import PlannedNoise
     from tumble.protocol import Protocol
-    from tumble.simulation import Grade
+    from tumble.simulation import Grade, TriadNoise
 
-SEARCHED = ("multi-position", "hand-held", "six-position")
-"""Procedures whose poses are searched."""
-
-Kind = Literal["poses", "protocol"]
 _DEFAULT_LATITUDE_DEG = 45.0
+# What a target may be of, the group of parameters that it means, its unit, and how many SI units that is.
+_SECOND = math.pi / 648000.0
+_TARGETS: dict[str, tuple[str, str, float]] = {
+    "bias": ("accelerometer bias", "µg", 9.80665e-6),
+    "scale": ("accelerometer scale", "ppm", 1e-6),
+    "misalignment": ("accelerometer misalignment", "″", _SECOND),
+    "gyro-bias": ("gyro bias", "°/h", _SECOND),
+    "gyro-scale": ("gyro scale", "ppm", 1e-6),
+    "gyro-misalignment": ("gyro misalignment", "″", _SECOND),
+    "rotation": ("rotation between the triads", "″", _SECOND),
+    "g-sensitivity": ("g-sensitivity", "(°/h)/g", _SECOND / 9.80665),
+}
 
 
-def kind_of_plan(asked: str) -> Kind:
-    """Return which kind of plan is made of what is asked for.
+@dataclass(frozen=True, slots=True)
+class PlanRequest:
+    """What is to be planned.
+
+    Attributes
+    ----------
+    asked : name of one of `tumble.protocol.PROTOCOLS`, or a protocol file; or a procedure whose poses are searched.
+    imu : grade of the unit.
+    data_sheet : a grade whose spreads are believed beforehand, as `calibrate --prior` does.
+    noise : noise.json of the unit, in place of the grade's noise.
+    given : a recording of this unit, or its calibration, that is there already.
+    recorded : the protocol that `given` was recorded with, for a table's angles.
+    targets : wished-for standard uncertainties, as "bias=50,scale=100".
+    site : of the test; the protocol's own, or latitude 45°, without.
+    rate : of the samples with its standard uncertainty, as 100±0.01; a nominal one without, as without stamps.
+    seed : of placement and hands, and of the search's starts.
+    poses, minutes : of a search: how many poses of `hold` seconds each, or how long the whole test may last with as
+        many poses and dwells as is best.
+    hold, turn : of a search: s of a pose, and of the turn to the next.
+    """
+
+    asked: str
+    imu: str = "consumer-mems"
+    data_sheet: str | None = None
+    noise: str | os.PathLike[str] | None = None
+    given: str | os.PathLike[str] | None = None
+    recorded: str | os.PathLike[str] | None = None
+    targets: str | None = None
+    site: Site | None = None
+    rate: str | None = None
+    seed: int = 0
+    poses: int | None = None
+    minutes: float | None = None
+    hold: float | None = None
+    turn: float | None = None
+
+    @property
+    def is_searched(self) -> bool:
+        """Whether poses are searched."""
+        return self.asked in DEFAULTS
+
+
+@dataclass(slots=True)
+class Planned:
+    """What `plan` found.
+
+    Attributes
+    ----------
+    plan : the prediction.
+    imu : name of the grade.
+    search : the poses that were searched, beside the papers'; None for a protocol as it is.
+    worths : of every step.
+    following : steps that may be added.
+    helping : what would tell each of the plan's weaknesses, or None.
+    given, stop : sentences about what is there already and about targets, and whether to stop.
+    remarks : what was assumed.
+    files : what was written.
+    """
+
+    plan: JointPlan
+    imu: str
+    search: PoseSearch | None = None
+    worths: list[StepWorth] = field(default_factory=list[Any])
+    following: list[NextStep] = field(default_factory=list[Any])
+    helping: list[tuple[StepCandidate, float] | None] = field(default_factory=list[Any])
+    given: list[str] = field(default_factory=list[str])
+    stop: bool = False
+    remarks: list[str] = field(default_factory=list[str])
+    files: list[Path] = field(default_factory=list[Path])
+
+
+def plan(
+    request: PlanRequest,
+    *,
+    steps: bool = True,
+    output: str | os.PathLike[str] | None = None,
+    progress: Callable[[str], None] = silent,
+) -> Planned:
+    """Foretell what a test determines of both triads, and say what would be better.
 
     Parameters
     ----------
-    asked : a procedure, the name of a protocol, or a protocol file.
+    request : what is planned.
+    steps : judge every step, too.
+    output : folder for protocol, document and sheet; None writes nothing.
+    progress : called with a sentence on what is being done.
 
     Raises
     ------
-    UsageError
-        If there is no such thing.
-    ProtocolError
-        If the file is no protocol.
+    UsageError, ObservabilityError, ProtocolError, RecordingError, SegmentationError, CalibrationFileError
+        If an option is wrong, a file cannot be read, or the poses that can be searched do not tell what is wanted.
+    OutputError
+        If the files cannot be written; earlier ones are intact.
     """
-    if asked in SEARCHED:
-        return "poses"
-    find_protocol(asked)
-    return "protocol"
+    from tumble.design.joint_plan import plan_protocol
+
+    _check(request)
+    folder, limits = results_folder(output), _limits(request.targets)
+    protocol = _asked_protocol(request)
+    task, grade, remarks = _task(protocol, request)
+    said, search = list[str](), None
+    if request.given is not None:
+        from tumble.workflows.planning.given import read_given
+
+        progress("reading what is there already")
+        known, said = read_given(request.given, request.recorded, task)
+        task = replace(task, known=known)
+    if request.is_searched:
+        search = search_poses(request, task, grade, progress)
+        task = replace(task, protocol=search.protocol)
+    task = replace(task, protocol=as_assumed(task))
+    done = Planned(plan_protocol(task, progress), grade.name, search, given=said, remarks=remarks)
+    _advise(done, limits, progress, steps=steps)
+    from tumble.workflows.planning.words import describe_plan, document_of
+
+    done.remarks = [*describe_plan(done), *remarks, *_remarks(done, request.site)]
+    if folder is not None:
+        progress("writing")
+        done.files = _write(folder, task.protocol, document_of(done))
+    return done
 
 
-def find_protocol(asked: str) -> Protocol:
-    """Return a named protocol or a file's.
+def _check(request: PlanRequest) -> None:
+    if request.seed < 0:
+        raise UsageError(f"--seed {request.seed}: a seed is a whole number from 0 on.")
+    if request.recorded is not None and request.given is None:
+        raise UsageError(
+            "--protocol says how --given was recorded: give --given RECORDING too, or leave it out."
+        )
+    if request.is_searched:
+        check_search(request)
 
-    Parameters
-    ----------
-    asked : as the user wrote it.
 
-    Raises
-    ------
-    UsageError
-        If there is neither.
-    ProtocolError
-        If the file is none.
-    """
-    from tumble.protocol import PROTOCOLS
+def _asked_protocol(request: PlanRequest) -> Protocol:
+    """A named protocol or a file's; of one whose poses are yet to be searched the procedure alone."""
+    from tumble.protocol import PROTOCOLS, HoldStep, TurnStep
+    from tumble.protocol import Protocol as Steps
     from tumble.workflows.given.protocols import read_given_protocol
 
+    asked = request.asked
+    if request.is_searched:
+        hold, turn, _ = DEFAULTS[asked]
+        return Steps(f"{asked}-plan", asked, (HoldStep(request.hold or hold), TurnStep(request.turn or turn)))
     if asked in PROTOCOLS or Path(asked).exists():
         return read_given_protocol(asked).protocol
-    names = [*SEARCHED, *(name for name in PROTOCOLS if name not in SEARCHED)]
+    names = [*DEFAULTS, *(name for name in PROTOCOLS if name not in DEFAULTS)]
     near = difflib.get_close_matches(asked.lower(), names, 1)
     meant = f" Did you mean {near[0]}?" if near else ""
     raise UsageError(
@@ -73,95 +201,188 @@ def find_protocol(asked: str) -> Protocol:
     )
 
 
-def planned_grade(imu: str) -> tuple[Grade, list[str]]:
-    """Return a grade, and a sentence where no source states some of it.
+def as_assumed(task: PlanTask) -> Protocol:
+    """Return the protocol with what the plan takes for granted written into it: rate, table, place.
 
     Parameters
     ----------
-    imu : its name.
-
-    Raises
-    ------
-    UsageError
-        If there is none of that name.
+    task : what is planned.
     """
-    from tumble.simulation.grades import find_grade
+    from tumble.protocol import SpinStep
+    from tumble.sample_rates import SampleRate
 
-    grade = find_grade(imu)
-    return grade, [f"Of {grade.name} no source states: {'; '.join(grade.assumed)}."] if grade.assumed else []
-
-
-def planned_place(site: Site | None, ending: str) -> tuple[Site, list[str]]:
-    """Return the place of a test, and a sentence where it is assumed.
-
-    Parameters
-    ----------
-    site : that was given, or None.
-    ending : of the sentence.
-    """
-    if site is not None:
-        return site, []
-    place = Site.from_latitude(math.radians(_DEFAULT_LATITUDE_DEG), 0.0)
-    return place, [f"No site was given: latitude {_DEFAULT_LATITUDE_DEG:g}° at height 0 {ending}"]
+    protocol = task.protocol
+    rate = task.noise.rate if protocol.rate is None else float(protocol.rate)
+    steps = tuple(
+        replace(step, sigma=step.rate_sigma) if isinstance(step, SpinStep) else step
+        for step in protocol.steps
+    )
+    return replace(protocol, steps=steps, site=task.site, rate=SampleRate(rate, rate * task.clock))
 
 
-def read_targets(text: str | None, sizes: Mapping[str, float], refusal: str) -> dict[str, float]:
-    """Return wished-for standard uncertainties by name, SI, of a text such as "bias=50,scale=100".
+def _limits(text: str | None) -> Series | None:
+    """Return (30,) wished-for sigmas, SI, infinite where nothing is wished; None for no text."""
+    from tumble.design.joint_information import GROUPS, PARAMETERS
 
-    Parameters
-    ----------
-    text : as the user wrote it, or None.
-    sizes : SI units in the unit that each name's number is in.
-    refusal : what is said of another text.
-
-    Raises
-    ------
-    UsageError
-        If it cannot be read.
-    """
-    found: dict[str, float] = {}
-    for part in (text or "").split(","):
-        if not part.strip():
-            continue
+    if text is None:
+        return None
+    limits = np.full(PARAMETERS, np.inf)
+    for part in filter(str.strip, text.split(",")):
         name, _, number = (piece.strip() for piece in part.partition("="))
         try:
             value = float(number)
         except ValueError:
             value = math.nan
-        if name not in sizes or not (math.isfinite(value) and value > 0.0):
-            raise UsageError(f"--targets {text}: {refusal}")
-        found[name] = value * sizes[name]
-    return found
+        if name not in _TARGETS or not (math.isfinite(value) and value > 0.0):
+            units = ", ".join(f"{key} in {unit}" for key, (_, unit, _) in _TARGETS.items())
+            raise UsageError(
+                f"--targets {text}: write NAME=NUMBER with commas between, each positive: {units}."
+            )
+        group, _, size = _TARGETS[name]
+        limits[GROUPS[group]] = value * size
+    return limits
 
 
-def check_seed(seed: int) -> None:
-    """Refuse a seed that is none.
+def _task(protocol: Protocol, request: PlanRequest) -> tuple[PlanTask, Grade, list[str]]:
+    from tumble.design.joint_information import parameter_sizes
+    from tumble.design.joint_plan import PlanTask
+    from tumble.recording.stamps import clock_without_stamps
+    from tumble.sample_rates import sample_rate, stated_clock
+    from tumble.simulation.grades import find_grade
+
+    grade, place = find_grade(request.imu), request.site or protocol.site
+    remarks = [f"Of {grade.name} no source states: {'; '.join(grade.assumed)}."] if grade.assumed else []
+    if place is None:
+        place = Site.from_latitude(math.radians(_DEFAULT_LATITUDE_DEG), 0.0)
+        remarks.append(
+            f"No site was given: latitude {_DEFAULT_LATITUDE_DEG:g}° at height 0 is assumed, and written into the "
+            "protocol: give --site, or correct it there before anything is calibrated."
+        )
+    task = PlanTask.of_grade(protocol, grade, place, seed=request.seed)
+    if request.data_sheet is not None:
+        sheet = find_grade(request.data_sheet)
+        task = replace(task, sizes=parameter_sizes(sheet), sheet=sheet)
+        remarks.append(
+            f"The spreads of {sheet.name} are believed beforehand, as `tumble calibrate --prior` does."
+        )
+    if request.noise is not None:
+        noise, words = _noise_of(request.noise)
+        task, remarks = replace(task, noise=noise), [*words, *(r for r in remarks if not r.startswith("Of "))]
+    clock = stated_clock(request.rate)
+    if clock is None:
+        stated = protocol.rate if request.rate is None else sample_rate(request.rate)
+        clock = clock_without_stamps(1.0 if stated is None else stated).sigma
+    return replace(task, clock=clock), grade, remarks
+
+
+def _noise_of(path: str | os.PathLike[str]) -> tuple[PlannedNoise, list[str]]:
+    """The noise of a unit's own noise.json, the root mean square over its axes."""
+    from tumble.design.planned_motion import PlannedNoise
+    from tumble.workflows.given.noise_models import read_noise_models, triad_models
+
+    models = read_noise_models(path)
+    words = [f"The noise is that of {models.source}, the root mean square over each triad's axes."]
+    triads: list[TriadNoise] = []
+    for letter, unit in (("a", "m/s²"), ("g", "rad/s")):
+        found = triad_models(models, letter, unit, 1.0, unit)
+        triads.append(_triad(found))
+        if any(model.gauss_markov or model.lines for model in found):
+            words.append(
+                "Its Gauss-Markov processes count as flicker of the same spread; lines are left out."
+            )
+    return PlannedNoise(triads[0], triads[1], models.rate), list(dict.fromkeys(words))
+
+
+def _triad(models: list[Any]) -> TriadNoise:
+    from tumble.noise.flicker import flicker_variance
+    from tumble.simulation import TriadNoise
+
+    def rms(values: list[float]) -> float:
+        return float(np.sqrt(np.mean(np.square(values))))
+
+    markov = [math.sqrt(sum(one.sigma**2 for one in model.gauss_markov)) for model in models]
+    # One process of the ladder that flicker is simulated with has this variance over B².
+    flicker = [
+        math.hypot(m.bias_instability, g / math.sqrt(flicker_variance()))
+        for m, g in zip(models, markov, strict=True)
+    ]
+    return TriadNoise(
+        random_walk=rms([model.random_walk for model in models]),
+        bias_instability=rms(flicker),
+        rate_random_walk=rms([model.rate_random_walk for model in models]),
+    )
+
+
+def _advise(done: Planned, limits: Series | None, say: Callable[[str], None], *, steps: bool) -> None:
+    """Find what each step is worth, what comes next, and what would tell what stays open."""
+    from tumble.design.joint_plan import find_step_worths
+    from tumble.design.next_step import find_next_steps, judge_stop, step_candidates, what_would_tell
+
+    plan, task = done.plan, done.plan.task
+    known, base = task.known, replace(task, known=None)
+    if steps and not plan.weak and done.search is None and known is None:
+        done.worths = find_step_worths(plan, say)
+    if done.search is not None and known is None and limits is None and not plan.weak:
+        return
+    say("trying what may be added")
+    candidates = step_candidates(task, table=task.has_table, span=plan.duration)
+    start: JointInformation = plan.information if known is None else known
+    done.following = find_next_steps(base, start, candidates)
+    sigmas = (plan.sigmas, plan.without_clock) if known is None else None
+    done.stop, words = judge_stop(base, start, done.following, limits, sigmas)
+    if known is not None or limits is not None:
+        done.given = [*done.given, *words]
+    # What a plan of nothing recorded should do next is its own business, unless it misses its targets.
+    done.stop = done.stop and known is not None
+    everything = start if known is None else plan.information.plus(known)
+    if plan.weak and not task.has_table:
+        candidates = [*candidates, *step_candidates(task, table=True, span=plan.duration)[26:]]
+    done.helping = [what_would_tell(base, everything, weak, candidates) for weak in plan.weak]
+
+
+def of_clock(plan: JointPlan) -> str:
+    """Return what the gyro scale factors owe to the sample rate, in sentences.
 
     Parameters
     ----------
-    seed : as the user wrote it.
-
-    Raises
-    ------
-    UsageError
-        If it is below zero.
+    plan : a protocol's.
     """
-    if seed < 0:
-        raise UsageError(f"--seed {seed}: a seed is a whole number from 0 on.")
+    from tumble.calibration.verdict import two_digits
+    from tumble.recording.stamps import NOMINAL
+
+    size, alone = f"{100.0 * plan.task.clock:.2g} %", ""
+    scales = [one for one in plan.foretold if one.name.startswith("gyro scale")]
+    if all(one.told for one in scales):
+        ppm = 1e6 * float(np.sqrt(np.mean([one.without_clock**2 for one in scales])))
+        alone = f" Without that they would be known to {two_digits(ppm)} ppm."
+    if plan.task.clock != NOMINAL:
+        return f"The sample rate is known to {size}, as stated, and all gyro scale factors share that.{alone}"
+    return (
+        f"The gyro scale factors share a nominal sample rate, uncertain by {size}.{alone} A simulation's clock is "
+        "perfect: --rate 100±0 predicts what it will find. State your own as --rate 100±0.01, or record the times of a "
+        "clock."
+    )
 
 
-def write_plan(folder: Path, protocol: Protocol, document: dict[str, Any], title: str) -> list[Path]:
-    """Write a plan's protocol, document and sheet beside their places, then rename them all; return the places.
+def _remarks(done: Planned, site: Site | None) -> list[str]:
+    task, words = done.plan.task, list[str]()
+    if site is not None and done.search is None and task.protocol.site is not site:
+        words.append("--site goes before the protocol's own.")
+    words.append(of_clock(done.plan))
+    if task.has_table and (table := task.common[1]):
+        words.append(
+            f"The table's rates are taken to be right to {1e6 * table:.2g} ppm (`uncertainty_ppm` in the protocol)."
+        )
+    if task.site.gravity_sigma > 0.0:
+        ppm = 1e6 * task.site.gravity_sigma / task.site.gravity
+        words.append(
+            f"Gravity is good to {ppm:.2g} ppm, which all accelerometer scale factors share: --gravity says it better."
+        )
+    return words
 
-    Parameters
-    ----------
-    folder, protocol, document, title : where, and of plain data; the title is the sheet's.
 
-    Raises
-    ------
-    OutputError
-        If they cannot be written; earlier ones are intact.
-    """
+def _write(folder: Path, protocol: Protocol, document: dict[str, Any]) -> list[Path]:
+    """Write a plan's protocol, document and sheet beside their places, then rename them all; return the places."""
     from tumble.files import write_texts
     from tumble.protocol import protocol_to_yaml
     from tumble.report.operator_sheet import render_sheet
@@ -169,16 +390,6 @@ def write_plan(folder: Path, protocol: Protocol, document: dict[str, Any], title
     texts = {
         "protocol.yaml": protocol_to_yaml(protocol),
         "plan.json": json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n",
-        "sheet.html": render_sheet(protocol, title),
+        "sheet.html": render_sheet(protocol, protocol.description or protocol.name),
     }
     return write_texts({folder / name: text for name, text in texts.items()})
-
-
-def finite(value: float) -> float | None:
-    """Return a number that JSON has, or None.
-
-    Parameters
-    ----------
-    value : of any size.
-    """
-    return value if math.isfinite(value) else None

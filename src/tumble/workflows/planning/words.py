@@ -1,117 +1,30 @@
-"""What a planned protocol is worth, in words and rows."""
+"""What a plan is worth, in words, rows, and as a document."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import asdict
 from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tumble.units import MICRO_G, STANDARD_GRAVITY
+from tumble.design.joint_plan import Foretold, StepWorth
+from tumble.units import MICRO_G
 
 if TYPE_CHECKING:
-    from tumble.arrays import Series
-    from tumble.design.pose_plan import PosePlan, PoseTask
-    from tumble.design.step_worth import StepWorth
-    from tumble.earth import Site
-    from tumble.workflows.planning.poses import PosesPlanned
-    from tumble.workflows.planning.protocol import ProtocolPlanned
+    from tumble.design.pose_plan import PosePlan
+    from tumble.workflows.planning.plan import Planned
+    from tumble.workflows.planning.searching import PoseSearch
 
-SECOND = math.pi / 648000.0
-# Practical unit and its size in the unit of `tumble.design.candidates.PARAMETERS`, by group.
+# Of what norms of poses tell: practical unit, and its size, by group.
 UNITS = {"scale": ("ppm", 1e-6), "misalignment": ("mrad", 1e-3), "bias": ("mg", 1e-3)}
-# Practical unit of each group, and its size in SI.
-UNITS_OF_GROUPS: dict[str, tuple[str, float]] = {
-    "accelerometer bias": ("µg", 9.80665e-6),
-    "accelerometer scale": ("ppm", 1e-6),
-    "accelerometer misalignment": ("″", SECOND),
-    "gyro bias": ("°/h", SECOND),
-    "gyro scale": ("ppm", 1e-6),
-    "gyro misalignment": ("″", SECOND),
-    "rotation between the triads": ("″", SECOND),
-    "g-sensitivity": ("(°/h)/g", SECOND / 9.80665),
-}
 # Without the step nothing grows by more than this: it can be spared.
 SPARED = 0.05
 # So many times as large, and a parameter rests on one step.
 RESTS_ON = 2.0
 # Performances that differ by more are worth a word.
 DIFFERS = 1.2
-
-
-def prediction_rows(done: ProtocolPlanned) -> list[list[str]]:
-    """Return a row for each group: its name, three numbers (x, y, z; or yz, zx, zy) and the unit.
-
-    Parameters
-    ----------
-    done : a plan.
-    """
-    from tumble.design.joint_information import GROUPS
-
-    rows: list[list[str]] = []
-    for group, part in GROUPS.items():
-        sigmas, known = done.plan.sigmas[part], np.asarray(done.plan.told[part], dtype=np.bool_)
-        if group == "g-sensitivity":
-            if not done.plan.task.g_sensitivity:
-                continue
-            # A gyro's three elements as one.
-            sigmas = STANDARD_GRAVITY * np.sqrt(np.mean(sigmas.reshape(3, 3) ** 2, axis=1))
-            known = np.all(known.reshape(3, 3), axis=1)
-        rows.append(_prediction_row(group, sigmas, known))
-    return rows
-
-
-# Ends of a group's name -> the name that a calibration has for it, and the family of its units.
-_NAMES = {
-    "bias": ("bias", ""),
-    "scale": ("scale factor error", "scale"),
-    "misalignment": ("non-orthogonality (yz, zx, zy)", "angle"),
-    "triads": ("triads", "angle"),
-    "g-sensitivity": ("g-sensitivity", "g-sensitivity"),
-}
-
-
-def _prediction_row(group: str, sigmas: Series, known: Any) -> list[str]:
-    from tumble.report.parameters import practical_uncertainties
-    from tumble.report.rounding import with_uncertainty
-
-    stem, _, end = group.rpartition(" ")
-    name, family = _NAMES[end]
-    values: list[float] = np.where(known, sigmas, np.nan).tolist()
-    measures = practical_uncertainties(family or group, values)
-    shown = [
-        with_uncertainty(math.nan, one.sigma).removeprefix("± ")
-        if math.isfinite(one.sigma)
-        else "not determined"
-        for one in measures
-    ]
-    return [f"{stem} {name}".strip(), *shown, measures[0].unit]
-
-
-def step_rows(done: ProtocolPlanned, *, each: bool = False) -> list[list[str]]:
-    """Return rows of what steps are worth: kinds of steps, or each by itself.
-
-    Parameters
-    ----------
-    done : a plan.
-    each : do not join steps of a kind.
-    """
-    rows: list[list[str]] = []
-    for title, members in _kinds(done, each=each):
-        worst = max(members, key=lambda one: one.most_growth)
-        rows.append(
-            [
-                title,
-                f"{100.0 * sum(one.share_of_time for one in members):.1f} %",
-                f"{100.0 * sum(one.share_of_information for one in members):.1f} %",
-                f"{_growth(worst.most_growth)} {_briefly(worst.most)}",
-                f"{100.0 * max(float(np.mean([one.longer_per_minute for one in members])), 0.0):.2g} %",
-            ]
-        )
-    return rows
-
-
 STEP_HEADS = (
     "step",
     "of the time",
@@ -121,12 +34,70 @@ STEP_HEADS = (
 )
 
 
-def _briefly(name: str) -> str:
-    """Return a parameter's name for a narrow column.
+def prediction_rows(done: Planned) -> list[list[str]]:
+    """Return a row for each three parameters: their name, three numbers and the unit.
 
     Parameters
     ----------
-    name : of a parameter.
+    done : a plan.
+    """
+    rows: list[list[str]] = []
+    for stem, members in groupby(done.plan.foretold, key=lambda one: one.name.rpartition(" ")[0]):
+        found = list(members)
+        if stem.startswith("g-sensitivity"):
+            stem = stem.removesuffix(" to force")
+        for k in range(0, len(found), 3):
+            rows.append(_prediction_row(stem, found[k : k + 3]))
+    return rows
+
+
+def _prediction_row(stem: str, three: list[Foretold]) -> list[str]:
+    from tumble.report.parameters import practical_uncertainties
+    from tumble.report.rounding import with_uncertainty
+
+    ends = [one.name.rpartition(" ")[2] for one in three]
+    name = stem if ends == ["x", "y", "z"] else f"{stem} ({', '.join(ends)})"
+    family = stem if stem.endswith("bias") else "g-sensitivity" if stem.startswith("g-") else "scale"
+    family = "angle" if three[0].unit == "rad" else family
+    sigmas = [one.sigma if one.told else math.nan for one in three]
+    measures = practical_uncertainties(
+        family, [9.80665 * s for s in sigmas] if family == "g-sensitivity" else sigmas
+    )
+    shown = [
+        with_uncertainty(math.nan, one.sigma).removeprefix("± ")
+        if math.isfinite(one.sigma)
+        else "not determined"
+        for one in measures
+    ]
+    return [name, *shown, measures[0].unit]
+
+
+def step_rows(done: Planned, *, each: bool = False) -> list[list[str]]:
+    """Return rows of what steps are worth: kinds of steps, or each by itself.
+
+    Parameters
+    ----------
+    done : a plan.
+    each : do not join steps of a kind.
+    """
+    rows: list[list[str]] = []
+    for title, members in _kinds(done.worths, each=each):
+        worst = max(members, key=lambda one: one.most_growth)
+        growth = "loses" if worst.most_growth > 100.0 else f"× {worst.most_growth:.2f}"
+        rows.append(
+            [
+                title,
+                f"{100.0 * sum(one.share_of_time for one in members):.1f} %",
+                f"{100.0 * sum(one.share_of_information for one in members):.1f} %",
+                f"{growth} {_briefly(worst.most)}",
+                f"{100.0 * max(float(np.mean([one.longer_per_minute for one in members])), 0.0):.2g} %",
+            ]
+        )
+    return rows
+
+
+def _briefly(name: str) -> str:
+    """Return a parameter's name for a narrow column.
 
     Examples
     --------
@@ -138,10 +109,10 @@ def _briefly(name: str) -> str:
     return name
 
 
-def _kinds(done: ProtocolPlanned, *, each: bool) -> list[tuple[str, list[StepWorth]]]:
+def _kinds(worths: list[StepWorth], *, each: bool) -> list[tuple[str, list[StepWorth]]]:
     if each:
-        return [(f"{one.step + 1}. {_named(one)}", [one]) for one in done.worths]
-    ordered = sorted(done.worths, key=lambda one: (one.kind, -one.seconds))
+        return [(f"{one.step + 1}. {_named(one)}", [one]) for one in worths]
+    ordered = sorted(worths, key=lambda one: (one.kind, -one.seconds))
     kinds: list[tuple[str, list[StepWorth]]] = []
     for (kind, seconds), members in groupby(ordered, key=lambda one: (one.kind, round(one.seconds, 3))):
         found = list(members)
@@ -154,44 +125,37 @@ def _named(one: StepWorth) -> str:
     return f"{one.kind} {one.name}, {one.seconds:.4g} s"
 
 
-def _growth(factor: float) -> str:
-    if factor > 100.0:
-        return "loses"
-    return f"× {factor:.2f}"
-
-
-def describe_plan(done: ProtocolPlanned) -> list[str]:
+def describe_plan(done: Planned) -> list[str]:
     """Return what is not told and what would tell it, which steps carry the result, and what to change.
 
     Parameters
     ----------
     done : a plan with everything found.
     """
-    return [*_about_weak(done), *_about_steps(done), *_about_hands(done)]
+    return [
+        *_about_weak(done),
+        *_about_steps(done.worths),
+        *_about_hands(done.plan.foretold),
+        *([] if done.search is None else _about_wander(done.search)),
+    ]
 
 
-def _about_weak(done: ProtocolPlanned) -> list[str]:
+def _about_weak(done: Planned) -> list[str]:
     words: list[str] = []
+    turn = "rotation of the table" if done.plan.task.has_table else "turn by hand or rotation of a table"
     for weak, helping in zip(done.plan.weak, done.helping, strict=True):
         names = weak.parameters[:4]
         what = names[0] if len(names) == 1 else f"a combination of {', '.join(names)}"
         if len(weak.parameters) > 4:
             what += " and others"
-        if helping is None:
-            words.append(
-                f"Not determined better than by the data sheet: {what}. No single hold, turn by hand "
-                "or rotation of a table would determine it."
-            )
-        else:
-            words.append(
-                f"Not determined better than by the data sheet: {what}. Add this: {helping[0].name} "
-                f"({helping[0].seconds:.0f} s)."
-            )
+        mend = f"No single hold, {turn} would determine it."
+        if helping is not None:
+            mend = f"Add this: {helping[0].name} ({helping[0].seconds:.0f} s)."
+        words.append(f"Not determined better than by the data sheet: {what}. {mend}")
     return words
 
 
-def _about_steps(done: ProtocolPlanned) -> list[str]:
-    worths = done.worths
+def _about_steps(worths: list[StepWorth]) -> list[str]:
     if not worths:
         return []
     words: list[str] = []
@@ -199,7 +163,7 @@ def _about_steps(done: ProtocolPlanned) -> list[str]:
     if pillars:
         found = [f"{one.most} on {one.name}" for one in sorted(pillars, key=lambda one: -one.most_growth)[:3]]
         words.append(f"It rests on single steps: {'; '.join(found)}.")
-    least = min(worths, key=lambda one: one.most_growth - 1.0)
+    least = min(worths, key=lambda one: one.most_growth)
     if least.most_growth - 1.0 < SPARED:
         spared = sum(one.most_growth - 1.0 < SPARED for one in worths)
         words.append(
@@ -217,21 +181,37 @@ def _about_steps(done: ProtocolPlanned) -> list[str]:
     return words
 
 
-def _about_hands(done: ProtocolPlanned) -> list[str]:
-    from tumble.design.joint_information import NAMES
-
-    spread = np.where(done.plan.told, done.plan.spread, 1.0)
-    worst = int(np.argmax(spread))
-    if spread[worst] < DIFFERS:
+def _about_hands(foretold: list[Foretold]) -> list[str]:
+    worst = max((one for one in foretold if one.told), key=lambda one: one.spread, default=None)
+    if worst is None or worst.spread < DIFFERS:
         return []
     words = (
         "Hands do it differently each time: of several performances the best and the worst differ by "
-        f"{spread[worst]:.2g} times in {NAMES[worst]}. The prediction is their root mean square."
+        f"{worst.spread:.2g} times in {worst.name}. The prediction is their root mean square."
     )
     return [words]
 
 
-def next_words(done: ProtocolPlanned) -> list[str]:
+def _about_wander(search: PoseSearch) -> list[str]:
+    from tumble.design.hold_noise import wander_sigma, white_density
+
+    task, plan = search.task, search.plan
+    if not task.noise.wanders:
+        return []
+    dwell = float(np.median(plan.dwells))
+    wander = wander_sigma(task.noise, dwell, plan.duration)
+    white = white_density(task.noise, task.rate) / math.sqrt(dwell)
+    share = 100.0 * wander**2 / (wander**2 + white**2)
+    more = " Longer holds would not help: more poses do." if share > 50.0 else ""
+    words = (
+        f"The biases wander by {wander / MICRO_G:.2g} µg from hold to hold, the white noise of a hold is "
+        f"{white / MICRO_G:.2g} µg. Wander is {share:.0f} % of the variance. The order of the poses lessens it: "
+        f"keep it.{more}"
+    )
+    return [words]
+
+
+def next_words(done: Planned) -> list[str]:
     """Return which steps to add next, one sentence each.
 
     Parameters
@@ -249,8 +229,8 @@ def next_words(done: ProtocolPlanned) -> list[str]:
     return words
 
 
-def steps_in_words(done: ProtocolPlanned) -> str:
-    """Return how many holds, rotations and turns there are.
+def headline(done: Planned) -> str:
+    """Return what is planned, how many steps it has, and how long it lasts.
 
     Parameters
     ----------
@@ -258,142 +238,115 @@ def steps_in_words(done: ProtocolPlanned) -> str:
     """
     from tumble.protocol import HoldStep, SpinStep, TurnStep
 
-    steps = done.plan.task.protocol.steps
+    steps, minutes = done.plan.task.protocol.steps, done.plan.duration / 60.0
+    if done.search is not None:
+        plan, more = done.search.plan, "more " if done.following and done.plan.task.known is not None else ""
+        return f"{len(plan.dwells)} {more}poses ({plan.name}), {minutes:.1f} min with {plan.turn:g} s for each turn."
     counted = [
         (sum(isinstance(s, kind) for s in steps), words)
         for kind, words in ((HoldStep, "holds"), (SpinStep, "rotations of the table"), (TurnStep, "turns"))
     ]
-    return ", ".join(f"{count} {words}" for count, words in counted if count)
+    many = ", ".join(f"{count} {words}" for count, words in counted if count)
+    return f"{done.plan.task.protocol.name}: {many}; {minutes:.1f} min."
 
 
-def describe_poses(done: PosesPlanned) -> list[str]:
-    """Return what holds of turns, wander and gravity in a plan of poses.
-
-    Parameters
-    ----------
-    done : a plan.
-    """
-    return [
-        *_about_turns(done.procedure),
-        *_about_wander(done.task, done.plan),
-        *_about_gravity(done.place),
-    ]
-
-
-def _about_wander(task: PoseTask, plan: PosePlan) -> list[str]:
-    from tumble.design.hold_noise import wander_sigma, white_density
-
-    if not task.noise.wanders:
-        return []
-    dwell = float(np.median(plan.dwells))
-    wander = wander_sigma(task.noise, dwell, plan.duration)
-    white = white_density(task.noise, task.rate) / math.sqrt(dwell)
-    share = 100.0 * wander**2 / (wander**2 + white**2)
-    more = " Longer holds would not help: more poses do." if share > 50.0 else ""
-    return [
-        (
-            f"The biases wander by {wander / MICRO_G:.2g} µg from hold to hold, the white noise of a "
-            f"hold is {white / MICRO_G:.2g} µg. Wander is {share:.0f} % of the variance. The order of "
-            f"the poses lessens it: keep it.{more}"
-        )
-    ]
-
-
-def _about_turns(procedure: str) -> list[str]:
-    if procedure != "hand-held":
-        return []
-    return [
-        (
-            "The first table is what the holds determine of the accelerometers, the last one what "
-            "holds and turns determine of both triads. Turn about all axes of the unit, and about no "
-            "two the same way one after the other."
-        )
-    ]
-
-
-def _about_gravity(place: Site) -> list[str]:
-    if place.gravity_sigma == 0.0:
-        return []
-    ppm = 1e6 * place.gravity_sigma / place.gravity
-    return [
-        (
-            f"Gravity is good to {ppm:.2g} ppm, which all scale factors share and no pose mends: --gravity says it "
-            "better. The comparison with other schemes is without it."
-        )
-    ]
-
-
-def group_means(plan: PosePlan) -> dict[str, float]:
-    """Return the root mean square sigma by group, noise alone, in the practical units of `UNITS`; nan if not told.
+def group_means(plan: PosePlan) -> dict[str, float | None]:
+    """Return the root mean square sigma by group, noise alone, in the practical units of `UNITS`; None if not told.
 
     Parameters
     ----------
     plan : of a scheme.
     """
-    from tumble.design.candidates import GROUPS
+    from tumble.design.pose_plan import GROUPS
 
-    means: dict[str, float] = {}
+    means: dict[str, float | None] = {}
     for group, members in GROUPS.items():
         sigma = float(np.sqrt(np.mean(plan.sigmas[list(members)] ** 2)))
-        means[group] = sigma / UNITS[group][1] if sigma < 0.3 else math.nan
+        means[group] = sigma / UNITS[group][1] if sigma < 0.3 else None
     return means
 
 
-def pose_names(plan: PosePlan) -> list[str]:
-    """Return a name for each pose: its face, edge or corner.
-
-    Parameters
-    ----------
-    plan : with directions.
-    """
-    from tumble.calibration.poses import describe_direction
-
-    return [describe_direction(up) for up in plan.directions]
-
-
-def scheme_rows(done: PosesPlanned) -> tuple[list[str], list[list[str]]]:
+def scheme_rows(search: PoseSearch) -> tuple[list[str], list[list[str]]]:
     """Return heads and rows of the comparison, the plan first; numbers are root mean squares of the noise alone.
 
     Parameters
     ----------
-    done : what was planned.
+    search : what was searched.
     """
-    heads = [
-        "in the same time",
-        "poses",
-        "rest",
-        *(f"{group.replace('misalignment', 'misal.')}, {unit}" for group, (unit, _) in UNITS.items()),
-        "criterion",
-    ]
-    plan = done.plan
-    rows = [_scheme_row("this plan", plan, plan.value)]
-    for name, one in done.schemes.items():
-        rows.append([name, *"––––––"] if isinstance(one, str) else _scheme_row(name, one, plan.value))
-    return heads, rows
+    units = (f"{group.replace('misalignment', 'misal.')}, {unit}" for group, (unit, _) in UNITS.items())
+    rows = [_scheme_row("this plan", search.plan, search.plan.value)]
+    for name, one in search.schemes.items():
+        rows.append([name, *"––––––"] if isinstance(one, str) else _scheme_row(name, one, search.plan.value))
+    return ["in the same time", "poses", "rest", *units, "criterion"], rows
 
 
 def _scheme_row(name: str, plan: PosePlan, best: float) -> list[str]:
     dwells = np.asarray(plan.dwells)
     low, high = float(dwells.min()), float(dwells.max())
     rest = f"{low:.0f} s" if high - low < 1.0 else f"{low:.0f} to {high:.0f} s"
-    means = [f"{value:.3g}" if math.isfinite(value) else "–" for value in group_means(plan).values()]
+    means = ["–" if value is None else f"{value:.3g}" for value in group_means(plan).values()]
     return [name, str(len(dwells)), rest, *means, f"{plan.value / best:.2f}"]
 
 
-def parameter_rows(done: PosesPlanned) -> list[list[str]]:
-    """Return name, predicted standard uncertainty, unit and what is of noise alone, for a table.
+def document_of(done: Planned) -> dict[str, Any]:
+    """Return everything as plain data for a file, SI and one sigma.
 
     Parameters
     ----------
     done : what was planned.
     """
-    from tumble.report.parameters import practical_uncertainties
+    plan, task = done.plan, done.plan.task
+    return {
+        "format": "tumble plan of a protocol",
+        "version": 2,
+        "protocol": task.protocol.name,
+        "procedure": task.protocol.procedure,
+        "imu": done.imu,
+        "duration_s": plan.duration,
+        "site": {"gravity": task.site.gravity, "gravity_standard_uncertainty": task.site.gravity_sigma},
+        "parameters": [
+            {
+                "name": one.name,
+                "unit": one.unit,
+                "told": one.told,
+                "standard_uncertainty": one.sigma if one.told else None,
+                "with_a_perfect_clock": one.without_clock if one.told else None,
+                "largest_over_smallest_performance": one.spread,
+            }
+            for one in plan.foretold
+        ],
+        "schemes": None if done.search is None else _schemes(done.search),
+        "not_told": [
+            {
+                "parameters": list(weak.parameters),
+                "data_sheet_spreads": weak.sigma if math.isfinite(weak.sigma) else None,
+                "told_by": None if helping is None else helping[0].name,
+            }
+            for weak, helping in zip(plan.weak, done.helping, strict=True)
+        ],
+        "steps": [{**asdict(worth), "step": worth.step + 1} for worth in done.worths],
+        "next": [
+            {
+                "do": one.candidate.name,
+                "seconds": one.candidate.seconds,
+                "gain": one.gain,
+                "gains_most": one.most,
+                "its_gain": one.most_gain,
+                "not_told_after": one.open_left,
+            }
+            for one in done.following
+        ],
+        "given": done.given,
+        "stop": done.stop,
+        "remarks": done.remarks,
+    }
 
-    families = {"bias": "accelerometer bias", "scale": "scale", "misalignment": "angle"}
-    rows: list[list[str]] = []
-    for one in done.predicted:
-        same = [(other.total, other.noise) for other in done.predicted if other.group == one.group]
-        sizes = practical_uncertainties(families[one.group], [total for total, _ in same])
-        factor = sizes[0].sigma / same[0][0]
-        rows.append([one.name, f"{one.total * factor:.2g}", sizes[0].unit, f"{one.noise * factor:.2g}"])
-    return rows
+
+def _schemes(search: PoseSearch) -> dict[str, Any]:
+    """The plan and the papers' schemes: root mean squares in the units of `UNITS`."""
+    return {
+        name: {"not_possible": one}
+        if isinstance(one, str)
+        else {"poses": len(one.dwells), "dwell_s": float(one.dwells[0]), "rms": group_means(one)}
+        for name, one in {"this plan": search.plan, **search.schemes}.items()
+    }
