@@ -139,5 +139,4 @@ def _steps(run: CalibrationRun) -> list[str]:
 
     if run.calibration.procedure == FIELD_ALONE:
         return ["Hold the unit still in twelve attitudes or more, and all triads are calibrated."]
-    subject = run.subject
-    return next_steps(run.calibration, subject.rows, subject.up_b, run.recording, run.timeline, run.protocol)
+    return next_steps(run.subject)

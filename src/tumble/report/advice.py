@@ -16,31 +16,20 @@ from tumble.report.rounding import with_uncertainty
 
 if TYPE_CHECKING:
     from tumble.document.result import Calibration
-    from tumble.protocol import Protocol
-    from tumble.recording.recording import Recording
-    from tumble.segmentation import Timeline
+    from tumble.report.subject import Subject
 
 # One axis turned less than this share of the best one is worth a sentence.
 _MUCH_LESS = 0.6
 
 
-def next_steps(
-    calibration: Calibration,
-    rows: list[ParameterRow],
-    up_b: Vectors | None,
-    recording: Recording,
-    timeline: Timeline,
-    protocol: Protocol | None = None,
-) -> list[str]:
+def next_steps(subject: Subject) -> list[str]:
     """Return what would improve the calibration or make it more trustworthy, as sentences.
 
     Parameters
     ----------
-    calibration, rows : the result and its parameters for people.
-    up_b : (holds, 3) corrected specific force of the holds, m/s²; None without calibrated accelerometers.
-    recording, timeline : for the turns.
-    protocol : what was done, where it was told: on a table nobody holds the unit with a corner up.
+    subject : of the report; with a protocol nobody holds the unit with a corner up.
     """
+    calibration, protocol, up_b = subject.calibration, subject.protocol, subject.up_b
     steps: list[str] = []
     if not calibration.verdict.fit:
         steps.append("The calibration is not fit for use: mend what the verdict names, and record again.")
@@ -48,9 +37,9 @@ def next_steps(
     if procedure is not None and procedure.placement:
         steps.append(procedure.placement)
     elif up_b is not None:
-        steps += _poses(_without_gravity(calibration, rows), up_b)
+        steps += _poses(_without_gravity(calibration, subject.rows), up_b)
         if procedure is None or procedure.free_turns:
-            steps += _turns(rows, calibration, recording, timeline, up_b)
+            steps += _turns(subject, up_b)
     if calibration.accelerometer is not None:
         steps += _gravity(calibration)
         steps.append(
@@ -137,16 +126,10 @@ def _placed(up: Vector) -> str:
     return words if words.endswith(("x up", "y up", "z up")) and len(words) == 5 else f"the {words}"
 
 
-def _turns(
-    rows: list[ParameterRow],
-    calibration: Calibration,
-    recording: Recording,
-    timeline: Timeline,
-    up_b: Vectors,
-) -> list[str]:
-    row = weakest(rows, (GYRO, BETWEEN))
+def _turns(subject: Subject, up_b: Vectors) -> list[str]:
+    row = weakest(subject.rows, (GYRO, BETWEEN))
     if row is None:
-        if recording.angular_rate is None:
+        if subject.recording.angular_rate is None:
             return []
         return [
             (
@@ -155,7 +138,7 @@ def _turns(
             )
         ]
     sentence = f"The least known gyro parameter is the {row.label} ({_uncertainty(row)})."
-    angles = _turned_about_horizontal(calibration, recording, timeline, up_b)
+    angles = _turned_about_horizontal(subject, up_b)
     if angles is None:
         return [sentence]
     least = int(np.argmin(angles))
@@ -170,17 +153,15 @@ def _turns(
     return [f"{sentence} No axis lacks turns; more turns of 90° to 180° about all of them would help evenly."]
 
 
-def _turned_about_horizontal(
-    calibration: Calibration, recording: Recording, timeline: Timeline, up_b: Vectors
-) -> Vector | None:
+def _turned_about_horizontal(subject: Subject, up_b: Vectors) -> Vector | None:
     """Return (3,) rad turned about each axis, counted as far as the axis was horizontal; None without gyro."""
-    gyro = calibration.gyroscope
+    gyro, recording = subject.calibration.gyroscope, subject.recording
     if recording.angular_rate is None or gyro is None or gyro.matrix is None:
         return None
     total = np.zeros(3)
     inverse = np.linalg.inv(np.array(gyro.matrix, dtype=float))
     units = up_b / np.linalg.norm(up_b, axis=1, keepdims=True)
-    for turn in timeline.turns:
+    for turn in subject.timeline.turns:
         if not turn.usable:
             continue
         rates = recording.angular_rate[turn.start : turn.stop]

@@ -315,11 +315,7 @@ def _test_vectors(calibration: Calibration) -> Table:
 
 
 def _end(subject: Subject) -> list[Block]:
-    calibration = subject.calibration
-    steps = next_steps(
-        calibration, subject.rows, subject.up_b, subject.recording, subject.timeline, subject.protocol
-    )
-    return [*section("What to do next", Sentences(steps)), *_how(calibration)]
+    return [*section("What to do next", Sentences(next_steps(subject))), *_how(subject.calibration)]
 
 
 def _how(calibration: Calibration) -> list[Block]:

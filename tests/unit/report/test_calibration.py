@@ -194,12 +194,15 @@ def test_of_many_recordings_the_title_names_the_first_and_the_last(calibration: 
 def test_on_a_table_nobody_is_told_to_hold_the_unit_with_a_corner_up(run: dict[str, Any]) -> None:
     from tumble.protocol import named_protocol
     from tumble.report.advice import next_steps
-    from tumble.report.parameters import parameter_rows
 
     calibration = run["calibration"].model_copy(update={"procedure": "joint"})
     up_b = 9.81 * np.eye(3)[np.arange(len(run["means"])) % 3]
-    given = (calibration, parameter_rows(calibration), up_b, run["recording"], run["timeline"])
-    assert any("Hold the unit with" in step for step in next_steps(*given))
-    steps = next_steps(*given, named_protocol("rate-table"))
+    free, placed = (
+        Subject(**(run | {"calibration": calibration, "protocol": told}))
+        for told in (None, named_protocol("rate-table"))
+    )
+    vars(free)["up_b"] = vars(placed)["up_b"] = up_b
+    assert any("Hold the unit with" in step for step in next_steps(free))
+    steps = next_steps(placed)
     assert not any("Hold the unit with" in step for step in steps)
     assert any("placement" in step for step in steps)
