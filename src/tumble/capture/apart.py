@@ -17,8 +17,7 @@ from typing import Any
 import numpy as np
 
 from tumble.arrays import Series, Vectors
-from tumble.capture.samples import Channels
-from tumble.capture.source import Piece, SourceOptions
+from tumble.capture.source import Channels, Piece, SourceOptions
 from tumble.recording.formats.folder import rank_sensor
 from tumble.recording.formats.streams import Merging
 from tumble.recording.samples import Samples, joined

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from tumble.capture.events import Event
-from tumble.capture.samples import Channels
+from tumble.capture.source import Channels
 from tumble.errors import UsageError
 from tumble.files import GrowingFile, make_folder
 from tumble.recording.formats.output import column_names

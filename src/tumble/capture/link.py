@@ -5,10 +5,10 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from typing import Protocol
+from typing import Protocol, TypeAlias
 
 from tumble.capture.apart import SensorLines, is_of_sensors
-from tumble.capture.source import Notice, Piece, SourceOptions
+from tumble.capture.source import Notice, Piece, Source, SourceOptions
 from tumble.capture.text_lines import TextLines
 from tumble.errors import UsageError
 
@@ -52,22 +52,23 @@ class Decoder(Protocol):
         ...
 
 
-def pieces_of_link(connect: Callable[[], Link], name: str, options: SourceOptions) -> Iterator[Piece]:
-    """Yield what a line sends; a line that is lost is told, and opened again when it is back.
+Line: TypeAlias = tuple[Callable[[], Link], str]
+"""How a line is opened, and what it is called in messages."""
+
+
+def source_of_lines(name: str, title: str, example: str, find: Callable[[str], Line]) -> Source:
+    """Return a source that sends lines of text or of JSON.
 
     Parameters
     ----------
-    connect : opens the line.
-    name : of the stream, for messages.
-    options : as given.
-
-    Raises
-    ------
-    UsageError
-        If the line cannot be opened at the start.
-    RecordingError
-        If the stream cannot be a recording, such as one whose header contradicts gravity.
+    name, title, example : as of every source.
+    find : from what stands behind the colon to the line; it may refuse an address.
     """
+    return Source(name, title, example, lambda address, options: _pieces(*find(address), options))
+
+
+def _pieces(connect: Callable[[], Link], name: str, options: SourceOptions) -> Iterator[Piece]:
+    """Yield what a line sends; a line that is lost is told, and opened again when it is back."""
     link: Link | None = connect()
     stream = _Stream(options, name)
     try:

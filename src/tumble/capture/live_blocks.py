@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tumble.arrays import Vectors
-from tumble.capture.samples import Channels
+from tumble.capture.source import Channels
 from tumble.recording.recording import Recording
 from tumble.recording.samples import Samples, joined
 from tumble.segmentation.blocks import BlockCut, Blocks, TriadBlocks

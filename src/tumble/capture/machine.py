@@ -17,7 +17,7 @@ from tumble.capture.coach import Coach, Progress
 from tumble.capture.events import Event
 from tumble.capture.live_blocks import MOST_BLOCKS, LiveBlocks
 from tumble.capture.live_holds import Change, LiveHold, LiveHolds
-from tumble.capture.samples import Channels
+from tumble.capture.source import Channels
 from tumble.recording.samples import Samples
 from tumble.records import dataclass
 from tumble.units import COUNTS, STANDARD_GRAVITY, angular_rate_factor, specific_force_factor

@@ -14,8 +14,7 @@ from tumble.capture.events import Event
 from tumble.capture.folder import HOLDS, RECORDING, CaptureFolder, check_folder
 from tumble.capture.guide import Guide
 from tumble.capture.machine import Capture
-from tumble.capture.samples import Channels
-from tumble.capture.source import Notice, Piece, Source, SourceOptions
+from tumble.capture.source import Channels, Notice, Piece, Source, SourceOptions
 from tumble.capture.sources.replay import replay, split_speed
 from tumble.capture.stamps import ENOUGH, ForwardClock, kept_beside
 from tumble.earth import Site

@@ -12,8 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from tumble.arrays import Series, Vectors
-from tumble.capture.samples import Channels
-from tumble.capture.source import Piece, SourceOptions
+from tumble.capture.source import Channels, Piece, SourceOptions
 from tumble.capture.stamps import ArrivalClock
 from tumble.errors import RecordingError
 from tumble.recording.columns import ColumnPlan, plan_from_names

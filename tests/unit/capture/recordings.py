@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from tumble.capture.samples import Channels
+from tumble.capture.source import Channels
 from tumble.recording import Recording
 from tumble.recording.samples import Samples
 

@@ -17,8 +17,7 @@ import pytest
 from tests.unit.capture.test_links import collected
 
 from tumble.capture.apart import ApartSensors
-from tumble.capture.samples import Channels
-from tumble.capture.source import Notice, Piece, SourceOptions, find_source
+from tumble.capture.source import Channels, Notice, Piece, SourceOptions, find_source
 from tumble.errors import UsageError
 from tumble.recording.samples import Samples, joined
 

@@ -13,8 +13,7 @@ from tumble.capture.events import Event
 from tumble.capture.machine import Capture
 from tumble.capture.rest_coach import RestCoach
 from tumble.capture.run import CaptureOrder, run_capture
-from tumble.capture.samples import Channels
-from tumble.capture.source import SourceOptions, sources
+from tumble.capture.source import Channels, SourceOptions, sources
 from tumble.capture.sources.simulated import SimulatedPerson
 from tumble.capture.steps_coach import StepsCoach, step_phrase
 from tumble.earth import Site

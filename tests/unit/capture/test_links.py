@@ -23,8 +23,7 @@ from tests.unit.capture.recordings import by_hand
 
 from tumble.capture.apart import SensorLines
 from tumble.capture.link import Decoder
-from tumble.capture.samples import Channels
-from tumble.capture.source import Notice, Piece, SourceOptions, find_source, sources
+from tumble.capture.source import Channels, Notice, Piece, SourceOptions, find_source, sources
 from tumble.capture.text_lines import TextLines
 from tumble.errors import RecordingError, UsageError
 from tumble.recording.samples import Samples, joined

@@ -12,7 +12,7 @@ from tumble.attitude.directions import twenty_six_directions
 from tumble.capture.live_blocks import LiveBlocks
 from tumble.capture.live_holds import LiveHolds
 from tumble.capture.machine import Capture
-from tumble.capture.samples import Channels
+from tumble.capture.source import Channels
 from tumble.capture.sources.simulated import Flaws, SimulatedPerson
 from tumble.recording import Recording, read_recording
 from tumble.recording.samples import Samples

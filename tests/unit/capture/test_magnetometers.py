@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from tumble.capture.folder import RECORDING, CaptureFolder
-from tumble.capture.samples import Channels
-from tumble.capture.source import Piece, SourceOptions, find_source
+from tumble.capture.source import Channels, Piece, SourceOptions, find_source
 from tumble.capture.text_lines import TextLines
 from tumble.recording import read_recording
 from tumble.recording.samples import Samples, joined

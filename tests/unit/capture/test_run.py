@@ -23,7 +23,7 @@ from tumble.capture.folder import CaptureFolder
 from tumble.capture.guide import Guide
 from tumble.capture.machine import Capture
 from tumble.capture.run import CaptureOrder, run_capture
-from tumble.capture.source import Piece, Source, SourceOptions
+from tumble.capture.source import Channels, Piece, Source, SourceOptions
 from tumble.capture.source import sources as all_sources
 from tumble.capture.targets import read_targets
 from tumble.earth import Site
@@ -309,7 +309,6 @@ def test_a_target_that_is_none_is_refused(text: str) -> None:
 
 
 def test_a_unit_whose_numbers_never_change_does_not_end_the_capture(tmp_path: Path) -> None:
-    from tumble.capture.samples import Channels
     from tumble.recording.samples import Samples
 
     time_of = np.arange(1000) / 100.0

@@ -11,15 +11,14 @@ import json
 import queue
 import threading
 import time
-from collections.abc import Iterator
 from contextlib import suppress
+from functools import partial
 from http.client import HTTPConnection, HTTPException
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any, cast
 
-from tumble.capture.link import pieces_of_link
-from tumble.capture.source import Piece, Source, SourceOptions
-from tumble.capture.sources.sockets import pieces_of_port, split_address
+from tumble.capture.link import Line, source_of_lines
+from tumble.capture.sources.streams import port_here, split_address
 from tumble.errors import UsageError
 
 # s to wait for an answer; bytes of a posted document, and how many wait to be read.
@@ -103,10 +102,9 @@ def _buffers_of(config: dict[str, Any]) -> dict[str, tuple[str, ...]]:
     return found
 
 
-def _read_phyphox(address: str, options: SourceOptions) -> Iterator[Piece]:
-    """Yield what phyphox measures."""
+def _phyphox(address: str) -> Line:
     host, port = split_address(address if ":" in address else f"{address}:80", None)
-    return pieces_of_link(lambda: _Phyphox(host, port), f"the phone at {host}", options)
+    return partial(_Phyphox, host, port), f"the phone at {host}"
 
 
 class _Posted:
@@ -159,12 +157,12 @@ class _Posted:
         self._server.server_close()
 
 
-def _read_posted(address: str, options: SourceOptions) -> Iterator[Piece]:
-    """Yield what is posted to a port of this machine, see `pieces_of_port`."""
-    return pieces_of_port(_Posted, "Port", address, options)
-
-
 SOURCES = (
-    Source("phyphox", "a phone with the app phyphox", "phyphox:HOST:8080", _read_phyphox),
-    Source("http", "lines or JSON that are posted to a port here", "http:PORT", _read_posted),
+    source_of_lines("phyphox", "a phone with the app phyphox", "phyphox:HOST:8080", _phyphox),
+    source_of_lines(
+        "http",
+        "lines or JSON that are posted to a port here",
+        "http:PORT",
+        partial(port_here, _Posted, "Port"),
+    ),
 )

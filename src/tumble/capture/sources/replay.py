@@ -10,8 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tumble.capture.samples import Channels
-from tumble.capture.source import Piece, Source, SourceOptions
+from tumble.capture.source import Channels, Piece, Source, SourceOptions
 from tumble.errors import RecordingError
 from tumble.recording.reading import Paths, read_blocks, recording_inputs
 from tumble.recording.recording import Recording

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
-from tumble.capture.link import Link, pieces_of_link
-from tumble.capture.source import Piece, Source, SourceOptions
+from tumble.capture.link import Line, source_of_lines
 from tumble.errors import UsageError, install
 
 BAUD = 115_200
@@ -77,8 +76,7 @@ def found_ports() -> list[tuple[str, str]]:
     ]
 
 
-def _read_serial(address: str, options: SourceOptions) -> Iterator[Piece]:
-    """Yield what a serial port sends."""
+def _port(address: str) -> Line:
     device, _, baud = address.partition("@")
     if not device:
         there = ", ".join(name for name, _ in found_ports()) or "none is connected"
@@ -86,15 +84,12 @@ def _read_serial(address: str, options: SourceOptions) -> Iterator[Piece]:
     if baud and not (baud.isdigit() and 0 < int(baud) <= 20_000_000):
         raise UsageError(f"{baud} is no baud rate: give one as serial:{device}@921600.")
 
-    def connect() -> Link:
-        return _Port(device, int(baud or BAUD))
-
-    return pieces_of_link(connect, device, options)
+    return partial(_Port, device, int(baud or BAUD)), device
 
 
-SOURCE = Source(
+SOURCE = source_of_lines(
     "serial",
     "a serial port (USB), @BAUD behind it if not 115200",
     "serial:/dev/ttyACM0",
-    _read_serial,
+    _port,
 )

@@ -15,8 +15,7 @@ from tumble.arrays import Vector, Vectors
 from tumble.attitude.rotations import matrix_from_rotation_vector, rotation_between
 from tumble.capture.events import Event
 from tumble.capture.machine import Capture
-from tumble.capture.samples import Channels
-from tumble.capture.source import Piece, Source, SourceOptions
+from tumble.capture.source import Channels, Piece, Source, SourceOptions
 from tumble.errors import UsageError
 from tumble.recording.samples import Samples
 from tumble.records import dataclass

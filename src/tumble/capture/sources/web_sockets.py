@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from contextlib import ExitStack
+from functools import partial
 from typing import Any
 from urllib.parse import quote
 
-from tumble.capture.link import pieces_of_link
-from tumble.capture.source import Piece, Source, SourceOptions
-from tumble.capture.sources.sockets import split_address
+from tumble.capture.link import Line, source_of_lines
+from tumble.capture.sources.streams import split_address
 from tumble.errors import UsageError, install
 
 # s to connect, and until a server has said something; bytes of a message.
@@ -65,10 +64,9 @@ class _WebSocket:
         self._context.close()
 
 
-def _read_web_socket(address: str, options: SourceOptions) -> Iterator[Piece]:
-    """Yield what a WebSocket sends: lines of text."""
+def _server(address: str) -> Line:
     url = f"ws:{address}" if address.startswith("//") else f"ws://{address}"
-    return pieces_of_link(lambda: _WebSocket(url), url, options)
+    return partial(_WebSocket, url), url
 
 
 class _Phone(_WebSocket):
@@ -92,13 +90,14 @@ class _Phone(_WebSocket):
         return first or super().read(seconds)
 
 
-def _read_app(address: str, options: SourceOptions) -> Iterator[Piece]:
-    """Yield what the app SensorServer sends."""
+def _app(address: str) -> Line:
     host, port = split_address(address if ":" in address else f"{address}:8080", None)
-    return pieces_of_link(lambda: _Phone(host, port), f"the phone at {host}", options)
+    return partial(_Phone, host, port), f"the phone at {host}"
 
 
 SOURCES = (
-    Source("ws", "a WebSocket that sends lines", "ws://HOST:PORT/PATH", _read_web_socket),
-    Source("sensorserver", "an Android phone with the app SensorServer", "sensorserver:HOST:8080", _read_app),
+    source_of_lines("ws", "a WebSocket that sends lines", "ws://HOST:PORT/PATH", _server),
+    source_of_lines(
+        "sensorserver", "an Android phone with the app SensorServer", "sensorserver:HOST:8080", _app
+    ),
 )
