@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import ConfigDict, Field
 
 import tumble
-from tumble.document.part import DocumentPart
+from tumble.document.part import DocumentPart, finite
 from tumble.report.noise import (
     CURVE,
     DEFINITIONS,
@@ -55,11 +55,7 @@ class Practical(_Strict):
     unit: str
 
 
-class TermBlock(_Strict):
-    """A coefficient that the curve shows."""
-
-    letter: str = Field(description="of IEEE Std 952; sigma and correlation time of a Gauss-Markov process")
-    name: str
+class _Stated(_Strict):
     definition: str
     value: float
     standard_uncertainty: float | None
@@ -67,6 +63,13 @@ class TermBlock(_Strict):
     high: float
     unit: str = Field(description="of value, standard_uncertainty, low and high: SI, or counts")
     practical: Practical
+
+
+class TermBlock(_Stated):
+    """A coefficient that the curve shows."""
+
+    letter: str = Field(description="of IEEE Std 952; sigma and correlation time of a Gauss-Markov process")
+    name: str
     curve_missed_by: float | None = Field(
         default=None,
         description="factor by which the fitted curve misses the measured one over a decade of averaging times. "
@@ -120,20 +123,13 @@ class LineBlock(_Strict):
     unit: str = Field(description="of the amplitude, which is the peak's")
 
 
-class RandomWalkBlock(_Strict):
+class RandomWalkBlock(_Stated):
     """N with the white part of short Gauss-Markov processes, which a filter that has no state for them takes."""
 
     letter: Literal["N"]
-    definition: str
-    value: float
-    standard_uncertainty: float | None
-    low: float
-    high: float
-    unit: str = Field(description="of value, standard_uncertainty, low and high: SI, or counts")
     correlation_times_s: list[float] = Field(
         description="of the processes in it; it holds for times a good deal longer. Empty where it is N alone"
     )
-    practical: Practical
 
 
 class FloorBlock(_Strict):
@@ -274,15 +270,15 @@ def noise_document(noise: Characterisation) -> dict[str, Any]:
 
 
 def _channel(channel: Channel) -> ChannelBlock:
-    terms: dict[str, TermBlock] = {}
-    for term in channel.terms:
-        terms[term.letter] = TermBlock(
+    terms = {
+        term.letter: TermBlock(
             letter=term.letter,
             name=NAMES.get(term.letter, term.letter),
-            definition=definition_of(term.letter),
-            **_stated(channel, term.letter, term),
+            **_stated(channel, term.letter, term, definition_of(term.letter)),
             curve_missed_by=None if channel.fit is None else channel.fit.missed.get(term.letter),
         )
+        for term in channel.terms
+    }
     return ChannelBlock(
         unit=channel.unit,
         terms=terms,
@@ -306,25 +302,23 @@ def _random_walk(channel: Channel) -> RandomWalkBlock | None:
         return None
     return RandomWalkBlock(
         letter="N",
-        definition=DEFINITIONS["random walk"],
-        **_stated(channel, "N", term),
+        **_stated(channel, "N", term, DEFINITIONS["random walk"]),
         correlation_times_s=[] if channel.white is None else list(channel.white.times),
     )
 
 
-def _stated(channel: Channel, letter: str, term: Term) -> dict[str, Any]:
+def _stated(channel: Channel, letter: str, term: Term, definition: str) -> dict[str, Any]:
     """A coefficient with its uncertainty and its interval, in SI and as people use it."""
     factor, unit = practical_unit(channel, letter)
-    practical = Practical(
-        value=factor * term.value, standard_uncertainty=_number(factor * term.sigma), unit=unit
-    )
+    sigma = finite(factor * term.sigma)
     return {
+        "definition": definition,
         "value": term.value,
-        "standard_uncertainty": _number(term.sigma),
+        "standard_uncertainty": finite(term.sigma),
         "low": term.low,
         "high": term.high,
         "unit": si_unit(channel, letter),
-        "practical": practical,
+        "practical": Practical(value=factor * term.value, standard_uncertainty=sigma, unit=unit),
     }
 
 
@@ -408,9 +402,5 @@ def _spectrum(noise: Characterisation, letter: str) -> SpectrumBlock:
     )
 
 
-def _number(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
-
-
 def _numbers(values: Any) -> Numbers:
-    return [_number(v) for v in np.asarray(values, dtype=float)]
+    return [finite(v) for v in np.asarray(values, dtype=float)]
