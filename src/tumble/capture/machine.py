@@ -62,48 +62,38 @@ def early_doubts(live: LiveBlocks, seconds: float) -> list[str]:
         doubts.append(
             "No accelerometer comes in: nothing can be calibrated from poses. Switch its output on."
         )
-    return doubts + _of_force(live) + _of_rate(live)
+    return doubts + [words for words in (_of_force(live), _of_rate(live)) if words]
 
 
-def _of_force(live: LiveBlocks) -> list[str]:
-    factor = specific_force_factor(live.channels.specific_force_unit or COUNTS)
-    force = live.newest("force", 60)
+def _of_force(live: LiveBlocks) -> str:
+    unit = live.channels.specific_force_unit or COUNTS
+    factor, force = specific_force_factor(unit), live.newest("force", 60)
     if force is None or not len(force):
-        return []
+        return ""
     if np.all(force == force[0]):
-        return ["The accelerometer always says the same number: it does not measure."]
-    if factor is None:
-        return []
-    size = float(np.median(np.linalg.norm(force, axis=1))) * factor / STANDARD_GRAVITY
+        return "The accelerometer always says the same number: it does not measure."
+    size = float(np.median(np.linalg.norm(force, axis=1))) * (factor or np.nan) / STANDARD_GRAVITY
     if size < 0.2:
-        words = f"The accelerometer shows {size:.2f} g, so the device takes gravity out: send the raw acceleration."
-        return [words]
-    if not LEAST_FORCE < size < MOST_FORCE:
-        words = (
-            f"The accelerometer shows {size:.3g} g, which cannot be in {live.channels.specific_force_unit}: say what "
-            "unit it is (--units)."
+        return f"The accelerometer shows {size:.2f} g, so the device takes gravity out: send the raw acceleration."
+    if size <= LEAST_FORCE or size >= MOST_FORCE:
+        return (
+            f"The accelerometer shows {size:.3g} g, which cannot be in {unit}: say what unit it is (--units)."
         )
-        return [words]
-    return []
+    return ""
 
 
-def _of_rate(live: LiveBlocks) -> list[str]:
-    factor = angular_rate_factor(live.channels.angular_rate_unit or COUNTS)
-    rate = live.newest("rate", 60)
+def _of_rate(live: LiveBlocks) -> str:
+    unit = live.channels.angular_rate_unit or COUNTS
+    factor, rate = angular_rate_factor(unit), live.newest("rate", 60)
     if rate is None or not len(rate):
-        return []
+        return ""
     if np.all(rate == 0.0):
-        return [
-            "The gyro shows exactly zero: it is off, or corrected at rest. Switch that off and send raw rates."
-        ]
+        return "The gyro shows exactly zero: it is off, or corrected at rest. Switch that off and send raw rates."
     if np.mean(np.all(rate == 0.0, axis=1)) > 0.5:
-        words = "The gyro shows exactly zero for much of the time: the device corrects it. Switch its dead band off."
-        return [words]
-    if factor is not None and float(np.median(np.linalg.norm(rate, axis=1))) * factor > MOST_RATE:
-        return [
-            f"The gyro shows rates that cannot be in {live.channels.angular_rate_unit}: say the unit (--units)."
-        ]
-    return []
+        return "The gyro shows exactly zero for much of the time: the device corrects it. Switch its dead band off."
+    if float(np.median(np.linalg.norm(rate, axis=1))) * (factor or np.nan) > MOST_RATE:
+        return f"The gyro shows rates that cannot be in {unit}: say the unit (--units)."
+    return ""
 
 
 # s of data after which it is said what is wrong with the stream.
