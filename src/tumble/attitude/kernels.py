@@ -283,10 +283,11 @@ def average_windows(
     w = cython.declare(cython.double[3])
     last = cython.declare(cython.double[3])
     f = cython.declare(cython.double[3])
+    sums = cython.declare(cython.double[3])
     with cython.nogil:
         for k in range(starts.shape[0]):
             _unit(c)
-            s0 = s1 = s2 = 0.0
+            sums[0] = sums[1] = sums[2] = 0.0
             count = stops[k] - starts[k]
             for n in range(count):
                 i = starts[k] + n if backward else stops[k] - 1 - n
@@ -303,38 +304,14 @@ def average_windows(
                     )
                     for j in range(9):
                         c[j] = turned[j]
-                s0 += c[0] * f[0] + c[1] * f[1] + c[2] * f[2]
-                s1 += c[3] * f[0] + c[4] * f[1] + c[5] * f[2]
-                s2 += c[6] * f[0] + c[7] * f[1] + c[8] * f[2]
-                for j in range(3):
-                    last[j] = w[j]
-            means[k, 0] = s0 / count
-            means[k, 1] = s1 / count
-            means[k, 2] = s2 / count
+                for axis in range(3):
+                    sums[axis] += c[3 * axis] * f[0] + c[3 * axis + 1] * f[1] + c[3 * axis + 2] * f[2]
+                    last[axis] = w[axis]
+            for axis in range(3):
+                means[k, axis] = sums[axis] / count
 
 
-@cython.locals(
-    w=cython.double,
-    x=cython.double,
-    y=cython.double,
-    z=cython.double,
-    hx=cython.double,
-    hy=cython.double,
-    hz=cython.double,
-    s=cython.double,
-    sinc=cython.double,
-    cosine=cython.double,
-    a=cython.double,
-    b=cython.double,
-    c=cython.double,
-    d=cython.double,
-    tx=cython.double,
-    ty=cython.double,
-    tz=cython.double,
-    vx=cython.double,
-    vy=cython.double,
-    vz=cython.double,
-)
+@cython.locals(w=cython.double, x=cython.double, y=cython.double, z=cython.double)
 def transform_sequence(
     rate: cython.const[cython.double][:, ::1],
     force: cython.const[cython.double][:, ::1],
@@ -354,11 +331,16 @@ def transform_sequence(
     before that one's end, `last`; `C_start_end` (3, 3) the attitude at the end.
     """
     sums = cython.declare(cython.double[12])
+    # the force and its powers of time, the Earth's turn, a cross product
+    v = cython.declare(cython.double[3])
+    e = cython.declare(cython.double[3])
+    across = cython.declare(cython.double[3])
+    rotation = cython.declare(cython.double[9])
     with cython.nogil:
         w, x, y, z = 1.0, 0.0, 0.0, 0.0
         for j in range(3):
             averages[0, j] = averages[1, j] = 0.0
-        ex, ey, ez = earth[0], earth[1], earth[2]
+            e[j] = earth[j]
         half = 0.5 * step
         begin = 0
         for piece in range(5):
@@ -377,8 +359,8 @@ def transform_sequence(
             for m in range(12):
                 sums[m] = 0.0
             for k in range(begin, min(stop, rate.shape[0])):
-                hx, hy, hz = half * rate[k, 0], half * rate[k, 1], half * rate[k, 2]
-                s = hx * hx + hy * hy + hz * hz
+                p, q, r = half * rate[k, 0], half * rate[k, 1], half * rate[k, 2]
+                s = p * p + q * q + r * r
                 if s < 1e-3:
                     # sin(h)/h and cos(h) to 1e-17 below 0.03 rad of half an angle
                     sinc = 1.0 + s * (-1.0 / 6 + s * (1.0 / 120 - s * (1.0 / 5040)))
@@ -386,72 +368,57 @@ def transform_sequence(
                 else:
                     h = sqrt(s)
                     sinc, cosine = sin(h) / h, cos(h)
-                hx *= sinc
-                hy *= sinc
-                hz *= sinc
-                a = w * cosine - x * hx - y * hy - z * hz
-                b = w * hx + x * cosine + y * hz - z * hy
-                c = w * hy - x * hz + y * cosine + z * hx
-                d = w * hz + x * hy - y * hx + z * cosine
-                w, x, y, z = a, b, c, d
+                hx, hy, hz = p * sinc, q * sinc, r * sinc
+                w, x, y, z = (
+                    w * cosine - x * hx - y * hy - z * hz,
+                    w * hx + x * cosine + y * hz - z * hy,
+                    w * hy - x * hz + y * cosine + z * hx,
+                    w * hz + x * hy - y * hx + z * cosine,
+                )
                 if window >= 0:
                     weight = weights[k - at]
                     fx, fy, fz = weight * force[k, 0], weight * force[k, 1], weight * force[k, 2]
                     # q f q*, of a unit quaternion
                     tx, ty, tz = 2.0 * (y * fz - z * fy), 2.0 * (z * fx - x * fz), 2.0 * (x * fy - y * fx)
-                    vx = fx + w * tx + y * tz - z * ty
-                    vy = fy + w * ty + z * tx - x * tz
-                    vz = fz + w * tz + x * ty - y * tx
+                    v[0] = fx + w * tx + y * tz - z * ty
+                    v[1] = fy + w * ty + z * tx - x * tz
+                    v[2] = fz + w * tz + x * ty - y * tx
                     t = (k - middle) * step
                     for power in range(4):
-                        sums[3 * power] += vx
-                        sums[3 * power + 1] += vy
-                        sums[3 * power + 2] += vz
-                        vx *= t
-                        vy *= t
-                        vz *= t
+                        for j in range(3):
+                            sums[3 * power + j] += v[j]
+                            v[j] *= t
             begin = max(begin, stop)
             if window < 0:
                 continue
             # Back by what the Earth has turned since the start: by a series from the middle of the window, whose fourth
             # power is nothing (1e-8 of gravity in ten minutes), and from there to the start by exp(-[earth t]).
-            ux, uy, uz = (
-                sums[6] - (ey * sums[11] - ez * sums[10]) / 3.0,
-                sums[7] - (ez * sums[9] - ex * sums[11]) / 3.0,
-                sums[8] - (ex * sums[10] - ey * sums[9]) / 3.0,
-            )
-            ux, uy, uz = (
-                sums[3] - 0.5 * (ey * uz - ez * uy),
-                sums[4] - 0.5 * (ez * ux - ex * uz),
-                sums[5] - 0.5 * (ex * uy - ey * ux),
-            )
-            vx, vy, vz = (
-                sums[0] - (ey * uz - ez * uy),
-                sums[1] - (ez * ux - ex * uz),
-                sums[2] - (ex * uy - ey * ux),
-            )
-            t = (middle + 0.5) * step
-            rx, ry, rz = ex * t, ey * t, ez * t
-            angle = rx * rx + ry * ry + rz * rz
-            one, two = 1.0 - angle / 6.0 + angle * angle / 120.0, 0.5 - angle / 24.0 + angle * angle / 720.0
-            cx, cy, cz = ry * vz - rz * vy, rz * vx - rx * vz, rx * vy - ry * vx
-            averages[window, 0] = vx - one * cx + two * (ry * cz - rz * cy)
-            averages[window, 1] = vy - one * cy + two * (rz * cx - rx * cz)
-            averages[window, 2] = vz - one * cz + two * (rx * cy - ry * cx)
+            for j in range(3):
+                v[j] = sums[9 + j]
+            for power in range(2, -1, -1):
+                _cross(e, v, across)
+                for j in range(3):
+                    v[j] = sums[3 * power + j] - across[j] / (power + 1)
+            t = -(middle + 0.5) * step
+            square = t * t * (e[0] * e[0] + e[1] * e[1] + e[2] * e[2])
+            _fill_rotation(t * e[0], t * e[1], t * e[2], _sinc(square), _cosc(square), rotation, 0, 1)
+            for j in range(3):
+                averages[window, j] = (
+                    rotation[3 * j] * v[0] + rotation[3 * j + 1] * v[1] + rotation[3 * j + 2] * v[2]
+                )
+        # I + 2 w [q] + 2 [q]², of the quaternion's vector q
         norm = 1.0 / sqrt(w * w + x * x + y * y + z * z)
-        w, x, y, z = w * norm, x * norm, y * norm, z * norm
-        C_start_end[0, 0], C_start_end[0, 1], C_start_end[0, 2] = (
-            1.0 - 2.0 * (y * y + z * z),
-            2.0 * (x * y - w * z),
-            2.0 * (x * z + w * y),
-        )
-        C_start_end[1, 0], C_start_end[1, 1], C_start_end[1, 2] = (
-            2.0 * (x * y + w * z),
-            1.0 - 2.0 * (x * x + z * z),
-            2.0 * (y * z - w * x),
-        )
-        C_start_end[2, 0], C_start_end[2, 1], C_start_end[2, 2] = (
-            2.0 * (x * z - w * y),
-            2.0 * (y * z + w * x),
-            1.0 - 2.0 * (x * x + y * y),
-        )
+        _fill_rotation(x * norm, y * norm, z * norm, 2.0 * w * norm, 2.0, rotation, 0, 1)
+        for j in range(9):
+            C_start_end[j // 3, j % 3] = rotation[j]
+
+
+@cython.cfunc
+@cython.inline
+@cython.nogil
+@cython.exceptval(check=False)
+def _cross(a: cython.p_double, b: cython.p_double, made: cython.p_double) -> cython.void:
+    """Fill the cross product; `made` is another vector."""
+    made[0] = a[1] * b[2] - a[2] * b[1]
+    made[1] = a[2] * b[0] - a[0] * b[2]
+    made[2] = a[0] * b[1] - a[1] * b[0]
