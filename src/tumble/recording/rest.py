@@ -135,13 +135,13 @@ def count_poses(directions: Vectors) -> int:
     return len(one_a_direction(directions))
 
 
-def fit_sphere(points: Vectors) -> tuple[Vector, float] | None:
+def fit_sphere(points: Vectors, fewest: int = 5, spread: float = 0.1) -> tuple[Vector, float] | None:
     """Return centre and radius of the sphere through points (least squares), or None if undetermined.
 
-    The means of an accelerometer at rest lie on a sphere around its bias; the fit needs four points
-    that are well spread.
+    The means of an accelerometer at rest lie on a sphere around its bias; the fit needs four points at least that
+    are well spread: the least singular value of its equations is so large a share of the largest.
     """
-    if points.shape[0] < 5:
+    if points.shape[0] < fewest:
         return None
     middle = points.mean(axis=0)
     size = float(np.sqrt(((points - middle) ** 2).sum(axis=1).mean()))
@@ -150,7 +150,7 @@ def fit_sphere(points: Vectors) -> tuple[Vector, float] | None:
     q = (points - middle) / size
     design = np.column_stack([2.0 * q, np.ones(len(q))])
     singular = np.linalg.svd(design, compute_uv=False)
-    if singular[-1] < 0.1 * singular[0]:
+    if singular[-1] < spread * singular[0]:
         return None
     solution = np.linalg.pinv(design) @ (q**2).sum(axis=1)
     centre: Vector = solution[:3]

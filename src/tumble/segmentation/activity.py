@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from tumble.arrays import Series, Vector, Vectors, median
+from tumble.recording.rest import fit_sphere
 from tumble.records import dataclass
 from tumble.segmentation.blocks import Blocks, TriadBlocks, find_runs
 from tumble.segmentation.timeline import Hold
@@ -216,18 +217,11 @@ def _sphere(force: Vectors, noise: float) -> tuple[Vector, float, bool]:
     One pose alone shows a sphere of noise: then the centre is taken as zero, and the last is False.
     """
     force = force[:: max(1, force.shape[0] // 2000)]
-    middle = median(force)
-    centred = force - middle
     usual = float(np.median(np.linalg.norm(force, axis=1))) or 1.0
-    reach = float(np.linalg.norm(centred)) / len(centred) ** 0.5 or usual
-    unit = centred / reach
-    table = np.column_stack([2.0 * unit, np.ones(len(unit))])
-    singular = np.sqrt(np.linalg.eigvalsh(table.T @ table).clip(0.0))
-    if reach > 20.0 * noise and len(unit) >= 4 and singular[0] > 0.15 * singular[-1]:
-        solution: np.ndarray = np.linalg.pinv(table) @ np.sum(unit**2, axis=1)
-        radius = float(np.sqrt(max(solution[3] + solution[:3] @ solution[:3], 0.0)))
-        if 0.5 < radius < 3.0:
-            return middle + reach * solution[:3], radius * reach, True
+    reach = float(np.linalg.norm(force - median(force))) / len(force) ** 0.5 or usual
+    sphere = fit_sphere(force, 4, 0.15) if reach > 20.0 * noise else None
+    if sphere is not None and 0.5 < sphere[1] / reach < 3.0:
+        return *sphere, True
     return np.zeros(3), usual, False
 
 

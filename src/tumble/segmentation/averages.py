@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tumble.arrays import Matrices, Series, Vector, Vectors, block_means
+from tumble.arrays import Matrices, Series, Vectors, block_means
 from tumble.errors import SegmentationError
 from tumble.records import dataclass
 from tumble.segmentation.rounding import rounding_variance
@@ -38,7 +38,6 @@ def mean_covariance(
     items: list[list[tuple[int, int]]],
     *,
     span: int | None = None,
-    least_floor: Vector | None = None,
     rounding: Vectors | None = None,
 ) -> MeanCovariance:
     """Average a signal over each item's stretches and find the covariance of each average.
@@ -66,7 +65,6 @@ def mean_covariance(
     items : the half-open index ranges of each item, in order and without overlap.
     span : samples from the first item to the end of the last on the recording's clock, where `signal`
         holds the items alone.
-    least_floor : (3,) floor of the Allan variance that is known from elsewhere, raw units squared.
     rounding : (items, 3) what rounding leaves, raw units squared, where `signal` is no longer as the converter
         wrote it; None finds it.
 
@@ -101,8 +99,6 @@ def mean_covariance(
         dof[here] = np.where(noisier.any(axis=1), own_dof, pooled_dof)[here]
     calm = [part for part, out in zip(parts, disturbed, strict=True) if not out]
     floor = _flicker_floor(calm, int(np.median(levels)))
-    if least_floor is not None:
-        floor = np.maximum(floor, least_floor)
     if span is None:
         span = max(item[-1][1] for item in items) - min(item[0][0] for item in items)
     wander = np.maximum(np.log(span / counts), 0.0)[:, None] * floor / (2.0 * np.log(2.0))

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from tumble.arrays import AnyArray, Matrix, Series, Table, Vector, Vectors
 from tumble.protocol.steps import HoldStep, Pose, Protocol, SpinStep, Step
 from tumble.recording.recording import Recording
+from tumble.recording.rest import fit_sphere
 from tumble.records import dataclass
 from tumble.segmentation.observations import HoldMeans
 from tumble.segmentation.spins import FoundSpin, SpinSearch, find_spins, judge_spin
@@ -128,18 +129,8 @@ def scale_of_sphere(raw: Vectors) -> RoughScale | None:
 
     None where they do not determine one.
     """
-    middle = 0.5 * (raw.max(axis=0) + raw.min(axis=0))
-    reach = float(np.max(np.abs(raw - middle)))
-    if len(raw) < 4 or reach == 0.0:
-        return None
-    unit = (raw - middle) / reach
-    design = np.column_stack([2.0 * unit, np.ones(len(unit))])
-    values = np.linalg.svd(design, compute_uv=False)
-    if values[-1] < 0.15 * values[0]:
-        return None
-    solution: AnyArray = np.linalg.pinv(design) @ np.sum(unit**2, axis=1)
-    square = float(solution[3] + solution[:3] @ solution[:3])
-    return RoughScale(middle + reach * solution[:3], reach * square**0.5) if square > 0.0 else None
+    sphere = fit_sphere(raw, 4, 0.15)
+    return None if sphere is None else RoughScale(*sphere)
 
 
 def scale_of_poses(raw: Vectors, up_b: Vectors) -> RoughScale | None:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from tumble.arrays import Matrices, Series, Vectors
 from tumble.errors import SegmentationError
 from tumble.recording.recording import Recording
 from tumble.records import dataclass
-from tumble.segmentation.averages import MeanCovariance, mean_covariance
+from tumble.segmentation.averages import mean_covariance
 from tumble.segmentation.rest_wander import RestParts, observe_parts
 from tumble.segmentation.timeline import Hold, Timeline
 
@@ -72,24 +74,24 @@ def observe_holds(recording: Recording, timeline: Timeline) -> HoldMeans:
     force = _mean(recording.specific_force, holds)
     rate = _mean(recording.angular_rate, holds)
     return HoldMeans(
-        specific_force=force.mean if force else None,
-        specific_force_covariance=force.covariance if force else None,
-        specific_force_dof=force.dof if force else None,
-        angular_rate=rate.mean if rate else None,
-        angular_rate_covariance=rate.covariance if rate else None,
-        angular_rate_dof=rate.dof if rate else None,
+        *force[:3],
+        *rate[:3],
         duration=counts / recording.rate,
         time=np.array([0.5 * (recording.time[h.start] + recording.time[h.stop - 1]) for h in holds]),
         count=counts,
         temperature=_temperatures(recording.temperature, holds),
-        specific_force_rounding=force.rounding if force else None,
-        angular_rate_rounding=rate.rounding if rate else None,
+        specific_force_rounding=force[3],
+        angular_rate_rounding=rate[3],
         parts=observe_parts(recording, timeline),
     )
 
 
-def _mean(signal: Vectors | None, holds: tuple[Hold, ...]) -> MeanCovariance | None:
-    return None if signal is None else mean_covariance(signal, [hold.stretches() for hold in holds])
+def _mean(signal: Vectors | None, holds: tuple[Hold, ...]) -> tuple[Any, Any, Any, Any]:
+    """Mean, covariance, its degrees of freedom and what rounding leaves; None four times without a triad."""
+    if signal is None:
+        return None, None, None, None
+    found = mean_covariance(signal, [hold.stretches() for hold in holds])
+    return found.mean, found.covariance, found.dof, found.rounding
 
 
 def _temperatures(temperature: Series | None, holds: tuple[Hold, ...]) -> np.ndarray | None:

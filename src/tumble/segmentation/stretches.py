@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import field
+from dataclasses import field, replace
 
 import numpy as np
 
@@ -282,14 +282,11 @@ def _same_hold(
 def _merge(before: Stretch, after: Stretch) -> Stretch:
     longer = before if before.length >= after.length else after
     hole = (int(np.floor(before.stop)), int(np.ceil(after.start)))
-    return Stretch(
-        before.first,
-        after.last,
-        before.start,
-        after.stop,
-        longer.rate,
-        longer.rate_scatter,
-        longer.force,
-        longer.force_scatter,
-        [*before.excluded, hole, *after.excluded],
+    return replace(
+        longer,
+        first=before.first,
+        last=after.last,
+        start=before.start,
+        stop=after.stop,
+        excluded=[*before.excluded, hole, *after.excluded],
     )

@@ -96,7 +96,7 @@ class TemperatureBasis:
             powers = np.cumprod(np.repeat(difference[:, None], self.order, axis=1), axis=1)
             return np.asarray(powers, dtype=np.float64)
         reference = np.array([self.reference_celsius])
-        hats = self._hats(temperature_celsius) - self._hats(reference)
+        hats = self._cardinal(temperature_celsius)[0] - self._cardinal(reference)[0]
         return np.ascontiguousarray(np.delete(hats, self.omitted, axis=1))
 
     def derivatives(self, temperature_celsius: Series) -> Table:
@@ -105,49 +105,24 @@ class TemperatureBasis:
             powers = np.arange(1.0, self.order + 1.0)
             difference = temperature_celsius - self.reference_celsius
             return powers * np.power(difference[:, None], powers - 1.0)
-        return np.ascontiguousarray(np.delete(self._slopes(temperature_celsius), self.omitted, axis=1))
+        return np.ascontiguousarray(np.delete(self._cardinal(temperature_celsius)[1], self.omitted, axis=1))
 
-    def _place(self, temperature: Series) -> tuple[Series, Series, np.ndarray]:
-        """Return the interval's width, the part of it that is behind, and its index."""
-        index = np.clip(np.searchsorted(self.nodes, temperature, side="right") - 1, 0, self.nodes.size - 2)
-        width = self.nodes[index + 1] - self.nodes[index]
-        return width, (temperature - self.nodes[index]) / width, index
-
-    def _hats(self, temperature: Series) -> Table:
-        """Return (samples, nodes) of the interpolation's cardinal functions."""
-        width, part, index = self._place(temperature)
-        hats = np.zeros((temperature.size, self.nodes.size))
-        rows = np.arange(temperature.size)
-        hats[rows, index] = 1.0 - part
-        hats[rows, index + 1] = part
-        if self.kind == "linear":
-            return hats
-        inside = np.clip(part, 0.0, 1.0)
-        bend = _second_derivatives(self.nodes)
-        left = ((1.0 - inside) ** 3 - (1.0 - inside)) * width**2 / 6.0
-        right = (inside**3 - inside) * width**2 / 6.0
-        hats += left[:, None] * bend[index] + right[:, None] * bend[index + 1]
-        # Beyond the ends the spline goes on as its tangent: what is left of the line to the outside.
-        beyond = (part - inside) * width**2 / 6.0
-        first, last = part < 0.0, part > 1.0
-        hats[first] -= (beyond[:, None] * bend[index + 1])[first]
-        hats[last] += (beyond[:, None] * bend[index])[last]
-        return hats
-
-    def _slopes(self, temperature: Series) -> Table:
-        """Return (samples, nodes) derivatives of the cardinal functions, 1/K."""
-        width, part, index = self._place(temperature)
-        slopes = np.zeros((temperature.size, self.nodes.size))
-        rows = np.arange(temperature.size)
-        slopes[rows, index] = -1.0 / width
-        slopes[rows, index + 1] = 1.0 / width
-        if self.kind == "linear":
-            return slopes
-        inside = np.clip(part, 0.0, 1.0)
-        bend = _second_derivatives(self.nodes)
-        left = (1.0 - 3.0 * (1.0 - inside) ** 2) * width / 6.0
-        right = (3.0 * inside**2 - 1.0) * width / 6.0
-        return slopes + left[:, None] * bend[index] + right[:, None] * bend[index + 1]
+    def _cardinal(self, temperature: Series) -> tuple[Table, Table]:
+        """Return (samples, nodes) the interpolation's cardinal functions and their derivatives, 1/K."""
+        nodes = self.nodes
+        inside = np.clip(temperature, nodes[0], nodes[-1])
+        index = np.clip(np.searchsorted(nodes, inside, side="right") - 1, 0, nodes.size - 2)
+        width = (nodes[index + 1] - nodes[index])[:, None]
+        part = (inside - nodes[index])[:, None] / width
+        one, next_ = np.eye(nodes.size)[index], np.eye(nodes.size)[index + 1]
+        hats, slopes = (1.0 - part) * one + part * next_, (next_ - one) / width
+        if self.kind == "spline":
+            bend = _second_derivatives(nodes) / 6.0
+            left, right = width * bend[index], width * bend[index + 1]
+            hats += width * (((1.0 - part) ** 3 - (1.0 - part)) * left + (part**3 - part) * right)
+            slopes += (1.0 - 3.0 * (1.0 - part) ** 2) * left + (3.0 * part**2 - 1.0) * right
+        # Beyond the ends it goes on as its tangent.
+        return hats + (temperature - inside)[:, None] * slopes, slopes
 
 
 def _second_derivatives(nodes: Series) -> Square:

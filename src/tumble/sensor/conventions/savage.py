@@ -15,6 +15,8 @@ matrix and U turns the frame into the mean-gyro one.
 
 from __future__ import annotations
 
+from dataclasses import fields
+
 import numpy as np
 
 from tumble.arrays import Matrix, Series, Vector
@@ -91,17 +93,7 @@ class SavageErrors:
     @property
     def vector(self) -> Series:
         """(24,) in the order of `NAMES`."""
-        return np.concatenate(
-            [
-                self.kappa,
-                self.kappa_asymmetry,
-                self.upsilon,
-                self.bias,
-                self.scale,
-                self.scale_asymmetry,
-                self.mu,
-            ]
-        )
+        return np.concatenate([getattr(self, each.name) for each in fields(self)[: len(GROUPS)]])
 
     def model(self) -> ImuModel:
         """Return the one sensor model, raw units SI, in the mean-gyro frame."""
@@ -139,16 +131,17 @@ def savage_from_model(model: ImuModel) -> tuple[SavageErrors, Matrix]:
     assert turned.gyroscope is not None
     gyro = turned.gyroscope.matrix - np.eye(3)
     force = turned.accelerometer.matrix - np.eye(3)
-    nothing = np.zeros(3)
+    asymmetries = [
+        np.zeros(3) if triad.asymmetry is None else triad.asymmetry.copy()
+        for triad in (turned.gyroscope, turned.accelerometer)
+    ]
     errors = SavageErrors(
         kappa=np.diag(gyro).copy(),
-        kappa_asymmetry=nothing if turned.gyroscope.asymmetry is None else turned.gyroscope.asymmetry.copy(),
+        kappa_asymmetry=asymmetries[0],
         upsilon=np.array([gyro[i, j] + gyro[j, i] for i, j in PAIRS]),
         bias=turned.accelerometer.bias.copy(),
         scale=np.diag(force).copy(),
-        scale_asymmetry=nothing
-        if turned.accelerometer.asymmetry is None
-        else turned.accelerometer.asymmetry.copy(),
+        scale_asymmetry=asymmetries[1],
         mu=np.array([force[i, j] for i, j in OFF_DIAGONAL]),
         gyro_bias=turned.gyroscope.bias.copy(),
     )
