@@ -158,6 +158,13 @@ def judge_messages() -> list[Finding]:
         texts = [*messages_of(source), *(helps_of(source) if "cli" in path.parts else ())]
         for line, text in texts:
             found += judge(text, f"{path.relative_to(ROOT).as_posix()}:{line}")
+    # What stands in the tables of protocols is printed, too: a text in each line, after its key.
+    for path in sorted(
+        path for end in ("json", "yaml") for path in (ROOT / "src/tumble/protocol").glob(f"*.{end}")
+    ):
+        for line, text in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+            said = "" if text.lstrip().startswith("#") else text.partition(": ")[2].strip("'\", ")
+            found += judge(said, f"{path.relative_to(ROOT).as_posix()}:{line}")
     return found
 
 

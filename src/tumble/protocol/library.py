@@ -6,8 +6,10 @@ multi-position test only wants the poses to differ.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -16,7 +18,6 @@ from tumble.attitude.directions import twenty_six_directions
 from tumble.errors import ProtocolError
 from tumble.protocol.steps import HoldStep, Pose, Protocol, RampStep, SoakStep, SpinStep, Step, TurnStep
 from tumble.protocol.strapdown_rotation import strapdown_rotation_steps
-from tumble.records import dataclass
 from tumble.units import DEGREE
 
 # A cube's face on a levelled plate; and a box that a hand props up on an edge.
@@ -208,106 +209,29 @@ def _laboratory() -> tuple[Step, ...]:
     return tuple(steps)
 
 
-@dataclass(frozen=True, slots=True)
-class _Named:
-    procedure: str
-    steps: Callable[[], tuple[Step, ...]]
-    description: str
-
-
-_NAMED = {
-    "six-position": _Named(
-        "six-position",
-        lambda: _holds(twenty_six_directions()[:6], LEVELLED),
-        "Each face up once, on a levelled plate: accelerometer biases and scale factors.",
-    ),
-    "multi-position-26": _Named(
-        "multi-position",
-        lambda: _multi_position(26),
-        "All faces, edges and corners of a cube up once, anyhow: accelerometers in full.",
-    ),
-    "multi-position-18": _Named(
-        "multi-position",
-        lambda: _multi_position(18),
-        "Faces and edges up once, anyhow: accelerometers in full.",
-    ),
-    "multi-position-10": _Named(
-        "multi-position",
-        lambda: _multi_position(10),
-        "Faces and four edges, anyhow: the thesis' first ten, none with an edge between y and z up, so that "
-        "the non-orthogonality of y and z is not seen.",
-    ),
-    "multi-position-9": _Named(
-        "multi-position",
-        lambda: _multi_position(9),
-        "Faces and three edges, anyhow: as many poses as unknowns, so that nothing checks the result.",
-    ),
-    "rate-table": _Named(
-        "rate-table",
-        _rate_table,
-        "Each face up on a rate table, spun both ways at 10, 50, 100 and 200°/s: the gyros.",
-    ),
-    "modified-multi-position": _Named(
-        "modified-multi-position",
-        _modified_multi_position,
-        "Twelve poses on a single-axis table, each at rest and spun both ways at 41.8°/s: both triads.",
-    ),
-    "turntable-9": _Named(
-        "turntable",
-        lambda: _turntable(NINE),
-        "Faces and three edges at rest, then five turns of a table both ways about six axes that lie "
-        "level. Gives both triads and the rotation between them, however the unit is mounted (Zhang "
-        "et al. 2010).",
-    ),
-    "turntable-18": _Named(
-        "turntable",
-        lambda: _turntable(tuple(range(18))),
-        "The same with all twelve edges at rest: accelerometers with a check, and better misalignments.",
-    ),
-    "laboratory": _Named(
-        "laboratory",
-        _laboratory,
-        "Each axis up and down with the next one north, west, south and east on an aligned table, "
-        "then five turns both ways about each axis. Gives both triads against the table's axes, as "
-        "good as the table.",
-    ),
-    "strapdown-rotation": _Named(
-        "strapdown-rotation",
-        strapdown_rotation_steps,
-        "Seventeen sequences of rotations on a two-axis fixture, at rest before and after each. "
-        "Gives both triads with asymmetry, hardly touched by how well the fixture is made or set up "
-        "(Savage 2018).",
-    ),
-    "thermal-soak": _Named(
-        "thermal",
-        _thermal_soak,
-        "Nine poses by hand at each of five temperatures, three of them come to from below and from above: "
-        "accelerometers in full and gyro biases as functions of temperature.",
-    ),
-    "thermal-ramp": _Named(
-        "thermal",
-        lambda: _thermal_ramp(0.0),
-        "A slow sweep from cold to hot and back, the unit at rest: all biases against temperature, its rate "
-        "and its history.",
-    ),
-    "thermal-ramp-tumbled": _Named(
-        "thermal",
-        lambda: _thermal_ramp(60.0),
-        "The same sweep with the unit turned to another pose every minute: accelerometers in full, too.",
-    ),
-    "thermal-fridge": _Named(
-        "thermal",
-        _thermal_fridge,
-        "From the fridge to the room in one recording, without a chamber: biases against temperature, one way.",
-    ),
-    "hand-held": _Named(
-        "hand-held", _hand_held, "All 26 poses held and turned by hand: both triads in full."
-    ),
+_STEPS: dict[str, Callable[[], tuple[Step, ...]]] = {
+    "six-position": lambda: _holds(twenty_six_directions()[:6], LEVELLED),
+    "multi-position-26": lambda: _multi_position(26),
+    "multi-position-18": lambda: _multi_position(18),
+    "multi-position-10": lambda: _multi_position(10),
+    "multi-position-9": lambda: _multi_position(9),
+    "rate-table": _rate_table,
+    "modified-multi-position": _modified_multi_position,
+    "turntable-9": lambda: _turntable(NINE),
+    "turntable-18": lambda: _turntable(tuple(range(18))),
+    "laboratory": _laboratory,
+    "strapdown-rotation": strapdown_rotation_steps,
+    "thermal-soak": _thermal_soak,
+    "thermal-ramp": lambda: _thermal_ramp(0.0),
+    "thermal-ramp-tumbled": lambda: _thermal_ramp(60.0),
+    "thermal-fridge": _thermal_fridge,
+    "hand-held": _hand_held,
 }
+# Their procedures and what they are for, which is shown where no YAML is read.
+_SAID = json.loads(Path(__file__).with_name("library.json").read_text(encoding="utf-8"))
 
-PROTOCOLS: dict[str, str] = {name: named.description for name, named in _NAMED.items()}
+PROTOCOLS: dict[str, str] = {name: _SAID[name]["description"] for name in _STEPS}
 """What each named protocol is for, in a sentence."""
-
 
 REST = "rest"
 """Name of the protocol that is no calibration's: a unit that lies still, for its noise."""
@@ -336,7 +260,6 @@ def named_protocol(name: str) -> Protocol:
     ProtocolError
         If there is none; the message lists those that there are.
     """
-    if name not in _NAMED:
+    if name not in _STEPS:
         raise ProtocolError(f"There is no protocol {name!r}: choose one of {', '.join(PROTOCOLS)}.")
-    named = _NAMED[name]
-    return Protocol(name, named.procedure, named.steps(), description=named.description)
+    return Protocol(name, _SAID[name]["procedure"], _STEPS[name](), description=PROTOCOLS[name])
