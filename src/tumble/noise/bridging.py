@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tumble.arrays import AnyArray
+from tumble.noise.held import of_each
 from tumble.recording import Recording
 from tumble.recording.stamps import find_gaps
 
@@ -48,27 +49,15 @@ def bridge(recording: Recording, budget: float) -> tuple[Recording, int, int]:
     grid = np.arange(len(recording), dtype=np.float64) + added
     full = np.arange(float(grid[-1]) + 1.0)
 
-    def filled(values: AnyArray | None) -> AnyArray | None:
-        if values is None:
-            return None
+    def filled(values: AnyArray) -> AnyArray:
         result = np.empty((len(full), *values.shape[1:]))
         for place in np.ndindex(values.shape[1:]):
             result[:, *place] = np.interp(full, grid, values[:, *place])
         return result
 
-    long = index[~short]
-    return (
-        replace(
-            recording,
-            time=np.interp(full, grid, recording.time),
-            specific_force=filled(recording.specific_force),
-            angular_rate=filled(recording.angular_rate),
-            temperature=filled(recording.temperature),
-            gaps=tuple(int(grid[i]) for i in long),
-        ),
-        total,
-        int(np.count_nonzero(short)),
-    )
+    gaps = tuple(int(grid[i]) for i in index[~short])
+    bridged = of_each(recording, filled, time=np.interp(full, grid, recording.time), gaps=gaps)
+    return bridged, total, int(np.count_nonzero(short))
 
 
 def say_bridged(total: int, places: int, samples: int) -> str:

@@ -18,9 +18,9 @@ annex C. Percival, D. B., *On estimation of the wavelet variance*, Biometrika 82
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import field, replace
+from dataclasses import field, fields, replace
 from itertools import pairwise
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -91,18 +91,7 @@ class Deviation:
         ----------
         shortest : s.
         """
-        keep = self.tau >= shortest * (1.0 - 1e-9)
-        return replace(
-            self,
-            tau=self.tau[keep],
-            averaging=self.averaging[keep],
-            deviation=self.deviation[keep],
-            count=self.count[keep],
-            edf=self.edf[keep],
-            low=self.low[keep],
-            high=self.high[keep],
-            exponent=self.exponent[keep],
-        )
+        return self._cut(self.tau >= shortest * (1.0 - 1e-9), slice(None))
 
     def channel(self, index: int) -> Deviation:
         """Return the same of one channel alone, arrays of two dimensions still.
@@ -111,15 +100,18 @@ class Deviation:
         ----------
         index : of the channel.
         """
-        cut = slice(index, index + 1)
-        return replace(
-            self,
-            deviation=self.deviation[:, cut],
-            edf=self.edf[:, cut],
-            low=self.low[:, cut],
-            high=self.high[:, cut],
-            exponent=self.exponent[:, cut],
-        )
+        return self._cut(slice(None), slice(index, index + 1))
+
+    def _cut(self, taus: Any, channels: slice) -> Deviation:
+        arrays: dict[str, AnyArray] = {
+            each.name: values
+            for each in fields(self)
+            if isinstance(values := getattr(self, each.name), np.ndarray)
+        }
+        cut = {
+            name: each[taus] if each.ndim == 1 else each[taus][:, channels] for name, each in arrays.items()
+        }
+        return replace(self, **cut)
 
 
 def allan_deviation(

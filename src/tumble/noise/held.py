@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -142,18 +143,21 @@ def without_repeats(recording: Recording, held: Held, before: Recording | None =
     cuts = np.union1d(stuck, np.array(recording.gaps, dtype=np.int64)).astype(np.int64)
     gaps = tuple(int(place) for place in np.searchsorted(starts, cuts) if 0 < place < len(starts))
 
-    def taken(values: AnyArray | None) -> AnyArray | None:
-        return None if values is None else values[starts]
+    time = _even(recording.time[starts], gaps)
+    return of_each(recording, lambda values: values[starts], time=time, rate=held.rate, gaps=gaps)
 
-    return replace(
-        recording,
-        time=_even(recording.time[starts], gaps),
-        specific_force=taken(recording.specific_force),
-        angular_rate=taken(recording.angular_rate),
-        temperature=taken(recording.temperature),
-        rate=held.rate,
-        gaps=gaps,
-    )
+
+def of_each(recording: Recording, function: Callable[[AnyArray], AnyArray], **others: Any) -> Recording:
+    """Return a recording whose triads and temperature are made of its own by a function.
+
+    Parameters
+    ----------
+    recording, function : as read; of an array whose rows are samples.
+    others : fields of the recording that are not as they were.
+    """
+    kept = {name: getattr(recording, name) for name in ("specific_force", "angular_rate", "temperature")}
+    made = {name: None if values is None else function(values) for name, values in kept.items()}
+    return replace(recording, **made, **others)
 
 
 def blocks_without_repeats(
