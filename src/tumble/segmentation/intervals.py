@@ -38,12 +38,25 @@ def read_intervals(path: str | Path) -> list[tuple[float, float]]:
         words = re.split(r"[,;\s]+", line.strip().strip(",;"))
         if words == [""] or words[0].startswith("#"):
             continue
-        values = _numbers(words)
-        if values is None and names_allowed and len(words) == 2 and not any(map(_is_number, words)):
-            names_allowed = False
-            continue
+        values = [value for value in map(_number, words) if value is not None]
+        is_names = names_allowed and len(words) == 2 and not values
         names_allowed = False
-        intervals.append(_interval(path, number, line, values, intervals))
+        if is_names:
+            continue
+        where = f"{path}, line {number}"
+        if not len(words) == len(values) == 2:
+            raise SegmentationError(
+                f"{where}: {line.strip()[:40]!r} is not two numbers, start and stop in seconds."
+            )
+        start, stop = values
+        if stop <= start:
+            raise SegmentationError(f"{where}: the interval ends at {stop:g} s, not after {start:g} s.")
+        if intervals and start < intervals[-1][1]:
+            raise SegmentationError(
+                f"{where}: the interval starts at {start:g} s, before the one above it "
+                f"stops ({intervals[-1][1]:g} s); put the holds in order and apart."
+            )
+        intervals.append((start, stop))
     if not intervals:
         raise SegmentationError(
             f"{path}: the interval file holds no intervals; write start and stop in seconds, one hold a line."
@@ -51,42 +64,11 @@ def read_intervals(path: str | Path) -> list[tuple[float, float]]:
     return intervals
 
 
-def _is_number(word: str) -> bool:
+def _number(word: str) -> float | None:
     try:
-        number_of(word)
+        return number_of(word)
     except ValueError:
-        return False
-    return True
-
-
-def _numbers(words: list[str]) -> tuple[float, float] | None:
-    if len(words) != 2 or not all(map(_is_number, words)):
         return None
-    start, stop = float(words[0]), float(words[1])
-    return (start, stop) if np.isfinite(start) and np.isfinite(stop) else None
-
-
-def _interval(
-    path: str | Path,
-    number: int,
-    line: str,
-    values: tuple[float, float] | None,
-    earlier: list[tuple[float, float]],
-) -> tuple[float, float]:
-    if values is None:
-        raise SegmentationError(
-            f"{path}, line {number}: {line.strip()[:40]!r} is not two numbers, start and stop in seconds."
-        )
-    if values[1] <= values[0]:
-        raise SegmentationError(
-            f"{path}, line {number}: the interval ends at {values[1]:g} s, not after {values[0]:g} s."
-        )
-    if earlier and values[0] < earlier[-1][1]:
-        raise SegmentationError(
-            f"{path}, line {number}: the interval starts at {values[0]:g} s, before the one above it "
-            f"stops ({earlier[-1][1]:g} s); put the holds in order and apart."
-        )
-    return values
 
 
 def holds_of_intervals(recording: Recording, intervals: Sequence[tuple[float, float]]) -> list[Hold]:
