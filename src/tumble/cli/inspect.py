@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from tumble.cli.groups import PRINTED
 from tumble.cli.options import PrintOptions, Recordings
@@ -124,45 +124,25 @@ def _print_facts(screen: Console, inspection: Inspection, verbose: bool) -> None
 
 def _channel_table(recording: Recording, inspection: Inspection, verbose: bool) -> Table:
     """One row a triad, or a channel if `verbose`: unit, range, noise at rest, smallest step."""
-    found, rows = inspection.findings, list[list[str]]()
-    streams = (
-        ("specific force", "a", recording.specific_force, recording.specific_force_unit),
-        ("angular rate", "g", recording.angular_rate, recording.angular_rate_unit),
-    )
-    for title, letter, triad, unit in streams:
+    found, field, rows = inspection.findings, recording.magnetic_field, list[list[str]]()
+    streams: list[tuple[str, str, Any, str, Any]] = [
+        ("specific force", "a", recording.specific_force, recording.specific_force_unit, found),
+        ("angular rate", "g", recording.angular_rate, recording.angular_rate_unit, found),
+    ]
+    if field is not None:
+        streams.append(("magnetic field", "m", field.values, field.unit, found.magnetic_field))
+    for title, letter, triad, unit, facts in streams:
         if triad is None:
             rows.append([title, "absent", "", "", "", ""])
             continue
         names = [letter + axis for axis in "xyz"]
-        groups = [(n, [i]) for i, n in enumerate(names)] if verbose else [(title, [0, 1, 2])]
-        for label, axes in groups:
+        for label, axes in [(n, [i]) for i, n in enumerate(names)] if verbose else [(title, [0, 1, 2])]:
             values = (
                 f"{triad[:, axes].min():.5g}",
                 f"{triad[:, axes].max():.5g}",
-                f"{max(found.noise_floor[names[i]] for i in axes):.2g}",
-                f"{min(found.quantisation[names[i]] for i in axes):.3g}",
+                f"{max(facts.noise_floor[names[i]] for i in axes):.2g}",
+                f"{min(facts.quantisation[names[i]] for i in axes):.3g}",
             )
             rows.append([label, unit, *values])
-    rows += _field_rows(recording, inspection, verbose)
     heads = ("channel", "unit", "lowest", "highest", "noise at rest", "smallest step")
     return table(heads, rows, right=range(2, 6), box="SIMPLE_HEAD")
-
-
-def _field_rows(recording: Recording, inspection: Inspection, verbose: bool) -> list[list[str]]:
-    """The rows of the magnetometer, none without one."""
-    field, found = recording.magnetic_field, inspection.findings.magnetic_field
-    if field is None or found is None:
-        return []
-    names = list(found.noise_floor)
-    groups = [(n, [i]) for i, n in enumerate(names)] if verbose else [("magnetic field", [0, 1, 2])]
-    return [
-        [
-            label,
-            field.unit,
-            f"{field.values[:, axes].min():.5g}",
-            f"{field.values[:, axes].max():.5g}",
-            f"{max(found.noise_floor[names[i]] for i in axes):.2g}",
-            f"{min(found.quantisation[names[i]] for i in axes):.3g}",
-        ]
-        for label, axes in groups
-    ]

@@ -15,7 +15,6 @@ from tumble.noise.lines import FoundLine, find_lines
 from tumble.noise.spectrum import PowerSpectrum, StreamedSpectrum, segment_of
 from tumble.noise.suitability import Suitability
 from tumble.recording import Recording
-from tumble.recording.doctor import channels_of
 from tumble.records import dataclass
 from tumble.units import angular_rate_factor, specific_force_factor
 
@@ -169,7 +168,7 @@ def average_blocks(
     at, (first, last) = 0, _for_lines(suitability)
     kept: list[Table] = []
     for block, _ in counted(blocks, evidence.samples, lambda one: len(one[0])):
-        named = channels_of(block)
+        named = block.channels
         signals = np.column_stack([named[name] for name in names])
         if slopes is not None and block.temperature is not None:
             signals -= np.outer(block.temperature - slopes[1], slopes[0][columns])

@@ -13,7 +13,6 @@ from tumble.arrays import Series, Table
 from tumble.noise.deviation import find_pieces
 from tumble.noise.held import beyond_chance, equal_rows
 from tumble.recording import Recording
-from tumble.recording.doctor import channels_of
 from tumble.recording.rest import block_statistics, sample_pieces, smallest_step
 from tumble.records import dataclass
 
@@ -88,7 +87,7 @@ class RestEvidence:
         block : rows that are not finite part it as gaps do.
         after_gap : whether samples are missing before it.
         """
-        channels = channels_of(block)
+        channels = block.channels
         celsius = np.full(len(block), np.nan) if block.temperature is None else block.temperature
         rows = np.column_stack([*channels.values(), celsius, block.time])
         signals = rows[:, : len(channels)]

@@ -16,7 +16,6 @@ import numpy.typing as npt
 
 from tumble.arrays import AnyArray, Series, Table
 from tumble.recording import Recording
-from tumble.recording.doctor import channels_of
 from tumble.records import dataclass
 
 REPEATS = 0.02
@@ -94,7 +93,7 @@ def find_held(recording: Recording) -> Held | None:
     recording : as read; the first million of its rows are looked at.
     """
     head = recording.between(0, min(len(recording), _LOOKED_AT)) if len(recording) else recording
-    signals = np.column_stack(list(channels_of(head).values()))
+    signals = np.column_stack(list(head.channels.values()))
     signals = signals[:, np.any(signals[1:] != signals[:-1], axis=0)]
     pairs = len(signals) - 1
     if pairs < 2 * _LEAST_STUCK or not signals.shape[1]:
@@ -132,7 +131,7 @@ def without_repeats(recording: Recording, held: Held, before: Recording | None =
     recording, held : as read, and how its values are held.
     before : the row before its first one, where there is one.
     """
-    signals = np.column_stack(list(channels_of(recording).values()))
+    signals = np.column_stack(list(recording.channels.values()))
     starts = _starts(signals, recording.gaps)
     lengths = np.diff(starts, append=len(signals))
     if before is not None and not _is_new(recording, before):
@@ -214,7 +213,7 @@ def _starts(signals: Table, gaps: tuple[int, ...]) -> Integers:
 def _is_new(recording: Recording, before: Recording) -> bool:
     """Whether the first row is not the one before it over again."""
     now, then = (
-        np.array([values[k] for values in channels_of(each).values()])
+        np.array([values[k] for values in each.channels.values()])
         for each, k in ((recording, 0), (before, -1))
     )
     near = float(recording.time[0] - before.time[-1]) < 1.5 / recording.rate

@@ -429,8 +429,7 @@ def _declared_unit(slots: dict[str, tuple[int, str | None]], kind: str, quantity
     if len(known) > 1:
         raise RecordingError(
             f"The header gives different units of {quantity} to one triad "
-            f"({', '.join(sorted(str(u) for u in known))}); "
-            "state one with --units."
+            f"({', '.join(sorted(str(u) for u in known))}); state one with --units."
         )
     return known.pop() if known else None
 
@@ -767,9 +766,8 @@ def _time_and_values(columns: list[Series], name: str) -> tuple[int | None, list
     if len(values) < 3 or 3 < len(values) < 6:
         raise RecordingError(
             f"{name} has {len(columns)} column(s), "
-            f"{'one of them time' if time is not None else 'none of them time'}; "
-            "a recording needs three (one triad) or six (both) beside the time. Say which is which with "
-            "--columns."
+            f"{'one of them time' if time is not None else 'none of them time'}; a recording needs three (one triad) "
+            "or six (both) beside the time. Say which is which with --columns."
         )
     return time, values
 
@@ -1036,8 +1034,7 @@ def merge_pair(first: RawTable, second: RawTable, pairing: Pairing) -> RawTable:
     """
     if len(first) != len(second):
         raise RecordingError(
-            f"{first.path.name} has {len(first)} rows and {second.path.name} has {len(second)}: the two "
-            "triads need "
+            f"{first.path.name} has {len(first)} rows and {second.path.name} has {len(second)}: the two triads need "
             "the same stamps. Cut or interpolate one of them onto the stamps of the other; of a phone's log name "
             "the folder, whose sensors are put on one clock."
         )
@@ -1064,10 +1061,9 @@ def _check_stamps(first: RawTable, time: int, second: RawTable, other_time: int)
     if apart.size:
         row = int(apart[0])
         raise RecordingError(
-            f"{first.path.name} and {second.path.name} have different stamps from {first.place(row)} "
-            f"on ({a[row]:.9g} and {b[row]:.9g}). Interpolate one onto the stamps of the other, or "
-            "give one file with both. Of a phone's log give the folder, whose sensors are put on one "
-            "clock."
+            f"{first.path.name} and {second.path.name} have different stamps from {first.place(row)} on "
+            f"({a[row]:.9g} and {b[row]:.9g}). Interpolate one onto the stamps of the other, or give one file with "
+            "both. Of a phone's log give the folder, whose sensors are put on one clock."
         )
 
 

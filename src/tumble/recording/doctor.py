@@ -19,12 +19,13 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from tumble.arrays import Matrix, Series, Table, Vectors
 from tumble.recording.columns import is_earth_field, renamed, vector_signs
-from tumble.recording.gravity_check import axis_agreement, find_axis_contradiction
+from tumble.recording.gravity_check import axis_agreement, axis_words, find_axis_contradiction
 from tumble.recording.recording import Recording
 from tumble.recording.rest import (
     QuietStretches,
@@ -97,18 +98,17 @@ def inspect_field(recording: Recording, rests: QuietStretches) -> FieldFindings 
     field = recording.magnetic_field
     if field is None:
         return None
-    channels = dict(zip(_COLUMNS, field.values.T, strict=True))
+    channels: dict[str, Series] = dict(zip(_COLUMNS, field.values.T, strict=True))
     rate = field.rate or recording.rate
     floor = find_quiet_stretches(field.values, rate).floor
-    floors = {name: float(value) for name, value in zip(channels, floor, strict=True)}
-    stuck = tuple(name for name, values in channels.items() if float(np.ptp(values)) == 0.0)
-    saturations = tuple(s for n, values in channels.items() for s in find_saturation(values, n, floors[n]))
+    facts = _channel_facts(channels, floor)
+    stuck = facts["stuck"]
     signs = vector_signs(field.values, rate)
     norms = np.linalg.norm(field.values, axis=1)
     angle = None if stuck or recording.specific_force is None else _angle_to_gravity(recording, field, rests)
     axes = None if angle is None else angle.names()
     warnings = [
-        *_faults(recording, field, stuck, saturations),
+        *_faults(recording, field, stuck, facts["saturations"]),
         *_about_norm(signs.norm, field.unit),
         *_about_axes(angle, axes, recording.columns),
     ]
@@ -119,15 +119,25 @@ def inspect_field(recording: Recording, rests: QuietStretches) -> FieldFindings 
         norm=signs.norm,
         norm_range=(float(norms.min()), float(norms.max())),
         hard_iron=signs.offset,
-        noise_floor=floors,
-        quantisation={name: smallest_step(values) for name, values in channels.items()},
-        stuck=stuck,
-        saturations=saturations,
+        **facts,
         dip=None if angle is None or axes is not None else angle.dip,
         dip_scatter=None if angle is None or axes is not None else angle.scatter,
         axes=axes,
         warnings=tuple(warnings),
     )
+
+
+def _channel_facts(channels: dict[str, Series], floor: Series) -> dict[str, Any]:
+    """Return what findings hold of channels: noise at rest, smallest step, what never changes, what is at its limit."""
+    floors = {name: float(value) for name, value in zip(channels, floor, strict=True)}
+    return {
+        "noise_floor": floors,
+        "quantisation": {name: smallest_step(values) for name, values in channels.items()},
+        "stuck": tuple(name for name, values in channels.items() if float(np.ptp(values)) == 0.0),
+        "saturations": tuple(
+            s for n, values in channels.items() for s in find_saturation(values, n, floors[n])
+        ),
+    }
 
 
 def _faults(
@@ -176,11 +186,8 @@ class _Angle:
         wrong = self.own > max(_AXES_WRONG[0], _AXES_WRONG[1] * self.least)
         if not wrong or self.least > _AXES_RIGHT or self.second < _SECOND * self.least:
             return None
-        words = ["", "", ""]
-        for axis in range(3):
-            column = int(np.argmax(np.abs(self.best[axis])))
-            words[column] = ("-" if self.best[axis, column] < 0 else "") + "m" + "xyz"[axis]
-        return words[0], words[1], words[2]
+        first, second, third = axis_words(self.best, "m")
+        return first, second, third
 
 
 def _angle_to_gravity(recording: Recording, field: MagneticField, rests: QuietStretches) -> _Angle | None:
@@ -297,7 +304,7 @@ def find_dead_channels(recording: Recording) -> list[str]:
     """Return a sentence for each channel that never changes."""
     return [
         f"{name} never changes ({float(channel[0]):g} throughout): a dead sensor or a wrong column."
-        for name, channel in channels_of(recording).items()
+        for name, channel in recording.channels.items()
         # Most change soon.
         if channel.size and all(float(np.ptp(part)) == 0.0 for part in (channel[:1000], channel))
     ]
@@ -306,7 +313,7 @@ def find_dead_channels(recording: Recording) -> list[str]:
 def find_saturated_channels(recording: Recording) -> list[str]:
     """Return a sentence for each limit at which a channel sticks."""
     sentences: list[str] = []
-    for name, channel in channels_of(recording).items():
+    for name, channel in recording.channels.items():
         matters = (
             "turns with a saturated gyro are left out."
             if name.startswith("g")
@@ -395,15 +402,6 @@ def moment(recording: Recording, time: float) -> str:
     return f"t = {time:.6g} s" if abs(begin) < _DISTANT else f"{time - begin:.6g} s from the beginning"
 
 
-def channels_of(recording: Recording) -> dict[str, Series]:
-    """Return the channels that a recording has by name, ax to gz."""
-    found: dict[str, Series] = {}
-    for letter, triad in (("a", recording.specific_force), ("g", recording.angular_rate)):
-        if triad is not None:
-            found |= {letter + axis: triad[:, i] for i, axis in enumerate("xyz")}
-    return found
-
-
 def _gaps(recording: Recording) -> tuple[Gap, ...]:
     time, step = recording.time, 1.0 / recording.rate
     return tuple(
@@ -430,7 +428,7 @@ def _jitter(recording: Recording) -> tuple[float, float]:
 def _moving_share(signals: Table, quiet: QuietStretches, rate: float) -> float:
     """Share of the samples in blocks that scatter well above the noise or whose level changes, rests left out."""
     size = max(10, round(0.25 * rate))
-    if signals.shape[0] < 2 * size or not signals.shape[1]:
+    if signals.shape[0] < 2 * size:
         return 0.0
     means, scatter = block_statistics(signals, size)
     steps = np.abs(np.diff(means, axis=0, prepend=means[:1]))
@@ -449,17 +447,15 @@ def inspect_recording(recording: Recording) -> Findings:
     ----------
     recording : as read; nothing of it is changed.
     """
-    channels = channels_of(recording)
-    signals = np.column_stack(list(channels.values())) if channels else np.zeros((len(recording), 0))
-    quiet = find_quiet_stretches(signals, recording.rate) if channels else _no_stretches()
+    channels = recording.channels
+    signals = np.column_stack(list(channels.values())) if channels else np.zeros((0, 3))
+    quiet = find_quiet_stretches(signals, recording.rate)
     long = quiet.at_least(1.0 * recording.rate)
     poses, norms = _poses(recording, long.means[:, :3])
     lengths = quiet.stops - quiet.starts
-    stuck = tuple(n for n, c in channels.items() if float(np.ptp(c)) == 0.0)
-    floors = {n: float(f) for n, f in zip(channels, quiet.floor, strict=True)}
-    saturations = tuple(s for n, c in channels.items() for s in find_saturation(c, n, floors[n]))
+    facts = _channel_facts(channels, quiet.floor[: len(channels)])
     jitter, longest_step = _jitter(recording)
-    both = recording.specific_force is not None and recording.angular_rate is not None and not stuck
+    both = recording.specific_force is not None and recording.angular_rate is not None and not facts["stuck"]
     agreement = axis_agreement(recording) if both else None
     contradiction = find_axis_contradiction(recording) if both else None
     celsius = recording.temperature
@@ -471,10 +467,7 @@ def inspect_recording(recording: Recording) -> Findings:
         jitter=jitter,
         longest_step=longest_step,
         gaps=_gaps(recording),
-        saturations=saturations,
-        stuck=stuck,
-        noise_floor=floors,
-        quantisation={n: smallest_step(c) for n, c in channels.items()},
+        **facts,
         rest_share=int(lengths.sum()) / len(recording),
         motion_share=_moving_share(signals, quiet, recording.rate),
         quiet_stretches=len(long),
@@ -490,11 +483,6 @@ def inspect_recording(recording: Recording) -> Findings:
     return replace(
         found, warnings=tuple(_warnings(recording, found)), good_for=tuple(good), missing=tuple(missing)
     )
-
-
-def _no_stretches() -> QuietStretches:
-    none = np.zeros(0, np.intp)
-    return QuietStretches(none, none, np.zeros((0, 3)), np.zeros(0))
 
 
 def _poses(recording: Recording, means: Vectors) -> tuple[int, Series]:
@@ -536,8 +524,7 @@ def _warnings(recording: Recording, found: Findings) -> list[str]:
         low, high = min(found.rest_norms), max(found.rest_norms)
         if low < 0.8 * STANDARD_GRAVITY or high > 1.2 * STANDARD_GRAVITY:
             said.append(
-                f"The norm of specific force at rest runs from {low:.4g} to {high:.4g} m/s²; biases of a "
-                "usable "
+                f"The norm of specific force at rest runs from {low:.4g} to {high:.4g} m/s²; biases of a usable "
                 "accelerometer are smaller. Check the unit, or a channel of it."
             )
     return [*said, *(() if found.magnetic_field is None else found.magnetic_field.warnings)]

@@ -90,8 +90,7 @@ def find_steps_of_two(corrected: Recording) -> list[str]:
     if scale is not None and words is not None:
         step = step_of_two(scale.scale)
         said.append(
-            f"Gravity turns {_WORDS[step or 1.0]} as fast as the corrected gyro says: {words} than the "
-            "calibration's."
+            f"Gravity turns {_WORDS[step or 1.0]} as fast as the corrected gyro says: {words} than the calibration's."
         )
     return said
 
@@ -369,14 +368,19 @@ def nearest_signed_permutation(matrix: Matrix) -> Matrix:
     return best
 
 
+def axis_words(permutation: Matrix, letter: str) -> list[str]:
+    """Return what to call three columns that a signed permutation puts in order, as "-gy"."""
+    columns = np.argmax(np.abs(permutation), axis=0)
+    return [f"{'-' * bool(permutation[row, i] < 0)}{letter}{'xyz'[row]}" for i, row in enumerate(columns)]
+
+
 def _axis_sentence(permutation: Matrix, columns: str | None) -> str:
     """Say which gyro column seems to be which axis, and the option that puts it right."""
     parts: list[str] = []
-    words = ["gx", "gy", "gz"]
+    words = axis_words(permutation, "g")
     for axis in range(3):
         column = int(np.argmax(np.abs(permutation[axis])))
         sign = permutation[axis, column]
-        words[column] = ("-" if sign < 0 else "") + _COLUMN_NAMES[axis]
         if column != axis or sign < 0:
             reversed_ = " with its sign reversed" if sign < 0 else ""
             parts.append(f"the rate about {'xyz'[axis]} seems to stand in {_COLUMN_NAMES[column]}{reversed_}")
@@ -385,10 +389,9 @@ def _axis_sentence(permutation: Matrix, columns: str | None) -> str:
     if np.array_equal(permutation, -np.eye(3)):
         parts = ["the gyro turns the other way round, all its signs seem to be reversed"]
     return (
-        f"The gyro's axes contradict the way gravity turns in the accelerometers: {'; '.join(parts)}. "
-        f"Name the gyro's columns {listed} with --columns{option}, if the accelerometer's are right. A "
-        "reversed accelerometer axis, or two swapped ones, looks the same: compare both triads with "
-        "the data sheet."
+        f"The gyro's axes contradict the way gravity turns in the accelerometers: {'; '.join(parts)}. Name the "
+        f"gyro's columns {listed} with --columns{option}, if the accelerometer's are right. A reversed accelerometer "
+        "axis, or two swapped ones, looks the same: compare both triads with the data sheet."
     )
 
 

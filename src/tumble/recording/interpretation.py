@@ -100,21 +100,11 @@ class Signals:
 
     def cut(self, keep: npt.NDArray[np.bool_]) -> Signals:
         """Return what a boolean array keeps of the columns."""
-
-        def kept(part: AnyArray | None) -> AnyArray | None:
-            return None if part is None else part[keep]
-
         if keep.all():
             return self
-        return replace(
-            self,
-            stamps=kept(self.stamps),
-            force=kept(self.force),
-            rates=kept(self.rates),
-            temperature=kept(self.temperature),
-            magnetic=kept(self.magnetic),
-            magnetic_stamps=kept(self.magnetic_stamps),
-        )
+        names = ("stamps", "force", "rates", "temperature", "magnetic", "magnetic_stamps")
+        parts = {name: getattr(self, name) for name in names}
+        return replace(self, **{name: None if part is None else part[keep] for name, part in parts.items()})
 
 
 def pick_signals(table: RawTable, plan: ColumnPlan, *, parted: bool = False) -> Signals:
@@ -286,11 +276,11 @@ def _ordered(
     """Put the rows in time: by their stamps, or by the declared rate where there are none."""
     signals, good_to = pick_signals(table, plan, parted=parted), stated_clock(asked)
     rate = _declared_rate(table, plan, asked if good_to is None else None)
-    parts = (signals.stamps, signals.force, signals.rates, signals.magnetic)
-    count = next(len(p) for p in parts if p is not None)
-    rows = np.arange(count) if signals.rows is None else signals.rows
-    if count < 2:
-        raise RecordingError(f"{table.path.name} has {count} usable row(s); a recording needs at least two.")
+    rows = np.arange(len(table)) if signals.rows is None else signals.rows
+    if rows.size < 2:
+        raise RecordingError(
+            f"{table.path.name} has {rows.size} usable row(s); a recording needs at least two."
+        )
     if signals.stamps is None:
         if rate is None:
             raise RecordingError(
@@ -299,7 +289,7 @@ def _ordered(
             )
         gaps = tuple(int(i) + 1 for i in np.flatnonzero(np.diff(rows) > 1))
         return signals, stamps.Stamps(
-            rows / rate, np.ones(count, bool), gaps, float(rate), "s", clock_without_stamps(rate)
+            rows / rate, np.ones(rows.size, bool), gaps, float(rate), "s", clock_without_stamps(rate)
         )
 
     def place(row: int) -> str:
@@ -349,31 +339,22 @@ def interpret(
     plan = replace(plan, temperature_unit=units.temperature or plan.temperature_unit)
     signals, ordered = _ordered(table, plan, units.time, rate, parted)
     remarks += [*signals.remarks, *ordered.remarks]
-    recording = Recording(
-        time=ordered.time,
-        specific_force=signals.force,
-        angular_rate=signals.rates,
-        specific_force_unit=COUNTS,
-        angular_rate_unit=COUNTS,
-        rate=ordered.rate,
-        temperature=_in_celsius(signals.temperature, plan, remarks),
-        sources=sources,
-        gaps=ordered.gaps,
-        temperature_unit=plan.temperature_unit,
-        said_clock=ordered.clock,
-        columns=option_of(plan, len(table.columns)),
-    )
-    remarks += _about_temperature(recording)
-    recording, hold, about_field = _with_field(recording, table, signals, ordered.unit, plan, units)
     decided = Interpretation(
         plan,
         None if plan.time is None else ordered.unit,
         COUNTS,
         COUNTS,
         ordered.rate,
-        magnetic_field_unit=COUNTS if recording.magnetic_field is None else recording.magnetic_field.unit,
-        field_hold=hold,
+        field_hold=1 if signals.magnetic is None else hold_length(signals.magnetic),
     )
+    recording = _recording(table, signals, ordered.time, decided, sources, remarks, ordered.gaps)
+    recording = replace(recording, said_clock=ordered.clock, columns=option_of(plan, len(table.columns)))
+    if recording.temperature is not None and plan.temperature_unit not in (None, "degC"):
+        text = f"The temperature is said to be in {plan.temperature_unit}, and is converted to °C."
+        remarks.append(Remark("found", text))
+    field = recording.magnetic_field
+    unit, about_field = _about_field(field, table, signals, decided, units)
+    decided = replace(decided, magnetic_field_unit=unit)
     recording, decided = _judged(recording, decided, units, table)
     every = (*remarks, *about_field, *decided.remarks, *_unchecked(recording))
     decided = replace(decided, remarks=every)
@@ -381,7 +362,34 @@ def interpret(
         recording,
         specific_force_unit=decided.specific_force_unit,
         angular_rate_unit=decided.angular_rate_unit,
+        magnetic_field=None if field is None else replace(field, unit=unit),
         remarks=every,
+    )
+
+
+def _recording(
+    table: RawTable,
+    signals: Signals,
+    time: AnyArray,
+    decided: Interpretation,
+    sources: tuple[Source, ...],
+    remarks: list[Remark],
+    gaps: tuple[int, ...],
+) -> Recording:
+    """Return the recording that signals at these times make, as it is decided."""
+    return Recording(
+        time=time,
+        specific_force=_scaled(signals.force, decided.force_factor),
+        angular_rate=_scaled(signals.rates, decided.rate_factor),
+        specific_force_unit=decided.specific_force_unit,
+        angular_rate_unit=decided.angular_rate_unit,
+        rate=decided.rate,
+        temperature=_in_celsius(signals.temperature, decided.plan, remarks),
+        sources=sources,
+        remarks=tuple(remarks),
+        gaps=gaps,
+        temperature_unit=decided.plan.temperature_unit,
+        magnetic_field=_field(table, signals, time, decided),
     )
 
 
@@ -427,34 +435,28 @@ def _declared_rate(table: RawTable, plan: ColumnPlan, asked: float | str | None)
     return rate
 
 
-def _with_field(
-    recording: Recording,
+def _about_field(
+    field: MagneticField | None,
     table: RawTable,
     signals: Signals,
-    time_unit: str,
-    plan: ColumnPlan,
+    decided: Interpretation,
     units: DeclaredUnits,
-) -> tuple[Recording, int, list[Remark]]:
-    """Add the magnetometer's samples, from the rows or from beside them; over how many rows each is held; remarks."""
-    header, said, hold = plan.magnetic_field_unit, list[Remark](), 1
-    if signals.magnetic is not None:
-        hold = hold_length(signals.magnetic)
-    field = _field(table, signals, recording.time, time_unit, hold, COUNTS)
+) -> tuple[str, list[Remark]]:
+    """Decide the unit of the magnetometer's samples, from the rows or from beside them; and what is said of them."""
+    header, name, said = decided.plan.magnetic_field_unit, table.path.name, list[Remark]()
     if signals.magnetic is None:
-        header = None if table.field is None else table.field.unit
+        header = None if table.field is None else table.field.unit or None
         if table.field is not None and table.field.note:
-            said.append(Remark("found", f"{table.path.name}: {table.field.name} {table.field.note}."))
+            said.append(Remark("found", f"{name}: {table.field.name} {table.field.note}."))
     if field is None:
         if signals.magnetic is not None or table.field is not None:
-            said.append(
-                Remark("found", f"{table.path.name}: the magnetometer's columns hold no number but zero.")
-            )
-        return recording, hold, said
-    if hold > 1:
+            said.append(Remark("found", f"{name}: the magnetometer's columns hold no number but zero."))
+        return COUNTS, said
+    if (hold := decided.field_hold) > 1:
         text = f"The magnetometer has a new sample in every {hold} rows ({field.rate:.4g} Hz); repeated ones are none."
         said.append(Remark("found", text))
-    unit, more = decide_field_unit(field, units, header, table.path.name)
-    return replace(recording, magnetic_field=replace(field, unit=unit)), hold, [*said, *more]
+    unit, more = decide_field_unit(field, units, header, name)
+    return unit, [*said, *more]
 
 
 def _in_celsius(temperature: Series | None, plan: ColumnPlan, remarks: list[Remark]) -> Series | None:
@@ -471,22 +473,10 @@ def _in_celsius(temperature: Series | None, plan: ColumnPlan, remarks: list[Rema
     return temperature
 
 
-def _about_temperature(recording: Recording) -> list[Remark]:
-    unit = recording.temperature_unit
-    if recording.temperature is None or unit in (None, "degC"):
-        return []
-    return [Remark("found", f"The temperature is said to be in {unit}, and is converted to °C.")]
-
-
 def _unchecked(recording: Recording) -> list[Remark]:
-    if recording.specific_force is None and recording.angular_rate is None:
-        return []
     if recording.specific_force is None:
-        return [
-            Remark(
-                "unchecked", "Without an accelerometer nothing shows the gyro's unit, signs or order of axes."
-            )
-        ]
+        text = "Without an accelerometer nothing shows the gyro's unit, signs or order of axes."
+        return [] if recording.angular_rate is None else [Remark("unchecked", text)]
     text = (
         "Whether all three accelerometer axes are reversed together (the sign of gravity) cannot be seen in "
         "a recording"
@@ -553,34 +543,19 @@ def interpret_block(
             Remark("found", f"Samples are missing for {missing:.3g} s before t = {time[0]:.6g} s.")
         )
     signals = signals.cut(keep)
-    time_unit = decided.time_unit or "s"
-    return Recording(
-        time=time,
-        specific_force=_scaled(signals.force, decided.force_factor),
-        angular_rate=_scaled(signals.rates, decided.rate_factor),
-        specific_force_unit=decided.specific_force_unit,
-        angular_rate_unit=decided.angular_rate_unit,
-        rate=decided.rate,
-        temperature=_in_celsius(signals.temperature, decided.plan, remarks),
-        sources=sources,
-        remarks=tuple(remarks),
-        gaps=stamps.find_gaps(time, decided.rate),
-        temperature_unit=decided.plan.temperature_unit,
-        magnetic_field=_field(
-            table, signals, time, time_unit, decided.field_hold, decided.magnetic_field_unit
-        ),
-    )
+    gaps = stamps.find_gaps(time, decided.rate)
+    return _recording(table, signals, time, decided, sources, remarks, gaps)
 
 
 def _field(
-    table: RawTable, signals: Signals, time: AnyArray, time_unit: str, hold: int, unit: str
+    table: RawTable, signals: Signals, time: AnyArray, decided: Interpretation
 ) -> MagneticField | None:
     """Return the magnetometer's samples among a recording's rows, or from beside them."""
     if signals.magnetic is not None:
         own = time if signals.magnetic_stamps is None else signals.magnetic_stamps
-        return field_of_rows(own, signals.magnetic, hold, unit)
-    kept = None if signals.stamps is None else signals.stamps * time_factor(time_unit)
-    return field_beside(table, kept, time, unit)
+        return field_of_rows(own, signals.magnetic, decided.field_hold, decided.magnetic_field_unit)
+    kept = None if signals.stamps is None else signals.stamps * time_factor(decided.time_unit or "s")
+    return field_beside(table, kept, time, decided.magnetic_field_unit)
 
 
 def _continued(

@@ -1,4 +1,4 @@
-"""Reading a recording: whole, or block by block in bounded memory.
+"""Reading a recording: block by block in bounded memory, or whole, which is one block.
 
 A magnetometer in a file of its own, beside the file or the pair of files that hold the other triads.
 """
@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
+from itertools import chain
 from os import PathLike, fspath
 from pathlib import Path
 from typing import TypeAlias
@@ -27,7 +28,7 @@ from tumble.recording.columns import (
 )
 from tumble.recording.formats import read_table, read_table_blocks, source_of
 from tumble.recording.formats.frames import Frame, frame_table, input_name
-from tumble.recording.formats.table import FieldStream, RawTable
+from tumble.recording.formats.table import RawTable, joined_tables
 from tumble.recording.interpretation import (
     BlockState,
     Interpretation,
@@ -36,9 +37,10 @@ from tumble.recording.interpretation import (
     interpret_block,
 )
 from tumble.recording.recording import Recording
-from tumble.recording.samples import Remark, Source
+from tumble.recording.samples import MagneticField, Remark, Source
 from tumble.recording.stamps import seconds_of
 from tumble.recording.units import DeclaredUnits, read_units_option
+from tumble.records import dataclass
 
 
 def is_field_table(table: RawTable) -> bool:
@@ -55,7 +57,7 @@ def _plan(table: RawTable) -> ColumnPlan | None:
     return None if plan is None else replace(plan, specific_force=None, magnetic_field=plan.specific_force)
 
 
-def field_of_file(table: RawTable, beside: str) -> tuple[FieldStream, Remark]:
+def field_of_file(table: RawTable, beside: str) -> tuple[MagneticField, Remark]:
     """Return a magnetometer's file as what stands beside the table of another, and the sentence that says so.
 
     Parameters
@@ -77,7 +79,7 @@ def field_of_file(table: RawTable, beside: str) -> tuple[FieldStream, Remark]:
             f"beside those of {beside}, or give it a column of time."
         )
     stamps = seconds_of(table.columns[plan.time], plan.time_unit)
-    stream = FieldStream.finite(name, stamps, values, plan.magnetic_field_unit)
+    stream = MagneticField.finite(stamps, values, plan.magnetic_field_unit, name)
     return stream, Remark("found", f"{name} is read as the magnetometer.")
 
 
@@ -106,21 +108,29 @@ def recording_inputs(paths: Paths) -> list[Path | Frame]:
     return [Path(fspath(one)) if isinstance(one, str | PathLike) else one for one in named]
 
 
+@dataclass(frozen=True, slots=True)
+class _Asked:
+    """What is said of files, beside what they hold."""
+
+    columns: str | None
+    units: DeclaredUnits
+    rate: float | str | None
+    topics: Sequence[str]
+    parted: bool = False
+
+
 def _names(topics: str | Sequence[str] | None) -> Sequence[str]:
     """Return topics as a list of names; one alone may be a mere string."""
     return (topics,) if isinstance(topics, str) else topics or ()
 
 
-def _table(one: Path | Frame, topics: Sequence[str]) -> RawTable:
+def _tables(one: Path | Frame, topics: Sequence[str], *, whole: bool) -> Iterator[RawTable]:
+    """Return the tables that an input is read as: one, or those of its blocks."""
     if isinstance(one, Path):
-        return read_table(one, topics)
+        return iter([read_table(one, topics)]) if whole else read_table_blocks(one, topics)
     if topics:
         raise UsageError(f"A data frame has no topics ({topics[0]}); leave them out.")
-    return frame_table(one)
-
-
-def _tables(one: Path | Frame, topics: Sequence[str]) -> Iterator[RawTable]:
-    return read_table_blocks(one, topics) if isinstance(one, Path) else iter([_table(one, topics)])
+    return iter([frame_table(one)])
 
 
 @border
@@ -159,10 +169,8 @@ def read_recording(
     """
     listed = recording_inputs(paths)
     _refuse_many(len(listed))
-    declared = read_units_option(units)
-    return _recording_of(
-        [_table(one, _names(topics)) for one in listed], columns, declared, rate, parted=parted
-    )
+    asked = _Asked(columns, read_units_option(units), rate, _names(topics), parted)
+    return _whole([next(_tables(one, asked.topics, whole=True)) for one in listed], asked)
 
 
 def read_recordings(
@@ -182,53 +190,20 @@ def read_recordings(
     UsageError
         If an option is malformed.
     """
-    declared = read_units_option(units)
-    tables = [_table(one, _names(topics)) for one in recording_inputs(paths)]
+    asked = _Asked(columns, read_units_option(units), rate, _names(topics))
+    tables = [next(_tables(one, asked.topics, whole=True)) for one in recording_inputs(paths)]
     others = [t for t in tables if not is_field_table(t)]
     if (is_pair(others) and len(tables) <= _MOST_FILES) or len(others) == 1 < len(tables) == _MOST_FILES - 1:
-        return [_recording_of(tables, columns, declared, rate)]
-    return [_recording_of([t], columns, declared, rate) for t in tables]
+        return [_whole(tables, asked)]
+    return [_whole([t], asked) for t in tables]
 
 
-def _recording_of(
-    tables: list[RawTable],
-    columns: str | None,
-    declared: DeclaredUnits,
-    rate: float | str | None,
-    *,
-    parted: bool = False,
-) -> Recording:
-    """Choose the columns of one table, or of a pair, and interpret them; a magnetometer's own table stands beside."""
-    sources = tuple(t.source for t in tables)
+def _whole(tables: list[RawTable], asked: _Asked) -> Recording:
+    """Return the recording that whole tables make: it is a single block."""
     for table in tables:
         if not len(table):
             raise RecordingError(f"{table.path.name} has no rows.")
-    tables, field = _without_field(tables)
-    if len(tables) == 1:
-        plan, remarks = choose_columns(tables[0], columns, declared, rate)
-        table = _beside(tables[0], field)
-        return interpret(table, plan, declared, rate, sources, remarks, parted=parted)[1]
-    _refuse_no_pair(tables, columns)
-    pairing = find_pairing(tables[0], tables[1], columns)
-    merged = _beside(merge_pair(tables[0], tables[1], pairing), field)
-    return interpret(merged, pairing.plan, declared, rate, sources, list(pairing.remarks), parted=parted)[1]
-
-
-def _without_field(tables: list[RawTable]) -> tuple[list[RawTable], RawTable | None]:
-    """Take the table of a magnetometer alone out of several."""
-    fields = [t for t in tables if len(tables) > 1 and is_field_table(t)]
-    if len(fields) == 1 and len(tables) <= _MOST_FILES:
-        return [t for t in tables if t is not fields[0]], fields[0]
-    _refuse_many(len(tables), _MOST_FILES - 1)
-    return tables, None
-
-
-def _beside(table: RawTable, field: RawTable | None) -> RawTable:
-    """Put the magnetometer's table beside another."""
-    if field is None:
-        return table
-    stream, remark = field_of_file(field, table.path.name)
-    return replace(table, field=stream, remarks=[*table.remarks, remark])
+    return next(_blocks([iter([table]) for table in tables], asked, tuple(t.source for t in tables)))
 
 
 def _refuse_many(count: int, most: int = _MOST_FILES) -> None:
@@ -283,26 +258,47 @@ def read_blocks(
     """
     listed = recording_inputs(paths)
     _refuse_many(len(listed))
-    listed, field = _field_of_files(listed, _names(topics))
-    declared = read_units_option(units)
+    asked = _Asked(columns, read_units_option(units), rate, _names(topics), parted)
+    yield from _blocks([_tables(one, asked.topics, whole=False) for one in listed], asked, listed=listed)
+
+
+def _blocks(
+    readers: list[Iterator[RawTable]],
+    asked: _Asked,
+    sources: tuple[Source, ...] = (),
+    listed: Sequence[Path | Frame] = (),
+) -> Iterator[Recording]:
+    """Yield what tables make: one of each reader, the whole; or the blocks of what is `listed`."""
     decided: Interpretation | None = None
-    state, ends = BlockState(), [-np.inf]
-    sources = tuple[Source, ...]()
-    for table, plan, remarks in _planned_blocks(listed, columns, _names(topics), declared, rate):
-        table = table if field is None else replace(table, field=field)
+    state, ends, said_first = BlockState(), [-np.inf], tuple[Remark, ...]()
+    readers, fields = _without_field(readers)
+    for table, plan, remarks in _planned(readers, asked, in_blocks=bool(listed)):
+        if fields:
+            field, remark = field_of_file(fields[0], table.path.name)
+            table = replace(table, field=field, remarks=[*table.remarks, *([] if decided else [remark])])
         if decided is None:
-            sources = tuple(source_of(p) if isinstance(p, Path) else frame_table(p).source for p in listed)
-            if len(sources) == 1:
-                sources = (replace(sources[0], topic=table.source.topic),)
-            decided, _ = interpret(table, plan, declared, rate, sources, remarks, parted=parted)
-            block = interpret_block(table, decided, state, sources, parted=parted)
-            block = None if block is None else replace(block, remarks=decided.remarks)
-        else:
-            block = interpret_block(table, decided, state, sources, parted=parted)
+            sources = sources or _hashed(listed, table)
+            said = (asked.units, asked.rate, sources, list(remarks))
+            decided, recording = interpret(table, plan, *said, parted=asked.parted)
+            if not listed:
+                yield recording
+                return
+            said_first = decided.remarks
+        block = interpret_block(table, decided, state, sources, parted=asked.parted)
         if block is not None:
-            yield block if field is None else _share(block, ends)
+            block = replace(block, remarks=said_first or block.remarks)
+            yield _share(block, ends) if fields else block
+        said_first = ()
     if decided is None:
         raise RecordingError(f"{input_name(listed[0])} has no rows.")
+
+
+def _hashed(listed: Sequence[Path | Frame], table: RawTable) -> tuple[Source, ...]:
+    """Return names and SHA-256 of inputs, which blocks do not have; of one, also the topic that they are of."""
+    sources = [source_of(p) if isinstance(p, Path) else frame_table(p).source for p in listed]
+    if len(sources) == 1:
+        sources = [replace(sources[0], topic=table.source.topic)]
+    return tuple(sources)
 
 
 def _share(block: Recording, ends: list[float]) -> Recording:
@@ -313,64 +309,56 @@ def _share(block: Recording, ends: list[float]) -> Recording:
     return block if field is None else replace(block, magnetic_field=field.within(begin, end))
 
 
-def _field_of_files(
-    listed: list[Path | Frame], topics: Sequence[str]
-) -> tuple[list[Path | Frame], FieldStream | None]:
-    """Take the file of a magnetometer alone out of several, and read it whole: it is slower than the others."""
-    for one in listed if len(listed) > 1 else []:
-        first = next(_tables(one, topics), None)
-        if first is not None and is_field_table(first):
-            rest = [other for other in listed if other is not one]
-            return rest, field_of_file(_table(one, topics), input_name(rest[0]))[0]
-    return listed, None
+def _without_field(readers: list[Iterator[RawTable]]) -> tuple[list[Iterator[RawTable]], list[RawTable]]:
+    """Take the tables of a magnetometer alone out of several, and read it whole: it is slower than the others."""
+    if len(readers) == 1:
+        return readers, []
+    firsts = [next(reader, None) for reader in readers]
+    fields = [i for i, table in enumerate(firsts) if table is not None and is_field_table(table)]
+    begun = [
+        chain([] if first is None else [first], rest) for first, rest in zip(firsts, readers, strict=True)
+    ]
+    if len(fields) == 1:
+        field = begun.pop(fields[0])
+        return list(begun), [joined_tables(list(field))]
+    _refuse_many(len(begun), _MOST_FILES - 1)
+    return list(begun), []
 
 
-def _planned_blocks(
-    paths: list[Path | Frame],
-    columns: str | None,
-    topics: Sequence[str],
-    units: DeclaredUnits,
-    rate: float | str | None,
-) -> Iterator[tuple[RawTable, ColumnPlan, list[Remark]]]:
-    """Yield tables with their columns chosen; the choice of the first one holds for all."""
-    plan: ColumnPlan | None = None
-    if len(paths) == 1:
-        for table in _tables(paths[0], topics):
-            remarks = list[Remark]()
-            if plan is None:
-                plan, remarks = choose_columns(table, columns, units, rate)
-            yield table, plan, remarks
+def _planned(
+    readers: list[Iterator[RawTable]], asked: _Asked, *, in_blocks: bool
+) -> Iterator[tuple[RawTable, ColumnPlan, Sequence[Remark]]]:
+    """Yield tables with their columns chosen; the choice of the first one holds for all, and is said of it."""
+    if len(readers) == 1:
+        chosen: tuple[ColumnPlan, list[Remark]] | None = None
+        for table in readers[0]:
+            chosen = chosen or choose_columns(table, asked.columns, asked.units, asked.rate)
+            yield table, *chosen
         return
     pairing: Pairing | None = None
-    for first, second in _in_step(paths, topics):
-        remarks = []
+    for first, second in _in_step(readers) if in_blocks else zip(*readers, strict=True):
         if pairing is None:
-            _refuse_no_pair([first, second], columns)
-            pairing = find_pairing(first, second, columns)
-            remarks = list(pairing.remarks)
-        yield merge_pair(first, second, pairing), pairing.plan, remarks
+            _refuse_no_pair([first, second], asked.columns)
+            pairing = find_pairing(first, second, asked.columns)
+        yield merge_pair(first, second, pairing), pairing.plan, pairing.remarks
 
 
-def _in_step(paths: list[Path | Frame], topics: Sequence[str]) -> Iterator[tuple[RawTable, RawTable]]:
+def _in_step(readers: list[Iterator[RawTable]]) -> Iterator[tuple[RawTable, RawTable]]:
     """Yield the tables of two files cut to the same rows."""
-    readers = [_tables(p, topics) for p in paths]
     held: list[RawTable | None] = [None, None]
-    rows = [0, 0]
+    names, rows = ["", ""], 0
     while True:
-        for i in (0, 1):
-            if held[i] is None:
-                held[i] = next(readers[i], None)
+        held = [next(reader, None) if one is None else one for one, reader in zip(held, readers, strict=True)]
         first, second = held
         if first is None and second is None:
             return
         if first is None or second is None:
             short = 0 if first is None else 1
             raise RecordingError(
-                f"{input_name(paths[short])} ends after {rows[short]} rows and {input_name(paths[1 - short])} goes on: "
-                "the two "
+                f"{names[short]} ends after {rows} rows and {names[1 - short]} goes on: the two "
                 "triads need the same stamps. Cut one of them."
             )
         count = min(len(first), len(second))
         yield first.cut(0, count), second.cut(0, count)
-        rows = [r + count for r in rows]
+        names, rows = [first.path.name, second.path.name], rows + count
         held = [t.cut(count, len(t)) if len(t) > count else None for t in (first, second)]

@@ -24,11 +24,12 @@ def recording_html(recording: Recording) -> str:
     """Return a table of what a recording holds, and its remarks as a list."""
     field = recording.magnetic_field
     sources = ", ".join(source.name for source in recording.sources) or "made in memory"
+    there = {triad.name: triad for triad in recording.triads}
+    kinds = {name: there.get(name) for name in ("specific force", "angular rate")}
     rows = [
         ("from", sources),
         ("samples", f"{len(recording):,} in {recording.duration:,.1f} s, {recording.rate:g} Hz"),
-        ("specific force", _signal(recording.specific_force, recording.specific_force_unit)),
-        ("angular rate", _signal(recording.angular_rate, recording.angular_rate_unit)),
+        *((name, f"three axes, {triad.unit}" if triad else "none") for name, triad in kinds.items()),
         (
             "magnetic field",
             "none" if field is None else f"three axes, {field.unit}, {len(field):,} at {field.rate:.4g} Hz",
@@ -39,8 +40,14 @@ def recording_html(recording: Recording) -> str:
     return notebook_html((), rows, notes=[remark.text for remark in recording.remarks])
 
 
-def _signal(triad: Vectors | None, unit: str) -> str:
-    return "none" if triad is None else f"three axes, {unit}"
+@dataclass(frozen=True, slots=True)
+class Triad:
+    """One triad of a recording: letter of its channels, what it measures, raw numbers (samples, 3), their unit."""
+
+    letter: str
+    name: str
+    values: Vectors
+    unit: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,24 +102,31 @@ class Recording:
     @property
     def streams(self) -> dict[str, dict[str, str] | None]:
         """The unit of each kind of samples, None where it has none of them."""
-        field, celsius = self.magnetic_field, self.temperature
-        return {
-            "specific_force": None if self.specific_force is None else {"unit": self.specific_force_unit},
-            "angular_rate": None if self.angular_rate is None else {"unit": self.angular_rate_unit},
-            "magnetic_field": None if field is None else {"unit": field.unit},
-            "temperature": None if celsius is None else {"unit": "degC"},
-        }
+        known = ("specific_force", "angular_rate", "magnetic_field", "temperature")
+        units = {triad.name.replace(" ", "_"): triad.unit for triad in self.triads}
+        units |= {} if self.magnetic_field is None else {"magnetic_field": self.magnetic_field.unit}
+        units |= {} if self.temperature is None else {"temperature": "degC"}
+        return {name: {"unit": units[name]} if name in units else None for name in known}
+
+    @property
+    def triads(self) -> tuple[Triad, ...]:
+        """The accelerometers and the gyros, as far as they are there."""
+        both = (
+            ("a", "specific force", self.specific_force, self.specific_force_unit),
+            ("g", "angular rate", self.angular_rate, self.angular_rate_unit),
+        )
+        return tuple(
+            Triad(letter, name, values, unit) for letter, name, values, unit in both if values is not None
+        )
+
+    @property
+    def channels(self) -> dict[str, Series]:
+        """The samples of each axis that there is, raw, by name: ax to gz."""
+        return {t.letter + axis: t.values[:, i] for t in self.triads for i, axis in enumerate("xyz")}
 
     def __repr__(self) -> str:
         names = " + ".join(source.name for source in self.sources)
-        triads = [
-            f"{name} in {unit}"
-            for name, values, unit in (
-                ("specific force", self.specific_force, self.specific_force_unit),
-                ("angular rate", self.angular_rate, self.angular_rate_unit),
-            )
-            if values is not None
-        ]
+        triads = [f"{triad.name} in {triad.unit}" for triad in self.triads]
         of = f" of {names}" if names else ""
         return f"<Recording{of}: {len(self)} samples at {self.rate:.6g} Hz, {', '.join(triads)}>"
 

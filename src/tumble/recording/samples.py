@@ -130,12 +130,23 @@ class MagneticField:
     values : (samples, 3) raw, in `unit`, finite.
     unit : name that `tumble.units` knows of a magnetic field ("uT", "gauss" ...), or "counts".
     turn : (3, 3) from its axes to the accelerometers', as an autopilot's log says; None where nothing says or turns.
+    name, note : of the stream or file that it was read from, and what is to be said of that.
     """
 
     time: Series
     values: Vectors
     unit: str
     turn: Matrix | None = None
+    name: str = ""
+    note: str = ""
+
+    @classmethod
+    def finite(
+        cls, time: Series, values: Vectors, unit: str | None, name: str = "", note: str = ""
+    ) -> MagneticField:
+        """Return samples without those that are no numbers; without a unit nobody says it."""
+        good = np.isfinite(values).all(axis=1) & np.isfinite(time)
+        return cls(time[good], values[good], unit or "", None, name, note)
 
     def __len__(self) -> int:
         return int(self.time.shape[0])

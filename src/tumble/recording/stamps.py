@@ -373,9 +373,8 @@ def order_stamps(
     doubles = int(raw.size - keep.sum())
     if doubles > max(_MOST_DUPLICATES * raw.size, 2):
         raise RecordingError(
-            f"{name}: {doubles} of {raw.size} stamps repeat the one before (first at "
-            f"{place(int(np.argmin(keep)))}), so they are coarser than the sampling; leave the time column "
-            "out with --columns and give --rate HZ."
+            f"{name}: {doubles} of {raw.size} stamps repeat the one before (first at {place(int(np.argmin(keep)))}), "
+            "so they are coarser than the sampling; leave the time column out with --columns and give --rate HZ."
         )
     if doubles:
         first = place(int(np.argmin(keep)))
@@ -532,9 +531,8 @@ def say_resets(rows: list[int], name: str, place: Callable[[int], str]) -> Remar
     several = f" and in {len(rows) - 1} more place(s)" if len(rows) > 1 else ""
     return Remark(
         "mended",
-        f"{name}: the clock steps back at {place(rows[0])}{several}, with the same steps before and "
-        f"after. It is taken as begun anew after a break of {_BREAK:g} s, and the recording as parted "
-        "there.",
+        f"{name}: the clock steps back at {place(rows[0])}{several}, with the same steps before and after. It is "
+        f"taken as begun anew after a break of {_BREAK:g} s, and the recording as parted there.",
     )
 
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -84,16 +84,23 @@ def chips() -> dict[str, Chip]:
     return {name: Chip(s["title"], _counts(s, "force"), _counts(s, "rate")) for name, s in sheets.items()}
 
 
-_KINDS = (
-    "specific force",
-    "angular rate",
-    "magnetic field",
-    "time",
-    "velocity increment",
-    "angle increment",
-    "temperature",
-)
 _RANGE = re.compile(r"[±+]?/?-?([0-9.]+)(g|dps|deg/s|°/s)")
+
+
+@dataclass(frozen=True, slots=True)
+class DeclaredUnits:
+    """Units by quantity, None where nothing was declared."""
+
+    specific_force: str | None = None
+    angular_rate: str | None = None
+    magnetic_field: str | None = None
+    time: str | None = None
+    velocity_increment: str | None = None
+    angle_increment: str | None = None
+    temperature: str | None = None
+
+
+_KINDS = tuple(field.name.replace("_", " ") for field in fields(DeclaredUnits))
 
 
 def with_chip(words: list[str]) -> list[str]:
@@ -150,19 +157,6 @@ def _sensitivity(chip: Chip, ranges: _Ranges, full: float | None, unit: str) -> 
     if full not in ranges:
         raise UsageError(f"--units {chip.title}: it has no range of {full:g} {unit}; it has {listed}.")
     return f"{ranges[full]:.8g} LSB/{unit if unit == 'g' else f'({unit})'}"
-
-
-@dataclass(frozen=True, slots=True)
-class DeclaredUnits:
-    """Units by quantity, None where nothing was declared."""
-
-    specific_force: str | None = None
-    angular_rate: str | None = None
-    magnetic_field: str | None = None
-    time: str | None = None
-    velocity_increment: str | None = None
-    angle_increment: str | None = None
-    temperature: str | None = None
 
 
 def read_units_option(option: str | Sequence[str] | None) -> DeclaredUnits:
@@ -784,9 +778,8 @@ def decide_force(
     unit, reason = guess_specific_force_unit(level, whole_numbers(recording.specific_force), rate)
     if unit == "increments":
         raise RecordingError(
-            f"{name}: the accelerometer's columns look like velocity increments ({reason}); give --units "
-            "m/s,rad "
-            "(or m/s,deg) to convert them to rates, or --units counts if they are raw."
+            f"{name}: the accelerometer's columns look like velocity increments ({reason}); give --units m/s,rad (or "
+            "m/s,deg) to convert them to rates, or --units counts if they are raw."
         )
     if unit == COUNTS and not level.norm > 0.0:
         reason = "its norm at rest is zero"

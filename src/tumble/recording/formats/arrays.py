@@ -17,8 +17,8 @@ from tumble.arrays import Series, Vectors
 from tumble.errors import RecordingError
 from tumble.files import opened, shown
 from tumble.recording.formats.streams import merge_streams
-from tumble.recording.formats.table import FieldStream, RawTable, as_columns, foreign, hash_file
-from tumble.recording.samples import Remark, Samples, Source
+from tumble.recording.formats.table import RawTable, as_columns, foreign, hash_file
+from tumble.recording.samples import MagneticField, Remark, Samples, Source
 from tumble.units import find_unit
 
 _LISTED = 12
@@ -96,7 +96,7 @@ def table_from_variables(path: Path, variables: Mapping[str, npt.NDArray[np.floa
 
 def _field_of_another_length(
     arrays: Mapping[str, npt.NDArray[np.float64]],
-) -> tuple[FieldStream, tuple[str, ...]] | None:
+) -> tuple[MagneticField, tuple[str, ...]] | None:
     """A magnetometer's (n, 3) array with n stamps beside it, both named; None without the two."""
     from tumble.recording.columns import is_time_like, role_of
     from tumble.recording.stamps import seconds_of
@@ -115,7 +115,7 @@ def _field_of_another_length(
     time = arrays[stamps[0]]
     said = role(stamps[0])[1]
     seconds = seconds_of(time, find_unit("time", said) if said else None)
-    return FieldStream.finite(name, seconds, values), (name, stamps[0])
+    return MagneticField.finite(seconds, values, None, name), (name, stamps[0])
 
 
 def _stamped_pair(path: Path, arrays: Mapping[str, npt.NDArray[np.float64]]) -> RawTable | None:
@@ -142,7 +142,7 @@ def _stamped_pair(path: Path, arrays: Mapping[str, npt.NDArray[np.float64]]) -> 
     assert samples.specific_force is not None
     assert samples.angular_rate is not None
     columns = [samples.time, *as_columns(samples.specific_force), *as_columns(samples.angular_rate)]
-    field = FieldStream(*found["m"]) if "m" in found else None
+    field = MagneticField.finite(*found["m"][1:], None, found["m"][0]) if "m" in found else None
     return RawTable(path, names, columns, hash_file(path), remarks, field=field)
 
 

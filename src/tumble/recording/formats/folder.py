@@ -192,20 +192,8 @@ def _with_gravity(free: Stream, gravity: Stream) -> Stream | None:
 
 _EUROC = ("mav0/imu0/data.csv", "imu0/data.csv", "data.csv")
 _NOT_RECORDINGS = {
-    ".yaml",
-    ".yml",
-    ".json",
-    ".md",
-    ".pdf",
-    ".png",
-    ".jpg",
-    ".jpeg",
-    ".html",
-    ".m",
-    ".py",
-    ".ini",
-    ".xml",
-}
+    ".yaml", ".yml", ".json", ".md", ".pdf", ".png", ".jpg", ".jpeg", ".html", ".m", ".py", ".ini", ".xml",
+}  # fmt: skip
 _MOST_DEEP = 3
 
 

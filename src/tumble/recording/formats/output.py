@@ -38,6 +38,7 @@ from tumble.files import check_target, filled_folder, put_text
 from tumble.recording.formats.folder import euroc_file
 
 ENDINGS = (".csv", ".parquet", ".pq")
+_PLAIN = {"a": "m/s^2", "g": "rad/s"}
 _ROWS = 1_000_000  # of a CSV, written at a time
 
 
@@ -69,13 +70,10 @@ def column_names(recording: Recording, *, all_units: bool = False) -> list[str]:
     all_units : whether the plain units are written out too, so that nothing is judged anew on reading.
     """
     names = ["t [s]" if all_units else "t"]
-    units = (("a", recording.specific_force, recording.specific_force_unit, "m/s^2"),
-             ("g", recording.angular_rate, recording.angular_rate_unit, "rad/s"))  # fmt: skip
-    for letter, triad, unit, plain in units:
-        if triad is not None:
-            # A lone or a mixed unit is always written out, so that nothing needs to be guessed on reading.
-            tail = "" if unit == plain and not all_units else f" [{unit or COUNTS}]"
-            names += [f"{letter}{axis}{tail}" for axis in "xyz"]
+    for triad in recording.triads:
+        # A lone or a mixed unit is always written out, so that nothing needs to be guessed on reading.
+        tail = "" if triad.unit == _PLAIN[triad.letter] and not all_units else f" [{triad.unit or COUNTS}]"
+        names += [f"{triad.letter}{axis}{tail}" for axis in "xyz"]
     if recording.temperature is not None:
         names.append("temperature [degC]" if all_units else "temperature")
     return names
@@ -105,9 +103,8 @@ def _field_columns(recording: Recording, *, stamped: bool) -> dict[str, Series]:
 
 def _judged_units(recording: Recording) -> dict[str, str]:
     """Return the unit of each column of a recording, whose reading has judged them."""
-    names = column_names(recording)
-    known = [("a", recording.specific_force_unit), ("g", recording.angular_rate_unit)]
-    return {"t": "s"} | {n: unit or COUNTS for n in names for letter, unit in known if n[0] == letter}
+    units = {triad.letter: triad.unit or COUNTS for triad in recording.triads}
+    return {"t": "s"} | {n: units[n[0]] for n in column_names(recording) if n[0] in units}
 
 
 def write_recording(recording: Recording, path: str | os.PathLike[str], *, all_units: bool = False) -> Path:
@@ -181,10 +178,7 @@ def _frame_of(
     """Return the recording's columns as a data frame, with a column of ones for each mark."""
     import polars as pl
 
-    columns = [recording.time]
-    for triad in (recording.specific_force, recording.angular_rate):
-        if triad is not None:
-            columns += [triad[:, axis] for axis in range(3)]
+    columns = [recording.time, *recording.channels.values()]
     if recording.temperature is not None:
         columns.append(recording.temperature)
     named = dict(zip(column_names(recording, all_units=all_units), columns, strict=True))

@@ -19,8 +19,8 @@ import numpy as np
 from tumble.arrays import Series, Vectors
 from tumble.errors import RecordingError, UsageError
 from tumble.recording.formats.logs.own_parameters import OwnParameters
-from tumble.recording.formats.table import FieldStream, RawTable
-from tumble.recording.samples import Remark, Samples, Source, joined
+from tumble.recording.formats.table import RawTable
+from tumble.recording.samples import MagneticField, Remark, Samples, Source, joined
 from tumble.records import dataclass
 
 BLOCK_ROWS = 500_000
@@ -358,20 +358,13 @@ def of_increments(name: str, time: Series, force: Vectors, rate: Vectors, spans:
     return Stream(name, Samples(time[whole], *means), Units(), note)
 
 
-def _field_stream(stream: Stream | None) -> FieldStream | None:
+def _field_stream(stream: Stream | None) -> MagneticField | None:
     """Return a magnetometer's stream as what stands beside a table, its rows without a number left out."""
     if stream is None or stream.samples.magnetic_field is None:
         return None
-    values = stream.samples.magnetic_field
-    there = np.isfinite(values).all(axis=1)
-    return FieldStream(
-        stream.name,
-        stream.samples.time[there],
-        values[there],
-        stream.units.magnetic_field,
-        stream.note,
-        None if stream.own is None else stream.own.turn(),
-    )
+    samples, unit = stream.samples, stream.units.magnetic_field
+    field = MagneticField.finite(samples.time, stream.samples.magnetic_field, unit, stream.name, stream.note)
+    return field if stream.own is None else replace(field, turn=stream.own.turn())
 
 
 def _named(path: Path, streams: Sequence[Stream], name: str) -> Stream:

@@ -13,11 +13,11 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from tumble.arrays import Matrix, Series, Vectors
+from tumble.arrays import Series
 from tumble.counting import counted
 from tumble.errors import RecordingError, TumbleError
 from tumble.files import opened, shown, size_of
-from tumble.recording.samples import Remark, Source
+from tumble.recording.samples import MagneticField, Remark, Source
 from tumble.recording.stamps import Known
 from tumble.records import dataclass
 
@@ -28,41 +28,6 @@ _HASHED = 1 << 20  # bytes at a time
 def row_words(row: int) -> str:
     """Return a row's number, from 1, in words."""
     return f"row {row + 1}"
-
-
-@dataclass(frozen=True, slots=True)
-class FieldStream:
-    """A magnetometer's samples beside a table, with stamps of their own.
-
-    Attributes
-    ----------
-    name : of the stream, as messages call it.
-    time : (samples,) seconds on the clock of the table's stamps.
-    values : (samples, 3) raw, finite.
-    unit : as the file says, or None.
-    note : a sentence's end about the numbers, as what the device has already taken out; or nothing.
-    turn : (3, 3) from its axes to the accelerometers', as the file says, or None.
-    """
-
-    name: str
-    time: Series
-    values: Vectors
-    unit: str | None = None
-    note: str = ""
-    turn: Matrix | None = None
-
-    @classmethod
-    def finite(
-        cls, name: str, time: Series, values: Vectors, unit: str | None = None, note: str = ""
-    ) -> FieldStream:
-        """Return samples without those that are no numbers."""
-        good = np.isfinite(values).all(axis=1) & np.isfinite(time)
-        return cls(name, time[good], values[good], unit, note)
-
-    def within(self, start: float, stop: float) -> FieldStream:
-        """Return the samples from time `start` up to, without, time `stop`."""
-        first, last = (int(i) for i in np.searchsorted(self.time, (start, stop)))
-        return replace(self, time=self.time[first:last], values=self.values[first:last])
 
 
 @dataclass(slots=True)
@@ -91,7 +56,7 @@ class RawTable:
     place: Callable[[int], str] = row_words
     rate: float | None = None
     judged: bool = False
-    field: FieldStream | None = None
+    field: MagneticField | None = None
     clock: Known = None
 
     def __len__(self) -> int:
@@ -101,7 +66,7 @@ class RawTable:
         """Return a column's name in quotes, or its number from 1."""
         return f"column {index + 1}" if self.names is None else f"column {self.names[index]!r}"
 
-    def _field_between(self, start: int, stop: int) -> FieldStream | None:
+    def _field_between(self, start: int, stop: int) -> MagneticField | None:
         """Return the field's share of some rows: by the stamps in the first column where these are seconds."""
         if self.field is None or not len(self.field.time) or (start == 0 and stop >= len(self)):
             return self.field
@@ -119,6 +84,19 @@ class RawTable:
 
         columns = [column[start:stop] for column in self.columns]
         return replace(self, columns=columns, place=moved, field=self._field_between(start, stop))
+
+
+def joined_tables(tables: Sequence[RawTable]) -> RawTable:
+    """Return consecutive tables of one file as one, with what is said of each.
+
+    Parameters
+    ----------
+    tables : one at least.
+    """
+    first = tables[0]
+    columns = [np.concatenate(parts) for parts in zip(*(t.columns for t in tables), strict=True)]
+    remarks = list(dict.fromkeys(remark for table in tables for remark in table.remarks))
+    return replace(first, columns=first.columns if len(tables) == 1 else columns, remarks=remarks)
 
 
 def measurable(table: RawTable) -> RawTable:

@@ -10,6 +10,7 @@ import io
 import re
 import warnings
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, TypeAlias
@@ -20,7 +21,7 @@ from tumble.arrays import Series
 from tumble.counting import counted
 from tumble.errors import RecordingError
 from tumble.files import opened, size_of
-from tumble.recording.formats.table import RawTable, hash_file
+from tumble.recording.formats.table import RawTable, hash_file, joined_tables
 from tumble.recording.formats.text_layout import (
     CHECKSUM,
     COMMENTS,
@@ -158,13 +159,7 @@ def read_table(path: Path) -> RawTable:
     OSError
         If the file cannot be read.
     """
-    first, *others = read_table_blocks(path)
-    if others:
-        blocks = (first, *others)
-        first.columns = [np.concatenate([b.columns[i] for b in blocks]) for i in range(len(first.columns))]
-        first.remarks = [remark for block in blocks for remark in block.remarks]
-    first.source = hash_file(path)
-    return first
+    return replace(joined_tables(list(read_table_blocks(path))), source=hash_file(path))
 
 
 def _pieces(file: BinaryIO, rest: bytes, name: str, size: int) -> Iterator[tuple[bytes, bool]]:

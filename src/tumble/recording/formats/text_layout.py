@@ -239,9 +239,8 @@ def find_layout(head: str, name: str) -> TextLayout:
     words, iso = _text_columns(sample, columns, decimal_comma)
     if delimiter == "," and _are_halves(sample, lines[: full[0]]):
         raise RecordingError(
-            f"{name} has decimal commas, and commas between its columns too ({rows[0].strip()[:30]}): "
-            "nothing shows which is which. Save it with semicolons or tabs between the columns, or "
-            "with decimal points."
+            f"{name} has decimal commas, and commas between its columns too ({rows[0].strip()[:30]}): nothing shows "
+            "which is which. Save it with semicolons or tabs between the columns, or with decimal points."
         )
     before = [line for line in lines[: full[0]] if line.strip() and not _is_row(line)]
     comments = [line.lstrip() for line in lines if is_comment(line)]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from tumble.recording.columns import kind_of_file
 from tumble.recording.formats.bags.ros_messages import FIELD, READABLE
-from tumble.recording.samples import Remark
+from tumble.recording.samples import MagneticField, Remark
 
 if TYPE_CHECKING:
     from tumble.recording.formats.bags.bag import Bag, Topic
@@ -18,13 +18,11 @@ from dataclasses import field, replace
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
-import numpy as np
-
 from tumble.counting import counted
 from tumble.errors import RecordingError, UsageError
 from tumble.recording.formats.bags.ros_messages import decode, holds, samples_of
 from tumble.recording.formats.streams import BLOCK_ROWS, Merging, Units, refuse_backwards, table_of_samples
-from tumble.recording.formats.table import FieldStream, RawTable, hash_file
+from tumble.recording.formats.table import RawTable, hash_file, joined_tables
 from tumble.recording.samples import Samples, Source, joined
 from tumble.records import dataclass
 
@@ -390,15 +388,11 @@ def _bag_table(bag: Bag, wanted: Sequence[str], source: Source) -> RawTable:
         and all(is_field_topic(t) or t.kind not in READABLE for t in bag.topics)
     ):
         return _field_table(bag, magnetic, source, said)
-    tables = list(_bag_blocks(bag, rest, source))
-    remarks = list(dict.fromkeys(r for t in tables for r in (*t.remarks, *said)))
-    if len(tables) == 1:
-        return replace(tables[0], remarks=remarks, field=magnetic)
-    columns = [np.concatenate([t.columns[i] for t in tables]) for i in range(len(tables[0].columns))]
-    return replace(tables[0], columns=columns, remarks=remarks, field=magnetic)
+    table = joined_tables(list(_bag_blocks(bag, rest, source)))
+    return replace(table, remarks=[*table.remarks, *said], field=magnetic)
 
 
-def _read_field(bag: Bag, name: str) -> FieldStream | None:
+def _read_field(bag: Bag, name: str) -> MagneticField | None:
     """Return the messages of a magnetometer's topic as samples in time order, None if there are none."""
     batches = _Batches({t.name: t for t in bag.topics}, Choice(name, None))
     pieces = [samples for piece in batches.pieces(bag) for samples in piece.values()]
@@ -407,16 +401,17 @@ def _read_field(bag: Bag, name: str) -> FieldStream | None:
     samples, tesla = joined(pieces), batches.topics[name].kind == FIELD
     assert samples.specific_force is not None
     note = "" if tesla else "has no unit in its type (--units uT)"
-    stream = FieldStream.finite(name, samples.time, samples.specific_force, "T" if tesla else None, note)
+    unit = "T" if tesla else None
+    stream = MagneticField.finite(samples.time, samples.specific_force, unit, name, note)
     refuse_backwards(bag.path.name, name, stream.time)
     return stream
 
 
-def _field_table(bag: Bag, magnetic: FieldStream, source: Source, said: list[Remark]) -> RawTable:
+def _field_table(bag: Bag, magnetic: MagneticField, source: Source, said: list[Remark]) -> RawTable:
     """Return the table of a bag that holds a magnetometer alone."""
     samples = Samples(magnetic.time, magnetic_field=magnetic.values)
     remarks = [Remark("found", f"{bag.path.name} holds {_list_topics(bag.topics)}."), *said]
-    return table_of_samples(bag.path, samples, Units(magnetic_field=magnetic.unit), source, remarks)
+    return table_of_samples(bag.path, samples, Units(magnetic_field=magnetic.unit or None), source, remarks)
 
 
 def _choice_remark(bag: Bag, choice: Choice) -> Remark:
