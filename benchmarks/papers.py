@@ -28,7 +28,6 @@ from tumble_papers.zhang.turntable import (
     in_paper_units,
     simulate,
     table_setting,
-    unit_parameters,
 )
 
 RUNS, UNITS, LENGTH = 500, 200, 4_000
@@ -130,7 +129,7 @@ def integration() -> None:
 def study(setting: Setting, threads: int = 1, *, sampled: bool = True) -> np.ndarray:
     """Return the standard deviations of the 21 parameters, in the paper's units."""
     estimates = evaluate(simulate(setting, RUNS, generator(), sampled=sampled, threads=threads))
-    return in_paper_units(estimates.parameters(), unit_parameters(setting.unit)).std(axis=0, ddof=1)
+    return in_paper_units(estimates.parameters(), setting.unit.parameters()).std(axis=0, ddof=1)
 
 
 def turntable() -> None:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
-from tumble.arrays import Series, Square
+from tumble.arrays import Matrices, Series, Square, Vectors
 from tumble.calibration.checks.scores import hold_norm_variances
 from tumble.calibration.equations.imu_unknowns import LAYOUT, unknowns_of
 from tumble.calibration.estimate import Estimate, Figures, Said
@@ -21,8 +21,8 @@ from tumble.sensor import ImuModel
 STEP = 0.1
 
 
-def require_both_triads(session: Session) -> None:
-    """Refuse a recording without accelerometers or without gyros.
+def means_of_both(session: Session) -> tuple[Vectors, Matrices, Vectors, Matrices]:
+    """Return the holds' means of specific force and angular rate, each with its covariances.
 
     Parameters
     ----------
@@ -33,10 +33,14 @@ def require_both_triads(session: Session) -> None:
     ObservabilityError
         If a triad is missing.
     """
-    if session.recording.specific_force is None or session.recording.angular_rate is None:
+    means = session.means
+    force, rate = means.specific_force, means.angular_rate
+    of_force, of_rate = means.specific_force_covariance, means.angular_rate_covariance
+    if force is None or rate is None or of_force is None or of_rate is None:
         raise ObservabilityError(
             "This estimator needs accelerometers and gyros, and the recording lacks one of them."
         )
+    return force, of_force, rate, of_rate
 
 
 def carried_estimate(
@@ -71,17 +75,13 @@ def carried_estimate(
         _unknowns(model), slope @ noise @ slope.T, session.site, session.recording,
         terms=frozenset(terms), gyro="full", frame=frame, all_told=True,
     )  # fmt: skip
-    means = session.means
+    force, covariance, _, _ = means_of_both(session)
     assert model.accelerometer is not None
-    assert means.specific_force is not None
-    assert means.specific_force_covariance is not None
-    length = np.linalg.norm(model.accelerometer.correct(means.specific_force), axis=1)
-    variances = hold_norm_variances(
-        model.accelerometer, means.specific_force, means.specific_force_covariance
-    )
+    length = np.linalg.norm(model.accelerometer.correct(force), axis=1)
+    variances = hold_norm_variances(model.accelerometer, force, covariance)
     holds = Holds(length - session.site.gravity, np.sqrt(variances))
     # How well the norms of all holds fit; nine parameters could be fitted to them.
-    left, degrees = holds.norms / holds.sigmas, max(len(means) - 9, 1)
+    left, degrees = holds.norms / holds.sigmas, max(len(force) - 9, 1)
     sigma0 = float(np.sqrt(left @ left / degrees))
     figures = Figures(sigma0, sigma0, degrees, 1.96, float(np.max(np.abs(left))), {})
     return Estimate(name, *described, *figures, said=[*said], evidence=[holds], frame=frame)

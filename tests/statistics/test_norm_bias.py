@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from tumble.earth.site import EARTH_RATE
-from tumble_papers.hayal.chapter_4 import THEORY, reproduce_norm_bias
+from tumble_papers.catalogue import ITEMS
+from tumble_papers.hayal.chapter_4 import THEORY
 from tumble_papers.hayal.norm_batch import ESTIMATORS, RATE_NOISE, run_setting, table_setting
 
 RUNS = 600
@@ -61,9 +62,9 @@ def test_with_many_attitudes_the_theory_of_second_order_holds(
 
 def test_a_wrong_theory_is_found_out(monkeypatch: pytest.MonkeyPatch) -> None:
     """The verdict of the item can be outside."""
-    assert reproduce_norm_bias(200, 0).counts == (4, 4)
+    assert ITEMS["hayal-norm-bias"].run(200, 0).counts == (4, 4)
     monkeypatch.setitem(THEORY, "norm", 3.5)
-    outcome = reproduce_norm_bias(200, 0)
+    outcome = ITEMS["hayal-norm-bias"].run(200, 0)
     assert outcome.counts == (3, 4)
     (row,) = [row for row in outcome.rows if row.reason]
     assert row.label.startswith("norm")

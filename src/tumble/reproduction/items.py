@@ -6,12 +6,10 @@ Items come from installed packages, by the entry point group ``tumble.reproducti
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Callable
 from functools import cache
 from importlib.metadata import entry_points
-from importlib.resources.abc import Traversable
 
 from tumble.counting import time_words
 from tumble.errors import UsageError
@@ -30,7 +28,7 @@ class Item:
     name, title : as it is asked for, and what it is.
     run : makes it from repetitions and a seed.
     repetitions : by default; None for an item that has none.
-    cost : seconds of the processor that it takes whatever the runs, and a run; as measured, see `measured_costs`.
+    cost : seconds of the processor that it takes whatever the runs, and a run; as measured.
     dear : of which hundreds of runs take hours: as one of a paper's items it makes no more than its own number.
     """
 
@@ -74,18 +72,6 @@ class Item:
 def _about(seconds: float) -> str:
     """Return a time in words; what is at once, so."""
     return "at once" if seconds < 0.5 else time_words(seconds)
-
-
-def measured_costs(file: Traversable) -> dict[str, tuple[float, float]]:
-    """Return of each item what it takes whatever the runs, and a run, s of the processor.
-
-    Parameters
-    ----------
-    file : that `benchmarks/reproduction_costs.py` has written.
-    """
-    return {
-        name: (fixed, each) for name, (fixed, each) in json.loads(file.read_text(encoding="utf-8")).items()
-    }
 
 
 @cache

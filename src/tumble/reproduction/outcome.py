@@ -32,19 +32,6 @@ class Row:
     reason: str = ""
 
 
-def claim_row(label: str, unit: str, said: Value, found: Value, agrees: bool, reason: str = "") -> Row:
-    """Return a row that says whether a sentence or a formula is borne out.
-
-    Parameters
-    ----------
-    label, unit : what is said, and the unit of both values.
-    said, found : by the paper, and by the check.
-    agrees : whether they are the same.
-    reason : in words.
-    """
-    return Row(label, unit, (said, found), INSIDE if agrees else OUTSIDE, reason)
-
-
 @dataclass(frozen=True, slots=True)
 class Curve:
     """A line of a figure with its band: the mean `y` over `x`, between `low` (5 % of the runs) and `high` (95 %).

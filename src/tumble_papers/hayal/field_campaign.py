@@ -54,7 +54,7 @@ from tumble.simulation.recordings import simulate_recording
 from tumble.simulation.trajectories import SplineTrajectory, TravelledStates
 from tumble_papers.hayal.norm import adjust_norm
 from tumble_papers.hayal.norm_batch import GRAVITY, LATITUDE
-from tumble_papers.hayal.scenarios import IMUS, MINUTES, SCENARIOS
+from tumble_papers.hayal.scenarios import IMUS, MINUTES, SCENARIOS, sheet_sigmas
 
 SITE = Site(GRAVITY, 0.0, LATITUDE)
 RATE = 10.0  # Hz, of the recording of the poses: nothing is lost in means of minutes
@@ -99,17 +99,6 @@ class TriadResult:
     sigmas: Series
     plain_sigmas: Series
     sigma0: float
-
-
-def sheet_sigmas(spread: TriadGrade) -> Series:
-    """Return (9,) sigmas of bias, scale factors and non-orthogonalities by a data sheet.
-
-    Parameters
-    ----------
-    spread : of a triad.
-    """
-    # The angle between two axes: each misalignment is about one direction.
-    return np.repeat([spread.bias, spread.scale_factor, np.sqrt(2.0) * spread.misalignment], 3)
 
 
 def draw_unit(imu: str, rng: np.random.Generator, *, wandering: bool) -> FieldUnit:
@@ -462,6 +451,11 @@ class Case:
     gyro: int = 0
     scaled: bool = True
 
+    @property
+    def words(self) -> str:
+        """What tables call it."""
+        return f"scenario {self.scenario}, gyros {self.gyro} par., {self.minutes} min"
+
 
 ORIGINAL = Case()
 EVERY_SCENARIO = (
@@ -497,7 +491,7 @@ class Positions:
     lost: int = 0
 
 
-Found = Mapping[Case, Positions]
+Campaigns = Mapping[Case, Positions]
 
 
 @lru_cache(maxsize=8)
@@ -510,7 +504,7 @@ def run_campaigns(
     seed: int,
     *,
     wandering: bool = False,
-) -> Found:
+) -> Campaigns:
     """Return the position errors of many units; those of the last calls are kept.
 
     Parameters

@@ -189,33 +189,17 @@ class Setting:
 
 
 @dataclass(frozen=True, slots=True)
-class Runs:
-    """The outcome of a study, one row a run.
+class Runs(NormBatch):
+    """The outcome of a study, one row a run; sigmas are sigma0 times the root of the cofactor (3.36).
 
     Attributes
     ----------
     setting : what was simulated.
-    estimates : (runs, unknowns) bias, scale factor error, angles; SI.
-    sigmas : (runs, unknowns) stated by the adjustment: sigma0 times the root of the cofactor (3.36).
-    differences : (runs, unknowns) estimate minus truth.
-    sigma0 : (runs,).
-    iterations : (runs,).
-    converged, mirror : (runs,) of bool.
+    differences : (runs, unknowns) estimate minus truth: bias, scale factor error, angles; SI.
     """
 
     setting: Setting
-    estimates: Table
-    sigmas: Table
     differences: Table
-    sigma0: Series
-    iterations: np.ndarray
-    converged: np.ndarray
-    mirror: np.ndarray
-
-    @property
-    def usable(self) -> np.ndarray:
-        """(runs,) of bool: converged, and not in the mirror root."""
-        return self.converged & ~self.mirror
 
 
 def table_setting(table: str, case: int) -> Setting:
@@ -264,22 +248,11 @@ def run_setting(setting: Setting, runs: int, rng: np.random.Generator, *, tolera
         estimator=setting.estimator,
         tolerance=tolerance,
     )
-    return _runs(setting, batch)
-
-
-def _runs(setting: Setting, batch: NormBatch) -> Runs:
-    estimates = batch.parameters[:, : setting.unknowns].copy()
-    estimates[:, 3:6] -= 1.0
-    return Runs(
-        setting=setting,
-        estimates=estimates,
-        sigmas=batch.sigmas * batch.sigma0[:, None],
-        differences=estimates - setting.errors[: setting.unknowns],
-        sigma0=batch.sigma0,
-        iterations=batch.iterations,
-        converged=batch.converged,
-        mirror=batch.mirror,
-    )
+    off = batch.parameters[:, : setting.unknowns].copy()
+    off[:, 3:6] -= 1.0
+    off -= setting.errors[: setting.unknowns]
+    sigmas, how = batch.sigmas * batch.sigma0[:, None], (batch.iterations, batch.converged, batch.mirror)
+    return Runs(batch.parameters, sigmas, batch.sigma0, *how, setting, off)
 
 
 def simulate_means(setting: Setting, runs: int, rng: np.random.Generator) -> AnyArray:

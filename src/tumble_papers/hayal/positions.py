@@ -8,12 +8,14 @@ scenarios lie apart, and how the errors grow with the length of an outage.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from tumble.arrays import AnyArray, Series
-from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED, Curve, Marks, Outcome, Plot, Row, Value
+from tumble.reproduction.outcome import Curve, Marks, Plot, Row, Value
 from tumble.simulation import find_grade
 from tumble_papers.hayal.field_campaign import (
     EVERY_SCENARIO,
@@ -24,28 +26,23 @@ from tumble_papers.hayal.field_campaign import (
     SLIDING,
     SUB_SCENARIOS,
     UNSCALED,
+    Campaigns,
     Case,
-    Found,
     Positions,
     improvements,
     pooled,
     run_campaigns,
 )
 from tumble_papers.hayal.scenarios import IMUS, MINUTES, SCENARIOS
-from tumble_papers.published import hayal
+from tumble_papers.study import Found, Study, hayal, judge
 
-SOURCE = "Hayal 2010, chapter 5; the thesis' recordings are not public, ours are simulated"
 TABLES = {"5.5": "HG1700", "5.6": "HG1900"}
 # Fewer campaigns than this are no range.
 RANGE = 4
-_THESIS = ("thesis: mean", "thesis: σ", "thesis: better, %")
-_OURS = ("gaps: mean", "gaps: σ", "gaps: better, %", "lowest to highest")
-COLUMNS = (*_THESIS, *_OURS)
-BOTH_COLUMNS = (*COLUMNS, "each by itself: σ", "better, %", "lowest to highest")
 NOT_IN_THESIS = "3.9, plain sigmas"
 
 
-def scenario_positions(table: str, repetitions: int, seed: int) -> Found:
+def scenario_positions(table: str, repetitions: int, seed: int) -> Campaigns:
     """Return what table 5.5 or 5.6 is made of.
 
     Parameters
@@ -56,7 +53,7 @@ def scenario_positions(table: str, repetitions: int, seed: int) -> Found:
     return run_campaigns(TABLES[table], EVERY_SCENARIO, OUTAGES[:1], (GAPS,), repetitions, seed)
 
 
-def sub_scenario_positions(imu: str, repetitions: int, seed: int, *, wandering: bool) -> Found:
+def sub_scenario_positions(imu: str, repetitions: int, seed: int, *, wandering: bool) -> Campaigns:
     """Return what table 5.7 is made of.
 
     Parameters
@@ -69,49 +66,26 @@ def sub_scenario_positions(imu: str, repetitions: int, seed: int, *, wandering: 
     return run_campaigns(imu, cases, OUTAGES, (GAPS, SLIDING), repetitions, seed, wandering=wandering)
 
 
-def reproduce_scenario_positions(table: str, repetitions: int, seed: int) -> Outcome:
-    """Make table 5.5 or 5.6 anew: positions after outages of 2 s, scenarios 1 to 4 with 1, 3 and 5 minutes.
-
-    Parameters
-    ----------
-    table : "5.5" or "5.6".
-    repetitions : how many campaigns.
-    seed : of all random numbers.
-    """
+def _scenario_table(table: str, repetitions: int, seed: int) -> Found:
+    """Make table 5.5 or 5.6 anew: positions after outages of 2 s, scenarios 1 to 4 with 1, 3 and 5 minutes."""
     printed, imu = hayal()["position_tables"][table], TABLES[table]
     found = scenario_positions(table, repetitions, seed)
     first = printed["original"]
-    rows = [_original_row("original", imu, first, found, 0, (GAPS,))]
+    rows = [_original_row("original", imu, first, found, 0)]
     for entry in printed["rows"]:
         for minutes, cell in entry["minutes"].items():
             case = Case(entry["scenario"], int(minutes), entry["gyro_parameters"])
-            label = f"scenario {case.scenario}, gyros {case.gyro} par., {minutes} min"
-            rows.append(_row(label, cell, first, found, case, 0, (GAPS,)))
-    return Outcome(
-        f"hayal-{table}",
-        f"Table {table}: {printed['title']}",
-        SOURCE,
-        COLUMNS,
-        rows,
-        _criterion(repetitions),
-        notes=[*_assumed(), *_failures(found)],
-        repetitions=repetitions,
-        seed=seed,
-    )
+            rows.append(_row(case.words, cell, first, found, case, 0))
+    return _found(rows, repetitions, notes=_failures(found))
 
 
-def reproduce_sub_scenarios(repetitions: int, seed: int, *, wandering: bool = False) -> Outcome:
+def _sub_scenario_table(repetitions: int, seed: int, *, wandering: bool) -> Found:
     """Make table 5.7 anew: outages of 2 to 60 s, with no calibration and with three parts of scenario 3's.
 
-    Parameters
-    ----------
-    repetitions : how many campaigns of each unit.
-    seed : of all random numbers.
-    wandering : with biases that walk, to the sheet's in-run stability in an hour, and a filter that knows it.
+    With biases that walk, to the sheet's in-run stability in an hour, the filter knows it.
     """
-    printed = hayal()["position_tables"]["5.7"]
     rows: list[Row] = []
-    notes = [*_assumed(), f"{NOT_IN_THESIS}: not in the thesis; as the noise has them, not scaled by sigma0."]
+    notes = [f"{NOT_IN_THESIS}: not in the thesis; as the noise has them, not scaled by sigma0."]
     if wandering:
         notes.append(
             "Biases walk from the first pose on, by the sheet's in-run stability in an hour (its "
@@ -121,51 +95,23 @@ def reproduce_sub_scenarios(repetitions: int, seed: int, *, wandering: bool = Fa
     for imu in IMUS:
         found = sub_scenario_positions(imu, repetitions, seed, wandering=wandering)
         for at, duration in enumerate(OUTAGES):
-            cells = printed["outages"][imu][f"{duration:g}"]
+            first, *cells = printed_outages(imu)[f"{duration:g}"]
             label = f"{imu}, {duration:g} s"
-            rows.append(
-                _original_row(f"{label}, original", imu, cells[0], found, at, (GAPS, SLIDING), duration)
-            )
-            for cell, (name, case) in zip(cells[1:], list(SUB_SCENARIOS.items())[1:], strict=True):
-                rows.append(_row(f"{label}, {name}", cell, cells[0], found, case, at, (GAPS, SLIDING)))
-            rows.append(
-                _row(f"{label}, {NOT_IN_THESIS}", None, cells[0], found, UNSCALED, at, (GAPS, SLIDING))
-            )
+            rows.append(_original_row(f"{label}, original", imu, first, found, at, duration))
+            cases = [*list(SUB_SCENARIOS.items())[1:], (NOT_IN_THESIS, UNSCALED)]
+            for cell, (name, case) in zip([*cells, None], cases, strict=True):
+                rows.append(_row(f"{label}, {name}", cell, first, found, case, at))
         notes += _failures(found, f"{imu}, ")
-    return Outcome(
-        "hayal-5.7-wandering" if wandering else "hayal-5.7",
-        f"Table 5.7: {printed['title']}{', with biases that wander' if wandering else ''}",
-        SOURCE,
-        BOTH_COLUMNS,
-        rows,
-        _criterion(repetitions),
-        notes=notes,
-        repetitions=repetitions,
-        seed=seed,
-    )
+    return _found(rows, repetitions, notes=notes)
 
 
-def _criterion(campaigns: int) -> str:
-    if campaigns < RANGE:
-        return f"judged from {RANGE} campaigns on"
-    return (
-        f"inside: the original's σ lies between the lowest and the highest of {campaigns} simulated "
-        "campaigns. So does what a calibration makes better or worse of it"
-    )
+def _found(rows: list[Row], campaigns: int, plots: Sequence[Plot] = (), notes: Sequence[str] = ()) -> Found:
+    north, _, down = (100.0 * FIX_SIGMAS).tolist()
+    said = {"north": north, "down": down, "enough": RANGE}
+    return Found(rows, [*plots], [*notes], said, few=campaigns < RANGE)
 
 
-def _assumed() -> list[str]:
-    north, _, down = FIX_SIGMAS
-    assumed = (
-        f"Assumed: positions known to {100 * north:g} cm, {100 * down:g} cm in height; a minute of rest on the cart "
-        "before it is pulled; outages begin when it is. Which outages the thesis made is not printed: gaps follow one "
-        "another with one position between, or each is by itself, with all positions before it."
-    )
-    better = "Better, %: of the pooled σ against the original's, where both are there; then the range of the campaigns."
-    return [assumed, better]
-
-
-def _failures(found: Found, where: str = "") -> list[str]:
+def _failures(found: Campaigns, where: str = "") -> list[str]:
     words: list[str] = []
     for case, positions in found.items():
         parts: list[str] = []
@@ -174,99 +120,63 @@ def _failures(found: Found, where: str = "") -> list[str]:
         if positions.lost:
             parts.append(f"the filter was lost for good in {positions.lost}")
         if parts and case.scaled:
-            name = f"scenario {case.scenario}, gyros {case.gyro} par., {case.minutes} min"
-            words.append(f"{name}: {', '.join(parts)}")
+            words.append(f"{case.words}: {', '.join(parts)}")
     return [f"{where}campaigns left out: {'; '.join(words)}."] if words else []
 
 
 def _original_row(
-    label: str,
-    imu: str,
-    cell: dict[str, float],
-    found: Found,
-    at: int,
-    protocols: tuple[str, ...],
-    duration: float = 2.0,
+    label: str, imu: str, cell: dict[str, float], found: Campaigns, at: int, duration: float = 2.0
 ) -> Row:
     """Return the row without calibration, judged by its sigma."""
     ours = found[ORIGINAL]
     cells: list[Value] = [cell["mean"], cell["sigma"], None]
     ratio, fits = np.inf, False
-    for protocol in protocols:
-        sigmas = ours.sigmas[protocol][:, at]
-        means = [float(np.mean(ours.means[protocol][:, at]))] if protocol == GAPS else []
-        cells += [
-            *means,
-            float(pooled(sigmas[:, None])[0]),
-            None,
-            f"{sigmas.min():.3g} to {sigmas.max():.3g} m",
-        ]
+    for protocol, all_sigmas in ours.sigmas.items():
+        sigmas = all_sigmas[:, at]
+        cells += [float(np.mean(ours.means[protocol][:, at]))] if protocol == GAPS else []
+        cells += [float(pooled(sigmas[:, None])[0]), None, f"{sigmas.min():.3g} to {sigmas.max():.3g} m"]
         fits |= bool(sigmas.min() <= cell["sigma"] <= sigmas.max())
         ratio = min(ratio, cell["sigma"] / float(sigmas.max()))
-    bias = find_grade(imu.lower()).accelerometer.bias
     needed = 2.0 * cell["sigma"] / duration**2
     reason = (
         f"{ratio:.2g} times the worst of ours; from a known start it takes {needed:.2g} m/s² all the time, "
-        f"{needed / bias:.2g} times the sheet's bias"
+        f"{needed / find_grade(imu.lower()).accelerometer.bias:.2g} times the sheet's bias"
     )
-    return _judged(label, cells, fits, reason, len(ours.sigmas[GAPS]))
+    return Row(label, "m", tuple(cells), *judge(fits, reason, _too_few(len(ours.sigmas[GAPS]))))
 
 
 def _row(
     label: str,
     cell: dict[str, float] | None,
     original: dict[str, float],
-    found: Found,
+    found: Campaigns,
     case: Case,
     at: int,
-    protocols: tuple[str, ...],
 ) -> Row:
     """Return the row of a calibration, judged by what it makes better or worse of the original."""
     ours, before = found[case], found[ORIGINAL]
     said = None if cell is None else 100.0 * (1.0 - cell["sigma"] / original["sigma"])
     cells: list[Value] = [None, None, None] if cell is None else [cell["mean"], cell["sigma"], said]
-    fits, ranges = False, list[str]()
-    for protocol in protocols:
-        better, low, high = _better(before, ours, protocol, at)
-        words = "none" if low is None or high is None else f"{low:.3g} to {high:.3g} %"
-        mean = ours.means[protocol][:, at]
-        means: list[Value] = [float(np.nanmean(mean)) if np.isfinite(mean).any() else None]
-        sigma = float(pooled(ours.sigmas[protocol][:, at : at + 1])[0])
-        cells += [*(means if protocol == GAPS else []), sigma, better, words]
-        ranges.append(words)
-        fits |= said is not None and low is not None and high is not None and low <= said <= high
+    fits, ranges, column = False, list[str](), slice(at, at + 1)
+    for protocol, sigmas in ours.sigmas.items():
+        whole, each = improvements(before.sigmas[protocol][:, column], sigmas[:, column])
+        there: AnyArray = each[np.isfinite(each)]
+        ranges.append(f"{there.min():.3g} to {there.max():.3g} %" if there.size else "none")
+        if protocol == GAPS:
+            mean = ours.means[protocol][:, at]
+            cells.append(float(np.nanmean(mean)) if np.isfinite(mean).any() else None)
+        cells += [float(pooled(sigmas[:, column])[0]), float(whole[0]) if there.size else None, ranges[-1]]
+        fits |= said is not None and bool(there.size) and bool(there.min() <= said <= there.max())
     if said is None:
         return Row(label, "m", tuple(cells))
-    reason = f"{_change(said)}, ours by {' or '.join(ranges)}{_because(case, said)}"
-    return _judged(label, cells, fits, reason, len(before.sigmas[GAPS]))
+    reason = f"{'better' if said >= 0.0 else 'worse'} by {abs(said):.3g} %, ours by {' or '.join(ranges)}"
+    if case.gyro == 9 and said > 0.0:
+        reason += "; nine gyro parameters are off by percents here, and that is no gain"
+    return Row(label, "m", tuple(cells), *judge(fits, reason, _too_few(len(before.sigmas[GAPS]))))
 
 
-def _better(
-    before: Positions, after: Positions, protocol: str, at: int
-) -> tuple[float | None, float | None, float | None]:
-    """Return pooled, least and most improvement, %."""
-    column = slice(at, at + 1)
-    whole, each = improvements(before.sigmas[protocol][:, column], after.sigmas[protocol][:, column])
-    there: AnyArray = each[np.isfinite(each)]
-    if not there.size:
-        return None, None, None
-    return float(whole[0]), float(there.min()), float(there.max())
-
-
-def _change(said: float) -> str:
-    return f"better by {said:.3g} %" if said >= 0.0 else f"worse by {-said:.3g} %"
-
-
-def _because(case: Case, said: float) -> str:
-    if case.gyro == 9:
-        return "; nine gyro parameters are off by percents here, and that is no gain" if said > 0.0 else ""
-    return ""
-
-
-def _judged(label: str, cells: list[Value], fits: bool, reason: str, campaigns: int) -> Row:
-    if campaigns < RANGE:
-        return Row(label, "m", tuple(cells), UNJUDGED, f"fewer than {RANGE} campaigns have no range")
-    return Row(label, "m", tuple(cells), INSIDE if fits else OUTSIDE, "" if fits else reason)
+def _too_few(campaigns: int) -> str | None:
+    return f"fewer than {RANGE} campaigns have no range" if campaigns < RANGE else None
 
 
 def printed_outages(imu: str) -> dict[str, list[dict[str, Any]]]:
@@ -284,87 +194,41 @@ _LENGTHS = np.array(OUTAGES)
 _GYROS = (3, 9)
 
 
-def reproduce_scenario_figure(figure: str, repetitions: int, seed: int) -> Outcome:
-    """Make figure 5.5 (HG1700) or 5.6 (HG1900) anew: scenarios 1 to 4 after outages of 2 s.
-
-    Parameters
-    ----------
-    figure : "5.5" or "5.6".
-    repetitions, seed : how many campaigns, from what.
-    """
+def _scenario_figure(figure: str, repetitions: int, seed: int) -> Found:
+    """Make figure 5.5 (HG1700) or 5.6 (HG1900) anew: scenarios 1 to 4 after outages of 2 s."""
     found = scenario_positions(figure, repetitions, seed)
-    printed = hayal()["position_tables"][figure]
+    printed = hayal()["position_tables"][figure]["rows"]
+    sigmas = [[row["minutes"][str(m)]["sigma"] for m in MINUTES] for row in printed]
     said = {
-        gyro: np.array(
-            [
-                [row["minutes"][str(m)]["sigma"] for m in MINUTES]
-                for row in printed["rows"]
-                if row["gyro_parameters"] == gyro
-            ]
-        )
+        gyro: np.array([s for s, row in zip(sigmas, printed, strict=True) if row["gyro_parameters"] == gyro])
         for gyro in _GYROS
     }
-    rows = [_spread_row(gyro, said[gyro], _by_scenario(found, gyro)) for gyro in _GYROS]
-    rows.append(_nine_row(said, found))
-    plots = [_scenario_plot(figure, gyro, said[gyro], found) for gyro in _GYROS]
-    return Outcome(
-        f"hayal-figure-{figure}",
-        f"Figure {figure}: position errors after outages of 2 s by scenario, {TABLES[figure]}",
-        SOURCE,
-        ("thesis", "ours: median", "lowest", "highest"),
-        rows,
-        _figure_criterion(repetitions),
-        plots,
-        repetitions=repetitions,
-        seed=seed,
-    )
+    ours = {gyro: _by_scenario(found, gyro) for gyro in _GYROS}
+    rows = [_spread_row(gyro, said[gyro], ours[gyro]) for gyro in _GYROS]
+    rows.append(_nine_row(said, ours))
+    plots = [_scenario_plot(figure, gyro, said[gyro], ours[gyro]) for gyro in _GYROS]
+    return _found(rows, repetitions, plots)
 
 
-def _figure_criterion(campaigns: int) -> str:
-    if campaigns < RANGE:
-        return f"judged from {RANGE} campaigns on"
-    return f"inside: the thesis' number lies between the lowest and the highest of {campaigns} simulated campaigns"
-
-
-def _by_scenario(found: Found, gyro: int) -> AnyArray:
+def _by_scenario(found: Campaigns, gyro: int) -> AnyArray:
     """Return (campaigns, scenarios, minutes) m."""
-    return np.stack(
-        [
-            np.stack(
-                [found[Case(s, m, gyro)].sigmas[GAPS][:, 0] for m in MINUTES],
-                axis=1,
-            )
-            for s in SCENARIOS
-        ],
-        axis=1,
-    )
+    sigmas = [[found[Case(s, m, gyro)].sigmas[GAPS][:, 0] for m in MINUTES] for s in SCENARIOS]
+    return np.moveaxis(np.array(sigmas), -1, 0)
 
 
 def _spread_row(gyro: int, said: AnyArray, ours: AnyArray) -> Row:
     flat = ours.reshape(len(ours), -1)
     apart: Series = np.nanmax(flat, axis=1) / np.nanmin(flat, axis=1)
     label = f"gyros {gyro} par.: largest σ over the smallest, all scenarios and minutes"
-    return _figure_row(
-        label,
-        float(said.max() / said.min()),
-        apart,
-        "the thesis' scenarios lie {} apart than ours",
-        ("farther", "less far"),
-    )
+    words = "the thesis' scenarios lie {} apart than ours"
+    return _figure_row(label, float(said.max() / said.min()), apart, words, ("farther", "less far"))
 
 
-def _nine_row(said: dict[int, AnyArray], found: Found) -> Row:
+def _nine_row(said: dict[int, AnyArray], ours: dict[int, AnyArray]) -> Row:
     """In how many of the twelve cells nine gyro parameters give the better position."""
-    three, nine = (_by_scenario(found, gyro) for gyro in _GYROS)
-    better = np.sum(np.where(np.isfinite(nine), nine, np.inf) < three, axis=(1, 2)).astype(float)
-    count = float(np.sum(said[9] < said[3]))
-    return _figure_row(
-        "cells of 12 in which nine gyro parameters are better than three",
-        count,
-        better,
-        "{} than in ours",
-        ("more", "fewer"),
-    )
+    better = np.sum(np.where(np.isfinite(ours[9]), ours[9], np.inf) < ours[3], axis=(1, 2)).astype(float)
+    label = "cells of 12 in which nine gyro parameters are better than three"
+    return _figure_row(label, float(np.sum(said[9] < said[3])), better, "{} than in ours", ("more", "fewer"))
 
 
 def _figure_row(
@@ -372,11 +236,9 @@ def _figure_row(
 ) -> Row:
     """The thesis' number beside ours, of which a campaign may have several."""
     cells = (said, float(np.median(ours)), float(ours.min()), float(ours.max()))
-    if (len(ours) if campaigns is None else campaigns) < RANGE:
-        return Row(label, "", cells, UNJUDGED, f"fewer than {RANGE} campaigns have no range")
-    if cells[2] <= said <= cells[3]:
-        return Row(label, "", cells, INSIDE)
-    return Row(label, "", cells, OUTSIDE, words.format(either[0] if said > cells[3] else either[1]))
+    why = words.format(either[0] if said > cells[3] else either[1])
+    few = _too_few(len(ours) if campaigns is None else campaigns)
+    return Row(label, "", cells, *judge(cells[2] <= said <= cells[3], why, few))
 
 
 def _curve(name: str, x: Series, sigmas: AnyArray) -> Curve:
@@ -389,31 +251,20 @@ def _curve(name: str, x: Series, sigmas: AnyArray) -> Curve:
     return Curve(name, x, np.asarray(middle), np.asarray(low), np.asarray(high))
 
 
-def _scenario_plot(figure: str, gyro: int, said: AnyArray, found: Found) -> Plot:
-    ours = _by_scenario(found, gyro)
+def _scenario_plot(figure: str, gyro: int, said: AnyArray, ours: AnyArray) -> Plot:
     curves = tuple(_curve(f"sc. {s}", _MINUTES, ours[:, k]) for k, s in enumerate(SCENARIOS))
     marks = Marks(f"thesis, table {figure}", np.tile(_MINUTES, len(said)), said.ravel())
-    return Plot(
-        f"gyros-{gyro}",
-        f"{TABLES[figure]}, 2 s, gyros {gyro} par.",
-        "minutes of each pose",
-        "σ of the position / m",
-        curves,
-        marks,
-        line="median",
-        band="all campaigns",
-    )
+    title = f"{TABLES[figure]}, 2 s, gyros {gyro} par."
+    return _plot(f"gyros-{gyro}", title, "minutes of each pose", curves, marks)
 
 
-def reproduce_outage_figure(figure: str, repetitions: int, seed: int) -> Outcome:
-    """Make figure 5.7 (HG1700) or 5.8 (HG1900) anew: parts of scenario 3 after outages of 2 to 60 s.
+def _plot(name: str, title: str, x_label: str, curves: tuple[Curve, ...], marks: Marks) -> Plot:
+    y_label = "σ of the position / m"
+    return Plot(name, title, x_label, y_label, curves, marks, line="median", band="all campaigns")
 
-    Parameters
-    ----------
-    figure : "5.7" or "5.8".
-    repetitions, seed : how many campaigns, from what.
-    """
-    imu = {"5.7": "HG1700", "5.8": "HG1900"}[figure]
+
+def _outage_figure(imu: str, repetitions: int, seed: int) -> Found:
+    """Make figure 5.7 (HG1700) or 5.8 (HG1900) anew: parts of scenario 3 after outages of 2 to 60 s."""
     found = sub_scenario_positions(imu, repetitions, seed, wandering=False)
     printed = printed_outages(imu)
     said = np.array([[cell["sigma"] for cell in printed[f"{length:g}"]] for length in OUTAGES])
@@ -423,26 +274,7 @@ def reproduce_outage_figure(figure: str, repetitions: int, seed: int) -> Outcome
         for at in range(len(OUTAGES) - 1)
     ]
     plots = [_outage_plot(imu, protocol, said, found) for protocol in (GAPS, SLIDING)]
-    return Outcome(
-        f"hayal-figure-{figure}",
-        f"Figure {figure}: position errors by the length of the outage, {imu}",
-        SOURCE,
-        ("thesis", "ours: median", "lowest", "highest"),
-        rows,
-        f"{_figure_criterion(repetitions)}, with gaps or each outage by itself",
-        plots,
-        [_EXPONENTS],
-        repetitions,
-        seed,
-    )
-
-
-_EXPONENTS = (
-    "The exponent p of σ ~ tᵖ between two lengths. It is 1 of an error of velocity, 2 of a constant "
-    "error of the accelerometers or of the tilt. It is 3 of a constant error of the gyros from a "
-    "start that is known, 1.5 and 2.5 of their white noise. More is a filter that is worse after "
-    "every longer gap."
-)
+    return _found(rows, repetitions, plots)
 
 
 def _growth_row(name: str, at: int, said: Series, ours: Positions) -> Row:
@@ -455,29 +287,25 @@ def _growth_row(name: str, at: int, said: Series, ours: Positions) -> Row:
     growth = float(np.log(said[at + 1] / said[at]) / ratio)
     label = f"{name}: exponent from {_LENGTHS[at]:g} to {_LENGTHS[at + 1]:g} s"
     whole = np.isfinite(np.stack(exponents)).any(axis=0)
-    return _figure_row(
-        label,
-        growth,
-        both[np.isfinite(both)],
-        "it grows {} than ours",
-        ("faster", "more slowly"),
-        int(whole.sum()),
-    )
+    ours_told, count = both[np.isfinite(both)], int(whole.sum())
+    return _figure_row(label, growth, ours_told, "it grows {} than ours", ("faster", "more slowly"), count)
 
 
-def _outage_plot(imu: str, protocol: str, said: AnyArray, found: Found) -> Plot:
+def _outage_plot(imu: str, protocol: str, said: AnyArray, found: Campaigns) -> Plot:
     curves = tuple(
         _curve(name, _LENGTHS, found[case].sigmas[protocol]) for name, case in SUB_SCENARIOS.items()
     )
     words = "gaps with one position between" if protocol == GAPS else "each outage by itself"
     marks = Marks("thesis, table 5.7", np.repeat(_LENGTHS, said.shape[1]), said.ravel())
-    return Plot(
-        protocol,
-        f"{imu}, {words}",
-        "outage / s",
-        "σ of the position / m",
-        curves,
-        marks,
-        line="median",
-        band="all campaigns",
-    )
+    return _plot(protocol, f"{imu}, {words}", "outage / s", curves, marks)
+
+
+STUDIES = (
+    *(Study(f"hayal-{t}", partial(_scenario_table, t)) for t in TABLES),
+    Study("hayal-5.7", partial(_sub_scenario_table, wandering=False)),
+    Study("hayal-5.7-wandering", partial(_sub_scenario_table, wandering=True)),
+    *(Study(f"hayal-figure-{f}", partial(_scenario_figure, f)) for f in TABLES),
+    Study("hayal-figure-5.7", partial(_outage_figure, "HG1700")),
+    Study("hayal-figure-5.8", partial(_outage_figure, "HG1900")),
+)
+"""Tables 5.5 to 5.7, as the thesis has them and with biases that wander, and figures 5.5 to 5.8."""

@@ -15,15 +15,19 @@ Could the printed numbers of a field calibration be one of ours? The rules, and 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from tumble.arrays import AnyArray, Series, Table, Vectors
+from tumble.attitude.directions import twenty_six_directions
 from tumble.counting import counted
 from tumble.estimation.reliability import find_weak_directions
-from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED, Outcome, Row
+from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED, Row, Value
+from tumble.sensor.conventions.shin import matrix_from_shin
 from tumble.simulation import TriadNoise, find_grade
+from tumble.simulation.grades import TriadGrade
 from tumble.simulation.noise import simulate_noise
 from tumble_papers.hayal.norm_batch import (
     ATTITUDES,
@@ -35,7 +39,7 @@ from tumble_papers.hayal.norm_batch import (
     adjust_norms,
     simulate_true,
 )
-from tumble_papers.published import hayal
+from tumble_papers.study import Found, Study, hayal
 
 # With one unit alone there is no range: two sigma0 of so many degrees of freedom differ by less than their
 # F-distribution allows in 99 % of cases, and a unit's wander lies within a factor of five of the middle one.
@@ -130,43 +134,18 @@ def judge_estimate(far: float, as_far: float, units: int) -> tuple[bool, str]:
 MINUTES = (1, 3, 5)
 HOLD, PAUSE = 300, 30  # s, samples of one second
 # The thesis' order of attitudes: faces, edges, corners; scenario -> which of the 26.
-SCENARIOS = {
-    1: slice(0, 26),
-    2: slice(0, 18),
-    3: slice(0, 10),
-    4: slice(16, 26),
-}
+SCENARIOS = {1: slice(0, 26), 2: slice(0, 18), 3: slice(0, 10), 4: slice(16, 26)}
 # Table -> (scenario, triad, unknowns).
-TABLES = {
-    "5.2": (3, "gyro", 3),
-    "5.3": (3, "gyro", 9),
-    "5.4": (3, "accelerometer", 9),
-    "A.1": (1, "gyro", 3),
-    "A.2": (1, "gyro", 9),
-    "A.3": (2, "gyro", 3),
-    "A.4": (2, "gyro", 9),
-    "A.5": (4, "gyro", 3),
-    "A.6": (4, "gyro", 9),
-    "B.1": (1, "accelerometer", 9),
-    "B.2": (2, "accelerometer", 9),
-    "B.3": (4, "accelerometer", 9),
-}
+TABLES: dict[str, tuple[int, str, int]] = {
+    "5.2": (3, "gyro", 3), "5.3": (3, "gyro", 9), "5.4": (3, "accelerometer", 9),
+    "A.1": (1, "gyro", 3), "A.2": (1, "gyro", 9), "A.3": (2, "gyro", 3),
+    "A.4": (2, "gyro", 9), "A.5": (4, "gyro", 3), "A.6": (4, "gyro", 9),
+    "B.1": (1, "accelerometer", 9), "B.2": (2, "accelerometer", 9), "B.3": (4, "accelerometer", 9),
+}  # fmt: skip
 IMUS = ("HG1700", "HG1900")
 RATE_NOISES = {"HG1700": RATE_NOISE, "HG1900": RATE_NOISE_HG1900}
 FACTORS = np.repeat([1.0, 1e6, 1e6], 3)
 NAMES = ("b x", "b y", "b z", "s x", "s y", "s z", "θ yz", "θ zx", "θ zy")
-COLUMNS = (
-    "IMU",
-    "minutes",
-    "thesis",
-    "thesis: sigma",
-    "sheet",
-    "one run: error",
-    "one run: sigma",
-    "sigma: lowest",
-    "sigma: highest",
-    "ours as far off, %",
-)
 # Of the sheet's in-run stability, a unit's flicker in one afternoon: from a fiftieth to a half (assumed).
 WANDER = (0.02, 0.5)
 # Angles beyond this cannot be a unit's whose sheet says 100 µrad.
@@ -189,6 +168,17 @@ class Means:
     reference: float
 
 
+def sheet_sigmas(spread: TriadGrade) -> Series:
+    """Return (9,) sigmas of bias, scale factors and non-orthogonalities by a data sheet.
+
+    Parameters
+    ----------
+    spread : of a triad.
+    """
+    # The angle between two axes: each misalignment is about one direction.
+    return np.repeat([spread.bias, spread.scale_factor, np.sqrt(2.0) * spread.misalignment], 3)
+
+
 def simulate_field_means(imu: str, triad: str, runs: int, rng: np.random.Generator) -> Means:
     """Simulate the hold means of a field calibration of many units.
 
@@ -199,16 +189,12 @@ def simulate_field_means(imu: str, triad: str, runs: int, rng: np.random.Generat
     runs : how many units.
     rng : source of all numbers.
     """
-    from tumble.sensor.conventions.shin import matrix_from_shin
-
     grade = find_grade(imu.lower())
     spread = grade.accelerometer if triad == "accelerometer" else grade.gyroscope
     noise = FORCE_NOISE if triad == "accelerometer" else RATE_NOISES[imu]
     setting = Setting(triad, 9, noise=noise)
     true = simulate_true(setting, runs, rng)
-    # The angle between two axes: each misalignment is about one direction.
-    angle = np.sqrt(2.0) * spread.misalignment
-    sheet = np.repeat([spread.bias, spread.scale_factor, angle], 3)
+    sheet = sheet_sigmas(spread)
     errors = np.concatenate([rng.normal(0.0, size, (runs, 3)) for size in sheet[::3]], axis=1)
     share = np.exp(rng.uniform(np.log(WANDER[0]), np.log(WANDER[1]), runs))
     means = np.empty((len(MINUTES), runs, ATTITUDES, 3))
@@ -223,30 +209,22 @@ def simulate_field_means(imu: str, triad: str, runs: int, rng: np.random.Generat
     return Means(means, errors, sheet, noise, setting.reference)
 
 
-def reproduce_scenario_table(table: str, repetitions: int, seed: int) -> Outcome:
-    """Make one of the tables 5.2 to 5.4, A.1 to A.6 and B.1 to B.3 anew on simulated units.
-
-    Parameters
-    ----------
-    table : its number.
-    repetitions, seed : as for `reproduce_table`.
-    """
+def _table(table: str, repetitions: int, seed: int) -> Found:
+    """Make one of the tables anew on simulated units."""
     scenario, triad, unknowns = TABLES[table]
-    printed = hayal()["tables"][table]
     freedom = len(range(ATTITUDES)[SCENARIOS[scenario]]) - unknowns
     rows: list[Row] = []
     notes: list[str] = []
     for number, imu in enumerate(IMUS):
         means = simulate_field_means(imu, triad, repetitions, np.random.default_rng([seed, number]))
         adjusted = [_adjusted(means, k, scenario, unknowns) for k in range(len(MINUTES))]
-        entries = [entry for entry in printed["rows"] if entry["imu"] == imu]
+        entries = [entry for entry in hayal()["tables"][table]["rows"] if entry["imu"] == imu]
         for parameter, entry in enumerate(entries):
-            rows += [
-                _row(imu, minutes, entry, parameter, adjusted[k], means, freedom)
-                for k, minutes in enumerate(MINUTES)
-            ]
-        notes += _notes(imu, adjusted)
-        notes.append(_against_sheet(imu, means, scenario, unknowns))
+            for minutes, batch in zip(MINUTES, adjusted, strict=True):
+                cells, verdict = _told(minutes, entry, parameter, batch, means, freedom)
+                unit = entry["unit"].replace("^2", "²")
+                rows.append(Row(entry["parameter"], unit, (imu, float(minutes), *cells), *verdict))
+        notes += [_settled(imu, adjusted), _against_sheet(imu, means, scenario, unknowns)]
     unseen = _unseen(scenario, unknowns) if triad == "accelerometer" else ""
     notes += [unseen] if unseen else []
     if freedom == 1:
@@ -254,17 +232,7 @@ def reproduce_scenario_table(table: str, repetitions: int, seed: int) -> Outcome
             "Only one attitude more than unknowns: sigma0, and with it every sigma, scatters over decades from unit to "
             "unit. That the thesis' lie among them says little."
         )
-    return Outcome(
-        f"hayal-{table}",
-        f"Table {table}: {printed['title']}",
-        "Hayal 2010, chapter 5 and appendices; the thesis' recordings are not public, ours are simulated",
-        COLUMNS,
-        rows,
-        criterion(repetitions, freedom),
-        notes=notes,
-        repetitions=repetitions,
-        seed=seed,
-    )
+    return Found(rows, notes=notes, criterion=criterion(repetitions, freedom))
 
 
 def _adjusted(means: Means, k: int, scenario: int, unknowns: int) -> NormBatch:
@@ -276,38 +244,22 @@ def _adjusted(means: Means, k: int, scenario: int, unknowns: int) -> NormBatch:
     return adjust_norms(observed, sigma, means.reference, unknowns=unknowns, start=start)
 
 
-def _row(
-    imu: str,
-    minutes: int,
-    entry: dict[str, Any],
-    parameter: int,
-    batch: NormBatch,
-    means: Means,
-    freedom: int,
-) -> Row:
-    thesis = entry["minutes"][str(minutes)]
-    factor = float(FACTORS[parameter])
-    usable = batch.usable
+def _told(
+    minutes: int, entry: dict[str, Any], parameter: int, batch: NormBatch, means: Means, freedom: int
+) -> tuple[tuple[Value, ...], tuple[str, str]]:
+    """Return a row's cells from the thesis' estimate on, and its verdict with the reason."""
+    thesis, factor, usable = entry["minutes"][str(minutes)], float(FACTORS[parameter]), batch.usable
     sigma = factor * (batch.sigmas * batch.sigma0[:, None])[usable, parameter]
     sheet = factor * float(means.sheet[parameter])
-    unit = entry["unit"].replace("^2", "²")
-    head = (imu, float(minutes), thesis["estimate"], thesis["sigma"], sheet)
+    head = (thesis["estimate"], thesis["sigma"], sheet)
     if not sigma.size:
-        nothing = (None,) * (len(COLUMNS) - len(head))
-        return Row(entry["parameter"], unit, (*head, *nothing), UNJUDGED, "none of our runs converged")
+        return (*head, *(None,) * 5), (UNJUDGED, "none of our runs converged")
     estimate = batch.parameters[usable, parameter] - (1.0 if 3 <= parameter < 6 else 0.0)
     error = factor * (estimate - means.errors[usable, parameter])
     far = abs(thesis["estimate"]) / float(np.hypot(sheet, thesis["sigma"]))
     ours = factor * np.abs(estimate) / np.hypot(sheet, sigma)
     as_far = np.count_nonzero(ours >= far) / sigma.size
-    cells = (
-        *head,
-        float(error[0]),
-        float(sigma[0]),
-        float(sigma.min()),
-        float(sigma.max()),
-        100.0 * as_far if sigma.size > 1 else None,
-    )
+    numbers = (float(of) for of in (error[0], sigma[0], sigma.min(), sigma.max()))
     cofactor = float(np.median(factor * batch.sigmas[usable, parameter]))
     sigma_fits, of_sigma = judge_sigma(thesis["sigma"], sigma, cofactor, freedom)
     estimate_fits, of_estimate = judge_estimate(far, as_far, sigma.size)
@@ -315,25 +267,28 @@ def _row(
     reasons = ["no unit has such an error: the solution ran away, or into the mirror root"] if absurd else []
     reasons += [words for words in (of_estimate, of_sigma) if words]
     verdict = INSIDE if sigma_fits and estimate_fits else OUTSIDE
-    return Row(entry["parameter"], unit, cells, verdict, "; ".join(reasons))
+    return (*head, *numbers, 100.0 * as_far if sigma.size > 1 else None), (verdict, "; ".join(reasons))
 
 
-def _notes(imu: str, adjusted: list[NormBatch]) -> list[str]:
+def _settled(imu: str, adjusted: list[NormBatch]) -> str:
+    """Say how well the solutions settled."""
     parts: list[str] = []
     for minutes, batch in zip(MINUTES, adjusted, strict=True):
-        lost, mirror = float(np.mean(~batch.converged)), float(np.mean(batch.mirror))
+        lost, mirror, one = (
+            float(np.mean(~batch.converged)),
+            float(np.mean(batch.mirror)),
+            batch.sigma0.size == 1,
+        )
         words = f"{minutes} min"
         if np.any(batch.usable):
-            low, high = np.min(batch.sigma0[batch.usable]), np.max(batch.sigma0[batch.usable])
-            words += f": sigma0 {low:.2g} to {high:.2g}" if batch.sigma0.size > 1 else f": sigma0 {low:.2g}"
-        if lost and batch.converged.size == 1:
-            words += ": not converged"
-        elif lost:
-            words += f", {100 * lost:.2g} % not converged"
+            sigma0 = batch.sigma0[batch.usable]
+            words += f": sigma0 {np.min(sigma0):.2g}" + ("" if one else f" to {np.max(sigma0):.2g}")
+        if lost:
+            words += ": not converged" if one else f", {100 * lost:.2g} % not converged"
         if mirror:
             words += f", {100 * mirror:.2g} % in the mirror root"
         parts.append(words)
-    return [f"{imu}: {'; '.join(parts)}."]
+    return f"{imu}: {'; '.join(parts)}."
 
 
 def _against_sheet(imu: str, means: Means, scenario: int, unknowns: int) -> str:
@@ -361,8 +316,6 @@ def _design(true: Vectors, unknowns: int) -> Table:
 
 def _unseen(scenario: int, unknowns: int) -> str:
     """Say what the attitudes of a scenario do not tell of accelerometers in their nominal poses."""
-    from tumble.attitude.directions import twenty_six_directions
-
     up = twenty_six_directions()[SCENARIOS[scenario]]
     design = _design(up, unknowns)
     weak = find_weak_directions(design.T @ design, np.ones(unknowns), 1e6)
@@ -374,3 +327,7 @@ def _unseen(scenario: int, unknowns: int) -> str:
         "in their nominal poses. What the solutions say of it comes from poses that were off by a "
         "few degrees."
     )
+
+
+STUDIES = tuple(Study(f"hayal-{t}", partial(_table, t)) for t in TABLES)
+"""Tables 5.2 to 5.4, A.1 to A.6 and B.1 to B.3."""

@@ -8,8 +8,7 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Series
 from tumble.counting import counted
-from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED, Outcome, Row
-from tumble_papers.published import savage
+from tumble.reproduction.outcome import UNJUDGED, Row
 from tumble_papers.savage.strapdown_simulation import (
     GRADES,
     UNITS_SI,
@@ -19,16 +18,13 @@ from tumble_papers.savage.strapdown_simulation import (
     group_rms,
     run_study,
 )
+from tumble_papers.study import Found, Study, generator, judge, savage
 
 LABELS = {
-    "kappa_lin": ("κ lin", "ppm"),
-    "kappa_asym": ("κ asym", "ppm"),
-    "upsilon": ("υ", "µrad"),
-    "lambda_bias": ("λ bias", "µg"),
-    "mu": ("μ", "µrad"),
-    "lambda_lin": ("λ lin", "ppm"),
+    "kappa_lin": ("κ lin", "ppm"), "kappa_asym": ("κ asym", "ppm"), "upsilon": ("υ", "µrad"),
+    "lambda_bias": ("λ bias", "µg"), "mu": ("μ", "µrad"), "lambda_lin": ("λ lin", "ppm"),
     "lambda_asym": ("λ asym", "ppm"),
-}
+}  # fmt: skip
 ITERATIONS = 3
 # A 99 % quantile of 200 runs moves by so much by sampling alone: that of the other implementation.
 THEIR_SAMPLING = 0.12
@@ -73,20 +69,13 @@ def _rms(values: AnyArray) -> AnyArray:
     return np.asarray(np.sqrt(np.mean(values**2, axis=-1)), dtype=np.float64)
 
 
-def reproduce_accuracy(repetitions: int, seed: int) -> Outcome:
-    """Simulate the test for three grades in many ways: rms and quantiles of each group of errors, each play-back.
-
-    Parameters
-    ----------
-    repetitions : units of each grade.
-    seed : of all random numbers.
-    """
-    sampling = np.random.Generator(np.random.SFC64([seed, 99]))
+def _accuracy(repetitions: int, seed: int) -> Found:
+    """Simulate the test for three grades in many ways: rms and quantiles of each group of errors, each play-back."""
+    sampling = generator(seed, 99)
     rows: list[Row] = []
     notes: list[str] = []
     for number, grade in counted(enumerate(GRADES), len(GRADES)):
-        ways = _ways(grade)
-        rng = np.random.Generator(np.random.SFC64([seed, 98, number]))
+        ways, rng = _ways(grade), generator(seed, 98, number)
         errors = run_study(Setting(GRADES[grade]), ways, repetitions, rng, iterations=ITERATIONS)
         groups = group_rms(errors)
         for which, way in enumerate(ways):
@@ -94,37 +83,7 @@ def reproduce_accuracy(repetitions: int, seed: int) -> Outcome:
                 values = {name: groups[name][which, :, iteration] for name in LABELS}
                 rows += _rows(grade, way, iteration, values, sampling)
         notes += _notes(grade, ways, groups, errors)
-    return Outcome(
-        "savage-accuracy",
-        "The test's accuracy: 1 mrad fixture, any site and heading",
-        "Savage 2018, sections 8 and 9; the paper prints no such table, the first column is another implementation's",
-        (
-            "iteration",
-            "another's 99 %",
-            "99 %",
-            "99 %: from",
-            "to",
-            "rms",
-            "rms: from",
-            "to",
-            "95 %",
-            "95 %: from",
-            "to",
-        ),
-        rows,
-        "inside: the other implementation's 99 % quantile of one run's rms lies in the 95 % interval of ours "
-        f"(bootstrap), widened by the {100 * THEIR_SAMPLING:g} % that theirs moves by sampling",
-        notes=[*notes, _CHOSEN],
-        repetitions=repetitions,
-        seed=seed,
-    )
-
-
-_CHOSEN = (
-    "Errors before the test are normal: nav and tactical 1000 ppm, 1 mrad, 1 mg, MEMS five times that; asymmetry 0.3 "
-    "of the scale factors'. Accelerometer noise 3, 30, 100 µg/√Hz; random walk 0.002, 0.05, 0.3 °/√h; gyro bias 0.02, "
-    "1, 30 °/h; pulses of nav 0.5″ and 0.01 mm/s."
-)
+    return Found(rows, notes=notes, said={"theirs": 100 * THEIR_SAMPLING})
 
 
 def _rows(
@@ -136,25 +95,16 @@ def _rows(
         if not np.any(each):
             continue
         said = _said(grade, way, iteration, name)
-        high_quantile, low_quantile = _quantile(0.99), _quantile(0.95)
-        ours = float(high_quantile(each))
-        edges = resampled(each, high_quantile, rng)
-        verdict, reason = UNJUDGED, ""
+        # Each statistic with its interval, in the order of the columns.
+        statistics = (_quantile(0.99), _rms, _quantile(0.95))
+        told = [(float(of(each)), *resampled(each, of, rng)) for of in statistics]
+        verdict = UNJUDGED, ""
         if said is not None and len(each) >= ENOUGH:
-            wide = edges[0] * (1.0 - THEIR_SAMPLING), edges[1] * (1.0 + THEIR_SAMPLING)
-            verdict = INSIDE if wide[0] <= said <= wide[1] else OUTSIDE
-            reason = "" if verdict == INSIDE else f"ours is {ours / said:.2f} of it"
-        cells = (
-            iteration,
-            said,
-            ours,
-            *edges,
-            float(_rms(each)),
-            *resampled(each, _rms, rng),
-            float(low_quantile(each)),
-            *resampled(each, low_quantile, rng),
-        )
-        rows.append(Row(f"{grade}, {way.name}: {label}", unit, cells, verdict, reason))
+            ours, low, high = told[0]
+            fits = low * (1.0 - THEIR_SAMPLING) <= said <= high * (1.0 + THEIR_SAMPLING)
+            verdict = judge(fits, f"ours is {ours / said:.2f} of it")
+        cells = (iteration, said, *(value for of in told for value in of))
+        rows.append(Row(f"{grade}, {way.name}: {label}", unit, cells, *verdict))
     return rows
 
 
@@ -200,3 +150,7 @@ def _notes(
             f"{grade}: the mean of no error is more than {off:.1f} of its standard deviations off zero."
         )
     return notes
+
+
+STUDIES = (Study("savage-accuracy", _accuracy),)
+"""What the paper says of it in words."""

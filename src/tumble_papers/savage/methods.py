@@ -29,7 +29,7 @@ from tumble.records import dataclass
 from tumble.segmentation import HoldMeans
 from tumble.sensor import ImuModel, Triad
 from tumble.sensor.conventions.savage import SavageErrors
-from tumble_papers.estimates import carried_estimate, require_both_triads
+from tumble_papers.estimates import carried_estimate, means_of_both
 from tumble_papers.savage.sequences import (
     WITHOUT_ASYMMETRY,
     SequenceMeasurement,
@@ -182,7 +182,7 @@ def calibrate_savage(session: Session) -> Estimate:
     ObservabilityError
         If a triad, a sequence or what tells the Earth rate is missing.
     """
-    require_both_triads(session)
+    means_of_both(session)
     sequences, gravity = cut_sequences(session), session.site.gravity
     asymmetry = all(name in sequences for name in WITHOUT_ASYMMETRY)
     # Refuses sequences that are missing.

@@ -210,6 +210,7 @@ def measure_sequence(
     start_bias: bool = True,
     norm: bool = True,
     averaging: str = "plain",
+    weights: Series | None = None,
 ) -> SequenceMeasurement:
     """Compute the attitude from the start of a sequence, and what gravity looks like in it before and after.
 
@@ -226,6 +227,7 @@ def measure_sequence(
     norm : take down as gravity less the length of the acceleration, instead of its projection on the nominal
         down, which a fixture that is off by an angle makes too short by half its square.
     averaging : see `window_weights`.
+    weights : of the average at the start instead; that at the end has them the other way round.
 
     Raises
     ------
@@ -246,9 +248,11 @@ def measure_sequence(
         np.ascontiguousarray(force),
         step,
         np.ascontiguousarray(earth_rate_start),
-        window_weights(start[1] - start[0], averaging),
+        window_weights(start[1] - start[0], averaging) if weights is None else weights,
         start[0],
-        window_weights(end[1] - end[0], averaging),
+        window_weights(end[1] - end[0], averaging)
+        if weights is None
+        else np.ascontiguousarray(weights[::-1]),
         end[0],
         averages,
         C,

@@ -13,11 +13,9 @@ rotations at an even rate without ramps or pauses; pulses that begin anywhere; t
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
-from functools import cache
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache, partial
 
 import numpy as np
 import numpy.typing as npt
@@ -37,6 +35,7 @@ from tumble_papers.savage.sequences import (
     solve_measurements,
     window_weights,
 )
+from tumble_papers.study import in_threads
 
 DEGREE_PER_ROOT_HOUR = np.pi / 180.0 / 60.0
 LARGEST_LATITUDE = 75.0 * np.pi / 180.0
@@ -75,31 +74,20 @@ class Grade:
 
 GRADES = {
     "nav": Grade(
-        "nav",
-        0.002 * DEGREE_PER_ROOT_HOUR,
-        3.0 * MICRO_G,
-        0.5 * ARCSECOND,
-        1e-5,
-        gyro_bias=0.02 * DEGREE_PER_HOUR,
+        "nav", 0.002 * DEGREE_PER_ROOT_HOUR, 3.0 * MICRO_G, 0.5 * ARCSECOND, 1e-5, gyro_bias=0.02 * DEGREE_PER_HOUR
     ),
     "tactical": Grade(
-        "tactical",
-        0.05 * DEGREE_PER_ROOT_HOUR,
-        30.0 * MICRO_G,
-        gyro_bias=1.0 * DEGREE_PER_HOUR,
+        "tactical", 0.05 * DEGREE_PER_ROOT_HOUR, 30.0 * MICRO_G, gyro_bias=1.0 * DEGREE_PER_HOUR
     ),
     "MEMS": Grade(
-        "MEMS",
-        0.3 * DEGREE_PER_ROOT_HOUR,
-        100.0 * MICRO_G,
-        scale=5e-3,
-        asymmetry=1.5e-3,
-        angle=5e-3,
-        bias=5e3 * MICRO_G,
-        gyro_bias=30.0 * DEGREE_PER_HOUR,
+        "MEMS", 0.3 * DEGREE_PER_ROOT_HOUR, 100.0 * MICRO_G, scale=5e-3, asymmetry=1.5e-3, angle=5e-3,
+        bias=5e3 * MICRO_G, gyro_bias=30.0 * DEGREE_PER_HOUR,
     ),
-}
+}  # fmt: skip
 """Navigation grade and MEMS as in the paper's section 9 and for its section 1, and one between."""
+
+EXACT = Grade("exact", 0.0, 0.0)
+"""Navigation grade's errors before the test, and outputs without noise and pulses."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -349,18 +337,15 @@ class _Fixture:
         off = setting.fixture * rng.standard_normal((len(sequences), most + 1, 2))
         for number, sequence in enumerate(sequences):
             planned = _fixture_angles(sequence)
-            inner, outer = np.array(planned[0]) + off[number, 0]
-            C_bn[number] = (self.room @ _about(1, outer) @ self._from_outer(inner)).T
+            at = np.array(planned[0]) + off[number, 0]
+            C_bn[number] = (self.room @ _about(1, float(at[1])) @ self._from_outer(float(at[0]))).T
             for turn, (axis, angle) in enumerate(sequence.rotations):
                 samples[number, turn] = round(abs(angle) / setting.rate * setting.sampling)
-                if axis == 2:
-                    reached = planned[turn + 1][0] + off[number, turn + 1, 0]
-                    axes[number, turn] = self.mounting.T[:, 2]
-                    angles[number, turn], inner = reached - inner, reached
-                else:
-                    reached = planned[turn + 1][1] + off[number, turn + 1, 1]
-                    axes[number, turn] = self._from_outer(inner).T[:, 1]
-                    angles[number, turn], outer = reached - outer, reached
+                which = 0 if axis == 2 else 1
+                turned = self.mounting if axis == 2 else self._from_outer(float(at[0]))
+                axes[number, turn] = turned[2 - which]
+                reached = planned[turn + 1][which] + off[number, turn + 1, which]
+                angles[number, turn], at[which] = reached - at[which], reached
         return C_bn, axes, angles, samples
 
     def _from_outer(self, inner: float) -> Matrix:
@@ -372,27 +357,9 @@ def _nominal_tb(inner: float, outer: float) -> Matrix:
     return np.asarray(fixture_rotation(inner, outer).as_matrix(), dtype=np.float64)
 
 
-@cache
-def _down(sequence: RotationSequence) -> Vector:
-    return start_down(sequence)
-
-
-@cache
-def _fixture_angles(sequence: RotationSequence) -> list[tuple[float, float]]:
-    return sequence.fixture_angles()
-
-
-@dataclass(slots=True)
-class Models:
-    """The error models of the sequences with the noise that each measurement has.
-
-    Attributes
-    ----------
-    models, covariances : of each sequence, at a nominal gravity.
-    """
-
-    models: list[SequenceModel] = field(default_factory=list[SequenceModel])
-    covariances: list[AnyArray] = field(default_factory=list[AnyArray])
+_down = cache(start_down)
+_fixture_angles = cache(RotationSequence.fixture_angles)
+Models = tuple[list[SequenceModel], list[AnyArray]]
 
 
 def _evaluate_run(
@@ -448,7 +415,8 @@ def _measure(recordings: Recordings, current: ImuModel, variant: Variant) -> tup
     found: dict[str, Series] = {}
     for number, sequence in enumerate(setting.sequences):
         first, last = int(starts[number]), int(starts[number + 1])
-        measured = measure_sequence(
+        measured = partial(
+            measure_sequence,
             rate[first:last],
             force[first:last],
             step,
@@ -461,50 +429,19 @@ def _measure(recordings: Recordings, current: ImuModel, variant: Variant) -> tup
             norm=variant.norm,
             averaging=variant.averaging,
         )
-        vector = measured.vector
+        found[sequence.name] = measured().vector
         if variant.matched:
-            off = measured.gyro_bias if variant.start_bias else np.zeros(3)
-            vector[:3] = _matched_change(
-                rate[first:last] - off, force[first:last], recordings, number, variant.weights(setting)
-            )
-        found[sequence.name] = vector
+            found[sequence.name][:3] = measured(weights=variant.weights(setting)).horizontal
     return found, gyro_bias
-
-
-def _matched_change(
-    rate: Vectors, force: Vectors, recordings: Recordings, number: int, weights: Series
-) -> Series:
-    """The horizontal change with other weights than a plain average's, those after the rotations reversed."""
-    from tumble.attitude.kernels import transform_sequence
-
-    averages, C = np.zeros((2, 3)), np.zeros((3, 3))
-    transform_sequence(
-        rate,
-        np.ascontiguousarray(force),
-        1.0 / recordings.setting.sampling,
-        recordings.earth[number],
-        weights,
-        0,
-        np.ascontiguousarray(weights[::-1]),
-        len(rate) - len(weights),
-        averages,
-        C,
-    )
-    change, down = averages[1] - averages[0], _down(recordings.setting.sequences[number])
-    return np.asarray(change - down * float(down @ change), dtype=np.float64)
 
 
 def _invert(
     measurements: dict[str, Series], recordings: Recordings, variant: Variant, models: Models | None
 ) -> Series:
     if variant.all_components:
-        models = models or model_sequences(recordings.setting, variant)
-        return solve_measurements(
-            models.models,
-            list(measurements.values()),
-            models.covariances,
-            asymmetry=variant.asymmetry,
-        ).errors
+        told, covariances = models or model_sequences(recordings.setting, variant)
+        measured = list(measurements.values())
+        return solve_measurements(told, measured, covariances, asymmetry=variant.asymmetry).errors
     found = invert_measurements(measurements, recordings.gravity, asymmetry=variant.asymmetry)
     if variant.printed_signs:
         bias, gravity = found[GROUPS["lambda_bias"]], recordings.gravity
@@ -534,7 +471,7 @@ def composed(current: ImuModel, found: SavageErrors) -> ImuModel:
 
 
 def model_sequences(setting: Setting, variant: Variant) -> Models:
-    """Return the error models of a setting's sequences, with the noise of their measurements.
+    """Return the error models of a setting's sequences at a nominal gravity, and covariances of their measurements.
 
     The noise is that of the random walks, of the pulses, and of what a start attitude that is off makes of the
     Earth rate; taken as independent from sequence to sequence.
@@ -559,7 +496,7 @@ def model_sequences(setting: Setting, variant: Variant) -> Models:
     # A pulse of the velocity counts once at either end of a plain average, less for one that begins gently.
     pulse = (grade.velocity_pulse / seconds) ** 2 / 6.0
     force, down_force = (max(walk * n + pulse, (1e-3 * MICRO_G) ** 2) for n in noise)
-    made = Models()
+    made: Models = ([], [])
     for sequence in setting.sequences:
         down = start_down(sequence)
         rotations = list(sequence.rotations)
@@ -584,8 +521,8 @@ def model_sequences(setting: Setting, variant: Variant) -> Models:
         covariance = np.zeros((5, 5))
         covariance[:3, :3] = across @ tilt @ across.T + 2.0 * force * np.eye(3)
         covariance[3, 3] = covariance[4, 4] = down_force
-        made.models.append(model)
-        made.covariances.append(covariance)
+        made[0].append(model)
+        made[1].append(covariance)
     return made
 
 
@@ -636,16 +573,8 @@ def run_study(
             assert recordings is not None
             errors[number, run] = _evaluate_run(recordings, variant, iterations, models[number])
 
-    _in_threads(play, runs, threads)
+    list(in_threads(play, runs, threads))
     return errors
-
-
-def _in_threads(play: Callable[[int], None], runs: int, threads: int | None) -> None:
-    pool = ThreadPoolExecutor(threads or os.cpu_count() or 1)
-    try:
-        list(pool.map(play, range(runs)))
-    finally:  # who stops a long study does not wait for all of it
-        pool.shutdown(cancel_futures=True)
 
 
 def group_rms(errors: AnyArray) -> dict[str, AnyArray]:
@@ -660,11 +589,3 @@ def group_rms(errors: AnyArray) -> dict[str, AnyArray]:
         name: np.asarray(np.sqrt(np.mean(scaled[..., at] ** 2, axis=-1)), dtype=np.float64)
         for name, at in GROUPS.items()
     }
-
-
-def exact_unit() -> Grade:
-    """Return a grade of navigation grade's errors before the test, whose outputs have no noise and no pulses."""
-    like = GRADES["nav"]
-    return Grade(
-        "exact", 0.0, 0.0, scale=like.scale, asymmetry=like.asymmetry, angle=like.angle, bias=like.bias
-    )

@@ -16,7 +16,6 @@ one axis of a placement make a pair: their difference knows neither bias nor Ear
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import field
 from functools import partial
@@ -24,7 +23,7 @@ from functools import partial
 import numpy as np
 from scipy.linalg import block_diag
 
-from tumble.arrays import AnyArray, Matrix, Series, Square, Vector, Vectors, inverted
+from tumble.arrays import AnyArray, Matrices, Matrix, Series, Square, Vector, Vectors, inverted
 from tumble.attitude import matrix_from_rotation_vector
 from tumble.attitude.directions import twenty_six_directions
 from tumble.calibration.estimate import Estimate, Said
@@ -36,10 +35,9 @@ from tumble.protocol import HoldStep, Pose, Protocol, SpinStep, TurnStep
 from tumble.recording.recording import Recording
 from tumble.records import dataclass
 from tumble.segmentation import HoldMeans
-from tumble.segmentation.matching import Matching
 from tumble.segmentation.rotations import Rotation
 from tumble.sensor import ImuModel, Triad
-from tumble_papers.estimates import carried_estimate, require_both_triads
+from tumble_papers.estimates import carried_estimate, means_of_both
 from tumble_papers.zhang.closed_forms import (
     axis_from_rotation,
     axis_from_scatter,
@@ -51,64 +49,45 @@ from tumble_papers.zhang.closed_forms import (
 
 
 @dataclass(slots=True)
-class SpinGroup:
-    """One placement on the table.
+class Placement:
+    """The unit as it is placed on the table: its pose, from the first hold that says, and the spins found."""
 
-    Attributes
-    ----------
-    name : of its first hold, or of its first spin.
-    pose : what the protocol knows of it, from the first hold that says.
-    holds : indices of the holds found.
-    rows : indices into the spins found, as `SpinMeans` has them.
-    spins : the steps of those.
-    """
-
-    name: str = ""
     pose: Pose | None = None
-    holds: list[int] = field(default_factory=list[int])
-    rows: list[int] = field(default_factory=list[int])
-    spins: list[SpinStep] = field(default_factory=list[SpinStep])
+    spins: list[tuple[SpinStep, Rotation]] = field(default_factory=list[tuple[SpinStep, Rotation]])
 
 
-def group_spins(matching: Matching, protocol: Protocol) -> list[SpinGroup]:
-    """Return the placements of a protocol with the holds and spins that were found.
+def find_placements(rotations: Sequence[Rotation], protocol: Protocol) -> list[Placement]:
+    """Return the placements of a protocol with the rotations that were found.
 
     A new one begins with a turn, with a hold that follows a hold, and with a hold in a pose that the spin
     before it does not lead to.
-    Placements of which nothing was found are left out.
+
+    Parameters
+    ----------
+    rotations : that were found, a step that was done twice twice.
+    protocol : what was to be done.
     """
-    holds: dict[int, list[int]] = defaultdict(list)
-    rows: dict[int, list[int]] = defaultdict(list)
-    # A step that was done twice is there twice.
-    for matched in matching.holds:
-        holds[matched.step].append(matched.hold)
-    for row, spin in enumerate(matching.spins):
-        rows[spin.step].append(row)
-    groups = [SpinGroup()]
-    before = None
+    placements, before = [Placement()], None
     for index, step in enumerate(protocol.steps):
-        if _begins(step, before, groups[-1]):
-            groups.append(SpinGroup())
-        group = groups[-1]
+        if _begins(step, before, placements[-1].pose):
+            placements.append(Placement())
+        here = placements[-1]
         if isinstance(step, HoldStep):
-            group.pose = group.pose or step.pose
-            group.holds += holds[index]
+            here.pose = here.pose or step.pose
         if isinstance(step, SpinStep):
-            group.rows += rows[index]
-            group.spins += [step] * len(rows[index])
-        group.name = group.name or step.name
+            here.spins += [(step, rotation) for rotation in rotations if rotation.step == index]
         before = step
-    return [group for group in groups if group.holds or group.rows]
+    return placements
 
 
-def _begins(step: object, before: object, group: SpinGroup) -> bool:
+def _begins(step: object, before: object, pose: Pose | None) -> bool:
     if isinstance(step, TurnStep):
         return True
     if not isinstance(step, HoldStep) or before is None:
         return False
     if isinstance(before, HoldStep):
         return True
-    return _another_pose(group.pose, step.pose, before.axis_b if isinstance(before, SpinStep) else None)
+    return _another_pose(pose, step.pose, before.axis_b if isinstance(before, SpinStep) else None)
 
 
 def _another_pose(one: Pose | None, other: Pose | None, axis_b: Vector | None) -> bool:
@@ -139,11 +118,6 @@ class RotationPair:
     axis_b: Vector
     forward: list[Rotation] = field(default_factory=list[Rotation])
     backward: list[Rotation] = field(default_factory=list[Rotation])
-
-    @property
-    def rotations(self) -> list[Rotation]:
-        """All of them."""
-        return [*self.forward, *self.backward]
 
     @property
     def shares(self) -> list[tuple[float, Rotation]]:
@@ -177,26 +151,23 @@ class RotationPair:
         means : of the holds.
         """
         assert means.angular_rate is not None
-        holds = sorted({h for r in self.rotations for h in (r.before, r.after) if h is not None})
+        holds = sorted({h for _, r in self.shares for h in (r.before, r.after) if h is not None})
         rest = np.mean(means.angular_rate[holds] if holds else means.angular_rate, axis=0)
         return np.asarray(sum(share * (r.integral - r.seconds * rest) for share, r in self.shares))
 
 
-def pair_rotations(
-    rotations: Sequence[Rotation], matching: Matching, protocol: Protocol
-) -> list[RotationPair]:
+def pair_rotations(rotations: Sequence[Rotation], protocol: Protocol) -> list[RotationPair]:
     """Return the axes that were turned about both ways.
 
     Parameters
     ----------
-    rotations : in the order of `matching.spins`.
-    matching, protocol : which of them belongs to which placement, and about which axis.
+    rotations, protocol : as for `find_placements`.
     """
     pairs: list[RotationPair] = []
-    for group in group_spins(matching, protocol):
+    for placement in find_placements(rotations, protocol):
         mine: list[RotationPair] = []
-        for row, step in zip(group.rows, group.spins, strict=True):
-            axis = step.axis_b if step.axis_b is not None else (group.pose.up_b if group.pose else None)
+        for step, rotation in placement.spins:
+            axis = step.axis_b if step.axis_b is not None or placement.pose is None else placement.pose.up_b
             if axis is None:
                 continue
             axis = np.asarray(axis / np.linalg.norm(axis), dtype=np.float64)
@@ -206,7 +177,7 @@ def pair_rotations(
                 pair = RotationPair(axis)
                 mine.append(pair)
             way = float(pair.axis_b @ axis) * step.rate
-            (pair.forward if way > 0.0 else pair.backward).append(rotations[row])
+            (pair.forward if way > 0.0 else pair.backward).append(rotation)
         pairs += mine
     return [pair for pair in pairs if pair.forward and pair.backward]
 
@@ -292,26 +263,21 @@ class TableObservations:
 
 def _observe(session: Session, *, optimal: bool) -> TableObservations:
     """Gather rests and pairs of rotations: all, or the paper's optimal set."""
-    require_both_triads(session)
-    protocol, matching = session.matched
-    means, pairs = session.means, pair_rotations(session.rotations, matching, protocol)
-    assert means.specific_force is not None
-    assert means.specific_force_covariance is not None
-    assert means.angular_rate is not None
-    assert means.angular_rate_covariance is not None
+    force, of_force, rate, of_rate = means_of_both(session)
+    means, pairs = session.means, pair_rotations(session.rotations, session.matched[0])
     if len(pairs) < 6:
         raise ObservabilityError(
             f"The table turned both ways about {len(pairs)} axes, and the gyros' six scale factors and misalignments "
             "need six: x, y, z, and one between each two of them (21)."
         )
-    _require_earth(means, pairs)
-    matrix, bias = ellipsoid_from_norms(means.specific_force, session.site.gravity, means.duration)
+    _require_earth(means, of_rate, pairs)
+    matrix, bias = ellipsoid_from_norms(force, session.site.gravity, means.duration)
     kept = np.arange(len(means))
     if optimal:
         faces, edges = twenty_six_directions()[:6], twenty_six_directions()[6:18]
         between = [edges[edges[:, axis] == 0.0] for axis in range(3)]
         along = [np.array([face for face in faces if face[axis] != 0.0]) for axis in range(3)]
-        up = (means.specific_force - bias) @ inverted(matrix).T
+        up = (force - bias) @ inverted(matrix).T
         kept = _chosen("pose", up, [*faces[:, None], *between], means.duration)
         turned = np.array([pair.difference(means) for pair in pairs])
         pairs = [
@@ -319,8 +285,8 @@ def _observe(session: Session, *, optimal: bool) -> TableObservations:
         ]
     planes = [_plane(session.recording, pair) for pair in pairs]
     return TableObservations(
-        force=means.specific_force[kept],
-        rate=means.angular_rate[kept],
+        force=force[kept],
+        rate=rate[kept],
         seconds=means.duration[kept],
         rotation=np.array([pair.difference(means) for pair in pairs]),
         angle=np.array([pair.angle for pair in pairs]),
@@ -330,8 +296,8 @@ def _observe(session: Session, *, optimal: bool) -> TableObservations:
         / (session.site.gravity * float(np.mean(np.diag(matrix)))),
         noise=np.asarray(
             block_diag(
-                *means.specific_force_covariance[kept],
-                *means.angular_rate_covariance[kept],
+                *of_force[kept],
+                *of_rate[kept],
                 *(pair.covariance for pair in pairs),
                 np.diag([pair.angle_sigma**2 for pair in pairs]),
                 *(np.diag(variance) for _, _, variance in planes),
@@ -341,12 +307,11 @@ def _observe(session: Session, *, optimal: bool) -> TableObservations:
     )
 
 
-def _require_earth(means: HoldMeans, pairs: Sequence[RotationPair]) -> None:
+def _require_earth(means: HoldMeans, of_rate: Matrices, pairs: Sequence[RotationPair]) -> None:
     """Refuse gyros to whose means (24) says nothing."""
-    assert means.angular_rate_covariance is not None
     # raw per rad/s
     size = np.median([np.linalg.norm(pair.difference(means)) / pair.angle for pair in pairs])
-    variance = np.trace(means.angular_rate_covariance, axis1=1, axis2=2) / 3.0
+    variance = np.trace(of_rate, axis1=1, axis2=2) / 3.0
     if np.sqrt(np.average(variance, weights=means.duration)) > SEEN * EARTH_RATE * size:
         raise ObservabilityError(
             "The gyros' biases come from the norm of the Earth rate (24), and these gyros are too noisy to see it at "
@@ -375,7 +340,7 @@ def _plane(recording: Recording, pair: RotationPair) -> tuple[AnyArray, float, S
     """Return normal and tangents (3, 3) by rows, the circle's radius, raw, and the variances (2,) of the normal."""
     assert recording.specific_force is not None
     pieces = [
-        np.asarray(recording.specific_force[r.start : r.stop], dtype=np.float64) for r in pair.rotations
+        np.asarray(recording.specific_force[r.start : r.stop], dtype=np.float64) for _, r in pair.shares
     ]
     about = np.concatenate([piece - piece.mean(axis=0) for piece in pieces])
     scatter = about.T @ about / len(about)

@@ -8,19 +8,33 @@ vertical; the centre of rotation in the unit; the height known, as nothing keeps
 
 The paper's recordings are not public. Simulated units with the parameters of table 6 are calibrated on simulated
 tables by the traditional method, by the paper's and by tumble's joint estimator, and navigated with what each found.
+
+The joint estimator on Zhang's simulated table: nine dwells and twelve rotations, settings of tables 3 and 4.
+
+Five samples a second stand for a hundred: white noise of the same density, and a rate that is constant in between,
+so that nothing is lost but time. Each dwell is a recording of its own, and each axis with its two rotations:
+nobody carries the attitude from one to the next. Before, between and after the rotations the table rests for less
+than a second, which tells little by itself.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cache, lru_cache
+from functools import cache, lru_cache, partial
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from tumble.arrays import AnyArray, Matrix, Series, Table, Vector, Vectors
+from tumble.attitude.rotations import matrices_from_rotation_vectors, rotation_between
+from tumble.calibration.equations.imu_unknowns import PLAIN, imu_unknowns, unknowns_of
+from tumble.calibration.equations.observed import Observed, TableRotation, observe, table_rotation
+from tumble.calibration.equations.rotation_equations import LEAST_WOBBLE
+from tumble.calibration.equations.turn import HoldsAndTurns
+from tumble.calibration.start import start_adjustment
 from tumble.counting import counted, part
-from tumble.earth import Site
+from tumble.earth import EARTH_RATE, Site
+from tumble.estimation.solve import solve
 from tumble.navigation import (
     InertialSamples,
     NavigationState,
@@ -28,23 +42,23 @@ from tumble.navigation import (
     navigate,
     position_differences,
 )
-from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED, Curve, Outcome, Plot, Row
-from tumble.sensor import ImuModel, Triad
-from tumble.sensor.conventions.zhang import inter_triad_rotation, matrix_from_zhang
+from tumble.reproduction.outcome import Curve, Plot, Row
+from tumble.sensor import ImuModel
+from tumble.sensor.conventions.shin import matrix_from_shin
+from tumble.sensor.gauge import inverse, lower_factor
 from tumble.simulation.motion import Motion
 from tumble.units import STANDARD_GRAVITY
-from tumble_papers.published import zhang
-from tumble_papers.zhang.joint_turntable import estimate_run, true_plan
+from tumble_papers.study import Found, Study, generator, judge, zhang
 from tumble_papers.zhang.turntable import (
+    GRAVITY,
     LATITUDE,
     Setting,
     Unit,
     calibrate_in_laboratory,
     evaluate,
     paper_setting,
-    paper_unit,
     simulate,
-    unit_parameters,
+    unit_from,
 )
 
 ALIGNED, TURN, QUARTER = 600.0, 12.0, 0.5 * np.pi  # s, s, rad
@@ -125,8 +139,7 @@ def measured(
     setting : its noise.
     rng : source of the noise; None for none.
     """
-    force = true.force @ unit.force_matrix.T + unit.force_bias
-    rate = true.rate @ (unit.rate_matrix @ unit.rotation).T + unit.rate_bias
+    force, rate = unit.model.distort(true.force, true.rate)
     if rng is not None:
         scale = np.sqrt(RATE)
         by_force = setting.force_noise * scale * np.linalg.norm(unit.force_matrix, axis=1)
@@ -135,21 +148,6 @@ def measured(
         rate = rate + by_rate * rng.standard_normal(rate.shape)
     zero = np.zeros((1, 3))
     return InertialSamples(true.edges, np.vstack([zero, force]), np.vstack([zero, rate]), means=True)
-
-
-def model_of(parameters: Series) -> ImuModel:
-    """Return the model that 21 parameters in the paper's order stand for, in the frame p.
-
-    Parameters
-    ----------
-    parameters : (21,) scales in counts, the rest SI, as `turntable.paper_parameters` has them.
-    """
-    force: Matrix = np.real(matrix_from_zhang(parameters[0:3], parameters[3:6]))
-    rate: Matrix = np.real(matrix_from_zhang(parameters[9:12], parameters[12:15]))
-    turned = rate @ inter_triad_rotation(parameters[18:21])
-    return ImuModel(
-        Triad(force, parameters[0:3] * parameters[6:9]), Triad(turned, parameters[9:12] * parameters[15:18])
-    )
 
 
 def navigate_test(raw: InertialSamples, model: ImuModel) -> tuple[Series, Vectors]:
@@ -182,7 +180,6 @@ def navigate_test(raw: InertialSamples, model: ImuModel) -> tuple[Series, Vector
     return np.array(times), errors
 
 
-SOURCE = "Zhang et al. 2010, section 5.2; the paper's recordings are not public, ours are simulated"
 TRADITIONAL, PROPOSED, JOINT, TRUE = "traditional", "proposed", "joint estimator", "true parameters"
 PRINTED = "table 6's traditional column, on the unit of the proposed one"
 _NAMES = {TRADITIONAL: "traditional", PROPOSED: "proposed", JOINT: "joint", TRUE: "true", PRINTED: "table 6"}
@@ -214,8 +211,8 @@ class NavigatedUnits:
 
 
 @lru_cache(maxsize=4)
-def calibrate_units(units: int, seed: int) -> dict[str, AnyArray]:
-    """Return method -> (units, 21) parameters that it finds, each on simulated recordings of its own table work.
+def calibrate_units(units: int, seed: int) -> dict[str, list[Unit]]:
+    """Return method -> the units that it finds, each on simulated recordings of its own table work.
 
     Parameters
     ----------
@@ -223,15 +220,14 @@ def calibrate_units(units: int, seed: int) -> dict[str, AnyArray]:
     seed : of all random numbers.
     """
     setting = paper_setting()
-    ours, theirs = np.random.Generator(np.random.SFC64([seed, 7])).spawn(2)
+    ours, theirs = generator(seed, 7).spawn(2)
     plan = true_plan(setting)
-    joint = [estimate_run(plan, np.random.default_rng([seed, unit])) for unit in counted(range(units), units)]
     return {
-        TRADITIONAL: calibrate_in_laboratory(setting, units, theirs).parameters(),
-        PROPOSED: evaluate(simulate(setting, units, ours, sampled=False)).parameters(),
-        JOINT: np.array(joint),
-        TRUE: np.tile(unit_parameters(setting.unit), (units, 1)),
-        PRINTED: np.tile(unit_parameters(paper_unit("traditional")), (units, 1)),
+        TRADITIONAL: calibrate_in_laboratory(setting, units, theirs).each(),
+        PROPOSED: evaluate(simulate(setting, units, ours, sampled=False)).units.each(),
+        JOINT: [estimate_run(plan, np.random.default_rng([seed, k])) for k in counted(range(units), units)],
+        TRUE: [setting.unit] * units,
+        PRINTED: [unit_from("6", "traditional")] * units,
     }
 
 
@@ -253,90 +249,34 @@ def run_test(name: str, units: int, seed: int) -> NavigatedUnits:
         for unit in counted(range(units), units):
             rng = np.random.default_rng([seed, ("I", "II").index(name), unit])
             raw = measured(true, setting.unit, setting, rng)
-            for method, parameters in found.items():
-                time, off = navigate_test(raw, model_of(parameters[unit]))
+            for method, units_found in found.items():
+                time, off = navigate_test(raw, units_found[unit].model)
                 errors[method].append(np.hypot(off[:, 0], off[:, 1]))
     return NavigatedUnits(time, {method: np.array(rows) for method, rows in errors.items()})
 
 
-def which_test(figure: str) -> tuple[str, str]:
-    """Return the test that a figure is of, and what it shows: "accelerometer", "gyro" or "positions".
-
-    Parameters
-    ----------
-    figure : "5" to "10".
-
-    Raises
-    ------
-    KeyError
-        If it is of no test.
-    """
-    for name, entry in zhang()["navigation_tests"].items():
-        shown = {
-            **{which: sensor for sensor, which in entry["measurements"].items()},
-            entry["positions"]: "positions",
-        }
-        if figure in shown:
-            return name, shown[figure]
-    raise KeyError(figure)
-
-
-def reproduce_positions(figure: str, repetitions: int, seed: int) -> Outcome:
-    """Make figure 7 (test I) or 10 (test II) anew: errors of position with the parameters of each method.
-
-    Parameters
-    ----------
-    figure : "7" or "10".
-    repetitions : how many times the unit is calibrated and navigated.
-    seed : of all random numbers.
-    """
-    name, _ = which_test(figure)
-    runs = run_test(name, repetitions, seed)
-    rows = [_method_row(runs, method) for method in runs.errors]
-    rows += _claim_rows(runs)
-    return Outcome(
-        f"zhang-figure-{figure}",
-        f"Figure {figure}: errors of position in navigation test {name}",
-        SOURCE,
-        ("paper", "median", "5 %", "95 %", "at the end: median", "largest: median"),
-        rows,
-        _criterion(repetitions),
-        [_positions_plot(name, runs)],
-        [_ASSUMED, _JOINT],
-        repetitions,
-        seed,
+def _positions(test: str, repetitions: int, seed: int) -> Found:
+    """Make figure 7 (test I) or 10 (test II) anew: errors of position with the parameters of each method."""
+    runs = run_test(test, repetitions, seed)
+    rows = [_method_row(runs, method) for method in runs.errors] + _claim_rows(runs)
+    curves = tuple(
+        Curve(
+            _NAMES[method],
+            runs.time[1::2],
+            np.median(errors, axis=0)[1::2],
+            *(np.quantile(errors, share, axis=0)[1::2] for share in _SHARES),
+        )
+        for method, errors in runs.errors.items()
     )
-
-
-def _criterion(units: int) -> str:
-    if units < RANGE:
-        return f"judged from {RANGE} units on"
-    return f"inside: the ratio is above one in at least {100 * MOST:g} % of the units, as the paper's conclusion has it"
-
-
-_ASSUMED = (
-    "Assumed: ten minutes of rest in which each method aligns itself, and a known height. Quarter "
-    "turns take 12 s, in test I every 100 s twice about x, y and z in turn, in test II every 35 "
-    "minutes about the vertical. The paper prints pictures without numbers."
-)
-_JOINT = (
-    "The joint estimator has the paper's data: nine attitudes and six axes. The traditional method has 24 attitudes "
-    "and three axes. True parameters: what white noise alone does."
-)
+    time, error = "time since the alignment / s", "horizontal error of position / m"
+    plot = Plot("positions", f"Navigation test {test}", time, error, curves, line="median")
+    return Found(rows, [plot], said={"most": 100 * MOST, "enough": RANGE}, few=repetitions < RANGE)
 
 
 def _method_row(runs: NavigatedUnits, method: str) -> Row:
     rms, errors = runs.rms(method), runs.errors[method]
-    low, high = (float(np.quantile(rms, share)) for share in _SHARES)
-    cells = (
-        None,
-        float(np.median(rms)),
-        low,
-        high,
-        float(np.median(errors[:, -1])),
-        float(np.median(errors.max(axis=1))),
-    )
-    return Row(f"{method}: horizontal, rms over the test", "m", cells)
+    told = np.median(rms), *np.quantile(rms, _SHARES), np.median(errors[:, -1]), np.median(errors.max(axis=1))
+    return Row(f"{method}: horizontal, rms over the test", "m", (None, *(float(of) for of in told)))
 
 
 def _claim_rows(runs: NavigatedUnits) -> list[Row]:
@@ -353,81 +293,35 @@ def _claim_rows(runs: NavigatedUnits) -> list[Row]:
 def _ratio_row(runs: NavigatedUnits, worse: str, better: str, said: str | None) -> Row:
     ratio: Series = runs.rms(worse) / runs.rms(better)
     share = float(np.mean(ratio > 1.0))
-    cells = (
-        said,
-        float(np.median(ratio)),
-        *(float(np.quantile(ratio, q)) for q in _SHARES),
-        None,
-        None,
-    )
-    label = f"rms of {worse} over that of {better}"
-    if said is None:
-        return Row(label, "", cells)
-    if ratio.size < RANGE:
-        return Row(label, "", cells, UNJUDGED, f"fewer than {RANGE} units have no range")
-    if share >= MOST:
-        return Row(label, "", cells, INSIDE)
-    return Row(label, "", cells, OUTSIDE, f"it is better in {100 * share:.0f} % of our units")
+    cells = (said, float(np.median(ratio)), *(float(np.quantile(ratio, q)) for q in _SHARES), None, None)
+    verdict: tuple[str, ...] = ()
+    if said is not None:
+        few = f"fewer than {RANGE} units have no range" if ratio.size < RANGE else None
+        verdict = judge(share >= MOST, f"it is better in {100 * share:.0f} % of our units", few)
+    return Row(f"rms of {worse} over that of {better}", "", cells, *verdict)
 
 
-def _positions_plot(name: str, runs: NavigatedUnits) -> Plot:
-    curves = tuple(
-        Curve(
-            _NAMES[method],
-            runs.time[1::2],
-            np.median(errors, axis=0)[1::2],
-            np.quantile(errors, _SHARES[0], axis=0)[1::2],
-            np.quantile(errors, _SHARES[1], axis=0)[1::2],
-        )
-        for method, errors in runs.errors.items()
-    )
-    return Plot(
-        "positions",
-        f"Navigation test {name}",
-        "time since the alignment / s",
-        "horizontal error of position / m",
-        curves,
-        line="median",
-    )
-
-
-def reproduce_measurements(figure: str, repetitions: int, seed: int) -> Outcome:
-    """Make figure 5, 6, 8 or 9 anew: what the accelerometers or gyros measure in a test, corrected by the truth.
-
-    Parameters
-    ----------
-    figure : "5" or "6" of test I, "8" or "9" of test II.
-    repetitions : not used: one unit is shown.
-    seed : of all random numbers.
-    """
-    name, shown = which_test(figure)
-    printed, setting, true = zhang()["navigation_tests"][name], paper_setting(), true_test(name)
+def _measurements(test: str, sensor: str, repetitions: int, seed: int) -> Found:
+    """Make figure 5, 6, 8 or 9 anew: what the accelerometers or gyros of one unit measure, corrected by the truth."""
+    printed, setting, true = zhang()["navigation_tests"][test], paper_setting(), true_test(test)
     raw = measured(true, setting.unit, setting, np.random.default_rng([seed, 0, 0]))
-    corrected = model_of(unit_parameters(setting.unit)).correct(raw.specific_force_b, raw.angular_rate_ib_b)
-    gyro = shown == "gyro"
-    signal = corrected[1][1:] * 180.0 / np.pi if gyro else corrected[0][1:] / STANDARD_GRAVITY
+    force, rate = setting.unit.model.correct(raw.specific_force_b, raw.angular_rate_ib_b)
+    gyro = sensor == "gyro"
+    signal = rate[1:] * 180.0 / np.pi if gyro else force[1:] / STANDARD_GRAVITY
     unit = "°/s" if gyro else "g"
-    turns = len(true.motion.turn_duration)
     rows = [
-        Row("duration", "s", (float(printed["seconds"]), DURATION[name])),
-        Row("rotations", "", (printed["rotations"], float(turns))),
+        Row("duration", "s", (float(printed["seconds"]), DURATION[test])),
+        Row("rotations", "", (printed["rotations"], float(len(true.motion.turn_duration)))),
         *(
             Row(f"{axis}: lowest to highest", unit, (None, f"{column.min():.3f} to {column.max():.3f}"))
             for axis, column in zip("xyz", signal.T, strict=True)
         ),
     ]
-    what = "angular rates" if gyro else "specific forces"
-    return Outcome(
-        f"zhang-figure-{figure}",
-        f"Figure {figure}: {what} in navigation test {name}",
-        SOURCE,
-        ("paper", "ours"),
-        rows,
-        plots=[_measurements_plot(f"Navigation test {name}: {what}", unit, true.edges, signal)],
-        notes=[_ASSUMED],
-        repetitions=1,
-        seed=seed,
-    )
+    title = f"Navigation test {test}: {_MEASURED[sensor]}"
+    return Found(rows, [_measurements_plot(title, unit, true.edges, signal)])
+
+
+_MEASURED = {"accelerometer": "specific forces", "gyro": "angular rates"}
 
 
 def _measurements_plot(title: str, unit: str, edges: Series, signal: AnyArray) -> Plot:
@@ -439,13 +333,197 @@ def _measurements_plot(title: str, unit: str, edges: Series, signal: AnyArray) -
         Curve(axis, time, blocks[..., k].mean(axis=1), blocks[..., k].min(axis=1), blocks[..., k].max(axis=1))
         for k, axis in enumerate("xyz")
     )
-    return Plot(
-        "signals",
-        title,
-        "time / s",
-        f"measured / ({unit})" if "/" in unit else f"measured / {unit}",
-        curves,
-        linear=True,
-        line=f"mean of {_BLOCK:g} s",
-        band="all samples",
+    label = f"measured / ({unit})" if "/" in unit else f"measured / {unit}"
+    line = f"mean of {_BLOCK:g} s"
+    return Plot("signals", title, "time / s", label, curves, linear=True, line=line, band="all samples")
+
+
+STEP = 0.2  # s: at 2 degrees a step the Earth rate goes round finely enough for an axis that is exact
+REST = 2  # samples before and after a rotation
+# Windows of three seconds: 30 degrees, of which the mean has lost 1 % and the model says so.
+WINDOW = 0.55  # rad
+EXACT_AXIS = 1e-7  # rad
+NORTH, UP = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, -1.0])
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """One dwell, or an axis turned about both ways.
+
+    Attributes
+    ----------
+    C_start : (3, 3) attitude C_wb at its first sample.
+    axis_b : (3,) unit vector; zero of a dwell.
+    speed : (samples,) rad/s that the table is told.
+    """
+
+    C_start: Matrix
+    axis_b: Vector
+    speed: Series
+
+    def motion(self, speed: Series, earth_w: Vector, lever: Vector) -> tuple[Vectors, Vectors]:
+        """Return specific force and rate of every sample of a table that really turns at `speed`."""
+        angle = np.concatenate([[0.0], np.cumsum(0.5 * STEP * (speed[1:] + speed[:-1]))])
+        turned = matrices_from_rotation_vectors(angle[:, None] * self.axis_b)
+        backward = np.swapaxes(self.C_start @ turned, 1, 2)
+        centripetal = self.axis_b * float(self.axis_b @ lever) - lever
+        force = backward @ (GRAVITY * UP) + (speed**2)[:, None] * centripetal
+        return force, backward @ earth_w + speed[:, None] * self.axis_b
+
+
+@dataclass(frozen=True, slots=True)
+class TruePlan:
+    """What does not change from run to run.
+
+    Attributes
+    ----------
+    setting : what is simulated.
+    pieces : dwells first, then the rotations, both ways about each axis in turn.
+    site : gravity and latitude.
+    truth : all of the unit's unknowns.
+    """
+
+    setting: Setting
+    pieces: tuple[Piece, ...]
+    site: Site
+    truth: Series
+
+
+def true_plan(setting: Setting) -> TruePlan:
+    """Return the true motion of a study.
+
+    Parameters
+    ----------
+    setting : see `table_setting`.
+    """
+    still = np.zeros(round(setting.dwell / STEP))
+    pieces = [Piece(rotation_between(up, UP), np.zeros(3), still) for up in setting.up]
+    rest, turn = np.zeros(REST), np.full(round(setting.duration / STEP), setting.rate)
+    speed = np.concatenate([rest, turn, rest, -turn, rest])
+    pieces += [Piece(rotation_between(axis, NORTH), axis, speed) for axis in setting.axes]
+    site = Site(GRAVITY, 0.0, setting.latitude)
+    return TruePlan(setting, tuple(pieces), site, unknowns_of(setting.unit.model))
+
+
+def _simulated_data(plan: TruePlan, rng: np.random.Generator) -> Observed:
+    """Return one run's observations."""
+    setting, unit = plan.setting, plan.setting.unit
+    raw_force: list[AnyArray] = []
+    raw_rate: list[AnyArray] = []
+    holds: list[tuple[int, int]] = []
+    turns: list[tuple[int, int, float]] = []
+    at, ratio = 0, np.sqrt(STEP * setting.sampling)
+    earth = EARTH_RATE * np.array([np.cos(setting.latitude), 0.0, -np.sin(setting.latitude)])
+    for piece in plan.pieces:
+        turning = piece.speed != 0.0
+        # The table turns by what it is told and its error.
+        errors = rng.normal(0.0, setting.angle_error, 2) / abs(setting.angle)
+        share = np.asarray(np.where(piece.speed > 0.0, errors[0], errors[1]), dtype=np.float64)
+        force, rate = piece.motion(piece.speed * (1.0 + share), earth, np.array(setting.lever_arm))
+        sigma = np.where(turning[:, None], setting.sigma_turning[:3], setting.sigma[:3]) / ratio
+        samples = len(rate)
+        noise = rng.standard_normal((samples, 6))
+        force, rate = unit.model.distort(force, rate)
+        raw_force.append(force + sigma * noise[:, :3])
+        raw_rate.append(rate + setting.sigma[3:] / ratio * noise[:, 3:])
+        if np.any(turning):
+            whole = (samples - 3 * REST) // 2
+            first = [at, at + REST + whole, at + 2 * (REST + whole)]
+            turns += [(len(holds), first[0], setting.rate), (len(holds) + 1, first[1], -setting.rate)]
+            holds += [(start, start + REST) for start in first]
+        else:
+            holds.append((at, at + samples))
+        at += samples
+    base = _base(plan, np.concatenate(raw_force), np.concatenate(raw_rate), holds, turns)
+    spins = [_spin(plan, base, hold, start, speed) for hold, start, speed in turns]
+    return observe(base, imu_unknowns(plan.truth), spins)
+
+
+def _base(
+    plan: TruePlan,
+    raw_force: Vectors,
+    raw_rate: Vectors,
+    holds: list[tuple[int, int]],
+    turns: list[tuple[int, int, float]],
+) -> HoldsAndTurns:
+    setting = plan.setting
+    ratio = STEP * setting.sampling
+    count = np.array([b - a for a, b in holds], dtype=float)
+    force_variance, rate_variance = setting.sigma[:3] ** 2 / ratio, setting.sigma[3:] ** 2 / ratio
+    edge = [max(1, (b - a) // 2) if b - a <= 2 * REST else REST for a, b in holds]
+    start, stop = np.full(len(holds), -1), np.full(len(holds), -1)
+    for hold, _, _ in turns:
+        start[hold], stop[hold] = holds[hold][1] - 1, holds[hold + 1][0] + 1
+    means = [np.array([signal[a:b].mean(axis=0) for a, b in holds]) for signal in (raw_force, raw_rate)]
+    return HoldsAndTurns(
+        time=STEP * np.arange(len(raw_force), dtype=np.float64),
+        raw_force=raw_force,
+        raw_rate=raw_rate,
+        force_mean=means[0],
+        force_covariance=(force_variance / count[:, None])[:, :, None] * np.eye(3),
+        rate_mean=means[1],
+        rate_covariance=(rate_variance / count[:, None])[:, :, None] * np.eye(3),
+        hold_samples=count,
+        head=np.array([(a, a + n) for (a, _), n in zip(holds, edge, strict=True)]),
+        tail=np.array([(b - n, b) for (_, b), n in zip(holds, edge, strict=True)]),
+        turn_start=start,
+        turn_stop=stop,
+        force_sample_variance=force_variance,
+        rate_random_walk=rate_variance * STEP,
+        force_floor=np.zeros(3),
+        rate_floor=np.zeros(3),
     )
+
+
+def _spin(plan: TruePlan, base: HoldsAndTurns, hold: int, start: int, speed: float) -> TableRotation:
+    setting = plan.setting
+    samples = round(setting.duration / STEP)
+    spin = table_rotation(
+        base,
+        hold,
+        start + REST,
+        start + REST + samples,
+        np.array([speed, 0.0, 0.0]),
+        angle=float(np.sign(speed)) * setting.angle,
+        angle_sigma=setting.angle_error,
+        largest_angle=WINDOW,
+        longest=100.0,
+    )
+    turning = setting.sigma_turning[:3] ** 2 / (STEP * setting.sampling)
+    count = spin.windows[:, 1] - spin.windows[:, 0]
+    return replace(spin, force_covariance=np.diag(turning)[None] / count[:, None, None])
+
+
+def estimate_run(plan: TruePlan, rng: np.random.Generator) -> Unit:
+    """Simulate one run and return the unit that is found.
+
+    Parameters
+    ----------
+    plan, rng : the true motion, and the noise.
+    """
+    data = _simulated_data(plan, rng)
+    # A start as the paper's estimator gives it: off by ten times its own errors.
+    start = plan.truth.copy()
+    start[PLAIN] *= 1.0 + 1e-4 * rng.standard_normal(PLAIN.size)
+    task = start_adjustment(data, imu_unknowns(start), plan.site)
+    # The simulated table rests without swaying, and its axis does not wobble.
+    task.noise.factors["axis"] = dict.fromkeys(data.rotations, (EXACT_AXIS / LEAST_WOBBLE) ** 2)
+    solve(task)
+    plain = task.unknowns.values[PLAIN]
+    force, gyro = np.real(matrix_from_shin(plain[3:6], plain[6:9])), plain[9:18].reshape(3, 3)
+    own = np.real(lower_factor(gyro))
+    return Unit(force, plain[0:3], own, plain[18:21], inverse(own) @ gyro)
+
+
+STUDIES = tuple(
+    study
+    for test, entry in zhang()["navigation_tests"].items()
+    for study in (
+        *(
+            Study(f"zhang-figure-{f}", partial(_measurements, test, of))
+            for of, f in entry["measurements"].items()
+        ),
+        Study(f"zhang-figure-{entry['positions']}", partial(_positions, test)),
+    )
+)
+"""Figures 5 to 10."""

@@ -5,7 +5,9 @@ Could a printed error or scatter be one of ours? The distributions answer.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,18 +15,28 @@ import numpy as np
 from tumble.arrays import AnyArray, Series, Vectors
 from tumble.counting import part
 from tumble.errors import ObservabilityError
-from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED, Curve, Outcome, Plot, Row
+from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED, Curve, Plot, Row
 from tumble.units import ARCSECOND, DEGREE_PER_HOUR
-from tumble_papers.published import zhang
+from tumble_papers.study import (
+    CHANCE,
+    PRINTED_RUNS,
+    Found,
+    Study,
+    generator,
+    judge,
+    scatter_range,
+    standard_deviation,
+    zhang,
+)
 from tumble_papers.zhang.closed_forms import ellipsoid_from_norms
+from tumble_papers.zhang.pose_sets import LEFT_OUT, NINE
 from tumble_papers.zhang.turntable import (
     AXIS_ERROR,
     CHOICES,
     GRAVITY,
     GROUPS,
-    LEFT_OUT,
+    LATITUDE,
     MICRO_G,
-    NINE,
     ORIENTATIONS,
     POSITIONS,
     UNITS_SI,
@@ -36,18 +48,14 @@ from tumble_papers.zhang.turntable import (
     in_paper_units,
     norths,
     paper_setting,
-    paper_unit,
     simulate,
     spread_directions,
     table_setting,
     triad_parameters,
     unit_from,
-    unit_parameters,
+    unit_of,
 )
 
-PRINTED_RUNS = 500
-# One true row in a thousand is outside by chance; all of the paper's rows are some two hundred.
-CHANCE = 0.001
 # Fewer runs have no scatter to speak of: nothing is judged.
 ENOUGH = 20
 TOO_FEW = f"Fewer than {ENOUGH} runs have no scatter to judge by: say --repetitions 500."
@@ -82,23 +90,6 @@ def error_factor(runs: int) -> float:
     return float(stdtrit(max(runs - 1, 1), 1.0 - 0.5 * CHANCE))
 
 
-def standard_deviation(differences: AnyArray) -> AnyArray:
-    """Return the standard deviation over the runs; of one run, how far it is off.
-
-    Parameters
-    ----------
-    differences : (runs, ...) from the truth.
-    """
-    if len(differences) == 1:
-        return np.abs(differences[0])
-    return np.asarray(np.std(differences, axis=0, ddof=1), dtype=np.float64)
-
-
-def half_digit(printed: float, digits: int) -> float:
-    """Return half a unit of the last digit that is printed, so many behind the point."""
-    return 0.5 * 10.0**-digits
-
-
 def judge_scatter(printed: float, low: float, high: float, ours: float, runs: int) -> tuple[str, str]:
     """Return verdict and reason of a printed standard deviation.
 
@@ -107,11 +98,8 @@ def judge_scatter(printed: float, low: float, high: float, ours: float, runs: in
     printed, low, high, ours : the printed one, the range that it may lie in, and ours.
     runs : how many ours comes from.
     """
-    if runs < ENOUGH:
-        return UNJUDGED, ""
-    if low <= printed <= high:
-        return INSIDE, ""
-    return OUTSIDE, f"{printed / ours:.2f} times ours"
+    few = "" if runs < ENOUGH else None
+    return judge(low <= printed <= high, f"{printed / ours:.2f} times ours", few)
 
 
 def judge_error(printed: float, sigma: float, runs: int, rounding: float = 0.0) -> tuple[str, str]:
@@ -123,11 +111,9 @@ def judge_error(printed: float, sigma: float, runs: int, rounding: float = 0.0) 
     runs : how many ours comes from.
     rounding : that the printed digits leave open.
     """
-    if runs < ENOUGH:
-        return UNJUDGED, ""
-    if abs(printed) <= error_factor(runs) * sigma + rounding:
-        return INSIDE, ""
-    return OUTSIDE, f"{abs(printed) / sigma:.1f} standard deviations"
+    few = "" if runs < ENOUGH else None
+    fits = abs(printed) <= error_factor(runs) * sigma + rounding
+    return judge(fits, f"{abs(printed) / sigma:.1f} standard deviations", few)
 
 
 def heading_factors(up: Vectors, rng: np.random.Generator) -> AnyArray:
@@ -141,8 +127,6 @@ def heading_factors(up: Vectors, rng: np.random.Generator) -> AnyArray:
     up : (n, 3) as in `Setting`.
     rng : source of the headings.
     """
-    from tumble_papers.zhang.turntable import LATITUDE
-
     north = norths(up)
     east = np.cross(north, up)
     heading = rng.uniform(0.0, 2.0 * np.pi, (HEADINGS, len(up), 1))
@@ -154,7 +138,6 @@ def heading_factors(up: Vectors, rng: np.random.Generator) -> AnyArray:
     return np.stack([np.quantile(sigma, 0.005, axis=0), np.quantile(sigma, 0.995, axis=0)]) / sigma[0]
 
 
-SOURCE = "Zhang et al. 2010, section 5.1"
 LABELS = tuple(symbol for _, _, symbols in GROUPS for symbol in symbols)
 UNITS = tuple(unit for _, unit, _ in GROUPS for _ in range(3))
 # Printed behind the point, a group each.
@@ -165,71 +148,30 @@ GYRO_BIAS = slice(15, 18)
 SETS = {"1-7, 9, 11": NINE, "8, 10, 12-18": LEFT_OUT, "1-18": tuple(range(1, 19))}
 
 
-_READINGS = (
-    "Scale factors in counts per m/s² and rad/s, their errors in ppm. T is read exactly (axes of unit length), the "
-    "inter-triad angles as a rotation vector."
-)
-
-
 _GAINS = (
     "All 18 against nine: misalignment {:.2f} times better, scale factor {:.2f}, bias {:.2f}; the paper says 2.7, 1.35 "
     "and 1.75."
 )
 
 
-def _generator(seed: int, table: str, part: int = 0) -> np.random.Generator:
-    return np.random.Generator(np.random.SFC64([seed, int(table), part]))
-
-
-def reproduce_table_2(repetitions: int, seed: int) -> Outcome:
-    """Make table 2 anew: one run beside the printed one, and the scatter that both are draws of.
-
-    Parameters
-    ----------
-    repetitions, seed : as for `reproduce_table`.
-    """
-    printed = zhang()["tables"]["2"]
-    setting = table_setting("2")
-    truth = unit_parameters(setting.unit)
-    estimates = evaluate(simulate(setting, repetitions, _generator(seed, "2")))
-    found = estimates.parameters()
+def _table_2(repetitions: int, seed: int) -> Found:
+    """Make table 2 anew: one run beside the printed one, and the scatter that both are draws of."""
+    printed, setting = zhang()["tables"]["2"], table_setting("2")
+    truth = setting.unit.parameters()
+    found = evaluate(simulate(setting, repetitions, generator(seed, 2, 0))).parameters()
     differences = in_paper_units(found, truth)
-    sigma = standard_deviation(differences)
-    shown = _in_counts(found[0])
+    sigma, shown = standard_deviation(differences), _in_counts(found[0])
     rows: list[Row] = []
     for k, label in enumerate(LABELS):
         entry, axis = printed["rows"][k // 3], k % 3
         error = entry["error"][axis]
         values = entry["set"][axis], entry["calibrated"][axis], float(shown[k])
         true, calibrated, ours = (as_printed("2", k, value) for value in values)
-        cells = (
-            true,
-            calibrated,
-            error,
-            ours,
-            float(differences[0, k]),
-            float(sigma[k]),
-        )
+        cells = (true, calibrated, error, ours, float(differences[0, k]), float(sigma[k]))
         rows.append(Row(label, UNITS[k], cells, *judge_error(error, float(sigma[k]), repetitions)))
-    return Outcome(
-        "zhang-2",
-        f"Table 2: {printed['title']}",
-        SOURCE,
-        (
-            "paper: set",
-            "paper: calibrated",
-            "paper: error",
-            "one run: calibrated",
-            "one run: error",
-            "standard deviation",
-        ),
-        rows,
-        f"inside: the paper's error is within {error_factor(repetitions):.3g} of our standard deviations, as "
-        f"{100 * (1 - CHANCE):g} % of all draws are (Student's t, {max(repetitions - 1, 1)} degrees of freedom)",
-        notes=[_READINGS, _leak_note(printed, differences) if repetitions >= ENOUGH else TOO_FEW],
-        repetitions=repetitions,
-        seed=seed,
-    )
+    note = _leak_note(printed, differences) if repetitions >= ENOUGH else TOO_FEW
+    said = {"factor": error_factor(repetitions), "freedom": max(repetitions - 1, 1)}
+    return Found(rows, notes=[note], said=said)
 
 
 def as_printed(table: str, number: int, value: float) -> str:
@@ -276,51 +218,40 @@ def _leak_note(printed: dict[str, Any], differences: AnyArray) -> str:
     )
 
 
-def reproduce_scatter_table(table: str, repetitions: int, seed: int) -> Outcome:
-    """Make table 3 or 4 anew: the scatter of many calibrations, from raw samples and by their statistics.
+def _scatter_rows(
+    printed: list[float], digits: tuple[int, ...], sigma: Series, ranges: AnyArray, runs: int
+) -> Iterator[tuple[str, str, float, tuple[float, float, float], tuple[str, str]]]:
+    """Yield of each parameter label, unit, the printed scatter, ours with its range, and the verdict."""
+    for k, value in enumerate(printed):
+        half = 0.5 * 10.0 ** -digits[k // 3]
+        ours, low, high = float(sigma[k]), float(ranges[0, k]), float(ranges[1, k])
+        verdict = judge_scatter(value, low - half, high + half, ours, runs)
+        yield LABELS[k], UNITS[k], value, (ours, low, high), verdict
 
-    Parameters
-    ----------
-    table : "3" or "4".
-    repetitions : how many runs.
-    seed : of all random numbers.
-    """
-    printed = zhang()["tables"][table]
-    setting = table_setting(table)
-    truth = unit_parameters(setting.unit)
-    runs = evaluate(simulate(setting, repetitions, _generator(seed, table)))
-    others = evaluate(simulate(setting, repetitions, _generator(seed, table, 1), sampled=False))
-    sigma = standard_deviation(in_paper_units(runs.parameters(), truth))
-    by_statistics = standard_deviation(in_paper_units(others.parameters(), truth))
-    low, high = (factor * sigma for factor in scatter_factors(repetitions))
-    headings = heading_factors(setting.up, _generator(seed, table, 2))
-    low[GYRO_BIAS] *= headings[0]
-    high[GYRO_BIAS] *= headings[1]
-    rows: list[Row] = []
-    for k, label in enumerate(LABELS):
-        value = printed["rows"][k // 3]["sigma"][k % 3]
-        half = half_digit(value, DIGITS[table][k // 3])
-        verdict, reason = judge_scatter(value, low[k] - half, high[k] + half, float(sigma[k]), repetitions)
-        cells = (value, float(sigma[k]), float(by_statistics[k]), float(low[k]), float(high[k]))
-        rows.append(Row(label, UNITS[k], cells, verdict, reason))
-    rows += _better_choices(runs, others, truth)
-    return Outcome(
-        f"zhang-{table}",
-        f"Table {table}: {printed['title']}",
-        SOURCE,
-        ("paper", "ours, from samples", "ours, by statistics", "lowest", "highest"),
-        rows,
-        f"inside: the printed standard deviation of {PRINTED_RUNS} runs, whose last digit is rounded, "
-        f"lies where {100 * (1 - CHANCE):g} % of all such do if ours of {repetitions} is of the same "
-        "scatter (F-distribution). Of the gyro biases, whose headings are not printed: with 99 % of "
-        "choices of them",
-        notes=[
-            _theory_note(setting, sigma) if repetitions >= ENOUGH else TOO_FEW,
-            *_angle_error_note(printed, setting, truth, repetitions, _generator(seed, table, 3)),
-        ],
-        repetitions=repetitions,
-        seed=seed,
+
+def _scatter_table(table: str, repetitions: int, seed: int) -> Found:
+    """Make table 3 or 4 anew: the scatter of many calibrations, from raw samples and by their statistics."""
+    printed, setting = zhang()["tables"][table], table_setting(table)
+    truth, number = setting.unit.parameters(), int(table)
+    runs = evaluate(simulate(setting, repetitions, generator(seed, number, 0)))
+    others = evaluate(simulate(setting, repetitions, generator(seed, number, 1), sampled=False))
+    sigma, by_statistics = (
+        standard_deviation(in_paper_units(found.parameters(), truth)) for found in (runs, others)
     )
+    ranges = np.outer(scatter_factors(repetitions), sigma)
+    ranges[:, GYRO_BIAS] *= heading_factors(setting.up, generator(seed, number, 2))
+    said = [value for row in printed["rows"] for value in row["sigma"]]
+    rows = [
+        Row(label, unit, (value, ours, float(other), low, high), *verdict)
+        for (label, unit, value, (ours, low, high), verdict), other in zip(
+            _scatter_rows(said, DIGITS[table], sigma, ranges, repetitions), by_statistics, strict=True
+        )
+    ]
+    notes = [
+        _theory_note(setting, sigma) if repetitions >= ENOUGH else TOO_FEW,
+        *_angle_error_note(printed, setting, truth, repetitions, generator(seed, number, 3)),
+    ]
+    return Found(rows + _better_choices(runs, others, truth), notes=notes)
 
 
 def _better_choices(runs: Estimates, others: Estimates, truth: Series) -> list[Row]:
@@ -329,18 +260,11 @@ def _better_choices(runs: Estimates, others: Estimates, truth: Series) -> list[R
         sampled, drawn = (
             standard_deviation(in_paper_units(e.parameters(choice), truth))[18:] for e in (runs, others)
         )
-        rows += [
-            Row(
-                f"{label}: {choice}",
-                "″",
-                (None, float(sampled[k]), float(drawn[k]), None, None),
-                UNJUDGED,
-                ""
-                if choice != CHOICES[3] or k
-                else "half the difference across the diagonal sees half of it",
-            )
-            for k, label in enumerate(LABELS[18:])
-        ]
+        for k, label in enumerate(LABELS[18:]):
+            half = choice == CHOICES[3] and not k
+            reason = "half the difference across the diagonal sees half of it" if half else ""
+            cells = (None, float(sampled[k]), float(drawn[k]), None, None)
+            rows.append(Row(f"{label}: {choice}", "″", cells, UNJUDGED, reason))
     return rows
 
 
@@ -393,52 +317,37 @@ def _angle_error_note(
     return [words]
 
 
-def reproduce_table_5(repetitions: int, seed: int) -> Outcome:
-    """Make table 5 anew: the accelerometers by three choices of orientations.
-
-    Parameters
-    ----------
-    repetitions, seed : as for `reproduce_scatter_table`.
-    """
-    printed = zhang()["tables"]["5"]
+def _table_5(repetitions: int, seed: int) -> Found:
+    """Make table 5 anew: the accelerometers by three choices of orientations."""
+    printed = zhang()["tables"]["5"]["rows"]
     rows: list[Row] = []
     scatters: dict[str, Series] = {}
     for number, (name, orientations) in enumerate(SETS.items()):
         setting = table_setting("5", orientations)
+        said = [value for row in printed for value in row["sigma"][name]]
         refused = refusal(setting)
         if refused:
-            rows.append(_refused_row(name, printed, refused))
+            # No set that determines all has a scale factor worse than a tenth.
+            words = f"refused: {refused} The signs of the three edges that it leaves out multiply to {_product():+d}."
+            verdict = INSIDE if min(said) > 1e5 else OUTSIDE
+            cells = (name, f"from {min(said):.2e}", "refused", None, None)
+            rows.append(Row("all nine parameters", "", cells, verdict, words))
             continue
         with part(number / len(SETS), (number + 1) / len(SETS)):
-            statistics = simulate(setting, repetitions, _generator(seed, "5", number))
+            statistics = simulate(setting, repetitions, generator(seed, 5, number))
         found = triad_parameters(*ellipsoid_from_norms(statistics.force, GRAVITY))
-        sigma = standard_deviation(in_paper_units(found, unit_parameters(setting.unit)[:9]))
+        sigma = standard_deviation(in_paper_units(found, setting.unit.parameters()[:9]))
         scatters[name] = sigma
-        low, high = (factor * sigma for factor in scatter_factors(repetitions))
-        for k, label in enumerate(LABELS[:9]):
-            value = printed["rows"][k // 3]["sigma"][name][k % 3]
-            half = half_digit(value, 2)
-            verdict, reason = judge_scatter(
-                value, low[k] - half, high[k] + half, float(sigma[k]), repetitions
+        ranges = np.outer(scatter_factors(repetitions), sigma)
+        rows += [
+            Row(label, unit, (name, value, *ours), *verdict)
+            for label, unit, value, ours, verdict in _scatter_rows(
+                said, DIGITS["5"], sigma, ranges, repetitions
             )
-            cells = (name, value, float(sigma[k]), float(low[k]), float(high[k]))
-            rows.append(Row(label, UNITS[k], cells, verdict, reason))
+        ]
     few, all_of_them = scatters["1-7, 9, 11"], scatters["1-18"]
     gains = [float(np.mean(few[s]) / np.mean(all_of_them[s])) for s in (slice(3, 6), slice(3), slice(6, 9))]
-    return Outcome(
-        "zhang-5",
-        f"Table 5: {printed['title']}",
-        SOURCE,
-        ("orientations", "paper", "ours, from samples", "lowest", "highest"),
-        rows,
-        f"inside: the printed standard deviation of {PRINTED_RUNS} runs lies where "
-        f"{100 * (1 - CHANCE):g} % of all such do if ours of {repetitions} is of the same scatter "
-        "(F-distribution). Of the singular set: the closed form refuses it, and the paper's numbers "
-        "are no scatter of a unit's parameters",
-        notes=[_GAINS.format(*gains) if repetitions >= ENOUGH else TOO_FEW],
-        repetitions=repetitions,
-        seed=seed,
-    )
+    return Found(rows, notes=[_GAINS.format(*gains) if repetitions >= ENOUGH else TOO_FEW])
 
 
 def refusal(setting: Setting) -> str:
@@ -457,28 +366,12 @@ def refusal(setting: Setting) -> str:
     return ""
 
 
-def _refused_row(name: str, printed: dict[str, Any], sentence: str) -> Row:
-    smallest = min(min(row["sigma"][name]) for row in printed["rows"])
-    meaningless = smallest > 1e5
-    words = (
-        f"refused: {sentence} The signs of the three edges that it leaves out multiply to {_product():+d}."
-    )
-    return Row(
-        "all nine parameters",
-        "",
-        (name, f"from {smallest:.2e}", "refused", None, None),
-        INSIDE if meaningless else OUTSIDE,
-        words,
-    )
-
-
 def _product() -> int:
     """Return the product of the signs of the three edges that only the nine have."""
     edges = [ORIENTATIONS[number - 1] for number in NINE if np.max(np.abs(ORIENTATIONS[number - 1])) < 0.9]
     return int(np.prod([np.sign(edge[np.nonzero(edge)]).prod() for edge in edges]))
 
 
-SECTION_5_2 = "Zhang et al. 2010, section 5.2; the paper's recordings are not public, ours are simulated"
 # Printed behind the point in the column of discrepancies, a group each; the gyro bias as 0.43e-3.
 DISCREPANCY_DIGITS = (2, 2, 2, 2, 2, 5, 2)
 # Fewer units than this are no range.
@@ -486,76 +379,30 @@ RANGE = 100
 METHODS = ("traditional", "proposed")
 
 
-def _unit_generator(seed: int) -> np.random.Generator:
-    # The same units in table and figures.
-    return np.random.Generator(np.random.SFC64([seed, 6]))
-
-
-def reproduce_table_6(repetitions: int, seed: int) -> Outcome:
-    """Make table 6 anew: what the two methods find in a simulated unit, and how far they are apart.
-
-    Parameters
-    ----------
-    repetitions : how many units of the same parameters.
-    seed : of all random numbers.
-    """
+def _table_6(repetitions: int, seed: int) -> Found:
+    """Make table 6 anew: what the two methods find in a simulated unit, and how far they are apart."""
     printed = zhang()["tables"]["6"]
-    both = compare(repetitions, _unit_generator(seed))
-    truth = unit_parameters(both.unit)
+    both = compare(repetitions, generator(seed, 6))
+    truth = both.unit.parameters()
     traditional, proposed = both.traditional.parameters(), both.proposed.parameters()
     apart = in_paper_units(proposed, traditional)
     sigma = standard_deviation(apart)
     own = [standard_deviation(in_paper_units(found, truth)) for found in (traditional, proposed)]
-    factor = error_factor(repetitions)
     rows: list[Row] = []
     for k, label in enumerate(LABELS):
         entry, axis = printed["rows"][k // 3], k % 3
         said, half = entry["discrepancy"][axis], 0.5 * 10.0 ** -DISCREPANCY_DIGITS[k // 3]
-        cells = (
-            as_printed("6", k, entry["traditional"][axis]),
-            as_printed("6", k, entry["proposed"][axis]),
-            said,
-            float(apart[0, k]),
-            float(sigma[k]),
-            float(own[0][k]),
-            float(own[1][k]),
-        )
+        numbers = (float(of) for of in (apart[0, k], sigma[k], own[0][k], own[1][k]))
+        cells = (*(as_printed("6", k, entry[method][axis]) for method in METHODS), said, *numbers)
         rows.append(Row(label, UNITS[k], cells, *judge_error(said, float(sigma[k]), repetitions, half)))
-    return Outcome(
-        "zhang-6",
-        f"Table 6: {printed['title']}",
-        SECTION_5_2,
-        (
-            "paper: traditional",
-            "paper: proposed",
-            "paper: discrepancy",
-            "one run: discrepancy",
-            "discrepancy: sd",
-            "traditional: sd",
-            "proposed: sd",
-        ),
-        rows,
-        f"inside: the paper's discrepancy (proposed minus traditional) is within {factor:.3g} standard deviations of "
-        f"ours, as {100 * (1 - CHANCE):g} % of all draws are",
-        notes=[
-            _ASSUMED,
-            *([_one_gyro_note(sigma), _which_is_better_note(own)] if repetitions >= ENOUGH else [TOO_FEW]),
-        ],
-        repetitions=repetitions,
-        seed=seed,
-    )
-
-
-_ASSUMED = (
-    f"Assumed: {AXIS_ERROR / ARCSECOND:g}″ at random in each attitude and angle, and as much systematically in each "
-    "vertical axis and, apart from that, in each axis of rotation. Units of the scale factors are not printed."
-)
+    more = [_one_gyro_note(sigma), _which_is_better_note(own)] if repetitions >= ENOUGH else [TOO_FEW]
+    said = {"factor": error_factor(repetitions), "axis": AXIS_ERROR / ARCSECOND}
+    return Found(rows, notes=more, said=said)
 
 
 def _gyro_directions(unit: Unit) -> AnyArray:
     """Return (3, 3) unit vectors in p along which the gyros feel, a row each."""
-    matrix = unit.rate_matrix @ unit.rotation
-    return matrix / np.linalg.norm(matrix, axis=1, keepdims=True)
+    return unit.gyros / np.linalg.norm(unit.gyros, axis=1, keepdims=True)
 
 
 def gyros_apart(sign_zy: float = 1.0) -> Series:
@@ -570,7 +417,7 @@ def gyros_apart(sign_zy: float = 1.0) -> Series:
     for method in METHODS:
         unit = {group: np.array(row[method], dtype=float) for group, row in rows.items()}
         unit["gyro misalignment"][1] *= sign_zy
-        directions.append(_gyro_directions(unit_from(unit)))
+        directions.append(_gyro_directions(unit_of(unit)))
     across = np.cross(directions[0], directions[1])
     return np.asarray(np.linalg.norm(across, axis=1) / ARCSECOND, dtype=np.float64)
 
@@ -598,146 +445,89 @@ def _which_is_better_note(own: list[Series]) -> str:
 
 @dataclass(frozen=True, slots=True)
 class _Picture:
-    """What figures 3 and 4 differ in: the sensors' words, the unit, the noise of a dwell's norm, SI."""
+    """What figures 3 and 4 differ in: what is printed, SI of the unit, noise density, SI, and ours in the unit."""
 
-    title: str
+    printed: dict[str, Any]
     factor: float
-    noise: float
+    density: float
     errors: dict[str, AnyArray]
 
 
-def reproduce_figure(figure: str, repetitions: int, seed: int) -> Outcome:
-    """Make figure 3 (specific force) or 4 (angular rate) anew: norm errors of both methods in 48 positions at rest.
-
-    Parameters
-    ----------
-    figure : "3" or "4".
-    repetitions, seed : as for `reproduce_table_6`.
-    """
-    printed = zhang()["figures"][figure]
-    both = compare(repetitions, _unit_generator(seed))
-    setting = paper_setting()
-    density = setting.force_noise if figure == "3" else setting.rate_noise
-    picture = _Picture(
-        printed["title"],
-        MICRO_G if figure == "3" else DEGREE_PER_HOUR,
-        density / np.sqrt(setting.dwell),
-        both.force_errors if figure == "3" else both.rate_errors,
-    )
-    rows = [_figure_row(name, printed, picture) for name in METHODS]
-    rows.append(_noise_row(picture, printed, density))
-    rows += _difference_rows(printed) if figure == "3" else []
-    return Outcome(
-        f"zhang-figure-{figure}",
-        f"Figure {figure}: {printed['title']}, {POSITIONS} positions",
-        SECTION_5_2,
-        ("paper", "ours: one run", "mean", "lowest", "highest"),
-        rows,
-        "inside: the paper's standard deviation lies between the lowest and the highest of "
-        f"{repetitions} units, where the noise alone puts 99.9 % of all. Or it is within a tenth of "
-        "what table 6 makes of it",
-        [_plot(figure, printed["unit"], picture)],
-        [_NOT_PRINTED],
-        repetitions,
-        seed,
-    )
+def _norm_figure(figure: str, repetitions: int, seed: int) -> Found:
+    """Make figure 3 (specific force) or 4 (angular rate) anew: norm errors of both methods in 48 positions at rest."""
+    both, setting, force = compare(repetitions, generator(seed, 6)), paper_setting(), figure == "3"
+    factor = MICRO_G if force else DEGREE_PER_HOUR
+    errors = {name: of / factor for name, of in (both.force_errors if force else both.rate_errors).items()}
+    density = setting.force_noise if force else setting.rate_noise
+    picture = _Picture(zhang()["figures"][figure], factor, density, errors)
+    rows = [_figure_row(name, picture) for name in METHODS]
+    rows.append(_noise_row(picture, density / np.sqrt(setting.dwell) / factor))
+    rows += _difference_rows(picture.printed) if force else []
+    words = "specific force" if force else "angular rate"
+    return Found(rows, [_plot(words, picture)])
 
 
-_NOT_PRINTED = (
-    "Chosen: positions evenly over the sphere, 100 s each. The paper prints neither; how long it takes to make its "
-    "numbers of the noise alone is in the row of the noise."
-)
+def _figure_row(name: str, picture: _Picture) -> Row:
+    sigma: AnyArray = np.asarray(np.std(picture.errors[name], axis=1, ddof=1), dtype=np.float64)
+    said = float(picture.printed[name])
+    mean, low, high = (float(of(sigma)) for of in (np.mean, np.min, np.max))
+    few = f"fewer than {RANGE} units have no range" if len(sigma) < RANGE else None
+    verdict = judge(low <= said <= high, f"{said / mean:.2g} times the mean of ours", few)
+    return Row(f"{name} method", picture.printed["unit"], (said, float(sigma[0]), mean, low, high), *verdict)
 
 
-def _figure_row(name: str, printed: dict[str, Any], picture: _Picture) -> Row:
-    sigma: AnyArray = np.asarray(
-        np.std(picture.errors[name], axis=1, ddof=1) / picture.factor, dtype=np.float64
-    )
-    said, mean = float(printed[name]), float(np.mean(sigma))
-    cells = (said, float(sigma[0]), mean, float(np.min(sigma)), float(np.max(sigma)))
-    if len(sigma) < RANGE:
-        return Row(
-            f"{name} method", printed["unit"], cells, UNJUDGED, f"fewer than {RANGE} units have no range"
-        )
-    fits = np.min(sigma) <= said <= np.max(sigma)
-    reason = "" if fits else f"{said / mean:.2g} times the mean of ours"
-    return Row(f"{name} method", printed["unit"], cells, INSIDE if fits else OUTSIDE, reason)
-
-
-def _noise_row(picture: _Picture, printed: dict[str, Any], density: float) -> Row:
+def _noise_row(picture: _Picture, noise: float) -> Row:
     """Hold the smaller printed number against the noise of the dwells, which no calibration can take away."""
-    from scipy.special import chdtri
-
-    noise, said = picture.noise / picture.factor, min(printed["traditional"], printed["proposed"])
-    freedom = POSITIONS - 1
-    low, high = (
-        noise * float(np.sqrt(chdtri(freedom, q) / freedom)) for q in (1.0 - 0.5 * CHANCE, 0.5 * CHANCE)
-    )
-    seconds = (density / (picture.factor * said)) ** 2
-    fits = low <= said <= high
-    reason = f"as noise alone it takes dwells of {seconds:.3g} s"
-    return Row(
-        "noise alone, no error of a calibration",
-        printed["unit"],
-        (said, None, noise, low, high),
-        INSIDE if fits else OUTSIDE,
-        reason,
-    )
+    said = min(picture.printed[name] for name in METHODS)
+    low, high = (noise * factor for factor in scatter_range(POSITIONS - 1))
+    seconds = (picture.density / (picture.factor * said)) ** 2
+    verdict = INSIDE if low <= said <= high else OUTSIDE
+    cells, reason = (said, None, noise, low, high), f"as noise alone it takes dwells of {seconds:.3g} s"
+    return Row("noise alone, no error of a calibration", picture.printed["unit"], cells, verdict, reason)
 
 
 def _difference_rows(printed: dict[str, Any]) -> list[Row]:
     """Say what the difference of table 6's two columns does to the norms: it explains one sd by the other."""
-    shift = norm_shift()
-    wanted = float(np.hypot(printed["proposed"], np.std(shift, ddof=1)))
+    shift = float(np.std(norm_shift(), ddof=1))
+    wanted = float(np.hypot(printed["proposed"], shift))
     bias = np.array(zhang()["tables"]["6"]["rows"][2]["discrepancy"])
     of_bias = float(np.std(spread_directions(POSITIONS) @ bias, ddof=1))
-    fits = abs(wanted / printed["traditional"] - 1.0) < 0.1
-    words = f"root of {printed['proposed']}² and the {np.std(shift, ddof=1):.1f} µg that table 6's columns differ by"
+    verdict = INSIDE if abs(wanted / printed["traditional"] - 1.0) < 0.1 else OUTSIDE
+    words = f"root of {printed['proposed']}² and the {shift:.1f} µg that table 6's columns differ by"
+    whole, alone = (printed["traditional"], None, wanted, None, None), (None, None, of_bias, None, None)
+    label = "of that the discrepancies of the biases alone"
     return [
-        Row(
-            "traditional, from the proposed one's and table 6",
-            "µg",
-            (printed["traditional"], None, wanted, None, None),
-            INSIDE if fits else OUTSIDE,
-            words,
-        ),
-        Row(
-            "of that the discrepancies of the biases alone",
-            "µg",
-            (None, None, of_bias, None, None),
-            UNJUDGED,
-            f"y: {bias[1]} µg",
-        ),
+        Row("traditional, from the proposed one's and table 6", "µg", whole, verdict, words),
+        Row(label, "µg", alone, UNJUDGED, f"y: {bias[1]} µg"),
     ]
 
 
 def norm_shift() -> Series:
     """Return (48,) how the norms by table 6's two columns differ, µg, at rest without noise."""
     true = GRAVITY * spread_directions(POSITIONS)
-    one, other = (paper_unit(method) for method in METHODS)
+    one, other = (unit_from("6", method) for method in METHODS)
     raw = true @ other.force_matrix.T + other.force_bias
     corrected = np.linalg.solve(one.force_matrix, (raw - one.force_bias).T)
     return np.asarray((np.linalg.norm(corrected, axis=0) - GRAVITY) / MICRO_G, dtype=np.float64)
 
 
-def _plot(figure: str, unit: str, picture: _Picture) -> Plot:
+def _plot(words: str, picture: _Picture) -> Plot:
     number = np.arange(1.0, POSITIONS + 1.0)
     curves = tuple(
-        Curve(
-            f"{name} method",
-            number,
-            picture.errors[name][0] / picture.factor,
-            np.quantile(picture.errors[name], 0.05, axis=0) / picture.factor,
-            np.quantile(picture.errors[name], 0.95, axis=0) / picture.factor,
-        )
-        for name in METHODS
+        Curve(f"{name} method", number, of[0], np.quantile(of, 0.05, axis=0), np.quantile(of, 0.95, axis=0))
+        for name, of in picture.errors.items()
     )
-    return Plot(
-        "norms",
-        f"Norm errors, {'specific force' if figure == '3' else 'angular rate'}",
-        "position",
-        f"norm minus reference / {unit}",
-        curves,
-        linear=True,
-        line="one run",
-    )
+    label = f"norm minus reference / {picture.printed['unit']}"
+    return Plot("norms", f"Norm errors, {words}", "position", label, curves, linear=True, line="one run")
+
+
+STUDIES = (
+    Study("zhang-2", _table_2),
+    Study("zhang-3", partial(_scatter_table, "3")),
+    Study("zhang-4", partial(_scatter_table, "4")),
+    Study("zhang-5", _table_5),
+    Study("zhang-6", _table_6),
+    Study("zhang-figure-3", partial(_norm_figure, "3")),
+    Study("zhang-figure-4", partial(_norm_figure, "4")),
+)
+"""Tables 2 to 6, figures 3 and 4."""

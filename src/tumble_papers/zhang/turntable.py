@@ -23,19 +23,18 @@ in each axis of rotation. Means and integrals are drawn by their distributions.
 
 from __future__ import annotations
 
-import os
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Matrix, Series, Table, Vector, Vectors
+from tumble.arrays import AnyArray, Series, Table, Vector, Vectors
 from tumble.counting import counted
 from tumble.earth.site import EARTH_RATE
+from tumble.sensor import ImuModel, Triad
 from tumble.sensor.conventions.zhang import inter_triad_angles, inter_triad_rotation, matrix_from_zhang
 from tumble.units import ARCSECOND, DEGREE_PER_HOUR
-from tumble_papers.published import zhang
+from tumble_papers.study import in_threads, zhang
 from tumble_papers.zhang.closed_forms import (
     axis_from_rotation,
     axis_from_scatter,
@@ -47,32 +46,18 @@ from tumble_papers.zhang.closed_forms import (
     triad_rotation,
     wahba_rotation,
 )
+from tumble_papers.zhang.pose_sets import GRAVITY, NINE, chatfield_orientations
 
-GRAVITY = 9.8  # m/s²: 612.24 µg are 0.006 m/s²
-MICRO_G = 1e-6 * GRAVITY
+MICRO_G = 1e-6 * GRAVITY  # 612.24 µg are 0.006 m/s²
 LATITUDE = np.radians(28.2)
-
-# No. 1 to 18. The paper has the misalignments seen best in no. 2, 4, 6, 8, 10 and 12 to 18, which are then the
-# twelve edges; the others are the faces. The nine, no. 1 to 7, 9 and 11, have three edges, one in each plane.
-# What these leave out is singular only if the product of their signs is +1, as the paper's was.
-_TOWARDS = np.array(
-    [
-        *([1, 0, 0], [1, 1, 0], [-1, 0, 0], [1, 0, 1], [0, 1, 0], [0, 1, 1]),
-        *([0, -1, 0], [1, -1, 0], [0, 0, 1], [1, 0, -1], [0, 0, -1], [0, 1, -1]),
-        *([-1, 1, 0], [-1, -1, 0], [-1, 0, 1], [-1, 0, -1], [0, -1, 1], [0, -1, -1]),
-    ],
-    dtype=float,
-)
-ORIENTATIONS = _TOWARDS / np.linalg.norm(_TOWARDS, axis=1, keepdims=True)
-NINE: tuple[int, ...] = (1, 2, 3, 4, 5, 6, 7, 9, 11)
-LEFT_OUT: tuple[int, ...] = (8, 10, 12, 13, 14, 15, 16, 17, 18)
+ORIENTATIONS = chatfield_orientations()
 # x, y, z and one edge in each plane.
 AXES = ORIENTATIONS[[0, 4, 8, 1, 3, 5]]
 
 
 @dataclass(frozen=True, slots=True)
 class Unit:
-    """The truth of a simulated unit; raw = matrix @ true + bias, true vectors in p.
+    """A unit, or many of them along the first axis; raw = matrix @ true + bias, true vectors in p.
 
     Attributes
     ----------
@@ -81,11 +66,32 @@ class Unit:
     rotation : R_p^o.
     """
 
-    force_matrix: Matrix
-    force_bias: Vector
-    rate_matrix: Matrix
-    rate_bias: Vector
-    rotation: Matrix
+    force_matrix: AnyArray
+    force_bias: AnyArray
+    rate_matrix: AnyArray
+    rate_bias: AnyArray
+    rotation: AnyArray
+
+    @property
+    def gyros(self) -> AnyArray:
+        """(..., 3, 3) of the gyros in p."""
+        return self.rate_matrix @ self.rotation
+
+    @property
+    def model(self) -> ImuModel:
+        """One unit as a model, in p."""
+        return ImuModel(Triad(self.force_matrix, self.force_bias), Triad(self.gyros, self.rate_bias))
+
+    def each(self) -> list[Unit]:
+        """Return many units one by one."""
+        parts = self.force_matrix, self.force_bias, self.rate_matrix, self.rate_bias, self.rotation
+        return [Unit(*part) for part in zip(*parts, strict=True)]
+
+    def parameters(self) -> AnyArray:
+        """Return (..., 21) parameters in the paper's order; scales in counts, the rest SI."""
+        triads = (self.force_matrix, self.force_bias), (self.rate_matrix, self.rate_bias)
+        angles = np.asarray(inter_triad_angles(self.rotation), dtype=np.float64)
+        return np.concatenate([*(triad_parameters(*triad) for triad in triads), angles], axis=-1)
 
 
 @dataclass(frozen=True)
@@ -162,13 +168,18 @@ class Statistics:
     scatter: AnyArray
 
 
-def table_unit() -> Unit:
-    """Return the unit of table 2 ("parameters set"), T read exactly."""
-    rows = {row["group"]: np.array(row["set"], dtype=float) for row in zhang()["tables"]["2"]["rows"]}
-    return unit_from(rows)
+def unit_from(table: str, column: str) -> Unit:
+    """Return the unit with the parameters that a column of a table prints, T read exactly.
+
+    Parameters
+    ----------
+    table, column : "2" and "set", or "6" and "traditional" or "proposed".
+    """
+    printed = zhang()["tables"][table]["rows"]
+    return unit_of({row["group"]: np.array(row[column], dtype=float) for row in printed})
 
 
-def unit_from(rows: dict[str, Vector]) -> Unit:
+def unit_of(rows: dict[str, Vector]) -> Unit:
     """Return the unit with the parameters of a table, in the paper's units.
 
     Parameters
@@ -195,7 +206,7 @@ def table_setting(table: str, orientations: tuple[int, ...] = NINE) -> Setting:
     """
     printed = zhang()["tables"][table]
     return Setting(
-        table_unit(),
+        unit_from("2", "set"),
         MICRO_G * printed["accelerometer_noise_ug_rtHz"],
         DEGREE_PER_HOUR * printed.get("gyro_noise_deg_h_rtHz", 0.0),
         ORIENTATIONS[np.array(orientations) - 1],
@@ -268,7 +279,7 @@ def _dwell_readings(setting: Setting, tilt: AnyArray) -> AnyArray:
     north -= np.sum(north * up, axis=-1, keepdims=True) * up
     north /= np.linalg.norm(north, axis=-1, keepdims=True)
     earth = EARTH_RATE * (np.cos(setting.latitude) * north + np.sin(setting.latitude) * up)
-    gyros = unit.rate_matrix @ unit.rotation
+    gyros = unit.gyros
     return np.concatenate(
         [GRAVITY * up @ unit.force_matrix.T + unit.force_bias, earth @ gyros.T + unit.rate_bias], axis=-1
     )
@@ -280,7 +291,7 @@ def _waves(setting: Setting, rates: Series) -> AnyArray:
     Fixed directions turn the other way about the axis, which points north.
     """
     unit = setting.unit
-    gyros = unit.rate_matrix @ unit.rotation
+    gyros = unit.gyros
     waves = np.zeros((len(setting.axes), 2, 3, 6))
     for r, axis in enumerate(setting.axes):
         across = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
@@ -332,17 +343,13 @@ def _draw_samples(
             scatter[run],
         )
 
-    pool = ThreadPoolExecutor(threads or os.cpu_count() or 1)
-    try:
-        list(counted(pool.map(play, range(runs)), runs))
-    finally:  # who stops a long study does not wait for all of it
-        pool.shutdown(cancel_futures=True)
+    list(counted(in_threads(play, runs, threads), runs))
     return means, integrals.reshape(runs, rotations, 2, 3), scatter.reshape(runs, rotations, 2, 3, 3)
 
 
 def _by_rate(setting: Setting) -> AnyArray:
     """Return (m, 2, 6) what a rate about the axis adds to the readings; the lever arm's part is left out."""
-    gyros = setting.axes @ (setting.unit.rate_matrix @ setting.unit.rotation).T
+    gyros = setting.axes @ setting.unit.gyros.T
     both = np.concatenate([np.zeros_like(gyros), gyros], axis=1)
     return np.repeat(both[:, None], 2, axis=1)
 
@@ -403,26 +410,14 @@ CHOICES = ("two axes, z then y", "two axes, x then y", "six axes (Wahba)", "(40)
 
 @dataclass(frozen=True, slots=True)
 class Estimates:
-    """What was found in many runs.
+    """What was found in many runs: the units by the paper's choice, and (runs, 3, 3) R_p^o by each of `CHOICES`."""
 
-    Attributes
-    ----------
-    force_matrix, force_bias : (runs, 3, 3), (runs, 3) of the accelerometers, in p.
-    rate_matrix, rate_bias : of the gyros, in o.
-    rotations : choice of `CHOICES` -> (runs, 3, 3) R_p^o.
-    """
-
-    force_matrix: AnyArray
-    force_bias: AnyArray
-    rate_matrix: AnyArray
-    rate_bias: AnyArray
+    units: Unit
     rotations: dict[str, AnyArray]
 
     def parameters(self, choice: str = CHOICES[0]) -> Table:
         """Return (runs, 21) all parameters in the paper's order; scales in counts, the rest SI."""
-        return paper_parameters(
-            self.force_matrix, self.force_bias, self.rate_matrix, self.rate_bias, self.rotations[choice]
-        )
+        return replace(self.units, rotation=self.rotations[choice]).parameters()
 
 
 def evaluate(statistics: Statistics) -> Estimates:
@@ -451,9 +446,8 @@ def evaluate(statistics: Statistics) -> Estimates:
         wahba_rotation(axes_o, axes_p),
         rotation_from_two_axes(axes_o[:, zy], axes_p[:, zy]),
     )
-    return Estimates(
-        force_matrix, force_bias, rate_matrix, rate_bias, dict(zip(CHOICES, rotations, strict=True))
-    )
+    units = Unit(force_matrix, force_bias, rate_matrix, rate_bias, rotations[0])
+    return Estimates(units, dict(zip(CHOICES, rotations, strict=True)))
 
 
 def triad_parameters(matrix: AnyArray, bias: AnyArray) -> Table:
@@ -467,31 +461,6 @@ def triad_parameters(matrix: AnyArray, bias: AnyArray) -> Table:
     axes = matrix / scale[..., None]
     angles = np.arcsin(np.stack([axes[..., 1, 0], -axes[..., 2, 0], axes[..., 2, 1]], axis=-1))
     return np.concatenate([scale, angles, bias / scale], axis=-1)
-
-
-def paper_parameters(
-    force_matrix: AnyArray,
-    force_bias: AnyArray,
-    rate_matrix: AnyArray,
-    rate_bias: AnyArray,
-    rotation: AnyArray,
-) -> Table:
-    """Return (runs, 21) parameters in the paper's order; scales in counts, the rest SI.
-
-    Parameters
-    ----------
-    force_matrix, force_bias, rate_matrix, rate_bias, rotation : (runs, ...) as in `Estimates`.
-    """
-    angles = np.asarray(inter_triad_angles(rotation), dtype=np.float64)
-    return np.concatenate(
-        [triad_parameters(force_matrix, force_bias), triad_parameters(rate_matrix, rate_bias), angles], axis=1
-    )
-
-
-def unit_parameters(unit: Unit) -> Series:
-    """Return (21,) the true parameters; scales in counts, the rest SI."""
-    one = (unit.force_matrix, unit.force_bias, unit.rate_matrix, unit.rate_bias, unit.rotation)
-    return paper_parameters(*(np.asarray(part, dtype=np.float64)[None] for part in one))[0]
 
 
 def in_paper_units(parameters: AnyArray, truth: AnyArray) -> AnyArray:
@@ -513,31 +482,6 @@ POSITIONS = 48
 
 
 @dataclass(frozen=True, slots=True)
-class Laboratory:
-    """What the traditional method found in many runs, in the table's frame t.
-
-    Attributes
-    ----------
-    force_matrix, rate_matrix : (runs, 3, 3) raw = matrix @ true_t + bias.
-    force_bias, rate_bias : (runs, 3) raw.
-    """
-
-    force_matrix: AnyArray
-    force_bias: AnyArray
-    rate_matrix: AnyArray
-    rate_bias: AnyArray
-
-    def parameters(self) -> Table:
-        """Return (runs, 21) all parameters in the paper's order and frames; scales in counts, the rest SI."""
-        lower = _lower_factor(self.force_matrix)
-        C_pt = np.linalg.solve(lower, self.force_matrix)
-        gyros = self.rate_matrix @ np.swapaxes(C_pt, -1, -2)
-        rate_lower = _lower_factor(gyros)
-        rotation = np.asarray(np.linalg.solve(rate_lower, gyros), dtype=np.float64)
-        return paper_parameters(lower, self.force_bias, rate_lower, self.rate_bias, rotation)
-
-
-@dataclass(frozen=True, slots=True)
 class Comparison:
     """Many units calibrated by both methods, then at rest in 48 positions.
 
@@ -549,29 +493,17 @@ class Comparison:
     """
 
     unit: Unit
-    traditional: Laboratory
-    proposed: Estimates
+    traditional: Unit
+    proposed: Unit
     force_errors: dict[str, AnyArray]
     rate_errors: dict[str, AnyArray]
-
-
-def paper_unit(method: str = "proposed") -> Unit:
-    """Return the unit that a column of table 6 describes.
-
-    Parameters
-    ----------
-    method : "proposed" or "traditional".
-    """
-    return unit_from(
-        {row["group"]: np.array(row[method], dtype=float) for row in zhang()["tables"]["6"]["rows"]}
-    )
 
 
 def paper_setting() -> Setting:
     """Return section 5.2's calibration by the paper's method: nine attitudes and six rotation pairs."""
     printed = zhang()["tables"]["6"]
     return Setting(
-        paper_unit(),
+        unit_from("6", "proposed"),
         MICRO_G * printed["accelerometer_noise_ug_rtHz"],
         DEGREE_PER_HOUR * printed["gyro_noise_deg_h_rtHz"],
         ORIENTATIONS[np.array(NINE) - 1],
@@ -589,31 +521,17 @@ def compare(runs: int, rng: np.random.Generator) -> Comparison:
     """
     setting = paper_setting()
     ours, theirs, rest = rng.spawn(3)
-    proposed = evaluate(simulate(setting, runs, ours, sampled=False))
+    proposed = evaluate(simulate(setting, runs, ours, sampled=False)).units
     traditional = calibrate_in_laboratory(setting, runs, theirs)
     spread = replace(setting, up=spread_directions(POSITIONS), axes=AXES[:0])
     still = simulate(spread, runs, rest, sampled=False)
-    force, rate = (
-        {name: _norms(*pair, raw) - reference for name, pair in (("traditional", one), ("proposed", other))}
-        for raw, reference, one, other in (
-            (
-                still.force,
-                GRAVITY,
-                (traditional.force_matrix, traditional.force_bias),
-                (proposed.force_matrix, proposed.force_bias),
-            ),
-            (
-                still.rate,
-                EARTH_RATE,
-                (traditional.rate_matrix, traditional.rate_bias),
-                (proposed.rate_matrix, proposed.rate_bias),
-            ),
-        )
-    )
+    methods = {"traditional": traditional, "proposed": proposed}
+    force = {n: _norms(u.force_matrix, u.force_bias, still.force) - GRAVITY for n, u in methods.items()}
+    rate = {n: _norms(u.rate_matrix, u.rate_bias, still.rate) - EARTH_RATE for n, u in methods.items()}
     return Comparison(setting.unit, traditional, proposed, force, rate)
 
 
-def calibrate_in_laboratory(setting: Setting, runs: int, rng: np.random.Generator) -> Laboratory:
+def calibrate_in_laboratory(setting: Setting, runs: int, rng: np.random.Generator) -> Unit:
     """Simulate and evaluate the traditional method: 24 positions and three rotation pairs.
 
     Parameters
@@ -634,9 +552,13 @@ def calibrate_in_laboratory(setting: Setting, runs: int, rng: np.random.Generato
     rate_matrix = _turned_about_three(setting, runs, table, turning)
     earth = EARTH_RATE * (np.cos(setting.latitude) * north + np.sin(setting.latitude) * up)
     rate_bias = np.mean(still.rate - earth @ np.swapaxes(rate_matrix, -1, -2), axis=1)
-    return Laboratory(
-        np.swapaxes(solution[:, :3], -1, -2).copy(), solution[:, 3].copy(), rate_matrix, rate_bias
-    )
+    # From the table's axes to the paper's frames.
+    force_matrix = np.swapaxes(solution[:, :3], -1, -2)
+    lower = _lower_factor(force_matrix)
+    gyros = rate_matrix @ np.swapaxes(np.linalg.solve(lower, force_matrix), -1, -2)
+    rate_lower = _lower_factor(gyros)
+    rotation = np.asarray(np.linalg.solve(rate_lower, gyros), dtype=np.float64)
+    return Unit(lower, solution[:, 3].copy(), rate_lower, rate_bias, rotation)
 
 
 def _turned_about_three(
@@ -644,7 +566,7 @@ def _turned_about_three(
 ) -> AnyArray:
     """Return (runs, 3, 3) the gyros' matrix: its columns are the integrals over the angles that are read."""
     unit = setting.unit
-    gyros = unit.rate_matrix @ unit.rotation
+    gyros = unit.gyros
     off = AXIS_ERROR * table.standard_normal((runs, 3, 3))
     axes = np.eye(3) + off * (1.0 - np.eye(3))
     axes /= np.linalg.norm(axes, axis=-1, keepdims=True)
@@ -656,17 +578,12 @@ def _turned_about_three(
 
 def twenty_four_positions() -> tuple[Vectors, Vectors]:
     """Return (24, 3) up and (24, 3) north: each axis up and down, the next to north, west, south and east."""
-    ups: list[Vectors] = []
-    norths: list[Vectors] = []
-    for axis in range(3):
-        for sign in (1.0, -1.0):
-            up, following = sign * np.eye(3)[axis], np.eye(3)[(axis + 1) % 3]
-            # North of an attitude in which the following axis points north, west, south, east.
-            west = np.cross(up, following)
-            for north in (following, -west, -following, west):
-                ups.append(up)
-                norths.append(north)
-    return np.array(ups), np.array(norths)
+    faces = np.repeat(np.eye(3), 2, axis=0) * np.tile([1.0, -1.0], 3)[:, None]
+    following = np.roll(np.abs(faces), 1, axis=1)
+    # North of an attitude in which the following axis points north, west, south, east.
+    west = np.cross(faces, following)
+    norths = np.stack([following, -west, -following, west], axis=1).reshape(-1, 3)
+    return np.repeat(faces, 4, axis=0), norths
 
 
 def spread_directions(count: int) -> Vectors:

@@ -10,12 +10,12 @@ import pytest
 from tumble.sensor.conventions.savage import GROUPS
 from tumble_papers.savage.strapdown_simulation import (
     AS_PRINTED,
+    EXACT,
     GRADES,
     START_NORM,
     UNITS_SI,
     VARIANTS,
     Setting,
-    exact_unit,
     group_rms,
     run_study,
 )
@@ -90,7 +90,7 @@ def test_all_components_beat_one_a_sequence_in_every_group(studies: dict[str, np
 def test_without_noise_the_passes_converge_by_a_factor_of_hundreds_and_the_nominal_vertical_does_not() -> (
     None
 ):
-    setting = Setting(exact_unit(), earth=False, seconds=1.0)
+    setting = Setting(EXACT, earth=False, seconds=1.0)
     norm = replace(AS_PRINTED, norm=True)
     errors = run_study(setting, (AS_PRINTED, norm), 30, generator(6), iterations=3)
     first, second, third = (np.sqrt(np.mean((errors[1, :, k] / UNITS_SI) ** 2)) for k in range(3))

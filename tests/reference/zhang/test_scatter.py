@@ -19,7 +19,6 @@ from tumble_papers.zhang.turntable import (
     simulate,
     table_setting,
     triad_parameters,
-    unit_parameters,
 )
 
 RUNS = 1000
@@ -51,7 +50,7 @@ def estimates() -> dict[str, Estimates]:
 
 
 def scatter(estimates: Estimates, choice: str = CHOICES[0]) -> np.ndarray:
-    truth = unit_parameters(table_setting("3").unit)
+    truth = table_setting("3").unit.parameters()
     return in_paper_units(estimates.parameters(choice), truth).std(axis=0, ddof=1)
 
 
@@ -93,7 +92,7 @@ def test_all_18_orientations_are_better() -> None:
     setting = table_setting("5", tuple(range(1, 19)))
     force = simulate(setting, RUNS, generator(18), sampled=False).force
     found = triad_parameters(*ellipsoid_from_norms(force, GRAVITY))
-    off = in_paper_units(found, unit_parameters(setting.unit)[:9])
+    off = in_paper_units(found, setting.unit.parameters()[:9])
     np.testing.assert_allclose(
         off.std(axis=0, ddof=1).reshape(3, 3).mean(axis=1), [26.4, 10.3, 20.4], rtol=0.06
     )
@@ -101,7 +100,7 @@ def test_all_18_orientations_are_better() -> None:
 
 def test_no_estimate_is_biased(estimates: dict[str, Estimates]) -> None:
     for table, found in estimates.items():
-        off = in_paper_units(found.parameters(), unit_parameters(table_setting(table).unit))
+        off = in_paper_units(found.parameters(), table_setting(table).unit.parameters())
         score = off.mean(axis=0) / off.std(axis=0, ddof=1) * np.sqrt(RUNS)
         # one of 42 is beyond 4 in one study of 400
         assert np.max(np.abs(score)) < 4.0

@@ -14,9 +14,9 @@ from tumble.reproduction.items import find_items, run_item
 from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED, Outcome, Row
 from tumble.simulation import find_grade
 from tumble_papers.catalogue import ITEMS
-from tumble_papers.hayal.chapter_4 import NOISES, RATES, reproduce_convergence, reproduce_figure
-from tumble_papers.hayal.scenarios import ABSURD, TABLES, reproduce_scenario_table, simulate_field_means
-from tumble_papers.published import hayal, zhang
+from tumble_papers.hayal.chapter_4 import NOISES, RATES
+from tumble_papers.hayal.scenarios import ABSURD, TABLES, simulate_field_means
+from tumble_papers.study import hayal, zhang
 
 
 def test_the_catalogue_has_every_table_and_figure_of_the_thesis_studies() -> None:
@@ -85,7 +85,7 @@ def test_counts_leave_out_what_is_not_judged() -> None:
 
 
 def figure(number: str) -> Outcome:
-    return reproduce_figure(number, 60, 2)
+    return ITEMS[f"hayal-figure-{number}"].run(60, 2)
 
 
 def test_figure_4_2_scale_and_angles_fall_with_the_rate_and_the_bias_stays() -> None:
@@ -118,7 +118,7 @@ def test_figure_4_3_all_grow_with_the_noise_and_faster_when_it_is_large() -> Non
 
 def test_convergence_gets_worse_with_noise_and_with_fewer_attitudes() -> None:
     """Noise x 3, 5, 7 some 0.5, 30, 65 %; 10 attitudes 12 %, of the HG1900 17 %: five standard deviations of 400."""
-    outcome = reproduce_convergence(400, 3)
+    outcome = ITEMS["hayal-convergence"].run(400, 3)
     lost = {(row.label, row.cells[0]): float(str(row.cells[1])) for row in outcome.rows}
     full, few = "HG1700, 26 attitudes, 180 s", "HG1700, 10 attitudes, 180 s"
     by_noise = [lost[f"26 attitudes, 180 s, noise x {k}", 9] for k in (3, 5, 7)]
@@ -159,12 +159,12 @@ def value(outcome: Outcome, row: Row, column: str) -> float:
 
 
 def test_ten_first_attitudes_cannot_see_one_angle_and_it_is_said() -> None:
-    outcome = reproduce_scenario_table("5.4", 30, 0)
+    outcome = ITEMS["hayal-5.4"].run(30, 0)
     said = " ".join(outcome.notes)
     assert "θ zx at all" in said
     # ten attitudes for nine unknowns: that the thesis lies in the range says little, and that is said as well
     assert "says little" in said
-    others = " ".join(reproduce_scenario_table("B.1", 30, 0).notes)
+    others = " ".join(ITEMS["hayal-B.1"].run(30, 0).notes)
     assert "at all" not in others
     assert "says little" not in others
     # their stated sigma of it is the largest of the three angles, as in the thesis
@@ -176,7 +176,7 @@ def test_ten_first_attitudes_cannot_see_one_angle_and_it_is_said() -> None:
 
 
 def test_estimates_that_no_unit_has_are_named() -> None:
-    outcome = reproduce_scenario_table("A.6", 20, 0)
+    outcome = ITEMS["hayal-A.6"].run(20, 0)
     named = [row for row in outcome.rows if "no unit has such an error" in row.reason]
     # the cells of table A.6 beyond half a million ppm or µrad
     printed = [

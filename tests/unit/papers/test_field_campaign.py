@@ -38,7 +38,6 @@ from tumble_papers.hayal.field_campaign import (
     run_campaigns,
     sheet_sigmas,
 )
-from tumble_papers.hayal.positions import reproduce_scenario_figure, reproduce_scenario_positions
 from tumble_papers.hayal.scenarios import SCENARIOS
 
 CASES = (ORIGINAL, SUB_SCENARIOS["3.0"])
@@ -157,13 +156,13 @@ def test_a_filter_that_is_lost_says_so_and_is_counted() -> None:
 
 
 def test_tables_and_figures_show_the_same_campaigns_beside_the_thesis() -> None:
-    table = reproduce_scenario_positions("5.6", 1, 7)
+    table = ITEMS["hayal-5.6"].run(1, 7)
     assert len(table.rows) == 25
     assert all(row.verdict == UNJUDGED for row in table.rows)
     assert table.rows[0].cells[1] == 0.26772
     (row,) = [row for row in table.rows if row.label == "scenario 4, gyros 9 par., 1 min"]
     assert row.cells[:2] == (21.72845, 31.48215)
-    figure = reproduce_scenario_figure("5.6", 1, 7)
+    figure = ITEMS["hayal-figure-5.6"].run(1, 7)
     three = figure.plots[0].curves[0]
     cell = [row.cells[4] for row in table.rows if row.label == "scenario 1, gyros 3 par., 1 min"]
     assert three.y[0] == pytest.approx(cell[0])

@@ -21,7 +21,7 @@ from tumble.sensor.conventions.zhang import matrix_from_zhang
 from tumble.sensor.propagation import jacobian
 from tumble.units import STANDARD_GRAVITY
 from tumble_papers.zhang.pose_sets import (
-    OTHER_EDGE_NUMBERS,
+    LEFT_OUT,
     approximate_norm_sensitivity,
     badness,
     chatfield_orientations,
@@ -142,7 +142,7 @@ def test_nine_edges_are_singular_exactly_if_the_three_left_out_have_a_product_of
 def test_what_is_left_of_the_eighteen_is_refused_or_not_by_the_signs_of_the_three(
     signs: tuple[int, int, int],
 ) -> None:
-    others = chatfield_orientations(signs)[[n - 1 for n in OTHER_EDGE_NUMBERS]]
+    others = chatfield_orientations(signs)[[n - 1 for n in LEFT_OUT]]
     said = explain_pose_set(others)
     if np.prod(signs) == 1:
         assert "The 9 poses do not separate the scale factors, the biases and the non-orthogonalities" in said

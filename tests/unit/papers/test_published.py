@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tumble_papers.hayal.norm_batch import FORCE_ERRORS, FORCE_NOISE, GYRO_ERRORS, RATE_NOISE
-from tumble_papers.published import hayal, zhang
+from tumble_papers.study import hayal, zhang
 
 FIELD = {"5.2": 3, "5.3": 9, "5.4": 9, "A.1": 3, "A.2": 9, "A.3": 3, "A.4": 9, "A.5": 3, "A.6": 9} | {
     "B.1": 9,

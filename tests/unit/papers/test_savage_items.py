@@ -6,18 +6,12 @@ import numpy as np
 import pytest
 
 from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED, Outcome, Row
+from tumble_papers.catalogue import ITEMS
 from tumble_papers.savage.accuracy import resampled
 from tumble_papers.savage.formulas import (
     evaluated,
-    reproduce_equation_12,
-    reproduce_table_1,
-    reproduce_table_2,
 )
 from tumble_papers.savage.section_9 import (
-    reproduce_accelerometer_noise,
-    reproduce_earth_rate,
-    reproduce_gyro_bias,
-    reproduce_random_noise,
     to_digits,
 )
 
@@ -30,7 +24,7 @@ def row(outcome: Outcome, beginning: str) -> Row:
 def test_table_1_starts_where_its_angles_lead_and_its_outer_axis_goes_the_other_way_where_y_is_against_it() -> (
     None
 ):
-    outcome = reproduce_table_1(1, 0)
+    outcome = ITEMS["savage-1"].run(1, 0)
     assert outcome.counts == (16, 16)
     outer = {r.label: r.cells[5] for r in outcome.rows}
     assert outer["sequence 4"] == "0, 180, 180, 0, 0"
@@ -43,7 +37,7 @@ def test_table_1_starts_where_its_angles_lead_and_its_outer_axis_goes_the_other_
 
 
 def test_table_2_s_forty_is_four_g() -> None:
-    outcome = reproduce_table_2(1, 0)
+    outcome = ITEMS["savage-2"].run(1, 0)
     assert outcome.counts == (1, 2)
     assert row(outcome, "gyro scale").cells == (
         None,
@@ -54,7 +48,7 @@ def test_table_2_s_forty_is_four_g() -> None:
 
 
 def test_of_12_the_signs_of_the_bias_in_sequence_9_are_wrong_and_no_others() -> None:
-    outcome = reproduce_equation_12(1, 0)
+    outcome = ITEMS["savage-12"].run(1, 0)
     assert [r.label for r in outcome.rows if r.verdict == OUTSIDE] == [
         "down, start, 9: λ x",
         "down, end, 9: λ x",
@@ -64,7 +58,7 @@ def test_of_12_the_signs_of_the_bias_in_sequence_9_are_wrong_and_no_others() -> 
 
 
 def test_section_9_1_is_what_its_formulas_give() -> None:
-    outcome = reproduce_random_noise(30, 0)
+    outcome = ITEMS["savage-9.1"].run(30, 0)
     # 0.002 / (57.3 · 60) · √40 = 3.68e-6; 3.7 / 2π, / 4, / 2; 0.41 of 0.5″ over the same
     for beginning, said in (("random walk: tilt", 3.7), ("gyro scale", 0.59), ("pulses: tilt", 0.99)):
         assert row(outcome, beginning).cells[0] == said
@@ -74,7 +68,7 @@ def test_section_9_1_is_what_its_formulas_give() -> None:
 
 
 def test_an_average_of_averages_is_noisier_and_minds_pulses_less() -> None:
-    outcome = reproduce_accelerometer_noise(40, 0)
+    outcome = ITEMS["savage-9.2"].run(40, 0)
     # a triangle of weights: √(4/3) = 1.155
     assert float(str(row(outcome, "random noise").cells[1])) == pytest.approx(1.155, abs=0.06)
     assert row(outcome, "random noise").verdict == OUTSIDE
@@ -82,12 +76,12 @@ def test_an_average_of_averages_is_noisier_and_minds_pulses_less() -> None:
 
 
 def test_section_9_3_bounds_what_the_earth_rate_does() -> None:
-    outcome = reproduce_earth_rate(24, 0)
+    outcome = ITEMS["savage-9.3"].run(24, 0)
     assert outcome.counts[0] == outcome.counts[1] == 8
 
 
 def test_of_22_the_signs_that_are_wrong_are_these() -> None:
-    outcome = reproduce_gyro_bias(8, 0)
+    outcome = ITEMS["savage-9.4"].run(8, 0)
     wrong = {r.label.partition(", ")[0] for r in outcome.rows if r.verdict == OUTSIDE}
     assert wrong == {
         *("κ yy + κ yyy by κ y", "κ xx + κ xxx by κ x", "κ zz + κ zzz by κ z", "υ yz by κ x"),

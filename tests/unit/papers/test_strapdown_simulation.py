@@ -14,13 +14,13 @@ from tumble.units import ARCSECOND
 from tumble_papers.savage.section_9 import changes_by_kind, expected_by_kind, unit
 from tumble_papers.savage.strapdown_simulation import (
     AS_PRINTED,
+    EXACT,
     GRADES,
     START_NORM,
     VARIANTS,
     Setting,
     composed,
     draw_truth,
-    exact_unit,
     matched_weights,
     measure_run,
     run_study,
@@ -31,7 +31,7 @@ ZERO = SavageErrors.from_vector(np.zeros(24))
 BRIEF = 1.0  # s; without noise as good as ten
 
 
-def test_an_exact_unit_on_a_fixture_that_is_off_measures_nothing_level() -> None:
+def test_an_EXACT_on_a_fixture_that_is_off_measures_nothing_level() -> None:
     """Whatever the fixture does, exact gyros know it: no first-order effect of α, and none of any order."""
     setting = Setting(unit(), fixture=5e-3, earth=False, seconds=BRIEF)
     recordings = simulate_run(setting, np.random.default_rng(1), truth=ZERO)
@@ -55,7 +55,7 @@ def test_the_earth_rate_is_in_the_increments_as_the_test_takes_it_out() -> None:
 def test_increments_are_those_of_scipy_s_rotations() -> None:
     """Sequence 6, gyros of an asymmetric matrix with asymmetry and bias, on the turning Earth, step by step."""
     truth = draw_truth(Setting(GRADES["MEMS"]), np.random.default_rng(3))
-    setting = Setting(exact_unit(), fixture=2e-2, seconds=0.1)
+    setting = Setting(EXACT, fixture=2e-2, seconds=0.1)
     recordings = simulate_run(setting, np.random.default_rng(4), truth=truth)
     gyro = truth.model().gyroscope
     assert gyro is not None

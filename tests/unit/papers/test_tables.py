@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tumble.reproduction.outcome import INSIDE, OUTSIDE, Outcome
-from tumble_papers.hayal.chapter_4 import reproduce_table
+from tumble_papers.catalogue import ITEMS
 from tumble_papers.hayal.norm_batch import Runs, run_setting, table_setting
 
 BIAS, SCALE, ANGLE = slice(0, 3), slice(3, 6), slice(6, 9)
@@ -96,7 +96,7 @@ def test_in_complete_models_the_scatter_is_the_stated_sigma(
 
 @pytest.fixture(scope="module")
 def outcomes() -> dict[str, Outcome]:
-    return {table: reproduce_table(table, 500, 0) for table in ("4.2", "4.3", "4.4", "4.5")}
+    return {table: ITEMS[f"hayal-{table}"].run(500, 0) for table in ("4.2", "4.3", "4.4", "4.5")}
 
 
 def test_of_72_rows_one_is_outside(outcomes: dict[str, Outcome]) -> None:

@@ -32,9 +32,9 @@ def rng(*seed: int) -> np.random.Generator:
 def test_the_same_seed_gives_the_same_runs_bit_for_bit() -> None:
     setting = table_setting("4.4", 2)
     first, second = run_setting(setting, 20, rng(3)), run_setting(setting, 20, rng(3))
-    for name in ("estimates", "sigmas", "differences", "sigma0", "iterations"):
+    for name in ("parameters", "sigmas", "differences", "sigma0", "iterations"):
         assert np.array_equal(getattr(first, name), getattr(second, name))
-    assert not np.array_equal(first.estimates, run_setting(setting, 20, rng(4)).estimates)
+    assert not np.array_equal(first.differences, run_setting(setting, 20, rng(4)).differences)
 
 
 def test_the_means_are_the_true_vectors_through_the_errors_of_table_4_1() -> None:

@@ -9,12 +9,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tumble.earth.site import EARTH_RATE
+from tumble_papers.zhang.pose_sets import LEFT_OUT, NINE
 from tumble_papers.zhang.tables import scatter_factors
 from tumble_papers.zhang.turntable import (
     CHOICES,
     GRAVITY,
-    LEFT_OUT,
-    NINE,
     ORIENTATIONS,
     Setting,
     evaluate,
@@ -22,7 +21,6 @@ from tumble_papers.zhang.turntable import (
     norths,
     simulate,
     table_setting,
-    unit_parameters,
 )
 
 # x, y, z; and a rate that is no divisor of the sampling rate.
@@ -130,13 +128,13 @@ def test_without_noise_all_parameters_come_back(sampled: bool, choice: str) -> N
     """All 21 are different and of both signs: a transpose or a swapped sign would be hundreds of arcseconds."""
     setting = replace(exact(table_setting("2")), **FAST)
     estimates = evaluate(simulate(setting, 1, generator(0), sampled=sampled))
-    off = in_paper_units(estimates.parameters(choice), unit_parameters(setting.unit))
+    off = in_paper_units(estimates.parameters(choice), setting.unit.parameters())
     # The paper prints 1e-4 °/h, 0.01 ppm, µg and ″.
     assert np.max(np.abs(off)) < 1e-6
 
 
 def test_the_true_parameters_are_those_of_the_table() -> None:
-    found = unit_parameters(table_setting("2").unit)
+    found = table_setting("2").unit.parameters()
     second = np.degrees(3600.0 * found)
     np.testing.assert_allclose(found[:3], 100.0)
     np.testing.assert_allclose(second[3:6], [-180.0, 60.0, 330.0])
@@ -192,7 +190,7 @@ def test_table_errors_are_in_angles_and_attitudes() -> None:
 def test_samples_and_statistics_scatter_alike() -> None:
     """Standard deviations of 400 runs each, in 21 parameters and by every choice of axes."""
     setting = replace(table_setting("3"), dwell=20.0, duration=36.0)
-    truth = unit_parameters(setting.unit)
+    truth = setting.unit.parameters()
     one, other = (
         evaluate(simulate(setting, 400, generator(seed), sampled=sampled))
         for seed, sampled in ((1, True), (2, False))

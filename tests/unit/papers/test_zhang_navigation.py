@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tumble.reproduction.outcome import OUTSIDE, UNJUDGED
+from tumble_papers.catalogue import ITEMS
 from tumble_papers.zhang.navigation import (
     ALIGNED,
     DURATION,
@@ -16,15 +17,11 @@ from tumble_papers.zhang.navigation import (
     TRUE,
     calibrate_units,
     measured,
-    model_of,
     navigate_test,
-    reproduce_measurements,
-    reproduce_positions,
     run_test,
     true_test,
-    which_test,
 )
-from tumble_papers.zhang.turntable import paper_setting, paper_unit, unit_parameters
+from tumble_papers.zhang.turntable import paper_setting
 
 UNITS = 1
 
@@ -34,31 +31,21 @@ def test_without_noise_and_with_the_true_parameters_it_stays_where_it_is(name: s
     """A metre in 8,000 s, against hundreds of any unit: what samples of a tenth of a second leave of the turns."""
     setting = paper_setting()
     raw = measured(true_test(name), setting.unit, setting, None)
-    time, errors = navigate_test(raw, model_of(unit_parameters(setting.unit)))
+    time, errors = navigate_test(raw, setting.unit.model)
     assert time[-1] == pytest.approx(DURATION[name] - ALIGNED)
     assert np.abs(errors[:, :2]).max() < 1.0
 
 
-def test_the_model_of_21_parameters_is_the_unit_that_has_them() -> None:
-    unit = paper_unit()
-    model = model_of(unit_parameters(unit))
-    assert model.accelerometer is not None
-    assert model.gyroscope is not None
-    # the printed scale factors have nine digits
-    assert model.accelerometer.matrix == pytest.approx(unit.force_matrix, rel=1e-12, abs=1e-9)
-    assert model.gyroscope.matrix == pytest.approx(unit.rate_matrix @ unit.rotation, rel=1e-10, abs=1e-6)
-    assert model.gyroscope.bias == pytest.approx(unit.rate_bias, rel=1e-9)
-
-
 def test_each_method_is_calibrated_on_its_own_and_is_off_by_its_own() -> None:
     found = calibrate_units(UNITS, 3)
-    truth = found[TRUE]
+    truth = found[TRUE][0].parameters()
     assert set(found) == {TRADITIONAL, PROPOSED, JOINT, TRUE, PRINTED}
     for method in (TRADITIONAL, PROPOSED, JOINT):
         # scale factors of the accelerometers: some ppm of each
-        off = found[method][:, :3] / truth[:, :3] - 1.0
+        off = found[method][0].parameters()[:3] / truth[:3] - 1.0
         assert 0.0 < np.abs(off).max() < 5e-5
-    assert np.all(found[PROPOSED] != found[TRADITIONAL])
+    one, other = (found[method][0].parameters() for method in (PROPOSED, TRADITIONAL))
+    assert np.all(one != other)
 
 
 def test_positions_of_all_methods_stand_beside_what_noise_alone_does() -> None:
@@ -70,7 +57,7 @@ def test_positions_of_all_methods_stand_beside_what_noise_alone_does() -> None:
         assert np.all(errors[:, -1] < 2e4)
     # 100 µg/√Hz and 0.03 °/h/√Hz: σ N √(t/2)/ω and R N √t are 50 and 90 m after 7,800 s
     assert 10.0 < runs.rms(TRUE).max() < 500.0
-    outcome = reproduce_positions("10", UNITS, 3)
+    outcome = ITEMS["zhang-figure-10"].run(UNITS, 3)
     assert all(row.verdict in ("", UNJUDGED) for row in outcome.rows)
     assert outcome.rows[0].cells[1] == pytest.approx(np.median(runs.rms(TRADITIONAL)))
     assert len(outcome.plots[0].curves) == 5
@@ -78,11 +65,9 @@ def test_positions_of_all_methods_stand_beside_what_noise_alone_does() -> None:
 
 
 def test_the_pictures_of_measurements_show_gravity_and_every_turn() -> None:
-    assert which_test("5") == ("I", "accelerometer")
-    assert which_test("10") == ("II", "positions")
-    force = reproduce_measurements("5", 1, 0).plots[0]
+    force = ITEMS["zhang-figure-5"].run(1, 0).plots[0]
     for curve in force.curves:
         assert curve.low.min() == pytest.approx(-1.0, abs=0.01)
-    rate = reproduce_measurements("9", 1, 0).plots[0].curves[2]
+    rate = ITEMS["zhang-figure-9"].run(1, 0).plots[0].curves[2]
     # three quarter turns of 12 s: 14 °/s at most
     assert np.count_nonzero(rate.high > 5.0) in range(3, 7)

@@ -6,19 +6,19 @@ import numpy as np
 import pytest
 
 from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED, Outcome
-from tumble_papers.published import zhang
-from tumble_papers.zhang import sensitivity as zhang_sensitivity
-from tumble_papers.zhang.pose_sets import paper_nine
-from tumble_papers.zhang.sensitivity import pose_sets, reproduce_designs, reproduce_sensitivity
+from tumble_papers.catalogue import ITEMS
+from tumble_papers.study import zhang
+from tumble_papers.zhang import pose_sets as zhang_sensitivity
+from tumble_papers.zhang.pose_sets import paper_nine, pose_sets
 
 
 @pytest.fixture(scope="module")
 def designs() -> Outcome:
-    return reproduce_designs(500, 3)
+    return ITEMS["zhang-designs"].run(500, 3)
 
 
 def test_every_sensitivity_is_greatest_where_the_paper_says_and_its_slip_is_outside() -> None:
-    outcome = reproduce_sensitivity(1, 0)
+    outcome = ITEMS["zhang-sensitivity"].run(1, 0)
     *stated, slip = outcome.rows
     assert len(stated) == 9 + 6
     assert all(row.verdict == INSIDE and row.cells[0] == row.cells[1] for row in stated)
@@ -36,7 +36,7 @@ def test_a_sensitivity_that_is_greatest_elsewhere_is_outside(monkeypatch: pytest
         "most_sensitive_directions",
         lambda *_: np.array([[0.0, 0.6, 0.8], [0.0, -0.6, -0.8]]),
     )
-    *stated, _ = reproduce_sensitivity(1, 0).rows
+    *stated, _ = ITEMS["zhang-sensitivity"].run(1, 0).rows
     assert all(row.verdict == OUTSIDE for row in stated)
 
 
@@ -67,7 +67,9 @@ def test_a_printed_table_of_other_noise_is_outside(monkeypatch: pytest.MonkeyPat
     """√(fs/2) instead of √fs, which table 3 excludes, would be a factor of √2."""
     monkeypatch.setattr(zhang_sensitivity, "pose_sets", lambda: {"1-7, 9, 11": paper_nine()})
     monkeypatch.setattr(zhang_sensitivity, "predict_sigma", lambda d, s, g: original(d, s * np.sqrt(2.0), g))
-    assert all(row.verdict == OUTSIDE and "times" in row.reason for row in reproduce_designs(10, 0).rows)
+    assert all(
+        row.verdict == OUTSIDE and "times" in row.reason for row in ITEMS["zhang-designs"].run(10, 0).rows
+    )
 
 
 original = zhang_sensitivity.predict_sigma

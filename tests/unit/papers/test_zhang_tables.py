@@ -16,9 +16,6 @@ from tumble_papers.zhang.tables import (
     judge_scatter,
     norm_shift,
     refusal,
-    reproduce_figure,
-    reproduce_table_2,
-    reproduce_table_5,
     standard_deviation,
 )
 from tumble_papers.zhang.turntable import (
@@ -30,7 +27,6 @@ from tumble_papers.zhang.turntable import (
     spread_directions,
     table_setting,
     twenty_four_positions,
-    unit_parameters,
 )
 
 
@@ -82,7 +78,7 @@ def test_the_heading_factors_are_relative_to_what_is_simulated() -> None:
 
     setting = table_setting("3")
     runs = evaluate(simulate(setting, 1000, generator(2), sampled=False))
-    found = in_paper_units(runs.parameters(), unit_parameters(setting.unit))[:, 15:18].std(axis=0)
+    found = in_paper_units(runs.parameters(), setting.unit.parameters())[:, 15:18].std(axis=0)
     earth = np.cos(setting.latitude) * norths(setting.up) + np.sin(setting.latitude) * setting.up
     design = earth - earth.mean(axis=0)
     expected = 0.01 * np.sqrt(np.diag(np.linalg.inv(design.T @ design)))
@@ -95,7 +91,7 @@ def value(outcome: Outcome, row: Row, column: str) -> float:
 
 
 def test_table_2_shows_the_paper_s_run_beside_one_of_ours() -> None:
-    outcome = reproduce_table_2(40, 3)
+    outcome = ITEMS["zhang-2"].run(40, 3)
     assert len(outcome.rows) == 21
     first = outcome.rows[0]
     assert first.cells[:3] == ("100.000000", "100.001336", 13.36)
@@ -115,7 +111,7 @@ def test_table_2_shows_the_paper_s_run_beside_one_of_ours() -> None:
 
 
 def test_table_5_refuses_the_singular_set_in_words() -> None:
-    outcome = reproduce_table_5(40, 0)
+    outcome = ITEMS["zhang-5"].run(40, 0)
     (row,) = [row for row in outcome.rows if row.cells[0] == "8, 10, 12-18"]
     assert row.verdict == INSIDE
     assert row.cells[2:] == ("refused", None, None)
@@ -152,13 +148,13 @@ def test_both_methods_are_right_without_errors(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(laboratory, "AXIS_ERROR", 0.0)
     exact = replace(paper_setting(), force_noise=0.0, rate_noise=0.0, angle_error=0.0, placement=0.0)
     found = calibrate_in_laboratory(exact, 1, generator(0)).parameters()
-    assert np.max(np.abs(in_paper_units(found, unit_parameters(exact.unit)))) < 1e-6
+    assert np.max(np.abs(in_paper_units(found, exact.unit.parameters()))) < 1e-6
 
 
 def test_axes_that_are_off_are_seen_by_the_laboratory_alone() -> None:
     """2″ of two axes make 2.8″ of a gyro's misalignment; the paper's method has what 2″ of an angle make."""
     both = compare(600, generator(1))
-    truth = unit_parameters(both.unit)
+    truth = both.unit.parameters()
     traditional, proposed = (
         in_paper_units(found, truth)[:, 12:15].std(axis=0)
         for found in (both.traditional.parameters(), both.proposed.parameters())
@@ -191,7 +187,7 @@ def test_norms_by_table_6_differ_mostly_by_biases() -> None:
 
 
 def test_figure_3_is_held_against_its_noise_and_table_6() -> None:
-    outcome = reproduce_figure("3", 150, 0)
+    outcome = ITEMS["zhang-figure-3"].run(150, 0)
     traditional, proposed, noise, by_table, _ = outcome.rows
     assert (traditional.cells[0], proposed.cells[0]) == (13.28, 4.94)
     assert (traditional.verdict, proposed.verdict, noise.verdict, by_table.verdict) == (
@@ -208,6 +204,6 @@ def test_figure_3_is_held_against_its_noise_and_table_6() -> None:
 
 
 def test_few_units_are_no_range() -> None:
-    outcome = reproduce_figure("4", 5, 0)
+    outcome = ITEMS["zhang-figure-4"].run(5, 0)
     assert [row.verdict for row in outcome.rows[:2]] == [UNJUDGED, UNJUDGED]
     assert all("no range" in row.reason for row in outcome.rows[:2])
