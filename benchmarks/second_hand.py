@@ -32,6 +32,8 @@ from __future__ import annotations
 
 import os
 
+from tumble.document.part import plain
+
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import argparse
@@ -196,7 +198,7 @@ def calibrated(
         options["procedure"] = estimator
     if rate_ppm is not None:
         options["rate"] = f"{made.path.rate}±{made.path.rate * rate_ppm * 1e-6}"
-    return tumble.calibrate(frames if len(frames) > 1 else frames[0], **options).calibration.model_dump()
+    return plain(tumble.calibrate(frames if len(frames) > 1 else frames[0], **options).calibration)
 
 
 def terms_of(document: dict[str, Any]) -> dict[str, np.ndarray]:

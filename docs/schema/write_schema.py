@@ -6,20 +6,22 @@ python docs/schema/write_schema.py
 from __future__ import annotations
 
 import json
+from functools import partial
 from pathlib import Path
 
-from tumble.document.result import calibration_schema
+from tumble.document.part import schema_of
+from tumble.document.result import Calibration
 from tumble.protocol import protocol_schema
-from tumble.report.noise_document import noise_schema
-from tumble.report.predictions import filter_schema
+from tumble.report.noise_document import NoiseDocument
+from tumble.report.predictions import FilterDocument
 
 FOLDER = Path(__file__).resolve().parent
 # Name -> what makes it, and the page that explains it.
 SCHEMAS = {
-    "calibration": (calibration_schema, "docs/file-format.md"),
+    "calibration": (partial(schema_of, Calibration), "docs/file-format.md"),
     "protocol": (protocol_schema, "docs/protocols.md"),
-    "noise": (noise_schema, "docs/noise.md"),
-    "filter": (filter_schema, "docs/navigation.md"),
+    "noise": (partial(schema_of, NoiseDocument), "docs/noise.md"),
+    "filter": (partial(schema_of, FilterDocument), "docs/navigation.md"),
 }
 
 

@@ -65,8 +65,8 @@ def has_silent_raise(function: type_of_function) -> bool:
 
 
 def file_models_of(tree: ast.Module) -> set[str]:
-    """The module's pydantic models: their fields are the keys of a file, which is an edge."""
-    models = {"BaseModel", "DocumentPart"}
+    """The module's parts of documents: their fields are the keys of a file, which is an edge."""
+    models = {"DocumentPart"}
     for node in ast.walk(tree):
         if isinstance(node, ast.ClassDef) and models & {ast.unparse(base) for base in node.bases}:
             models.add(node.name)
@@ -138,7 +138,7 @@ def test_a_raise_without_its_section_is_found_and_one_of_an_inner_function_is_le
 def test_a_name_with_a_unit_that_is_not_si_is_found_but_as_the_key_of_a_file(name: str) -> None:
     for source in (f"def f(*, {name}): ...", f"class A:\n    {name}: float"):
         assert names_that_are_not_si(ast.parse(source)) == [name]
-    block = f"class Block(BaseModel): ...\nclass Site(Block):\n    {name}: float\n    def at(self, height_km): ..."
+    block = f"class Block(DocumentPart): ...\nclass Site(Block):\n    {name}: float\n    def at(self, height_km): ..."
     assert names_that_are_not_si(ast.parse(block)) == ["height_km"]
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 from tumble.document import read_calibration
 from tumble.document.imported import calibration_from_model
@@ -26,7 +27,7 @@ def written(path: Path, bias: float = 0.1) -> Path:
     )
     names = [f"{t}.bias[{i}]" for t in ("accelerometer", "gyroscope") for i in range(3)]
     known = {"covariance_parameters": names, "covariance": (1e-6 * np.eye(6)).tolist()}
-    document.model_copy(update=known).write(path)
+    structs.replace(document, **known).write(path)
     return path
 
 

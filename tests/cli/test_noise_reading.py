@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tumble.document.part import read_part
 from tumble.noise.deviation import allan_deviation
 from tumble.report.noise_document import NoiseDocument
 
@@ -145,7 +146,7 @@ def test_the_curve_is_in_table_page_and_document(
     assert "\nAllan deviation:" in answer.out
     assert "Allan deviation" in (tmp_path / "noise.html").read_text(encoding="utf-8")
     written = json.loads((tmp_path / "noise.json").read_text(encoding="utf-8"))
-    NoiseDocument.model_validate(written)
+    read_part(NoiseDocument, written)
     curve = written["channels"]["gz"]["curve"]
     base = allan_deviation(rows[:, 3], RATE, taus="log")
     assert curve["kind"] == "overlapping"

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 import pytest
+from msgspec import structs
 
 from contract.test_bags import IMU, STORE, STORE1, message, rosbag1, rosbag2
 from tumble.document.imported import calibration_from_model
@@ -315,7 +316,7 @@ def lagging(seconds: float) -> Calibration:
     said = ParameterBlock(
         name="lag of the accelerometer behind the gyro", value=seconds, standard_uncertainty=1e-4, unit="s"
     )
-    return PLAIN.model_copy(update={"parameters": [said]})
+    return structs.replace(PLAIN, parameters=[said])
 
 
 @pytest.mark.parametrize("lag", [0.0113, -0.0051])

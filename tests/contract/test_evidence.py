@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from msgspec import structs
 from rich.console import Console
 from tests.unit.report.test_calibration import Page as ReadPage
 
@@ -192,7 +193,7 @@ class TestEvidence:
             if isinstance(record, Magnetometer)
             else None
         )
-        calibration = demo.calibration.model_copy(update={"turn_ons": block, "magnetometer": field})
+        calibration = structs.replace(demo.calibration, turn_ons=block, magnetometer=field)
         estimate = replace(demo.estimate, evidence=[record])
         subject = replace(demo, calibration=calibration, estimate=estimate)
         return Page(f"Of {HOSTILE}", render_evidence(subject, kind))

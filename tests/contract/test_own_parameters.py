@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from msgspec import structs
 from scipy.spatial.transform import Rotation
 
 from contract.test_flight_logs import FMT, described
@@ -377,7 +378,7 @@ def test_what_a_log_does_not_state_is_said_by_its_names_px4_and_ardupilot(tmp_pa
         remark = next(r.text for r in recording.remarks if r.kind == "corrected")
         assert f"does not state {names}," in remark
         assert "own axes" not in texts(recording)  # vehicle_magnetometer's are those of the autopilot
-        made = document().model_copy(update={"remarks": [remark]})
+        made = structs.replace(document(), remarks=[remark])
         done = convert_to(made, "ardupilot", output=tmp_path / "out", largest_loss=0.1)
         assert sum("had their defaults while it was recorded" in text for text in done.remarks) == 1
 
@@ -495,7 +496,7 @@ def document(before: tuple[str, ...] = ()) -> Calibration:
     force = Triad(np.diag([1.01, 0.99, 1.005]), np.array([0.1, 0.2, -0.3]))
     model, of = ImuModel(force, Triad(np.eye(3), np.full(3, 0.01))), ("fixture", "axes")
     made = calibration_from_model(model, ("m/s^2", "rad/s"), of, [], procedure="by hand", remarks=[])
-    return made.model_copy(update={"input_corrected_by": list(before)})
+    return structs.replace(made, input_corrected_by=list(before))
 
 
 @pytest.mark.parametrize("target", ["px4", "ardupilot"])
@@ -514,8 +515,8 @@ def test_a_magnetometer_that_an_earlier_version_calibrated_on_top_is_left_out(tm
     words: Any = {"raw_unit": "mgauss", "unit": "T", "frame": "b", "method": "holds and turns"}
     block = MagnetometerBlock(**words, matrix=matrix, bias=(12.0, -30.0, 7.0))
     for before, written in (([], True), (["0123456789ab"], False)):
-        on_top = block.model_copy(update={"input_corrected_by": before})
-        made = document().model_copy(update={"magnetometer": on_top})
+        on_top = structs.replace(block, input_corrected_by=before)
+        made = structs.replace(document(), magnetometer=on_top)
         found = convert_to(made, "ardupilot", output=tmp_path / "out", largest_loss=0.1)
         text = "".join(file.read_text("utf-8") for file in found.files)
         assert ("COMPASS_OFS_X" in text) == written

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from msgspec import structs
 from tests.unit.export.a_unit import B_A, B_G, M_A, M_G, RAW_A, RAW_G, G, document
 
 from tumble.document import read_calibration
@@ -462,13 +463,12 @@ def with_all_terms() -> Calibration:
         matrix=((1.02e6, 2e4, -1e4), (3e3, 0.97e6, 4e4), (-5e4, 6e3, 1.01e6)),
         bias=(1.0, -2.0, 3.0),
     )
-    return document(model).model_copy(
-        update={
-            "thermal": thermal_block(thermal, thermal.names, 1e-12 * np.eye(len(thermal.names))),
-            "temperature_celsius": 22.0,
-            "lever_arms": ((0.003, 0.0, 0.0), (0.0, 0.004, 0.0), (0.0, 0.0, 0.012)),
-            "magnetometer": field,
-        }
+    return structs.replace(
+        document(model),
+        thermal=thermal_block(thermal, thermal.names, 1e-12 * np.eye(len(thermal.names))),
+        temperature_celsius=22.0,
+        lever_arms=((0.003, 0.0, 0.0), (0.0, 0.004, 0.0), (0.0, 0.0, 0.012)),
+        magnetometer=field,
     )
 
 
@@ -653,23 +653,22 @@ def hostile(name: str, text: str) -> dict[str, str]:
     """What is written of a calibration all of whose texts are one."""
     target = TARGETS[name]
     calibration = document(model_for(target))
-    calibration = calibration.model_copy(
-        update={
-            "imu": calibration.imu.model_copy(update={"model": text, "serial_number": text}),
-            "created": text,
-            "remarks": [text],
-            "frame": calibration.frame.model_copy(update={"description": text}),
-            "raw_units": calibration.raw_units.model_copy(update={"specific_force": "m/s^2\n"}),
-            "magnetometer": MagnetometerBlock(
-                raw_unit="uT\n",
-                unit="T",
-                frame="b",
-                method=text,
-                matrix=((1.02e6, 2e4, -1e4), (3e3, 0.97e6, 4e4), (-5e4, 6e3, 1.01e6)),
-                bias=(1.0, -2.0, 3.0),
-                remarks=[text],
-            ),
-        }
+    calibration = structs.replace(
+        calibration,
+        imu=structs.replace(calibration.imu, model=text, serial_number=text),
+        created=text,
+        remarks=[text],
+        frame=structs.replace(calibration.frame, description=text),
+        raw_units=structs.replace(calibration.raw_units, specific_force="m/s^2\n"),
+        magnetometer=MagnetometerBlock(
+            raw_unit="uT\n",
+            unit="T",
+            frame="b",
+            method=text,
+            matrix=((1.02e6, 2e4, -1e4), (3e3, 0.97e6, 4e4), (-5e4, 6e3, 1.01e6)),
+            bias=(1.0, -2.0, 3.0),
+            remarks=[text],
+        ),
     )
     wishes = Wishes(topic=text, largest_loss=0.05)
     return target.write(prepare(calibration, target, wishes, NOISE_NUMBERS))

@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 COUNT = 240
 HEADER = "t,ax,ay,az,gx,gy,gz"
@@ -149,7 +150,7 @@ def calibrations() -> list[tuple[str, bytes]]:
             remarks=["x"],
             thermal=more,
         )
-        fixed = document.model_copy(update={"created": "2024-01-01T00:00:00+00:00"})
+        fixed = structs.replace(document, created="2024-01-01T00:00:00+00:00")
         made.append(("calibration.json", fixed.to_json().encode()))
     return made
 

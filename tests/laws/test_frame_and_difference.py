@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 from tumble.document.difference import compare_calibrations
 from tumble.document.entries import entry_names, model_of_vector, stacked, vector_of_model
@@ -35,8 +36,8 @@ def document(model: ImuModel, seed: int = 1, **update: Any) -> Calibration:
     size = np.array([1e-3 if "bias" in n else 1e-5 if "g_sens" in n else 1e-4 for n in names])
     root = np.random.default_rng(seed).normal(size=(len(names), 2 * len(names))) / np.sqrt(2 * len(names))
     covariance = (root @ root.T) * np.outer(size, size)
-    return bare.model_copy(
-        update={"covariance_parameters": names, "covariance": covariance.tolist(), **update}
+    return structs.replace(
+        bare, **{"covariance_parameters": names, "covariance": covariance.tolist(), **update}
     )
 
 
@@ -158,12 +159,11 @@ def with_clock(model: ImuModel, rate: float | None, *, seen: bool = False) -> Ca
             nominal_rate_hz=rate,
         )
     ]
-    return made.model_copy(
-        update={
-            "covariance_parameters": entry_names(),
-            "covariance": spread.tolist(),
-            "quality": made.quality.model_copy(update={"unseen": unseen}),
-        }
+    return structs.replace(
+        made,
+        covariance_parameters=entry_names(),
+        covariance=spread.tolist(),
+        quality=structs.replace(made.quality, unseen=unseen),
     )
 
 
@@ -214,7 +214,7 @@ def test_rounding_is_no_change() -> None:
     assert not found.significant
     assert not verdict(found, None)[0]
     nothing = {"covariance_parameters": [], "covariance": []}
-    bare, other = first.model_copy(update=nothing), again.model_copy(update=nothing)
+    bare, other = structs.replace(first, **nothing), structs.replace(again, **nothing)
     assert not verdict(compare_calibrations(bare, other), None)[0]
 
 
@@ -338,8 +338,8 @@ def test_one_unit_told_in_two_units_has_not_changed() -> None:
     calibration = calibration_from_model(
         in_g, ("g", "deg/s"), ("fixture", "axes"), [], procedure="by hand", remarks=[]
     )
-    counts = calibration.model_copy(
-        update={"raw_units": calibration.raw_units.model_copy(update={"angular_rate": "counts"})}
+    counts = structs.replace(
+        calibration, raw_units=structs.replace(calibration.raw_units, angular_rate="counts")
     )
     found = compare_calibrations(document(MODEL), calibration)
     assert found.force is not None

@@ -30,7 +30,7 @@ def test_an_unknown_name_is_an_attribute_error() -> None:
 
 
 def test_importing_the_package_imports_no_other_library() -> None:
-    heavy = ("numpy", "scipy", "polars", "pydantic", "typer", "rich", "plotly", "yaml", "jinja2")
+    heavy = ("numpy", "scipy", "polars", "msgspec", "typer", "rich", "plotly", "yaml", "jinja2")
     code = f"import sys, tumble; print([m for m in {heavy!r} if m in sys.modules])"
     answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert answer.stdout.strip() == "[]"

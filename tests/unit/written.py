@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from tumble.document.part import read_part
 from tumble.document.result import Calibration
 
 WRITTEN: dict[str, Any] = {
@@ -49,7 +50,7 @@ WRITTEN: dict[str, Any] = {
 def written(quality: dict[str, Any] | None = None, **changes: Any) -> Calibration:
     """The calibration with changes of its parts, those of its quality one by one."""
     changes["quality"] = {**WRITTEN["quality"], **(quality or {})}
-    return Calibration.model_validate({**WRITTEN, **changes})
+    return read_part(Calibration, {**WRITTEN, **changes})
 
 
 def parameters(*rows: tuple[str, float, float, str]) -> list[dict[str, Any]]:

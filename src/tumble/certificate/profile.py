@@ -5,17 +5,18 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, cast
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+import msgspec
 
+from tumble.document.part import DocumentPart, read_part, refusal
 from tumble.errors import UsageError
-from tumble.files import opened, read_yaml, reading, shown
+from tumble.files import opened, read_yaml, reading
 
 LARGEST_LOGO = 4 << 20
 _LOGOS = (".svg", ".png", ".jpg", ".jpeg")
 
 
-class _Told(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, coerce_numbers_to_str=True)
+class _Told(DocumentPart, forbid_unknown_fields=True):
+    """What the laboratory states; a key that is none of these is a mistake."""
 
 
 class Laboratory(_Told):
@@ -65,7 +66,7 @@ class Profile(_Told):
     item: Item = Item()
     place: str = ""
     method: str = ""
-    conditions: dict[str, str] = {}
+    conditions: dict[str, str] = msgspec.field(default_factory=dict[str, str])
     traceability: str = ""
     adjustment: str = ""
     statement: str = ""
@@ -90,11 +91,9 @@ def read_profile(path: Path) -> tuple[Profile, bytes | None]:
     if not isinstance(document, dict):
         raise UsageError(f"{path} is no profile: it needs `laboratory:` with a `name:` under it.")
     try:
-        profile = Profile.model_validate(_words(cast("dict[Any, Any]", document)))
-    except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(shown(str(part)) for part in first["loc"])
-        raise UsageError(f"{path}: {where}: {first['msg'].lower()}.") from None
+        profile = read_part(Profile, _words(cast("dict[Any, Any]", document)))
+    except msgspec.ValidationError as error:
+        raise UsageError(f"{path}: {refusal(error)}.") from None
     return profile, None if not profile.logo else _logo(path.parent / profile.logo)
 
 

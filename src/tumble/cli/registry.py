@@ -153,7 +153,7 @@ def show_command(
         document.write(output)
         results_stand()
     if as_json:
-        say_json({**asdict(entry), "document": document.model_dump(mode="json")}, indent=1)
+        say_json({**asdict(entry), "document": document}, indent=1)
         return
     from tumble.report.summary import print_calibration
 
@@ -250,7 +250,7 @@ def fleet_command(
     if output is not None:
         results_stand()
     if as_json:
-        say_json({"units": between.count, "document": document.model_dump(mode="json")}, indent=1)
+        say_json({"units": between.count, "document": document}, indent=1)
         return
     from tumble.report.parameters import parameter_rows
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import codecs
 import json
-import math
 import os
 import re
 import signal
@@ -17,7 +16,7 @@ from collections.abc import Callable, Generator, Iterable, Sequence
 from contextlib import contextmanager
 from itertools import groupby
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO, cast
+from typing import TYPE_CHECKING, Any, TextIO
 
 from tumble.counting import Stage, listening
 
@@ -186,15 +185,18 @@ def say_written(files: Iterable[Path]) -> None:
         say(f"written: {folder / ', '.join(file.name for file in own)}")
 
 
-def say_json(document: Any, indent: int | None = None) -> None:
+def say_json(document: Any, indent: int = 0) -> None:
     """Print a document as JSON; what is no number is null.
 
     Parameters
     ----------
-    document : of dictionaries, lists, texts and numbers.
-    indent : as `json.dumps` takes it.
+    document : of dictionaries, lists, texts, numbers and records of them.
+    indent : spaces a level; 0 for one line.
     """
-    say_json_text(json.dumps(_finite(document), indent=indent, ensure_ascii=False) + "\n")
+    import msgspec
+
+    text = msgspec.json.encode(document, enc_hook=lambda number: number.tolist())
+    say_json_text(msgspec.json.format(text, indent=indent).decode() + "\n")
 
 
 def say_json_text(text: str) -> None:
@@ -209,15 +211,6 @@ def say_json_text(text: str) -> None:
         lambda found: json.dumps(found[0])[1:-1], text
     )
     sys.stdout.write(escaped)
-
-
-def _finite(value: Any) -> Any:
-    """Values that JSON has."""
-    if isinstance(value, dict):
-        return {key: _finite(item) for key, item in cast("dict[str, Any]", value).items()}
-    if isinstance(value, list | tuple):
-        return [_finite(item) for item in cast("Sequence[Any]", value)]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def console(*, soft_wrap: bool = False) -> Console:

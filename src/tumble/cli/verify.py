@@ -177,7 +177,7 @@ def verify_command(
     with progress(printed.silent) as tell:
         results = verify(calibration, recordings, site=place, progress=tell, temperature=temperature, **read)
     if printed.as_json:
-        told = {} if held is None else {"limits": held.model_dump(mode="json")}
+        told = {} if held is None else {"limits": held}
         say_json([_as_dict(result) | told for result in results], indent=1)
     else:
         for result in results:

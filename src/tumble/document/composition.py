@@ -13,8 +13,9 @@ from tumble.calibration.evidence import Budget
 from tumble.calibration.magnetometer.estimate import Magnetometer
 from tumble.calibration.magnetometer.verdict import judge_magnetometer
 from tumble.calibration.verdict import judge
+from tumble.document.entries import entry_names, vector_of_model
 from tumble.document.imported import test_vectors
-from tumble.document.magnetometer_block import MagnetometerBlock, magnetometer_block
+from tumble.document.magnetometer_block import magnetometer_block
 from tumble.document.part import finite, part_of, rows_of
 from tumble.document.result import (
     Calibration,
@@ -32,12 +33,11 @@ from tumble.document.result import (
     VerdictBlock,
 )
 from tumble.document.soundness import covariance_fault, not_finite
-from tumble.document.thermal_block import ThermalBlock, thermal_block
+from tumble.document.thermal_block import thermal_block
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ConvergenceError
 from tumble.files import shown
 from tumble.recording.recording import Recording
-from tumble.recording.samples import MagneticField
 from tumble.recording.temperature import mean_celsius
 from tumble.sensor import FRAMES
 from tumble.units import angular_rate_factor
@@ -70,7 +70,8 @@ def calibration_from_estimate(
     """
     _refuse_unsound(estimate)
     judgement = judge(estimate, recording, confirm_scale=confirm_scale)
-    thermal = _thermal(estimate)
+    changes, field = estimate.thermal, estimate.shown(Magnetometer)
+    thermal = changes and thermal_block(changes.model, changes.model.names, changes.covariance)
     temperature = mean_celsius(recording.temperature) if thermal is None else thermal.basis.reference_celsius
     model = estimate.model
     known = any(name.startswith("gyroscope.matrix") for name in estimate.names)
@@ -108,23 +109,17 @@ def calibration_from_estimate(
         ),
         thermal=thermal,
         lever_arms=None if estimate.lever_arms is None else rows_of(estimate.lever_arms),
-        magnetometer=_magnetometer(estimate, site, recording.magnetic_field),
+        magnetometer=field
+        and magnetometer_block(field, judge_magnetometer(field, site.latitude), recording.magnetic_field),
     )
-
-
-def _magnetometer(estimate: Estimate, site: Site, field: MagneticField | None) -> MagnetometerBlock | None:
-    """The block of a magnetometer, judged by itself; None without one."""
-    found = estimate.shown(Magnetometer)
-    if found is None:
-        return None
-    turn = None if field is None or field.turn is None else rows_of(field.turn)
-    made = magnetometer_block(found, judge_magnetometer(found, site.latitude))
-    return made.model_copy(update={"turn": turn})
 
 
 def _refuse_unsound(estimate: Estimate) -> None:
     """Refuse an estimate that no document may hold, before a word of it is judged."""
-    fault = _unsound_model(estimate) or covariance_fault(estimate.covariance, estimate.names)
+    fault = not_finite("the model", vector_of_model(estimate.model), entry_names())
+    fault = fault or covariance_fault(estimate.covariance, estimate.names)
+    if estimate.lever_arms is not None:
+        fault = fault or not_finite("the lever arms", estimate.lever_arms)
     for named in estimate.parameters:
         fault = fault or not_finite(named.name, np.array([named.value, named.standard_uncertainty]))
     if estimate.thermal is not None:
@@ -134,24 +129,6 @@ def _refuse_unsound(estimate: Estimate) -> None:
             f"The adjustment came to no usable numbers: {fault}. What was recorded determines too "
             "little of some parameters, or contradicts itself: record more poses and longer holds."
         )
-
-
-def _unsound_model(estimate: Estimate) -> str | None:
-    model, fault = estimate.model, None
-    for name, triad in (("the accelerometer's", model.accelerometer), ("the gyro's", model.gyroscope)):
-        for part in ("matrix", "bias", "asymmetry", "quadratic"):
-            numbers = None if triad is None else getattr(triad, part)
-            fault = fault or (None if numbers is None else not_finite(f"{name} {part}", numbers))
-    for name, numbers in (("g-sensitivity", model.g_sensitivity), ("lever arms", estimate.lever_arms)):
-        fault = fault or (None if numbers is None else not_finite(f"the {name}", numbers))
-    return fault
-
-
-def _thermal(estimate: Estimate) -> ThermalBlock | None:
-    """Return the block of what changes with temperature, None where nothing was modelled."""
-    if estimate.thermal is None:
-        return None
-    return thermal_block(estimate.thermal.model, estimate.thermal.model.names, estimate.thermal.covariance)
 
 
 def _factors(estimate: Estimate) -> list[float | None]:

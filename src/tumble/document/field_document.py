@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from datetime import UTC, datetime
 
+from msgspec.structs import replace
+
 import tumble
 from tumble.calibration.magnetometer.estimate import Magnetometer
 from tumble.calibration.magnetometer.verdict import FieldVerdict
@@ -70,7 +72,7 @@ def field_document(
         parameters=[],
         covariance_parameters=[],
         covariance=[],
-        quality=NO_QUALITY.model_copy(update={"coverage_factor": found.coverage_factor}),
+        quality=replace(NO_QUALITY, coverage_factor=found.coverage_factor),
         verdict=VerdictBlock(fit=verdict.fit, reasons=[alone, *verdict.reasons]),
         remarks=list(remarks),
         test_vectors=[],

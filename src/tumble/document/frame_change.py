@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+import msgspec
 import numpy as np
 import numpy.typing as npt
 
@@ -87,22 +88,21 @@ def turned_to(calibration: Calibration, frame: str) -> Calibration:
     accelerometer, gyroscope = triad_blocks(turned)
     remark = f"Turned from the frame {calibration.frame.name} to {frame}, covariance carried."
     field, arms = calibration.magnetometer, calibration.lever_arms
-    return calibration.model_copy(
-        update={
-            "frame": FrameBlock(name=frame, description=FRAMES[frame]),
-            "accelerometer": accelerometer,
-            "gyroscope": gyroscope,
-            "parameters": named_parameters(turned, spread, units),
-            "limits": None,
-            "covariance_parameters": [names[at] for at in kept],
-            "covariance": (0.5 * (spread + spread.T))[np.ix_(kept, kept)].tolist(),
-            "test_vectors": test_vectors(turned, (units.specific_force, units.angular_rate)),
-            "remarks": [*calibration.remarks, remark],
-            "thermal": _turned_thermal(calibration, C, turned),
-            "lever_arms": None if arms is None else rows_of(np.array(arms) @ C.T),
-            "magnetometer": None if field is None else field.turned(C),
-            "turn_ons": None,
-        }
+    return msgspec.structs.replace(
+        calibration,
+        frame=FrameBlock(name=frame, description=FRAMES[frame]),
+        accelerometer=accelerometer,
+        gyroscope=gyroscope,
+        parameters=named_parameters(turned, spread, units),
+        limits=None,
+        covariance_parameters=[names[at] for at in kept],
+        covariance=(0.5 * (spread + spread.T))[np.ix_(kept, kept)].tolist(),
+        test_vectors=test_vectors(turned, (units.specific_force, units.angular_rate)),
+        remarks=[*calibration.remarks, remark],
+        thermal=_turned_thermal(calibration, C, turned),
+        lever_arms=None if arms is None else rows_of(np.array(arms) @ C.T),
+        magnetometer=None if field is None else field.turned(C),
+        turn_ons=None,
     )
 
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Literal
 
+import msgspec
 import numpy as np
-from pydantic import Field
+from msgspec.structs import replace
 
 from tumble.arrays import Matrix
 from tumble.document.part import DocumentPart, Row, Rows, finite, part_of, row_of, rows_of
@@ -15,6 +16,7 @@ from tumble.units import magnetic_field_factor
 if TYPE_CHECKING:
     from tumble.calibration.magnetometer.estimate import Magnetometer
     from tumble.calibration.magnetometer.verdict import FieldVerdict
+    from tumble.recording.samples import MagneticField
 
 FORMULA = (
     "raw = matrix * true + bias; true = inverse(matrix) * (raw - bias), in `unit` and along the axes of `frame`; the "
@@ -66,8 +68,8 @@ class FieldQuality(DocumentPart):
     norm_scatter_after: float | None = None
     degrees_of_freedom: int
     coverage_factor: float
-    holds: list[FieldHoldBlock] = Field(default_factory=list[FieldHoldBlock])
-    left_out: list[str] = Field(default_factory=list[str])
+    holds: list[FieldHoldBlock] = msgspec.field(default_factory=list[FieldHoldBlock])
+    left_out: list[str] = msgspec.field(default_factory=list[str])
 
 
 class FieldVerdictBlock(DocumentPart):
@@ -106,17 +108,17 @@ class MagnetometerBlock(DocumentPart):
     formula: str = FORMULA
     matrix: Rows | None
     bias: Row | None
-    parameters: list[FieldParameter] = Field(default_factory=list[FieldParameter])
-    covariance_parameters: list[str] = Field(default_factory=list[str])
-    covariance: list[list[float]] = Field(default_factory=list[list[float]])
+    parameters: list[FieldParameter] = msgspec.field(default_factory=list[FieldParameter])
+    covariance_parameters: list[str] = msgspec.field(default_factory=list[str])
+    covariance: list[list[float]] = msgspec.field(default_factory=list[list[float]])
     field: FieldBlock | None = None
     quality: FieldQuality | None = None
     verdict: FieldVerdictBlock | None = None
-    not_determined: list[str] = Field(default_factory=list[str])
-    remarks: list[str] = Field(default_factory=list[str])
+    not_determined: list[str] = msgspec.field(default_factory=list[str])
+    remarks: list[str] = msgspec.field(default_factory=list[str])
     turn: Rows | None = None
-    input_corrected_by: list[str] = Field(default_factory=list[str])
-    test_vectors: list[FieldVector] = Field(default_factory=list[FieldVector])
+    input_corrected_by: list[str] = msgspec.field(default_factory=list[str])
+    test_vectors: list[FieldVector] = msgspec.field(default_factory=list[FieldVector])
 
     @property
     def unfit(self) -> bool:
@@ -149,7 +151,7 @@ class MagnetometerBlock(DocumentPart):
         # The rotation against b is another one; bias and soft iron are the sensor's own.
         own = [p for p in self.parameters if not p.name.startswith("rotation of the magnetometer")]
         if self.matrix is None:
-            return self.model_copy(update={"parameters": own})
+            return replace(self, parameters=own)
         matrix = np.array(self.matrix) @ C_new_b.T
         covariance = self.covariance
         if covariance:
@@ -165,13 +167,8 @@ class MagnetometerBlock(DocumentPart):
             )
             for one in self.test_vectors
         ]
-        return self.model_copy(
-            update={
-                "matrix": rows_of(matrix),
-                "covariance": covariance,
-                "parameters": own,
-                "test_vectors": vectors,
-            }
+        return replace(
+            self, matrix=rows_of(matrix), covariance=covariance, parameters=own, test_vectors=vectors
         )
 
     def contradiction(self) -> str | None:
@@ -198,12 +195,15 @@ class MagnetometerBlock(DocumentPart):
         return None
 
 
-def magnetometer_block(made: Magnetometer, verdict: FieldVerdict) -> MagnetometerBlock:
+def magnetometer_block(
+    made: Magnetometer, verdict: FieldVerdict, recorded: MagneticField | None = None
+) -> MagnetometerBlock:
     """Return the block of a magnetometer's calibration, without matrix and bias where it is not fit for use.
 
     Parameters
     ----------
     made, verdict : what was found, and how it is judged.
+    recorded : with the turn that an autopilot makes of its own.
     """
     triad = made.triad if verdict.fit else None
     found, written = made.triad is not None, triad is not None
@@ -239,6 +239,7 @@ def magnetometer_block(made: Magnetometer, verdict: FieldVerdict) -> Magnetomete
         verdict=FieldVerdictBlock(use=verdict.use, reasons=list(verdict.reasons)),
         not_determined=list(made.not_determined),
         remarks=list(verdict.remarks),
+        turn=None if recorded is None or recorded.turn is None else rows_of(recorded.turn),
         test_vectors=[] if triad is None else _vectors(triad, made.norm),
     )
 

@@ -1,21 +1,30 @@
-"""What every part of a document is: a model that refuses what is no number, and passes over what it does not know.
+"""What every part of a document is: a record that JSON is made of and read into.
 
-Vectors and matrices of three are tuples of numbers in it.
+Vectors and matrices of three are tuples of numbers in it. What a file has beside its keys is passed over.
 """
 
 from __future__ import annotations
 
-from typing import Any, TypeVar
+from typing import Any, TypeVar, dataclass_transform
 
+import msgspec
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import BaseModel, ConfigDict
+
+from tumble.files import shown
 
 
-class DocumentPart(BaseModel):
-    """A part of a document; its validator is built when it is first needed, as most are within another's."""
+@dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(msgspec.field,))
+class _Frozen(msgspec.StructMeta):
+    """Records that do not change, made by the names of their fields."""
 
-    model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False, defer_build=True)
+    def __new__(mcs, name: str, bases: tuple[type, ...], own: dict[str, Any], **said: Any) -> Any:
+        settings: dict[str, Any] = {"frozen": True, "kw_only": True, **said}
+        return super().__new__(mcs, name, bases, own, **settings)
+
+
+class DocumentPart(msgspec.Struct, metaclass=_Frozen):
+    """A part of a document; its kinds of values are checked where it is read and where it is written."""
 
 
 Part = TypeVar("Part", bound=DocumentPart)
@@ -23,8 +32,47 @@ Part = TypeVar("Part", bound=DocumentPart)
 
 def part_of(kind: type[Part], record: object, **others: Any) -> Part:
     """Return the part of a record: what is not given beside it are the record's fields of the same names."""
-    same = {name: getattr(record, name) for name in kind.model_fields if name not in others}
+    same = {name: getattr(record, name) for name in kind.__struct_fields__ if name not in others}
     return kind(**same, **others)
+
+
+def plain(part: DocumentPart) -> dict[str, Any]:
+    """Return a part as JSON has it: dictionaries, lists, texts and numbers.
+
+    Raises
+    ------
+    msgspec.ValidationError
+        If a value is not of its kind.
+    """
+    return msgspec.to_builtins(
+        read_part(type(part), msgspec.to_builtins(part, enc_hook=lambda number: number.item()))
+    )
+
+
+def read_part(kind: type[Part], values: Any) -> Part:
+    """Return a part made of what JSON has.
+
+    Raises
+    ------
+    msgspec.ValidationError
+        If a value is missing or not of its kind; `refusal` says which.
+    """
+    return msgspec.convert(values, kind)
+
+
+def refusal(error: msgspec.ValidationError) -> str:
+    """Return where a document is damaged and how, as ``site.gravity: expected float, got str``."""
+    what, _, where = str(error).replace("`", "").partition(" - at $")
+    missing = what.removeprefix("Object missing required field ")
+    if missing != what:
+        what, where = "It is missing", f"{where}.{missing}"
+    return f"{shown(where.strip('.')) or 'the document'}: {what[0].lower()}{what[1:]}"
+
+
+def schema_of(kind: type[DocumentPart]) -> dict[str, Any]:
+    """Return the JSON schema of a document."""
+    _, parts = msgspec.json.schema_components([kind], ref_template="#/$defs/{name}")
+    return {**parts.pop(kind.__name__), "$defs": parts}
 
 
 Row = tuple[float, float, float]

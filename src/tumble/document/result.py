@@ -8,19 +8,28 @@ import os
 from pathlib import Path
 from typing import Any, Literal, cast
 
+import msgspec
 import numpy as np
-from pydantic import Field, ValidationError
 
 from tumble.arrays import Matrix, Series, Square, Vectors
 from tumble.border import border
 from tumble.document.contradictions import contradiction_in
 from tumble.document.limits_block import LimitsBlock
 from tumble.document.magnetometer_block import MagnetometerBlock
-from tumble.document.part import DocumentPart, Row, Rows, row_of, rows_of
+from tumble.document.part import (
+    DocumentPart,
+    Row,
+    Rows,
+    plain,
+    read_part,
+    refusal,
+    row_of,
+    rows_of,
+)
 from tumble.document.thermal_block import ThermalBlock
 from tumble.document.turn_ons_block import TurnOnsBlock
 from tumble.errors import CalibrationFileError
-from tumble.files import read_json, reading, shown, write_text
+from tumble.files import read_json, reading, write_text
 from tumble.sensor import ImuModel, Triad
 from tumble.sensor.thermal import Outside, ThermalModel
 from tumble.sensor.triad import CURVES
@@ -45,6 +54,7 @@ _THERMAL_NUMBERS = (
     *("basis", "coefficients", "rate_coefficients", "hysteresis", "hysteresis_width", "lag", "smoothing"),
     *("dead_band", "start_hysteresis"),
 )
+_FIELD_NUMBERS = ("raw_unit", "unit", "frame", "matrix", "bias")
 
 
 class Imu(DocumentPart):
@@ -177,7 +187,7 @@ class QualityBlock(DocumentPart):
     variance_components: dict[str, float]
     left_out: list[LeftOutBlock]
     optional_terms: list[TermBlock]
-    unseen: list[UnseenBlock] = Field(default_factory=list[UnseenBlock])
+    unseen: list[UnseenBlock] = msgspec.field(default_factory=list[UnseenBlock])
 
 
 class VerdictBlock(DocumentPart):
@@ -237,8 +247,8 @@ class Calibration(DocumentPart):
     version: int = VERSION
     created: str
     software: str
-    imu: Imu = Field(default_factory=Imu)
-    notes: dict[str, str] = Field(default_factory=dict[str, str])
+    imu: Imu = Imu()
+    notes: dict[str, str] = msgspec.field(default_factory=dict[str, str])
     procedure: str
     recordings: list[RecordingName]
     site: SiteBlock
@@ -256,13 +266,13 @@ class Calibration(DocumentPart):
     quality: QualityBlock
     verdict: VerdictBlock
     limits: LimitsBlock | None = None
-    remarks: list[str] = Field(default_factory=list)
+    remarks: list[str] = msgspec.field(default_factory=list[str])
     test_vectors: list[TestVector]
     thermal: ThermalBlock | None = None
     lever_arms: Rows | None = None
     magnetometer: MagnetometerBlock | None = None
     turn_ons: TurnOnsBlock | None = None
-    input_corrected_by: list[str] = Field(default_factory=list)
+    input_corrected_by: list[str] = msgspec.field(default_factory=list[str])
 
     @property
     def identity(self) -> str:
@@ -271,17 +281,13 @@ class Calibration(DocumentPart):
         The numbers of the triads, their temperature dependence, the raw units and the frame count; date,
         covariance and words do not.
         """
-        told = self.model_dump(
-            mode="json",
-            include={"accelerometer", "gyroscope", "raw_units", "thermal"},
-        )
+        whole = plain(self)
+        told = {key: whole[key] for key in ("accelerometer", "gyroscope", "raw_units", "thermal")}
         told["frame"] = self.frame.name
         if self.lever_arms is not None:
             told["lever_arms"] = self.lever_arms
         if self.magnetometer is not None:
-            told["magnetometer"] = self.magnetometer.model_dump(
-                mode="json", include={"matrix", "bias", "raw_unit", "unit", "frame"}
-            )
+            told["magnetometer"] = {key: whole["magnetometer"][key] for key in _FIELD_NUMBERS}
         if told["thermal"] is not None:
             told["thermal"] = {key: told["thermal"][key] for key in _THERMAL_NUMBERS}
             told["thermal"]["basis"].pop("formula")
@@ -292,7 +298,7 @@ class Calibration(DocumentPart):
         """Its parameters, and those of its magnetometer where that is fit for use."""
         field = self.magnetometer
         named = [] if field is None or field.triad is None else field.parameters
-        return [*self.parameters, *(ParameterBlock(**one.model_dump()) for one in named)]
+        return [*self.parameters, *(ParameterBlock(**plain(one)) for one in named)]
 
     @property
     def thermal_model(self) -> ThermalModel | None:
@@ -418,7 +424,7 @@ class Calibration(DocumentPart):
 
     def to_json(self) -> str:
         """Return the document as JSON text, numbers with all their digits."""
-        return json.dumps(self.model_dump(mode="json"), indent=1, ensure_ascii=False) + "\n"
+        return json.dumps(plain(self), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
     def write(self, path: str | os.PathLike[str]) -> None:
         """Write the document beside `path`, then rename it there: never half a file.
@@ -465,17 +471,21 @@ def read_calibration(path: str | os.PathLike[str]) -> Calibration:
             "that it was made of, one after the other."
         )
     try:
-        calibration = Calibration.model_validate(document)
-    except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(shown(str(part)) for part in first["loc"])
-        raise CalibrationFileError(f"{file} is damaged: {where}: {first['msg']}.") from error
+        calibration = read_part(Calibration, document)
+    except msgspec.ValidationError as error:
+        raise CalibrationFileError(f"{file} is damaged: {refusal(error)}.") from error
     contradiction = contradiction_in(calibration)
     if contradiction is not None:
         raise CalibrationFileError(f"{file} is damaged: {contradiction}.")
     return calibration
 
 
-def calibration_schema() -> dict[str, Any]:
-    """Return the JSON schema of the document."""
-    return Calibration.model_json_schema()
+def calibration_of(text: str) -> Calibration:
+    """Return the calibration of a document's text that tumble wrote.
+
+    Raises
+    ------
+    msgspec.DecodeError
+        If it is damaged.
+    """
+    return msgspec.json.decode(text, type=Calibration)

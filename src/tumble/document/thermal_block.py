@@ -7,14 +7,13 @@ from typing import Any, Literal
 import numpy as np
 
 from tumble.arrays import Series, Square, Table
-from tumble.document.part import DocumentPart
+from tumble.document.part import DocumentPart, Row, Rows, part_of, plain, read_part, row_of
 from tumble.document.soundness import stated_covariance_fault
 from tumble.sensor import ImuModel
 from tumble.sensor.thermal import SPAN_MARGIN, TemperatureBasis, ThermalModel
 from tumble.sensor.thermal_basis import KINDS
 from tumble.sensor.thermal_path import TemperaturePath
 
-Row = tuple[float, float, float]
 FORMULA = (
     "p(T) = p(reference) + sum over k of coefficients[k] * f_k(T) for every quantity p that has coefficients; "
     "biases further + rate_coefficients * dT/dt + hysteresis * s. The accelerometer and gyroscope of this document "
@@ -57,10 +56,10 @@ class ThermalCoefficients(DocumentPart):
     """One row or matrix (raw units) for each function of temperature; null for what does not change."""
 
     accelerometer_bias: list[Row] | None = None
-    accelerometer_matrix: list[tuple[Row, Row, Row]] | None = None
+    accelerometer_matrix: list[Rows] | None = None
     gyroscope_bias: list[Row] | None = None
-    gyroscope_matrix: list[tuple[Row, Row, Row]] | None = None
-    g_sensitivity: list[tuple[Row, Row, Row]] | None = None
+    gyroscope_matrix: list[Rows] | None = None
+    g_sensitivity: list[Rows] | None = None
 
 
 class BiasPair(DocumentPart):
@@ -170,27 +169,19 @@ def thermal_block(model: ThermalModel, names: list[str], covariance: Square) -> 
     Raises
     ------
     ValueError
-        If names and covariance differ in size, or the span is not of finite temperatures.
+        If the span is not of finite temperatures.
     """
-    if covariance.shape != (len(names), len(names)):
-        raise ValueError(f"{len(names)} thermal parameters have a covariance of shape {covariance.shape}")
     low, high = model.span_celsius
     if not (np.isfinite(low) and np.isfinite(high) and low <= high):
         raise ValueError("the span of a thermal model that is written has two finite ends")
     basis = model.basis
     return ThermalBlock(
-        basis=BasisBlock.model_validate(
-            {
-                "kind": basis.kind,
-                "reference_celsius": basis.reference_celsius,
-                "nodes_celsius": basis.nodes.tolist(),
-                "order": basis.order,
-                "formula": BASIS_FORMULAS[basis.kind],
-            }
+        basis=part_of(
+            BasisBlock, basis, nodes_celsius=basis.nodes.tolist(), formula=BASIS_FORMULAS[basis.kind]
         ),
-        coefficients=ThermalCoefficients.model_validate(_lists(model.coefficients)),
-        rate_coefficients=BiasPair.model_validate(_lists(model.rate_coefficients)),
-        hysteresis=BiasPair.model_validate(_lists(model.hysteresis)),
+        coefficients=read_part(ThermalCoefficients, _lists(model.coefficients)),
+        rate_coefficients=read_part(BiasPair, _lists(model.rate_coefficients)),
+        hysteresis=read_part(BiasPair, _lists(model.hysteresis)),
         hysteresis_width=model.hysteresis_width,
         lag=model.lag,
         smoothing=model.smoothing,
@@ -228,7 +219,9 @@ def contradiction(block: ThermalBlock, reference: ImuModel) -> str | None:
 
 def _arrays(group: DocumentPart) -> dict[str, Any]:
     """Return the model's dictionary, its keys with dots, of what is not null."""
-    return {_dotted(key): np.array(value, dtype=float) for key, value in group if value is not None}
+    return {
+        _dotted(key): np.array(value, dtype=float) for key, value in plain(group).items() if value is not None
+    }
 
 
 def _of_known(group: dict[str, Any], reference: ImuModel) -> dict[str, Any]:
@@ -267,15 +260,14 @@ def _test_vectors(model: ThermalModel) -> list[ThermalTestVector]:
             at = np.array([celsius]), np.array([branch * rate]), np.array([state])
             path = TemperaturePath(*at, end=model.path(np.zeros(1), at[0]).end)
             force, turned = model.correct_along(path, np.zeros(1), raw_force, raw_rate)
+            corrected = {"raw_specific_force": raw_force, "raw_angular_rate": raw_rate}
+            corrected |= {"specific_force": force, "angular_rate": turned}
             vectors.append(
                 ThermalTestVector(
                     temperature_celsius=celsius,
                     rate=branch * rate,
                     hysteresis_state=state,
-                    raw_specific_force=_row(raw_force),
-                    raw_angular_rate=_row(raw_rate),
-                    specific_force=_row(force),
-                    angular_rate=_row(turned),
+                    **{name: row_of(values[0]) for name, values in corrected.items() if values is not None},
                 )
             )
     return vectors
@@ -292,8 +284,4 @@ def _path_test(model: ThermalModel) -> PathTest:
     path = model.path(time, recorded)
     parts = (time, recorded, path.temperature, path.rate, path.hysteresis)
     keys = ("time", "recorded_celsius", "sensor_celsius", "rate", "hysteresis_state")
-    return PathTest.model_validate({key: part.tolist() for key, part in zip(keys, parts, strict=True)})
-
-
-def _row(values: Any) -> Any:
-    return None if values is None else tuple(float(v) for v in values[0])
+    return PathTest(**{key: part.tolist() for key, part in zip(keys, parts, strict=True)})

@@ -200,12 +200,8 @@ LARGEST_JSON = 64 << 20
 LARGEST_YAML = 1 << 20
 DEEPEST = 64
 """Levels of a document: those of tumble have eight at most."""
-MOST_DIGITS = 310
-"""Digits of a whole number; a larger one is no 64-bit float."""
 MOST_ENTRIES = 200_000
 """Entries of a YAML document, those that stand under an alias counted again."""
-
-_HALF = re.compile(r"\\u[dD][89a-fA-F]")
 
 
 class DocumentError(ValueError):
@@ -229,21 +225,24 @@ def read_json(path: Path, largest: int = LARGEST_JSON) -> Any:
     """
     text = read_text(path, largest)
     try:
-        document: Any = json.loads(text, parse_int=_whole, object_pairs_hook=_once)
+        reading = {"parse_int": _number, "parse_float": _number, "parse_constant": _number}
+        document: Any = json.loads(text, object_pairs_hook=_once, **reading)
     except json.JSONDecodeError as error:
         raise DocumentError(f"it is no JSON ({error.msg}, line {error.lineno})") from None
     except RecursionError:
         raise DocumentError("it is nested too deeply") from None
-    if _HALF.search(text) and re.search("[\ud800-\udfff]", json.dumps(document, ensure_ascii=False)):
+    if re.search("[\ud800-\udfff]", json.dumps(document, ensure_ascii=False)):
         raise DocumentError("it holds a text with half a character (\\ud800 to \\udfff)")
     _refuse_deep([document], DEEPEST + 1)
     return document
 
 
-def _whole(digits: str) -> int:
-    if len(digits) > MOST_DIGITS:
-        raise DocumentError(f"it holds a number of {len(digits)} digits")
-    return int(digits)
+def _number(digits: str) -> float:
+    """A number of the text; none that is beyond a 64-bit float, or not a number."""
+    value = float(digits)
+    if not abs(value) < float("inf"):
+        raise DocumentError(f"it holds the number {digits[:20]}{'…' * (len(digits) > 20)}, which cannot be")
+    return int(digits) if digits.lstrip("-").isdecimal() else value
 
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

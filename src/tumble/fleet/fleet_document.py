@@ -7,10 +7,12 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 
 import numpy as np
+from msgspec.structs import replace
 
 import tumble
 from tumble.document.entries import PLACES, entry_names, model_of_vector, named_parameters, stacked
 from tumble.document.frame_change import turned_to
+from tumble.document.part import row_of, rows_of
 from tumble.document.result import Calibration, TriadBlock, VerdictBlock
 from tumble.errors import UsageError
 from tumble.fleet.between import FEWEST, Between, between_units
@@ -61,29 +63,28 @@ def fleet_document(calibrations: Sequence[Calibration]) -> tuple[Calibration, Be
         f"This is the mean of {between.count} units with the spread between them, a prior for the next unit: it is no "
         "unit's calibration."
     )
-    document = chosen[0].model_copy(
-        update={
-            "created": datetime.now(UTC).isoformat(timespec="seconds"),
-            "software": f"tumble {tumble.__version__}",
-            "imu": chosen[0].imu.model_copy(update={"serial_number": None, "sensor_index": None}),
-            "procedure": PROCEDURE,
-            "recordings": [],
-            "temperature_celsius": None,
-            "accelerometer": _block(model.accelerometer),
-            "gyroscope": _block(model.gyroscope),
-            "parameters": named_parameters(model, spread, chosen[0].raw_units),
-            "covariance_parameters": [names[k] for k in told],
-            "covariance": spread[np.ix_(told, told)].tolist(),
-            "verdict": VerdictBlock(fit=False, reasons=[words]),
-            "limits": None,
-            "remarks": [words],
-            "not_determined": [],
-            "test_vectors": [],
-            "thermal": None,
-            "lever_arms": None,
-            "magnetometer": None,
-            "turn_ons": None,
-        }
+    document = replace(
+        chosen[0],
+        created=datetime.now(UTC).isoformat(timespec="seconds"),
+        software=f"tumble {tumble.__version__}",
+        imu=replace(chosen[0].imu, serial_number=None, sensor_index=None),
+        procedure=PROCEDURE,
+        recordings=[],
+        temperature_celsius=None,
+        accelerometer=_block(model.accelerometer),
+        gyroscope=_block(model.gyroscope),
+        parameters=named_parameters(model, spread, chosen[0].raw_units),
+        covariance_parameters=[names[k] for k in told],
+        covariance=spread[np.ix_(told, told)].tolist(),
+        verdict=VerdictBlock(fit=False, reasons=[words]),
+        limits=None,
+        remarks=[words],
+        not_determined=[],
+        test_vectors=[],
+        thermal=None,
+        lever_arms=None,
+        magnetometer=None,
+        turn_ons=None,
     )
     return document, between
 
@@ -115,5 +116,4 @@ def _plain(triad: Triad | None) -> Triad | None:
 def _block(triad: Triad | None) -> TriadBlock | None:
     if triad is None:
         return None
-    rows = [tuple(float(x) for x in row) for row in triad.matrix]
-    return TriadBlock.model_validate({"matrix": rows, "bias": [float(x) for x in triad.bias]})
+    return TriadBlock(matrix=rows_of(triad.matrix), bias=row_of(triad.bias))

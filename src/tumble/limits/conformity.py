@@ -12,6 +12,8 @@ from __future__ import annotations
 
 import math
 
+from msgspec.structs import replace
+
 from tumble.document.limits_block import Decision, LimitBlock, LimitsBlock, Rule
 from tumble.document.result import Calibration, ParameterBlock
 from tumble.limits.reading import Limit, Limits, covers
@@ -99,7 +101,7 @@ def with_limits(calibration: Calibration, limits: Limits) -> Calibration:
     ----------
     calibration, limits : the one and the other; the verdict is untouched.
     """
-    return calibration.model_copy(update={"limits": decide(calibration, limits)})
+    return replace(calibration, limits=decide(calibration, limits))
 
 
 def decide(calibration: Calibration, limits: Limits) -> LimitsBlock:

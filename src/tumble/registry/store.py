@@ -11,10 +11,10 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from pydantic import ValidationError
+from msgspec import DecodeError
 
 from tumble.arrays import Series, Table
-from tumble.document.result import Calibration
+from tumble.document.result import Calibration, calibration_of
 from tumble.errors import UsageError
 from tumble.records import dataclass
 from tumble.registry import schema
@@ -270,8 +270,8 @@ def find(registry: Registry, which: str) -> tuple[Entry, Calibration]:
     with registry.reading() as connection:
         text = connection.execute(query).scalar()
     try:
-        return found[0], Calibration.model_validate_json(str(text))
-    except ValidationError:
+        return found[0], calibration_of(str(text))
+    except DecodeError:
         raise RegistryError(f"The calibration of {found[0].unit} in {registry.name} is damaged.") from None
 
 
@@ -300,7 +300,7 @@ def documents(registry: Registry, most: int | None = None) -> list[tuple[str, Ca
     with registry.reading() as connection:
         rows = connection.execute(query.order_by(schema.units.c.name, table.c.created, table.c.id)).all()
     found = {str(name): str(text) for name, text in rows}
-    return [(name, Calibration.model_validate_json(text)) for name, text in found.items()]
+    return [(name, calibration_of(text)) for name, text in found.items()]
 
 
 def series(registry: Registry, unit: str | None = None, *, others: int = 0) -> list[ParameterSeries]:

@@ -10,6 +10,7 @@ import numpy as np
 from tumble.calibration.evidence import ThermalCurves
 from tumble.calibration.magnetometer.estimate import Magnetometer
 from tumble.document.field_document import FIELD_ALONE
+from tumble.document.part import plain
 from tumble.report.advice import next_steps
 from tumble.report.evidence import RENDERERS, render_evidence
 from tumble.report.evidence.magnetometer import magnetometer_blocks
@@ -70,7 +71,7 @@ def render_report(subject: Subject, library: str | None = None) -> str:
     subject : what it is made from.
     library : where the plotting library lies, seen from the page; None puts it into the page.
     """
-    document = subject.calibration.model_dump(mode="json")
+    document = plain(subject.calibration)
     return render_page(calibration_page(subject), {"calibration": document}, library)
 
 

@@ -6,6 +6,8 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from msgspec.structs import replace
+
 from tumble.report.page import Table
 from tumble.report.parameters import GROUPS, Measure, ParameterRow, parameter_rows
 from tumble.report.rounding import with_uncertainty
@@ -51,7 +53,7 @@ def _rows(calibration: Calibration, changes: Sequence[ParameterChange]) -> list[
         )
         for change in changes
     ]
-    return parameter_rows(calibration.model_copy(update={"parameters": blocks}))
+    return parameter_rows(replace(calibration, parameters=blocks))
 
 
 def _measure(row: ParameterRow, change: ParameterChange) -> tuple[Measure, float]:

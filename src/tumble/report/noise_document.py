@@ -7,10 +7,9 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from pydantic import ConfigDict, Field
 
 import tumble
-from tumble.document.part import DocumentPart, finite
+from tumble.document.part import DocumentPart, finite, plain
 from tumble.report.noise import (
     CURVE,
     DEFINITIONS,
@@ -36,8 +35,8 @@ STANDARD = "IEEE Std 952-2020, two-sided spectral densities"
 Numbers = list[float | None]
 
 
-class _Strict(DocumentPart):
-    model_config = ConfigDict(extra="forbid")
+class _Strict(DocumentPart, forbid_unknown_fields=True):
+    """A part that has no other keys."""
 
 
 class RecordingName(_Strict):
@@ -56,25 +55,35 @@ class Practical(_Strict):
 
 
 class _Stated(_Strict):
+    """A value with its uncertainty and interval.
+
+    Attributes
+    ----------
+    unit : of value, standard_uncertainty, low and high: SI, or counts.
+    """
+
     definition: str
     value: float
     standard_uncertainty: float | None
     low: float
     high: float
-    unit: str = Field(description="of value, standard_uncertainty, low and high: SI, or counts")
+    unit: str
     practical: Practical
 
 
 class TermBlock(_Stated):
-    """A coefficient that the curve shows."""
+    """A coefficient that the curve shows.
 
-    letter: str = Field(description="of IEEE Std 952; sigma and correlation time of a Gauss-Markov process")
+    Attributes
+    ----------
+    letter : of IEEE Std 952; sigma and correlation time of a Gauss-Markov process.
+    curve_missed_by : factor by which the fitted curve misses the measured one over a decade of averaging
+        times. The part that is this term's is counted in the uncertainty. null where the model fits.
+    """
+
+    letter: str
     name: str
-    curve_missed_by: float | None = Field(
-        default=None,
-        description="factor by which the fitted curve misses the measured one over a decade of averaging times. "
-        "The part that is this term's is counted in the uncertainty. null where the model fits",
-    )
+    curve_missed_by: float | None = None
 
 
 class LimitBlock(_Strict):
@@ -86,11 +95,17 @@ class LimitBlock(_Strict):
 
 
 class CovarianceBlock(_Strict):
-    """Covariance of a channel's coefficients, which the fit correlates."""
+    """Covariance of a channel's coefficients, which the fit correlates.
+
+    Attributes
+    ----------
+    terms : order of rows and columns.
+    units : of each; an entry has the product of two.
+    """
 
     what: str
-    terms: list[str] = Field(description="order of rows and columns")
-    units: list[str] = Field(description="of each; an entry has the product of two")
+    terms: list[str]
+    units: list[str]
     matrix: list[list[float]]
 
 
@@ -102,34 +117,49 @@ FITS = {
 
 
 class FitBlock(_Strict):
-    """How the model was fitted, and whether it fits."""
+    """How the model was fitted, and whether it fits.
+
+    Attributes
+    ----------
+    confidence : of low, high and of the upper limits.
+    probability : of as much misfit or more if the model is right.
+    """
 
     what: str
-    confidence: float = Field(description="of low, high and of the upper limits")
+    confidence: float
     chi_square: float
     degrees_of_freedom: int
-    probability: float = Field(description="of as much misfit or more if the model is right")
+    probability: float
     covariance: CovarianceBlock
 
 
 class LineBlock(_Strict):
-    """A sine that stands out of the spectrum: a vibration, the mains."""
+    """A sine that stands out of the spectrum: a vibration, the mains.
+
+    Attributes
+    ----------
+    unit : of the amplitude, which is the peak's.
+    """
 
     definition: str
     frequency_hz: float
     frequency_standard_uncertainty: float
     amplitude: float
     amplitude_standard_uncertainty: float
-    unit: str = Field(description="of the amplitude, which is the peak's")
+    unit: str
 
 
 class RandomWalkBlock(_Stated):
-    """N with the white part of short Gauss-Markov processes, which a filter that has no state for them takes."""
+    """N with the white part of short Gauss-Markov processes, which a filter that has no state for them takes.
+
+    Attributes
+    ----------
+    correlation_times_s : of the processes in it; it holds for times a good deal longer. Empty where it is N
+        alone.
+    """
 
     letter: Literal["N"]
-    correlation_times_s: list[float] = Field(
-        description="of the processes in it; it holds for times a good deal longer. Empty where it is N alone"
-    )
+    correlation_times_s: list[float]
 
 
 class FloorBlock(_Strict):
@@ -141,34 +171,45 @@ class FloorBlock(_Strict):
 
 
 class CurveBlock(_Strict):
-    """A deviation over averaging times, in the channel's unit."""
+    """A deviation over averaging times, in the channel's unit.
+
+    Attributes
+    ----------
+    confidence : probability of each interval from low to high.
+    high : null where nothing bounds it.
+    """
 
     kind: Literal["overlapping"]
     what: str
     unit: str
-    confidence: float = Field(description="probability of each interval from low to high")
+    confidence: float
     tau_s: Numbers
     deviation: Numbers
     low: Numbers
-    high: Numbers = Field(description="null where nothing bounds it")
+    high: Numbers
     equivalent_degrees_of_freedom: Numbers
 
 
 class ChannelBlock(_Strict):
-    """One sensor."""
+    """One sensor.
+
+    Attributes
+    ----------
+    lines : strongest first; they are part of the fitted model.
+    random_walk : N as a filter without states for short processes takes it; null where none is seen.
+    allan_deviation : overlapping, octaves: what the model is fitted to.
+    curve : overlapping, ten averaging times a decade.
+    """
 
     unit: str
     terms: dict[str, TermBlock]
-    lines: list[LineBlock] = Field(description="strongest first; they are part of the fitted model")
+    lines: list[LineBlock]
     fit: FitBlock | None
     upper_limits_of_unseen: dict[str, LimitBlock]
-    random_walk: RandomWalkBlock | None = Field(
-        default=None,
-        description="N as a filter without states for short processes takes it; null where none is seen",
-    )
+    random_walk: RandomWalkBlock | None = None
     lowest_allan_deviation: FloorBlock
-    allan_deviation: CurveBlock = Field(description="overlapping, octaves: what the model is fitted to")
-    curve: CurveBlock = Field(description="overlapping, ten averaging times a decade")
+    allan_deviation: CurveBlock
+    curve: CurveBlock
 
 
 class TriadTermBlock(_Strict):
@@ -193,17 +234,31 @@ class TriadBlock(_Strict):
 
 
 class SpectrumBlock(_Strict):
-    """Spectral density of a triad's channels, in the square of their unit per Hz."""
+    """Spectral density of a triad's channels, in the square of their unit per Hz.
+
+    Attributes
+    ----------
+    density : one list a channel.
+    """
 
     what: str
     unit: str
     channels: list[str]
     frequency_hz: Numbers
-    density: list[Numbers] = Field(description="one list a channel")
+    density: list[Numbers]
 
 
 class NoiseDocument(_Strict):
-    """The noise of a sensor at rest."""
+    """The noise of a sensor at rest.
+
+    Attributes
+    ----------
+    recorded_rate_hz : of the rows, where each value stands in several of them; rate_hz is that of values.
+    pieces : first sample and the one after the last of each rest.
+    formula : of the Allan variance that is fitted.
+    triads : accelerometer, gyroscope.
+    spectra : a: accelerometer, g: gyroscope.
+    """
 
     format: Literal["tumble noise"]
     version: Literal[1]
@@ -211,24 +266,16 @@ class NoiseDocument(_Strict):
     created: str
     recordings: list[RecordingName]
     rate_hz: float
-    recorded_rate_hz: float | None = Field(
-        default=None,
-        description="of the rows, where each value stands in several of them; rate_hz is that of values",
-    )
+    recorded_rate_hz: float | None = None
     samples_at_rest: int
-    pieces: list[list[int]] = Field(description="first sample and the one after the last of each rest")
+    pieces: list[list[int]]
     read: Literal["whole", "block by block"]
     remarks: list[str]
-    formula: str = Field(description="of the Allan variance that is fitted")
+    formula: str
     definitions: dict[str, str]
     channels: dict[str, ChannelBlock]
-    triads: dict[str, TriadBlock] = Field(description="accelerometer, gyroscope")
-    spectra: dict[str, SpectrumBlock] = Field(description="a: accelerometer, g: gyroscope")
-
-
-def noise_schema() -> dict[str, Any]:
-    """Return the JSON schema of the document."""
-    return NoiseDocument.model_json_schema()
+    triads: dict[str, TriadBlock]
+    spectra: dict[str, SpectrumBlock]
 
 
 def document_text(document: dict[str, Any]) -> str:
@@ -266,7 +313,7 @@ def noise_document(noise: Characterisation) -> dict[str, Any]:
         triads=_triads(noise.channels),
         spectra={letter: _spectrum(noise, letter) for letter in noise.spectra},
     )
-    return document.model_dump(mode="json")
+    return plain(document)
 
 
 def _channel(channel: Channel) -> ChannelBlock:

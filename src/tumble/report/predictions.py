@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
-from pydantic import ConfigDict, Field
+from msgspec import Meta
 
 from tumble.calibration.verdict import two_digits
 from tumble.document.part import DocumentPart
@@ -22,46 +22,54 @@ VERSION: Literal[1] = 1
 MODEL = "corrected = (1 + E) true + bias (a rate also + G specific_force); a state is an entry of E, G, bias"
 
 
-class _Strict(DocumentPart):
-    model_config = ConfigDict(extra="forbid")
+class _Strict(DocumentPart, forbid_unknown_fields=True):
+    """A part that has no other keys."""
 
 
 class StateBlock(_Strict):
-    """A state of a sensor, in SI."""
+    """A state of a sensor, in SI.
 
-    name: str = Field(description="in words")
+    Attributes
+    ----------
+    name : in words.
+    row : axis of the sensor: 0 for x.
+    column : axis of the input for an entry of E or G; null for a bias.
+    sigma : one standard deviation at the start, from the calibration.
+    unit : of sigma.
+    walk_per_root_second : by how much it wanders: root of the density that drives it.
+    largest_share_of_variance : of the variance of horizontal or vertical position, tilt or heading, after any
+        of the times.
+    carry : whether a filter on such a trajectory should have it.
+    """
+
+    name: str
     kind: Literal["accelerometer", "gyroscope", "g-sensitivity"]
-    row: int = Field(ge=0, le=2, description="axis of the sensor: 0 for x")
-    column: int | None = Field(
-        ge=0, le=2, description="axis of the input for an entry of E or G; null for a bias"
-    )
-    sigma: float = Field(ge=0.0, description="one standard deviation at the start, from the calibration")
-    unit: str = Field(description="of sigma")
-    walk_per_root_second: float = Field(
-        ge=0.0, description="by how much it wanders: root of the density that drives it"
-    )
-    largest_share_of_variance: float = Field(
-        ge=0.0,
-        description="of the variance of horizontal or vertical position, tilt or heading, after any of the times",
-    )
-    carry: bool = Field(description="whether a filter on such a trajectory should have it")
+    row: Annotated[int, Meta(ge=0, le=2)]
+    column: Annotated[int, Meta(ge=0, le=2)] | None
+    sigma: Annotated[float, Meta(ge=0.0)]
+    unit: str
+    walk_per_root_second: Annotated[float, Meta(ge=0.0)]
+    largest_share_of_variance: Annotated[float, Meta(ge=0.0)]
+    carry: bool
 
 
 class FilterDocument(_Strict):
-    """The sensor states that a filter could have, and which of them it should."""
+    """The sensor states that a filter could have, and which of them it should.
 
-    format: Literal["tumble filter states"]
-    version: Literal[1]
-    model: str = Field(description="what a state is an entry of")
-    trajectory: str = Field(description="that they were judged on")
-    seconds: list[float] = Field(description="s of free navigation after which they were judged")
+    Attributes
+    ----------
+    model : what a state is an entry of.
+    trajectory : that they were judged on.
+    seconds : s of free navigation after which they were judged.
+    """
+
+    format: Literal["tumble filter states"] = FORMAT
+    version: Literal[1] = VERSION
+    model: str = MODEL
+    trajectory: str
+    seconds: list[float]
     states: list[StateBlock]
     remarks: list[str]
-
-
-def filter_schema() -> dict[str, Any]:
-    """Return the JSON schema of the document."""
-    return FilterDocument.model_json_schema()
 
 
 HEADS = ("after", "uncalibrated", "calibrated, one sigma", "most of it from")

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from msgspec import structs
 
 from tumble.calibration.checks.unseen import state_gravity
 from tumble.calibration.estimate import Beside
@@ -87,7 +88,7 @@ def calibrate(request: CalibrateRequest) -> CalibrationRun:
         run, before = _calibrate_one(request, known, clock)
 
     def completed(made: Calibration) -> Calibration:
-        return made.model_copy(update={"notes": noted, "input_corrected_by": before})
+        return structs.replace(made, notes=noted, input_corrected_by=before)
 
     run.calibration = completed(run.calibration)
     if acceptance is not None:

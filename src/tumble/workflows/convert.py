@@ -7,6 +7,8 @@ import os
 from dataclasses import replace
 from pathlib import Path
 
+from msgspec import structs
+
 from tumble.border import border
 from tumble.document import Calibration, read_calibration
 from tumble.document.frame_change import turned_to
@@ -139,7 +141,7 @@ def _without_corrected_before(document: Calibration, target: Target) -> tuple[Ca
         f"The magnetometer is left out: it was calibrated on top of the autopilot's own parameters, and {target.title} "
         "would put it in their place. Calibrate the log anew: they are undone when it is read."
     )
-    return document.model_copy(update={"magnetometer": None}), said
+    return structs.replace(document, magnetometer=None), said
 
 
 def _places(texts: dict[str, str], target: Target, output: str | os.PathLike[str] | None) -> list[Path]:

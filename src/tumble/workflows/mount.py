@@ -16,6 +16,7 @@ import tumble
 from tumble.arrays import Square, Vector
 from tumble.calibration.mount import MountAlignment, align_to_mount, check_poses, mean_covariances
 from tumble.document import Calibration, read_calibration
+from tumble.document.part import plain
 from tumble.errors import CalibrationFileError, RecordingError, SegmentationError, UsageError
 from tumble.files import write_text
 from tumble.recording import read_recordings
@@ -240,8 +241,8 @@ def _document(
         "calibration": {
             "created": document.created,
             "procedure": document.procedure,
-            "imu": document.imu.model_dump(),
-            "frame": document.frame.model_dump(),
+            "imu": plain(document.imu),
+            "frame": plain(document.frame),
         },
         "recordings": [
             {"pose": pose, "name": name, "sha256": rest.sha256, "seconds_at_rest": rest.seconds}

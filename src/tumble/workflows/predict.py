@@ -13,6 +13,7 @@ import numpy as np
 
 from tumble.calibration.free_inertial import LONGEST
 from tumble.document import Calibration, read_calibration
+from tumble.document.part import part_of, plain
 from tumble.document.predictions import Answer, answers
 from tumble.errors import CalibrationFileError, UsageError
 from tumble.navigation import InertialSamples, NavigationState, TriadSpread, plan_filter
@@ -140,34 +141,27 @@ def states_document(course: PredictedErrors, remarks: list[str]) -> dict[str, An
     ----------
     course, remarks : of the prediction.
     """
-    from tumble.report.predictions import FORMAT, MODEL, VERSION, FilterDocument, StateBlock
+    from tumble.report.predictions import FilterDocument, StateBlock
 
     units = {"accelerometer": "m/s²", "gyroscope": "rad/s", "g-sensitivity": "(rad/s)/(m/s²)"}
     states = [
-        StateBlock.model_validate(
-            {
-                "name": state.name,
-                "kind": state.kind,
-                "row": state.row,
-                "column": None if state.column < 0 else state.column,
-                "sigma": state.sigma,
-                "unit": units[state.kind] if state.column < 0 or state.kind == "g-sensitivity" else "1",
-                "walk_per_root_second": state.walk,
-                "largest_share_of_variance": state.share,
-                "carry": state.carry,
-            }
+        part_of(
+            StateBlock,
+            state,
+            column=None if state.column < 0 else state.column,
+            unit=units[state.kind] if state.column < 0 or state.kind == "g-sensitivity" else "1",
+            walk_per_root_second=state.walk,
+            largest_share_of_variance=state.share,
         )
         for state in course.states
     ]
-    return FilterDocument(
-        format=FORMAT,
-        version=VERSION,
-        model=MODEL,
+    document = FilterDocument(
         trajectory=COURSE,
         seconds=course.seconds.tolist(),
         states=states,
         remarks=remarks,
-    ).model_dump()
+    )
+    return plain(document)
 
 
 def write_states(found: Prediction, path: Path) -> Path:

@@ -14,11 +14,13 @@ import numpy as np
 import pypdf
 import pytest
 from lxml import etree
+from msgspec import structs
 from tests.unit.written import parameters, written
 
 from tumble.certificate import Profile, certificate_content, certificate_pdf, read_profile
 from tumble.certificate.dcc import dcc_text, entries_in_si
 from tumble.certificate.languages import LANGUAGES, PHRASES
+from tumble.document import part
 from tumble.document.result import Calibration
 from tumble.errors import UsageError
 from tumble.limits import read_limits, with_limits
@@ -60,17 +62,18 @@ def document(unit: str = "g") -> Calibration:
     )
 
 
-PROFILE = Profile.model_validate(
+PROFILE = part.read_part(
+    Profile,
     {
         "laboratory": {"name": "Prüfstelle <Nord>", "address": "Weg 1 & 2", "contact": "a@example.org"},
         "customer": {"name": "Robots Ltd"},
         "traceability": "gravity by survey 17",
         "authorised_by": "A. Person",
         "conditions": {"Humidity": "45 %"},
-    }
+    },
 )
 
-BARE = Profile.model_validate({"laboratory": {"name": "–"}})
+BARE = part.read_part(Profile, {"laboratory": {"name": "–"}})
 
 
 def write(folder: Path, language: str = "en") -> Path:
@@ -112,7 +115,7 @@ def test_numbers_are_rounded_by_their_expanded_uncertainty(tmp_path: Path) -> No
 
 
 def test_the_number_stands_on_each_page_with_the_count(tmp_path: Path) -> None:
-    big = document().model_copy(update={"parameters": document().parameters * 15})
+    big = structs.replace(document(), parameters=document().parameters * 15)
     content = certificate_content(big, PROFILE, NUMBER, DATE, "en")
     pages = pypdf.PdfReader(io.BytesIO(certificate_pdf(content))).pages
     assert len(pages) > 1
@@ -226,16 +229,14 @@ def test_the_dcc_is_valid_and_reads_back(unit: str) -> None:
 def test_the_dcc_has_the_decision_and_what_the_profile_says(tmp_path: Path, profile: Profile) -> None:
     limits = tmp_path / "limits.yaml"
     limits.write_text("name: incoming\nlimits: {accelerometer bias: 20 mg}\n", encoding="utf-8")
-    bare = document().model_copy(
-        update={"covariance_parameters": [], "covariance": [], "temperature_celsius": None}
-    )
+    bare = structs.replace(document(), covariance_parameters=[], covariance=[], temperature_celsius=None)
     root = root_of(dcc_text(with_limits(bare, read_limits(limits)), profile, NUMBER, DATE, "fr"))
     assert root.findtext(".//{*}conformity") == "fail"
     assert root.find(".//{*}result[@refType='tumble_model']") is None
     customer = "–" if profile.customer is None else "Robots Ltd"
     assert root.findtext(".//{*}customer/{*}name/{*}content") == customer
     assert len(root.findall(".//{*}influenceCondition")) == 1 + len(profile.conditions)
-    wrong = profile.model_copy(update={"laboratory": profile.laboratory.model_copy(update={"country": "de"})})
+    wrong = structs.replace(profile, laboratory=structs.replace(profile.laboratory, country="de"))
     with pytest.raises(UsageError, match="no code of two capitals"):
         dcc_text(document(), wrong, NUMBER, DATE, "fr")
 
@@ -270,7 +271,7 @@ def with_magnetometer(raw: str, unit: str) -> Calibration:
         "parameters": parameters(*named),
         "verdict": {"use": "fit", "reasons": []},
     }
-    return Calibration.model_validate({**document().model_dump(mode="json"), "magnetometer": block})
+    return part.read_part(Calibration, {**part.plain(document()), "magnetometer": block})
 
 
 @pytest.mark.parametrize(
@@ -298,9 +299,9 @@ def test_a_magnetometer_s_results_are_on_both_certificates(
 
 
 def test_a_magnetometer_that_is_not_fit_has_no_results_and_a_reason() -> None:
-    told = with_magnetometer("uT", "T").model_dump(mode="json")
+    told = part.plain(with_magnetometer("uT", "T"))
     told["magnetometer"] |= {"verdict": {"use": "not fit", "reasons": ["Iron is near."]}}
-    content = certificate_content(Calibration.model_validate(told), PROFILE, NUMBER, DATE, "en")
+    content = certificate_content(part.read_part(Calibration, told), PROFILE, NUMBER, DATE, "en")
     assert sum(len(rows) for _, rows in content.groups) == 4
     assert content.not_determined == ["The magnetometer is not fit for use. Iron is near."]
 
@@ -314,13 +315,13 @@ def test_a_schema_error_is_found_by_the_schema() -> None:
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_what_was_noted_with_the_calibration_stands_in_the_certificate(language: str) -> None:
     notes = {"operator": "A. Smith", "place": "hall 2", "end": "early", "instrument": "table 7"}
-    noted = document().model_copy(update={"notes": notes})
+    noted = structs.replace(document(), notes=notes)
     facts = dict(certificate_content(noted, PROFILE, NUMBER, DATE, language).facts)
     assert facts[PHRASES["operator"][language]] == "A. Smith"
     assert facts[PHRASES["instrument"][language]] == "table 7"
     assert facts[PHRASES["place"][language]] == "hall 2"
     assert facts["End"] == "early"  # a name of somebody's own is no phrase of the certificate
-    elsewhere = PROFILE.model_copy(update={"place": "at the customer's"})
+    elsewhere = structs.replace(PROFILE, place="at the customer's")
     facts = dict(certificate_content(noted, elsewhere, NUMBER, DATE, language).facts)
     assert facts[PHRASES["place"][language]] == "at the customer's"
 
@@ -329,12 +330,10 @@ def test_the_formula_has_the_terms_that_the_results_have() -> None:
     told = document()
     plain = certificate_content(told, PROFILE, NUMBER, DATE, "en").model
     assert plain[0] == "raw = M · true + b."
-    named = [
-        told.parameters[0].model_copy(update={"name": name})
-        for name in ("gyro asymmetry x", "g-sensitivity of gyro x to force y")
-    ]
-    more = told.model_copy(update={"parameters": [*told.parameters, *named]})
+    names = ("gyro asymmetry x", "g-sensitivity of gyro x to force y")
+    named = [structs.replace(told.parameters[0], name=name) for name in names]
+    more = structs.replace(told, parameters=[*told.parameters, *named])
     model = certificate_content(more, PROFILE, NUMBER, DATE, "fr").model
     assert model[0] == "brut = u + a · |u| + G · f (Gyromètre) + b, u = M · vrai."
-    assert any(words.startswith("a : asymétrie") for words in model)
-    assert any(words.startswith("G : sensibilité") for words in model)
+    for words in ("a : asymétrie", "G : sensibilité"):
+        assert any(one.startswith(words) for one in model)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from msgspec import structs
 from tests.laws.test_calibration_document import EXAMPLE, document_of
 
 from tumble.document.display import value_with_uncertainty
@@ -10,8 +11,8 @@ from tumble.document.display import value_with_uncertainty
 
 def test_a_notebook_shows_verdict_parameters_and_no_markup_of_names() -> None:
     calibration = document_of(EXAMPLE)
-    named = calibration.model_copy(
-        update={"imu": calibration.imu.model_copy(update={"model": "<script>", "serial_number": "7"})}
+    named = structs.replace(
+        calibration, imu=structs.replace(calibration.imu, model="<script>", serial_number="7")
     )
     shown = named._repr_html_()
     assert "of &lt;script&gt; 7" in shown

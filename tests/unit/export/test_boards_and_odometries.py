@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from msgspec import structs
 from tests.unit.export.a_unit import B_A, B_G, M_A, M_G, RAW_A, RAW_G, G, document
 
 from tumble.document.result import RecordingName
@@ -46,7 +47,7 @@ def test_the_topic_is_the_recording_s_unless_another_is_asked_for() -> None:
 
     def topic_of(*recorded: str | None, asked: str | None = None) -> str:
         names = [RecordingName(name="a.bag", sha256="0" * 64, topic=topic) for topic in recorded]
-        made = document(model).model_copy(update={"recordings": names})
+        made = structs.replace(document(model), recordings=names)
         return prepare(made, TARGETS["python"], Wishes(topic=asked)).topic
 
     assert topic_of("/left/imu") == topic_of("/left/imu", "/left/imu") == "/left/imu"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from msgspec import structs
 from tests.unit.export.a_unit import B_A, B_G, M_A, M_G, document
 
 from tumble.document.result import Calibration
@@ -24,7 +25,7 @@ STANDARD_GRAVITY = 9.80665
 def thermal_document(model: ThermalModel) -> Calibration:
     block = thermal_block(model, model.names, 1e-12 * np.eye(len(model.names)))
     update = {"thermal": block, "temperature_celsius": model.basis.reference_celsius}
-    return document(model.reference).model_copy(update=update)
+    return structs.replace(document(model.reference), **update)
 
 
 def losses(subject: Subject) -> str:

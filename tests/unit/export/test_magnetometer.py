@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 from tumble.document.imported import calibration_from_model
 from tumble.document.magnetometer_block import FieldBlock, FieldVerdictBlock, MagnetometerBlock
@@ -55,7 +56,7 @@ def document(*, raw_unit: str = "uT", unit: Any = "T", matrix: np.ndarray = M) -
         bias=(float(H[0]), float(H[1]), float(H[2])),
         field=FieldBlock(norm=49e-6, norm_standard_uncertainty=1e-7, norm_given=True, source="by hand"),
     )
-    return made.model_copy(update={"magnetometer": block})
+    return structs.replace(made, magnetometer=block)
 
 
 def written(name: str, made: Calibration | None = None, **wishes: Any) -> str:
@@ -228,9 +229,7 @@ def test_counts_go_where_any_unit_goes_and_autopilots_say_why_they_do_not() -> N
 
 def test_gauss_and_microtesla_are_one_field() -> None:
     gauss = document(raw_unit="gauss", matrix=0.01 * M)
-    gauss = gauss.model_copy(
-        update={"magnetometer": gauss.magnetometer.model_copy(update={"bias": tuple(0.01 * H)})}  # type: ignore[union-attr]
-    )
+    gauss = structs.replace(gauss, magnetometer=structs.replace(gauss.magnetometer, bias=tuple(0.01 * H)))
     np.testing.assert_allclose(by_px4(written("px4", gauss)), by_px4(written("px4")), rtol=1e-6)
     np.testing.assert_allclose(
         by_ardupilot(written("ardupilot", gauss)), by_ardupilot(written("ardupilot")), rtol=1e-6
@@ -242,7 +241,7 @@ def unfit() -> Calibration:
     made = document()
     assert made.magnetometer is not None
     against = FieldVerdictBlock(use="not fit", reasons=["Its axes are mirrored."])
-    return made.model_copy(update={"magnetometer": made.magnetometer.model_copy(update={"verdict": against})})
+    return structs.replace(made, magnetometer=structs.replace(made.magnetometer, verdict=against))
 
 
 @pytest.mark.parametrize("name", sorted({*FORMULAS, *COMPILED} - {"motioncal"}))
@@ -284,4 +283,4 @@ def test_the_rotation_that_is_lost_counts_against_the_limit(name: str) -> None:
 
 def test_motioncal_wants_a_magnetometer() -> None:
     with pytest.raises(UsageError, match="the calibration has none"):
-        written("motioncal", document().model_copy(update={"magnetometer": None}))
+        written("motioncal", structs.replace(document(), magnetometer=None))

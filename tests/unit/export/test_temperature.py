@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 from tumble.document import read_calibration
 from tumble.document.imported import calibration_from_model
@@ -39,7 +40,7 @@ def document(model: ThermalModel) -> Calibration:
     bare = calibration_from_model(
         model.reference, ("m/s^2", "rad/s"), ("fixture", "axes"), [], procedure="by hand", remarks=[]
     )
-    return bare.model_copy(update={"thermal": block, "temperature_celsius": model.basis.reference_celsius})
+    return structs.replace(bare, thermal=block, temperature_celsius=model.basis.reference_celsius)
 
 
 def cubic(lowest: float = -20.0, **more: object) -> Calibration:

@@ -18,7 +18,7 @@ BOMB = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(
     [
         ("[" * 100_000, "nested too deeply"),
         ("[" * 200 + "]" * 200, "nested too deeply"),
-        ('{"n": ' + "9" * 5000 + "}", "5000 digits"),
+        ('{"n": ' + "9" * 5000 + "}", "99…, which cannot be"),
         ('{"imu": {"model": "\\ud800"}}', "half a character"),
         ('{"\\udfff": 1}', "half a character"),
         ('{"a": {"bias": [1], "matrix": 2, "bias": [3]}}', 'the key "bias" twice'),
@@ -39,7 +39,6 @@ def test_json_that_cannot_be_is_refused_in_words(tmp_path: Path, text: str, word
     [
         (BOMB, "aliases repeat"),
         ("a: &a [*a]", "refers to itself"),
-        ("[" * 400_000, "nested too deeply"),
         ("[" * 400_000 + "]" * 400_000, "nested too deeply"),
         ("n: " + "9" * 5000, "cannot be"),
         ("day: 2001-99-99", "cannot be"),
@@ -58,8 +57,7 @@ def test_yaml_that_cannot_be_is_refused_in_words(tmp_path: Path, text: str, word
 
 
 def test_a_pair_of_halves_is_a_character(tmp_path: Path) -> None:
-    file = tmp_path / "document.json"
-    file.write_text('{"name": "\\ud83d\\ude00"}')
+    (file := tmp_path / "document.json").write_text('{"name": "\\ud83d\\ude00"}')
     assert read_json(file) == {"name": "\U0001f600"}
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from msgspec import structs
 from tests.unit.written import written
 
 from tumble.document.result import Calibration, ParameterBlock
@@ -32,7 +33,7 @@ def with_parameters(document: Calibration, *rows: tuple[str, float, float, str])
         ParameterBlock(name=name, value=value, standard_uncertainty=sigma, unit=unit)
         for name, value, sigma, unit in rows
     ]
-    return document.model_copy(update={"parameters": blocks})
+    return structs.replace(document, parameters=blocks)
 
 
 # --- rules

@@ -21,7 +21,8 @@ from scipy.spatial.transform import Rotation
 from tumble.attitude.directions import twenty_six_directions
 from tumble.calibration import Estimate
 from tumble.calibration.session import Session
-from tumble.document import Calibration, calibration_from_estimate
+from tumble.document import calibration_from_estimate
+from tumble.document.result import calibration_of
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ObservabilityError
 from tumble.protocol import HoldStep, Pose, Protocol, SpinStep, Step, TurnStep, named_protocol
@@ -404,4 +405,4 @@ def test_a_recording_of_the_protocol_gives_the_unit_back(method: str, protocol: 
         assert np.all(np.abs(off) < 6.0 * np.sqrt(np.diag(covariance))), kind
     if method in ("six-position", "modified-multi-position"):
         document = calibration_from_estimate(estimate, recording, SITE)
-        assert Calibration.model_validate_json(document.to_json()) == document
+        assert calibration_of(document.to_json()) == document

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 from tumble.document.result import Calibration
 from tumble.errors import UsageError
@@ -44,7 +45,7 @@ def every_document(registry: Registry) -> list[Calibration]:
 
 def test_what_is_added_comes_out_whole(registry: Registry, document: Document) -> None:
     notes = {"operator": "Ida", "remarks": "after repair"}
-    made = document("A", 1.0, VALUES, SIGMAS).model_copy(update={"notes": notes})
+    made = structs.replace(document("A", 1.0, VALUES, SIGMAS), notes=notes)
     entry, new = add(registry, made)
     assert new
     assert add(registry, made)[1] is False
@@ -74,7 +75,7 @@ def test_an_estimate_that_was_judged_twice_is_one_measurement(registry: Registry
     """By other limits it is another document; two of them would look like a perfect repetition."""
     made = document("A", 1.0, VALUES, SIGMAS)
     add(registry, made)
-    add(registry, made.model_copy(update={"remarks": ["judged by other limits"]}))
+    add(registry, structs.replace(made, remarks=["judged by other limits"]))
     add(registry, document("A", 1.0, VALUES + 1e-9, SIGMAS))
     assert counted(registry) == (1, 3)
     (found,) = series(registry)
@@ -85,7 +86,7 @@ def test_a_unit_without_a_name_and_a_document_of_another_unit_are_refused(
     registry: Registry, document: Document
 ) -> None:
     made = document("A", 1.0, VALUES, SIGMAS)
-    nameless = made.model_copy(update={"imu": made.imu.model_copy(update={"serial_number": None})})
+    nameless = structs.replace(made, imu=structs.replace(made.imu, serial_number=None))
     with pytest.raises(UsageError, match="--unit"):
         add(registry, nameless)
     add(registry, made)

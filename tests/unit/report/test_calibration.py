@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 from tumble.document import Calibration
 from tumble.report.calibration import formula_text, render_report, title
@@ -143,17 +144,15 @@ def test_numbers_of_the_formula_are_the_calibrations(run: dict[str, Any], page: 
 
 
 def test_the_formula_names_the_terms_of_each_sensor(calibration: Any) -> None:
-    gyro = calibration.gyroscope.model_copy(
-        update={"asymmetry": (0.01, -0.02, 0.03), "quadratic": (1e-3,) * 3}
-    )
-    text = formula_text(calibration.model_copy(update={"gyroscope": gyro}))
+    gyro = structs.replace(calibration.gyroscope, asymmetry=(0.01, -0.02, 0.03), quadratic=(1e-3,) * 3)
+    text = formula_text(structs.replace(calibration, gyroscope=gyro))
     assert "f = inverse(M_a) u,   u + q u² = raw_a - b_a\n" in text
     assert "w = inverse(M_g) u,   u + a |u| + q u² = raw_g - b_g - G f\n" in text
 
 
 def test_a_gyro_without_matrix_keeps_its_bias_and_g_sensitivity_in_the_formula(calibration: Any) -> None:
-    gyro = calibration.gyroscope.model_copy(update={"matrix": None})
-    text = formula_text(calibration.model_copy(update={"gyroscope": gyro}))
+    gyro = structs.replace(calibration.gyroscope, matrix=None)
+    text = formula_text(structs.replace(calibration, gyroscope=gyro))
     assert "only the bias and g-sensitivity can be removed: raw_g - b_g - G f" in text
     assert "M_g" not in text
     assert "-0.3" in text.split("\nG ")[1]
@@ -179,15 +178,11 @@ def test_variance_components_are_told_in_words(name: str, sigma: float, words: s
 
 def test_of_many_recordings_the_title_names_the_first_and_the_last(calibration: Calibration) -> None:
     one = calibration
-    many = one.model_copy(
-        update={
-            "recordings": [
-                one.recordings[0].model_copy(update={"name": f"step-{k:03d}.csv"}) for k in range(1, 105)
-            ]
-        }
+    many = structs.replace(
+        one, recordings=[structs.replace(one.recordings[0], name=f"step-{k:03d}.csv") for k in range(1, 105)]
     )
     assert title(many) == "Calibration of 104 files, step-001.csv … step-104.csv"
-    few = one.model_copy(update={"recordings": many.recordings[:3]})
+    few = structs.replace(one, recordings=many.recordings[:3])
     assert title(few) == "Calibration of step-001.csv, step-002.csv, step-003.csv"
 
 
@@ -195,7 +190,7 @@ def test_on_a_table_nobody_is_told_to_hold_the_unit_with_a_corner_up(run: dict[s
     from tumble.protocol import named_protocol
     from tumble.report.advice import next_steps
 
-    calibration = run["calibration"].model_copy(update={"procedure": "joint"})
+    calibration = structs.replace(run["calibration"], procedure="joint")
     up_b = 9.81 * np.eye(3)[np.arange(len(run["means"])) % 3]
     free, placed = (
         Subject(**(run | {"calibration": calibration, "protocol": told}))

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Literal
 
 import pytest
+from msgspec import structs
 from rich.console import Console
 
 from tumble.document.magnetometer_block import FieldVerdictBlock, MagnetometerBlock
@@ -80,7 +81,7 @@ def test_one_line_names_the_magnetometers_verdict_where_it_is_not_plainly_fit(
         bias=None,
         verdict=FieldVerdictBlock(use=use, reasons=["Its axes are mirrored.", "And more."]),
     )
-    line = verdict_line(calibration.model_copy(update={"magnetometer": block}), [])
+    line = verdict_line(structs.replace(calibration, magnetometer=block), [])
     said = f" Magnetometer: {use}. Its axes are mirrored."
     assert line == verdict_line(calibration, []) + ("" if use == "fit" else said)
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 import tumble
 from tumble.calibration.magnetometer.estimate import NAMES, named_parameters
@@ -53,7 +54,7 @@ def document(**changed: object) -> Calibration:
         procedure="by hand",
         remarks=[],
     )
-    return made.model_copy(update={"magnetometer": block.model_copy(update=changed)})
+    return structs.replace(made, magnetometer=structs.replace(block, **changed))
 
 
 def recording(unit: str = "uT", factor: float = 1.0) -> Recording:
@@ -96,7 +97,7 @@ def test_a_magnetometer_that_is_not_fit_is_left_out_and_that_is_said(tmp_path: P
 
 
 def test_a_comparison_says_that_the_magnetometer_is_not_in_it() -> None:
-    with_one, without = document(), document().model_copy(update={"magnetometer": None})
+    with_one, without = document(), structs.replace(document(), magnetometer=None)
     local = document(unit="local field")
     for other, said in ((without, "not both have one"), (local, "units of different kinds")):
         assert any(said in remark for remark in compare_calibrations(with_one, other).remarks)
@@ -168,9 +169,7 @@ def test_limits_hold_a_magnetometer_that_is_fit_and_miss_one_that_is_not(tmp_pat
     }
     assert made.magnetometer is not None
     against = FieldVerdictBlock(use="not fit", reasons=["Its axes are mirrored."])
-    unfit = made.model_copy(
-        update={"magnetometer": made.magnetometer.model_copy(update={"verdict": against})}
-    )
+    unfit = structs.replace(made, magnetometer=structs.replace(made.magnetometer, verdict=against))
     assert decide(unfit, read_limits(file)).decision == "undecided"
     assert field_reasons(unfit) == ["The magnetometer is not fit for use. Its axes are mirrored."]
     assert field_reasons(made) == []
@@ -228,6 +227,6 @@ def test_counts_are_not_taken_for_microtesla_and_what_is_not_written_is_said() -
         CorrectedField.of(document(), recording("counts"), "table")
     local = CorrectedField.of(document(raw_unit="counts", unit="local field"), recording("counts"), "table")
     assert any("units of the local field" in text for text in local.remarks)
-    without = document().model_copy(update={"magnetometer": None})
+    without = structs.replace(document(), magnetometer=None)
     assert "no magnetometer" in CorrectedField.of(without, recording(), "table").remarks[0]
     assert "tables" in CorrectedField.of(document(), recording(), "euroc").remarks[0]

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
+from msgspec import structs
 
 from tumble.calibration import Estimate
 from tumble.calibration.estimate import OverTemperature
@@ -83,7 +84,7 @@ def document_of(model: ThermalModel | ImuModel, recording: Recording) -> Calibra
     if isinstance(model, ThermalModel):
         estimate.thermal = OverTemperature(model, 1e-8 * np.eye(len(model.names)))
     document = calibration_from_estimate(estimate, recording, SITE)
-    return document.model_copy(update={"recordings": [RecordingName(name="another", sha256="0" * 64)]})
+    return structs.replace(document, recordings=[RecordingName(name="another", sha256="0" * 64)])
 
 
 def warm_recording(samples: int = 12000) -> tuple[Recording, Recording]:
@@ -334,7 +335,7 @@ def test_apply_after_apply_takes_out_both_calibrations(tmp_path: Path) -> None:
         lag=5.0,
         span_celsius=(-8.0, 58.0),
     )
-    second = document_of(second_model, RAW).model_copy(update={"input_corrected_by": [first.identity]})
+    second = structs.replace(document_of(second_model, RAW), input_corrected_by=[first.identity])
     assert TRUE.specific_force is not None
     assert TRUE.angular_rate is not None
     assert TRUE.temperature is not None
@@ -446,7 +447,7 @@ def test_the_expected_norm_counts_every_thermal_parameter() -> None:
     variance = np.full(2, 1e-6)
     for k in range(len(model.names)):
         variance += (100.0 * (norms(moved(model, k, 1e-6), raw) - norms(model, raw))) ** 2
-    known = DOCUMENT.model_copy(update={"covariance": np.zeros_like(DOCUMENT.covariance_matrix).tolist()})
+    known = structs.replace(DOCUMENT, covariance=np.zeros_like(DOCUMENT.covariance_matrix).tolist())
     sigmas = np.sqrt(np.diag(norm_covariance(known, force, np.full(2, 1e-6), SITE, at)))
     own = SITE.gravity_sigma  # the same gravity as the document's: it cancels
     assert own > 0.0

@@ -155,7 +155,7 @@ def _registry(name: str | None) -> Generator[Callable[[UnitOutcome], None], None
     if name is None:
         yield lambda _: None
         return
-    from tumble.document.result import Calibration
+    from tumble.document.result import calibration_of
     from tumble.registry.store import add
     from tumble.workflows.registry import registry_at
 
@@ -163,7 +163,7 @@ def _registry(name: str | None) -> Generator[Callable[[UnitOutcome], None], None
 
         def store(outcome: UnitOutcome) -> None:
             if outcome.calibration is not None:
-                add(registry, Calibration.model_validate_json(outcome.calibration), unit=outcome.unit)
+                add(registry, calibration_of(outcome.calibration), unit=outcome.unit)
 
         yield store
 

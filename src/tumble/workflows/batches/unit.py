@@ -12,6 +12,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from msgspec import structs
+
 import tumble
 from tumble.errors import (
     ConvergenceError,
@@ -178,7 +180,7 @@ def _outcome(job: Job, key: str) -> UnitOutcome:
     document = run.calibration
     given = task.told.get("temperature")
     if given and document.temperature_celsius is None:
-        document = document.model_copy(update={"temperature_celsius": float(given)})
+        document = structs.replace(document, temperature_celsius=float(given))
         run.calibration = document
     vector = unit_vector(document)
     made = UnitOutcome(

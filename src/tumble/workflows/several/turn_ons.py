@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from msgspec import structs
 
 from tumble.calibration.checks.unseen import state_gravity, state_unseen_clock
 from tumble.calibration.joint import calibrate
@@ -237,10 +238,10 @@ def _document(
     )
     factors = zip(made.parameters, estimate.parameters, several.coverage_factors, strict=True)
     parameters = [
-        block.model_copy(update={"standard_uncertainty": p.standard_uncertainty, "coverage_factor": factor})
+        structs.replace(block, standard_uncertainty=p.standard_uncertainty, coverage_factor=factor)
         for block, p, factor in factors
     ]
-    return made.model_copy(update={"parameters": parameters, "turn_ons": turn_ons_block(several.turn_ons)})
+    return structs.replace(made, parameters=parameters, turn_ons=turn_ons_block(several.turn_ons))
 
 
 def _saying(say: Callable[[str], None], name: str) -> Callable[[str], None]:
