@@ -12,7 +12,7 @@ from tumble.cli.groups import OF_MANY
 from tumble.cli.options import PrintOptions, SiteOptions
 from tumble.cli.terminal import console, progress, results_stand, say_json, say_written, state
 from tumble.records import dataclass
-from tumble.workflows.request import FIRST, CalibrateRequest, option
+from tumble.workflows.request import FIRST, CalibrateRequest, argument, option
 
 if TYPE_CHECKING:
     from tumble.fleet.outcome import Batch
@@ -37,14 +37,7 @@ class WorkOptions:
 
 def batch_command(
     *,
-    sources: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="SOURCE...",
-            help="A folder with a recording or a folder for each unit, a pattern such as 'units/*.csv', or a manifest "
-            "(CSV with the columns unit and files).",
-        ),
-    ],
+    sources: list[str] = argument("SOURCE..."),
     output: Path = option(FIRST, "DIR", "--output", "-o", default=MISSING),
     asked: Annotated[CalibrateRequest, OF_MANY],
     site: SiteOptions,
@@ -61,13 +54,14 @@ def batch_command(
 
     Parameters
     ----------
+    sources : A folder with a recording or a folder for each unit, a pattern such as 'units/*.csv', or a manifest (CSV
+        with the columns unit and files).
     output : Folder for table.csv, table.html, table.parquet, units/NAME/.
     reports : Of which units a report.html is written: none, failed (all that are not accepted; the default), all.
     """
     from tumble.workflows.batches.batch import run_batch
-    from tumble.workflows.given.site import choose_site
 
-    asked = replace(asked, site=choose_site(**asdict(site)))
+    asked = replace(asked, site=site.place)
     state["stopped"] = "Stopped; the units that were done are kept, and the same call does the rest."
     with progress(printed.silent) as tell:
         batch = run_batch(sources, output, asked, reports=reports, progress=tell, **asdict(work))

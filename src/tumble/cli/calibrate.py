@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -68,11 +68,9 @@ def calibrate_command(
     output = Path(asked.output or _default_folder(given, asked.protocol))
     check_figures(figures, output)
     from tumble.workflows.calibrate import calibrate
-    from tumble.workflows.given.site import choose_site
 
-    place = choose_site(**asdict(site))
     with progress(printed.silent) as tell:
-        asked = replace(asked, paths=given, output=output, site=place, imu=unit.imu, progress=tell)
+        asked = replace(asked, paths=given, output=output, site=site.place, imu=unit.imu, progress=tell)
         run = calibrate(**vars(asked))
         run.files += draw_figures(figures, run.page, run.files)
     results_stand()

@@ -14,7 +14,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 from rich.console import Console, Group
@@ -27,7 +27,7 @@ from tumble.cli.options import Imu, NoteOption, PrintOptions, RegistryName, Site
 from tumble.cli.terminal import plain, results_stand, say, say_aside, say_json_text, say_written, table
 from tumble.records import dataclass
 from tumble.sample_rates import sample_rate
-from tumble.workflows.request import ADVANCED, FIRST, StreamRequest, option
+from tumble.workflows.request import ADVANCED, FIRST, StreamRequest, argument, option
 
 if TYPE_CHECKING:
     from collections.abc import Generator, Sequence
@@ -165,15 +165,7 @@ def capture_command(
     place: SiteOptions,
     unit: UnitOptions,
     printed: PrintOptions,
-    source: Annotated[
-        str | None,
-        typer.Argument(
-            help="Where samples come from: serial:PORT, tcp:HOST:PORT, udp:PORT, follow:FILE, replay:FILE, - for "
-            "standard input, …; none: say what is connected.",
-            metavar="[SOURCE]",
-            show_default=False,
-        ),
-    ] = None,
+    source: str | None = argument("[SOURCE]", default=None),
     notes: NoteOption = None,
     registry: RegistryName = None,
     output: Path = option(FIRST, "DIR", "--output", "-o", default=Path("capture")),
@@ -182,6 +174,8 @@ def capture_command(
 
     Parameters
     ----------
+    source : Where samples come from: serial:PORT, tcp:HOST:PORT, udp:PORT, follow:FILE, replay:FILE, - for standard
+        input, …; none: say what is connected.
     output : Folder for the recording, the events, calibration.json and report.html.
     """
     if source is None:
@@ -274,7 +268,6 @@ def _order(
     from tumble.protocol.library import REST
     from tumble.simulation.grades import find_grade
     from tumble.workflows.given.protocols import read_given_protocol
-    from tumble.workflows.given.site import choose_site
 
     require_hold(what.hold)
     if what.protocol not in (None, REST):
@@ -291,7 +284,7 @@ def _order(
         address,
         options,
         output,
-        site=choose_site(place.site, place.gravity),
+        site=place.place,
         hold=what.hold,
         targets=read_targets(what.target or ()),
         imu=what.imu,

@@ -4,21 +4,15 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from tumble.cli.options import PrintOptions, RegistryName
 from tumble.cli.terminal import progress, results_stand, say, say_json, say_written
-from tumble.workflows.request import FIRST, option
+from tumble.workflows.request import FIRST, argument, option
 
 
 def certificate_command(
     printed: PrintOptions,
-    calibration: Annotated[
-        Path,
-        typer.Argument(metavar="CALIBRATION", help="calibration.json, or its folder.", show_default=False),
-    ],
+    calibration: Path = argument("CALIBRATION"),
     output: Path = option(FIRST, "FILE", "--output", "-o", default=Path("certificate.pdf")),
     profile: Path | None = option(FIRST, "PROFILE.YAML"),
     number: str | None = option(FIRST, "TEXT"),
@@ -32,6 +26,7 @@ def certificate_command(
 
     Parameters
     ----------
+    calibration : calibration.json, or its folder.
     output : The PDF (default: certificate.pdf); as .xml, PTB's digital calibration certificate (DCC 3.3.0).
     profile : What the laboratory says: name, logo, customer, traceability, conditions.
     number : Its number (default: made of the day).

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from tumble.cli.options import NoiseFile, PrintOptions
 from tumble.cli.terminal import console, results_stand, say, say_json, say_written, table
 from tumble.errors import UsageError
 from tumble.records import dataclass
-from tumble.workflows.request import ADVANCED, FIRST, option
+from tumble.workflows.request import ADVANCED, FIRST, argument, option
 
 if TYPE_CHECKING:
     from tumble.workflows.convert import Converted
@@ -54,14 +52,7 @@ def convert_command(
     form: FormOptions,
     noise: NoiseOptions,
     printed: PrintOptions,
-    calibration: Annotated[
-        Path | None,
-        typer.Argument(
-            metavar="[CALIBRATION]",
-            help="calibration.json, or the folder that holds it; with --from another tool's file.",
-            show_default=False,
-        ),
-    ] = None,
+    calibration: Path | None = argument("[CALIBRATION]", default=None),
     to: str | None = option(FIRST, "TARGET", complete="target"),
     source: str | None = option(FIRST, "TARGET", "--from", complete="target"),
     output: Path | None = option(FIRST, "PATH", "--output", "-o"),
@@ -78,6 +69,7 @@ def convert_command(
 
     Parameters
     ----------
+    calibration : calibration.json, or the folder that holds it; with --from another tool's file.
     to : Write it in this tool's form.
     source : Read this tool's file and write calibration.json.
     output : The file (default: the tool's own name for it).

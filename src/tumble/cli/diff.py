@@ -5,28 +5,23 @@ from __future__ import annotations
 import dataclasses
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 import typer
 
 from tumble.cli.options import PrintOptions
 from tumble.cli.terminal import console, say_json
 from tumble.errors import UsageError
-from tumble.workflows.request import FIRST, option
+from tumble.workflows.request import FIRST, argument, option
 
 if TYPE_CHECKING:
     from tumble.document.difference import Difference
 
 
 def diff_command(
-    first: Annotated[
-        Path,
-        typer.Argument(
-            metavar="FIRST",
-            help="calibration.json or the folder that holds it; or a simulation's truth.json.",
-        ),
-    ],
-    second: Annotated[Path, typer.Argument(metavar="SECOND", help="A calibration of the same unit.")],
+    *,
+    first: Path = argument("FIRST"),
+    second: Path = argument("SECOND"),
     printed: PrintOptions,
     allowed: str | None = option(FIRST, "UG,DEG/H"),
 ) -> None:
@@ -41,6 +36,8 @@ def diff_command(
 
     Parameters
     ----------
+    first : calibration.json or the folder that holds it; or a simulation's truth.json.
+    second : A calibration of the same unit.
     allowed : Changes that do no harm: µg at 1 g and deg/h at rest, as 500,20.
     """
     from tumble.workflows.difference import difference, verdict

@@ -182,23 +182,22 @@ def _unsaid(group: Any) -> dict[str, None]:
 def _parameter(name: str, default: Any, hint: Any, words: dict[str, str]) -> inspect.Parameter:
     """An option or argument as typer takes it; what an option's help says stands in a docstring, or with it."""
     kind, *declared = get_args(hint) if get_origin(hint) is Annotated else (hint,)
-    from tumble.workflows.request import option_of
+    from tumble.workflows.request import ARGUMENT, option_of
 
     given: Any = default
     found = next(filter(None, map(option_of, (given, *declared))), None)
     if found is not None:
         given = given.default if option_of(given) else given
-        hint = Annotated[
-            found.kind or kind or (bool if given is False else str | None),
-            typer.Option(
-                *found.names,
-                help=found.help or words[name],
-                rich_help_panel=found.panel,
-                metavar=found.metavar,
-                show_default=found.show_default,
-                autocompletion=completed(found.complete) if found.complete else None,
-            ),
-        ]
+        how: dict[str, Any] = {
+            "help": found.help or words[name],
+            "metavar": found.metavar,
+            "show_default": found.show_default,
+            "autocompletion": completed(found.complete) if found.complete else None,
+            "rich_help_panel": found.panel,
+        }
+        declare: Any = typer.Argument if found.panel == ARGUMENT else typer.Option
+        kind = found.kind or kind or (bool if given is False else str | None)
+        hint = Annotated[kind, declare(*found.names, **how)]
     given = inspect.Parameter.empty if given is MISSING else given
     return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=given, annotation=hint)
 

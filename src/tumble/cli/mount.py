@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from dataclasses import MISSING, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from tumble.cli.options import PrintOptions
 from tumble.cli.terminal import console, progress, results_stand, say_json_text, say_written, table
-from tumble.workflows.request import FIRST, MountRequest, option
+from tumble.workflows.request import FIRST, MountRequest, argument, option
 
 if TYPE_CHECKING:
     from tumble.workflows.mount import Mounted
@@ -18,14 +16,8 @@ if TYPE_CHECKING:
 
 def mount_command(
     *,
-    level: Annotated[Path, typer.Argument(metavar="LEVEL", help="A recording at rest with the mount level.")],
-    pitched: Annotated[
-        Path,
-        typer.Argument(
-            metavar="PITCHED",
-            help="A recording at rest with the mount pitched by 90° about its y axis, x up.",
-        ),
-    ],
+    level: Path = argument("LEVEL"),
+    pitched: Path = argument("PITCHED"),
     calibration: Path = option(FIRST, "CALIBRATION", "--calibration", "-c", default=MISSING),
     asked: MountRequest,
     printed: PrintOptions,
@@ -37,6 +29,8 @@ def mount_command(
 
     Parameters
     ----------
+    level : A recording at rest with the mount level.
+    pitched : A recording at rest with the mount pitched by 90° about its y axis, x up.
     calibration : calibration.json, or the folder that holds it.
     """
     from tumble.workflows.mount import mount

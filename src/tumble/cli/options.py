@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from glob import glob
 from pathlib import Path
-from typing import Annotated, Any, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 import typer
 
@@ -23,6 +23,9 @@ from tumble.workflows.request import (
     option,
     shared,
 )
+
+if TYPE_CHECKING:
+    from tumble.earth import Site
 
 
 def _matched(paths: list[Path] | None) -> list[Path] | None:
@@ -137,6 +140,13 @@ class SiteOptions:
 
     site: str | None = option(PLACE, "LAT[,H]")
     gravity: str | None = option(PLACE, "G[±U]")
+
+    @property
+    def place(self) -> Site | None:
+        """The place as it was given; None if nothing was."""
+        from tumble.workflows.given.site import choose_site
+
+        return choose_site(self.site, self.gravity)
 
 
 @dataclass(frozen=True)

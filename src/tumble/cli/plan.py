@@ -7,31 +7,24 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
-from tumble.cli.groups import completed, refuse_given
+from tumble.cli.groups import refuse_given
 from tumble.cli.options import LongPrintOptions, SiteOptions
 from tumble.cli.plan_options import PlanOptions, PoseOptions, ProtocolOptions
 from tumble.cli.terminal import console, progress, results_stand, say, say_json, say_written, table
-from tumble.workflows.request import FIRST, option
+from tumble.workflows.request import FIRST, argument, option
 
 if TYPE_CHECKING:
     from tumble.workflows.planning.plan import Planned
 
 
 def plan_command(
+    *,
     context: typer.Context,
-    procedure: Annotated[
-        str,
-        typer.Argument(
-            metavar="PROTOCOL",
-            autocompletion=completed("protocol"),
-            help="What is planned. Poses are searched: multi-position, hand-held, six-position. Any other protocol, by "
-            "name (turntable-9, strapdown-rotation, multi-position-26, …) or as a file, is judged as it is.",
-        ),
-    ],
+    procedure: str = argument("PROTOCOL", complete="protocol"),
     planned: PlanOptions,
     site: SiteOptions,
     searched: PoseOptions,
@@ -54,13 +47,14 @@ def plan_command(
 
     Parameters
     ----------
+    procedure : What is planned. Poses are searched: multi-position, hand-held, six-position. Any other protocol, by
+        name (turntable-9, strapdown-rotation, multi-position-26, …) or as a file, is judged as it is.
     output : A folder for protocol.yaml, plan.json and sheet.html.
     """
-    from tumble.workflows.given.site import choose_site
     from tumble.workflows.planning.plan import PlanRequest, plan
 
     options = {**asdict(planned), **asdict(searched), **asdict(judged)}
-    request = PlanRequest(procedure, **options, site=choose_site(**asdict(site)))
+    request = PlanRequest(procedure, **options, site=site.place)
     other, what = (PoseOptions, "a protocol as it is")
     if request.is_searched:
         other, what = (ProtocolOptions, f"a {procedure} test")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import typer
 
@@ -13,7 +13,7 @@ from tumble.cli.groups import Command, Group, grouped
 from tumble.cli.options import Json, PrintOptions, RegistryName
 from tumble.cli.terminal import console, results_stand, say, say_json, say_written, table
 from tumble.errors import UsageError
-from tumble.workflows.request import FIRST, option
+from tumble.workflows.request import FIRST, argument, option
 
 if TYPE_CHECKING:
     from tumble.workflows.registry import History
@@ -32,10 +32,8 @@ app = typer.Typer(
 
 
 def add_command(
-    calibrations: Annotated[
-        list[Path],
-        typer.Argument(metavar="CALIBRATION...", help="calibration.json, or folders that hold one."),
-    ],
+    *,
+    calibrations: list[Path] = argument("CALIBRATION..."),
     printed: PrintOptions,
     registry: RegistryName = None,
     unit: str | None = option(FIRST, "NAME"),
@@ -46,6 +44,7 @@ def add_command(
 
     Parameters
     ----------
+    calibrations : calibration.json, or folders that hold one.
     unit : Which unit it is of (default: the serial number in the document).
     """
     from tumble.workflows.registry import add_files
@@ -128,12 +127,7 @@ def _list_due(registry: str | None, tolerances: Path, before: str | None, *, as_
 
 
 def show_command(
-    which: Annotated[
-        str,
-        typer.Argument(
-            metavar="WHICH", help="A unit (its newest), or digits of an identity or of a SHA-256."
-        ),
-    ],
+    which: str = argument("WHICH"),
     registry: RegistryName = None,
     output: Path | None = option(FIRST, "FILE", "--output", "-o"),
     as_json: Json = False,
@@ -142,6 +136,7 @@ def show_command(
 
     Parameters
     ----------
+    which : A unit (its newest), or digits of an identity or of a SHA-256.
     output : Write its document there.
     """
     from tumble.registry.store import find
@@ -168,7 +163,7 @@ def show_command(
 
 
 def history_command(
-    unit: Annotated[str, typer.Argument(metavar="UNIT", help="Name of a unit.")],
+    unit: str = argument("UNIT"),
     registry: RegistryName = None,
     output: Path | None = option(FIRST, "FILE", "--output", "-o"),
     as_json: Json = False,
@@ -179,6 +174,7 @@ def history_command(
 
     Parameters
     ----------
+    unit : Name of a unit.
     output : Also draw it: an HTML page.
     """
     from tumble.workflows.registry import date_words, history, history_rows

@@ -4,25 +4,15 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated
 
-import typer
-
-from tumble.cli.groups import completed
 from tumble.cli.options import PrintOptions, Seed
 from tumble.cli.terminal import progress, results_stand, say, say_json, say_written
-from tumble.workflows.request import ADVANCED, FIRST, option
+from tumble.workflows.request import ADVANCED, FIRST, argument, option
 
 
 def reproduce_command(
     printed: PrintOptions,
-    item: Annotated[
-        str | None,
-        typer.Argument(
-            autocompletion=completed("study"),
-            help="What to make anew: an item of the list, or `hayal`, `zhang` or `savage` for all of a paper.",
-        ),
-    ] = None,
+    item: str | None = argument("ITEM", default=None, complete="study"),
     repetitions: int | None = option(FIRST, "N"),
     seed: Seed = 0,
     output: Path | None = option(FIRST, "DIR", "--output", "-o"),
@@ -36,6 +26,7 @@ def reproduce_command(
 
     Parameters
     ----------
+    item : What to make anew: an item of the list, or `hayal`, `zhang` or `savage` for all of a paper.
     repetitions : How many simulated runs; hundreds show the range that one run lies in.
     output : Folder for a page, the data and pictures of each item.
     workers : Processes that make a paper's items side by side.

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
-
-from tumble.cli.groups import completed
 from tumble.cli.options import Imu, PrintOptions, Seed, SiteOptions, TurnOnBias
 from tumble.cli.terminal import progress, results_stand, say, say_json, say_written
 from tumble.cli.verify import turn_on_of
 from tumble.records import dataclass
-from tumble.workflows.request import ADVANCED, FIRST, option
+from tumble.workflows.request import ADVANCED, FIRST, argument, option
 
 if TYPE_CHECKING:
     from tumble.workflows.simulate import Simulated
@@ -47,17 +44,8 @@ class SessionOptions:
 
 
 def simulate_command(
-    protocol: Annotated[
-        str,
-        typer.Argument(
-            metavar="PROTOCOL",
-            autocompletion=completed("protocol"),
-            help="A protocol file, or the name of a protocol: six-position, multi-position-26 (18, 10, "
-            "9), rate-table, modified-multi-position, turntable-9 (18), laboratory, "
-            "strapdown-rotation, thermal-soak, thermal-ramp (-tumbled), thermal-fridge, hand-held. "
-            "`rest` is a unit that lies still, for `tumble noise`.",
-        ),
-    ],
+    *,
+    protocol: str = argument("PROTOCOL", complete="protocol"),
     session: SessionOptions,
     site: SiteOptions,
     printed: PrintOptions,
@@ -74,9 +62,11 @@ def simulate_command(
 
     Parameters
     ----------
+    protocol : A protocol file, or the name of a protocol: six-position, multi-position-26 (18, 10, 9), rate-table,
+        modified-multi-position, turntable-9 (18), laboratory, strapdown-rotation, thermal-soak, thermal-ramp
+        (-tumbled), thermal-fridge, hand-held. `rest` is a unit that lies still, for `tumble noise`.
     output : Folder for the files (default: NAME-simulated).
     """
-    from tumble.workflows.given.site import choose_site
     from tumble.workflows.simulate import simulate
 
     with progress(printed.silent) as tell:
@@ -84,7 +74,7 @@ def simulate_command(
             protocol,
             output=output,
             **asdict(session),
-            site=choose_site(**asdict(site)),
+            site=site.place,
             turn_on=(0.0, 0.0) if turn_on_bias is None else turn_on_of(turn_on_bias),
             progress=tell,
         )

@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 import shlex
 import sys
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -169,13 +168,13 @@ def verify_command(
             raise UsageError(sentence.format("--limits"))
         _verify_drive(calibration, recordings, gnss, drive, {**read, "temperature": temperature}, printed)
     refuse_given(context, [DriveOptions], "{} is for a drive: give its satellite positions with --gnss.")
-    from tumble.workflows.given.site import choose_site
     from tumble.workflows.verify import limits_of, verify
 
-    place = choose_site(**asdict(site))
     held = None if limits is None else limits_of(calibration, limits)
     with progress(printed.silent) as tell:
-        results = verify(calibration, recordings, site=place, progress=tell, temperature=temperature, **read)
+        results = verify(
+            calibration, recordings, site=site.place, progress=tell, temperature=temperature, **read
+        )
     if printed.as_json:
         told = {} if held is None else {"limits": held}
         say_json([_as_dict(result) | told for result in results], indent=1)

@@ -113,7 +113,11 @@ def _calibrate_one(request: CalibrateRequest, known: Known, clock: Clock) -> tup
         None if request.estimator is None else find_estimator(request.estimator, has_protocol=has_protocol)
     )
     check_procedure(request.procedure, has_protocol=has_protocol)
-    _refuse_odd(request.monte_carlo)
+    draws = request.monte_carlo
+    if draws is not None and not FEWEST_DRAWS <= draws <= MOST_DRAWS:
+        raise UsageError(
+            f"--monte-carlo {draws}: give a number of draws from {FEWEST_DRAWS} to {MOST_DRAWS}."
+        )
     request.say("reading")
     given = None if request.protocol is None else _read_consistent(request.protocol)
     magnetic = given_field(request.field, request.site or (given and given.protocol.site))
@@ -140,7 +144,7 @@ def _calibrate_one(request: CalibrateRequest, known: Known, clock: Clock) -> tup
             raise
         return _field_run(session, request, magnetic, error, clock), before
     add_magnetometer(session, estimate, magnetic)
-    _draw(estimate, request.monte_carlo, request.say)
+    _draw(estimate, draws, request.say)
     clock.lap("solving")
     made = _document(session, estimate, reason, request)
     run = CalibrationRun(made, estimate, recording, session.timeline, session.means, reason)
@@ -229,11 +233,6 @@ def _field_run(
     clock.lap("solving")
     reason = "The magnetometer alone, by the norm of its field: the recording determines no other triad."
     return CalibrationRun(document, estimate, session.recording, *no_holds(), reason)
-
-
-def _refuse_odd(runs: int | None) -> None:
-    if runs is not None and not FEWEST_DRAWS <= runs <= MOST_DRAWS:
-        raise UsageError(f"--monte-carlo {runs}: give a number of draws from {FEWEST_DRAWS} to {MOST_DRAWS}.")
 
 
 def _draw(estimate: Estimate, runs: int | None, say: Callable[[str], None]) -> None:

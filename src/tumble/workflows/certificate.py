@@ -73,7 +73,11 @@ def make_certificate(
     else:
         made = certificate_pdf(content, logo=logo)
     if registry is not None:
-        _register(registry, document, number)
+        from tumble.registry.store import add_certificate, document_hash
+        from tumble.workflows.registry import registry_at
+
+        with registry_at(registry) as kept:
+            add_certificate(kept, document_hash(document.to_json()), number)
     make_folder(output.parent)
     with written_beside(output) as beside:
         beside.write_bytes(made)
@@ -118,11 +122,3 @@ def _lacking(profile: Profile) -> list[str]:
     if not missing:
         return []
     return [f"ISO/IEC 17025 asks for more than the profile says: {'; '.join(missing)}."]
-
-
-def _register(name: str, document: Calibration, number: str) -> None:
-    from tumble.registry.store import add_certificate, document_hash
-    from tumble.workflows.registry import registry_at
-
-    with registry_at(name) as registry:
-        add_certificate(registry, document_hash(document.to_json()), number)

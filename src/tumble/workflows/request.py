@@ -10,7 +10,7 @@ import inspect
 import os
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import field, fields, replace
+from dataclasses import MISSING, field, fields, replace
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
@@ -30,6 +30,7 @@ P = ParamSpec("P")
 Request = TypeVar("Request")
 Answer = TypeVar("Answer")
 
+ARGUMENT = "Arguments"
 FIRST = "What people need first"
 PLACE = "Where it was recorded"
 FILE = "What the file does not say itself"
@@ -84,6 +85,16 @@ def option(panel: str, metavar: str, *names: str, default: Any = None, **more: A
     default : of the field.
     """
     return field(default=default, metadata={"option": Option(panel, metavar, names, **more)})
+
+
+def argument(metavar: str, *, default: Any = MISSING, **more: Any) -> Any:
+    """Declare a parameter that stands without a name on the command line.
+
+    Parameters
+    ----------
+    metavar, default, more : as for `option`.
+    """
+    return option(ARGUMENT, metavar, default=default, **more)
 
 
 def shared(record: Any, name: str) -> Any:

@@ -127,7 +127,8 @@ class Hands:
         pending: dict[Future[Outcome], Task] = {}
         while True:
             alone = bool(suspects)
-            chosen = [suspects.popleft()] if alone else list(islice(waiting, self._room(len(pending))))
+            room = max(_AHEAD * self._workers - len(pending), 0)
+            chosen = [suspects.popleft()] if alone else list(islice(waiting, room))
             broken = not self._submit(work, chosen, pending, suspects)
             if not pending and not broken:
                 return
@@ -151,9 +152,6 @@ class Hands:
                 suspects.extend(pending.values())
                 pending.clear()
                 self._renew()
-
-    def _room(self, pending: int) -> int:
-        return max(_AHEAD * self._workers - pending, 0)
 
     def _submit(
         self,

@@ -39,7 +39,6 @@ OF_FILES = ("protocol", "prior", "noise", "limits", "intervals")
 REPORTS = ("none", "failed", "all")
 # What a recording is found to be. Any other error says nothing of it.
 _OF_RECORDING = (RecordingError, SegmentationError, ObservabilityError, ConvergenceError)
-_BLOCK = 1 << 20
 LIBRARY = "../../plotly.min.js"
 """Where a unit's report finds the plotting library, which its folder shares."""
 
@@ -165,8 +164,7 @@ def _content_hash(path: Path) -> str:
         if path.is_dir():
             digest.update(str(one.relative_to(path)).encode())
         with one.open("rb") as file:
-            while block := file.read(_BLOCK):
-                digest.update(block)
+            digest.update(hashlib.file_digest(file, "sha256").digest())
     return digest.hexdigest()
 
 
