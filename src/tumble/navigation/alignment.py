@@ -134,7 +134,7 @@ def align_in_motion(
     RecordingError
         If there is no rest, or the track's velocity does not change by a metre a second after it.
     """
-    from tumble.navigation.course import slowest_course, track_velocities
+    from tumble.navigation.time_alignment import slowest_course, track_velocities
 
     still = samples.between(start, start + rest)
     row = int(np.argmin(np.abs(track.time - start)))
@@ -186,7 +186,7 @@ def find_rest(samples: InertialSamples, track: GnssTrack) -> tuple[float, float]
     RecordingError
         If there is no such rest.
     """
-    from tumble.navigation.course import slowest_course, track_velocities
+    from tumble.navigation.time_alignment import slowest_course, track_velocities
 
     velocity = track_velocities(track)
     # as slow as its own noise, of which four sigmas are allowed

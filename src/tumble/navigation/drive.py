@@ -8,14 +8,19 @@ from dataclasses import replace
 import numpy as np
 
 from tumble.arrays import Series, Vector
-from tumble.earth import curvature_radii
 from tumble.errors import RecordingError
 from tumble.navigation.alignment import Alignment, align_in_motion, find_rest
-from tumble.navigation.course import correlate, find_course_rate, rate_about_down, seen_by
 from tumble.navigation.filter import FilterRun, FilterSetup, plan_filter, run_filter
 from tumble.navigation.gnss.track import GnssTrack
 from tumble.navigation.samples import InertialSamples
-from tumble.navigation.time_alignment import TimeAlignment, estimate_time_offset
+from tumble.navigation.time_alignment import (
+    TimeAlignment,
+    correlate,
+    estimate_time_offset,
+    find_course_rate,
+    rate_about_down,
+    seen_by,
+)
 from tumble.navigation.trajectory import NavigationState
 from tumble.noise.terms import NoiseModel
 from tumble.records import dataclass
@@ -68,15 +73,7 @@ class Drive:
 
     def begin(self, setup: FilterSetup) -> NavigationState:
         """Return the start of a filter: positions are the antenna's, and a filter navigates the IMU."""
-        arm_n = self.start.C_nb @ setup.lever_arm_b
-        latitude, height = self.start.latitude, self.start.height
-        meridian, across = (float(radius[0]) + height for radius in curvature_radii(np.array([latitude])))
-        return replace(
-            self.start,
-            latitude=latitude - float(arm_n[0]) / meridian,
-            longitude=self.start.longitude - float(arm_n[1]) / (across * float(np.cos(latitude))),
-            height=height + float(arm_n[2]),
-        )
+        return self.start.beside(-setup.lever_arm_b)
 
     def with_samples(self, samples: InertialSamples) -> Drive:
         """Return the drive with the samples corrected otherwise, aligned anew at the same rest.
@@ -220,7 +217,7 @@ def wide_setup(lever_arm_b: Vector | None = None) -> FilterSetup:
     ----------
     lever_arm_b : (3,) m, from the IMU to the antenna; None for zero.
     """
-    from tumble.navigation.filter.sensor_states import TriadSpread
+    from tumble.navigation.filter.setup import TriadSpread
 
     return plan_filter(
         NoiseModel(random_walk=0.05, rate_random_walk=1e-3),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
+
 import numpy as np
 
 from tumble.arrays import Matrices, Matrix, Quaternions, Series, Table, Vector, Vectors
@@ -11,9 +13,7 @@ from tumble.attitude.quaternions import (
     matrix_from_angles,
     quaternion_from_matrix,
 )
-from tumble.earth import (
-    curvature_radii,
-)
+from tumble.earth import curvature_radii
 from tumble.errors import UsageError
 from tumble.records import dataclass
 
@@ -58,6 +58,13 @@ class NavigationState:
         roll_pitch_yaw : (3,) rad; the body is turned by yaw about down, then pitch, then roll.
         """
         return NavigationState(time, *position, velocity_n, matrix_from_angles(roll_pitch_yaw))
+
+    def beside(self, apart_b: Vector) -> NavigationState:
+        """Return the state at another point of the body, that lies (3,) m in b beside this one, as fast as this one."""
+        here = np.array([self.latitude]), np.array([self.longitude]), np.array([self.height])
+        latitude, longitude, height = place_beside(here, (self.C_nb @ apart_b)[None])
+        there = float(latitude[0]), float(longitude[0]), float(height[0])
+        return NavigationState(self.time, *there, self.velocity_n, self.C_nb)
 
     @property
     def packed(self) -> Series:
@@ -130,14 +137,7 @@ class Trajectory:
 
     def rows(self, index: np.ndarray) -> Trajectory:
         """Return the instants of an index array."""
-        return Trajectory(
-            self.time[index],
-            self.latitude[index],
-            self.longitude[index],
-            self.height[index],
-            self.velocity_n[index],
-            self.quaternion_nb[index],
-        )
+        return Trajectory(*(getattr(self, field.name)[index] for field in fields(self)))
 
     def points(self, lever_arm_b: Vector | Vectors) -> tuple[Series, Series, Series]:
         """Return latitude, longitude and height of a point fixed in the body.
@@ -146,13 +146,7 @@ class Trajectory:
         ----------
         lever_arm_b : (3,) or (instants, 3) m, from the IMU to the point.
         """
-        arm_n = (self.C_nb @ lever_arm_b[..., None])[..., 0]
-        meridian, across = curvature_radii(self.latitude)
-        return (
-            self.latitude + arm_n[:, 0] / (meridian + self.height),
-            self.longitude + arm_n[:, 1] / ((across + self.height) * np.cos(self.latitude)),
-            self.height - arm_n[:, 2],
-        )
+        return place_beside(self.position, (self.C_nb @ lever_arm_b[..., None])[..., 0])
 
     def errors_against(self, truth: Trajectory) -> tuple[Vectors, Vectors, Vectors]:
         """Return errors of position (m), velocity (m/s) and attitude (rad), (instants, 3) each, in n.
@@ -178,6 +172,23 @@ class Trajectory:
         position = position_differences(self.position, truth.position)
         turn = Rotation.from_quat(truth.quaternion_nb) * Rotation.from_quat(self.quaternion_nb).inv()
         return position, self.velocity_n - truth.velocity_n, turn.as_rotvec()
+
+
+def place_beside(position: tuple[Series, Series, Series], apart_n: Vectors) -> tuple[Series, Series, Series]:
+    """Return positions that lie beside others by (instants, 3) m in north, east, down.
+
+    Parameters
+    ----------
+    position : latitude and longitude (rad), height (m).
+    apart_n : some metres.
+    """
+    latitude, longitude, height = position
+    meridian, across = curvature_radii(latitude)
+    return (
+        latitude + apart_n[:, 0] / (meridian + height),
+        longitude + apart_n[:, 1] / ((across + height) * np.cos(latitude)),
+        height - apart_n[:, 2],
+    )
 
 
 def position_differences(

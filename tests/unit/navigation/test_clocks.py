@@ -10,8 +10,8 @@ from tests.unit.navigation.drives import POOR, measured, seen
 
 from tumble.errors import RecordingError
 from tumble.navigation import GnssTrack, InertialSamples, estimate_time_offset, prepare_drive
-from tumble.navigation.course import slowest_course
 from tumble.navigation.drive import refuse_other_motion
+from tumble.navigation.time_alignment import slowest_course
 from tumble.simulation import simulate_drive
 from tumble.simulation.field_campaign import cart_trajectory
 

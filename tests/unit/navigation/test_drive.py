@@ -68,7 +68,7 @@ SETUP = plan_filter(
 def test_the_correlation_at_every_lag_is_that_of_each_lag_by_itself(beyond: bool) -> None:
     """Times that are uneven, some without weight, and lags that leave the grid on either side."""
     from tumble.navigation import time_alignment as one
-    from tumble.navigation.course import correlate
+    from tumble.navigation.time_alignment import correlate
 
     rng = np.random.default_rng(8)
     grid = 5.0 + 0.05 * np.arange(600, dtype=np.float64)

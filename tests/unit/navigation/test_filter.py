@@ -24,7 +24,7 @@ from tumble.navigation import (
 )
 from tumble.navigation.filter.kernels import apply_errors
 from tumble.navigation.filter.run import unpacked
-from tumble.navigation.filter.sensor_states import sensor_states
+from tumble.navigation.filter.setup import sensor_states
 from tumble.navigation.gnss import make_track
 from tumble.noise.terms import GaussMarkov, NoiseModel
 from tumble.sensor import ImuModel, Triad

@@ -1,14 +1,14 @@
 """The loosely coupled error-state filter, its smoother, and tests of its consistency."""
 
-from tumble.navigation.filter.run import FilterRun, SmoothedRun, smooth
-from tumble.navigation.filter.sensor_states import (
+from tumble.navigation.filter.run import FilterRun, SmoothedRun, run_filter, smooth
+from tumble.navigation.filter.setup import (
+    FilterSetup,
     SensorState,
     TriadSpread,
     covariance_from_calibration,
+    plan_filter,
     sensor_states,
 )
-from tumble.navigation.filter.setup import FilterSetup, plan_filter
-from tumble.navigation.filter.stretches import run_filter
 
 __all__ = [
     "FilterRun",

@@ -1,13 +1,15 @@
-"""A track of satellite positions: what every file of a receiver comes to."""
+"""Tracks of satellite positions: times on GPS time, positions, velocities with covariances, and their outliers."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
+import numpy.typing as npt
 
 from tumble.arrays import Matrices, Series, Vectors
 from tumble.errors import RecordingError
+from tumble.navigation.trajectory import position_differences
 from tumble.recording.recording import Remark
 from tumble.records import dataclass
 
@@ -63,17 +65,10 @@ class GnssTrack:
 
     def rows(self, index: np.ndarray | slice) -> GnssTrack:
         """Return the fixes of an index or of a boolean array."""
-        return replace(
-            self,
-            time=self.time[index],
-            latitude=self.latitude[index],
-            longitude=self.longitude[index],
-            height=self.height[index],
-            position_covariance_n=self.position_covariance_n[index],
-            velocity_n=self.velocity_n[index],
-            velocity_covariance_n=self.velocity_covariance_n[index],
-            quality=self.quality[index],
-        )
+        cut = {
+            f.name: getattr(self, f.name)[index] for f in fields(self) if f.name not in ("remarks", "name")
+        }
+        return replace(self, **cut)
 
     def shifted(self, offset: float) -> GnssTrack:
         """Return the track with `offset` s added to its times, such as onto the IMU's clock."""
@@ -191,38 +186,107 @@ def in_order(track: GnssTrack) -> GnssTrack:
 
 
 def _refuse_impossible(track: GnssTrack) -> None:
-    lost = ~np.isfinite(np.column_stack([track.time, *track.position])).all(axis=1)
-    if lost.any():
-        raise RecordingError(
-            f"Fix {int(lost.argmax()) + 1} of {track.name} has a time or a position that is no number: "
-            "leave such fixes out."
-        )
-    wrong = ~(np.abs(track.latitude) <= 0.5 * np.pi)
-    if wrong.any():
-        row = int(np.flatnonzero(wrong)[0])
-        raise RecordingError(
-            f"Fix {row + 1} of {track.name} has a latitude of {np.degrees(track.latitude[row]):g} degrees, beyond "
-            "the poles: check the unit (degrees) and which column is the latitude."
-        )
-    wrong = ~((track.height > -12_000.0) & (track.height < 1e6))
-    if wrong.any():
-        row = int(np.flatnonzero(wrong)[0])
-        raise RecordingError(
-            f"Fix {row + 1} of {track.name} has a height of {track.height[row]:g} m, which is not near the Earth's "
-            "surface: check the unit (metres) and which column is the height."
-        )
-    parts = (track.position_covariance_n, track.velocity_n, track.velocity_covariance_n)
-    wrong = np.abs(track.longitude) > 2.0 * np.pi
-    for part in parts:
+    def refuse(wrong: np.ndarray, words: str, values: Series | None = None) -> None:
+        if wrong.any():
+            row = int(np.argmax(wrong))
+            seen = "" if values is None else f"{values[row]:g}"
+            raise RecordingError(f"Fix {row + 1} of {track.name} has {words.format(seen)}")
+
+    numbers = np.column_stack([track.time, *track.position])
+    refuse(
+        ~np.isfinite(numbers).all(axis=1),
+        "a time or a position that is no number: leave such fixes out.",
+    )
+    refuse(
+        ~(np.abs(track.latitude) <= 0.5 * np.pi),
+        "a latitude of {} degrees, beyond the poles: check the unit (degrees) and which column is the latitude.",
+        np.degrees(track.latitude),
+    )
+    refuse(
+        ~((track.height > -12_000.0) & (track.height < 1e6)),
+        "a height of {} m, which is not near the Earth's surface: check the unit (metres) and which column is the "
+        "height.",
+        track.height,
+    )
+    wrong = np.asarray(np.abs(track.longitude) > 2.0 * np.pi)
+    for part in (track.position_covariance_n, track.velocity_n, track.velocity_covariance_n):
         wrong |= np.isinf(part).reshape(len(track), -1).any(axis=1)
-    if wrong.any():
-        raise RecordingError(
-            f"Fix {int(np.argmax(wrong)) + 1} of {track.name} has a longitude, a velocity or an uncertainty that "
-            "cannot be: check the units and which column is which."
-        )
+    refuse(
+        wrong,
+        "a longitude, a velocity or an uncertainty that cannot be: check the units and which column is which.",
+    )
     variances = np.einsum("ijj->ij", track.position_covariance_n)
-    if len(track) and not np.all(variances > 0.0):
-        row = int(np.flatnonzero(~(variances > 0.0).all(axis=1))[0])
-        raise RecordingError(
-            f"Fix {row + 1} of {track.name} has no positive standard uncertainty of its position: give one."
-        )
+    refuse(~(variances > 0.0).all(axis=1), "no positive standard uncertainty of its position: give one.")
+
+
+# s for which all fixes may be outliers, and how many fixes that is at most and at least.
+_LONGEST, _MOST, _FEWEST = 30.0, 300, 10
+# By how much velocities may be off beside their noise, m/s: one in the middle of a turn stands for a whole interval.
+_SLACK = 0.3
+# Receivers' velocities may be late by this, s.
+_LATE = 0.5
+_SIGMAS = 5.0
+# Of fewer fixes in one chain than this share nothing is said.
+_LEAST = 0.5
+
+
+def fit_velocities(track: GnssTrack) -> np.ndarray:
+    """Return (fixes,) which positions fit one another by the velocities between them: the longest chain that does.
+
+    Parameters
+    ----------
+    track : in time order. Without velocities, or where no chain holds half of the fixes, all are said to fit.
+    """
+    fixes = len(track)
+    if fixes < 3 or not track.has_velocity.all():
+        return np.ones(fixes, dtype=bool)
+    step = np.diff(track.time)
+    middle = 0.5 * (track.velocity_n[1:] + track.velocity_n[:-1]) * step[:, None]
+    way = np.vstack([np.zeros((1, 3)), np.cumsum(middle, axis=0)])
+    first = tuple(np.full(fixes, column[0]) for column in track.position)
+    # what is left is one constant for all fixes that fit, but for the drift of the integral
+    left = position_differences(track.position, (first[0], first[1], first[2])) - way
+    sigma = np.sqrt(np.einsum("ijj->i", track.position_covariance_n))
+    kept = np.zeros(fixes, dtype=bool)
+    kept[_longest_chain(left, track, sigma)] = True
+    return kept if kept.sum() >= _LEAST * fixes else np.ones(fixes, dtype=bool)
+
+
+def _longest_chain(left: Vectors, track: GnssTrack, sigma: Series) -> list[int]:
+    """Indices of the longest chain of which each fits the one before it."""
+    fixes = len(track)
+    window = min(max(_FEWEST, round(_LONGEST / max(track.interval, 1e-3))), _MOST)
+    length, previous = np.ones(fixes, dtype=np.int64), np.full(fixes, -1)
+    follows = _fit(left, track, sigma, slice(None, -1), slice(1, None))
+    longest = 1
+    for j in range(1, fixes):
+        if follows[j - 1] and length[j - 1] == longest:
+            # no chain is longer, and none that is as long is nearer: what most fixes of a sound track are
+            longest = length[j] = longest + 1
+            previous[j] = j - 1
+            continue
+        i = np.arange(max(0, j - window), j)
+        ways = np.where(_fit(left, track, sigma, i, j), length[i], 0)
+        # of chains as long the nearest: the last of the greatest
+        best = len(ways) - 1 - int(np.argmax(ways[::-1]))
+        if ways[best] > 0:
+            length[j], previous[j] = ways[best] + 1, i[best]
+            longest = max(longest, int(length[j]))
+    at = int(np.argmax(length))
+    chain = [at]
+    while previous[at] >= 0:
+        at = int(previous[at])
+        chain.append(at)
+    return chain
+
+
+def _fit(
+    left: Vectors, track: GnssTrack, sigma: Series, i: npt.NDArray[np.intp] | slice, j: int | slice
+) -> npt.NDArray[np.bool_]:
+    """Which fixes i fit the later fix j, or each its own."""
+    time, velocity = track.time, track.velocity_n
+    apart = np.sqrt(np.sum((left[i] - left[j]) ** 2, axis=1))
+    change = np.sqrt(np.sum((velocity[i] - velocity[j]) ** 2, axis=1))
+    return np.asarray(
+        apart <= _SLACK * (time[j] - time[i]) + _LATE * change + _SIGMAS * np.hypot(sigma[i], sigma[j])
+    )

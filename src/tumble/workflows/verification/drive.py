@@ -24,9 +24,9 @@ from tumble.navigation import (
     smooth,
 )
 from tumble.navigation.drive import sharpen_clock, wide_setup
-from tumble.navigation.filter.stretches import LONGEST_BRIDGED
-from tumble.navigation.free_drift import free_drift
-from tumble.navigation.gnss.outliers import fit_velocities
+from tumble.navigation.filter.run import LONGEST_BRIDGED
+from tumble.navigation.gnss.track import fit_velocities
+from tumble.navigation.outages import free_drift
 from tumble.navigation.time_alignment import spans_in_words
 from tumble.recording import Recording, read_recordings
 from tumble.records import dataclass

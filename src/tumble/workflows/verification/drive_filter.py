@@ -13,7 +13,7 @@ import numpy as np
 from tumble.arrays import Series, Vectors, block_means
 from tumble.errors import RecordingError, UsageError
 from tumble.navigation import Drive, FilterRun, FilterSetup, TriadSpread, plan_filter, position_differences
-from tumble.navigation.course import track_velocities
+from tumble.navigation.time_alignment import track_velocities
 from tumble.noise.terms import NoiseModel
 from tumble.simulation.grades import Grade, TriadGrade
 from tumble.workflows.verification.calibration_parts import CorrectedBy, scatter

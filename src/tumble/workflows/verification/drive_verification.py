@@ -14,7 +14,7 @@ from tumble.calibration.verdict import two_digits
 from tumble.files import write_texts
 from tumble.navigation import FilterRun, OutageErrors
 from tumble.navigation.block_bootstrap import Statistic, ratio_of, rms_of
-from tumble.navigation.free_drift import FreeDrift
+from tumble.navigation.outages import FreeDrift
 from tumble.records import as_document, dataclass
 from tumble.workflows.verification.calibration_parts import AT_REST, UNCALIBRATED, WHOLE
 
