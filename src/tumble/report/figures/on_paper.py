@@ -96,8 +96,8 @@ def draw(figure: record.Figure, form: str) -> bytes:
             else:
                 _DRAWN[type(mark)](axes[mark.panel], mark)
         _legend(picture, axes)
-        if flat.title:
-            picture.suptitle(_text(flat.title), fontsize=7)
+        # Of its axes, not of the sheet: there stands the legend.
+        axes[0].set_title(_text(flat.title))
         out = io.BytesIO()
         dateless = {"pdf": {"CreationDate": None}, "svg": {"Date": None}, "png": {}}[form]
         picture.savefig(out, format=form, metadata=dateless)
