@@ -12,7 +12,7 @@ from tumble.document.result import Calibration, read_calibration
 from tumble.errors import UsageError
 from tumble.fleet.fleet_document import PROCEDURE
 from tumble.records import dataclass
-from tumble.simulation.grades import GRADES, Grade, find_grade
+from tumble.simulation import grades
 
 
 @dataclass(frozen=True)
@@ -20,7 +20,7 @@ class Known:
     """What is known before a recording: the angles of the unit itself, or the spreads of its kind."""
 
     angles: StableKnowledge | None = None
-    sheet: Grade | FleetSheet | None = None
+    sheet: grades.Grade | FleetSheet | None = None
 
 
 def known_beforehand(prior: str | os.PathLike[str], serial: str | None = None) -> Known:
@@ -40,8 +40,8 @@ def known_beforehand(prior: str | os.PathLike[str], serial: str | None = None) -
         If there is no such grade, or the calibration is of another unit or states no accelerometer matrix.
     """
     text = os.fspath(prior)
-    if text in GRADES or not (Path(text).exists() or text.endswith(".json")):
-        return Known(sheet=find_grade(text))
+    if text in grades.GRADES or not (Path(text).exists() or text.endswith(".json")):
+        return Known(sheet=grades.find_grade(text))
     earlier = read_calibration(text)
     if earlier.procedure == PROCEDURE:
         return Known(sheet=FleetSheet(_triad(earlier, "accelerometer"), _triad(earlier, "gyroscope")))
@@ -61,7 +61,7 @@ def known_beforehand(prior: str | os.PathLike[str], serial: str | None = None) -
     return Known(stable_knowledge(matrix, earlier.covariance_matrix[np.ix_(at, at)]))
 
 
-def find_sheet(name: str | os.PathLike[str]) -> Grade | FleetSheet:
+def find_sheet(name: str | os.PathLike[str]) -> grades.Grade | FleetSheet:
     """Return a data sheet: a grade, or a file of `tumble registry fleet`.
 
     Parameters
