@@ -463,12 +463,7 @@ EVERY_SCENARIO = (
     *(Case(scenario, minutes, gyro) for scenario in SCENARIOS for gyro in (3, 9) for minutes in MINUTES),
 )
 """Of tables 5.5 and 5.6."""
-SUB_SCENARIOS = {
-    "original": ORIGINAL,
-    "3.0": Case(3, 3, 0),
-    "3.3": Case(3, 3, 3),
-    "3.9": Case(3, 3, 9),
-}
+SUB_SCENARIOS = {"original": ORIGINAL, "3.0": Case(3, 3, 0), "3.3": Case(3, 3, 3), "3.9": Case(3, 3, 9)}
 """Of table 5.7, by their names there."""
 UNSCALED = Case(3, 3, 9, scaled=False)
 

@@ -70,16 +70,6 @@ class FoundTriad:
     redundancy: int = 0
 
 
-@dataclass(frozen=True, slots=True)
-class _Told:
-    """A triad's canonical names with their covariance, and named values with theirs."""
-
-    names: list[str]
-    covariance: Square
-    values: list[NamedValue]
-    spread: Square
-
-
 def estimate_of_triads(
     method: str,
     units: tuple[str, str],
@@ -109,10 +99,10 @@ def estimate_of_triads(
     ]
     described = Described(
         ImuModel(_triad(accelerometer), _triad(gyro)),
-        [name for one in told for name in one.names],
-        block_diag(*(one.covariance for one in told)),
-        [value for one in told for value in one.values],
-        correlation_matrix(block_diag(*(one.spread for one in told))),
+        [name for names, *_ in told for name in names],
+        block_diag(*(covariance for _, covariance, _, _ in told)),
+        [value for _, _, values, _ in told for value in values],
+        correlation_matrix(block_diag(*(spread for *_, spread in told))),
     )
     first = accelerometer or gyro
     assert first is not None
@@ -126,8 +116,13 @@ def _triad(found: FoundTriad | None) -> Triad | None:
     return None if found is None else Triad(found.matrix, found.bias)
 
 
-def _tell(kind: str, found: FoundTriad, unit: str, factor: float | None, frame: str) -> _Told:
-    """Name what was estimated: biases, scale factors, and how the axes lean against the frame or one another."""
+def _tell(
+    kind: str, found: FoundTriad, unit: str, factor: float | None, frame: str
+) -> tuple[list[str], Square, list[NamedValue], Square]:
+    """Name what was estimated: biases, scale factors, and how the axes lean against the frame or one another.
+
+    Canonical names with their covariance, and named values with theirs.
+    """
     short, si = ("gyro", "rad/s") if kind == "gyroscope" else (kind, "m/s²")
     known, off = found.estimated, ~np.eye(3, dtype=bool)
     names = [f"{kind}.matrix[{i},{j}]" for i in range(3) for j in range(3)]
@@ -158,12 +153,8 @@ def _tell(kind: str, found: FoundTriad, unit: str, factor: float | None, frame: 
     rows = np.flatnonzero([True, True, True, *np.diag(known), *leaning])
     sigmas = np.sqrt(np.maximum(np.diag(spread), 0.0))
     values = [NamedValue(labels[i][0], float(numbers[i]), float(sigmas[i]), labels[i][1]) for i in rows]
-    return _Told(
-        [names[i] for i in canonical],
-        found.covariance[np.ix_(canonical, canonical)],
-        values,
-        spread[np.ix_(rows, rows)],
-    )
+    of_canonical = found.covariance[np.ix_(canonical, canonical)]
+    return [names[i] for i in canonical], of_canonical, values, spread[np.ix_(rows, rows)]
 
 
 # A pose within half a degree of a face is one by intention.
@@ -492,48 +483,25 @@ def _require_both_ways(shown: Vectors, along: np.ndarray, words: tuple[str, str]
         raise ObservabilityError(f"No {', no '.join(missing)} was found: record what is missing.")
 
 
+_METHODS = (
+    ("six-position", "biases and scale factors from each axis up and down", "(2.5) and (2.6)",
+     partial(estimate_six_position, whole=False), False),
+    ("improved-six-position", "the whole matrix from all axes in each pose", "(2.7) to (2.12)",
+     partial(estimate_six_position, whole=True), False),
+    ("rate-test", "gyros on a table's rates both ways", "2.4.1.2 with (2.5), (2.6) and (2.11)",
+     estimate_rate_test, True),
+    ("modified-multi-position", "norms of gravity and of a table's rate in unknown poses",
+     "2.4.2.2, after Syed et al. 2007", estimate_modified_multi_position, True),
+    *(
+        (f"multi-position-{unknowns}", f"norms of gravity and the Earth's rotation, {words}",
+         f"(3.16) to (3.57), {unknowns} unknowns a triad", partial(estimate_multi_position, unknowns=unknowns), False)
+        for unknowns, words in (
+            (9, "bias, scale factor and non-orthogonality"), (6, "bias and scale factor"), (3, "bias alone")
+        )
+    ),
+)  # fmt: skip
 ESTIMATORS: dict[str, Estimator] = {
-    one.name: one
-    for one in (
-        Estimator(
-            "six-position",
-            "biases and scale factors from each axis up and down",
-            "Hayal 2010, (2.5) and (2.6)",
-            partial(estimate_six_position, whole=False),
-        ),
-        Estimator(
-            "improved-six-position",
-            "the whole matrix from all axes in each pose",
-            "Hayal 2010, (2.7) to (2.12)",
-            partial(estimate_six_position, whole=True),
-        ),
-        Estimator(
-            "rate-test",
-            "gyros on a table's rates both ways",
-            "Hayal 2010, 2.4.1.2 with (2.5), (2.6) and (2.11)",
-            estimate_rate_test,
-            needs_protocol=True,
-        ),
-        Estimator(
-            "modified-multi-position",
-            "norms of gravity and of a table's rate in unknown poses",
-            "Hayal 2010, 2.4.2.2, after Syed et al. 2007",
-            estimate_modified_multi_position,
-            needs_protocol=True,
-        ),
-        *(
-            Estimator(
-                f"multi-position-{unknowns}",
-                f"norms of gravity and the Earth's rotation, {words}",
-                f"Hayal 2010, (3.16) to (3.57), {unknowns} unknowns a triad",
-                partial(estimate_multi_position, unknowns=unknowns),
-            )
-            for unknowns, words in (
-                (9, "bias, scale factor and non-orthogonality"),
-                (6, "bias and scale factor"),
-                (3, "bias alone"),
-            )
-        ),
-    )
+    name: Estimator(name, title, f"Hayal 2010, {equations}", method, needs_protocol=needs_protocol)
+    for name, title, equations, method, needs_protocol in _METHODS
 }
 """Every method by name: the entry point `tumble.estimators`."""

@@ -221,10 +221,7 @@ def table_setting(table: str, case: int) -> Setting:
     triad = "accelerometer" if table == "4.5" else "gyro"
     noise = FORCE_NOISE if table == "4.5" else RATE_NOISE
     return Setting(
-        triad,
-        unknowns[table],
-        noise=0.0 if case == 1 else noise,
-        rate_factor=FASTER if case == 3 else 1.0,
+        triad, unknowns[table], noise=0.0 if case == 1 else noise, rate_factor=FASTER if case == 3 else 1.0
     )
 
 

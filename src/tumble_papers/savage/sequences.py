@@ -420,13 +420,7 @@ def solve_measurements(
     estimate[~known] = 0.0
     cofactor[~known] = cofactor[:, ~known] = 0.0
     return SequenceSolution(
-        estimate,
-        cofactor,
-        known,
-        residuals,
-        np.array(sigmas),
-        float(left @ left),
-        right.size - rank,
+        estimate, cofactor, known, residuals, np.array(sigmas), float(left @ left), right.size - rank
     )
 
 

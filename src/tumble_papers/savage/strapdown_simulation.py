@@ -243,11 +243,7 @@ def draw_truth(setting: Setting, rng: np.random.Generator, *, asymmetry: bool = 
 
 
 def simulate_run(
-    setting: Setting,
-    rng: np.random.Generator,
-    *,
-    truth: SavageErrors | None = None,
-    asymmetry: bool = True,
+    setting: Setting, rng: np.random.Generator, *, truth: SavageErrors | None = None, asymmetry: bool = True
 ) -> Recordings:
     """Simulate one unit through all sequences.
 

@@ -35,13 +35,7 @@ from tumble.calibration.start import start_adjustment
 from tumble.counting import counted, part
 from tumble.earth import EARTH_RATE, Site
 from tumble.estimation.solve import solve
-from tumble.navigation import (
-    InertialSamples,
-    NavigationState,
-    align_coarse,
-    navigate,
-    position_differences,
-)
+from tumble.navigation import InertialSamples, NavigationState, align_coarse, navigate, position_differences
 from tumble.reproduction.outcome import Curve, Plot, Row
 from tumble.sensor import ImuModel
 from tumble.sensor.conventions.shin import matrix_from_shin

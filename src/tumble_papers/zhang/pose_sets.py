@@ -52,15 +52,7 @@ from tumble.records import dataclass
 from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED, Row
 from tumble.sensor.conventions.zhang import matrix_from_zhang
 from tumble.units import ARCSECOND, STANDARD_GRAVITY
-from tumble_papers.study import (
-    PRINTED_RUNS,
-    Found,
-    Study,
-    judge,
-    scatter_range,
-    standard_deviation,
-    zhang,
-)
+from tumble_papers.study import PRINTED_RUNS, Found, Study, judge, scatter_range, standard_deviation, zhang
 from tumble_papers.zhang.closed_forms import ellipsoid_from_norms
 
 EDGE_PLANES = ((0, 1), (0, 2), (1, 2))
@@ -200,18 +192,17 @@ class NormSensitivity:
     ----------
     scale : (n, 3) by the scale factors of x, y, z; (SI unit)² per (raw per SI unit).
     misalignment : (n, 3) by the angles yz, zy, zx; (SI unit)² per rad.
-    bias : (n, 3) by the biases of x, y, z; (SI unit)² per raw unit. None for rotations, of which the
-        difference of both ways contains no bias.
+    bias : (n, 3) by the biases of x, y, z; (SI unit)² per raw unit. The difference of both ways of a rotation
+        contains none.
     """
 
     scale: Vectors
     misalignment: Vectors
-    bias: Vectors | None = None
+    bias: Vectors
 
     def columns(self) -> Table:
-        """Return (n, 9): scale, misalignment, bias beside each other; (n, 6) without biases."""
-        parts = [self.scale, self.misalignment]
-        return np.hstack(parts if self.bias is None else [*parts, self.bias])
+        """Return (n, 9): scale, misalignment, bias beside each other."""
+        return np.hstack([self.scale, self.misalignment, self.bias])
 
 
 def norm_sensitivity(
@@ -311,11 +302,7 @@ FLOOR = 1e-9
 
 
 def find_best_subset(
-    count: int,
-    rng: np.random.Generator,
-    *,
-    criterion: str = "average",
-    starts: int = 20,
+    count: int, rng: np.random.Generator, *, criterion: str = "average", starts: int = 20
 ) -> Vectors:
     """Return the best set of the 26 directions found by exchanging one pose for another, from several starts.
 

@@ -7,11 +7,11 @@ import pytest
 
 from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED, Outcome, Row
 from tumble_papers.catalogue import ITEMS
-from tumble_papers.savage.accuracy import resampled
 from tumble_papers.savage.formulas import (
     evaluated,
 )
 from tumble_papers.savage.section_9 import (
+    resampled,
     to_digits,
 )
 
