@@ -236,8 +236,8 @@ def read_blocks(
     """Read a recording of any length as consecutive blocks of bounded size.
 
     What the columns and units are is decided on the first block (some 16 MB of text or half a million
-    rows); declare them where that might not suffice. Text, Parquet and NPY are read piece by piece,
-    the other formats whole. The remarks of the first block tell what was found and assumed, those of
+    rows); declare them where that might not suffice. Text, Parquet, NPY and bags are read piece by
+    piece, the other formats whole. The remarks of the first block tell what was found and assumed, those of
     later blocks what was mended there. The sources carry their SHA-256.
 
     Parameters

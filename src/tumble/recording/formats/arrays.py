@@ -16,9 +16,11 @@ import numpy.typing as npt
 from tumble.arrays import Series, Vectors
 from tumble.errors import RecordingError
 from tumble.files import opened, shown
+from tumble.recording.columns import is_time_like, kind_of_file, role_of
 from tumble.recording.formats.streams import merge_streams
 from tumble.recording.formats.table import RawTable, as_columns, foreign, hash_file
 from tumble.recording.samples import MagneticField, Remark, Samples, Source
+from tumble.recording.stamps import seconds_of
 from tumble.units import find_unit
 
 _LISTED = 12
@@ -98,8 +100,6 @@ def _field_of_another_length(
     arrays: Mapping[str, npt.NDArray[np.float64]],
 ) -> tuple[MagneticField, tuple[str, ...]] | None:
     """A magnetometer's (n, 3) array with n stamps beside it, both named; None without the two."""
-    from tumble.recording.columns import is_time_like, role_of
-    from tumble.recording.stamps import seconds_of
 
     def role(name: str) -> tuple[str, str | None]:
         return role_of(name) or ("", None)
@@ -120,8 +120,6 @@ def _field_of_another_length(
 
 def _stamped_pair(path: Path, arrays: Mapping[str, npt.NDArray[np.float64]]) -> RawTable | None:
     """Two arrays of four columns, stamps first or last, as one table on the gyro's stamps; None if there are none."""
-    from tumble.recording.columns import is_time_like, kind_of_file
-
     found: dict[str, tuple[str, Series, Vectors]] = {}
     for name, array in arrays.items():
         columns = array if array.shape[-1] == 4 else array.T

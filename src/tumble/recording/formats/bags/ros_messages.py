@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from tumble.arrays import Series
 from tumble.errors import RecordingError
+from tumble.recording.columns import kind_of_file
 from tumble.recording.samples import Samples
 from tumble.records import dataclass
 
@@ -134,8 +135,6 @@ def holds(decoded: Decoded, kind: str, topic: str) -> tuple[bool, bool]:
     name says.
     """
     if kind == _VECTOR:
-        from tumble.recording.columns import kind_of_file
-
         said = kind_of_file(topic)
         return said == "a", said == "g"
     return bool(decoded.force.any()), bool(decoded.rate.any())
