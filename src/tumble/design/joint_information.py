@@ -58,7 +58,6 @@ _TERMS = frozenset({"g_sensitivity"})
 LABELS, _EVALUATE = named_function(_TERMS, "full", "accelerometer-x", ("m/s²", "rad/s"))
 NAMES = tuple(name for name, _ in LABELS)
 """Of the thirty parameters, in the order of every matrix here."""
-UNITS = tuple(unit for _, unit in LABELS)
 GROUPS: dict[str, slice] = {
     "accelerometer bias": slice(0, 3),
     "accelerometer scale": slice(3, 6),
@@ -342,7 +341,7 @@ def planned_problem(
     task.unknowns = task.unknowns.with_free(free)
     priors = terms_prior(task.unknowns), LAYOUT.sparse_prior(task.unknowns.values, alike)
     task.prior = together(together(task.prior, priors[0]), priors[1])
-    if "clock" in alike and task.prior is not None:
+    if "clock" in alike and task.prior is not None and session.options.data_sheet is None:
         # A calibration adds such a clock afterwards: three name plates do not tell it.
         at = LAYOUT.indices("gyro.matrix")
         task.prior.precision[at, at] *= NO_PLATE

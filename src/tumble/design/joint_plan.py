@@ -20,6 +20,7 @@ from tumble.arrays import Series, Square
 from tumble.calibration.checks.unseen import unseen_table
 from tumble.calibration.equations.imu_unknowns import LAYOUT
 from tumble.calibration.outcome.description import gravity_slope, named_function
+from tumble.calibration.prior import FleetSheet
 from tumble.calibration.procedure import find_procedure
 from tumble.calibration.session import Options, Session
 from tumble.counting import counted
@@ -72,7 +73,7 @@ class PlanTask:
     noise: PlannedNoise
     sizes: Series
     g_sensitivity: bool
-    sheet: Grade | None = None
+    sheet: Grade | FleetSheet | None = None
     known: JointInformation | None = None
     draws: int | None = None
     seed: int = 0

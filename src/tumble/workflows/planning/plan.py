@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from tumble.protocol import Protocol
     from tumble.simulation import Grade, TriadNoise
 
-_DEFAULT_LATITUDE_DEG = 45.0
 # What a target may be of, the group of parameters that it means, its unit, and how many SI units that is.
 _SECOND = math.pi / 648000.0
 _TARGETS: dict[str, tuple[str, str, float]] = {
@@ -248,23 +247,24 @@ def _task(protocol: Protocol, request: PlanRequest) -> tuple[PlanTask, Grade, li
     from tumble.design.joint_plan import PlanTask
     from tumble.recording.stamps import clock_without_stamps
     from tumble.sample_rates import sample_rate, stated_clock
-    from tumble.simulation.grades import find_grade
+    from tumble.simulation.grades import Grade, find_grade
+    from tumble.workflows.given.prior import find_sheet
 
     grade, place = find_grade(request.imu), request.site or protocol.site
     remarks = [f"Of {grade.name} no source states: {'; '.join(grade.assumed)}."] if grade.assumed else []
     if place is None:
-        place = Site.from_latitude(math.radians(_DEFAULT_LATITUDE_DEG), 0.0)
+        place = Site.from_latitude(math.radians(45.0), 0.0)
         remarks.append(
-            f"No site was given: latitude {_DEFAULT_LATITUDE_DEG:g}° at height 0 is assumed, and written into the "
+            "No site was given: latitude 45° at height 0 is assumed, and written into the "
             "protocol: give --site, or correct it there before anything is calibrated."
         )
     task = PlanTask.of_grade(protocol, grade, place, seed=request.seed)
     if request.data_sheet is not None:
-        sheet = find_grade(request.data_sheet)
-        task = replace(task, sizes=parameter_sizes(sheet), sheet=sheet)
-        remarks.append(
-            f"The spreads of {sheet.name} are believed beforehand, as `tumble calibrate --prior` does."
-        )
+        sheet = find_sheet(request.data_sheet)
+        sizes = parameter_sizes(sheet) if isinstance(sheet, Grade) else task.sizes
+        task = replace(task, sizes=sizes, sheet=sheet)
+        words = "are believed beforehand, as `tumble calibrate --prior` does."
+        remarks.append(f"The spreads of {request.data_sheet} {words}")
     if request.noise is not None:
         noise, words = _noise_of(request.noise)
         task, remarks = replace(task, noise=noise), [*words, *(r for r in remarks if not r.startswith("Of "))]
