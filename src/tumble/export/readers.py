@@ -1,14 +1,17 @@
-"""Kalibr's and imu_tk's files read; autopilots' parameters are read in `autopilots`."""
+"""Files of Kalibr, imu_tk, PX4 and ArduPilot read: matrices, offsets and scale factors, biases over temperature."""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from tumble.arrays import Matrix
+from tumble.arrays import AnyArray, Matrix
 from tumble.errors import CalibrationFileError
+from tumble.export.polynomials import Curve, thermal_of
 from tumble.export.reading import (
     Imported,
     check_rotation,
@@ -19,6 +22,7 @@ from tumble.export.reading import (
     vector_of,
     yaml_of,
 )
+from tumble.files import number_of, shown
 from tumble.sensor import FRAMES, ImuModel, Triad
 from tumble.sensor.gauge import inverse
 
@@ -36,8 +40,6 @@ def read_file(name: str, path: Path) -> Imported:
     CalibrationFileError
         If it is no file of that tool, or damaged.
     """
-    from tumble.export.autopilots import read_ardupilot, read_px4
-
     by_name = {"kalibr": read_kalibr, "imu-tk": read_imu_tk, "px4": read_px4, "ardupilot": read_ardupilot}
     return by_name[name](path)
 
@@ -164,3 +166,183 @@ def _triad_of(T: Any, K: Any, B: Any, file: Path) -> Triad:
     if np.any(scale - np.diag(np.diag(scale))):
         raise CalibrationFileError(f"The scale matrix in {file} is not diagonal: it is no file of imu_tk.")
     return Triad(inverse(misalignment @ scale), vector_of(B, "the bias", file))
+
+
+_REFERENCE = 35.0  # °C that ArduPilot's polynomials are about
+_ABSOLUTE_ZERO = 273.15  # below it CALTEMP is not set
+
+
+def read_px4(path: Path) -> Imported:
+    """Read the first calibrated accelerometer and gyro of a parameter file, with their temperature compensation.
+
+    Raises
+    ------
+    CalibrationFileError
+        If it is no parameter file, or has no calibration in it.
+    """
+    values = _values(path, "PX4", ("vehicle", "component", "name", "value", "type"))
+    names = r"CAL_(?P<kind>ACC|GYRO)(?P<number>\d)_(?P<axis>[XYZ])(?P<what>OFF|SCALE)"
+    return _from_parameters(values, names, path, "PX4", _px4_curve)
+
+
+def _px4_curve(
+    values: dict[str, float], path: Path, kind: str, number: str, triad: Triad, remarks: list[str]
+) -> Curve | None:
+    """Return a sensor's bias over temperature: what TC holds about TREF, and the offset beside it."""
+    letter, calibrated = (
+        ("A", f"CAL_ACC{number}_ID") if kind == "accelerometer" else ("G", f"CAL_GYRO{number}_ID")
+    )
+    if not values.get(f"TC_{letter}_ENABLE"):
+        return None
+    own = values.get(calibrated)
+    known = [n for n in "0123" if own and values.get(f"TC_{letter}{n}_ID") == own]
+    n = known[0] if known else number
+    if not known and own and values.get(f"TC_{letter}{n}_ID"):
+        remarks.append(
+            f"the temperature compensation of TC_{letter} is for other sensors than the {kind} that was read"
+        )
+        return None
+    what = f"TC_{letter}_ENABLE"
+    begin = f"TC_{letter}{n}_"
+    reference, low, high = _entries_of(
+        values, [begin + name for name in ("TREF", "TMIN", "TMAX")], what, path
+    )
+    names = [f"{begin}X{power}_{axis}" for power in range(4) for axis in range(3)]
+    coefficients = _entries_of(values, names, what, path).reshape(4, 3)
+    coefficients[0] += triad.bias
+    return Curve(coefficients, float(reference), (float(low), float(high)))
+
+
+def read_ardupilot(path: Path) -> Imported:
+    """Read the first accelerometer and gyro of a parameter file, with their temperature compensation.
+
+    Raises
+    ------
+    CalibrationFileError
+        If it is no parameter file, or has no calibration in it.
+    """
+    values = _values(path, "ArduPilot", ("name", "value"))
+    names = r"INS_(?P<kind>ACC|GYR)(?P<number>\d?)(?P<what>OFF|SCAL)S?_(?P<axis>[XYZ])"
+    return _from_parameters(values, names, path, "ArduPilot", _ardupilot_curve)
+
+
+def _values(path: Path, tool: str, form: tuple[str, ...]) -> dict[str, float]:
+    """Return the parameters of a file, whose lines are of a form."""
+    values: dict[str, float] = {}
+    for number, line in enumerate(text_of(path).splitlines(), 1):
+        words = line.partition("#")[0].replace(",", " ").split()
+        try:
+            if words:
+                # ArduPilot marks some of its own with @READONLY.
+                named = dict(zip(form, words, strict=len(form) > 2))
+                values[named["name"]] = number_of(named["value"])
+        except (KeyError, ValueError):
+            raise CalibrationFileError(
+                f"{path}, line {number}: a line of {tool}'s is {', '.join(form)}, not {shown(line[:40])!r}."
+            ) from None
+    return values
+
+
+def _ardupilot_curve(
+    values: dict[str, float], path: Path, kind: str, number: str, triad: Triad, remarks: list[str]
+) -> Curve | None:
+    """Return a sensor's bias over temperature: the offset at CALTEMP, and how P differs from what it is there."""
+    what = f"INS_TCAL{number}_ENABLE"
+    if values.get(what) != 1.0:  # 2 learns, and corrects nothing
+        return None
+    short = "ACC" if kind == "accelerometer" else "GYR"
+    begin = f"INS_TCAL{number}_"
+    low, high = _entries_of(values, [begin + "TMIN", begin + "TMAX"], what, path)
+    names = [f"{begin}{short}{power}_{axis}" for power in (1, 2, 3) for axis in "XYZ"]
+    coefficients = np.zeros((4, 3))
+    coefficients[1:] = 1e-6 * _entries_of(values, names, what, path).reshape(3, 3)
+    calibrated = values.get(f"INS_{short}{number}_CALTEMP")
+    if calibrated is None or calibrated < -_ABSOLUTE_ZERO:
+        remarks.append(f"INS_{short}{number}_CALTEMP is not there: the offsets were taken as those at 35 °C")
+        calibrated = _REFERENCE
+    curve = Curve(coefficients, _REFERENCE, (float(low), float(high)))
+    moved = curve.about(float(np.clip(calibrated, low, high)))
+    moved[0] = triad.bias
+    return Curve(moved, float(np.clip(calibrated, low, high)), curve.span)
+
+
+def _from_parameters(
+    values: dict[str, float],
+    names: str,
+    path: Path,
+    tool: str,
+    curve_of: Callable[[dict[str, float], Path, str, str, Triad, list[str]], Curve | None],
+) -> Imported:
+    """Return the first unit of an autopilot's parameters.
+
+    Parameters
+    ----------
+    values : by name.
+    names : pattern of the names of offsets and scale factors.
+    path, tool : for the sentences.
+    curve_of : returns the bias over temperature of a triad, given its kind, its number and what it is without; it
+        adds to the remarks.
+
+    Raises
+    ------
+    CalibrationFileError
+        If nothing of a calibration is in it, an axis is missing, or a number is none that a calibration has.
+    """
+    found: dict[str, dict[tuple[str, str, str], float]] = {"accelerometer": {}, "gyroscope": {}}
+    for name, value in values.items():
+        if match := re.fullmatch(names, name):
+            kind = "accelerometer" if match["kind"] == "ACC" else "gyroscope"
+            what = "offset" if match["what"] == "OFF" else "scale"
+            found[kind][match["number"] or "1", match["axis"], what] = value
+    if not any(found.values()):
+        raise CalibrationFileError(f"{path} has no calibration parameters of {tool}.")
+    remarks: list[str] = []
+    triads: dict[str, Triad | None] = {}
+    curves: dict[str, Curve] = {}
+    for kind, entries in found.items():
+        triad = triads[kind] = _first(kind, entries, path) if entries else None
+        if len({number for number, _, _ in entries}) > 1:
+            remarks.append(f"the file has several {kind}s: the first one was read")
+        if triad is not None:
+            curve = curve_of(values, path, kind, min(key[0] for key in entries), triad, remarks)
+            if curve is not None:
+                curves[kind] = curve
+    model = ImuModel(triads["accelerometer"], triads["gyroscope"])
+    thermal, said = thermal_of(model, curves, path)
+    return Imported(
+        model if thermal is None else thermal.reference,
+        ("m/s^2", "rad/s"),
+        "sensor axes",
+        f"the sensing axes as {tool} has them before the board's rotation, taken as orthogonal",
+        (path,),
+        (*remarks, *said),
+        thermal,
+    )
+
+
+def _entries_of(values: dict[str, float], names: list[str], what: str, path: Path) -> AnyArray:
+    """Return the values of parameters that belong together.
+
+    Raises
+    ------
+    CalibrationFileError
+        If one is missing.
+    """
+    missing = [name for name in names if name not in values]
+    if missing:
+        more = f" and {len(missing) - 3} more" if len(missing) > 3 else ""
+        raise CalibrationFileError(f"{path} switches {what} on but lacks {', '.join(missing[:3])}{more}.")
+    return np.array([values[name] for name in names])
+
+
+def _first(kind: str, entries: dict[tuple[str, str, str], float], path: Path) -> Triad:
+    number = min(key[0] for key in entries)
+    rows: dict[str, np.ndarray] = {"offset": np.zeros(3), "scale": np.ones(3)}
+    for what in {key[2] for key in entries if key[0] == number}:
+        missing = [axis for axis in "XYZ" if (number, axis, what) not in entries]
+        if missing:
+            raise CalibrationFileError(f"{path} lacks the {kind}'s {what} of axis {', '.join(missing)}.")
+        rows[what] = np.array([entries[number, axis, what] for axis in "XYZ"])
+    if not np.all(rows["scale"] > 0.0):
+        raise CalibrationFileError(f"{path} has a scale of the {kind} that is not positive.")
+    return Triad(np.diag(1.0 / rows["scale"]), rows["offset"])

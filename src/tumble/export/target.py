@@ -26,7 +26,7 @@ MAGNETOMETER = "magnetometer"
 NOISE = "noise"
 HOLDABLE = (MATRIX, SCALE, BIAS, G_SENSITIVITY, NONLINEAR, TEMPERATURE, MAGNETOMETER, NOISE)
 READ = ("ardupilot", "imu-tk", "kalibr", "px4")
-"""Targets that are read, too: `tumble.export.readers` and `tumble.export.autopilots` say how."""
+"""Targets that are read, too: `tumble.export.readers` says how."""
 
 FOLDER = files("tumble") / "export" / "targets"
 _FENCE = "---\n"

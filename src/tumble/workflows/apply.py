@@ -24,17 +24,18 @@ from tumble.records import dataclass
 from tumble.sensor.thermal import Outside
 from tumble.units import angular_rate_factor, specific_force_factor
 from tumble.workflows.corrected.bag import BagCorrection
-from tumble.workflows.corrected.corrections import PREFIX, corrections_of
-from tumble.workflows.corrected.form import CorrectedField, Destination, corrects_field, destination
-from tumble.workflows.corrected.lag_shift import ForceShift, lag_of, shifted
-from tumble.workflows.corrected.temperature import (
+from tumble.workflows.corrected.corrections import (
+    PREFIX,
     about_temperature,
     check_column,
     check_outside,
     check_temperature,
+    corrections_of,
     needs_temperature,
     refuse_twice,
 )
+from tumble.workflows.corrected.form import CorrectedField, Destination, corrects_field, destination
+from tumble.workflows.corrected.lag_shift import ForceShift, lag_of, shifted
 from tumble.workflows.request import ApplyRequest, asked
 
 

@@ -23,8 +23,12 @@ from tumble.recording import read_recordings
 from tumble.records import dataclass
 from tumble.segmentation import find_timeline, observe_holds
 from tumble.workflows.apply import in_calibration_units, raw_factors
-from tumble.workflows.corrected.corrections import corrections_of
-from tumble.workflows.corrected.temperature import FAR_FROM_CALIBRATION, recorded_span, refuse_twice
+from tumble.workflows.corrected.corrections import (
+    FAR_FROM_CALIBRATION,
+    corrections_of,
+    recorded_span,
+    refuse_twice,
+)
 from tumble.workflows.progress import silent
 from tumble.workflows.request import MountRequest
 

@@ -27,9 +27,9 @@ from tumble.records import dataclass
 from tumble.segmentation import Timeline, find_timeline, observe_holds, read_intervals
 from tumble.sensor import ImuModel
 from tumble.workflows.apply import in_calibration_units, raw_factors
-from tumble.workflows.corrected.corrections import corrections_of
-from tumble.workflows.corrected.temperature import (
+from tumble.workflows.corrected.corrections import (
     about_temperature,
+    corrections_of,
     needs_temperature,
     recorded_span,
     refuse_twice,

@@ -17,7 +17,7 @@ from tumble.recording import Recording
 from tumble.records import dataclass
 from tumble.sensor import ImuModel, Triad
 from tumble.units import angular_rate_factor, specific_force_factor
-from tumble.workflows.corrected.temperature import needs_temperature
+from tumble.workflows.corrected.corrections import needs_temperature
 from tumble.workflows.verification.expected_norms import corrected_whole
 
 UNCALIBRATED = "uncalibrated"

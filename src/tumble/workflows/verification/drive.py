@@ -32,8 +32,7 @@ from tumble.recording import Recording, read_recordings
 from tumble.records import dataclass
 from tumble.simulation.grades import Grade, find_grade
 from tumble.workflows.apply import in_calibration_units, raw_factors
-from tumble.workflows.corrected.corrections import corrections_of
-from tumble.workflows.corrected.temperature import refuse_twice
+from tumble.workflows.corrected.corrections import corrections_of, refuse_twice
 from tumble.workflows.progress import silent
 from tumble.workflows.verification.calibration_parts import (
     AT_REST,

@@ -18,7 +18,7 @@ from tumble.recording.temperature import TemperatureColumn
 from tumble.records import dataclass
 from tumble.segmentation import Timeline
 from tumble.sensor import ImuModel, Triad
-from tumble.workflows.corrected.temperature import (
+from tumble.workflows.corrected.corrections import (
     about_temperature,
     check_column,
     check_temperature,
