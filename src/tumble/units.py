@@ -284,3 +284,26 @@ def celsius_from(unit: str) -> tuple[float, float]:
     factor = _factor("temperature", unit)
     assert factor is not None  # no unit of temperature is counts
     return factor, _ZERO_CELSIUS[find_unit("temperature", unit) or "degC"]
+
+
+RATIOS = {"": 1.0, "1": 1.0, "%": 1e-2, "ppm": 1e-6}
+"""Units of a share, and what they are of it."""
+
+
+def unit_factor(unit: str) -> tuple[str, float] | None:
+    """Return the kind of a unit with its factor to SI; None for counts and what nobody knows.
+
+    Parameters
+    ----------
+    unit : of any kind; what "g" and "mg" are of is specific force.
+
+    Examples
+    --------
+    >>> unit_factor("ppm"), unit_factor("deg")
+    (('ratio', 1e-06), ('angle increment', 0.017453292519943295))
+    """
+    if unit in RATIOS:
+        return "ratio", RATIOS[unit]
+    kind = next((kind for kind in _KINDS if find_unit(kind, unit) is not None), None)
+    factor = None if kind is None else _factor(kind, unit)
+    return None if kind is None or factor is None else (kind, factor)

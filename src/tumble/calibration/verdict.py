@@ -12,6 +12,7 @@ import numpy as np
 from tumble.arrays import Series
 from tumble.calibration.estimate import Estimate, NamedValue
 from tumble.calibration.procedure import PROCEDURES
+from tumble.parameters import parameter_of
 from tumble.recording.recording import Recording
 from tumble.records import dataclass
 from tumble.sensor import Triad
@@ -295,15 +296,15 @@ def _too_uncertain(estimate: Estimate) -> list[str]:
 
 def _relative_sigma(parameter: NamedValue) -> tuple[float, float, str] | None:
     """Return (sigma, limit, sigma in words) of the parameters that a limit exists for."""
-    sigma, name = parameter.standard_uncertainty, parameter.name
-    if "scale factor error" in name:
+    sigma, family = parameter.standard_uncertainty, parameter_of(parameter.name).family
+    if family.kind == "scale factor error":
         return sigma, WORST_SCALE_SIGMA, f"{100 * sigma:.2g} %"
-    if "scale factor" in name:
+    if family.kind == "scale factor":
         share = sigma / abs(parameter.value) if parameter.value else float("inf")
         return share, WORST_SCALE_SIGMA, f"{100 * share:.2g} %"
     if parameter.unit == "rad":
         return sigma, WORST_ANGLE_SIGMA, f"{1e3 * sigma:.2g} mrad"
-    factor = specific_force_factor(parameter.unit) if name.startswith("accelerometer bias") else None
+    factor = specific_force_factor(parameter.unit) if family.name == "accelerometer bias" else None
     if factor is not None:
         return sigma * factor, WORST_FORCE_BIAS_SIGMA, f"{sigma * factor:.2g} m/s²"
     return None

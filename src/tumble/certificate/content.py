@@ -15,6 +15,7 @@ from tumble.certificate.languages import DECIMAL_COMMA, LANGUAGES, parameter_wor
 from tumble.certificate.profile import Profile
 from tumble.document.result import Calibration, ParameterBlock
 from tumble.errors import UsageError
+from tumble.parameters import parameter_of
 from tumble.records import dataclass
 from tumble.report.parameters import plain_unit
 from tumble.report.rounding import decimals_of, fixed
@@ -184,13 +185,11 @@ def _shown_numbers(parameter: ParameterBlock, factor: float) -> tuple[float, flo
 def _results(calibration: Calibration, language: str, *, comma: bool) -> list[tuple[str, list[list[str]]]]:
     groups: dict[str, list[list[str]]] = {name: [] for name in _GROUPS}
     for parameter in calibration.every_parameter:
-        group, _, rest = parameter.name.partition(" ")
-        if group not in groups:
-            group, rest = "other", parameter.name
+        known = parameter_of(parameter.name)
         value, expanded, k, unit, decimals = _shown_numbers(parameter, calibration.quality.coverage_factor)
-        groups[group].append(
+        groups[known.family.triad or "other"].append(
             [
-                parameter_words(rest, language),
+                parameter_words(known.within_triad, language),
                 _number(value, decimals, comma=comma),
                 _number(expanded, decimals, comma=comma) if expanded > 0.0 else "–",
                 _number(k, 2, comma=comma),
@@ -208,8 +207,10 @@ def _conformity(
         return None
     rows: list[list[str]] = []
     for one in block.parameters:
-        group, _, rest = one.name.partition(" ")
-        name = f"{words[group]}: {parameter_words(rest, language)}" if group in words else one.name
+        known = parameter_of(one.name)
+        name = parameter_words(known.within_triad, language)
+        if known.family.triad:
+            name = f"{words[known.family.triad]}: {name}"
         unit, times = _practical(one.unit)
         ends = ["" if end is None else f"{times * end:.6g}" for end in (one.lower, one.upper)]
         text = f"{ends[0]} … {ends[1]} {unit}".replace("-", "−") if any(ends) else "–"
@@ -227,15 +228,9 @@ def _conformity(
 
 def _model(calibration: Calibration, words: dict[str, str]) -> list[str]:
     """The formula with the terms that the results have, and sentences for its letters."""
-    named = [parameter.name for parameter in calibration.every_parameter]
-    there = {
-        term: any(word in name for name in named)
-        for term, word in (
-            ("asymmetry", "asymmetry"),
-            ("quadratic", "quadratic"),
-            ("g_sensitivity", "g-sensitivity"),
-        )
-    }
+    families = [parameter_of(parameter.name).family for parameter in calibration.every_parameter]
+    kinds = {family.kind.replace("-", "_") for family in families}
+    there = {term: term in kinds for term in ("asymmetry", "quadratic", "g_sensitivity")}
     u = f"M · {words['true']}"
     bent = there["asymmetry"] or there["quadratic"]
     terms = [
@@ -247,7 +242,7 @@ def _model(calibration: Calibration, words: dict[str, str]) -> list[str]:
     ]
     formula = f"{words['raw']} = {' + '.join(terms)}" + (f", u = {u}" if bent else "")
     letters = [words[f"{term}_words"] for term, seen in there.items() if seen]
-    letters += [words["field_words"]] if any("magnetometer" in name for name in named) else []
+    letters += [words["field_words"]] if any(family.triad == "magnetometer" for family in families) else []
     return [f"{formula}.", words["model_words"], *letters, words["definitions"]]
 
 

@@ -248,10 +248,11 @@ def fleet_command(
     if as_json:
         say_json({"units": between.count, "document": document}, indent=1)
         return
+    from tumble.parameters import parameter_of
     from tumble.report.parameters import parameter_rows
 
     measures = [
-        (row.name, row.other if row.family == "bias" and row.other is not None else row.shown)
+        (row.name, row.other if row.kind == "bias" and row.other is not None else row.shown)
         for row in parameter_rows(document)
     ]
     rows = [
@@ -259,7 +260,7 @@ def fleet_command(
     ]
     title = f"{between.count} units: the mean, and the standard deviation of a next unit"
     console().print(table(("parameter", "mean", "spread", "unit"), rows, right=(1, 2), title=title))
-    if any("misalignment" in name for name, _ in measures):
+    if any(parameter_of(name).family.kind == "misalignment" for name, _ in measures):
         console().print(
             "Misalignments are against the accelerometers' axes: theirs are their non-orthogonalities, the "
             "gyros' hold the rotation between the triads, too."

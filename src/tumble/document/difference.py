@@ -16,6 +16,7 @@ from tumble.document.in_common import along_clock, common_clock, common_norm, sc
 from tumble.document.magnetometer_block import MagnetometerBlock
 from tumble.document.result import Calibration, ParameterBlock
 from tumble.errors import UsageError
+from tumble.parameters import ACCELEROMETER, BETWEEN, GYRO, Family, family_of, parameter_of
 from tumble.records import dataclass
 from tumble.sensor import FRAMES, ImuModel
 from tumble.sensor.gauge import inverse
@@ -37,6 +38,8 @@ _FAR = 5.0
 _ROUNDING = 1e-12
 _NATURAL = 1e-9  # of a parameter's natural size, below which an uncertainty is rounding too
 _OPTIONAL = ("asymmetry", "quadratic", "g_sensitivity")
+# Of biases, scale factors and angles: optional terms have rows of their own.
+_PLAIN = (ACCELEROMETER, GYRO, BETWEEN)
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,7 +149,7 @@ def compare_calibrations(first: Calibration, second: Calibration) -> Difference:
             "A clock that has changed shows as gyro scale factors that all change alike."
         )
     changes = [
-        _changed(table[0][name], table[1][name], _natural_size(name, natural), clock)
+        _changed(table[0][name], table[1][name], _natural_size(parameter_of(name).family, natural), clock)
         for name in table[0]
         if name in table[1]
     ]
@@ -154,7 +157,7 @@ def compare_calibrations(first: Calibration, second: Calibration) -> Difference:
     terms = [name for name in terms if np.any(part(one, name)) or np.any(part(two, name))]
     changes += _optional_changes(terms, (one, two), (spread_one, spread_two), natural, first)
     remarks += _one_sided(terms, one, two)
-    changes.sort(key=lambda change: not change.name.startswith("accelerometer"))
+    changes.sort(key=lambda change: parameter_of(change.name).family.triad != "accelerometer")
     of_field, groups_of_field = _field_changes(first.magnetometer, second.magnetometer, remarks)
     shared = clock * np.outer(along_clock(one), along_clock(two))
     joint = np.block([[spread_one, shared], [shared.T, spread_two]])
@@ -187,19 +190,16 @@ def _tables(
         and second.parameters
     ):
         # What the frame sets to zero, or nothing has determined, is no row of either.
-        table = [{p.name: p for p in one.parameters if _is_plain(p.name)} for one in documents]
+        table = [
+            {p.name: p for p in one.parameters if parameter_of(p.name).family.group in _PLAIN}
+            for one in documents
+        ]
         remarks += _alone(table)
         return table
     return [
         {p.name: p for p in named_parameters(model, spread, first.raw_units)}
         for model, spread in zip(models, spreads, strict=True)
     ]
-
-
-def _is_plain(name: str) -> bool:
-    """Whether a parameter is a bias, a scale factor or an angle: optional terms have rows of their own."""
-    words = ("bias", "scale factor", "non-orthogonality", "misalignment", "rotation between")
-    return not name.startswith("thermal") and any(word in name for word in words)
 
 
 def _alone(tables: list[dict[str, ParameterBlock]]) -> list[str]:
@@ -272,12 +272,12 @@ def _natural_sizes(values: Series) -> tuple[float, float]:
     return sizes[0] or 1.0, sizes[1] or 1.0
 
 
-def _natural_size(name: str, natural: tuple[float, float]) -> float:
-    """How large a number of that name would be if it were not small, in its own unit."""
-    own = natural[not name.startswith("accelerometer")]
-    if "quadratic" in name:
+def _natural_size(family: Family, natural: tuple[float, float]) -> float:
+    """How large a number of that family would be if it were not small, in its own unit."""
+    own = natural[family.triad != "accelerometer"]
+    if family.kind == "quadratic":
         return 1.0 / own
-    return own if "bias" in name or "sensitivity" in name or name[:-2].endswith("scale factor") else 1.0
+    return own if family.kind in ("bias", "g-sensitivity", "scale factor") else 1.0
 
 
 def _changed(one: Any, two: Any, size: float, clock: float = 0.0) -> ParameterChange:
@@ -306,27 +306,23 @@ def _optional_changes(
     """Rows of the terms that at least one calibration has; where the other has none it says zero."""
     changes: list[ParameterChange] = []
     for term in terms:
-        kind, _, what = term.partition(".")
-        place = PLACES[term][0]
-        unit = first.raw_units.specific_force if kind == "accelerometer" else first.raw_units.angular_rate
-        said = {"asymmetry": "1", "quadratic": f"1/({unit})"}.get(what, f"{unit}/(m/s²)")
-        for at in range(place.start, place.stop):
-            axis = "xyz"[(at - place.start) % 3]
-            if what == "g_sensitivity":
-                axis = "xyz"[(at - place.start) // 3] + axis
-            name = f"{'gyro' if kind == 'gyroscope' else kind} {what} {axis}"
-            if what == "g_sensitivity":
-                name = f"g-sensitivity of gyro {axis[0]} to force {axis[1]}"
+        family, place = family_of(term), PLACES[term][0]
+        raw = (
+            first.raw_units.specific_force
+            if family.triad == "accelerometer"
+            else first.raw_units.angular_rate
+        )
+        for at, (name, unit) in zip(range(place.start, place.stop), family.labels(raw), strict=True):
             pair = [
                 ParameterBlock(
                     name=name,
                     value=float(numbers[at]),
                     standard_uncertainty=float(np.sqrt(max(float(spread[at, at]), 0.0))),
-                    unit=said,
+                    unit=unit,
                 )
                 for numbers, spread in zip(values, spreads, strict=True)
             ]
-            changes.append(_changed(pair[0], pair[1], _natural_size(name, natural)))
+            changes.append(_changed(pair[0], pair[1], _natural_size(family, natural)))
     return changes
 
 
@@ -351,12 +347,12 @@ def _groups(
             continue
         own = [f"{kind}.bias", f"{kind}.matrix", *(t for t in terms if t.startswith(kind))]
         for term in own:
-            what = term.partition(".")[2].replace("bias", "biases").replace("g_s", "g-s")
-            place = PLACES[term][0]
-            size = max(
-                _natural_size(what, (natural[number], natural[number])), float(np.max(np.abs(one[place])))
-            )
-            group = _group(f"{short}: {what}", (two - one)[place], spread[place, place], size)
+            # A matrix has entries of the size of a scale factor.
+            what, place = term.partition(".")[2], PLACES[term][0]
+            size = 1.0 if what == "matrix" else _natural_size(family_of(term), natural)
+            size = max(size, float(np.max(np.abs(one[place]))))
+            words = {"bias": "biases", "g_sensitivity": "g-sensitivity"}.get(what, what)
+            group = _group(f"{short}: {words}", (two - one)[place], spread[place, place], size)
             found += [] if group is None else [group]
     return found
 
@@ -399,13 +395,16 @@ def _field_changes(
             "does to both magnetometers alike is taken out."
         )
     changes: list[ParameterChange] = []
-    for name in [name for name in of_first if name in of_second and (alike or "rotation" not in name)]:
-        by = 1.0 if "rotation" in name else factor
+    for name in [name for name in of_first if name in of_second]:
+        turned = parameter_of(name).family.kind == "rotation"
+        if turned and not alike:
+            continue
+        by = 1.0 if turned else factor
         moved = of_second[name].value * by, of_second[name].standard_uncertainty * by
         there = ParameterBlock(
             name=name, value=moved[0], standard_uncertainty=moved[1], unit=of_first[name].unit
         )
-        changes.append(_changed(of_first[name], there, 1.0 if "rotation" in name else natural, norm))
+        changes.append(_changed(of_first[name], there, 1.0 if turned else natural, norm))
     if not alike or not known:
         return changes, []
     shared = norm * np.outer(along[0], along[1])

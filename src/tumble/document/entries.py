@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from tumble.arrays import Series, Square, Table
 from tumble.document.result import Calibration, ParameterBlock, RawUnits
+from tumble.parameters import triad_labels
 from tumble.sensor import ImuModel, Triad, propagate
 from tumble.sensor.triad import CURVES
 from tumble.units import angular_rate_factor, specific_force_factor
@@ -129,29 +130,14 @@ def parameter_vector(
     """
     labels: list[tuple[str, str]] = []
     functions: list[Callable[[Complex], Complex]] = []
-    for kind, short, unit, si, factor in (
-        (
-            "accelerometer",
-            "accelerometer",
-            units.specific_force,
-            "m/s²",
-            specific_force_factor(units.specific_force),
-        ),
-        ("gyroscope", "gyro", units.angular_rate, "rad/s", angular_rate_factor(units.angular_rate)),
+    for kind, triad, unit, factor_of in (
+        ("accelerometer", "accelerometer", units.specific_force, specific_force_factor),
+        ("gyroscope", "gyro", units.angular_rate, angular_rate_factor),
     ):
-        triad = getattr(model, kind)
-        if triad is None:
-            continue
-        scale_name = "scale factor error" if factor else "scale factor"
-        labels += [(f"{short} bias {axis}", unit) for axis in "xyz"]
-        labels += [(f"{short} {scale_name} {axis}", "1" if factor else f"{unit}/({si})") for axis in "xyz"]
-        labels += [
-            (f"{short} misalignment {'xyz'[i]}{'xyz'[j]}", "rad")
-            for i in range(3)
-            for j in range(3)
-            if i != j
-        ]
-        functions.append(_triad_parameters(kind, factor))
+        if getattr(model, kind) is not None:
+            factor = factor_of(unit)
+            labels += triad_labels(triad, unit, "misalignment", (), si=factor is not None)
+            functions.append(_triad_parameters(kind, factor))
     if not labels:
         return [], np.zeros(0), np.zeros((0, 0))
 

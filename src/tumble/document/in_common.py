@@ -14,14 +14,13 @@ from tumble.arrays import Series, Table
 from tumble.document.entries import PLACES
 from tumble.document.magnetometer_block import FieldBlock
 from tumble.document.result import Calibration, ParameterBlock
+from tumble.parameters import parameter_of
 
 _UNDETERMINED = 0.9  # of the assumed variance that a recording leaves, where it did not determine the clock
 _SAME = (
     1e-5  # of a rate: regular stamps of two recordings give one data sheet rate to the digits that they have
 )
 _MATRIX = PLACES["gyroscope.matrix"][0]
-_SCALE = "gyro scale factor"
-_FIELD_SCALE = "magnetometer scale factor"
 
 
 def common_clock(
@@ -82,11 +81,10 @@ def scale_slope(parameter: ParameterBlock) -> float:
     ----------
     parameter : of any kind.
     """
-    if parameter.name.startswith(_FIELD_SCALE):
-        return parameter.value
-    if not parameter.name.startswith(_SCALE):
+    family = parameter_of(parameter.name).family
+    if family.triad == "accelerometer" or family.kind not in ("scale factor", "scale factor error"):
         return 0.0
-    return parameter.value + (1.0 if parameter.name.startswith(f"{_SCALE} error") else 0.0)
+    return parameter.value + (1.0 if family.kind == "scale factor error" else 0.0)
 
 
 def _largest_part(spread: Table, along: Series) -> float:

@@ -10,6 +10,7 @@ from msgspec.structs import replace
 
 from tumble.arrays import Matrix
 from tumble.document.part import DocumentPart, Row, Rows, finite, part_of, row_of, rows_of
+from tumble.parameters import parameter_of
 from tumble.sensor import Triad
 from tumble.units import magnetic_field_factor
 
@@ -149,7 +150,7 @@ class MagnetometerBlock(DocumentPart):
         if self.frame == OWN_FRAME:
             return self
         # The rotation against b is another one; bias and soft iron are the sensor's own.
-        own = [p for p in self.parameters if not p.name.startswith("rotation of the magnetometer")]
+        own = [p for p in self.parameters if parameter_of(p.name).family.kind != "rotation"]
         if self.matrix is None:
             return replace(self, parameters=own)
         matrix = np.array(self.matrix) @ C_new_b.T

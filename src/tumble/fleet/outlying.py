@@ -20,7 +20,8 @@ from typing import Any
 import numpy as np
 
 from tumble.arrays import Series, Square, Table
-from tumble.fleet.unit_vector import Units, groups_of
+from tumble.fleet.unit_vector import Units
+from tumble.parameters import in_families
 from tumble.records import dataclass
 
 FALSE_ALARM = 0.01
@@ -64,7 +65,7 @@ def find_outlying(units: Units, false_alarm: float = FALSE_ALARM) -> list[Outlyi
     count, dimension = units.values.shape
     if count < FEWEST:
         return []
-    tests = {name: at for name, at in groups_of(units.names).items() if count > 2 * len(at) + 2}
+    tests = {name: at for name, at in in_families(units.names).items() if count > 2 * len(at) + 2}
     if count >= 3 * dimension and len(tests) > 1:
         tests["all parameters together"] = list(range(dimension))
     found: dict[int, Outlying] = {}

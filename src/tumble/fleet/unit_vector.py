@@ -116,16 +116,3 @@ def stack(vectors: Sequence[UnitVector | None]) -> Units | None:
     values = np.array([vector.values for vector in chosen])
     covariances = np.array([vector.covariance for vector in chosen])
     return Units(names, units, tuple(which), values, covariances)
-
-
-def groups_of(names: Sequence[str]) -> dict[str, list[int]]:
-    """Return the numbers of the parameters of each group, such as "gyro bias".
-
-    Parameters
-    ----------
-    names : of parameters, each a group's with its axis behind.
-    """
-    groups: dict[str, list[int]] = {}
-    for number, name in enumerate(names):
-        groups.setdefault(name.rpartition(" ")[0], []).append(number)
-    return groups

@@ -16,40 +16,16 @@ from typing import Any, cast
 from tumble.document.limits_block import Rule
 from tumble.errors import UsageError
 from tumble.files import number_of, opened, read_yaml, reading
+from tumble.parameters import FAMILIES, is_known, parameter_of
 from tumble.records import dataclass
 from tumble.simulation import TriadGrade, find_grade
-from tumble.units import (
-    angle_increment_factor,
-    angular_rate_factor,
-    magnetic_field_factor,
-    specific_force_factor,
-    time_factor,
-)
+from tumble.units import RATIOS, unit_factor
 
 KEYS = ("name", "rule", "risk", "limits")
 _ENTRY = ("within", "from", "to", "nominal", "data sheet", "sigmas", "largest uncertainty")
 SIGMAS = 3.0
 """Of a data sheet's spread, where the file does not say how many: a sheet's tolerance is three of them."""
-_RATIOS = {"": 1.0, "1": 1.0, "%": 1e-2, "ppm": 1e-6}
 _AMOUNT = re.compile(r"\s*([-+−]?[\d.]+(?:[eE][-+]?\d+)?)\s*(.*?)\s*$")
-# What limits can be put on; the rest of a name is its axis.
-KNOWN = (
-    *(
-        f"{triad} {what}"
-        for triad in ("accelerometer", "gyro")
-        for what in (
-            *("bias", "scale factor error", "scale factor", "non-orthogonality", "misalignment", "asymmetry"),
-            *("quadratic", "quadratic term"),
-        )
-    ),
-    *("gyro g-sensitivity", "rotation between the triads", "lag of the accelerometer behind the gyro"),
-    *(
-        "magnetometer bias",
-        "magnetometer scale factor",
-        "magnetometer soft iron",
-        "rotation of the magnetometer",
-    ),
-)
 _SHEET: dict[str, Callable[[TriadGrade], float]] = {
     "bias": lambda triad: triad.bias,
     "scale factor error": lambda triad: triad.scale_factor,
@@ -80,31 +56,6 @@ class Amount:
         if own is not None and other is not None and own[0] == other[0]:
             return self.number * own[1] / other[1]
         return self.number if self.unit == unit else None
-
-
-def unit_factor(unit: str) -> tuple[str, float] | None:
-    """Return the kind of a unit with its factor to SI; None for counts and what nobody knows.
-
-    Parameters
-    ----------
-    unit : of a parameter or of a limit.
-    """
-    if unit in _RATIOS:
-        return "ratio", _RATIOS[unit]
-    kinds: tuple[tuple[str, Callable[[str], float | None]], ...] = (
-        ("specific force", specific_force_factor),
-        ("angular rate", angular_rate_factor),
-        ("angle", angle_increment_factor),
-        ("time", time_factor),
-        ("magnetic field", magnetic_field_factor),
-    )
-    for kind, factor_of in kinds:
-        try:
-            factor = factor_of(unit)
-        except UsageError:
-            continue
-        return None if factor is None else (kind, factor)
-    return None
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,8 +99,8 @@ class Limit:
         if self.within is not None:
             middle = 0.0 if self.nominal is None else self.nominal.in_unit(unit)
             half = self.within.in_unit(unit)
-            if half is None and middle and self.within.unit in _RATIOS:  # of nothing it is no share
-                half = abs(middle) * self.within.number * _RATIOS[self.within.unit]
+            if half is None and middle and self.within.unit in RATIOS:  # of nothing it is no share
+                half = abs(middle) * self.within.number * RATIOS[self.within.unit]
             return None if middle is None or half is None else (middle - half, middle + half, largest)
         lower = -math.inf if self.lower is None else self.lower.in_unit(unit)
         upper = math.inf if self.upper is None else self.upper.in_unit(unit)
@@ -184,11 +135,7 @@ def covers(name: str, parameter: str) -> bool:
     ----------
     name, parameter : of the limit and of the parameter.
     """
-    # "scale factor" is no group of "scale factor error x": the one has a unit, the other none.
-    return parameter == name or (parameter.startswith(f"{name} ") and parameter[len(name) + 1 :] in _AXES)
-
-
-_AXES = {*"xyz", *(a + between + b for a in "xyz" for between in ("", " ", " by ") for b in "xyz")}
+    return name in (parameter, parameter_of(parameter).family.name)
 
 
 def read_limits(path: Path) -> Limits:
@@ -231,7 +178,7 @@ def _limits(document: dict[Any, Any], path: Path, digest: str) -> Limits:
         if "risk" not in document:
             raise _LimitError("`rule: risk` needs `risk:` with a probability, such as 2.5 %")
         risk = _amount(document.get("risk"), "risk")
-        share = _RATIOS.get(risk.unit)
+        share = RATIOS.get(risk.unit)
         if share is None or not 0.0 < risk.number * share < 0.5:
             raise _LimitError(f"the risk {risk} is no share between 0 and 50 %")
         risk = risk.number * share
@@ -245,8 +192,8 @@ def _limits(document: dict[Any, Any], path: Path, digest: str) -> Limits:
 
 
 def _limit(key: Any, entry: Any) -> Limit:
-    name = " ".join(str(key).replace("gyroscope", "gyro").split())
-    if not any(covers(known, name) for known in KNOWN):
+    name = " ".join(str(key).replace("gyroscope", "gyro").replace("quadratic term", "quadratic").split())
+    if name not in FAMILIES and not is_known(name):
         raise _LimitError(
             f"{name!r:.60} is no parameter and no group; groups are accelerometer and gyro bias, scale factor error, "
             "scale factor, non-orthogonality, misalignment; rotation between the triads; gyro g-sensitivity"
@@ -285,21 +232,19 @@ def _check_order(name: str, lower: Amount | None, upper: Amount | None) -> None:
 
 
 def _of_sheet(name: str, said: dict[str, Any]) -> Amount:
-    triad, _, rest = name.partition(" ")
-    what = next((one for one in _SHEET if covers(f"{triad} {one}", name)), None)
-    if what is None:
-        raise _LimitError(f"{name}: a data sheet says nothing of {rest}: give `within`")
+    family = FAMILIES.get(name) or parameter_of(name).family
+    if family.triad not in ("accelerometer", "gyro") or family.kind not in _SHEET:
+        raise _LimitError(f"{name}: a data sheet says nothing of {family.kind}: give `within`")
     try:
         grade = find_grade(str(said["data sheet"]))
     except UsageError as error:
         raise _LimitError(f"{name}: {str(error).rstrip('.')}") from None
-    sheet = grade.accelerometer if triad == "accelerometer" else grade.gyroscope
+    sheet = grade.accelerometer if family.triad == "accelerometer" else grade.gyroscope
     sigmas = _number(said.get("sigmas", SIGMAS))
     if sigmas is None or not sigmas > 0.0:
         raise _LimitError(f"{name}: sigmas {said['sigmas']!r:.40} is no positive number")
-    bias = "m/s^2" if triad == "accelerometer" else "rad/s"
-    unit = {"bias": bias, "scale factor error": "1"}.get(what, "rad")
-    return Amount(sigmas * _SHEET[what](sheet), unit)
+    unit = family.unit.format(raw="m/s^2" if family.triad == "accelerometer" else "rad/s")
+    return Amount(sigmas * _SHEET[family.kind](sheet), unit)
 
 
 def _number(value: Any) -> float | None:
@@ -315,7 +260,7 @@ def _amount(text: Any, name: str) -> Amount:
     if match is None or number is None:
         raise _LimitError(f"{name}: {text!r:.60} is no number with a unit, such as 50 mg")
     unit = match[2]
-    if unit not in _RATIOS and unit_factor(unit) is None and "count" not in unit and "/" not in unit:
+    if unit not in RATIOS and unit_factor(unit) is None and "count" not in unit and "/" not in unit:
         raise _LimitError(
             f"{name}: {unit!r:.40} is no unit of a parameter (mg, m/s^2, deg/s, deg/h, rad/s, %, ppm, mrad, deg, ms)"
         )

@@ -11,7 +11,8 @@ import numpy as np
 from tumble.arrays import Vector, Vectors
 from tumble.calibration.poses import describe_direction, most_telling_poses, norm_rows
 from tumble.calibration.procedure import PROCEDURES
-from tumble.report.parameters import ACCELEROMETER, BETWEEN, GYRO, Measure, ParameterRow
+from tumble.parameters import ACCELEROMETER, BETWEEN, GYRO
+from tumble.report.parameters import Measure, ParameterRow
 from tumble.report.rounding import with_uncertainty
 
 if TYPE_CHECKING:
@@ -63,7 +64,7 @@ def _without_gravity(calibration: Calibration, rows: list[ParameterRow]) -> list
 
     def reduced(row: ParameterRow) -> ParameterRow:
         sigma = _relative_sigma(row)
-        if row.group != ACCELEROMETER or not row.family.startswith("scale factor") or not sigma:
+        if row.group != ACCELEROMETER or not row.kind.startswith("scale factor") or not sigma:
             return row
         left = math.sqrt(max(1.0 - (share / sigma) ** 2, 0.0))
         other = None if row.other is None else row.other.times(left, row.other.unit)
@@ -87,11 +88,11 @@ def weakest(rows: list[ParameterRow], groups: tuple[str, ...]) -> ParameterRow |
 
 def _relative_sigma(row: ParameterRow) -> float | None:
     """Return sigma in units of what is measured: of 1 g, of the scale factor, or in radians."""
-    if row.family == "bias":
+    if row.kind == "bias":
         if row.group != ACCELEROMETER or row.other is None:
             return None
         return row.other.sigma * {"mg": 1e-3, "µg": 1e-6}.get(row.other.unit, math.nan)
-    if row.family == "scale factor":
+    if row.kind == "scale factor":
         return row.shown.sigma / abs(row.shown.value)
     factor = {"%": 1e-2, "ppm": 1e-6, "mrad": 1e-3, "µrad": 1e-6}.get(row.shown.unit)
     return None if factor is None else factor * row.shown.sigma
@@ -99,7 +100,7 @@ def _relative_sigma(row: ParameterRow) -> float | None:
 
 def _uncertainty(row: ParameterRow) -> str:
     """Return a row's standard uncertainty, in the unit that people compare."""
-    measure = row.other if row.other is not None and row.family in ("bias", "scale factor") else row.shown
+    measure = row.other if row.other is not None and row.kind in ("bias", "scale factor") else row.shown
     return f"{with_uncertainty(math.nan, measure.sigma)} {measure.unit}"
 
 

@@ -7,7 +7,7 @@ from collections import Counter
 import numpy as np
 
 from tumble.fleet.outcome import Batch, UnitOutcome
-from tumble.fleet.unit_vector import groups_of
+from tumble.parameters import in_families, parameter_of
 from tumble.report.figures.record import AXIS_COLOURS, BLUE, Axis, Bars, Figure
 from tumble.report.page import Block, Facts, Figures, Page, Sentences, Table, section
 from tumble.report.parameters import people_s_unit
@@ -69,7 +69,7 @@ def _histograms(batch: Batch) -> list[Block]:
                 columns.setdefault(name, []).append(value)
     figures = [
         _histogram(f"group-{number}", group, [list(columns)[at] for at in places], columns, units)
-        for number, (group, places) in enumerate(groups_of(list(columns)).items())
+        for number, (group, places) in enumerate(in_families(list(columns)).items())
     ]
     if not figures:
         return []
@@ -89,8 +89,8 @@ def _histogram(
         Bars(
             middles,
             np.histogram(factor * np.array(columns[member]), edges)[0].tolist(),
-            member.rpartition(" ")[2],
-            _COLOURS.get(member.rpartition(" ")[2], BLUE),
+            parameter_of(member).axes,
+            _COLOURS.get(parameter_of(member).axes, BLUE),
             opacity=0.75,
             width=0.95 * float(edges[1] - edges[0]),
         )

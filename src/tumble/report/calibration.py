@@ -11,6 +11,7 @@ from tumble.calibration.evidence import ThermalCurves
 from tumble.calibration.magnetometer.estimate import Magnetometer
 from tumble.document.field_document import FIELD_ALONE
 from tumble.document.part import plain
+from tumble.parameters import GROUPS
 from tumble.report.advice import next_steps
 from tumble.report.evidence import RENDERERS, render_evidence
 from tumble.report.evidence.magnetometer import magnetometer_blocks
@@ -20,7 +21,7 @@ from tumble.report.figures.timeline import timeline
 from tumble.report.html import render_page
 from tumble.report.limits import limits_section
 from tumble.report.page import Block, Code, Facts, Footer, Page, Sentences, Table, Verdict, section
-from tumble.report.parameters import GROUPS, ParameterRow, plain_unit
+from tumble.report.parameters import ParameterRow, plain_unit
 from tumble.report.planned import planned, protocol
 from tumble.report.predictions import predictions
 from tumble.report.subject import Subject

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 
 from msgspec.structs import replace
 
+from tumble.parameters import GROUPS
 from tumble.report.page import Table
-from tumble.report.parameters import GROUPS, Measure, ParameterRow, parameter_rows
+from tumble.report.parameters import Measure, ParameterRow, parameter_rows
 from tumble.report.rounding import with_uncertainty
 
 if TYPE_CHECKING:
@@ -59,7 +60,7 @@ def _rows(calibration: Calibration, changes: Sequence[ParameterChange]) -> list[
 def _measure(row: ParameterRow, change: ParameterChange) -> tuple[Measure, float]:
     """The first value in the unit of data sheets, and how many of that unit a raw unit is."""
     measure = row.shown
-    if row.family in ("bias", "g-sensitivity") and row.other is not None and not math.isnan(row.other.value):
+    if row.kind in ("bias", "g-sensitivity") and row.other is not None and not math.isnan(row.other.value):
         measure = row.other
     spread = change.standard_uncertainty or abs(change.second - change.first)
     return (measure, measure.sigma / spread) if spread else (row.shown, 1.0)

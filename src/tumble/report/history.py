@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from tumble.arrays import Series, Table
-from tumble.fleet.unit_vector import groups_of
+from tumble.parameters import in_families, parameter_of
 from tumble.report.figures.record import AXIS_COLOURS, BLUE, Axis, Curve, Figure, Look, plain
 from tumble.report.page import Figures, Page, section
 from tumble.report.page import Table as PageTable
@@ -34,7 +34,7 @@ def history_page(
     """
     figures = [
         _figure(f"group-{number}", group, places, list(days), names, units, numbers)
-        for number, (group, places) in enumerate(groups_of(names).items())
+        for number, (group, places) in enumerate(in_families(names).items())
     ]
     words = "Each parameter at each calibration, with its expanded uncertainty (k = 2)."
     table = PageTable(HEADS, [_row(row) for row in rows], right=range(1, 7))
@@ -64,7 +64,7 @@ def _figure(
     for k in places:
         values: Series = numbers[0][:, k]
         expanded: Series = 2.0 * numbers[1][:, k]
-        axis = names[k].rpartition(" ")[2]
+        axis = parameter_of(names[k]).axes
         look: Look = {"colour": AXIS_COLOURS.get(axis, BLUE), "sigma": expanded, "symbol": "circle"}
         curves.append(Curve(days, plain(values, 8), axis, **look))
     unit = units[places[0]]

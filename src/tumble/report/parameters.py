@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tumble.parameters import ACCELEROMETER, FAMILIES, MAGNETOMETER, TEMPERATURE, Parameter, parameter_of
 from tumble.records import dataclass
 from tumble.report.rounding import interval, with_uncertainty
 from tumble.units import (
@@ -27,14 +28,8 @@ from tumble.units import (
 if TYPE_CHECKING:
     from tumble.document.result import Calibration, ParameterBlock, TriadBlock
 
-ACCELEROMETER, GYRO, BETWEEN, OPTIONAL = "Accelerometer", "Gyro", "Between the triads", "Optional terms"
-TEMPERATURE = "Changes with temperature"
-MAGNETOMETER = "Magnetometer"
-GROUPS = (ACCELEROMETER, GYRO, BETWEEN, OPTIONAL, TEMPERATURE, MAGNETOMETER)
-
 # Ends the unit of a magnetometer's scale factor and soft iron, raw per corrected.
 PER_TESLA = "/(T)"
-_AXES = {"x": 0, "y": 1, "z": 2}
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,24 +60,37 @@ class ParameterRow:
 
     Attributes
     ----------
-    name : as in the calibration.
-    group, family, label : "Accelerometer", "bias", "bias x": its group, what it shares with its
-        neighbours, and its name inside the group.
-    short : a name for a figure's axis.
+    parameter : what it is.
     shown, other : in the table's main unit, and in the unit that people compare data sheets in.
     drawn : what a figure draws, comparable over the family.
     own_factor : coverage factor of this parameter for 95 %, None for the calibration's.
     """
 
-    name: str
-    group: str
-    family: str
-    label: str
-    short: str
+    parameter: Parameter
     shown: Measure
     other: Measure | None
     drawn: Measure
     own_factor: float | None = None
+
+    @property
+    def name(self) -> str:
+        """As in the calibration."""
+        return self.parameter.name
+
+    @property
+    def kind(self) -> str:
+        """What it is one of, such as "bias"."""
+        return self.parameter.family.kind
+
+    @property
+    def group(self) -> str:
+        """The heading that it stands under."""
+        return self.parameter.family.group
+
+    @property
+    def label(self) -> str:
+        """Its name under that heading."""
+        return self.parameter.label
 
     def factor(self, common: float) -> float:
         """Return the coverage factor: its own, or else the one `common` to all."""
@@ -92,7 +100,7 @@ class ParameterRow:
 def parameter_rows(calibration: Calibration) -> list[ParameterRow]:
     """Return the rows in the calibration's own order, which correlations share."""
     rows: list[ParameterRow] = []
-    for _, members in groupby(calibration.parameters, key=lambda p: (_group(p.name), _family(p.name))):
+    for _, members in groupby(calibration.parameters, key=lambda p: parameter_of(p.name).family):
         rows += _family_rows(calibration, list(members))
     return rows
 
@@ -102,70 +110,16 @@ def plain_unit(unit: str) -> str:
     return "" if unit == "1" else unit.replace("^2", "²")
 
 
-def _group(name: str) -> str:
-    if name.startswith("thermal "):
-        return TEMPERATURE
-    if "magnetometer" in name:
-        return MAGNETOMETER
-    if any(term in name for term in ("quadratic", "g-sensitivity", "asymmetry", "lever arm")):
-        return OPTIONAL
-    if name.startswith("accelerometer "):
-        return ACCELEROMETER
-    if name.startswith("gyro "):
-        return GYRO
-    return BETWEEN if name.startswith("rotation between") else OPTIONAL
-
-
-def _family(name: str) -> str:
-    if name.startswith("g-sensitivity"):
-        return "g-sensitivity"
-    words = name.split()
-    if len(words[-1]) <= 2 and set(words[-1]) <= set("xyz"):
-        words = words[:-1]
-    if words[0] in ("accelerometer", "gyro") and _group(name) not in (OPTIONAL, TEMPERATURE):
-        words = words[1:]
-    return " ".join(words)
-
-
-def _label(name: str, group: str) -> str:
-    name = (
-        name.removeprefix("thermal ")
-        .removeprefix(f"{group.lower()} ")
-        .replace("rotation between the triads", "rotation")
-        .replace("rotation of the magnetometer", "rotation")
-    )
-    return (
-        name.replace("g-sensitivity of gyro", "g-sens. gyro")
-        .replace(" to force", ", force")
-        .replace("^2", "²")
-    )
-
-
-def _short(name: str) -> str:
-    for long, brief in (
-        ("accelerometer", "acc"),
-        ("g-sensitivity of gyro", "g-sens."),
-        (" to force ", "←"),
-        ("scale factor error", "scale"),
-        ("scale factor", "scale"),
-        ("non-orthogonality", "angle"),
-        ("rotation between the triads", "rotation"),
-        ("lag of the acc behind the gyro", "time lag"),
-    ):
-        name = name.replace(long, brief)
-    return name
-
-
 def _family_rows(calibration: Calibration, members: list[ParameterBlock]) -> list[ParameterRow]:
-    name, unit = members[0].name, members[0].unit
-    group, family = _group(name), _family(name)
+    family, unit = parameter_of(members[0].name).family, members[0].unit
+    kind, group = family.kind, family.group
     measures = [Measure(p.value, p.standard_uncertainty, plain_unit(p.unit)) for p in members]
-    if family == "bias":
+    if kind == "bias" and group != MAGNETOMETER:
         shown, other, drawn = _biases(calibration, group, members, measures)
-    elif family == "scale factor error" or family.endswith("asymmetry"):
+    elif kind in ("scale factor error", "asymmetry"):
         shown = _in_practical_unit(measures, _SCALES)
         other, drawn = _nothing(shown), shown
-    elif group == MAGNETOMETER and family.endswith("soft iron") and (scale := _mean_field_scale(calibration)):
+    elif kind == "soft iron" and (scale := _mean_field_scale(calibration)):
         shown = drawn = [m.times(100.0 / scale, "%") for m in measures]
         other = _nothing(shown)
     elif group == MAGNETOMETER and unit.endswith(PER_TESLA):
@@ -175,7 +129,7 @@ def _family_rows(calibration: Calibration, members: list[ParameterBlock]) -> lis
             m.times(1e-6, f"{raw}/µT") if factor is None else m.times(factor, "") for m in measures
         ]
         other = _nothing(shown)
-    elif family == "scale factor":
+    elif kind == "scale factor" and group != MAGNETOMETER:
         shown = measures
         other = _in_practical_unit([Measure(math.nan, m.sigma / abs(m.value), "") for m in shown], _SCALES)
         mean = float(np.mean([m.value for m in shown]))
@@ -186,12 +140,12 @@ def _family_rows(calibration: Calibration, members: list[ParameterBlock]) -> lis
         if group == MAGNETOMETER:
             # A heading is in degrees.
             shown, other = _in_practical_unit(measures, _DEGREES), [*shown]
-    elif family == "g-sensitivity":
+    elif kind == "g-sensitivity":
         shown = measures
         practical = _g_sensitivities(calibration, members)
         other = _nothing(shown) if practical is None else practical
         drawn = practical or shown
-    elif "quadratic" in family and not family.startswith("gyro"):
+    elif family.name == "accelerometer quadratic":
         shown = measures
         other = drawn = _quadratics(calibration, members)
     elif unit in ("s", "m") and group != TEMPERATURE:
@@ -201,7 +155,7 @@ def _family_rows(calibration: Calibration, members: list[ParameterBlock]) -> lis
         shown = drawn = measures
         other = _nothing(shown)
     return [
-        ParameterRow(p.name, group, family, _label(p.name, group), _short(p.name), s, o, d, p.coverage_factor)
+        ParameterRow(parameter_of(p.name), s, o, d, p.coverage_factor)
         for p, s, o, d in zip(members, shown, other, drawn, strict=True)
     ]
 
@@ -209,7 +163,8 @@ def _family_rows(calibration: Calibration, members: list[ParameterBlock]) -> lis
 def _mean_field_scale(calibration: Calibration) -> float:
     """The mean scale factor of the magnetometer, of which soft iron is a share; zero without one."""
     block = calibration.magnetometer
-    named = [p.value for p in block.parameters if " scale factor " in p.name] if block is not None else []
+    of_scale = {} if block is None else {p.name: p.value for p in block.parameters}
+    named = [of_scale[name] for name, _ in FAMILIES["magnetometer scale factor"].labels() if name in of_scale]
     return float(np.mean(named)) if named else 0.0
 
 
@@ -308,20 +263,21 @@ def achieved_beside(
     """
     found: list[tuple[ParameterRow, Measure, Measure]] = []
     for row, parameter in zip(parameter_rows(calibration), calibration.parameters, strict=True):
-        name = parameter.name.replace("scale factor ", "scale factor error ").replace("error error", "error")
+        name = parameter.name
+        if row.kind == "scale factor":
+            # A plan knows no counts.
+            name = FAMILIES[f"{row.parameter.family.name} error"].named(row.parameter.axes)
         if name not in predicted or not parameter.standard_uncertainty > 0.0:
             continue
         in_raw = predicted[name]
-        if row.family == "bias":
+        if row.kind == "bias":
             per_raw = _si_per_raw(calibration, force=row.group == ACCELEROMETER)
             if per_raw is None:
                 continue
-            in_raw /= float(per_raw[_axis(name)])
-        elif row.family == "scale factor":
+            in_raw /= float(per_raw[row.parameter.axis])
+        elif row.kind == "scale factor":
             in_raw *= abs(parameter.value)
-        achieved = (
-            row.other if row.family in ("bias", "scale factor") and row.other is not None else row.shown
-        )
+        achieved = row.other if row.kind in ("bias", "scale factor") and row.other is not None else row.shown
         ratio = in_raw / parameter.standard_uncertainty
         found.append(
             (
@@ -343,7 +299,9 @@ def _biases(
     off_mean = [Measure(m.value - middle, m.sigma, f"{m.unit} off their mean") for m in measures]
     if per_raw is None:
         return measures, _nothing(measures), off_mean
-    in_si = [m.times(float(per_raw[_axis(p.name)]), "") for p, m in zip(members, measures, strict=True)]
+    in_si = [
+        m.times(float(per_raw[parameter_of(p.name).axis]), "") for p, m in zip(members, measures, strict=True)
+    ]
     # More than the sensor's plausible range: the converter's own zero, no bias.
     offset = _calibration_in_counts(calibration, force=force) and max(abs(m.value) for m in in_si) > (
         0.5 * STANDARD_GRAVITY if force else 1.0
@@ -375,10 +333,6 @@ def _si_per_raw(calibration: Calibration, *, force: bool) -> np.ndarray | None:
     return 1.0 / np.linalg.norm(np.array(block.matrix, dtype=float), axis=1)
 
 
-def _axis(name: str) -> int:
-    return _AXES[name.split()[-1]]
-
-
 def _g_sensitivities(calibration: Calibration, members: list[ParameterBlock]) -> list[Measure] | None:
     """Return them in (deg/s)/g, or (deg/h)/g where they are small; None if counts mean nothing yet."""
     per_raw = _si_per_raw(calibration, force=False)
@@ -386,8 +340,7 @@ def _g_sensitivities(calibration: Calibration, members: list[ParameterBlock]) ->
         return None
     in_si: list[Measure] = []
     for p in members:
-        gyro = _AXES[p.name.removeprefix("g-sensitivity of gyro ")[0]]
-        factor = float(per_raw[gyro]) * STANDARD_GRAVITY
+        factor = float(per_raw[parameter_of(p.name).axis]) * STANDARD_GRAVITY
         in_si.append(Measure(factor * p.value, factor * p.standard_uncertainty, ""))
     return _in_practical_unit(in_si, _G_SENSITIVITIES)
 
@@ -398,6 +351,6 @@ def _quadratics(calibration: Calibration, members: list[ParameterBlock]) -> list
     assert per_raw is not None
     in_si: list[Measure] = []
     for p in members:
-        factor = STANDARD_GRAVITY**2 / float(per_raw[_axis(p.name)])
+        factor = STANDARD_GRAVITY**2 / float(per_raw[parameter_of(p.name).axis])
         in_si.append(Measure(factor * p.value, factor * p.standard_uncertainty, ""))
     return [Measure(m.value, m.sigma, f"{m.unit}/g²") for m in _in_practical_unit(in_si, _FORCES)]

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tumble.parameters import GROUPS
 from tumble.report.page import Block, Sentences, Table, section
-from tumble.report.parameters import GROUPS, achieved_beside
+from tumble.report.parameters import achieved_beside
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -16,15 +16,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tumble.arrays import Series
+from tumble.parameters import ACCELEROMETER, GYRO, TEMPERATURE
 from tumble.report.calibration import parameter_table
 from tumble.report.evidence.magnetometer import magnetometer_rows, magnetometer_sentences, magnetometer_table
 from tumble.report.evidence.turn_ons import bias_table
 from tumble.report.limits import DECISIONS, limits_verdict
 from tumble.report.page import Block, Sentences, Table, Verdict
 from tumble.report.parameters import (
-    ACCELEROMETER,
-    GYRO,
-    TEMPERATURE,
     Measure,
     ParameterRow,
     parameter_rows,
@@ -86,7 +84,7 @@ def thermal_lines(calibration: Calibration) -> list[str]:
     if calibration.thermal is None:
         return []
     rows = [row for row in parameter_rows(calibration) if row.group == TEMPERATURE]
-    beside = [row for row in rows if "lag" in row.name or "width" in row.name]
+    beside = [row for row in rows if not row.parameter.axes]
     lines = [f"{row.label[0].upper()}{row.label[1:]}: {row.shown.text}." for row in beside]
     count = len(rows) - len(beside)
     what = f"{count} coefficient{'' if count == 1 else 's'} of temperature with their uncertainties"
@@ -165,9 +163,9 @@ def brief(calibration: Calibration, *, width: int) -> list[Block]:
 def _in_lines(rows: Sequence[ParameterRow], field: Sequence[Sequence[str]], width: int) -> list[str]:
     """Return three parameters of a family in a line, in the unit that data sheets have; one where it is narrow."""
     cells: list[tuple[str, ...]] = []
-    for _, members in groupby(rows, key=lambda row: (row.group, row.family)):
+    for _, members in groupby(rows, key=lambda row: row.parameter.family):
         together = list(members)
-        if together[0].family == "g-sensitivity" and len(together) > 3:
+        if together[0].kind == "g-sensitivity" and len(together) > 3:
             cells.append((_largest_of(together),))
             continue
         cells += [_line(together[first : first + 3]) for first in range(0, len(together), 3)]
@@ -206,20 +204,19 @@ def _one_each(rows: Sequence[ParameterRow]) -> list[str]:
 _BRIEFLY = {
     "scale factor error": "scale error",
     "non-orthogonality": "non-orthog.",
-    "rotation between the triads": "triad rotation",
-    "lag of the accelerometer behind the gyro": "time lag",
+    "rotation": "triad rotation",
+    "lag": "time lag",
+    "g-sensitivity": "g-sensitivity",
 }
 
 
 def _line(rows: Sequence[ParameterRow]) -> tuple[str, ...]:
     measures = [_data_sheet_measure(row) for row in rows]
     texts = [with_uncertainty(measure.value, measure.sigma) for measure in measures]
-    ends = [row.name.rpartition(" ")[2] for row in rows]
+    ends = [row.parameter.axes for row in rows]
     before = {ACCELEROMETER: "acc. ", GYRO: "gyro "}.get(rows[0].group, "")
-    name = _BRIEFLY.get(rows[0].family, rows[0].family).replace("accelerometer", "acc.")
+    name = _BRIEFLY.get(rows[0].kind, rows[0].parameter.family.words).replace("accelerometer", "acc.")
     # Heads name the axes x, y and z; pairs of axes, as of non-orthogonalities, name themselves.
-    if not set("".join(ends)) <= set("xyz"):
-        ends = ["" for _ in ends]
     named = [
         text if end in ("", "xyz"[place]) else f"{end} {text}"
         for place, (end, text) in enumerate(zip(ends, texts, strict=True))
@@ -232,15 +229,15 @@ def _largest_of(rows: Sequence[ParameterRow]) -> str:
     shown = [(_data_sheet_measure(row), row) for row in rows]
     largest, row = max(shown, key=lambda one: abs(one[0].value))
     number = with_uncertainty(largest.value, largest.sigma)
-    of = row.name.removeprefix("g-sensitivity of ")
-    return f"{row.family}: {len(rows)} terms up to {number} {largest.unit} ({of})"
+    of = f"gyro {row.parameter.axes}"
+    return f"{row.kind}: {len(rows)} terms up to {number} {largest.unit} ({of})"
 
 
 def _data_sheet_measure(row: ParameterRow) -> Measure:
     """Return a parameter in the unit of data sheets where it has one: a bias in mg or deg/s, not in counts."""
     other = row.other
     known = other is not None and other.value == other.value
-    return other if other is not None and known and row.family in ("bias", "g-sensitivity") else row.shown
+    return other if other is not None and known and row.kind in ("bias", "g-sensitivity") else row.shown
 
 
 def print_calibration(calibration: Calibration, console: Console, *, verbose: bool = False) -> None:

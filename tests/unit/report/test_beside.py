@@ -9,34 +9,37 @@ from typing import Any
 import pytest
 
 from tumble.calibration.estimate import NamedValue
+from tumble.parameters import parameter_of
 from tumble.report.evidence.beside import beside, parameters_beside
 from tumble.report.html import render_page
 from tumble.report.page import Page
 from tumble.report.parameters import Measure, ParameterRow
 
+A, B, C, D = (f"gyro non-orthogonality {axes}" for axes in ("yz", "zx", "zy", "xy"))
+
 
 def row(name: str, value: float, sigma: float) -> ParameterRow:
     """Shown in thousandths of the parameter's unit."""
     shown = Measure(1e3 * value, 1e3 * sigma, "mrad")
-    return ParameterRow(name, "Gyro", "angle", name, name, shown, None, shown)
+    return ParameterRow(parameter_of(name), shown, None, shown)
 
 
 @pytest.fixture
 def joint() -> Any:
-    """Angle a is better known by half, b worse; the procedure has no c, and d is exact."""
+    """Angle A is better known by half, B worse; the procedure has no C, and D is exact."""
     other = SimpleNamespace(
         procedure="hand-<held>",
         parameters=[
-            NamedValue("a", 0.010, 0.002, "rad"),
-            NamedValue("b", 0.020, 0.001, "rad"),
-            NamedValue("d", 0.0, 0.0, "rad"),
+            NamedValue(A, 0.010, 0.002, "rad"),
+            NamedValue(B, 0.020, 0.001, "rad"),
+            NamedValue(D, 0.0, 0.0, "rad"),
         ],
     )
     own = [
-        NamedValue("a", 0.013, 0.001, "rad"),
-        NamedValue("b", 0.016, 0.002, "rad"),
-        NamedValue("c", 0.5, 0.1, "rad"),
-        NamedValue("d", 0.0, 0.0, "rad"),
+        NamedValue(A, 0.013, 0.001, "rad"),
+        NamedValue(B, 0.016, 0.002, "rad"),
+        NamedValue(C, 0.5, 0.1, "rad"),
+        NamedValue(D, 0.0, 0.0, "rad"),
     ]
     return SimpleNamespace(parameters=own, beside=SimpleNamespace(estimate=other, source="a paper"))
 
@@ -61,7 +64,7 @@ def test_the_table_names_what_is_far_apart_and_escapes_names(joint: Any) -> None
     table = re.sub(r">\s+<", "><", page.split("<h2>")[-1])
     assert "hand-&lt;held&gt;" in table
     assert "hand-<held>" not in table
-    assert "Farther apart are gyro b:" in table
+    assert "Farther apart are gyro non-orthogonality zx:" in table
     assert "<td>+1.5</td><td>0.50</td>" in table
     assert "<td>−4.0</td><td>2.00</td>" in table
     assert "1.00 times" in table  # the root of 0.5 times 2

@@ -91,7 +91,7 @@ def test_unasked_the_verdict_comes_first_and_each_parameter_stands_once(calibrat
     assert text.startswith("NOT FIT FOR USE\n")
     assert "Not determined: What [bold]this[/bold] cannot tell." in text
     for row in parameter_rows(calibration):
-        practical = row.other if row.family in ("bias", "g-sensitivity") else None
+        practical = row.other if row.kind in ("bias", "g-sensitivity") else None
         measure = row.shown if practical is None or math.isnan(practical.value) else practical
         said = text.count(with_uncertainty(measure.value, measure.sigma))
         assert said >= 1 or row.group == TEMPERATURE, row.name

@@ -38,6 +38,7 @@ from tumble.calibration.magnetometer.field_equations import (
 from tumble.calibration.outcome.description import rotation_of_frame
 from tumble.errors import ConvergenceError, ObservabilityError
 from tumble.estimation.balance import balance
+from tumble.parameters import FAMILIES
 from tumble.recording.rest import limits_reached
 from tumble.recording.samples import MagneticField
 from tumble.records import dataclass
@@ -465,11 +466,11 @@ def named_parameters(
     values, spread = propagate(evaluate, numbers, covariance)
     sigmas = np.sqrt(np.maximum(np.diag(spread), 0.0))
     per = f"{raw_unit}/({field_unit})"
-    labels = [(f"magnetometer bias {a}", raw_unit) for a in "xyz"]
-    labels += [(f"magnetometer scale factor {a}", per) for a in "xyz"]
-    labels += [(f"magnetometer soft iron {pair}", per) for pair in ("yz", "xz", "xy")]
+    labels = FAMILIES["magnetometer bias"].labels(raw_unit)
+    labels += FAMILIES["magnetometer scale factor"].labels(per)
+    labels += FAMILIES["magnetometer soft iron"].labels(per)
     if turned:
-        labels += [(f"rotation of the magnetometer {a}", "rad") for a in "xyz"]
+        labels += FAMILIES["rotation of the magnetometer"].labels()
     return [
         NamedValue(name, float(v), float(s), unit)
         for (name, unit), v, s in zip(labels, values, sigmas, strict=True)

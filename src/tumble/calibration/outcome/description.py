@@ -21,6 +21,7 @@ from tumble.calibration.terms import TERMS, Term
 from tumble.calibration.terms.lever_arms import WORTH_NAMING
 from tumble.calibration.terms.term import KINDS
 from tumble.earth import Site
+from tumble.parameters import ANGLES, FAMILIES, parameter_of, triad_labels
 from tumble.recording.recording import Recording
 from tumble.sensor import ImuModel, Triad, polar_rotation, propagate
 from tumble.sensor.conventions.savage import OFF_DIAGONAL, PAIRS
@@ -178,13 +179,13 @@ def _worth_naming(names: list[str], covariance: Square, values: Series) -> list[
 
 
 def _is_told(name: str, value: float, sigma: float, values: Series) -> bool:
-    promise = np.inf
-    if " bias " in name:
-        promise = _plates(values)["gyroscope" if name.startswith("gyro") else "accelerometer"]["bias"]
-    elif "scale factor" in name:
-        promise = NAME_PLATE_SHARE * (1.0 if "error" in name else abs(value))
-    elif any(word in name for word in ("orthogonality", "misalignment", "rotation")):
+    family, promise = parameter_of(name).family, np.inf
+    if family.kind == "bias":
+        promise = _plates(values)["gyroscope" if family.triad == "gyro" else "accelerometer"]["bias"]
+    elif family.kind in ("scale factor error", *ANGLES):
         promise = NAME_PLATE_SHARE
+    elif family.kind == "scale factor":
+        promise = NAME_PLATE_SHARE * abs(value)
     return bool(sigma < WORTH_NAMING * promise)
 
 
@@ -206,17 +207,17 @@ def named_function(
     curves = _kept(terms, "curve")
     others = [(LAYOUT[t.block.name], t.parameters) for t in _kept(terms, "parameters") if t.parameters]
     shin, savage = frame == "accelerometer-x", frame == "mean-gyro"
-    labels = _labels("accelerometer", units[0], factors[0], "m/s²", SHIN if shin else LEANS)
+    labels = triad_labels("accelerometer", units[0], *(SHIN if shin else LEANS), si=factors[0] is not None)
     if "quadratic" in terms:
-        labels += [(f"accelerometer quadratic {axis}", f"1/({units[0]})") for axis in "xyz"]
+        labels += FAMILIES["accelerometer quadratic"].labels(units[0])
     if gyro != "none":
-        own = _labels("gyro", units[1], factors[1], "rad/s", SHIN if shin else SYMMETRIC if savage else LEANS)
+        angles = SHIN if shin else SYMMETRIC if savage else LEANS
+        own = triad_labels("gyro", units[1], *angles, si=factors[1] is not None)
         labels += own if gyro == "full" else own[:3]
     if gyro == "full" and shin:
-        labels += [(f"rotation between the triads {axis}", "rad") for axis in "xyz"]
+        labels += FAMILIES["rotation between the triads"].labels()
     if "g_sensitivity" in terms:
-        pairs = [(a, b) for a in "xyz" for b in "xyz"]
-        labels += [(f"g-sensitivity of gyro {a} to force {b}", f"{units[1]}/(m/s²)") for a, b in pairs]
+        labels += FAMILIES["gyro g-sensitivity"].labels(units[1])
     labels += [label for term in curves for label in term.curve_labels(units)]
     labels += [label for _, parameters in others for label in parameters.labels(frame)]
     split = _shin_values if shin else _savage_values if savage else _fixture_values
@@ -237,21 +238,9 @@ def named_function(
 
 
 # Angles of a triad: of its own axes one by one, of a symmetric matrix by pairs of axes, or where each axis leans.
-SHIN = tuple(f"non-orthogonality {angle}" for angle in ("yz", "zx", "zy"))
-SYMMETRIC = tuple(f"non-orthogonality {'xyz'[i]}{'xyz'[j]}" for i, j in PAIRS)
-LEANS = tuple(f"misalignment {'xyz'[i]}{'xyz'[j]}" for i, j in OFF_DIAGONAL)
-
-
-def _labels(
-    short: str, unit: str, factor: float | None, si: str, angles: tuple[str, ...]
-) -> list[tuple[str, str]]:
-    """Names and units of a triad."""
-    kind = "scale factor error" if factor else "scale factor"
-    return [
-        *((f"{short} bias {axis}", unit) for axis in "xyz"),
-        *((f"{short} {kind} {axis}", "1" if factor else f"{unit}/({si})") for axis in "xyz"),
-        *((f"{short} {angle}", "rad") for angle in angles),
-    ]
+SHIN = ("non-orthogonality", ("yz", "zx", "zy"))
+SYMMETRIC = ("non-orthogonality", tuple("xyz"[i] + "xyz"[j] for i, j in PAIRS))
+LEANS = ("misalignment", tuple("xyz"[i] + "xyz"[j] for i, j in OFF_DIAGONAL))
 
 
 def _scaled(scale: Complex, factor: float | None) -> Complex:
@@ -260,7 +249,7 @@ def _scaled(scale: Complex, factor: float | None) -> Complex:
 
 
 def _shin_values(matrix: Complex, factor: float | None, kind: str) -> list[Complex]:
-    """Of `_labels`, and of gyros the rotation between the triads."""
+    """Of `triad_labels`, and of gyros the rotation between the triads."""
     own = lower_factor(matrix)
     scale, angles = shin_from_matrix(own)
     turned = [analytic_rotation_vector(inverse(own) @ matrix)] if kind == "gyroscope" else []
@@ -268,7 +257,7 @@ def _shin_values(matrix: Complex, factor: float | None, kind: str) -> list[Compl
 
 
 def _savage_values(matrix: Complex, factor: float | None, kind: str) -> list[Complex]:
-    """Of `_labels` as Savage (2018, (6) to (11)) has them, to first order of his small angles."""
+    """Of `triad_labels` as Savage (2018, (6) to (11)) has them, to first order of his small angles."""
     scale = np.diag(matrix)
     # Of counts each sensor's angle is against its own scale factor.
     angle = matrix * factor if factor else (matrix.T / scale).T
@@ -280,7 +269,7 @@ def _savage_values(matrix: Complex, factor: float | None, kind: str) -> list[Com
 
 
 def _fixture_values(matrix: Complex, factor: float | None, kind: str) -> list[Complex]:
-    """Of `_labels`, by each axis's length and where it leans."""
+    """Of `triad_labels`, by each axis's length and where it leans."""
     length = np.sign(np.real(np.diag(matrix))) * np.sqrt(np.sum(matrix * matrix, axis=1))
     leans = [np.arcsin(matrix[i, j] / length[i]) for i, j in OFF_DIAGONAL]
     return [_scaled(length, factor), np.array(leans)]

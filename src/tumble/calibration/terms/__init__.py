@@ -17,9 +17,10 @@ from tumble.arrays import AnyArray, Table, Vectors
 from tumble.calibration.terms import lever_arms
 from tumble.calibration.terms.term import KINDS, PAIRS_OF_AXES, Parameters, Term
 from tumble.estimation.unknowns import Block
+from tumble.parameters import FAMILIES, LAG
 from tumble.sensor.triad import CURVES
 
-LAG_NAME = "lag of the accelerometer behind the gyro"
+LAG_NAME = LAG.name
 # One and several of each curve's terms.
 _CURVES = {"asymmetry": ("asymmetry", "asymmetries"), "quadratic": ("quadratic term", "quadratic terms")}
 
@@ -88,7 +89,7 @@ _TERMS = (
         "`tumble apply` takes it out",
         Block(
             "gyro.g_sensitivity",
-            tuple(f"g-sensitivity of gyro {a} to force {b}" for a, b in PAIRS_OF_AXES),
+            tuple(name for name, _ in FAMILIES["gyro g-sensitivity"].labels()),
             tuple(f"long holds with {b} up and with {b} down" for _, b in PAIRS_OF_AXES),
         ),
         lambda raw: np.repeat(1e-3 * raw, 3),
@@ -110,7 +111,7 @@ _TERMS = (
         "accelerometer",
         "table",
         gives_way=3,
-        parameters=Parameters(lambda _: [(LAG_NAME, "s")], lambda lag, _C_bf, _frame: lag, remark=_remark),
+        parameters=Parameters(lambda _: LAG.labels(), lambda lag, _C_bf, _frame: lag, remark=_remark),
     ),
     lever_arms.TERM,
     _curve("gyroscope", "quadratic", "table", 5, 1e-3, _AT_RATES, _WITH_RATES),

@@ -23,6 +23,7 @@ from tumble.attitude.rotations import skews
 from tumble.calibration.terms.term import PAIRS_OF_AXES, Complex, Label, Parameters, Term
 from tumble.errors import UsageError
 from tumble.estimation.unknowns import Block, Unknowns
+from tumble.parameters import FAMILIES, parameter_of
 from tumble.sensor import ImuModel
 
 PAIRS = ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))
@@ -33,7 +34,7 @@ APART = 0.03  # m
 WORTH_NAMING = 0.45
 # Two lever arms whose sum or difference is so much better known than they are by themselves are named by these.
 TOGETHER = 0.5
-ARM, ARMS = "accelerometer lever arm", "accelerometer lever arms"
+_ARM, _ARMS = FAMILIES["accelerometer lever arm"], FAMILIES["accelerometer lever arms"]
 # Across a longer gap between samples an angular acceleration says nothing.
 LONGEST_STEP = 0.1  # s
 
@@ -153,10 +154,8 @@ def lever_arms_of(arms: Series, terms: frozenset[str], C_bf: Matrix) -> Matrix |
 def _labels(frame: str) -> list[Label]:
     """In turned axes there are nine, and none that are told together."""
     if frame != "accelerometer-x":
-        return [(f"{ARM} {a}{b}", "m") for a, b in PAIRS_OF_AXES]
-    pairs = [("xyz"[i] + "xyz"[j], "xyz"[j] + "xyz"[i]) for i, j in PAIRS if i < j]
-    both = [(f"{ARMS} {one}{sign}{other}", "m") for one, other in pairs for sign in "+-"]
-    return [*((f"{ARM} {'xyz'[i]}{'xyz'[j]}", "m") for i, j in PAIRS), *both]
+        return _ARM.labels()
+    return [*_ARM.labels(axes=tuple("xyz"[i] + "xyz"[j] for i, j in PAIRS)), *_ARMS.labels()]
 
 
 def _values(own: Complex, C_bf: Complex, frame: str) -> Complex:
@@ -170,13 +169,13 @@ def _values(own: Complex, C_bf: Complex, frame: str) -> Complex:
 def _told(labels: list[Label], sigmas: Series) -> np.ndarray:
     """Each pair of lever arms, or else its sum or difference."""
     keep = np.ones(len(labels), dtype=bool)
-    at = {name: k for k, (name, _) in enumerate(labels) if name.startswith(ARM)}
-    for name, k in at.items():
+    parameters = [parameter_of(name) for name, _ in labels]
+    at = {one.axes: k for k, one in enumerate(parameters) if one.family in (_ARM, _ARMS)}
+    for axes, k in at.items():
         keep[k] = sigmas[k] < WORTH_NAMING * APART
-        if name.startswith(ARMS):
-            pair = name.removeprefix(f"{ARMS} ")
-            single = [at[f"{ARM} {pair[:2]}"], at[f"{ARM} {pair[3:]}"]]
-            both = [at[f"{ARMS} {pair[:2]}{sign}{pair[3:]}"] for sign in "+-"]
+        if axes in _ARMS.axes:
+            single = [at[axes[:2]], at[axes[3:]]]
+            both = [at[f"{axes[:2]}{sign}{axes[3:]}"] for sign in "+-"]
             as_sum = np.min(sigmas[both]) < TOGETHER * np.max(sigmas[single])
             keep[k] &= as_sum
             keep[single] &= not as_sum
@@ -184,7 +183,10 @@ def _told(labels: list[Label], sigmas: Series) -> np.ndarray:
 
 
 def _remark(named: dict[str, tuple[float, float]]) -> str:
-    largest = max((abs(value) for name, (value, _) in named.items() if name.startswith(ARM)), default=0.0)
+    largest = max(
+        (abs(value) for name, (value, _) in named.items() if parameter_of(name).family.kind == "lever arm"),
+        default=0.0,
+    )
     return (
         f"The accelerometers sit at different places of the unit, up to {1e3 * largest:.2g} mm "
         "apart by the rotations. Lever arm ij is the place of accelerometer i along j, counted "

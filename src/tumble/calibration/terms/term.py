@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from tumble.arrays import Series, Vector
 from tumble.estimation.unknowns import Block
+from tumble.parameters import FAMILIES
 from tumble.records import dataclass
 from tumble.sensor.triad import CURVES, Curve
 
@@ -87,9 +88,7 @@ class Term:
         ----------
         units : raw units of specific force and angular rate.
         """
-        _, called = KINDS[self.of]
-        raw = f"1/({units[self.of == 'gyroscope']})" if CURVES[self.curve].power else "1"
-        return [(f"{called} {self.curve} {axis}", raw) for axis in "xyz"]
+        return FAMILIES[f"{KINDS[self.of][1]} {self.curve}"].labels(units[self.of == "gyroscope"])
 
 
 def curves_of(terms: dict[str, Term], kind: str) -> list[tuple[str, Curve]]:

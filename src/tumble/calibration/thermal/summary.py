@@ -22,6 +22,7 @@ from tumble.calibration.thermal.conditions import ThermalTerms
 from tumble.calibration.thermal.fit import LOOP_KELVINS, PULL_FACTOR, RATE_SECONDS, name_of
 from tumble.calibration.thermal.model import ThermalOutcome, bias_curve
 from tumble.calibration.thermal.wander import wander_variance
+from tumble.parameters import thermal_family
 from tumble.units import angular_rate_factor, specific_force_factor
 
 CURVE = 41
@@ -181,11 +182,11 @@ def thermal_parameters(found: ThermalOutcome) -> list[NamedValue]:
             words, unit = _words(name, found)
             named.append(NamedValue(words, float(value), float(sigma), unit))
     for name, words, value, unit in (
-        ("lag", "thermal lag of the sensors behind the thermometer", model.lag, "s"),
-        ("width", "thermal width of the hysteresis", model.hysteresis_width, "K"),
+        ("lag", "lag of the sensors behind the thermometer", model.lag, "s"),
+        ("width", "width of the hysteresis", model.hysteresis_width, "K"),
     ):
         if np.isfinite(sigma := found.sigma_of(name)):
-            named.append(NamedValue(words, value, sigma, unit))
+            named.append(NamedValue(thermal_family("", words).named(""), value, sigma, unit))
     return named
 
 
@@ -197,17 +198,15 @@ def _words(name: str, found: ThermalOutcome) -> tuple[str, str]:
     triad, raw, true = "accelerometer", found.recording.specific_force_unit, "m/s^2"
     if not head.startswith(triad):
         triad, raw, true = "gyro", found.recording.angular_rate_unit, "rad/s"
-    if what == "rate":
-        return f"thermal {triad} bias by rate {'xyz'[first]}", f"{raw}/(K/s)"
-    if what == "hysteresis":
-        return f"thermal {triad} bias hysteresis {'xyz'[first]}", raw
-    basis = found.fit.terms.basis
-    label, per = basis.labels[first], basis.units[first]
-    words = f"{'by' if per else 'at'} {label} {''.join('xyz'[axis] for axis in axes)}"
-    divided = f"/{per}" if per else ""
-    if of.endswith("matrix"):
-        return f"thermal {triad} matrix {words}", f"{raw}/({true}){divided}"
-    return f"thermal {triad} bias {words}", f"{raw}{divided}"
+    if what in ("rate", "hysteresis"):
+        words, unit = ("bias by rate", f"{raw}/(K/s)") if what == "rate" else ("bias hysteresis", raw)
+        axes = [first]
+    else:
+        basis = found.fit.terms.basis
+        label, per = basis.labels[first], basis.units[first]
+        kind, size = ("matrix", f"{raw}/({true})") if of.endswith("matrix") else ("bias", raw)
+        words, unit = f"{kind} {'by' if per else 'at'} {label}", f"{size}/{per}" if per else size
+    return thermal_family(triad, words).named("".join("xyz"[axis] for axis in axes)), unit
 
 
 def not_determined_words(found: ThermalOutcome) -> list[str]:

@@ -37,6 +37,7 @@ from tumble.calibration.turn_ons.adjustment import (
 )
 from tumble.calibration.verdict import WORST_FORCE_BIAS_SIGMA, two_digits
 from tumble.earth import Site
+from tumble.parameters import FAMILIES, parameter_of
 from tumble.recording.recording import Recording
 from tumble.records import dataclass
 from tumble.sensor.propagation import jacobian
@@ -74,7 +75,7 @@ class _Named:
 
     @property
     def stable_rows(self) -> list[int]:
-        return [i for i, (name, _) in enumerate(self.labels) if " bias " not in name]
+        return [i for i, (name, _) in enumerate(self.labels) if parameter_of(name).family.kind != "bias"]
 
 
 def several_estimate(outcome: SeveralOutcome, alone: Sequence[Estimate], site: Site) -> SeveralEstimate:
@@ -186,7 +187,7 @@ def _biases(unit: UnitAdjustment, units: dict[str, str]) -> dict[int, BiasScatte
         for axis, unknown in zip("xyz", LAYOUT.indices(block).tolist(), strict=True):
             at, seen, places = _own(unit, unknown)
             if len(at) >= 2:
-                name = f"{kind} bias {axis}"
+                name = FAMILIES[f"{kind} bias"].named(axis)
                 spread = unit.settled.unit_weight * unit.settled.cofactor[np.ix_(places, places)]
                 made[unknown] = bias_scatter(
                     name, units[name], seen, spread, recordings=len(unit.parts), at=at
@@ -310,7 +311,7 @@ def turn_on_sentences(told: TurnOns) -> list[str]:
     )
     said = [first]
     for kind in ("accelerometer", "gyro"):
-        biases = [b for b in told.biases if b.parameter.startswith(kind)]
+        biases = [b for b in told.biases if parameter_of(b.parameter).family.triad == kind]
         if biases:
             said.append(_of_biases(kind, biases))
     if told.biases:
@@ -343,7 +344,11 @@ def turn_on_cautions(told: TurnOns) -> list[str]:
     if len(plain) > MOST_NAMED:
         said.append(f"{len(plain) - MOST_NAMED} more parameters differ between the recordings beyond chance.")
     for bias in told.biases:
-        factor = specific_force_factor(bias.unit) if bias.parameter.startswith("acc") else None
+        factor = (
+            specific_force_factor(bias.unit)
+            if parameter_of(bias.parameter).family.triad == "accelerometer"
+            else None
+        )
         if factor is not None and factor * bias.next_sigma > WORST_FORCE_BIAS_SIGMA:
             said.append(
                 f"The bias of accelerometer {bias.parameter[-1]} moves by {amount(bias.scatter, bias.unit)} from "

@@ -69,7 +69,7 @@ def _drawn(told: Budget, rows: list[ParameterRow]) -> Figure:
         marks.append(
             Bars(
                 plain(share, 4),
-                [row.short for row in rows],
+                [row.parameter.short for row in rows],
                 name,
                 PALETTE[at % len(PALETTE)],
                 opacity=1.0 if at < len(PALETTE) else 0.55,

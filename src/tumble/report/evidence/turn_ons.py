@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from tumble.parameters import OPTIONAL, parameter_of
 from tumble.report.figures.record import AXIS_COLOURS, GREY, Axis, Figure, Mark, Points, Spans, plain
 from tumble.report.page import Block, Figures, Sentences, Table, section
-from tumble.report.parameters import OPTIONAL, Measure, ParameterRow, parameter_rows
+from tumble.report.parameters import Measure, ParameterRow, parameter_rows
 from tumble.report.rounding import fixed, with_uncertainty
 
 if TYPE_CHECKING:
@@ -107,7 +108,7 @@ def _bias_cells(bias: BiasBlock, row: ParameterRow) -> list[str]:
     scatter = with_uncertainty(factor * bias.scatter, factor * bias.scatter_standard_uncertainty)
     following = with_uncertainty(factor * bias.mean, factor * bias.next_standard_uncertainty)
     return [
-        f"{row.group.lower()} {bias.parameter[-1]} / {unit}",
+        f"{row.group.lower()} {parameter_of(bias.parameter).axes} / {unit}",
         following,
         scatter,
         f"{factor * bias.expected_scatter:.2g}",
@@ -148,7 +149,7 @@ def _drawn(told: TurnOnsBlock, biases: list[BiasBlock], rows: dict[str, Paramete
         at = [k for k, value in enumerate(bias.values) if value is not None]
         values = [factor * ((bias.values[k] or 0.0) - bias.mean) for k in at]
         sigmas = [1.96 * factor * (bias.standard_uncertainties[k] or 0.0) for k in at]
-        axis = bias.parameter[-1]
+        axis = parameter_of(bias.parameter).axes
         widest = max(widest, bias.coverage_factor * factor * bias.next_standard_uncertainty)
         marks.append(
             Points(

@@ -8,9 +8,10 @@ from itertools import groupby
 import numpy as np
 
 from tumble.arrays import Table
+from tumble.parameters import ACCELEROMETER, GYRO, OPTIONAL
 from tumble.report.figures.record import GREY, Axis, Figure, Map, Points, Spans, plain
 from tumble.report.page import Block, Figures, Sentences, section
-from tumble.report.parameters import ACCELEROMETER, GYRO, OPTIONAL, ParameterRow
+from tumble.report.parameters import ParameterRow
 from tumble.report.rounding import fixed
 
 # Parameters that move together by more than this are worth a sentence.
@@ -33,7 +34,7 @@ def intervals(rows: list[ParameterRow], factor: float) -> list[Block]:
     rows : parameters for readers.
     factor : coverage factor of those that have none of their own.
     """
-    families = [list(members) for _, members in groupby(rows, key=lambda row: (row.group, row.family))]
+    families = [list(members) for _, members in groupby(rows, key=lambda row: row.parameter.family)]
     figures = [_intervals(f"interval-{n}", members, factor) for n, members in enumerate(families)]
     return section("Parameters with 95 % intervals", Figures(figures, _INTERVALS))
 
@@ -59,22 +60,17 @@ def _intervals(name: str, rows: list[ParameterRow], factor: float) -> Figure:
 
 
 def _title(row: ParameterRow) -> str:
-    if row.family == "scale factor":
-        return f"{row.group.lower()} scale"
+    family = row.parameter.family
+    if row.kind == "scale factor":
+        return f"{family.triad} scale"
     if row.group in (ACCELEROMETER, GYRO):
-        return f"{row.group.lower()} {row.family}".replace("accelerometer non", "acc. non")
-    return (
-        row.short
-        if row.group == OPTIONAL and row.family != "g-sensitivity"
-        else row.family.split(" between")[0]
-    )
+        return family.name.replace("accelerometer non", "acc. non")
+    return row.parameter.short if row.group == OPTIONAL and row.kind != "g-sensitivity" else row.kind
 
 
 def _axis_label(row: ParameterRow) -> str:
-    if row.family == "g-sensitivity":
-        return row.short.removeprefix("g-sens. ")
-    last = row.label.split()[-1]
-    return last if last in ("x", "y", "z", "yz", "zx", "zy") else ""
+    axes = row.parameter.axes
+    return axes.replace(" to force ", "←") if "force" in axes or axes in (*"xyz", "yz", "zx", "zy") else ""
 
 
 def _in_brackets(unit: str) -> str:
@@ -89,7 +85,7 @@ def correlations(rows: list[ParameterRow], matrix: Table) -> list[Block]:
     rows : parameters for readers.
     matrix : (parameters, parameters) in the rows' order.
     """
-    names = [row.short for row in rows]
+    names = [row.parameter.short for row in rows]
     size = len(names)
     rounded = np.round(matrix, 2) + 0.0
     shown = Map(

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tumble.errors import ConvergenceError, ObservabilityError, UsageError
+from tumble.parameters import parameter_of
 from tumble.recording import MagneticField, Recording, Remark, read_recordings
 from tumble.recording.formats.frames import Frame
 from tumble.recording.reading import Paths, recording_inputs
@@ -245,7 +246,7 @@ def _force_difference(session: Session, *holds: np.ndarray) -> str:
     others = {parameter.name: parameter for parameter in other.parameters}
     for own in one.parameters:
         its = others.get(own.name)
-        if its is None or not own.name.startswith("accelerometer"):
+        if its is None or parameter_of(own.name).family.triad != "accelerometer":
             continue
         sigma = np.hypot(own.standard_uncertainty, its.standard_uncertainty)
         if abs(own.value - its.value) > LARGEST_DIFFERENCE * sigma:

@@ -255,6 +255,7 @@ def _true_parameters(truth: Truth, recording: Recording, frame: str) -> list[dic
     from tumble.calibration.equations.imu_unknowns import LAYOUT, unknowns_of
     from tumble.calibration.outcome.description import named_function
     from tumble.calibration.terms import TERMS
+    from tumble.parameters import parameter_of
 
     assert truth.model is not None
     own = _in_gauge(truth.model, "accelerometer-x")
@@ -279,7 +280,7 @@ def _true_parameters(truth: Truth, recording: Recording, frame: str) -> list[dic
     session[LAYOUT["gyro.bias"]] += truth.mean_wander[1]
     return [
         {"name": name, "value": float(value), "unit": unit}
-        | ({"session_value": float(moved)} if " bias " in name else {})
+        | ({"session_value": float(moved)} if parameter_of(name).family.kind == "bias" else {})
         for (name, unit), value, moved in zip(labels, named(unknowns), named(session), strict=True)
     ]
 
