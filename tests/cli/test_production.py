@@ -40,7 +40,7 @@ def test_a_unit_goes_into_the_registry_and_gets_a_certificate(
     assert "--most -3: give one or more" in tumble("registry", "list", "--most", -3).err
     again = tumble("registry", "add", made)
     assert "was there" in again.out
-    assert "gyro bias z" in tumble("registry", "history", "A-1", "-o", tmp_path / "a.html").out
+    assert "Gyro" in tumble("registry", "history", "A-1", "-o", tmp_path / "a.html").out
     assert (tmp_path / "a.html").stat().st_size > 1_000_000
     shown = json.loads(tumble("registry", "show", entry["identity"], "--json").out)
     assert shown["document"] == json.loads((made / "calibration.json").read_text(encoding="utf-8"))

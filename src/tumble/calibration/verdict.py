@@ -12,7 +12,8 @@ import numpy as np
 from tumble.arrays import Series
 from tumble.calibration.estimate import Estimate, NamedValue
 from tumble.calibration.procedure import PROCEDURES
-from tumble.parameters import parameter_of
+from tumble.parameters.family import parameter_of
+from tumble.parameters.measures import amount
 from tumble.recording.recording import Recording
 from tumble.records import dataclass
 from tumble.sensor import Triad
@@ -298,15 +299,15 @@ def _relative_sigma(parameter: NamedValue) -> tuple[float, float, str] | None:
     """Return (sigma, limit, sigma in words) of the parameters that a limit exists for."""
     sigma, family = parameter.standard_uncertainty, parameter_of(parameter.name).family
     if family.kind == "scale factor error":
-        return sigma, WORST_SCALE_SIGMA, f"{100 * sigma:.2g} %"
+        return sigma, WORST_SCALE_SIGMA, amount(sigma, "1")
     if family.kind == "scale factor":
         share = sigma / abs(parameter.value) if parameter.value else float("inf")
-        return share, WORST_SCALE_SIGMA, f"{100 * share:.2g} %"
+        return share, WORST_SCALE_SIGMA, amount(share, "1")
     if parameter.unit == "rad":
-        return sigma, WORST_ANGLE_SIGMA, f"{1e3 * sigma:.2g} mrad"
+        return sigma, WORST_ANGLE_SIGMA, amount(sigma, "rad")
     factor = specific_force_factor(parameter.unit) if family.name == "accelerometer bias" else None
     if factor is not None:
-        return sigma * factor, WORST_FORCE_BIAS_SIGMA, f"{sigma * factor:.2g} m/s²"
+        return sigma * factor, WORST_FORCE_BIAS_SIGMA, amount(sigma, parameter.unit)
     return None
 
 

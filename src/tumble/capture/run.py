@@ -418,17 +418,23 @@ def _channel_facts(channels: Channels, order: CaptureOrder) -> dict[str, object]
 
 
 def _outcome(run: CalibrationRun, capture: Capture) -> Event:
-    """What calibrate made of the file, beside what was said while it grew."""
+    """What calibrate made of the file, beside what was said while it grew, in the units that people say."""
+    from tumble.report.parameters import achieved_beside, parameter_rows
+
     verdict, quality = run.calibration.verdict, run.calibration.quality
-    stated = {p.name: p.standard_uncertainty for p in run.calibration.parameters}
+    foreseen = {name: sigma for name, sigma in capture.progress.sigmas.items() if sigma is not None}
+    beside = achieved_beside(run.calibration, foreseen)
+    stated = {row.name: row.said for row in parameter_rows(run.calibration)}
+    stated |= {row.name: one for row, _, one in beside}
     words = f"{'Fit' if verdict.fit else 'Not fit'} for use: {quality.holds} holds."
     facts = {
         "fit": verdict.fit,
         "procedure": run.calibration.procedure,
         "holds": quality.holds,
         "holds_live": len(capture.search.holds),
-        "predicted": capture.progress.sigmas,
-        "stated": stated,
+        "predicted": {row.name: predicted.sigma for row, predicted, _ in beside},
+        "stated": {name: one.sigma for name, one in stated.items()},
+        "units": {name: one.unit for name, one in stated.items()},
     }
     return Event("calibrated", capture.time, words, facts)
 

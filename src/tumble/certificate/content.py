@@ -13,17 +13,14 @@ from typing import Any
 
 from tumble.certificate.languages import DECIMAL_COMMA, LANGUAGES, parameter_words, phrases
 from tumble.certificate.profile import Profile
-from tumble.document.result import Calibration, ParameterBlock
+from tumble.document.result import Calibration
 from tumble.errors import UsageError
-from tumble.parameters import parameter_of
+from tumble.parameters.family import parameter_of
+from tumble.parameters.measures import decimals_of, fixed, said_unit
 from tumble.records import dataclass
-from tumble.report.parameters import plain_unit
-from tumble.report.rounding import decimals_of, fixed
-from tumble.units import magnetic_field_factor
+from tumble.report.parameters import rows_of
 
 PROBABILITY = 0.95
-# Of raw units and SI, what people compare data sheets in.
-_PRACTICAL = {"1": ("%", 100.0), "rad": ("mrad", 1e3), "s": ("ms", 1e3)}
 # Notes of the calibration whose names the certificate has in its languages.
 _NOTED = ("operator", "instrument", "remarks")
 _MOST_NAMED = 6
@@ -162,38 +159,19 @@ def _facts(
     return [(name, value) for name, value in parts if value]
 
 
-def _practical(unit: str) -> tuple[str, float]:
-    """What a parameter's unit is shown as, and the factor to it."""
-    if unit.endswith("/(T)"):
-        raw = unit.removesuffix("/(T)")
-        factor = magnetic_field_factor(raw)
-        return (f"{raw}/µT", 1e-6) if factor is None else ("1", factor)
-    return _PRACTICAL.get(
-        unit, (plain_unit(unit).replace("uT", "µT").replace("(local field)", "local field"), 1.0)
-    )
-
-
-def _shown_numbers(parameter: ParameterBlock, factor: float) -> tuple[float, float, float, str, int]:
-    """Return value, expanded uncertainty, factor, unit and decimals as a certificate shows a parameter."""
-    k = parameter.coverage_factor or factor
-    unit, times = _practical(parameter.unit)
-    value, expanded = times * parameter.value, times * k * parameter.standard_uncertainty
-    decimals = decimals_of(expanded) if expanded > 0.0 and math.isfinite(expanded) else 6
-    return value, expanded, k, unit, max(decimals, 0)
-
-
 def _results(calibration: Calibration, language: str, *, comma: bool) -> list[tuple[str, list[list[str]]]]:
     groups: dict[str, list[list[str]]] = {name: [] for name in _GROUPS}
-    for parameter in calibration.every_parameter:
-        known = parameter_of(parameter.name)
-        value, expanded, k, unit, decimals = _shown_numbers(parameter, calibration.quality.coverage_factor)
-        groups[known.family.triad or "other"].append(
+    for row in rows_of(calibration.every_parameter, calibration):
+        k, one = row.factor(calibration.quality.coverage_factor), row.said
+        expanded = k * one.sigma
+        decimals = max(decimals_of(expanded), 0) if math.isfinite(expanded) and expanded > 0.0 else 6
+        groups[row.parameter.family.triad or "other"].append(
             [
-                parameter_words(known.within_triad, language),
-                _number(value, decimals, comma=comma),
+                parameter_words(row.parameter.within_triad, language),
+                _number(one.value, decimals, comma=comma),
                 _number(expanded, decimals, comma=comma) if expanded > 0.0 else "–",
                 _number(k, 2, comma=comma),
-                unit,
+                one.unit or "1",
             ]
         )
     return [(phrases(language)[name], rows) for name, rows in groups.items() if rows]
@@ -211,7 +189,9 @@ def _conformity(
         name = parameter_words(known.within_triad, language)
         if known.family.triad:
             name = f"{words[known.family.triad]}: {name}"
-        unit, times = _practical(one.unit)
+        times, unit = said_unit(
+            one.unit, [abs(end) for end in (one.value, one.lower, one.upper) if end is not None]
+        )
         ends = ["" if end is None else f"{times * end:.6g}" for end in (one.lower, one.upper)]
         text = f"{ends[0]} … {ends[1]} {unit}".replace("-", "−") if any(ends) else "–"
         rows.append([name, text.replace(".", ",") if comma else text, words[one.decision]])

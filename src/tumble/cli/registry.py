@@ -191,9 +191,10 @@ def history_command(
         say_json({"unit": unit, "dates": days, "parameters": rows, "signals": signals}, indent=1)
         return
     say(f"{unit}: {', '.join(days)}")
-    console().print(
-        table(("parameter", "newest", "change", "a year"), [_history_row(row) for row in rows], fold=True)
-    )
+    from tumble.report.history import history_table
+    from tumble.report.terminal import print_blocks
+
+    print_blocks([history_table(rows)], console())
     _say_signals(found, rows)
     say_written([output] if output else [])
 
@@ -248,37 +249,19 @@ def fleet_command(
     if as_json:
         say_json({"units": between.count, "document": document}, indent=1)
         return
-    from tumble.parameters import parameter_of
-    from tumble.report.parameters import parameter_rows
+    from tumble.report.parameters import headed_table, parameter_rows
+    from tumble.report.terminal import print_blocks
 
-    measures = [
-        (row.name, row.other if row.kind == "bias" and row.other is not None else row.shown)
-        for row in parameter_rows(document)
-    ]
-    rows = [
-        [name, f"{one.value:.4g}", f"{one.sigma:.2g}", one.unit] for name, one in measures if one.sigma > 0.0
-    ]
-    title = f"{between.count} units: the mean, and the standard deviation of a next unit"
-    console().print(table(("parameter", "mean", "spread", "unit"), rows, right=(1, 2), title=title))
-    if any(parameter_of(name).family.kind == "misalignment" for name, _ in measures):
+    shown = [row for row in parameter_rows(document) if row.said.sigma > 0.0]
+    say(f"{between.count} units: the mean, and the standard deviation of a next unit")
+    lines = [(row.name, (row.said.number, row.said.unit)) for row in shown]
+    print_blocks([headed_table(("parameter", "mean ± spread", "unit"), lines)], console())
+    if any(row.kind == "misalignment" for row in shown):
         console().print(
             "Misalignments are against the accelerometers' axes: theirs are their non-orthogonalities, the "
             "gyros' hold the rotation between the triads, too."
         )
     say_written([output] if output else [])
-
-
-def _history_row(row: dict[str, Any]) -> list[str]:
-    from tumble.report.rounding import with_uncertainty
-
-    unit = "" if row["unit"] == "1" else f" {row['unit']}"
-    rate, sigma = row["rate_a_year"], row["rate_standard_uncertainty"]
-    return [
-        row["name"],
-        with_uncertainty(row["last"], row["standard_uncertainty"]) + unit,
-        with_uncertainty(row["change"], row["change_standard_uncertainty"]) + unit,
-        "–" if rate is None or not sigma else with_uncertainty(rate, sigma) + unit,
-    ]
 
 
 COMMANDS = {

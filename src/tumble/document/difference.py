@@ -16,7 +16,7 @@ from tumble.document.in_common import along_clock, common_clock, common_norm, sc
 from tumble.document.magnetometer_block import MagnetometerBlock
 from tumble.document.result import Calibration, ParameterBlock
 from tumble.errors import UsageError
-from tumble.parameters import ACCELEROMETER, BETWEEN, GYRO, Family, family_of, parameter_of
+from tumble.parameters.family import ACCELEROMETER, BETWEEN, GYRO, Family, family_of, parameter_of
 from tumble.records import dataclass
 from tumble.sensor import FRAMES, ImuModel
 from tumble.sensor.gauge import inverse

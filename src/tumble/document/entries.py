@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from tumble.arrays import Series, Square, Table
 from tumble.document.result import Calibration, ParameterBlock, RawUnits
-from tumble.parameters import triad_labels
+from tumble.parameters.family import triad_labels
 from tumble.sensor import ImuModel, Triad, propagate
 from tumble.sensor.triad import CURVES
 from tumble.units import angular_rate_factor, specific_force_factor

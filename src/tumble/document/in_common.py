@@ -14,7 +14,7 @@ from tumble.arrays import Series, Table
 from tumble.document.entries import PLACES
 from tumble.document.magnetometer_block import FieldBlock
 from tumble.document.result import Calibration, ParameterBlock
-from tumble.parameters import parameter_of
+from tumble.parameters.family import parameter_of
 
 _UNDETERMINED = 0.9  # of the assumed variance that a recording leaves, where it did not determine the clock
 _SAME = (

@@ -17,6 +17,7 @@ from msgspec.structs import replace
 from tumble.document.limits_block import Decision, LimitBlock, LimitsBlock, Rule
 from tumble.document.result import Calibration, ParameterBlock
 from tumble.limits.reading import Limit, Limits, covers
+from tumble.parameters.measures import Measure, said_unit
 
 GUARD = 2.0
 """Guard band in standard uncertainties: the expanded uncertainty with k = 2 (JCGM 106, 8.3.2.2, r = 1)."""
@@ -169,17 +170,17 @@ def _not_compared(name: str, reason: str, parameter: ParameterBlock | None = Non
 
 def _decided(parameter: ParameterBlock, limit: Limit, limits: Limits) -> LimitBlock:
     value, sigma, unit = parameter.value, parameter.standard_uncertainty, parameter.unit
-    written, times = limit.unit_written(unit)
-    shown = "" if written == "1" else f" {written}"
     label = parameter.name[0].upper() + parameter.name[1:]
     interval = limit.interval(unit)
     if interval is None:
         reason = f"{label} is in {unit}, and its limits are in another kind of unit: they were not compared."
         return _not_compared(parameter.name, reason, parameter)
     lower, upper, largest = interval
+    times, word = said_unit(unit, map(abs, (value, lower, upper)))
+    shown = f" {word}".rstrip()
     found = decision(limits.rule, value, sigma, lower, upper, limits.risk)
     probability = conformance_probability(value, sigma, lower, upper)
-    told = f"{label} of {times * value:.5g} ± {times * sigma:.2g}{shown} is"
+    told = f"{label} of {Measure(value, sigma, unit).times(times, word).text} is"
     bounds = _bounds(times * lower, times * upper, shown)
     if found == "failed":
         reason = f"{told} outside {bounds}."

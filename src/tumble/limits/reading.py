@@ -16,7 +16,7 @@ from typing import Any, cast
 from tumble.document.limits_block import Rule
 from tumble.errors import UsageError
 from tumble.files import number_of, opened, read_yaml, reading
-from tumble.parameters import FAMILIES, is_known, parameter_of
+from tumble.parameters.family import FAMILIES, is_known, parameter_of
 from tumble.records import dataclass
 from tumble.simulation import TriadGrade, find_grade
 from tumble.units import RATIOS, unit_factor
@@ -72,19 +72,6 @@ class Limit:
     nominal: Amount | None = None
     within: Amount | None = None
     largest_uncertainty: Amount | None = None
-
-    def unit_written(self, unit: str) -> tuple[str, float]:
-        """Return the unit that the limit was written in, and how much of it one of the parameter's unit is.
-
-        Parameters
-        ----------
-        unit : of the parameter; it is returned where the limit's is another kind, such as a share of a nominal value.
-        """
-        for amount in (self.within, self.lower, self.upper):
-            one = None if amount is None else Amount(1.0, amount.unit).in_unit(unit)
-            if amount is not None and one is not None:
-                return amount.unit, 1.0 / one
-        return unit, 1.0
 
     def interval(self, unit: str) -> tuple[float, float, float] | None:
         """Return lower and upper limit and the largest expanded uncertainty; None where the units do not match.

@@ -11,9 +11,9 @@ import numpy as np
 from tumble.arrays import Vector, Vectors
 from tumble.calibration.poses import describe_direction, most_telling_poses, norm_rows
 from tumble.calibration.procedure import PROCEDURES
-from tumble.parameters import ACCELEROMETER, BETWEEN, GYRO
-from tumble.report.parameters import Measure, ParameterRow
-from tumble.report.rounding import with_uncertainty
+from tumble.parameters.family import ACCELEROMETER, BETWEEN, GYRO
+from tumble.parameters.measures import Measure, with_uncertainty
+from tumble.report.parameters import ParameterRow
 
 if TYPE_CHECKING:
     from tumble.document.result import Calibration

@@ -7,10 +7,10 @@ from collections import Counter
 import numpy as np
 
 from tumble.fleet.outcome import Batch, UnitOutcome
-from tumble.parameters import in_families, parameter_of
+from tumble.parameters.family import in_families, parameter_of
+from tumble.parameters.measures import said_unit
 from tumble.report.figures.record import AXIS_COLOURS, BLUE, Axis, Bars, Figure
 from tumble.report.page import Block, Facts, Figures, Page, Sentences, Table, section
-from tumble.report.parameters import people_s_unit
 
 MOST_ROWS = 2000
 """Units that the page lists; the table's other forms have them all."""
@@ -81,7 +81,7 @@ def _histogram(
     name: str, group: str, members: list[str], columns: dict[str, list[float]], units: dict[str, str]
 ) -> Figure:
     every = np.concatenate([columns[member] for member in members])
-    factor, unit = people_s_unit(units[members[0]], float(np.max(np.abs(every))))
+    factor, unit = said_unit(units[members[0]], [float(np.max(np.abs(every)))])
     low, high = factor * float(np.min(every)), factor * float(np.max(every))
     edges = np.linspace(low, high if high > low else low + 1.0, _BINS + 1)
     middles = [float(f"{x:.6g}") for x in 0.5 * (edges[1:] + edges[:-1])]

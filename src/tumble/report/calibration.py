@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,7 +10,7 @@ from tumble.calibration.evidence import ThermalCurves
 from tumble.calibration.magnetometer.estimate import Magnetometer
 from tumble.document.field_document import FIELD_ALONE
 from tumble.document.part import plain
-from tumble.parameters import GROUPS
+from tumble.parameters.measures import plain_unit
 from tumble.report.advice import next_steps
 from tumble.report.evidence import RENDERERS, render_evidence
 from tumble.report.evidence.magnetometer import magnetometer_blocks
@@ -21,7 +20,7 @@ from tumble.report.figures.timeline import timeline
 from tumble.report.html import render_page
 from tumble.report.limits import limits_section
 from tumble.report.page import Block, Code, Facts, Footer, Page, Sentences, Table, Verdict, section
-from tumble.report.parameters import ParameterRow, plain_unit
+from tumble.report.parameters import ParameterRow, headed_table
 from tumble.report.planned import planned, protocol
 from tumble.report.predictions import predictions
 from tumble.report.subject import Subject
@@ -166,16 +165,18 @@ def parameter_table(rows: list[ParameterRow], factor: float) -> Table:
     rows : parameters for readers.
     factor : coverage factor of those that have none of their own.
     """
-    cells: list[list[str]] = []
-    looks: dict[int, str] = {}
-    ordered = sorted(rows, key=lambda row: GROUPS.index(row.group))
-    for group, members in groupby(ordered, key=lambda row: row.group):
-        looks[len(cells)] = "group"
-        cells.append([group])
-        for row in members:
-            other = "" if row.other is None else row.other.text
-            cells.append([row.label, row.shown.text, row.shown.interval(row.factor(factor)), other])
-    return Table(HEADS, cells, looks, spare=1)
+    lines = [
+        (
+            row.name,
+            (
+                row.shown.text,
+                row.shown.interval(row.factor(factor)),
+                "" if row.other is None else row.other.text,
+            ),
+        )
+        for row in rows
+    ]
+    return headed_table(HEADS, lines, spare=1)
 
 
 def _parameters(subject: Subject) -> list[Block]:

@@ -6,12 +6,9 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from msgspec.structs import replace
-
-from tumble.parameters import GROUPS
+from tumble.parameters.measures import decimals_of, fixed, with_uncertainty
 from tumble.report.page import Table
-from tumble.report.parameters import Measure, ParameterRow, parameter_rows
-from tumble.report.rounding import with_uncertainty
+from tumble.report.parameters import ParameterRow, headed_table, rows_of
 
 if TYPE_CHECKING:
     from tumble.document.difference import ParameterChange
@@ -29,16 +26,9 @@ def change_table(
     changes : by name, in raw units.
     heads : of the columns of the first value and of the change.
     """
-    rows: list[list[str]] = []
-    looks: dict[int, str] = {}
     shown = {row.name: row for row in _rows(calibration, changes)}
-    for group in GROUPS:
-        own = [change for change in changes if shown[change.name].group == group]
-        if own:
-            looks[len(rows)] = "group"
-            rows.append([group])
-        rows += [_line(shown[change.name], change) for change in own]
-    return Table(("parameter", *heads, "in σ", "unit"), rows, looks, right=(1, 2, 3))
+    lines = [(change.name, _cells(shown[change.name], change)) for change in changes]
+    return headed_table(("parameter", *heads, "in σ", "unit"), lines)
 
 
 def _rows(calibration: Calibration, changes: Sequence[ParameterChange]) -> list[ParameterRow]:
@@ -54,28 +44,19 @@ def _rows(calibration: Calibration, changes: Sequence[ParameterChange]) -> list[
         )
         for change in changes
     ]
-    return parameter_rows(replace(calibration, parameters=blocks))
+    return rows_of(blocks, calibration)
 
 
-def _measure(row: ParameterRow, change: ParameterChange) -> tuple[Measure, float]:
-    """The first value in the unit of data sheets, and how many of that unit a raw unit is."""
-    measure = row.shown
-    if row.kind in ("bias", "g-sensitivity") and row.other is not None and not math.isnan(row.other.value):
-        measure = row.other
+def _cells(row: ParameterRow, change: ParameterChange) -> list[str]:
     spread = change.standard_uncertainty or abs(change.second - change.first)
-    return (measure, measure.sigma / spread) if spread else (row.shown, 1.0)
-
-
-def _moved(change: ParameterChange, factor: float) -> str:
+    # What has not changed and has no uncertainty has no digits either, and stays as it is in the file.
+    first = row.said if spread else row.shown
+    factor = first.sigma / spread if spread else 1.0
     moved = factor * (change.second - change.first)
-    if not change.standard_uncertainty:
-        return f"{moved:.3g}"
-    return with_uncertainty(moved, factor * change.standard_uncertainty)
-
-
-def _line(row: ParameterRow, change: ParameterChange) -> list[str]:
-    measure, factor = _measure(row, change)
-    moved = _moved(change, factor)
-    sigmas = "–" if math.isnan(change.sigmas) else f"{change.sigmas:+.1f}"
-    first = with_uncertainty(measure.value, measure.sigma).partition(" ")[0].lstrip("(")
-    return [row.label, f"{measure.value:.6g}" if "×" in first else first, moved, sigmas, measure.unit]
+    certain = not change.standard_uncertainty
+    return [
+        fixed(first.value, decimals_of(first.sigma)) if spread else f"{first.value:.6g}",
+        f"{moved:.3g}" if certain else with_uncertainty(moved, factor * change.standard_uncertainty),
+        "–" if math.isnan(change.sigmas) else f"{change.sigmas:+.1f}",
+        first.unit,
+    ]

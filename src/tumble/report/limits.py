@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from tumble.limits.conformity import rule_words
+from tumble.parameters.measures import Measure, said_unit
 from tumble.report.page import Block, Sentences, Table, Verdict, section
 
 if TYPE_CHECKING:
@@ -47,9 +48,15 @@ def limits_section(calibration: Calibration) -> list[Block]:
 
 
 def _row(one: LimitBlock) -> list[str]:
-    value = (
-        "–" if one.value is None else f"{one.value:.4g} ± {one.standard_uncertainty or 0.0:.2g} {one.unit}"
-    )
-    ends = ["–" if end is None else f"{end:.4g}" for end in (one.lower, one.upper)]
+    ends = one.lower, one.upper
+    times, word = said_unit(one.unit, [abs(size) for size in (one.value, *ends) if size is not None])
+    sigma = one.standard_uncertainty or 0.0
+    value = "–" if one.value is None else Measure(one.value, sigma, one.unit).times(times, word).text
     chance = "–" if one.probability is None else f"{100 * one.probability:.4g} %"
-    return [one.name, value, *ends, chance, one.decision]
+    return [
+        one.name,
+        value,
+        *("–" if end is None else f"{times * end:.4g}" for end in ends),
+        chance,
+        one.decision,
+    ]

@@ -9,10 +9,10 @@ import numpy as np
 
 from tumble.noise.triads import triad_terms
 from tumble.noise.units import ACCELEROMETER, GYRO, practical_noise_unit, si_noise_unit
+from tumble.parameters.measures import decimals_of, fixed
 from tumble.records import dataclass
 from tumble.report.figures.record import AXIS_COLOURS, Axis, Band, Curve, Figure, Look, Mark, Points, plain
 from tumble.report.page import Block, Figures, Page, Sentences, Table, section
-from tumble.report.rounding import decimals_of, fixed
 from tumble.report.terminal import aligned
 
 if TYPE_CHECKING:

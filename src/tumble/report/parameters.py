@@ -1,57 +1,31 @@
-"""A calibration's parameters as rows for people: groups, practical units, digits by uncertainty.
+"""A calibration's parameters as rows for people: under headings, in the units that they are said in.
 
-A bias is given in the raw unit of the recording, because that is what is subtracted, and besides in
-mg or deg/s. For counts the triad's own scale factor makes that conversion; a zero of the converter
-far from zero (an offset of 32768 counts) is no bias in mg, and then only its uncertainty is given so.
+A bias is given in the raw unit of the recording, because that is what is subtracted, and besides in mg or °/s. For
+counts the triad's own scale factor makes that conversion. A zero of the converter far from zero (an offset of 32768
+counts) is no bias in mg, and then only its uncertainty is given so.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import groupby
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tumble.parameters import ACCELEROMETER, FAMILIES, MAGNETOMETER, TEMPERATURE, Parameter, parameter_of
+from tumble.parameters.family import ANGLES, FAMILIES, Family, Parameter, parameter_of, under_headings
+from tumble.parameters.measures import Measure, plain_unit, said, said_unit
 from tumble.records import dataclass
-from tumble.report.rounding import interval, with_uncertainty
-from tumble.units import (
-    DEGREE,
-    STANDARD_GRAVITY,
-    angular_rate_factor,
-    magnetic_field_factor,
-    specific_force_factor,
-)
+from tumble.report.page import Table
+from tumble.units import DEGREE, STANDARD_GRAVITY, angular_rate_factor, specific_force_factor, unit_factor
 
 if TYPE_CHECKING:
+    from tumble.document.magnetometer_block import FieldParameter
     from tumble.document.result import Calibration, ParameterBlock, TriadBlock
 
-# Ends the unit of a magnetometer's scale factor and soft iron, raw per corrected.
-PER_TESLA = "/(T)"
-
-
-@dataclass(frozen=True, slots=True)
-class Measure:
-    """A value with its standard uncertainty in a unit; a value of nan gives the uncertainty alone."""
-
-    value: float
-    sigma: float
-    unit: str
-
-    @property
-    def text(self) -> str:
-        """Value, standard uncertainty and unit, rounded by the uncertainty."""
-        return f"{with_uncertainty(self.value, self.sigma)} {self.unit}".rstrip()
-
-    def interval(self, factor: float) -> str:
-        """Return the interval of `factor` standard uncertainties, without the unit."""
-        return interval(self.value, self.sigma, factor)
-
-    def times(self, factor: float, unit: str) -> Measure:
-        """Return the same in another unit."""
-        return Measure(factor * self.value, abs(factor) * self.sigma, unit)
+# Of a triad's zero in counts: more is the converter's own, and no bias.
+_LARGEST_BIAS = {"accelerometer": 0.5 * STANDARD_GRAVITY, "gyro": 1.0}
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +66,14 @@ class ParameterRow:
         """Its name under that heading."""
         return self.parameter.label
 
+    @property
+    def said(self) -> Measure:
+        """In the unit of data sheets where it has one: a bias in mg or °/s, not in counts."""
+        converted = self.kind in ("bias", "g-sensitivity", "quadratic")
+        return (
+            self.shown if self.other is None or math.isnan(self.other.value) or not converted else self.other
+        )
+
     def factor(self, common: float) -> float:
         """Return the coverage factor: its own, or else the one `common` to all."""
         return common if self.own_factor is None else self.own_factor
@@ -99,137 +81,143 @@ class ParameterRow:
 
 def parameter_rows(calibration: Calibration) -> list[ParameterRow]:
     """Return the rows in the calibration's own order, which correlations share."""
-    rows: list[ParameterRow] = []
-    for _, members in groupby(calibration.parameters, key=lambda p: parameter_of(p.name).family):
-        rows += _family_rows(calibration, list(members))
-    return rows
+    return rows_of(calibration.parameters, calibration)
 
 
-def plain_unit(unit: str) -> str:
-    """Return a unit as people write it: m/s² for m/s^2, nothing for 1."""
-    return "" if unit == "1" else unit.replace("^2", "²")
-
-
-def _family_rows(calibration: Calibration, members: list[ParameterBlock]) -> list[ParameterRow]:
-    family, unit = parameter_of(members[0].name).family, members[0].unit
-    kind, group = family.kind, family.group
-    measures = [Measure(p.value, p.standard_uncertainty, plain_unit(p.unit)) for p in members]
-    if kind == "bias" and group != MAGNETOMETER:
-        shown, other, drawn = _biases(calibration, group, members, measures)
-    elif kind in ("scale factor error", "asymmetry"):
-        shown = _in_practical_unit(measures, _SCALES)
-        other, drawn = _nothing(shown), shown
-    elif kind == "soft iron" and (scale := _mean_field_scale(calibration)):
-        shown = drawn = [m.times(100.0 / scale, "%") for m in measures]
-        other = _nothing(shown)
-    elif group == MAGNETOMETER and unit.endswith(PER_TESLA):
-        raw = unit.removesuffix(PER_TESLA)
-        factor = magnetic_field_factor(raw)
-        shown = drawn = [
-            m.times(1e-6, f"{raw}/µT") if factor is None else m.times(factor, "") for m in measures
-        ]
-        other = _nothing(shown)
-    elif kind == "scale factor" and group != MAGNETOMETER:
-        shown = measures
-        other = _in_practical_unit([Measure(math.nan, m.sigma / abs(m.value), "") for m in shown], _SCALES)
-        mean = float(np.mean([m.value for m in shown]))
-        drawn = [Measure(100 * (m.value / mean - 1), 100 * m.sigma / mean, "% off their mean") for m in shown]
-    elif unit == "rad":
-        shown = _in_practical_unit(measures, _ANGLES)
-        other, drawn = _in_practical_unit(measures, _DEGREES), shown
-        if group == MAGNETOMETER:
-            # A heading is in degrees.
-            shown, other = _in_practical_unit(measures, _DEGREES), [*shown]
-    elif kind == "g-sensitivity":
-        shown = measures
-        practical = _g_sensitivities(calibration, members)
-        other = _nothing(shown) if practical is None else practical
-        drawn = practical or shown
-    elif family.name == "accelerometer quadratic":
-        shown = measures
-        other = drawn = _quadratics(calibration, members)
-    elif unit in ("s", "m") and group != TEMPERATURE:
-        shown = drawn = [m.times(1e3, f"m{unit}") for m in measures]
-        other = _nothing(shown)
-    else:
-        shown = drawn = measures
-        other = _nothing(shown)
-    return [
-        ParameterRow(parameter_of(p.name), s, o, d, p.coverage_factor)
-        for p, s, o, d in zip(members, shown, other, drawn, strict=True)
-    ]
-
-
-def _mean_field_scale(calibration: Calibration) -> float:
-    """The mean scale factor of the magnetometer, of which soft iron is a share; zero without one."""
-    block = calibration.magnetometer
-    of_scale = {} if block is None else {p.name: p.value for p in block.parameters}
-    named = [of_scale[name] for name, _ in FAMILIES["magnetometer scale factor"].labels() if name in of_scale]
-    return float(np.mean(named)) if named else 0.0
-
-
-def _nothing(rows: list[Measure]) -> list[Measure | None]:
-    return [None for _ in rows]
-
-
-# From the largest number of a family: (at least, factor, unit); the last one takes what is left.
-_Choices = tuple[tuple[float, float, str], ...]
-_SCALES: _Choices = ((2e-3, 1e2, "%"), (0.0, 1e6, "ppm"))
-_ANGLES: _Choices = ((1e-4, 1e3, "mrad"), (0.0, 1e6, "µrad"))
-_DEGREES: _Choices = ((1e-4, 1.0 / DEGREE, "deg"), (0.0, 3600.0 / DEGREE, "arcsec"))
-_FORCES: _Choices = (
-    (1e-3 * STANDARD_GRAVITY, 1e3 / STANDARD_GRAVITY, "mg"),
-    (0.0, 1e6 / STANDARD_GRAVITY, "µg"),
-)
-_RATES: _Choices = ((0.1 * DEGREE, 1.0 / DEGREE, "deg/s"), (0.0, 3600.0 / DEGREE, "deg/h"))
-_G_SENSITIVITIES: _Choices = (
-    (1e-3 * DEGREE, 1.0 / DEGREE, "(deg/s)/g"),
-    (0.0, 3600.0 / DEGREE, "(deg/h)/g"),
-)
-
-
-def _in_practical_unit(measures: list[Measure], choices: _Choices) -> list[Measure]:
-    # Ten sigma stand for the value where there is none to show.
-    largest = max(10.0 * m.sigma if math.isnan(m.value) else max(abs(m.value), m.sigma) for m in measures)
-    factor, unit = next((f, u) for least, f, u in choices if largest >= least)
-    return [m.times(factor, unit) for m in measures]
-
-
-_G = STANDARD_GRAVITY
-_OF_UNITS = {
-    "m/s²": _FORCES,
-    "rad/s": _RATES,
-    "rad": _ANGLES,
-    "": _SCALES,
-    "rad/s/(m/s²)": tuple((least / _G, factor * _G, unit) for least, factor, unit in _G_SENSITIVITIES),
-}
-
-
-def people_s_unit(unit: str, largest: float) -> tuple[float, str]:
-    """Return the unit that people read numbers of up to `largest` in, and the factor to it; else 1 and the same.
+def rows_of(
+    parameters: Sequence[ParameterBlock | FieldParameter], calibration: Calibration | None = None
+) -> list[ParameterRow]:
+    """Return parameters as rows, in their own order.
 
     Parameters
     ----------
-    unit : "m/s^2", "rad/s", "rad", "rad/s/(m/s^2)", or "1" of a scale factor error.
-    largest : of the numbers, without sign.
-
-    Examples
-    --------
-    >>> people_s_unit("1", 0.0003)
-    (1000000.0, 'ppm')
+    parameters : of a calibration.
+    calibration : whose raw units they are in; None for a magnetometer's alone.
     """
-    same = plain_unit(unit)
-    return next(((f, u) for least, f, u in _OF_UNITS.get(same, ()) if largest >= least), (1.0, same))
+    rows: list[ParameterRow] = []
+    scales = [
+        p.value for p in parameters if parameter_of(p.name).family is FAMILIES["magnetometer scale factor"]
+    ]
+    for family, members in groupby(parameters, key=lambda p: parameter_of(p.name).family):
+        own = list(members)
+        shown, other, drawn = _measures(family, own, calibration, float(np.mean(scales)) if scales else 0.0)
+        rows += [
+            ParameterRow(parameter_of(p.name), s, o, d, getattr(p, "coverage_factor", None))
+            for p, s, o, d in zip(own, shown, other, drawn, strict=True)
+        ]
+    return rows
 
 
-_CHOICES: dict[str, tuple[_Choices, float]] = {
-    "accelerometer bias": (_FORCES, 100.0),
-    "gyro bias": (_RATES, 100.0),
-    "scale": (_SCALES, 10.0),
-    "angle": (_ANGLES, 100.0),
-    "g-sensitivity": (_G_SENSITIVITIES, 100.0),
+def headed_table(
+    heads: Sequence[str], lines: Iterable[tuple[str, Sequence[str]]], *, spare: int = 0
+) -> Table:
+    """Return a table of parameters under their headings.
+
+    Parameters
+    ----------
+    heads : of the columns, the parameter's first.
+    lines : name and further cells of each parameter.
+    spare : as a table's.
+    """
+    cells: list[list[str]] = []
+    looks: dict[int, str] = {}
+    for group, members in under_headings(lines, key=lambda line: line[0]):
+        looks[len(cells)] = "group"
+        cells += [[group], *([parameter_of(name).label, *texts] for name, texts in members)]
+    return Table(heads, cells, looks, right=() if spare else range(1, len(heads) - 1), spare=spare)
+
+
+def _measures(
+    family: Family,
+    members: Sequence[ParameterBlock | FieldParameter],
+    calibration: Calibration | None,
+    scale: float,
+) -> tuple[Sequence[Measure], Sequence[Measure | None], Sequence[Measure]]:
+    """What a table shows of a family, what beside it, and what a figure draws."""
+    raw = [Measure(p.value, p.standard_uncertainty, p.unit) for p in members]
+    plain, nothing = [m.times(1.0, plain_unit(m.unit)) for m in raw], [None for _ in raw]
+    shown = said(raw)
+    if family.kind == "soft iron" and scale:
+        share = [m.times(100.0 / scale, "%") for m in raw]
+        return share, nothing, share
+    if family.kind in ANGLES:
+        degrees = _in_degrees(raw)
+        # A heading is in degrees.
+        return (degrees, shown, shown) if family.triad == "magnetometer" else (shown, degrees, shown)
+    if family.triad == "magnetometer" or calibration is None:
+        return shown, nothing, shown
+    if family.kind == "scale factor":
+        shares = said([Measure(math.nan, m.sigma / abs(m.value), "1") for m in raw])
+        mean = float(np.mean([m.value for m in raw]))
+        drawn = [Measure(100 * (m.value / mean - 1), 100 * m.sigma / mean, "% off their mean") for m in raw]
+        return plain, shares, drawn
+    if family.kind == "bias":
+        return plain, *_biases(family, plain, _in_si(family, members, raw, calibration))
+    if family.kind == "g-sensitivity" or family.name == "accelerometer quadratic":
+        converted = _in_si(family, members, raw, calibration)
+        return (plain, nothing, plain) if converted is None else (plain, said(converted), said(converted))
+    return shown, nothing, shown
+
+
+def _in_degrees(measures: Sequence[Measure]) -> list[Measure]:
+    small = max(max(abs(m.value), m.sigma) for m in measures) < 1e-4
+    factor, unit = (3600.0 / DEGREE, "arcsec") if small else (1.0 / DEGREE, "deg")
+    return [m.times(factor, unit) for m in measures]
+
+
+def _biases(
+    family: Family, plain: list[Measure], in_si: list[Measure] | None
+) -> tuple[Sequence[Measure | None], Sequence[Measure]]:
+    """Return biases in mg or °/s, and for the figure."""
+    middle = float(np.mean([m.value for m in plain]))
+    off_mean = [Measure(m.value - middle, m.sigma, f"{m.unit} off their mean") for m in plain]
+    if in_si is None:
+        return [None for _ in plain], off_mean
+    counts = unit_factor(plain[0].unit) is None
+    if counts and max(abs(m.value) for m in in_si) > _LARGEST_BIAS[family.triad]:
+        return said([Measure(math.nan, m.sigma, m.unit) for m in in_si]), off_mean
+    return said(in_si), said(in_si)
+
+
+def _in_si(
+    family: Family,
+    members: Sequence[ParameterBlock | FieldParameter],
+    raw: list[Measure],
+    calibration: Calibration,
+) -> list[Measure] | None:
+    """What is in a triad's raw unit in SI; None if counts mean nothing yet."""
+    force = family.triad == "accelerometer"
+    per_raw = _si_per_raw(calibration, force=force)
+    if per_raw is None:
+        return None
+    unit, power = (
+        family.unit.format(raw="m/s^2" if force else "rad/s"),
+        -1.0 if family.kind == "quadratic" else 1.0,
+    )
+    axes = [parameter_of(p.name).axis for p in members]
+    return [m.times(float(per_raw[axis]) ** power, unit) for m, axis in zip(raw, axes, strict=True)]
+
+
+def _si_per_raw(calibration: Calibration, *, force: bool) -> np.ndarray | None:
+    """Return (3,) SI per raw unit, by the unit's name or by the triad's own scale factors."""
+    units = calibration.raw_units
+    factor = specific_force_factor(units.specific_force) if force else angular_rate_factor(units.angular_rate)
+    if factor is not None:
+        return np.full(3, factor)
+    block: TriadBlock | None = calibration.accelerometer if force else calibration.gyroscope
+    if block is None or block.matrix is None:
+        return None
+    return 1.0 / np.linalg.norm(np.array(block.matrix, dtype=float), axis=1)
+
+
+# Of what is not measured yet: its unit, SI, and how many uncertainties stand for its values.
+_PREDICTED = {
+    "accelerometer bias": ("m/s^2", 100.0),
+    "gyro bias": ("rad/s", 100.0),
+    "scale": ("1", 10.0),
+    "angle": ("rad", 100.0),
+    "g-sensitivity": ("rad/s/(m/s²)", 100.0),
 }
-"""Units of a family that is not measured yet, and how many uncertainties stand for its values."""
 
 
 def practical_uncertainties(family: str, sigmas: Sequence[float]) -> list[Measure]:
@@ -245,10 +233,10 @@ def practical_uncertainties(family: str, sigmas: Sequence[float]) -> list[Measur
     >>> [one.text for one in practical_uncertainties("scale", [3.1e-5, 2.9e-5])]
     ['± 31 ppm', '± 29 ppm']
     """
-    choices, times = _CHOICES[family]
-    largest = times * max((sigma for sigma in sigmas if math.isfinite(sigma)), default=0.0)
-    factor, unit = next((f, u) for least, f, u in choices if largest >= least)
-    return [Measure(math.nan, factor * sigma, unit) for sigma in sigmas]
+    unit, times = _PREDICTED[family]
+    si = 1.0 / STANDARD_GRAVITY if family == "g-sensitivity" else 1.0
+    factor, word = said_unit(unit, (times * si * sigma for sigma in sigmas))
+    return [Measure(math.nan, factor * si * sigma, word) for sigma in sigmas]
 
 
 def achieved_beside(
@@ -271,7 +259,7 @@ def achieved_beside(
             continue
         in_raw = predicted[name]
         if row.kind == "bias":
-            per_raw = _si_per_raw(calibration, force=row.group == ACCELEROMETER)
+            per_raw = _si_per_raw(calibration, force=row.parameter.family.triad == "accelerometer")
             if per_raw is None:
                 continue
             in_raw /= float(per_raw[row.parameter.axis])
@@ -287,70 +275,3 @@ def achieved_beside(
             )
         )
     return found
-
-
-def _biases(
-    calibration: Calibration, group: str, members: list[ParameterBlock], measures: list[Measure]
-) -> tuple[list[Measure], list[Measure | None], list[Measure]]:
-    """Return biases in the raw unit, in mg or deg/s, and for the figure."""
-    force = group == ACCELEROMETER
-    per_raw = _si_per_raw(calibration, force=force)
-    middle = float(np.mean([m.value for m in measures]))
-    off_mean = [Measure(m.value - middle, m.sigma, f"{m.unit} off their mean") for m in measures]
-    if per_raw is None:
-        return measures, _nothing(measures), off_mean
-    in_si = [
-        m.times(float(per_raw[parameter_of(p.name).axis]), "") for p, m in zip(members, measures, strict=True)
-    ]
-    # More than the sensor's plausible range: the converter's own zero, no bias.
-    offset = _calibration_in_counts(calibration, force=force) and max(abs(m.value) for m in in_si) > (
-        0.5 * STANDARD_GRAVITY if force else 1.0
-    )
-    if not offset:
-        practical = _in_practical_unit(in_si, _FORCES if force else _RATES)
-        return measures, list(practical), practical
-    only = [Measure(math.nan, m.sigma, "") for m in in_si]
-    return measures, list(_in_practical_unit(only, _FORCES if force else _RATES)), off_mean
-
-
-def _calibration_in_counts(calibration: Calibration, *, force: bool) -> bool:
-    """Return whether a triad's raw unit is counts."""
-    units = calibration.raw_units
-    return (
-        specific_force_factor(units.specific_force) if force else angular_rate_factor(units.angular_rate)
-    ) is None
-
-
-def _si_per_raw(calibration: Calibration, *, force: bool) -> np.ndarray | None:
-    """Return (3,) SI per raw unit, by the unit's name or by the triad's own scale factors."""
-    units = calibration.raw_units
-    factor = specific_force_factor(units.specific_force) if force else angular_rate_factor(units.angular_rate)
-    if factor is not None:
-        return np.full(3, factor)
-    block: TriadBlock | None = calibration.accelerometer if force else calibration.gyroscope
-    if block is None or block.matrix is None:
-        return None
-    return 1.0 / np.linalg.norm(np.array(block.matrix, dtype=float), axis=1)
-
-
-def _g_sensitivities(calibration: Calibration, members: list[ParameterBlock]) -> list[Measure] | None:
-    """Return them in (deg/s)/g, or (deg/h)/g where they are small; None if counts mean nothing yet."""
-    per_raw = _si_per_raw(calibration, force=False)
-    if per_raw is None:
-        return None
-    in_si: list[Measure] = []
-    for p in members:
-        factor = float(per_raw[parameter_of(p.name).axis]) * STANDARD_GRAVITY
-        in_si.append(Measure(factor * p.value, factor * p.standard_uncertainty, ""))
-    return _in_practical_unit(in_si, _G_SENSITIVITIES)
-
-
-def _quadratics(calibration: Calibration, members: list[ParameterBlock]) -> list[Measure]:
-    """Return the error at 1 g over g²: k u² raw units with u = g over SI per raw, in mg/g² or µg/g²."""
-    per_raw = _si_per_raw(calibration, force=True)
-    assert per_raw is not None
-    in_si: list[Measure] = []
-    for p in members:
-        factor = STANDARD_GRAVITY**2 / float(per_raw[parameter_of(p.name).axis])
-        in_si.append(Measure(factor * p.value, factor * p.standard_uncertainty, ""))
-    return [Measure(m.value, m.sigma, f"{m.unit}/g²") for m in _in_practical_unit(in_si, _FORCES)]

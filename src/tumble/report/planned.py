@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tumble.parameters import GROUPS
+from tumble.parameters.family import GROUPS
 from tumble.report.page import Block, Sentences, Table, section
 from tumble.report.parameters import achieved_beside
 

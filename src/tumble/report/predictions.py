@@ -9,8 +9,8 @@ from msgspec import Meta
 
 from tumble.calibration.verdict import two_digits
 from tumble.document.part import DocumentPart
+from tumble.parameters.measures import with_uncertainty
 from tumble.report.page import Block, Sentences, Table, section
-from tumble.report.rounding import with_uncertainty
 
 if TYPE_CHECKING:
     from tumble.document.predictions import Answer

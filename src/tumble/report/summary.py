@@ -16,19 +16,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tumble.arrays import Series
-from tumble.parameters import ACCELEROMETER, GYRO, TEMPERATURE
+from tumble.parameters.family import ACCELEROMETER, GYRO, TEMPERATURE
+from tumble.parameters.measures import Measure, said_unit
 from tumble.report.calibration import parameter_table
 from tumble.report.evidence.magnetometer import magnetometer_rows, magnetometer_sentences, magnetometer_table
 from tumble.report.evidence.turn_ons import bias_table
 from tumble.report.limits import DECISIONS, limits_verdict
 from tumble.report.page import Block, Sentences, Table, Verdict
-from tumble.report.parameters import (
-    Measure,
-    ParameterRow,
-    parameter_rows,
-    plain_unit,
-)
-from tumble.report.rounding import with_uncertainty
+from tumble.report.parameters import ParameterRow, parameter_rows
 from tumble.report.terminal import print_blocks
 from tumble.report.words import (
     left_out_sentences,
@@ -44,8 +39,6 @@ if TYPE_CHECKING:
     from tumble.document.thermal_block import ThermalBlock
 
 
-# Degrees per radian, and millis: what biases are read in.
-_SHOWN = {"m/s^2": (1e3, "mm/s²"), "rad/s": (float(np.degrees(1.0)), "°/s")}
 # Temperatures in a table for a wide terminal, and for another.
 WIDE, MOST_POINTS, FEWEST_POINTS = 118, 5, 3
 _TRIADS = (("accelerometer", "specific_force"), ("gyroscope", "angular_rate"))
@@ -66,14 +59,15 @@ def thermal_changes(calibration: Calibration, *, width: int) -> Table | None:
     rows: list[list[str]] = []
     for triad, quantity in _TRIADS:
         unit = getattr(calibration.raw_units, quantity)
-        factor, shown = _SHOWN.get(unit, (1.0, plain_unit(unit)))
-        name = "gyro" if triad == "gyroscope" else "acc."
-        for axis in range(3):
-            found = _changes(block, f"{triad}.bias", axis, celsius)
-            if found is not None:
-                changes = zip(*found, strict=True)
-                words = [with_uncertainty(factor * value, factor * sigma) for value, sigma in changes]
-                rows.append([f"{name} {'xyz'[axis]} / {shown}", *words])
+        found = {axis: _changes(block, f"{triad}.bias", axis, celsius, unit) for axis in range(3)}
+        known = {axis: changes for axis, changes in found.items() if changes}
+        if known:
+            factor, word = said_unit(unit, (abs(one.value) for own in known.values() for one in own))
+            name = "gyro" if triad == "gyroscope" else "acc."
+            rows += [
+                [f"{name} {'xyz'[axis]} / {word}", *(one.times(factor, "").number for one in own)]
+                for axis, own in known.items()
+            ]
     reference = f"change from {block.basis.reference_celsius:g} °C"
     heads = (reference, *(f"{at:.0f} °C" for at in celsius.tolist()))
     return Table(heads, rows, right=range(1, len(heads)))
@@ -98,18 +92,19 @@ def _temperatures(block: ThermalBlock, points: int) -> Series:
     return at[np.abs(at - block.basis.reference_celsius) > 0.05 * (high - low)]
 
 
-def _changes(block: ThermalBlock, name: str, axis: int, celsius: Series) -> tuple[Series, Series] | None:
-    """Return the changes of one axis's bias and their standard uncertainties, raw; None if it has none."""
+def _changes(block: ThermalBlock, name: str, axis: int, celsius: Series, unit: str) -> list[Measure]:
+    """Return the changes of one axis's bias, raw; none if it has none."""
     values = block.basis_values(celsius)
     names = [f"{name}.temperature[{k},{axis}]" for k in range(values.shape[1])]
     place = {parameter: k for k, parameter in enumerate(block.covariance_parameters)}
     if any(parameter not in place for parameter in names):
-        return None
+        return []
     at = [place[parameter] for parameter in names]
     covariance = np.array(block.covariance)[np.ix_(at, at)]
     coefficients = np.array(getattr(block.coefficients, name.replace(".", "_")), dtype=float)[:, axis]
     variance = np.einsum("tp,pq,tq->t", values, covariance, values)
-    return values @ coefficients, np.sqrt(np.maximum(variance, 0.0))
+    changes, sigmas = (values @ coefficients).tolist(), np.sqrt(np.maximum(variance, 0.0)).tolist()
+    return [Measure(value, sigma, unit) for value, sigma in zip(changes, sigmas, strict=True)]
 
 
 def summary(calibration: Calibration, *, width: int) -> list[Block]:
@@ -197,7 +192,7 @@ def _joined(cells: Sequence[tuple[str, ...]], rows: Sequence[ParameterRow], widt
 def _one_each(rows: Sequence[ParameterRow]) -> list[str]:
     lines: list[str] = []
     for group, members in groupby(rows, key=lambda row: row.group):
-        lines += [group, *(f"{row.label}: {_data_sheet_measure(row).text}" for row in members)]
+        lines += [group, *(f"{row.label}: {row.said.text}" for row in members)]
     return lines
 
 
@@ -211,8 +206,8 @@ _BRIEFLY = {
 
 
 def _line(rows: Sequence[ParameterRow]) -> tuple[str, ...]:
-    measures = [_data_sheet_measure(row) for row in rows]
-    texts = [with_uncertainty(measure.value, measure.sigma) for measure in measures]
+    measures = [row.said for row in rows]
+    texts = [measure.number for measure in measures]
     ends = [row.parameter.axes for row in rows]
     before = {ACCELEROMETER: "acc. ", GYRO: "gyro "}.get(rows[0].group, "")
     name = _BRIEFLY.get(rows[0].kind, rows[0].parameter.family.words).replace("accelerometer", "acc.")
@@ -226,18 +221,9 @@ def _line(rows: Sequence[ParameterRow]) -> tuple[str, ...]:
 
 def _largest_of(rows: Sequence[ParameterRow]) -> str:
     """Many parameters of one family in a line: how many, and the largest with its uncertainty."""
-    shown = [(_data_sheet_measure(row), row) for row in rows]
+    shown = [(row.said, row) for row in rows]
     largest, row = max(shown, key=lambda one: abs(one[0].value))
-    number = with_uncertainty(largest.value, largest.sigma)
-    of = f"gyro {row.parameter.axes}"
-    return f"{row.kind}: {len(rows)} terms up to {number} {largest.unit} ({of})"
-
-
-def _data_sheet_measure(row: ParameterRow) -> Measure:
-    """Return a parameter in the unit of data sheets where it has one: a bias in mg or deg/s, not in counts."""
-    other = row.other
-    known = other is not None and other.value == other.value
-    return other if other is not None and known and row.kind in ("bias", "g-sensitivity") else row.shown
+    return f"{row.kind}: {len(rows)} terms up to {largest.text} (gyro {row.parameter.axes})"
 
 
 def print_calibration(calibration: Calibration, console: Console, *, verbose: bool = False) -> None:

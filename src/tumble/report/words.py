@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from tumble.parameters.measures import amount
+
 if TYPE_CHECKING:
     from tumble.document.result import Calibration, TermBlock
 
@@ -91,22 +93,8 @@ def component_words(name: str, sigma: float) -> str:
     Examples
     --------
     >>> component_words("accelerometer bias from hold to hold, m/s²", 0.00981)
-    'Accelerometer bias from hold to hold: 9.8 mm/s² (1000 µg).'
+    'Accelerometer bias from hold to hold: 1 mg.'
     """
     what, _, unit = name.rpartition(", ")
     what = (what or name)[:1].upper() + (what or name)[1:]
-    if sigma == 0.0:
-        return f"{what}: none found beyond the noise."
-    if unit == "m/s²":
-        return f"{what}: {1e3 * sigma:.2g} mm/s² ({_digits(1e6 * sigma / 9.80665)} µg)."
-    if unit == "rad/s":
-        degrees = math.degrees(sigma)
-        return f"{what}: {_digits(degrees)} °/s ({_digits(3600 * degrees)} °/h)."
-    if unit == "rad":
-        return f"{what}: {1e3 * sigma:.2g} mrad ({math.degrees(sigma):.2g}°)."
-    return f"{what}: {sigma:.2g} {unit}."
-
-
-def _digits(value: float) -> str:
-    """Return two significant digits without a power of ten."""
-    return f"{float(f'{value:.2g}'):.10g}"
+    return f"{what}: {amount(sigma, unit)}." if sigma else f"{what}: none found beyond the noise."

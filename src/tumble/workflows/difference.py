@@ -8,6 +8,7 @@ import numpy as np
 
 from tumble.document import read_calibration
 from tumble.document.difference import Difference, compare_calibrations
+from tumble.parameters.measures import Measure, amount, said
 from tumble.units import STANDARD_GRAVITY
 
 PathLike = str | os.PathLike[str]
@@ -65,17 +66,20 @@ def verdict(found: Difference, allowed: tuple[float, float] | None) -> tuple[boo
 
 
 def _force_text(value: float, sigma: float) -> str:
-    ug = 1e6 / STANDARD_GRAVITY
     metres = 0.5 * value * 60.0**2
     return (
-        f"Corrected specific forces of 1 g differ by up to {ug * value:.0f} µg ± {ug * sigma:.0f}, a tilt of "
+        f"Corrected specific forces of 1 g differ by up to {_said(value, sigma, 'm/s^2')}, a tilt of "
         f"{1e3 * value / STANDARD_GRAVITY:.3f} mrad or {metres:.1f} m after a minute of dead reckoning"
     )
 
 
 def _rate_text(value: float, sigma: float) -> str:
-    per_hour = np.degrees(1.0) * 3600.0
     return (
-        f"Corrected rates at rest differ by up to {per_hour * value:.3g} deg/h ± {per_hour * sigma:.2g}, "
+        f"Corrected rates at rest differ by up to {_said(value, sigma, 'rad/s')}, "
         f"{np.degrees(value) * 60.0:.3g}° a minute"
     )
+
+
+def _said(value: float, sigma: float, unit: str) -> str:
+    """A size with its uncertainty; what is certain is said to be so elsewhere."""
+    return said([Measure(value, sigma, unit)])[0].text if sigma > 0.0 else amount(value, unit)

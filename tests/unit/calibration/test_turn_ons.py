@@ -7,7 +7,8 @@ import pytest
 
 from tumble.calibration.evidence import RecordingOfUnit, TurnOns, agreement_of, bias_scatter
 from tumble.calibration.turn_ons.adjustment import disagreement
-from tumble.calibration.turn_ons.estimate import amount, turn_on_cautions, turn_on_sentences
+from tumble.calibration.turn_ons.estimate import turn_on_cautions, turn_on_sentences
+from tumble.parameters.measures import amount
 
 
 def test_scatter_and_the_next_turn_on_by_hand() -> None:
@@ -90,14 +91,14 @@ def test_directions_that_a_recording_does_not_tell_are_no_degrees_of_freedom() -
 @pytest.mark.parametrize(
     ("value", "unit", "words"),
     [
-        (0.0123, "m/s^2", "12 mm/s²"),
-        (0.0123, "g", "121 mm/s²"),
+        (0.0123, "m/s^2", "1.3 mg"),
+        (0.0123, "g", "12 mg"),
         (2e-4, "1", "200 ppm"),
         (2e-3, "1", "0.2 %"),
         (3e-3, "rad", "3 mrad"),
-        (1e-3, "rad/s", "206 °/h"),
+        (1e-3, "rad/s", "210 °/h"),
         (3.0, "counts", "3 counts"),
-        (1e-5, "rad/s/(m/s²)", "1e-05 rad/s/(m/s²)"),
+        (1e-5, "rad/s/(m/s²)", "0.0056 (°/s)/g"),
     ],
 )
 def test_amounts_in_units_that_people_compare(value: float, unit: str, words: str) -> None:
@@ -115,7 +116,7 @@ def test_what_changes_is_said_first_and_a_g_sensitivity_with_its_other_explanati
     told.agreements = [scale, term]
     (caution,) = turn_on_cautions(told)
     assert caution == (
-        "Gyro scale factor error y is not stable: a.csv and b.csv differ by 0.1 % (probability below 1e-12). Was one "
+        "Gyro scale factor error y is not stable: a.csv and b.csv differ by 1000 ppm (probability below 1e-12). Was one "
         "of them at another temperature, was the unit dropped or mounted anew, or is it another unit?"
     )
     said = " ".join(turn_on_sentences(told))

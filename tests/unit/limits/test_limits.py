@@ -14,7 +14,6 @@ from tumble.document.result import Calibration, ParameterBlock
 from tumble.errors import UsageError
 from tumble.limits import decide, read_limits, with_limits
 from tumble.limits.conformity import conformance_probability, decision, overall
-from tumble.limits.reading import Amount, Limit
 
 
 def file_of(folder: Path, text: str) -> Path:
@@ -208,10 +207,14 @@ def test_a_file_that_is_not_there_is_said(tmp_path: Path) -> None:
         read_limits(tmp_path / "none.yaml")
 
 
-def test_a_limit_speaks_in_the_unit_that_it_was_written_in() -> None:
-    written = Limit("gyro bias", within=Amount(0.01, "deg/s"))
-    unit, times = written.unit_written("rad/s")
-    assert unit == "deg/s"
-    assert times == pytest.approx(180.0 / np.pi)
-    share = Limit("accelerometer scale factor", nominal=Amount(16384.0, "counts/g"), within=Amount(5.0, "%"))
-    assert share.unit_written("counts/g") == ("counts/g", 1.0)
+def test_a_reason_speaks_in_the_unit_that_people_say(document: Calibration, tmp_path: Path) -> None:
+    limits = read_limits(
+        file_of(tmp_path, "limits:\n  gyro bias: 0.01 rad/s\n  gyro g-sensitivity: 0.1 deg/s/g\n")
+    )
+    rows = (
+        ("gyro bias x", 0.02, 1e-5, "rad/s"),
+        ("g-sensitivity of gyro x to force y", 1.0, 1e-3, "rad/s/(m/s²)"),
+    )
+    seen = decide(with_parameters(document, *rows), limits)
+    assert "Gyro bias x of 1.14592 ± 0.00057 °/s is outside -0.573 to 0.573 °/s." in seen.reasons
+    assert len(seen.parameters) == 2

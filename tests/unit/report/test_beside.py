@@ -9,11 +9,12 @@ from typing import Any
 import pytest
 
 from tumble.calibration.estimate import NamedValue
-from tumble.parameters import parameter_of
+from tumble.parameters.family import parameter_of
+from tumble.parameters.measures import Measure
 from tumble.report.evidence.beside import beside, parameters_beside
 from tumble.report.html import render_page
 from tumble.report.page import Page
-from tumble.report.parameters import Measure, ParameterRow
+from tumble.report.parameters import ParameterRow
 
 A, B, C, D = (f"gyro non-orthogonality {axes}" for axes in ("yz", "zx", "zy", "xy"))
 

@@ -25,15 +25,15 @@ def rows(calibration: Calibration) -> dict[str, ParameterRow]:
         ("accelerometer scale factor error x", "0.310 ± 0.015 %", None),
         # 0.00354 rad · 180/π = 0.20283 deg.
         ("accelerometer non-orthogonality yz", "3.54 ± 0.13 mrad", "0.2028 ± 0.0074 deg"),
-        # The converter's zero is no bias: 0.25 / 1000 rad/s = 0.0143 deg/s, below 0.1 even tenfold.
-        # Its family's largest is 0.5 counts over |(-7, 31, 990)|: ten times 0.029 deg/s is above 0.1 deg/s.
-        ("gyro bias x", "33000.00 ± 0.25 counts", "± 0.014 deg/s"),
+        # The converter's zero is no bias: 0.25 / 1000 rad/s = 0.0143 °/s, below 0.1 even tenfold.
+        # Its family's largest is 0.5 counts over |(-7, 31, 990)|: ten times 0.029 °/s is above 0.1 °/s.
+        ("gyro bias x", "33000.00 ± 0.25 counts", "± 0.014 °/s"),
         ("gyro scale factor y", "1010.00 ± 0.50 counts/(rad/s)", "± 0.050 %"),
         ("rotation between the triads x", "31.50 ± 0.50 mrad", "1.805 ± 0.029 deg"),
         # k u² at 1 g: 2e-4 · 9.80665² m/s² = 0.019234 m/s² = 1.9613 mg, over g².
         ("accelerometer quadratic z", "0.000200 ± 0.000010 1/(m/s²)", "1.961 ± 0.098 mg/g²"),
-        # 0.5 counts/(m/s²) / 1000 · 9.80665 · 180/π = 0.28094 (deg/s)/g.
-        ("g-sensitivity of gyro x to force y", "0.500 ± 0.050 counts/(m/s²)", "0.281 ± 0.028 (deg/s)/g"),
+        # 0.5 counts/(m/s²) / 1000 · 9.80665 · 180/π = 0.28094 (°/s)/g.
+        ("g-sensitivity of gyro x to force y", "0.500 ± 0.050 counts/(m/s²)", "0.281 ± 0.028 (°/s)/g"),
         ("lag of the accelerometer behind the gyro", "-14.4 ± 2.5 ms", None),
     ],
 )

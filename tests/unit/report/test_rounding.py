@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tumble.report.rounding import decimals_of, fixed, interval, with_uncertainty
+from tumble.parameters.measures import decimals_of, fixed, interval, with_uncertainty
 
 
 @pytest.mark.parametrize(

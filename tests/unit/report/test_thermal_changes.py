@@ -8,7 +8,8 @@ from typing import Any, cast
 import numpy as np
 
 from tumble.document.thermal_block import ThermalBlock, thermal_block
-from tumble.report.parameters import TEMPERATURE, parameter_rows
+from tumble.parameters.family import TEMPERATURE
+from tumble.report.parameters import parameter_rows
 from tumble.report.summary import thermal_changes, thermal_lines
 from tumble.sensor import ImuModel, Triad
 from tumble.sensor.thermal import TemperatureBasis, ThermalModel
@@ -43,9 +44,9 @@ def test_changes_carry_the_correlations_of_their_coefficients() -> None:
     assert table is not None
     columns = list(zip(*table.rows, strict=True))
     assert list(table.heads) == ["change from 20 °C", "0 °C", "30 °C", "60 °C"]
-    # 40 K: 80 + 16 mm/s², variance (1600 e-8 + 2 * 64000 * -5e-11 + 2.56e6 e-12) = 0.0000122.
-    assert columns[3][0] == "96.0 ± 3.5"
-    assert columns[0] == ("acc. x / mm/s²", "acc. y / mm/s²", "acc. z / mm/s²")
+    # 40 K: 80 + 16 mm/s², variance (1600 e-8 + 2 * 64000 * -5e-11 + 2.56e6 e-12) = 0.0000122. In mg over 9.80665.
+    assert columns[3][0] == "9.79 ± 0.36"
+    assert columns[0] == ("acc. x / mg", "acc. y / mg", "acc. z / mg")
 
 
 def test_lag_is_in_seconds_and_the_coefficients_are_counted() -> None:

@@ -38,7 +38,7 @@ from tumble.calibration.magnetometer.field_equations import (
 from tumble.calibration.outcome.description import rotation_of_frame
 from tumble.errors import ConvergenceError, ObservabilityError
 from tumble.estimation.balance import balance
-from tumble.parameters import FAMILIES
+from tumble.parameters.family import FAMILIES
 from tumble.recording.rest import limits_reached
 from tumble.recording.samples import MagneticField
 from tumble.records import dataclass

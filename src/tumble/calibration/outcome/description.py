@@ -21,7 +21,7 @@ from tumble.calibration.terms import TERMS, Term
 from tumble.calibration.terms.lever_arms import WORTH_NAMING
 from tumble.calibration.terms.term import KINDS
 from tumble.earth import Site
-from tumble.parameters import ANGLES, FAMILIES, parameter_of, triad_labels
+from tumble.parameters.family import ANGLES, FAMILIES, parameter_of, triad_labels
 from tumble.recording.recording import Recording
 from tumble.sensor import ImuModel, Triad, polar_rotation, propagate
 from tumble.sensor.conventions.savage import OFF_DIAGONAL, PAIRS

@@ -17,7 +17,7 @@ from tumble.arrays import AnyArray, Table, Vectors
 from tumble.calibration.terms import lever_arms
 from tumble.calibration.terms.term import KINDS, PAIRS_OF_AXES, Parameters, Term
 from tumble.estimation.unknowns import Block
-from tumble.parameters import FAMILIES, LAG
+from tumble.parameters.family import FAMILIES, LAG
 from tumble.sensor.triad import CURVES
 
 LAG_NAME = LAG.name

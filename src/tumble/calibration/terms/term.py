@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from tumble.arrays import Series, Vector
 from tumble.estimation.unknowns import Block
-from tumble.parameters import FAMILIES
+from tumble.parameters.family import FAMILIES
 from tumble.records import dataclass
 from tumble.sensor.triad import CURVES, Curve
 

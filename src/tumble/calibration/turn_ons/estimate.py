@@ -37,11 +37,12 @@ from tumble.calibration.turn_ons.adjustment import (
 )
 from tumble.calibration.verdict import WORST_FORCE_BIAS_SIGMA, two_digits
 from tumble.earth import Site
-from tumble.parameters import FAMILIES, parameter_of
+from tumble.parameters.family import FAMILIES, parameter_of
+from tumble.parameters.measures import amount
 from tumble.recording.recording import Recording
 from tumble.records import dataclass
 from tumble.sensor.propagation import jacobian
-from tumble.units import angular_rate_factor, find_unit, specific_force_factor
+from tumble.units import specific_force_factor
 
 FRAME = "accelerometer-x"
 BIASES = {"accelerometer": "force.bias", "gyro": "gyro.bias"}
@@ -399,32 +400,6 @@ def _changes(told: TurnOns, agreement: Agreement) -> str:
         f"by {amount(agreement.largest, agreement.unit)} (probability {_p(agreement.probability)}). Was one of them at "
         "another temperature, was the unit dropped or mounted anew, or is it another unit?"
     )
-
-
-def amount(value: float, unit: str) -> str:
-    """Return a size that is not negative in a unit that people compare.
-
-    Parameters
-    ----------
-    value, unit : raw, or SI.
-
-    Examples
-    --------
-    >>> amount(0.0123, "m/s^2"), amount(2e-4, "1"), amount(3e-3, "rad")
-    ('12 mm/s²', '200 ppm', '3 mrad')
-    """
-    if unit == "1":
-        return f"{two_digits(100.0 * value)} %" if value >= 1e-3 else f"{two_digits(1e6 * value)} ppm"
-    if unit == "rad":
-        return f"{two_digits(1e3 * value)} mrad" if value >= 1e-4 else f"{two_digits(1e6 * value)} µrad"
-    force = specific_force_factor(unit) if find_unit("specific force", unit) else None
-    rate = angular_rate_factor(unit) if find_unit("angular rate", unit) else None
-    if force is not None:
-        return f"{two_digits(1e3 * force * value)} mm/s²"
-    if rate is not None:
-        degrees = float(np.degrees(rate * value))
-        return f"{two_digits(degrees)} °/s" if degrees >= 0.1 else f"{two_digits(3600.0 * degrees)} °/h"
-    return f"{value:.2g} {unit}"
 
 
 def _p(probability: float) -> str:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from tumble.parameters.measures import fixed, with_uncertainty
 from tumble.records import dataclass
 from tumble.report.page import Block, Sentences, Table, section
-from tumble.report.rounding import fixed, with_uncertainty
 
 if TYPE_CHECKING:
     from tumble.calibration.estimate import Beside, Estimate

@@ -5,15 +5,16 @@ A magnetometer's calibration in a few lines: its parameters with uncertainties, 
 
 from __future__ import annotations
 
+from itertools import groupby
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tumble.arrays import Series, Vectors
+from tumble.parameters.measures import with_uncertainty
 from tumble.report.figures.record import BLUE, GREY, RED, Axis, Curve, Figure, Look, Mark, Points, plain
 from tumble.report.page import Block, Figures, Sentences, Table, section
-from tumble.report.rounding import with_uncertainty
-from tumble.units import magnetic_field_factor
+from tumble.report.parameters import rows_of
 
 if TYPE_CHECKING:
     from tumble.calibration.magnetometer.estimate import Magnetometer
@@ -22,12 +23,6 @@ if TYPE_CHECKING:
 
 
 MICRO = 1e6
-_ROWS = (
-    ("bias (hard iron)", "magnetometer bias", "xyz"),
-    ("scale factor", "magnetometer scale factor", "xyz"),
-    ("soft iron", "magnetometer soft iron", ("yz", "xz", "xy")),
-    ("rotation", "rotation of the magnetometer", "xyz"),
-)
 
 
 def magnetometer_table(block: MagnetometerBlock | None) -> Table | None:
@@ -50,46 +45,17 @@ def magnetometer_rows(block: MagnetometerBlock | None) -> list[list[str]]:
     """
     if block is None or not block.parameters:
         return []
-    known = {p.name: p for p in block.parameters}
-    scale = float(np.mean([known[f"magnetometer scale factor {a}"].value for a in "xyz"]))
     rows: list[list[str]] = []
-    for label, name, ends in _ROWS:
-        own = [known[f"{name} {end}"] for end in ends if f"{name} {end}" in known]
-        if len(own) < 3:
-            continue
-        factor, unit = _practical(block, label, scale)
-        texts = [with_uncertainty(factor * p.value, abs(factor) * p.standard_uncertainty) for p in own]
+    for kind, members in groupby(rows_of(block.parameters), key=lambda row: row.kind):
+        own = list(members)
         # Heads name x, y and z; a pair of axes names itself.
-        texts = [text if len(end) == 1 else f"{end} {text}" for end, text in zip(ends, texts, strict=True)]
-        rows.append([label, *texts, unit])
+        texts = [
+            row.shown.number if len(axes := row.parameter.axes) == 1 else f"{axes} {row.shown.number}"
+            for row in own
+        ]
+        if len(own) == 3:
+            rows.append(["bias (hard iron)" if kind == "bias" else kind, *texts, own[0].shown.unit])
     return rows
-
-
-def _practical(block: MagnetometerBlock, label: str, scale: float) -> tuple[float, str]:
-    """By what a parameter is multiplied, and the unit that people read."""
-    if label.startswith("bias"):
-        return 1.0, unit_name(block.raw_unit)
-    if label.startswith("soft iron"):
-        return 100.0 / scale, "%"
-    if label == "rotation":
-        return float(np.degrees(1.0)), "deg"
-    factor = magnetic_field_factor(block.raw_unit)
-    if block.unit == "T" and factor is not None:
-        return factor, ""
-    if block.unit == "T":
-        return 1.0 / MICRO, f"{unit_name(block.raw_unit)}/µT"
-    return 1.0, f"{unit_name(block.raw_unit)}/local field"
-
-
-def unit_name(unit: str) -> str:
-    """Return a unit as people write it.
-
-    Examples
-    --------
-    >>> unit_name("uT")
-    'µT'
-    """
-    return {"uT": "µT", "ugauss": "µgauss"}.get(unit, unit)
 
 
 def magnetometer_sentences(block: MagnetometerBlock | None, *, every: bool = False) -> list[str]:

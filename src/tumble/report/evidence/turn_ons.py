@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from tumble.parameters import OPTIONAL, parameter_of
+from tumble.parameters.family import OPTIONAL, parameter_of
+from tumble.parameters.measures import fixed, with_uncertainty
 from tumble.report.figures.record import AXIS_COLOURS, GREY, Axis, Figure, Mark, Points, Spans, plain
 from tumble.report.page import Block, Figures, Sentences, Table, section
-from tumble.report.parameters import Measure, ParameterRow, parameter_rows
-from tumble.report.rounding import fixed, with_uncertainty
+from tumble.report.parameters import ParameterRow, parameter_rows
 
 if TYPE_CHECKING:
     from tumble.calibration.evidence import TurnOns
@@ -118,8 +118,7 @@ def _bias_cells(bias: BiasBlock, row: ParameterRow) -> list[str]:
 
 def _practical(row: ParameterRow) -> tuple[float, str]:
     """The factor from the raw unit to the one that readers compare, and that unit."""
-    shown: Measure = row.shown if row.other is None or row.other.value != row.other.value else row.other
-    return shown.sigma / row.shown.sigma, shown.unit
+    return row.said.sigma / row.shown.sigma, row.said.unit
 
 
 def _stable_cells(one: StableBlock, row: ParameterRow) -> list[str]:

@@ -8,11 +8,11 @@ from itertools import groupby
 import numpy as np
 
 from tumble.arrays import Table
-from tumble.parameters import ACCELEROMETER, GYRO, OPTIONAL
+from tumble.parameters.family import ACCELEROMETER, GYRO, OPTIONAL
+from tumble.parameters.measures import fixed
 from tumble.report.figures.record import GREY, Axis, Figure, Map, Points, Spans, plain
 from tumble.report.page import Block, Figures, Sentences, section
 from tumble.report.parameters import ParameterRow
-from tumble.report.rounding import fixed
 
 # Parameters that move together by more than this are worth a sentence.
 _STRONG = 0.8

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tumble.errors import ConvergenceError, ObservabilityError, UsageError
-from tumble.parameters import parameter_of
+from tumble.parameters.family import parameter_of
 from tumble.recording import MagneticField, Recording, Remark, read_recordings
 from tumble.recording.formats.frames import Frame
 from tumble.recording.reading import Paths, recording_inputs

@@ -255,7 +255,7 @@ def _true_parameters(truth: Truth, recording: Recording, frame: str) -> list[dic
     from tumble.calibration.equations.imu_unknowns import LAYOUT, unknowns_of
     from tumble.calibration.outcome.description import named_function
     from tumble.calibration.terms import TERMS
-    from tumble.parameters import parameter_of
+    from tumble.parameters.family import parameter_of
 
     assert truth.model is not None
     own = _in_gauge(truth.model, "accelerometer-x")

@@ -6,9 +6,13 @@ apart. Names and units are those of ``calibration.json``.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Sequence
 from functools import cache
+from typing import TypeVar
 
 from tumble.records import dataclass
+
+T = TypeVar("T")
 
 ACCELEROMETER, GYRO, BETWEEN, OPTIONAL = "Accelerometer", "Gyro", "Between the triads", "Optional terms"
 TEMPERATURE = "Changes with temperature"
@@ -220,7 +224,7 @@ def parameter_of(name: str) -> Parameter:
     return Parameter(name, thermal_family(triad, said.removeprefix(f"{triad} ")), axes)
 
 
-def in_families(names: tuple[str, ...] | list[str]) -> dict[str, list[int]]:
+def in_families(names: Sequence[str]) -> dict[str, list[int]]:
     """Return the numbers of the parameters of each family, by its name.
 
     Parameters
@@ -231,6 +235,20 @@ def in_families(names: tuple[str, ...] | list[str]) -> dict[str, list[int]]:
     for number, name in enumerate(names):
         families.setdefault(parameter_of(name).family.name, []).append(number)
     return families
+
+
+def under_headings(rows: Iterable[T], key: Callable[[T], str]) -> list[tuple[str, list[T]]]:
+    """Return rows of parameters under their headings, in the headings' order.
+
+    Parameters
+    ----------
+    rows : in any order.
+    key : gives a row's parameter by its name.
+    """
+    groups: dict[str, list[T]] = {}
+    for row in rows:
+        groups.setdefault(parameter_of(key(row)).family.group, []).append(row)
+    return [(group, groups[group]) for group in GROUPS if group in groups]
 
 
 def triad_labels(
