@@ -110,7 +110,9 @@ _VELOCITY: _Table = {
 _ANGLE: _Table = {
     "rad": (1.0, ("radian", "radians")),
     "mrad": (1e-3, ("millirad", "milliradian")),
+    "urad": (1e-6, ("microrad", "microradian")),
     "deg": (DEGREE, ("degree", "degrees")),
+    "arcmin": (DEGREE / 60.0, ("arcminute", "arcminutes")),
     "arcsec": (DEGREE / 3600.0, ("as", '"', "arcsecond", "arcseconds")),
 }
 
@@ -286,8 +288,7 @@ def celsius_from(unit: str) -> tuple[float, float]:
     return factor, _ZERO_CELSIUS[find_unit("temperature", unit) or "degC"]
 
 
-RATIOS = {"": 1.0, "1": 1.0, "%": 1e-2, "ppm": 1e-6}
-"""Units of a share, and what they are of it."""
+_RATIOS = {"": 1.0, "1": 1.0, "%": 1e-2, "ppm": 1e-6}
 
 
 def unit_factor(unit: str) -> tuple[str, float] | None:
@@ -302,8 +303,8 @@ def unit_factor(unit: str) -> tuple[str, float] | None:
     >>> unit_factor("ppm"), unit_factor("deg")
     (('ratio', 1e-06), ('angle increment', 0.017453292519943295))
     """
-    if unit in RATIOS:
-        return "ratio", RATIOS[unit]
+    if unit in _RATIOS:
+        return "ratio", _RATIOS[unit]
     kind = next((kind for kind in _KINDS if find_unit(kind, unit) is not None), None)
     factor = None if kind is None else _factor(kind, unit)
     return None if kind is None or factor is None else (kind, factor)

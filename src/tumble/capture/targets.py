@@ -10,51 +10,29 @@ import numpy as np
 
 from tumble.arrays import Series
 from tumble.errors import UsageError
+from tumble.parameters.measures import si_of
 from tumble.records import dataclass
-from tumble.units import DEGREE, STANDARD_GRAVITY
 
-_PER_G = DEGREE / STANDARD_GRAVITY
-_FORCE = {
-    "mg": STANDARD_GRAVITY * 1e-3,
-    "ug": STANDARD_GRAVITY * 1e-6,
-    "g": STANDARD_GRAVITY,
-    "m/s^2": 1.0,
-    "m/s2": 1.0,
+# Name of a target, the group of parameters of `tumble.design.joint_information` that it means, what its unit is of.
+_TARGETS = {
+    "accelerometer.bias": ("accelerometer bias", "specific force"),
+    "accelerometer.scale": ("accelerometer scale", "ratio"),
+    "accelerometer.misalignment": ("accelerometer misalignment", "angle increment"),
+    "gyro.bias": ("gyro bias", "angular rate"),
+    "gyro.scale": ("gyro scale", "ratio"),
+    "gyro.misalignment": ("gyro misalignment", "angle increment"),
+    "gyro.rotation": ("rotation between the triads", "angle increment"),
+    "gyro.g-sensitivity": ("g-sensitivity", "rate per force"),
 }
-_RATE = {"deg/h": DEGREE / 3600.0, "deg/s": DEGREE, "mdeg/s": DEGREE * 1e-3, "rad/s": 1.0, "dps": DEGREE}
-_SHARE = {"ppm": 1e-6, "%": 1e-2, "": 1.0}
-_ANGLE = {
-    "mrad": 1e-3,
-    "urad": 1e-6,
-    "rad": 1.0,
-    "deg": DEGREE,
-    "arcsec": DEGREE / 3600.0,
-    "arcmin": DEGREE / 60.0,
+# The unit that a group is shown in while it shrinks, and what people give a target in.
+_SHOWN = {
+    "specific force": ("mg", "mg, ug, m/s^2"),
+    "angular rate": ("°/h", "deg/h, deg/s, mdeg/s, rad/s"),
+    "ratio": ("ppm", "ppm, %, no unit"),
+    "angle increment": ("mrad", "mrad, deg, arcsec, rad"),
+    "rate per force": ("(°/h)/g", "deg/h/g, deg/s/g, mdeg/s/g"),
 }
-_PER_FORCE = {"deg/h/g": _PER_G / 3600.0, "deg/s/g": _PER_G, "mdeg/s/g": 1e-3 * _PER_G}
-
-# Name of a target, the group of parameters of `tumble.design.joint_information` that it means, its units to SI.
-_TARGETS: dict[str, tuple[str, dict[str, float]]] = {
-    "accelerometer.bias": ("accelerometer bias", _FORCE),
-    "accelerometer.scale": ("accelerometer scale", _SHARE),
-    "accelerometer.misalignment": ("accelerometer misalignment", _ANGLE),
-    "gyro.bias": ("gyro bias", _RATE),
-    "gyro.scale": ("gyro scale", _SHARE),
-    "gyro.misalignment": ("gyro misalignment", _ANGLE),
-    "gyro.rotation": ("rotation between the triads", _ANGLE),
-    "gyro.g-sensitivity": ("g-sensitivity", _PER_FORCE),
-}
-# The unit that a group is shown in, and how many SI units it is.
-SHOWN: dict[str, tuple[str, float]] = {
-    "accelerometer bias": ("mg", _FORCE["mg"]),
-    "accelerometer scale": ("ppm", 1e-6),
-    "accelerometer misalignment": ("mrad", 1e-3),
-    "gyro bias": ("°/h", _RATE["deg/h"]),
-    "gyro scale": ("ppm", 1e-6),
-    "gyro misalignment": ("mrad", 1e-3),
-    "rotation between the triads": ("mrad", 1e-3),
-    "g-sensitivity": ("(°/h)/g", _PER_G / 3600.0),
-}
+_KINDS = dict(_TARGETS.values())
 
 
 def read_targets(texts: Sequence[str]) -> dict[str, float]:
@@ -77,21 +55,17 @@ def read_targets(texts: Sequence[str]) -> dict[str, float]:
         name = name.strip().lower().replace("gyroscope", "gyro").replace("accel.", "accelerometer.")
         if name not in _TARGETS:
             raise UsageError(f"--target {part}: {name!r} is no parameter; known are {', '.join(_TARGETS)}.")
-        group, units = _TARGETS[name]
+        group, kind = _TARGETS[name]
         number = re.fullmatch(r"\s*([0-9.]+(?:e[-+]?[0-9]+)?)\s*(.*?)\s*", wish, re.IGNORECASE)
-        unit = (
-            ""
-            if number is None
-            else number[2].lower().replace("µ", "u").replace("°", "deg").replace("²", "^2")
-        )
         try:
-            value = float(number[1]) if number is not None else math.nan
+            value, (of, size) = float(number[1]) if number else math.nan, si_of(number[2] if number else "")
         except ValueError:
-            value = math.nan
-        if unit not in units or not (math.isfinite(value) and value > 0.0):
-            known = ", ".join(one or "no unit" for one in units)
-            raise UsageError(f"--target {part}: give a positive number with its unit, one of {known}.")
-        found[group] = value * units[unit]
+            value, (of, size) = math.nan, ("", 1.0)
+        if of != kind or not (math.isfinite(value) and value > 0.0):
+            raise UsageError(
+                f"--target {part}: give a positive number with its unit, one of {_SHOWN[kind][1]}."
+            )
+        found[group] = value * size
     return found
 
 
@@ -149,7 +123,8 @@ def groups_of(sigmas: Mapping[str, float | None], targets: Mapping[str, float]) 
         names = [name for name in NAMES[part] if name in sigmas]
         if not names:
             continue
-        unit, size = SHOWN[group]
+        unit = _SHOWN[_KINDS[group]][0]
+        size = si_of(unit)[1]
         told = [sigma for name in names if (sigma := sigmas[name]) is not None]
         worst, target = max(told) if len(told) == len(names) else None, targets.get(group)
         rows.append(

@@ -14,28 +14,32 @@ from typing import Any
 
 import numpy as np
 
-from tumble.certificate.content import PROBABILITY
-from tumble.certificate.languages import phrases
+from tumble.certificate.content import PROBABILITY, phrases
 from tumble.certificate.profile import Customer, Profile
 from tumble.document.entries import entry_names, vector_of_model
 from tumble.document.result import Calibration
 from tumble.errors import UsageError
 from tumble.files import shown
 from tumble.files.markup import templates
+from tumble.parameters.measures import si_of
 from tumble.units import angular_rate_factor, magnetic_field_factor, specific_force_factor
 
 _FORCE, _RATE = r"\metre\second\tothe{-2}", r"\radian\second\tothe{-1}"
-_UNITS = {
-    "1": r"\one",
-    "rad": r"\radian",
-    "s": r"\second",
-    "m": r"\metre",
-    "counts": r"\one",
-    "counts/(m/s²)": r"\metre\tothe{-1}\second\tothe{2}",
-    "counts/(rad/s)": r"\radian\tothe{-1}\second",
-    "rad/s/(m/s^2)": r"\radian\second\metre\tothe{-1}",
-    "rad/s/(m/s²)": r"\radian\second\metre\tothe{-1}",
+_KINDS = {
+    "ratio": r"\one",
+    "specific force": _FORCE,
+    "angular rate": _RATE,
+    "angle increment": r"\radian",
+    "magnetic field": r"\tesla",
+    "time": r"\second",
+    "length": r"\metre",
+    "rate per force": r"\radian\second\metre\tothe{-1}",
+    "per force": r"\metre\tothe{-1}\second\tothe{2}",
 }
+_ONE = _KINDS["ratio"]
+# Of a count nothing more is known than that it is one.
+_PER_FORCE, _PER_RATE = r"\metre\tothe{-1}\second\tothe{2}", r"\radian\tothe{-1}\second"
+_COUNTS = {"counts": _ONE, "counts/(m/s²)": _PER_FORCE, "counts/(rad/s)": _PER_RATE}
 
 
 def dcc_text(
@@ -108,25 +112,15 @@ def _conditions(calibration: Calibration, profile: Profile, temperature: str) ->
 
 def _in_si(unit: str) -> tuple[str, float] | None:
     """Return a parameter's unit as D-SI with the factor to it; None for what D-SI cannot say."""
-    if unit in _UNITS:
-        return _UNITS[unit], 1.0
     raw, _, per = unit.removesuffix(")").partition("/(")
     if per in ("T", "local field"):
         factor = magnetic_field_factor(raw)
         if factor is None:
-            return (r"\tesla\tothe{-1}" if per == "T" else r"\one"), 1.0
-        return (r"\one" if per == "T" else r"\tesla"), factor
-    for factor_of, name in (
-        (specific_force_factor, _FORCE),
-        (angular_rate_factor, _RATE),
-        (magnetic_field_factor, r"\tesla"),
-    ):
-        try:
-            factor = factor_of(unit)
-        except UsageError:
-            continue
-        return (r"\one", 1.0) if factor is None else (name, factor)
-    return None
+            return (r"\tesla\tothe{-1}" if per == "T" else _ONE), 1.0
+        return (_ONE if per == "T" else r"\tesla"), factor
+    kind, factor = si_of(unit)
+    found = _KINDS.get(kind) or _COUNTS.get(unit)
+    return None if found is None else (found, factor)
 
 
 def _parameters(calibration: Calibration) -> list[dict[str, str | float]]:
@@ -157,21 +151,16 @@ def entries_in_si(calibration: Calibration) -> tuple[list[str], list[str], np.nd
     places: list[int] = []
     rows: list[int] = []
     raw = calibration.raw_units
-    told = {"accelerometer": (specific_force_factor(raw.specific_force), _FORCE, "counts/(m/s²)")}
-    told["gyroscope"] = (angular_rate_factor(raw.angular_rate), _RATE, "counts/(rad/s)")
+    told = {"accelerometer": (specific_force_factor(raw.specific_force), _FORCE, _PER_FORCE)}
+    told["gyroscope"] = (angular_rate_factor(raw.angular_rate), _RATE, _PER_RATE)
     for row, name in enumerate(calibration.covariance_parameters):
         triad, _, rest = name.partition(".")
         if name not in order or not rest.startswith(("matrix", "bias")):
             continue
         factor, si, per_count = told[triad]
-        is_bias = rest.startswith("bias")
-        unit = (
-            (_UNITS["counts"] if factor is None else si)
-            if is_bias
-            else (_UNITS[per_count] if factor is None else _UNITS["1"])
-        )
+        bias, entry = (_ONE, per_count) if factor is None else (si, _ONE)
         names.append(name)
-        units.append(unit)
+        units.append(bias if rest.startswith("bias") else entry)
         factors.append(1.0 if factor is None else factor)
         places.append(order[name])
         rows.append(row)
@@ -202,5 +191,5 @@ def _entries(calibration: Calibration) -> dict[str, Any] | None:
 
 
 def _product(one: str, two: str) -> str:
-    parts = [part for part in (one, two) if part != _UNITS["1"]]
-    return "".join(parts) or _UNITS["1"]
+    parts = [part for part in (one, two) if part != _ONE]
+    return "".join(parts) or _ONE

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -70,7 +69,7 @@ def _print_course(course: PredictedErrors) -> None:
     screen.print(table(["after", *lengths], rows, right=range(1, len(lengths) + 1), title=title, box=None))
     carried = [state for state in course.states if state.carry]
     rows = [
-        [_state_in_words(state), _practical(state, two_digits), f"{two_digits(100.0 * state.share)} %"]
+        [_state_in_words(state), _practical(state), f"{two_digits(100.0 * state.share)} %"]
         for state in carried
     ]
     heads = ("state", "one sigma at the start", "largest share of a variance")
@@ -98,15 +97,13 @@ def _of_matrix(triad: str, g_sensitivity: bool, row: int, column: int) -> str:
     return f"{triad} misalignment {'xyz'[row]} to {'xyz'[column]}"
 
 
-def _practical(state: StateAdvice, digits: Callable[[float], str]) -> str:
-    sigma = state.sigma
+def _practical(state: StateAdvice) -> str:
+    from tumble.parameters.measures import amount
+
+    bias = "m/s^2" if state.kind == "accelerometer" else "rad/s"
     if state.kind == "g-sensitivity":
-        return f"{digits(math.degrees(sigma) * 3600.0 * 9.80665)} (°/h)/g"
-    if state.column >= 0:
-        return f"{digits(1e6 * sigma)} {'ppm' if state.row == state.column else 'µrad'}"
-    if state.kind == "accelerometer":
-        return f"{digits(sigma / 9.80665e-3)} mg"
-    return f"{digits(math.degrees(sigma) * 3600.0)} °/h"
+        return amount(state.sigma, "rad/s/(m/s²)")
+    return amount(state.sigma, bias if state.column < 0 else "1" if state.row == state.column else "rad")
 
 
 def predict_command(

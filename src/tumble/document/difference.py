@@ -1,4 +1,10 @@
-"""What changed between two calibrations of one unit, in sigmas, and what that does to corrected numbers."""
+"""What changed between two calibrations of one unit, in sigmas, and what that does to corrected numbers.
+
+Both take the unit's own clock, or the norm of the field, to be what a data sheet or somebody says. By whatever that is
+wrong, both are wrong alike: in a difference it cancels. With V the covariance of one of them and
+g = d(parameters)/d(share), that part of V is at most 1/(gᵀ V⁻¹ g). Where the recording has determined the clock
+itself, as a table does, that is less than what was assumed, and nothing is common.
+"""
 
 from __future__ import annotations
 
@@ -12,8 +18,7 @@ from tumble.attitude.directions import twenty_six_directions
 from tumble.calibration.magnetometer.estimate import NAMES, nearest_axes
 from tumble.document.entries import PLACES, SIZE, model_of_vector, named_parameters, part, stacked
 from tumble.document.frame_change import turned_to
-from tumble.document.in_common import along_clock, common_clock, common_norm, scale_slope
-from tumble.document.magnetometer_block import MagnetometerBlock
+from tumble.document.magnetometer_block import FieldBlock, MagnetometerBlock
 from tumble.document.result import Calibration, ParameterBlock
 from tumble.errors import UsageError
 from tumble.parameters.family import ACCELEROMETER, BETWEEN, GYRO, Family, family_of, parameter_of
@@ -142,7 +147,7 @@ def compare_calibrations(first: Calibration, second: Calibration) -> Difference:
         )
     table = _tables((first, second), models, (spread_one, spread_two), scale, remarks)
     natural = _natural_sizes(one)
-    clock = common_clock((first, second), (one, two), (spread_one, spread_two))
+    clock = _common_clock((first, second), (one, two), (spread_one, spread_two))
     if clock:
         remarks.append(
             "Both take the sample rate as the same nominal one. What its uncertainty does to both alike is taken out. "
@@ -159,7 +164,7 @@ def compare_calibrations(first: Calibration, second: Calibration) -> Difference:
     remarks += _one_sided(terms, one, two)
     changes.sort(key=lambda change: parameter_of(change.name).family.triad != "accelerometer")
     of_field, groups_of_field = _field_changes(first.magnetometer, second.magnetometer, remarks)
-    shared = clock * np.outer(along_clock(one), along_clock(two))
+    shared = clock * np.outer(_along_clock(one), _along_clock(two))
     joint = np.block([[spread_one, shared], [shared.T, spread_two]])
     both = np.concatenate([one, two])
     return Difference(
@@ -281,7 +286,7 @@ def _natural_size(family: Family, natural: tuple[float, float]) -> float:
 
 
 def _changed(one: Any, two: Any, size: float, clock: float = 0.0) -> ParameterChange:
-    shared = 2.0 * clock * scale_slope(one) * scale_slope(two)
+    shared = 2.0 * clock * _scale_slope(one) * _scale_slope(two)
     sigma = float(np.sqrt(max(one.standard_uncertainty**2 + two.standard_uncertainty**2 - shared, 0.0)))
     moved = two.value - one.value
     largest = max(size, abs(one.value), abs(two.value))
@@ -388,7 +393,7 @@ def _field_changes(
     spreads = np.array(first.covariance), factor**2 * np.array(second.covariance)
     of_matrix = np.array(at) < 9
     along = [np.where(of_matrix, own, 0.0) for own in numbers]
-    norm = common_norm((first.field, second.field), along, spreads) if known else 0.0
+    norm = _common_norm((first.field, second.field), along, spreads) if known else 0.0
     if norm:
         remarks.append(
             "Both take the same norm of the magnetic field, or the mean scale of a data sheet. What its uncertainty "
@@ -479,3 +484,95 @@ def _worst(name: str, change: Any, both: Series, joint: Table) -> Effect:
     along = changes[at] / sizes[at] if sizes[at] > 0.0 else np.array([1.0, 0.0, 0.0])
     effect = jacobian(lambda x: np.array([along @ change(x, directions[at])]), both)
     return Effect(name, sizes[at], float(np.sqrt(max(float((effect @ joint @ effect.T)[0, 0]), 0.0))))
+
+
+# --- what both share without seeing it
+
+_UNDETERMINED = 0.9  # of the assumed variance that a recording leaves, where it did not determine the clock
+_SAME = (
+    1e-5  # of a rate: regular stamps of two recordings give one data sheet rate to the digits that they have
+)
+_MATRIX = PLACES["gyroscope.matrix"][0]
+
+
+def _common_clock(
+    calibrations: tuple[Calibration, Calibration], values: tuple[Series, Series], spreads: tuple[Table, Table]
+) -> float:
+    """Return the variance of what both clocks are off alike, as a share squared; zero where nothing is common.
+
+    Parameters
+    ----------
+    calibrations : of one unit.
+    values, spreads : (parameters,) and their covariances, as `entries.stacked` gives them.
+    """
+    assumed = [_assumed(calibration) for calibration in calibrations]
+    one, other = assumed
+    if one is None or other is None or one[1] != other[1] or abs(one[0] / other[0] - 1.0) > _SAME:
+        return 0.0
+    variance = one[1] ** 2
+    left = [_largest_part(spread, _along_clock(own)) for own, spread in zip(values, spreads, strict=True)]
+    return min(variance, *left) if min(left) >= _UNDETERMINED * variance else 0.0
+
+
+def _common_norm(
+    fields: tuple[FieldBlock | None, FieldBlock | None], along: list[Series], spreads: tuple[Table, Table]
+) -> float:
+    """Return the variance of what both norms of the field are off alike, as a share squared; zero where nothing is.
+
+    Parameters
+    ----------
+    fields : in which the magnetometers were found.
+    along, spreads : (n,) numbers of which each moves as its own size, the others zero; and their covariances.
+    """
+    one, other = fields
+    if one is None or other is None or one.norm_given != other.norm_given:
+        return 0.0
+    # A norm that is not given is by the mean scale that data sheets promise: of one unit it is one and the same.
+    if one.norm_given and (one.source, one.norm) != (other.source, other.norm):
+        return 0.0
+    assumed = min((field.norm_standard_uncertainty / field.norm) ** 2 for field in (one, other))
+    return min(assumed, *(_largest_part(spread, own) for own, spread in zip(along, spreads, strict=True)))
+
+
+def _along_clock(values: Series) -> Series:
+    """Return by how much each number moves per share that a clock is off: the gyros' matrix does.
+
+    Parameters
+    ----------
+    values : (parameters,) as `entries.stacked` gives them.
+    """
+    along = np.zeros_like(values)
+    along[_MATRIX] = values[_MATRIX]
+    return along
+
+
+def _scale_slope(parameter: ParameterBlock) -> float:
+    """Return by how much a parameter moves per share that a clock, or the norm of the magnetic field, is off.
+
+    Parameters
+    ----------
+    parameter : of any kind.
+    """
+    family = parameter_of(parameter.name).family
+    if family.triad == "accelerometer" or family.kind not in ("scale factor", "scale factor error"):
+        return 0.0
+    return parameter.value + (1.0 if family.kind == "scale factor error" else 0.0)
+
+
+def _largest_part(spread: Table, along: Series) -> float:
+    """The largest c for which ``V - c g gᵀ`` is a covariance."""
+    known = np.flatnonzero(np.diag(spread) > 0.0)
+    if not np.any(along[known]) or np.any(along[np.setdiff1d(np.arange(along.size), known)]):
+        return 0.0
+    scaled = np.sqrt(np.diag(spread)[known])
+    unit = spread[np.ix_(known, known)] / np.outer(scaled, scaled)
+    slope = along[known] / scaled
+    return float(1.0 / (slope @ np.linalg.pinv(unit, hermitian=True) @ slope))
+
+
+def _assumed(calibration: Calibration) -> tuple[float, float] | None:
+    """The rate that is taken as nominal, in Hz, and its relative standard uncertainty."""
+    for one in calibration.quality.unseen:
+        if one.nominal_rate_hz is not None:
+            return one.nominal_rate_hz, one.relative_standard_uncertainty
+    return None

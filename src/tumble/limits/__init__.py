@@ -4,7 +4,6 @@ A calibration that can be trusted may be of a unit that nobody wants, and the ot
 one, limits the other. `read_limits` reads ``limits.yaml``, `decide` holds a calibration against it.
 """
 
-from tumble.limits.conformity import decide, with_limits
-from tumble.limits.reading import Limit, Limits, read_limits
+from tumble.limits.conformity import Limit, Limits, decide, read_limits, with_limits
 
 __all__ = ["Limit", "Limits", "decide", "read_limits", "with_limits"]

@@ -40,6 +40,7 @@ _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _MOST_DECIMALS = 6
 _LARGEST_ROUNDED = 1e6
 _DIGITS = 2
+_LENGTHS = {"m": 1.0, "mm": 1e-3}
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +105,7 @@ def said_unit(unit: str, sizes: Iterable[float]) -> tuple[float, str]:
         raw = unit.removesuffix("/(T)")
         factor = magnetic_field_factor(raw)
         return (1e-6, f"{plain_unit(raw)}/µT") if factor is None else (factor, "")
-    kind, si = _si(unit)
+    kind, si = si_of(unit)
     largest = si * max((size for size in sizes if math.isfinite(size)), default=0.0)
     found = ((factor, word) for least, factor, word in _SAID.get(kind, ()) if largest >= least)
     factor, word = next(found, (1.0 / si, plain_unit(unit)))
@@ -127,19 +128,35 @@ def amount(size: float, unit: str) -> str:
     return f"{float(f'{factor * size:.2g}'):.10g} {word}".rstrip()
 
 
-def _si(unit: str) -> tuple[str, float]:
-    """The kind of a parameter's unit and its factor to SI; nothing and one of what nobody converts."""
-    if unit == "m":
-        return "length", 1.0
-    for before, after, of, kind, power in (
-        ("", "/(m/s²)", "angular rate", "rate per force", 1),
-        ("", "/(m/s^2)", "angular rate", "rate per force", 1),
-        ("1/(", ")", "specific force", "per force", -1),
-    ):
+# Before and after a unit, of which quantity that is, what the whole is of, its power and a factor.
+_COMPOUND = (
+    ("", "/(m/s²)", "angular rate", "rate per force", 1, 1.0),
+    ("", "/(m/s^2)", "angular rate", "rate per force", 1, 1.0),
+    ("", "/g", "angular rate", "rate per force", 1, 1.0 / _G),
+    ("1/(", ")", "specific force", "per force", -1, 1.0),
+    ("", "/g²", "specific force", "per force", 1, 1.0 / _G**2),
+)
+
+
+def si_of(unit: str) -> tuple[str, float]:
+    """Return the kind of a parameter's unit and its factor to SI; nothing and one of what nobody converts.
+
+    Parameters
+    ----------
+    unit : as a calibration has it, or as people say it.
+
+    Examples
+    --------
+    >>> si_of("1/(m/s^2)"), si_of("counts")
+    (('per force', 1.0), ('', 1.0))
+    """
+    if unit in _LENGTHS:
+        return "length", _LENGTHS[unit]
+    for before, after, of, kind, power, factor in _COMPOUND:
         if unit.startswith(before) and unit.endswith(after):
-            found = unit_factor(unit[len(before) : len(unit) - len(after)])
+            found = unit_factor(unit[len(before) : len(unit) - len(after)].strip("()"))
             if found is not None and found[0] == of:
-                return kind, found[1] ** power
+                return kind, factor * found[1] ** power
     return unit_factor(unit) or ("", 1.0)
 
 

@@ -45,7 +45,7 @@ def make_certificate(
     profile : what the laboratory says; without it the certificate has no laboratory.
     number : of the certificate; by default made of the day and the calibration's identity.
     date : of issue, YYYY-MM-DD; today by default. The same day makes the same bytes.
-    language : of `tumble.certificate.languages.LANGUAGES`.
+    language : of `tumble.certificate.content.LANGUAGES`.
     registry : that keeps the certificate's number.
 
     Raises

@@ -18,8 +18,8 @@ from msgspec import structs
 from tests.unit.written import parameters, written
 
 from tumble.certificate import Profile, certificate_content, certificate_pdf, read_profile
+from tumble.certificate.content import LANGUAGES, PHRASES
 from tumble.certificate.dcc import dcc_text, entries_in_si
-from tumble.certificate.languages import LANGUAGES, PHRASES
 from tumble.document import part
 from tumble.document.result import Calibration
 from tumble.errors import UsageError

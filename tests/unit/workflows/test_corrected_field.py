@@ -22,8 +22,7 @@ from tumble.document.magnetometer_block import (
 )
 from tumble.document.result import Calibration
 from tumble.errors import UsageError
-from tumble.limits.conformity import decide
-from tumble.limits.reading import read_limits
+from tumble.limits import decide, read_limits
 from tumble.recording import Recording
 from tumble.recording.formats.output import write_recording
 from tumble.recording.samples import MagneticField

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tumble.parameters.measures import said_unit
 from tumble.report.figures.record import (
     AXIS_COLOURS,
     BLUE,
@@ -26,7 +27,7 @@ from tumble.report.page import Block, Figures, Sentences, section
 
 if TYPE_CHECKING:
     from tumble.arrays import Series
-    from tumble.calibration.evidence import ThermalCurves
+    from tumble.calibration.evidence import BiasCurve, ThermalCurves
     from tumble.recording.recording import Recording
     from tumble.report.subject import Subject
 
@@ -64,7 +65,8 @@ def thermal(evidence: ThermalCurves, subject: Subject) -> list[Block]:
     subject : of the report.
     """
     raw = subject.calibration.raw_units
-    units = {"accelerometer": _shown_unit(raw.specific_force), "gyroscope": _shown_unit(raw.angular_rate)}
+    raws = {"accelerometer": raw.specific_force, "gyroscope": raw.angular_rate}
+    units = {triad: _shown_unit(raws[triad], curve) for triad, curve in evidence.curves.items()}
     blocks: list[Block] = []
     for triad in ("gyroscope", "accelerometer"):
         if triad in evidence.curves:
@@ -73,9 +75,10 @@ def thermal(evidence: ThermalCurves, subject: Subject) -> list[Block]:
     return blocks + (_candidates(evidence) if evidence.candidates else [])
 
 
-def _shown_unit(raw: str) -> tuple[str, float]:
-    """Return the unit of the figures and its factor from the raw one."""
-    return {"m/s^2": ("mm/s²", 1e3), "rad/s": ("°/s", float(np.degrees(1.0)))}.get(raw, (raw, 1.0))
+def _shown_unit(raw: str, curve: BiasCurve) -> tuple[str, float]:
+    """The unit of the figures and its factor from the raw one."""
+    factor, unit = said_unit(raw, np.abs(curve.bias).ravel().tolist())
+    return unit, factor
 
 
 def _biases(evidence: ThermalCurves, triad: str, unit: str, factor: float) -> list[Block]:

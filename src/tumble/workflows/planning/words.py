@@ -52,8 +52,8 @@ def prediction_rows(done: Planned) -> list[list[str]]:
 
 
 def _prediction_row(stem: str, three: list[Foretold]) -> list[str]:
+    from tumble.parameters.measures import with_uncertainty
     from tumble.report.parameters import practical_uncertainties
-    from tumble.report.rounding import with_uncertainty
 
     ends = [one.name.rpartition(" ")[2] for one in three]
     name = stem if ends == ["x", "y", "z"] else f"{stem} ({', '.join(ends)})"

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from tumble.arrays import Series
-from tumble.calibration.verdict import two_digits
 from tumble.files import write_texts
 from tumble.navigation import FilterRun, OutageErrors
 from tumble.navigation.block_bootstrap import Statistic, ratio_of, rms_of
 from tumble.navigation.outages import FreeDrift
+from tumble.parameters.measures import amount
 from tumble.records import as_document, dataclass
 from tumble.workflows.verification.calibration_parts import AT_REST, UNCALIBRATED, WHOLE
 
@@ -429,17 +429,11 @@ def far(number: Statistic) -> str:
 
 
 def _practical(name: str, value: float) -> str:
-    if "bias" in name:
-        if name.startswith("accelerometer"):
-            return f"{_signed(value / 9.80665e-3)} mg"
-        return f"{_signed(float(np.degrees(value)) * 3600.0)} °/h"
-    return f"{_signed(100.0 * value)} %" if "scale" in name else f"{_signed(1e3 * value)} mrad"
+    raw = "m/s^2" if name.startswith("accelerometer") else "rad/s"
+    unit = raw if "bias" in name else "1" if "scale" in name else "rad"
+    return f"{'−' if value < 0.0 else ''}{amount(abs(value), unit)}"
 
 
 def _plain(name: str) -> str:
     """A state's name in the glossary's words."""
     return name.replace("gyroscope", "gyro")
-
-
-def _signed(value: float) -> str:
-    return f"{'−' if value < 0.0 else ''}{two_digits(abs(value))}"
