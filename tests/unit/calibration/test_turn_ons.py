@@ -116,8 +116,8 @@ def test_what_changes_is_said_first_and_a_g_sensitivity_with_its_other_explanati
     told.agreements = [scale, term]
     (caution,) = turn_on_cautions(told)
     assert caution == (
-        "Gyro scale factor error y is not stable: a.csv and b.csv differ by 1000 ppm (probability below 1e-12). Was one "
-        "of them at another temperature, was the unit dropped or mounted anew, or is it another unit?"
+        "Gyro scale factor error y is not stable: a.csv and b.csv differ by 1000 ppm (probability below 1e-12). Was "
+        "one of them at another temperature, was the unit dropped or mounted anew, or is it another unit?"
     )
     said = " ".join(turn_on_sentences(told))
     assert "2 of the 2 parameters that should be stable do not agree" in said
