@@ -285,7 +285,7 @@ def test_a_document_with_numbers_that_are_none_is_refused(example: Calibration, 
         tmp_path / "calibration.json",
         lambda d: d["accelerometer"].update(bias=[1.0, float("nan"), 2.0]),
     )
-    with pytest.raises(CalibrationFileError, match=r"accelerometer\.bias"):
+    with pytest.raises(CalibrationFileError, match="number NaN"):
         read_calibration(path)
 
 
