@@ -315,7 +315,7 @@ def _usage_or_internal(error: Exception) -> None:
 
 
 def _no_number(error: Exception) -> str:
-    """What is said of a value that is no number, in place of pydantic's words; nothing of other errors."""
+    """What is said of a value that is no number, in place of a library's words; nothing of other errors."""
     found, asked = getattr(error.__cause__, "errors", None), getattr(error, "param", None)
     if not callable(found) or asked is None:
         return ""

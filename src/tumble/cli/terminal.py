@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 from tumble.counting import Stage, listening
+from tumble.errors import UsageError
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -29,9 +30,7 @@ state: dict[str, Any] = {"results stand": False, "stopped": ""}
 """Whether files of this call are already in their places, and what a stop leaves, if it is not nothing."""
 
 # Control characters but tab and line feed, line ends of Unicode, signs that reverse reading, broken UTF-8.
-_OBEYED = re.compile(
-    "[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\u200e\u200f\u202a-\u202e\u2066-\u2069\ud800-\udfff]"
-)
+_OBEYED = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
 # Signs of ours that an encoding may lack, and how they are written without it.
 _PLAIN_SIGNS = {
     "°": " deg",
@@ -195,7 +194,10 @@ def say_json(document: Any, indent: int = 0) -> None:
     """
     import msgspec
 
-    text = msgspec.json.encode(document, enc_hook=lambda number: number.tolist())
+    try:
+        text = msgspec.json.encode(document, enc_hook=lambda number: number.tolist())
+    except UnicodeEncodeError:
+        raise UsageError("A file's name is no text: rename the file, or leave --json out.") from None
     say_json_text(msgspec.json.format(text, indent=indent).decode() + "\n")
 
 
@@ -207,10 +209,8 @@ def say_json_text(text: str) -> None:
     text : with its last line end.
     """
     utf = (getattr(sys.stdout, "encoding", None) or "utf-8").lower().startswith("utf")
-    escaped = (_OBEYED if utf else re.compile(r"[^\x00-\x7f]")).sub(
-        lambda found: json.dumps(found[0])[1:-1], text
-    )
-    sys.stdout.write(escaped)
+    escaped = _OBEYED if utf else re.compile(r"[^\x00-\x7f]")
+    sys.stdout.write(escaped.sub(lambda found: json.dumps(found[0])[1:-1], text))
 
 
 def console(*, soft_wrap: bool = False) -> Console:

@@ -32,7 +32,7 @@ from tumble.calibration.joint import begin
 from tumble.calibration.optional_terms import unknowns_with
 from tumble.calibration.outcome.budget import recording_influences
 from tumble.calibration.outcome.description import named_function
-from tumble.calibration.prior import together
+from tumble.calibration.prior import FleetSheet, together
 from tumble.calibration.procedure import find_procedure
 from tumble.calibration.session import Session
 from tumble.design.hold_noise import wander_sigma
@@ -85,6 +85,22 @@ UNKNOWN_HEADING = 1e3
 _LEAST_G_SENSITIVITY = 0.01 * np.pi / 180.0 / 9.80665
 
 
+def sizes_of_sheet(sheet: Grade | FleetSheet, grade: Grade) -> Series:
+    """Return (30,) sizes as of `parameter_sizes`, of a data sheet; of a grade what a fleet does not say.
+
+    Parameters
+    ----------
+    sheet, grade : the data sheet, and the unit's grade.
+    """
+    if not isinstance(sheet, FleetSheet):
+        return parameter_sizes(sheet)
+    sizes = parameter_sizes(grade)
+    priors = sheet.prior("accelerometer", "m/s^2"), sheet.prior("gyroscope", "rad/s")
+    for at, prior in zip((slice(0, 9), slice(9, 18)), priors, strict=True):
+        sizes[at] = sizes[at] if prior is None else np.sqrt(np.diag(inverted(prior.precision)))
+    return sizes
+
+
 def parameter_sizes(grade: Grade) -> Series:
     """Return (30,) one sigma by which units of a grade differ, of each parameter, SI.
 
@@ -93,19 +109,11 @@ def parameter_sizes(grade: Grade) -> Series:
     grade : whose spreads the data sheet states.
     """
     force, gyro = grade.accelerometer, grade.gyroscope
-    apart = float(np.hypot(force.misalignment, gyro.misalignment))
-    threes = (
-        force.bias,
-        force.scale_factor,
-        np.sqrt(2.0) * force.misalignment,
-        gyro.bias,
-        gyro.scale_factor,
-        np.sqrt(2.0) * gyro.misalignment,
-        apart,
-    )
+    threes = [force.bias, force.scale_factor, np.sqrt(2.0) * force.misalignment]
+    threes += [gyro.bias, gyro.scale_factor, np.sqrt(2.0) * gyro.misalignment]
+    threes += [float(np.hypot(force.misalignment, gyro.misalignment))]
     least = max(grade.g_sensitivity, _LEAST_G_SENSITIVITY)
-    sizes = np.concatenate([np.repeat(threes, 3), np.full(9, least)])
-    return np.maximum(sizes, 1e-12)
+    return np.maximum(np.concatenate([np.repeat(threes, 3), np.full(9, least)]), 1e-12)
 
 
 @dataclass(frozen=True, slots=True)

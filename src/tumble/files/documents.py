@@ -225,7 +225,7 @@ def read_json(path: Path, largest: int = LARGEST_JSON) -> Any:
     """
     text = read_text(path, largest)
     try:
-        reading = {"parse_int": _number, "parse_float": _number, "parse_constant": _number}
+        reading: Any = {"parse_int": _number, "parse_float": _number, "parse_constant": _number}
         document: Any = json.loads(text, object_pairs_hook=_once, **reading)
     except json.JSONDecodeError as error:
         raise DocumentError(f"it is no JSON ({error.msg}, line {error.lineno})") from None

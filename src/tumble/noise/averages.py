@@ -155,9 +155,8 @@ def average_blocks(
     """
     names = suitability.channels
     columns = [evidence.names.index(name) for name in names]
-    deviations = [
-        StreamedDeviation(evidence.rate, len(names), each, places) for each in dict.fromkeys((taus, "octave"))
-    ]
+    curves = (taus,) if isinstance(taus, str) and taus == "octave" else (taus, "octave")
+    deviations = [StreamedDeviation(evidence.rate, len(names), each, places) for each in curves]
     of_triad = {
         letter: [k for k, name in enumerate(names) if name.startswith(letter)]
         for letter in "ag"

@@ -119,7 +119,7 @@ def _drift_table(variants: list[dict[str, Any]]) -> Table:
             metres(variant["drift"][-1]["horizontal_rms"], ""),
             metres(variant["drift"][-1]["ratio_to_uncalibrated"], ""),
             variant["accuracy_class"].partition(" ")[0],
-            f"{variant['innovations']:.2f}",
+            "–" if variant["innovations"] is None else f"{variant['innovations']:.2f}",
         ]
         for variant in variants
     ]

@@ -39,7 +39,7 @@ def history_table(rows: Sequence[dict[str, Any]]) -> PageTable:
 
 
 def _cell(row: dict[str, Any], value: str, sigma: str, factor: float) -> str:
-    return with_uncertainty(factor * row[value], factor * row[sigma]) if row[sigma] else "–"
+    return "–" if row[value] is None else with_uncertainty(factor * row[value], factor * (row[sigma] or 0.0))
 
 
 def history_page(

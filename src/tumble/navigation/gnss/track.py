@@ -186,7 +186,7 @@ def in_order(track: GnssTrack) -> GnssTrack:
 
 
 def _refuse_impossible(track: GnssTrack) -> None:
-    def refuse(wrong: np.ndarray, words: str, values: Series | None = None) -> None:
+    def refuse(wrong: np.bool | np.ndarray, words: str, values: Series | None = None) -> None:
         if wrong.any():
             row = int(np.argmax(wrong))
             seen = "" if values is None else f"{values[row]:g}"

@@ -157,7 +157,7 @@ def plan(
     if request.is_searched:
         search = search_poses(request, task, grade, progress)
         task = replace(task, protocol=search.protocol)
-    task = replace(task, protocol=as_assumed(task))
+    task = replace(task, protocol=as_assumed(task, request.rate))
     done = Planned(plan_protocol(task, progress), grade.name, search, given=said, remarks=remarks)
     _advise(done, limits, progress, steps=steps)
     from tumble.workflows.planning.words import describe_plan, document_of
@@ -200,23 +200,27 @@ def _asked_protocol(request: PlanRequest) -> Protocol:
     )
 
 
-def as_assumed(task: PlanTask) -> Protocol:
-    """Return the protocol with what the plan takes for granted written into it: rate, table, place.
+def as_assumed(task: PlanTask, rate: float | str | None) -> Protocol:
+    """Return the protocol with what the plan takes for granted written into it: table, place, a rate that was stated.
+
+    A rate that nobody stated is not written: a recording with another one would contradict it.
 
     Parameters
     ----------
     task : what is planned.
+    rate : as it was given.
     """
     from tumble.protocol import SpinStep
-    from tumble.sample_rates import SampleRate
+    from tumble.sample_rates import sample_rate, stated_clock
 
-    protocol = task.protocol
-    rate = task.noise.rate if protocol.rate is None else float(protocol.rate)
+    protocol, told = task.protocol, rate if stated_clock(rate) is None else None
     steps = tuple(
         replace(step, sigma=step.rate_sigma) if isinstance(step, SpinStep) else step
         for step in protocol.steps
     )
-    return replace(protocol, steps=steps, site=task.site, rate=SampleRate(rate, rate * task.clock))
+    return replace(
+        protocol, steps=steps, site=task.site, rate=protocol.rate if told is None else sample_rate(told)
+    )
 
 
 def _limits(text: str | None) -> Series | None:
@@ -243,11 +247,11 @@ def _limits(text: str | None) -> Series | None:
 
 
 def _task(protocol: Protocol, request: PlanRequest) -> tuple[PlanTask, Grade, list[str]]:
-    from tumble.design.joint_information import parameter_sizes
+    from tumble.design.joint_information import sizes_of_sheet
     from tumble.design.joint_plan import PlanTask
     from tumble.recording.stamps import clock_without_stamps
     from tumble.sample_rates import sample_rate, stated_clock
-    from tumble.simulation.grades import Grade, find_grade
+    from tumble.simulation.grades import find_grade
     from tumble.workflows.given.prior import find_sheet
 
     grade, place = find_grade(request.imu), request.site or protocol.site
@@ -261,8 +265,7 @@ def _task(protocol: Protocol, request: PlanRequest) -> tuple[PlanTask, Grade, li
     task = PlanTask.of_grade(protocol, grade, place, seed=request.seed)
     if request.data_sheet is not None:
         sheet = find_sheet(request.data_sheet)
-        sizes = parameter_sizes(sheet) if isinstance(sheet, Grade) else task.sizes
-        task = replace(task, sizes=sizes, sheet=sheet)
+        task = replace(task, sizes=sizes_of_sheet(sheet, grade), sheet=sheet)
         words = "are believed beforehand, as `tumble calibrate --prior` does."
         remarks.append(f"The spreads of {request.data_sheet} {words}")
     if request.noise is not None:
@@ -366,8 +369,6 @@ def of_clock(plan: JointPlan) -> str:
 
 def _remarks(done: Planned, site: Site | None) -> list[str]:
     task, words = done.plan.task, list[str]()
-    if site is not None and done.search is None and task.protocol.site is not site:
-        words.append("--site goes before the protocol's own.")
     words.append(of_clock(done.plan))
     if task.has_table and (table := task.common[1]):
         words.append(
