@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tumble.calibration.verdict import two_digits
 from tumble.earth import Site
 from tumble.errors import UsageError
 from tumble.files import results_folder
@@ -162,7 +163,7 @@ def plan(
     _advise(done, limits, progress, steps=steps)
     from tumble.workflows.planning.words import describe_plan, document_of
 
-    done.remarks = [*describe_plan(done), *remarks, *_remarks(done, request.site)]
+    done.remarks = [*describe_plan(done), *remarks, *_remarks(done)]
     if folder is not None:
         progress("writing")
         done.files = _write(folder, task.protocol, document_of(done))
@@ -350,7 +351,6 @@ def of_clock(plan: JointPlan) -> str:
     ----------
     plan : a protocol's.
     """
-    from tumble.calibration.verdict import two_digits
     from tumble.recording.stamps import NOMINAL
 
     size, alone = f"{100.0 * plan.task.clock:.2g} %", ""
@@ -367,18 +367,15 @@ def of_clock(plan: JointPlan) -> str:
     )
 
 
-def _remarks(done: Planned, site: Site | None) -> list[str]:
-    task, words = done.plan.task, list[str]()
-    words.append(of_clock(done.plan))
+def _remarks(done: Planned) -> list[str]:
+    """What is taken for granted of clock, table and gravity."""
+    task, words = done.plan.task, [of_clock(done.plan)]
     if task.has_table and (table := task.common[1]):
-        words.append(
-            f"The table's rates are taken to be right to {1e6 * table:.2g} ppm (`uncertainty_ppm` in the protocol)."
-        )
+        good = f"The table's rates are taken to be right to {two_digits(1e6 * table)} ppm"
+        words.append(f"{good} (`uncertainty_ppm` in the protocol).")
     if task.site.gravity_sigma > 0.0:
-        ppm = 1e6 * task.site.gravity_sigma / task.site.gravity
-        words.append(
-            f"Gravity is good to {ppm:.2g} ppm, which all accelerometer scale factors share: --gravity says it better."
-        )
+        good = f"Gravity is good to {two_digits(1e6 * task.site.gravity_sigma / task.site.gravity)} ppm"
+        words.append(f"{good}, which all accelerometer scale factors share: --gravity says it better.")
     return words
 
 

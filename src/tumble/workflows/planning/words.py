@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from tumble.workflows.planning.plan import Planned
     from tumble.workflows.planning.searching import PoseSearch
 
-# Of what norms of poses tell: practical unit, and its size, by group.
-UNITS = {"scale": ("ppm", 1e-6), "misalignment": ("mrad", 1e-3), "bias": ("mg", 1e-3)}
+# Shares of one, rad: what norms of holds leave so uncertain they do not determine.
+OPEN = 0.3
 # Without the step nothing grows by more than this: it can be spared.
 SPARED = 0.05
 # So many times as large, and a parameter rests on one step.
@@ -193,6 +193,7 @@ def _about_hands(foretold: list[Foretold]) -> list[str]:
 
 
 def _about_wander(search: PoseSearch) -> list[str]:
+    from tumble.calibration.verdict import two_digits
     from tumble.design.hold_noise import wander_sigma, white_density
 
     task, plan = search.task, search.plan
@@ -204,9 +205,9 @@ def _about_wander(search: PoseSearch) -> list[str]:
     share = 100.0 * wander**2 / (wander**2 + white**2)
     more = " Longer holds would not help: more poses do." if share > 50.0 else ""
     words = (
-        f"The biases wander by {wander / MICRO_G:.2g} µg from hold to hold, the white noise of a hold is "
-        f"{white / MICRO_G:.2g} µg. Wander is {share:.0f} % of the variance. The order of the poses lessens it: "
-        f"keep it.{more}"
+        f"The biases wander by {two_digits(wander / MICRO_G)} µg from hold to hold, the white noise of a hold is "
+        f"{two_digits(white / MICRO_G)} µg. Wander is {share:.0f} % of the variance. The order of the poses lessens "
+        f"it: keep it.{more}"
     )
     return [words]
 
@@ -250,42 +251,41 @@ def headline(done: Planned) -> str:
     return f"{done.plan.task.protocol.name}: {many}; {minutes:.1f} min."
 
 
-def group_means(plan: PosePlan) -> dict[str, float | None]:
-    """Return the root mean square sigma by group, noise alone, in the practical units of `UNITS`; None if not told.
+def over_the_plan(plan: PosePlan, best: PosePlan) -> dict[str, float | None]:
+    """Return by group the root mean square sigma over the plan's, of the norms of holds; None if not determined.
 
     Parameters
     ----------
-    plan : of a scheme.
+    plan, best : a scheme, and the plan.
     """
     from tumble.design.pose_plan import GROUPS
 
-    means: dict[str, float | None] = {}
+    ratios: dict[str, float | None] = {}
     for group, members in GROUPS.items():
-        sigma = float(np.sqrt(np.mean(plan.sigmas[list(members)] ** 2)))
-        means[group] = sigma / UNITS[group][1] if sigma < 0.3 else None
-    return means
+        own, its = (float(np.sqrt(np.mean(one.sigmas[list(members)] ** 2))) for one in (plan, best))
+        ratios[group] = own / its if max(own, its) < OPEN else None
+    return ratios
 
 
 def scheme_rows(search: PoseSearch) -> tuple[list[str], list[list[str]]]:
-    """Return heads and rows of the comparison, the plan first; numbers are root mean squares of the noise alone.
+    """Return heads and rows of the comparison, the plan first; numbers are over the plan's.
 
     Parameters
     ----------
     search : what was searched.
     """
-    units = (f"{group.replace('misalignment', 'misal.')}, {unit}" for group, (unit, _) in UNITS.items())
-    rows = [_scheme_row("this plan", search.plan, search.plan.value)]
-    for name, one in search.schemes.items():
-        rows.append([name, *"––––––"] if isinstance(one, str) else _scheme_row(name, one, search.plan.value))
-    return ["in the same time", "poses", "rest", *units, "criterion"], rows
+    rows: list[list[str]] = []
+    for name, one in {"this plan": search.plan, **search.schemes}.items():
+        rows.append([name, *(["–"] * 6 if isinstance(one, str) else _scheme_cells(one, search.plan))])
+    return ["holds alone, over this plan", "poses", "rest", "scale", "misal.", "bias", "criterion"], rows
 
 
-def _scheme_row(name: str, plan: PosePlan, best: float) -> list[str]:
+def _scheme_cells(plan: PosePlan, best: PosePlan) -> list[str]:
     dwells = np.asarray(plan.dwells)
     low, high = float(dwells.min()), float(dwells.max())
     rest = f"{low:.0f} s" if high - low < 1.0 else f"{low:.0f} to {high:.0f} s"
-    means = ["–" if value is None else f"{value:.3g}" for value in group_means(plan).values()]
-    return [name, str(len(dwells)), rest, *means, f"{plan.value / best:.2f}"]
+    ratios = [*over_the_plan(plan, best).values(), plan.value / best.value]
+    return [str(len(dwells)), rest, *("–" if one is None else f"{one:.2f}" for one in ratios)]
 
 
 def document_of(done: Planned) -> dict[str, Any]:
@@ -343,10 +343,14 @@ def document_of(done: Planned) -> dict[str, Any]:
 
 
 def _schemes(search: PoseSearch) -> dict[str, Any]:
-    """The plan and the papers' schemes: root mean squares in the units of `UNITS`."""
+    """The plan and the papers' schemes, their uncertainties over the plan's."""
     return {
         name: {"not_possible": one}
         if isinstance(one, str)
-        else {"poses": len(one.dwells), "dwell_s": float(one.dwells[0]), "rms": group_means(one)}
+        else {
+            "poses": len(one.dwells),
+            "dwell_s": float(one.dwells[0]),
+            "over_this_plan": over_the_plan(one, search.plan),
+        }
         for name, one in {"this plan": search.plan, **search.schemes}.items()
     }
