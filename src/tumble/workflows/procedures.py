@@ -6,7 +6,6 @@ import os
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -67,6 +66,8 @@ def find_estimator(name: str, *, has_protocol: bool) -> Estimator:
     UsageError
         If there is none, packages offer several, or it needs a protocol.
     """
+    from importlib.metadata import entry_points  # a twentieth of what all of tumble takes to load
+
     found, names, broken = dict[Estimator, str](), list[str](), ""
     for point in entry_points(group=GROUP):
         package = point.dist.name if point.dist else point.value
