@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from msgspec import Meta
 
-from tumble.calibration.verdict import two_digits
 from tumble.document.part import DocumentPart
 from tumble.parameters.measures import with_uncertainty
 from tumble.report.page import Block, Sentences, Table, section
@@ -141,14 +140,14 @@ def cells(answer: Answer, *, with_sheet: bool = False) -> list[str]:
         scale = factor / answer.before if answer.before > 0.0 else 1.0
         before = f"{with_uncertainty(factor, scale * answer.after)}{_spaced(unit)}"
     value, unit = practical(answer.kind, answer.after)
-    made = [answer.question, before, f"0 ± {two_digits(value)}{_spaced(unit)}", _causes(answer)]
+    made = [answer.question, before, f"{with_uncertainty(0.0, value)}{_spaced(unit)}", _causes(answer)]
     if with_sheet:
         sheet = "–"
         if answer.sheet is not None and not math.isfinite(answer.sheet):
             sheet = "attitude lost"
         elif answer.sheet is not None:
             promised, of = practical(answer.kind, answer.sheet)
-            sheet = f"0 ± {two_digits(promised)}{_spaced(of)}"
+            sheet = f"{with_uncertainty(0.0, promised)}{_spaced(of)}"
         made.insert(2, sheet)
     return made
 

@@ -69,14 +69,14 @@ def _force_text(value: float, sigma: float) -> str:
     metres = 0.5 * value * 60.0**2
     return (
         f"Corrected specific forces of 1 g differ by up to {_said(value, sigma, 'm/s^2')}, a tilt of "
-        f"{1e3 * value / STANDARD_GRAVITY:.3f} mrad or {metres:.1f} m after a minute of dead reckoning"
+        f"{amount(value / STANDARD_GRAVITY, 'rad')} or {metres:.2g} m after a minute of dead reckoning"
     )
 
 
 def _rate_text(value: float, sigma: float) -> str:
     return (
         f"Corrected rates at rest differ by up to {_said(value, sigma, 'rad/s')}, "
-        f"{np.degrees(value) * 60.0:.3g}° a minute"
+        f"{np.degrees(value) * 60.0:.2g}° a minute"
     )
 
 
