@@ -149,7 +149,7 @@ $(RUN): requirements/run.txt pyproject.toml
 	$(PIP) install --quiet --no-deps --no-build-isolation -e .
 	@touch $@
 
-$(BUILT): setup.py $(shell find src -name 'kernels.p*' -o -name '*_kernel.py') | $(RUN)
+$(BUILT): setup.py $(shell find src -name 'kernels.p*') | $(RUN)
 	$(BIN)/python setup.py -q build_ext --inplace
 	@touch $@
 

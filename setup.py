@@ -33,9 +33,6 @@ SOURCES = [
     "src/tumble/segmentation/kernels.py",
     "src/tumble/sensor/kernels.py",
     "src/tumble/simulation/kernels.py",
-    "src/tumble_papers/hayal/kernels.py",
-    "src/tumble_papers/savage/strapdown_kernel.py",
-    "src/tumble_papers/zhang/kernels.py",
 ]
 # One translation at a time; the compiler runs for several.
 TRANSLATING = threading.Lock()

@@ -1,6 +1,6 @@
 """The simulated chapter 4 of Hayal's thesis, and many norm adjustments at once.
 
-Many norm adjustments at once, for studies: the same equations as `norm.adjust_norm`, compiled.
+Many norm adjustments at once, for studies: the same equations as `norm.adjust_norm`.
 
 One set is the hold means of one triad. Beside the Gauss-Helmert adjustment stand the estimators that
 are found in the field instead of it, so that their bias can be shown.
@@ -35,7 +35,7 @@ ESTIMATORS = {
     "norm": "least squares of |true| - K, without weights",
     "square": "least squares of |true|² - K², without weights",
 }
-_CODES = {"gauss-helmert": 0, "corrected": 0, "fixed": 1, "norm": 2, "square": 3}
+_NO_ERRORS = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,8 +94,6 @@ def adjust_norms(
     UsageError
         If `unknowns` or `estimator` is none of those, or there are fewer holds than unknowns.
     """
-    from tumble_papers.hayal.kernels import adjust_norm_sets
-
     if unknowns not in (3, 6, 9) or estimator not in ESTIMATORS:
         raise UsageError(
             f"Unknowns are 3, 6 or 9 and not {unknowns}; estimators are {', '.join(ESTIMATORS)}."
@@ -103,38 +101,89 @@ def adjust_norms(
     sets, holds = observed.shape[:2]
     if holds < unknowns:
         raise UsageError(f"{holds} holds cannot determine {unknowns} unknowns.")
-    spread = np.asarray(sigma, dtype=float)
-    spread = np.broadcast_to(spread[:, None] if spread.ndim == 1 else spread, (holds, 3))
+    sigma = np.asarray(sigma, dtype=float)
+    variance = np.broadcast_to(sigma[:, None] if sigma.ndim == 1 else sigma, (holds, 3)) ** 2
     norm = np.broadcast_to(np.asarray(reference, dtype=float), (holds,))
     if estimator == "corrected":
-        norm = np.sqrt(norm**2 + 2.0 * np.mean(spread**2, axis=1))
-    # Copies, because what is broadcast cannot be handed to compiled code.
-    first = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0]) if start is None else start
-    parameters, cofactors = np.empty((sets, 9)), np.zeros((sets, unknowns, unknowns))
-    sigma0, iterations = np.full(sets, np.nan), np.zeros(sets, dtype=np.int64)
-    adjust_norm_sets(
-        np.array(observed, dtype=float, order="C"),
-        np.array(spread**2, order="C"),
-        np.array(norm),
-        np.array(np.broadcast_to(first, (sets, 9)), dtype=float, order="C"),
-        unknowns,
-        _CODES[estimator],
-        limit,
-        tolerance,
-        parameters,
-        cofactors,
-        sigma0,
-        iterations,
-    )
-    converged = (iterations > 0) & np.all(np.isfinite(parameters), axis=1)
+        norm = np.sqrt(norm**2 + 2.0 * np.mean(variance, axis=1))
+    values = np.array(np.broadcast_to(_NO_ERRORS if start is None else start, (sets, 9)), dtype=float)
+    cofactors, sigma0 = np.full((sets, unknowns, unknowns), np.nan), np.full(sets, np.nan)
+    iterations, converged = np.zeros(sets, dtype=np.int64), np.zeros(sets, dtype=bool)
+    adjusted, before = observed.copy(), np.full(sets, np.inf)
+    left = np.arange(sets, dtype=np.int64)
+    with np.errstate(all="ignore"):
+        for count in range(1, limit + 1):
+            iterations[left] = count
+            misclosure, design, by_raw, spread = _linearised(
+                observed[left], adjusted[left], values[left], norm, variance, estimator
+            )
+            good, cofactor, step, residual = _solved(design[..., :unknowns], misclosure, spread)
+            cofactors[left[good]] = cofactor[good]
+            moved = np.max(np.abs(step) / np.sqrt(np.diagonal(cofactor, axis1=1, axis2=2)), axis=1)
+            good &= np.isfinite(moved)
+            share = residual / spread
+            settled = np.all(np.abs(step) <= 1e-13 * np.maximum(np.abs(values[left, :unknowns]), 1.0), axis=1)
+            done = (moved <= tolerance) | settled | ((moved < 1e-3) & (moved >= before[left]))
+            rows = left[good]
+            values[rows, :unknowns] += step[good]
+            sigma0[rows] = np.sqrt(np.sum(residual * share, axis=1) / ((holds - unknowns) or np.nan))[good]
+            if estimator in ("gauss-helmert", "corrected"):
+                adjusted[rows] = observed[rows] - (variance * by_raw * share[..., None])[good]
+            converged[rows], before[rows] = done[good], moved[good]
+            left = left[good & ~done]
+            if not len(left):
+                break
+    converged &= np.all(np.isfinite(values), axis=1)
     return NormBatch(
-        parameters=parameters,
+        parameters=values,
         sigmas=np.sqrt(np.maximum(np.diagonal(cofactors, axis1=1, axis2=2), 0.0)),
         sigma0=sigma0,
-        iterations=np.abs(iterations),
+        iterations=iterations,
         converged=converged,
-        mirror=converged & np.any(parameters[:, 3:6] <= 0.0, axis=1),
+        mirror=converged & np.any(values[:, 3:6] <= 0.0, axis=1),
     )
+
+
+def _linearised(
+    observed: AnyArray, adjusted: AnyArray, values: Table, norm: Series, variance: Table, estimator: str
+) -> tuple[AnyArray, AnyArray, AnyArray, AnyArray]:
+    """Misclosures (sets, holds) of the norms, their slopes by nine unknowns and by the raw means, and variances."""
+    # Complex steps: the matrices' slopes are exact.
+    moved = values[:, 3:, None] + 1e-30j * np.eye(6)
+    matrices = matrix_from_shin(np.swapaxes(moved[:, :3], 0, 1), np.swapaxes(moved[:, 3:], 0, 1))
+    inverse = np.linalg.inv(np.moveaxis(np.real(matrices[..., 0]), 2, 0))
+    true = (adjusted - values[:, None, :3]) @ np.swapaxes(inverse, 1, 2)
+    square = np.sum(true**2, axis=-1)
+    length, alike = np.sqrt(square), float(np.mean(variance))
+    slope, misclosure, spread = {
+        "norm": (1.0 / length, length - norm, alike),
+        "square": (2.0, square - norm**2, 4.0 * norm**2 * alike),
+    }.get(estimator, (1.0 / norm, 0.5 * (square - norm**2) / norm, None))
+    by_raw = (np.broadcast_to(slope, square.shape)[..., None] * true) @ inverse
+    both = (by_raw[..., :, None] * true[..., None, :]).reshape(*square.shape, 9)
+    by_matrix = both @ np.moveaxis(np.imag(matrices) / 1e-30, 2, 0).reshape(-1, 9, 6)
+    misclosure = misclosure + np.sum(by_raw * (observed - adjusted), axis=-1)
+    spread = (
+        np.sum(by_raw**2 * variance, axis=-1) if spread is None else np.broadcast_to(spread, square.shape)
+    )
+    return misclosure, -np.concatenate([by_raw, by_matrix], axis=-1), by_raw, spread
+
+
+def _solved(
+    design: AnyArray, misclosure: AnyArray, spread: AnyArray
+) -> tuple[np.ndarray, AnyArray, AnyArray, AnyArray]:
+    """Which of the sets determine all unknowns, their cofactors, the steps and the residuals after them."""
+    weighted = np.swapaxes(design / spread[..., None], 1, 2)
+    normal: AnyArray = weighted @ design
+    size = np.sqrt(np.diagonal(normal, axis1=1, axis2=2))
+    scale = size[:, :, None] * size[:, None, :]
+    good = np.all(np.isfinite(normal) & (scale > 0.0), axis=(1, 2))
+    scaled = np.where(good[:, None, None], normal / scale, np.eye(normal.shape[1]))
+    values, vectors = np.linalg.eigh(scaled)
+    cofactor = (vectors / values[:, None]) @ np.swapaxes(vectors, 1, 2) / scale
+    step = -(cofactor @ (weighted @ misclosure[..., None]))[..., 0]
+    residual = misclosure + (design @ step[..., None])[..., 0]
+    return good & (values[:, 0] > 1e-12), cofactor, step, residual
 
 
 LATITUDE = np.radians(40.0)  # 4.1.1
@@ -259,14 +308,13 @@ def simulate_means(setting: Setting, runs: int, rng: np.random.Generator) -> Any
     ----------
     setting, runs, rng : as for `run_setting`.
     """
-    from tumble_papers.hayal.kernels import add_mean_noise
-
     true = simulate_true(setting, runs, rng)
     errors = setting.errors
     matrix = np.real(matrix_from_shin(1.0 + errors[3:6], errors[6:9]))
-    means = np.ascontiguousarray(true @ matrix.T + errors[:3])
+    means = true @ matrix.T + errors[:3]
     if setting.noise > 0.0:
-        add_mean_noise(rng, setting.noise, setting.samples, means.reshape(-1, 3))
+        for run in means:
+            run += setting.noise * rng.standard_normal((*run.shape, setting.samples)).mean(axis=-1)
     return means
 
 

@@ -15,7 +15,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Matrix, Series, Square, Table, Vector, Vectors, inverted
+from tumble.arrays import AnyArray, Matrix, Series, Square, Table, Vector, Vectors
 from tumble.attitude import matrix_from_rotation_vector, skew
 from tumble.errors import ObservabilityError
 from tumble.records import dataclass
@@ -271,10 +271,6 @@ def measure_sequence(
 
 X, Y, Z, START, END = range(5)
 WITHOUT_ASYMMETRY = ("1a", "2a", "3a")
-# A combination of errors that the sequences tell this much worse than the best is not told.
-SINGULAR = 1e-6
-# m/s²: a bias moves a measurement by itself, a scale factor by gravity.
-GRAVITY = 9.8
 
 
 def invert_measurements(
@@ -334,112 +330,37 @@ def invert_measurements(
     return np.concatenate([kappa, kappa_asymmetry, [yz, zx, xy], bias, scale, scale_asymmetry, mu])
 
 
-@dataclass(frozen=True, slots=True)
-class SequenceSolution:
-    """Errors by least squares over all components of all sequences.
-
-    Attributes
-    ----------
-    errors : (24,) as `savage.NAMES`; zero where not determined.
-    covariance : (24, 24); zero rows where not determined.
-    determined : (24,) of bool.
-    residuals : (sequences, 4) m/s²: two horizontal components, down at start and end.
-    sigmas : (sequences, 4) their standard deviations as given.
-    square_sum, degrees : of the residuals.
-    """
-
-    errors: Series
-    covariance: Square
-    determined: np.ndarray
-    residuals: Table
-    sigmas: Table
-    square_sum: float
-    degrees: int
-
-
 def solve_measurements(
     models: Sequence[SequenceModel],
     measurements: Sequence[Series],
     covariances: Sequence[Square],
     *,
     asymmetry: bool = True,
-    believed: tuple[Series, float] | None = None,
-) -> SequenceSolution:
-    """Solve for the errors that any set of sequences determines, each component weighed by its noise.
+) -> Series:
+    """Return (24,) the errors by least squares over all components of all sequences, each weighed by its noise.
 
     Parameters
     ----------
     models, measurements, covariances : of each sequence: its model, (5,) and (5, 5).
     asymmetry : estimate the gyros' asymmetry; without, it is none.
-    believed : (3,) the gyros' asymmetries as they are believed beforehand, and how well: what no sequence determines
-        of them then stands in the uncertainty of the scale factors. None for nothing.
-
-    Raises
-    ------
-    ObservabilityError
-        If there is no sequence.
 
     Notes
     -----
-    The paper takes from each sequence the one component that it was made for; here the others count too. An
-    error that the sequences do not tell apart from others is left at zero and said to be undetermined.
+    The paper takes from each sequence the one component that it was made for; here the others count too.
     """
-    if not models:
-        raise ObservabilityError("There is no rotation sequence to solve from.")
-    rows, told, roots, sigmas = _weighed(models, measurements, covariances)
     free = np.ones(24, dtype=bool)
-    if not asymmetry:
-        free[3:6] = False
-    design, right = np.concatenate(rows), np.concatenate(told)
-    measured_rows = len(right)
-    if believed is not None:
-        extra = np.zeros((3, 24))
-        extra[:, 3:6] = np.eye(3) / believed[1]
-        design, right = np.concatenate([design, extra]), np.concatenate([right, believed[0] / believed[1]])
-    size = np.linalg.norm(design, axis=0)
-    # Half a turn's sine leaves round-off where nothing is told.
-    seen = size > SINGULAR * np.max(size) / GRAVITY
-    design, size = np.where(seen, design, 0.0), np.where(seen, size, 1.0)
-    scaled = (design / size)[:, free]
-    _, values, directions = np.linalg.svd(scaled, full_matrices=False)
-    untold = directions[values < SINGULAR * values[0]] if len(values) else directions
-    share = np.zeros(24)
-    share[free] = np.sum(untold**2, axis=0)
-    known = free & seen & (share < SINGULAR)
-    # Combinations with what is not determined are free too, so that they do not bend what is.
-    solution = np.asarray(np.linalg.pinv(scaled, rcond=SINGULAR), dtype=np.float64)
-    estimate = np.zeros(24)
-    estimate[free] = (solution @ right) / size[free]
-    cofactor = np.zeros((24, 24))
-    cofactor[np.ix_(free, free)] = (solution @ solution.T) / np.outer(size[free], size[free])
-    left = right - design @ estimate
-    rank = int(np.count_nonzero(values >= SINGULAR * values[0]))
-    residuals = np.zeros((len(roots), 4))
-    for row, (root, piece) in enumerate(zip(roots, left[:measured_rows].reshape(-1, 4), strict=True)):
-        residuals[row] = np.linalg.solve(root, piece)
-    estimate[~known] = 0.0
-    cofactor[~known] = cofactor[:, ~known] = 0.0
-    return SequenceSolution(
-        estimate, cofactor, known, residuals, np.array(sigmas), float(left @ left), right.size - rank
-    )
-
-
-def _weighed(
-    models: Sequence[SequenceModel], measurements: Sequence[Series], covariances: Sequence[Square]
-) -> tuple[list[Table], list[Series], list[Table], list[Series]]:
-    """Coefficients and measurements of each sequence over their noise, the noise's roots, and its sigmas."""
+    free[GROUPS["kappa_asym"]] = asymmetry
     rows: list[Table] = []
     told: list[Series] = []
-    roots: list[Table] = []
-    sigmas: list[Series] = []
     for model, measured, covariance in zip(models, measurements, covariances, strict=True):
         take = np.zeros((4, 5))
         take[:2, :3] = across_down(model.down_start)
         take[2, START] = take[3, END] = 1.0
-        noise = take @ covariance @ take.T
-        root = inverted(np.asarray(np.linalg.cholesky(noise), dtype=np.float64))
-        rows.append(root @ take @ model.coefficients)
-        told.append(root @ take @ measured)
-        roots.append(root)
-        sigmas.append(np.sqrt(np.diag(noise)))
-    return rows, told, roots, sigmas
+        take = np.linalg.solve(np.linalg.cholesky(take @ covariance @ take.T), take)
+        rows.append(take @ model.coefficients[:, free])
+        told.append(take @ measured)
+    design = np.concatenate(rows)
+    size = np.linalg.norm(design, axis=0)
+    errors = np.zeros(24)
+    errors[free] = np.linalg.lstsq(design / size, np.concatenate(told))[0] / size
+    return errors

@@ -13,7 +13,7 @@ rotations at an even rate without ramps or pauses; pulses that begin anywhere; t
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
 
@@ -21,6 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tumble.arrays import AnyArray, Matrix, Series, Vector, Vectors
+from tumble.attitude import matrix_from_rotation_vector, skew
 from tumble.earth.site import EARTH_RATE, Site
 from tumble.protocol.strapdown_rotation import SEQUENCES, RotationSequence, fixture_rotation, start_down
 from tumble.sensor.conventions.savage import GROUPS, SavageErrors, savage_from_model
@@ -254,39 +255,69 @@ def simulate_run(
     truth : the unit's errors; None draws them.
     asymmetry : whether drawn gyros have any.
     """
-    from tumble_papers.savage.strapdown_kernel import play_sequences
-
     truth = truth or draw_truth(setting, rng, asymmetry=asymmetry)
     site = Site.from_latitude(float(rng.uniform(-LARGEST_LATITUDE, LARGEST_LATITUDE)), 0.0)
     earth_n = site.earth_rate_n if setting.earth else np.zeros(3)
-    azimuth = float(rng.uniform(-np.pi, np.pi))
-    fixture = _Fixture.drawn(setting, azimuth, rng)
-    C_bn, axes, angles, samples = fixture.play(setting, rng)
-    window = setting.window
-    lengths = 2 * window + samples.sum(axis=1)
-    starts = np.zeros(len(lengths) + 1, dtype=np.int64)
-    starts[1:] = np.cumsum(lengths)
-    rate, force = np.empty((starts[-1], 3)), np.empty((starts[-1], 3))
-    step, grade = 1.0 / setting.sampling, setting.grade
-    walk = np.array([grade.angle_random_walk, grade.velocity_random_walk]) * np.sqrt(step)
-    pulse = np.array([grade.angle_pulse, grade.velocity_pulse])
-    model = truth.model()
-    assert model.gyroscope is not None
-    assert model.accelerometer is not None
-    triads = np.stack((_stacked(model.gyroscope), _stacked(model.accelerometer)))
-    gravity = site.gravity
-    play_sequences(
-        rng, C_bn, axes, angles, samples, window, earth_n, gravity, step, triads, walk, pulse, rate, force
+    fixture = _Fixture.drawn(setting, float(rng.uniform(-np.pi, np.pi)), rng)
+    play = partial(_played, setting, truth.model(), np.array([earth_n, [0.0, 0.0, -site.gravity]]), rng)
+    played = [play(*sequence) for sequence in fixture.sequences(setting, rng)]
+    rate, force = (np.concatenate(parts) for parts in zip(*played, strict=True))
+    starts = np.cumsum([0, *(len(own) for own, _ in played)])
+    earth = np.array([fixture.nominal_nb(sequence).T @ earth_n for sequence in setting.sequences])
+    return Recordings(truth, rate, force, starts, earth, site.gravity, setting)
+
+
+def _played(
+    setting: Setting,
+    model: ImuModel,
+    seen_n: Vectors,
+    rng: np.random.Generator,
+    C_bn: Matrix,
+    turns: list[_Turn],
+) -> tuple[Vectors, Vectors]:
+    """Return the raw rates and forces (samples, 3) of a sequence in which the triads see `seen_n` (2, 3) at rest."""
+    grade, step = setting.grade, 1.0 / setting.sampling
+    walks = np.sqrt(step) * np.array([grade.angle_random_walk, grade.velocity_random_walk])
+    pulses = grade.angle_pulse, grade.velocity_pulse
+    begun, none = rng.random((2, 3)), np.zeros((setting.window, 3))
+    increments: tuple[list[Vectors], list[Vectors]] = [], []
+
+    def rest() -> None:
+        shown = model.distort((C_bn @ seen_n[1])[None], (C_bn @ seen_n[0])[None])[::-1]
+        for own, raw, walk, pulse in zip(increments, shown, walks, pulses, strict=True):
+            drawn = rng.standard_normal((3, setting.window)).T if walk or pulse else none
+            own.append(step * raw + walk * drawn)
+
+    rest()
+    for axis, angle, count in turns:
+        rate, nothing = _turning(C_bn @ seen_n[0], axis, angle, count, step), np.zeros((count, 3))
+        drawn = rng.standard_normal((count, 3)) if walks[0] else 0.0
+        increments[0].append(step * model.distort(nothing, rate)[1] + walks[0] * drawn)
+        increments[1].append(nothing)
+        C_bn = matrix_from_rotation_vector(-angle * axis) @ C_bn
+    rest()
+    rate, force = (
+        _in_pulses(np.concatenate(own), pulse, first) / step
+        for own, pulse, first in zip(increments, pulses, begun, strict=True)
     )
-    earth = np.empty((len(setting.sequences), 3))
-    for number, sequence in enumerate(setting.sequences):
-        earth[number] = fixture.nominal_nb(sequence).T @ earth_n
-    return Recordings(truth, rate, force, starts, earth, gravity, setting)
+    return rate, force
 
 
-def _stacked(triad: Triad) -> AnyArray:
-    asymmetry = np.zeros(3) if triad.asymmetry is None else triad.asymmetry
-    return np.concatenate([triad.matrix, [triad.bias], [asymmetry]])
+def _turning(earth_b: Vector, axis: Vector, angle: float, count: int, step: float) -> Vectors:
+    """Return the mean rates (count, 3) of a turn at an even rate, which begins with the Earth rate so."""
+    delta, along = angle / count, float(axis @ earth_b)
+    turned = delta * (np.arange(count) + 0.5)[:, None]
+    level = np.cos(turned) * (earth_b - along * axis) - np.sin(turned) * np.cross(axis, earth_b)
+    # The level part of the Earth rate turns during a sample.
+    return (delta / step + along) * axis + np.sin(0.5 * delta) / (0.5 * delta) * level
+
+
+def _in_pulses(increments: Vectors, pulse: float, begun: Vector) -> Vectors:
+    """Return increments as whole pulses of their sum, which begins inside one."""
+    if not pulse:
+        return increments
+    inside = np.cumsum(np.vstack([pulse * begun, increments]), axis=0)
+    return pulse * np.diff(np.floor(inside / pulse), axis=0)
 
 
 def _about(axis: int, angle: float) -> Matrix:
@@ -322,27 +353,22 @@ class _Fixture:
         """The attitude at the start of a sequence as it is meant to be."""
         return _about(2, self.azimuth) @ _nominal_tb(sequence.inner, sequence.outer)
 
-    def play(
-        self, setting: Setting, rng: np.random.Generator
-    ) -> tuple[AnyArray, AnyArray, AnyArray, npt.NDArray[np.int64]]:
-        """C_bn at the starts; axes in b, angles and samples of all rotations."""
-        sequences = setting.sequences
-        most = max(len(s.rotations) for s in sequences)
-        C_bn, axes = np.empty((len(sequences), 3, 3)), np.zeros((len(sequences), most, 3))
-        angles, samples = np.zeros((len(sequences), most)), np.zeros((len(sequences), most), dtype=np.int64)
-        off = setting.fixture * rng.standard_normal((len(sequences), most + 1, 2))
-        for number, sequence in enumerate(sequences):
-            planned = _fixture_angles(sequence)
-            at = np.array(planned[0]) + off[number, 0]
-            C_bn[number] = (self.room @ _about(1, float(at[1])) @ self._from_outer(float(at[0]))).T
+    def sequences(self, setting: Setting, rng: np.random.Generator) -> Iterator[tuple[Matrix, list[_Turn]]]:
+        """Yield of each sequence C_bn at the start, and the rotations."""
+        most = max(len(s.rotations) for s in setting.sequences)
+        errors = setting.fixture * rng.standard_normal((len(setting.sequences), most + 1, 2))
+        for sequence, off in zip(setting.sequences, errors, strict=True):
+            planned, turns = _fixture_angles(sequence), list[_Turn]()
+            at = np.array(planned[0]) + off[0]
+            C_bn = (self.room @ _about(1, float(at[1])) @ self._from_outer(float(at[0]))).T
             for turn, (axis, angle) in enumerate(sequence.rotations):
-                samples[number, turn] = round(abs(angle) / setting.rate * setting.sampling)
                 which = 0 if axis == 2 else 1
                 turned = self.mounting if axis == 2 else self._from_outer(float(at[0]))
-                axes[number, turn] = turned[2 - which]
-                reached = planned[turn + 1][which] + off[number, turn + 1, which]
-                angles[number, turn], at[which] = reached - at[which], reached
-        return C_bn, axes, angles, samples
+                reached = planned[turn + 1][which] + off[turn + 1, which]
+                samples = round(abs(angle) / setting.rate * setting.sampling)
+                turns.append((turned[2 - which], float(reached - at[which]), samples))
+                at[which] = reached
+            yield C_bn, turns
 
     def _from_outer(self, inner: float) -> Matrix:
         return self.orthogonality @ _about(2, inner) @ self.mounting
@@ -355,6 +381,7 @@ def _nominal_tb(inner: float, outer: float) -> Matrix:
 
 _down = cache(start_down)
 _fixture_angles = cache(RotationSequence.fixture_angles)
+_Turn = tuple[Vector, float, int]
 Models = tuple[list[SequenceModel], list[AnyArray]]
 
 
@@ -388,18 +415,8 @@ def measure_run(recordings: Recordings, current: ImuModel, variant: Variant) -> 
 
 def _measure(recordings: Recordings, current: ImuModel, variant: Variant) -> tuple[dict[str, Series], Vector]:
     """The measurements, and the gyros' mean bias where the variant looks at any."""
-    from tumble_papers.savage.strapdown_kernel import compensate
-
     setting = recordings.setting
-    rate, force = np.empty_like(recordings.rate), np.empty_like(recordings.force)
-    for triad, raw, true in (
-        (current.gyroscope, recordings.rate, rate),
-        (current.accelerometer, recordings.force, force),
-    ):
-        assert triad is not None
-        stacked = _stacked(triad)
-        inverse = np.asarray(np.linalg.inv(stacked[:3]), dtype=np.float64)
-        compensate(raw, stacked[3], stacked[4], inverse, true)
+    force, rate = current.correct(recordings.force, recordings.rate)
     window, step = setting.window, 1.0 / setting.sampling
     starts = recordings.starts
     gyro_bias = np.zeros(3)
@@ -437,7 +454,7 @@ def _invert(
     if variant.all_components:
         told, covariances = models or model_sequences(recordings.setting, variant)
         measured = list(measurements.values())
-        return solve_measurements(told, measured, covariances, asymmetry=variant.asymmetry).errors
+        return solve_measurements(told, measured, covariances, asymmetry=variant.asymmetry)
     found = invert_measurements(measurements, recordings.gravity, asymmetry=variant.asymmetry)
     if variant.printed_signs:
         bias, gravity = found[GROUPS["lambda_bias"]], recordings.gravity
@@ -476,8 +493,6 @@ def model_sequences(setting: Setting, variant: Variant) -> Models:
     ----------
     setting, variant : of what.
     """
-    from tumble.attitude import skew
-
     grade, seconds, step = setting.grade, setting.seconds, 1.0 / setting.sampling
     heading = setting.fixture if setting.heading is None else setting.heading
     weights = variant.weights(setting)

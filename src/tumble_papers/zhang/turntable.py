@@ -246,9 +246,15 @@ def simulate(
     tilt = setting.placement * chance[:, : 3 * dwells].reshape(runs, dwells, 3)
     true = _dwell_readings(setting, tilt if skew is None else tilt + skew)
     errors = setting.angle_error * chance[:, 3 * dwells :].reshape(runs, rotations, 2)
-    angles = np.array([1.0, -1.0]) * setting.angle + errors
-    draw = _draw_samples if sampled else _draw_statistics
-    means, integrals, scatter = draw(setting, true, angles, streams, threads)
+    waves, axes = _waves(setting), setting.axes @ setting.unit.gyros.T
+    # What the table turns more than it was told is a rate, too; the lever arm's part is left out.
+    waves = np.broadcast_to(waves, (runs, *waves.shape)).copy()
+    waves[:, :, :, 0, 3:] += errors[..., None] / setting.duration * axes[:, None]
+    if sampled:
+        turned = np.array([1.0, -1.0]) * setting.angle + errors
+        means, integrals, scatter = _draw_samples(setting, true, waves, turned, streams, threads)
+    else:
+        means, integrals, scatter = _draw_statistics(setting, true, waves, streams[0])
     return Statistics(
         means[..., :3].copy(),
         means[..., 3:].copy(),
@@ -285,7 +291,7 @@ def _dwell_readings(setting: Setting, tilt: AnyArray) -> AnyArray:
     )
 
 
-def _waves(setting: Setting, rates: Series) -> AnyArray:
+def _waves(setting: Setting) -> AnyArray:
     """Return (m, 2, 3, 6) constant, cosine and sine of the readings in the angle turned.
 
     Fixed directions turn the other way about the axis, which points north.
@@ -299,7 +305,7 @@ def _waves(setting: Setting, rates: Series) -> AnyArray:
         turned = -np.cross(axis, up)
         lever = np.array(setting.lever_arm) - axis * (axis @ np.array(setting.lever_arm))
         earth_up = EARTH_RATE * np.sin(setting.latitude)
-        for d, rate in enumerate(rates):
+        for d, rate in enumerate((setting.rate, -setting.rate)):
             along = (EARTH_RATE * np.cos(setting.latitude) + rate) * axis
             force = np.stack([-(rate**2) * lever, GRAVITY * up, GRAVITY * turned])
             speed = np.stack([along, earth_up * up, earth_up * turned])
@@ -311,55 +317,38 @@ def _waves(setting: Setting, rates: Series) -> AnyArray:
 def _draw_samples(
     setting: Setting,
     true: AnyArray,
-    angles: AnyArray,
+    waves: AnyArray,
+    turned: AnyArray,
     streams: list[np.random.Generator],
     threads: int | None,
 ) -> tuple[AnyArray, AnyArray, AnyArray]:
     """Draw every sample; return (runs, n, 6) means, (runs, m, 2, 3) integrals and (runs, m, 2, 3, 3) scatter."""
-    from tumble_papers.zhang.kernels import play_dwells, play_rotations
-
-    runs, rotations = len(true), len(setting.axes)
     dwell, turn = (round(seconds * setting.sampling) for seconds in (setting.dwell, setting.duration))
-    means, integrals = np.empty_like(true), np.empty((runs, 2 * rotations, 3))
-    scatter = np.empty((runs, 2 * rotations, 3, 3))
-    waves = _waves(setting, np.array([setting.rate, -setting.rate])).reshape(-1, 3, 6)
-    by_rate = _by_rate(setting).reshape(-1, 6)
-    steps = angles.reshape(runs, -1) / turn
-    # What the table turns more than it was told is a rate, too.
-    off = (angles - np.array([1.0, -1.0]) * setting.angle).reshape(runs, -1) / setting.duration
+    means, sums, scatter = np.empty_like(true), waves[..., 0, 3:].copy(), np.empty((*turned.shape, 3, 3))
+    half = (np.arange(turn) + 0.5) / turn
 
     def play(run: int) -> None:
-        play_dwells(streams[run], true[run], setting.sigma, dwell, means[run])
-        wave = waves.copy()
-        wave[:, 0] += off[run, :, None] * by_rate
-        play_rotations(
-            streams[run],
-            wave,
-            steps[run],
-            setting.sigma_turning,
-            turn,
-            1.0 / setting.sampling,
-            integrals[run],
-            scatter[run],
-        )
+        rng = streams[run]
+        for k, reading in enumerate(true[run]):
+            means[run, k] = (
+                reading + setting.sigma * (np.ones(dwell) @ rng.standard_normal((dwell, 6))) / dwell
+            )
+        for at in np.ndindex(turned.shape[1:]):
+            _, *wave = waves[run, *at]
+            angle = turned[run, *at] * half
+            # The constant is left out: about nearly the mean the scatter keeps its digits.
+            shown = setting.sigma_turning * rng.standard_normal((turn, 6))
+            shown += np.column_stack([np.cos(angle), np.sin(angle)]) @ np.array(wave)
+            mean = np.ones(turn) @ shown / turn
+            sums[run, *at] += mean[3:]
+            scatter[run, *at] = (shown.T @ shown / turn - np.outer(mean, mean))[:3, :3]
 
-    list(counted(in_threads(play, runs, threads), runs))
-    return means, integrals.reshape(runs, rotations, 2, 3), scatter.reshape(runs, rotations, 2, 3, 3)
-
-
-def _by_rate(setting: Setting) -> AnyArray:
-    """Return (m, 2, 6) what a rate about the axis adds to the readings; the lever arm's part is left out."""
-    gyros = setting.axes @ setting.unit.gyros.T
-    both = np.concatenate([np.zeros_like(gyros), gyros], axis=1)
-    return np.repeat(both[:, None], 2, axis=1)
+    list(counted(in_threads(play, len(true), threads), len(true)))
+    return means, setting.duration * sums, scatter
 
 
 def _draw_statistics(
-    setting: Setting,
-    true: AnyArray,
-    angles: AnyArray,
-    streams: list[np.random.Generator],
-    threads: int | None,
+    setting: Setting, true: AnyArray, waves: AnyArray, rng: np.random.Generator
 ) -> tuple[AnyArray, AnyArray, AnyArray]:
     """Draw what is evaluated by its distribution.
 
@@ -367,21 +356,16 @@ def _draw_statistics(
     with the cosine and with the sine (normalised; orthogonal over whole turns), plus a Wishart matrix of all
     the rest, of three samples less.
     """
-    (rng,) = streams
     if len(setting.axes) and abs(np.sin(0.5 * setting.angle)) > 1e-9:
         raise ValueError("the statistics of a rotation are known for whole turns: draw the samples")
-    runs, rotations = len(true), len(setting.axes)
     dwell, turn = (round(seconds * setting.sampling) for seconds in (setting.dwell, setting.duration))
     means = true + setting.sigma / np.sqrt(dwell) * rng.standard_normal(true.shape)
     sigma = setting.sigma_turning
-    waves = _waves(setting, np.array([setting.rate, -setting.rate]))
-    off = (angles - np.array([1.0, -1.0]) * setting.angle) / setting.duration
-    shape = (runs, rotations, 2)
+    shape = waves.shape[:3]
     noise = sigma[3:] * np.sqrt(setting.duration / setting.sampling) * rng.standard_normal((*shape, 3))
-    steady = waves[:, :, 0, 3:] + off[..., None] * _by_rate(setting)[..., 3:]
-    integrals = setting.duration * steady + noise
+    integrals = setting.duration * waves[..., 0, 3:] + noise
     # The mean of cos² over whole turns is a half.
-    seen = np.sqrt(0.5 * turn) * waves[:, :, 1:, :3] + sigma[:3] * rng.standard_normal((*shape, 2, 3))
+    seen = np.sqrt(0.5 * turn) * waves[..., 1:, :3] + sigma[:3] * rng.standard_normal((*shape, 2, 3))
     scatter = np.einsum("...ki,...kj->...ij", seen, seen)
     factor = np.zeros((*shape, 3, 3))
     for i in range(3):
