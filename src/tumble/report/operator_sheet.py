@@ -9,31 +9,23 @@ from __future__ import annotations
 
 import itertools
 import math
-from typing import TYPE_CHECKING
-from xml.etree.ElementTree import Element
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tumble.arrays import Matrix, Vector
-from tumble.report.figures.record import Look
-from tumble.report.figures.svg import add, as_text, drawing, path
+from tumble.arrays import AnyArray, Matrix, Vector
+from tumble.files.markup import templates
 from tumble.report.html import render_page
-from tumble.report.page import (
-    Blanks,
-    Card,
-    Cards,
-    Page,
-    Sentences,
-)
+from tumble.report.page import Blanks, Card, Cards, Page, Sentences
 
 if TYPE_CHECKING:
-    from tumble.arrays import Vector
     from tumble.protocol import HoldStep, Protocol, SpinStep
 
 
 # Halves of the box' edges: all different, so that a pose is not taken for another.
 HALVES = np.array([1.0, 0.72, 0.42])
-_SIZE = 170
+# Of a length of one.
+_PIXELS = 40.0
 _COLOURS = ("#c02b3c", "#18794e", "#2563b8")
 # Seen from a little above.
 _ELEVATION = math.radians(24.0)
@@ -44,25 +36,22 @@ def draw_unit(up_b: Vector) -> str:
 
     Parameters
     ----------
-    up_b : (3,) unit vector up.
+    up_b : (3,) unit vector in the unit's axes.
     """
     C_vb = _best_view(up_b)
     corners = np.array(list(itertools.product((-1.0, 1.0), repeat=3))) * HALVES @ C_vb.T
-    view = f"{-_SIZE // 2} {-_SIZE // 2} {_SIZE} {_SIZE}"
-    svg = drawing(view, "the unit in this pose", font_family="sans-serif")
-    # The table that it stands on.
-    y = -40.0 * float(corners[:, 1].min()) + 1.0
-    add(svg, "path", d=f"M-80 {y:.1f}H80", stroke="#8b919c", stroke_width=2, stroke_dasharray="6 3")
     faces = [(axis, sign) for axis in range(3) for sign in (-1.0, 1.0) if sign * C_vb[2, axis] > 1e-6]
-    for axis in range(3):
-        if (axis, 1.0) not in faces:
-            _axis_behind(svg, C_vb, axis)
-    for axis, sign in sorted(faces, key=lambda face: face[1] * float(C_vb[2, face[0]])):
-        _face(svg, C_vb, axis, sign)
-    arrow = "M-72 -38V-70M-77 -63L-72 -71L-67 -63"
-    add(svg, "path", d=arrow, fill="none", stroke="#1d2129", stroke_width=2)
-    add(svg, "text", "up", x=-72, y=-24, font_size=11, text_anchor="middle")
-    return as_text(svg)
+    faces.sort(key=lambda face: face[1] * float(C_vb[2, face[0]]))
+    return (
+        templates()
+        .get_template("unit.svg")
+        .render(
+            # The table that it stands on.
+            floor=-_PIXELS * float(corners[:, 1].min()) + 1.0,
+            behind=[_axis_behind(C_vb, axis) for axis in range(3) if (axis, 1.0) not in faces],
+            faces=[_face(C_vb, *face) for face in faces],
+        )
+    )
 
 
 def _best_view(up_b: Vector) -> Matrix:
@@ -84,42 +73,33 @@ def _best_view(up_b: Vector) -> Matrix:
     return np.asarray(chosen, dtype=np.float64)
 
 
-def _spot(point: Vector) -> str:
-    return f"{40.0 * float(point[0]):.1f} {-40.0 * float(point[1]):.1f}"
+def _spots(points: AnyArray) -> Any:
+    """Pixels to the right and down of places to the right, up and towards the eye."""
+    return (points[..., :2] * [_PIXELS, -_PIXELS]).tolist()
 
 
-def _face(svg: Element, C_vb: Matrix, axis: int, sign: float) -> None:
+def _face(C_vb: Matrix, axis: int, sign: float) -> dict[str, Any]:
     """One visible face with its name."""
     others = [other for other in range(3) if other != axis]
     corners = np.zeros((4, 3))
     corners[:, axis] = sign * HALVES[axis]
-    for corner, (a, b) in zip(corners, ((-1, -1), (1, -1), (1, 1), (-1, 1)), strict=True):
-        corner[others] = np.array([a, b]) * HALVES[others]
+    corners[:, others] = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * HALVES[others]
     # Brighter the more it looks up.
     grey = int(178 + 70 * (0.5 + 0.5 * sign * float(C_vb[1, axis])))
-    shade = f"rgb({grey},{grey},{min(grey + 6, 255)})"
-    path(
-        svg, [_spot(corner) for corner in corners @ C_vb.T], fill=shade, stroke="#1d2129", stroke_width="1.2"
-    )
-    if abs(float(C_vb[2, axis])) <= 0.15:
-        return
-    x, y = (sign * HALVES[axis] * float(v) for v in C_vb[:2, axis])
-    name = f"{'+' if sign > 0 else '−'}{'xyz'[axis]}"
-    look: Look = {"font_size": 15, "font_weight": 600, "text_anchor": "middle", "fill": _COLOURS[axis]}
-    add(svg, "text", name, x=40.0 * x, y=-40.0 * y + 5.0, **look)
+    return {
+        "corners": _spots(corners @ C_vb.T),
+        "shade": f"rgb({grey},{grey},{min(grey + 6, 255)})",
+        "seen": abs(float(C_vb[2, axis])) > 0.15,
+        "name": f"{'+' if sign > 0 else '−'}{'xyz'[axis]}",
+        "middle": _spots(sign * HALVES[axis] * C_vb[:, axis]),
+        "colour": _COLOURS[axis],
+    }
 
 
-def _axis_behind(svg: Element, C_vb: Matrix, axis: int) -> None:
-    """The positive axis out of a face that looks away, dashed."""
-    colour, out = _COLOURS[axis], C_vb[:, axis]
-    tail, tip = HALVES[axis] * out, (HALVES[axis] + 0.55) * out
-    label = tip + 0.35 * (tip - tail)
-    line: Look = {"stroke": colour, "stroke_width": 2, "fill": "none", "stroke_dasharray": "4 3"}
-    add(svg, "path", d=f"M{_spot(tail)}L{_spot(tip)}", **line)
-    add(svg, "circle", cx=40.0 * float(tip[0]), cy=-40.0 * float(tip[1]), r=2.6, fill=colour)
-    look: Look = {"font_size": 12, "text_anchor": "middle", "fill": colour}
-    name, x, y = f"+{'xyz'[axis]}", 40.0 * float(label[0]), -40.0 * float(label[1]) + 4.0
-    add(svg, "text", name, x=x, y=y, **look)
+def _axis_behind(C_vb: Matrix, axis: int) -> dict[str, Any]:
+    """The positive axis out of a face that looks away."""
+    tail, tip, label = (_spots((HALVES[axis] + beyond) * C_vb[:, axis]) for beyond in (0.0, 0.55, 0.7425))
+    return {"tail": tail, "tip": tip, "label": label, "name": f"+{'xyz'[axis]}", "colour": _COLOURS[axis]}
 
 
 _FORM = (("Unit", "Date", "Operator"), ("File", "Temperature", "Place"))
