@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from tumble.calibration.evidence import ThermalCurves
 from tumble.calibration.magnetometer.estimate import Magnetometer
 from tumble.document.field_document import FIELD_ALONE
 from tumble.document.part import plain
+from tumble.files.markup import templates
 from tumble.parameters.measures import plain_unit
 from tumble.report.advice import next_steps
 from tumble.report.evidence import RENDERERS, render_evidence
@@ -35,7 +36,7 @@ from tumble.report.words import (
 
 if TYPE_CHECKING:
     from tumble.arrays import Vectors
-    from tumble.document.result import Calibration, TriadBlock
+    from tumble.document.result import Calibration
 
 
 def _field_page(calibration: Calibration, found: Magnetometer, samples: Vectors) -> Page:
@@ -250,58 +251,22 @@ def _formulas(calibration: Calibration) -> list[Block]:
 def formula_text(calibration: Calibration) -> str:
     """Return both formulas, forward and backward, with matrices and biases, as plain text."""
     units = calibration.raw_units
-    force, gyro = calibration.accelerometer, calibration.gyroscope
-    parts: list[list[str]] = []
-    if force is not None:
-        parts.append(
-            _triad_lines("a", "specific force f in m/s²", "f", units.specific_force, force, sensitivity=False)
+    triads = [
+        {
+            "index": index,
+            "what": what,
+            "true": true,
+            "unit": plain_unit(unit),
+            "block": block,
+            "inverse": [] if block.matrix is None else np.linalg.inv(np.array(block.matrix, dtype=float)),
+        }
+        for index, what, true, unit, block in (
+            ("a", "specific force f in m/s²", "f", units.specific_force, calibration.accelerometer),
+            ("g", "angular rate w in rad/s", "w", units.angular_rate, calibration.gyroscope),
         )
-    if gyro is not None:
-        coupled = gyro.g_sensitivity is not None
-        parts.append(
-            _triad_lines("g", "angular rate w in rad/s", "w", units.angular_rate, gyro, sensitivity=coupled)
-        )
-    return "\n\n".join("\n".join(lines) for lines in parts)
-
-
-def _triad_lines(
-    index: str, what: str, true: str, unit: str, block: TriadBlock, *, sensitivity: bool
-) -> list[str]:
-    raw, M, b = f"raw_{index}", f"M_{index}", f"b_{index}"
-    lines = [f"{what}, {raw} in {plain_unit(unit)}", ""]
-    added = " + G f" if sensitivity else ""
-    removed = " - G f" if sensitivity else ""
-    if block.matrix is None:
-        known = "bias and g-sensitivity" if sensitivity else "bias"
-        lines += [f"only the {known} can be removed: {raw} - {b}{removed}", *_array_lines(b, [block.bias])]
-        return lines if block.g_sensitivity is None else [*lines, *_array_lines("G", block.g_sensitivity)]
-    own = "u" + (" + a |u|" if block.asymmetry is not None else "")
-    own += " + q u²" if block.quadratic is not None else ""
-    if own != "u":
-        lines += [
-            f"{raw} = {own} + {b}{added},   u = {M} {true}",
-            f"{true} = inverse({M}) u,   {own} = {raw} - {b}{removed}",
-        ]
-    else:
-        lines += [f"{raw} = {M} {true} + {b}{added}", f"{true} = inverse({M}) ({raw} - {b}{removed})"]
-    lines += ["", *_array_lines(M, block.matrix), *_array_lines(b, [block.bias])]
-    for name, values in (("a", block.asymmetry), ("q", block.quadratic)):
-        if values is not None:
-            lines += _array_lines(name, [values])
-    if block.g_sensitivity is not None:
-        lines += _array_lines("G", block.g_sensitivity)
-    return [*lines, *_array_lines(f"inverse({M})", np.linalg.inv(np.array(block.matrix, dtype=float)))]
-
-
-def _array_lines(name: str, rows: Any) -> list[str]:
-    """Return an array with its name before the first row, nine significant digits."""
-    width = max(len(name), 13)
-    return [
-        f"{name if i == 0 else '':{width}} {'=' if i == 0 else ' '} [ "
-        + "  ".join(f"{float(v) + 0.0:16.9g}" for v in row)
-        + " ]"
-        for i, row in enumerate(rows)
+        if block is not None
     ]
+    return templates().get_template("formula.txt").render(triads=triads).rstrip("\n")
 
 
 def _test_vectors(calibration: Calibration) -> Table:
