@@ -5,10 +5,12 @@ Vectors and matrices of three are tuples of numbers in it. What a file has besid
 
 from __future__ import annotations
 
-from typing import Any, TypeVar, dataclass_transform
+from collections.abc import Callable
+from typing import Any, TypeVar, dataclass_transform, get_args
 
 import msgspec
 import numpy as np
+from msgspec import structs
 from numpy.typing import ArrayLike
 
 from tumble.files import shown
@@ -30,10 +32,41 @@ class DocumentPart(msgspec.Struct, metaclass=_Frozen):
 Part = TypeVar("Part", bound=DocumentPart)
 
 
+# How a document writes out what records call their numbers.
+_SPELLED = {
+    "sigma": "standard_uncertainty",
+    "sigmas": "standard_uncertainties",
+    "degrees": "degrees_of_freedom",
+}
+
+
+def spelled(**names: str) -> Callable[[str], str]:
+    """Return what a part that mirrors a record calls its fields in JSON, some by other names than the usual."""
+
+    def spell(field: str) -> str:
+        begin, mark, end = field.rpartition("_")
+        return names.get(field, f"{begin}{mark}{_SPELLED.get(end, end)}")
+
+    return spell
+
+
 def part_of(kind: type[Part], record: object, **others: Any) -> Part:
-    """Return the part of a record: what is not given beside it are the record's fields of the same names."""
-    same = {name: getattr(record, name) for name in kind.__struct_fields__ if name not in others}
-    return kind(**same, **others)
+    """Return the part of a record: what is not given beside it are the record's fields of the same names.
+
+    Arrays become lists, records in lists their parts; a number that is not finite becomes null.
+    """
+    fields = (field for field in structs.fields(kind) if field.name not in others)
+    return kind(**{field.name: _told(getattr(record, field.name), field.type) for field in fields}, **others)
+
+
+def _told(value: Any, kind: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        return [finite(number) for number in value.tolist()]
+    if isinstance(value, float):
+        return finite(value)
+    inner: Any = next(iter(get_args(kind)), None)
+    mirrors = value and hasattr(inner, "__struct_fields__")
+    return [part_of(inner, one) for one in value] if mirrors else value
 
 
 def plain(part: DocumentPart) -> dict[str, Any]:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from tumble.arrays import Series
-from tumble.calibration.evidence import Agreement, BiasScatter, TurnOns
-from tumble.document.part import DocumentPart, finite, part_of
+from tumble.calibration.evidence import TurnOns
+from tumble.document.part import DocumentPart, part_of, spelled
 
 Each = list[float | None]
 
 
-class TurnOnBlock(DocumentPart):
+class TurnOnBlock(DocumentPart, rename=spelled(rate="rate_hz")):
     """One recording; `variance_components` are standard deviations, SI."""
 
     name: str
@@ -17,12 +16,12 @@ class TurnOnBlock(DocumentPart):
     turns: int
     spins: int
     seconds: float
-    rate_hz: float
+    rate: float
     sigma0: float | None
     variance_components: dict[str, float]
 
 
-class BiasBlock(DocumentPart):
+class BiasBlock(DocumentPart, rename=spelled(measurement="expected_scatter", turn_on="turn_on_scatter")):
     """A bias from turn-on to turn-on, raw units; lists have an entry for each recording, null where it has none.
 
     `scatter` is the standard deviation of the recordings' biases, `expected_scatter` what their own uncertainties
@@ -34,21 +33,21 @@ class BiasBlock(DocumentPart):
     parameter: str
     unit: str
     values: Each
-    standard_uncertainties: Each
+    sigmas: Each
     mean: float
-    mean_standard_uncertainty: float
+    mean_sigma: float
     scatter: float
-    scatter_standard_uncertainty: float
-    expected_scatter: float
-    turn_on_scatter: float
-    next_standard_uncertainty: float
+    scatter_sigma: float
+    measurement: float
+    turn_on: float
+    next_sigma: float
     coverage_factor: float
-    degrees_of_freedom: int
+    degrees: int
     chi_square: float
     probability: float
 
 
-class StableBlock(DocumentPart):
+class StableBlock(DocumentPart, rename=spelled(enlarged="enlarged_by")):
     """A parameter that all recordings share, as each determines it by itself; null where one does not tell it.
 
     It agrees if the `probability` of such differences by chance is not below `limit`; if it does not, its standard
@@ -58,24 +57,24 @@ class StableBlock(DocumentPart):
     parameter: str
     unit: str
     values: Each
-    standard_uncertainties: Each
+    sigmas: Each
     value: float
     chi_square: float
-    degrees_of_freedom: int
+    degrees: int
     probability: float
     limit: float
     agrees: bool
-    enlarged_by: float
+    enlarged: float
 
 
-class TurnOnsBlock(DocumentPart):
+class TurnOnsBlock(DocumentPart, rename=spelled(agreements="stable")):
     """What several recordings of one unit tell: chi-square of all stable parameters together, and each by itself."""
 
     recordings: list[TurnOnBlock]
     biases: list[BiasBlock]
-    stable: list[StableBlock]
+    agreements: list[StableBlock]
     chi_square: float
-    degrees_of_freedom: int
+    degrees: int
     probability: float
 
 
@@ -86,43 +85,4 @@ def turn_ons_block(told: TurnOns) -> TurnOnsBlock:
     ----------
     told : see there.
     """
-    return part_of(
-        TurnOnsBlock,
-        told,
-        recordings=[
-            part_of(TurnOnBlock, one, rate_hz=one.rate, sigma0=finite(one.sigma0)) for one in told.recordings
-        ],
-        biases=[_bias(bias) for bias in told.biases],
-        stable=[_stable(agreement) for agreement in told.agreements],
-        degrees_of_freedom=told.degrees,
-    )
-
-
-def _bias(bias: BiasScatter) -> BiasBlock:
-    return part_of(
-        BiasBlock,
-        bias,
-        values=_each(bias.values),
-        standard_uncertainties=_each(bias.sigmas),
-        mean_standard_uncertainty=bias.mean_sigma,
-        scatter_standard_uncertainty=bias.scatter_sigma,
-        expected_scatter=bias.measurement,
-        turn_on_scatter=bias.turn_on,
-        next_standard_uncertainty=bias.next_sigma,
-        degrees_of_freedom=bias.degrees,
-    )
-
-
-def _stable(agreement: Agreement) -> StableBlock:
-    return part_of(
-        StableBlock,
-        agreement,
-        values=_each(agreement.values),
-        standard_uncertainties=_each(agreement.sigmas),
-        degrees_of_freedom=agreement.degrees,
-        enlarged_by=agreement.enlarged,
-    )
-
-
-def _each(values: Series) -> Each:
-    return [finite(value) for value in values]
+    return part_of(TurnOnsBlock, told)

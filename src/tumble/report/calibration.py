@@ -258,7 +258,7 @@ def formula_text(calibration: Calibration) -> str:
             "true": true,
             "unit": plain_unit(unit),
             "block": block,
-            "inverse": [] if block.matrix is None else np.linalg.inv(np.array(block.matrix, dtype=float)),
+            "inverse": np.linalg.inv(np.array(block.matrix or np.eye(3), dtype=float)),
         }
         for index, what, true, unit, block in (
             ("a", "specific force f in m/s²", "f", units.specific_force, calibration.accelerometer),

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 import tumble
-from tumble.document.part import DocumentPart, finite, plain
+from tumble.document.part import DocumentPart, finite, part_of, plain, spelled
 from tumble.report.noise import (
     CURVE,
     DEFINITIONS,
@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from tumble.noise.characterisation import Characterisation
     from tumble.noise.deviation import Deviation
     from tumble.noise.fitting.fit import NoiseFit
-    from tumble.noise.lines import FoundLine
-    from tumble.noise.triads import TriadTerm
 
 FORMAT: Literal["tumble noise"] = "tumble noise"
 VERSION: Literal[1] = 1
@@ -54,7 +52,7 @@ class Practical(_Strict):
     unit: str
 
 
-class _Stated(_Strict):
+class _Stated(_Strict, rename=spelled()):
     """A value with its uncertainty and interval.
 
     Attributes
@@ -64,7 +62,7 @@ class _Stated(_Strict):
 
     definition: str
     value: float
-    standard_uncertainty: float | None
+    sigma: float | None
     low: float
     high: float
     unit: str
@@ -116,7 +114,7 @@ FITS = {
 }
 
 
-class FitBlock(_Strict):
+class FitBlock(_Strict, rename=spelled(freedom="degrees_of_freedom")):
     """How the model was fitted, and whether it fits.
 
     Attributes
@@ -128,12 +126,12 @@ class FitBlock(_Strict):
     what: str
     confidence: float
     chi_square: float
-    degrees_of_freedom: int
+    freedom: int
     probability: float
     covariance: CovarianceBlock
 
 
-class LineBlock(_Strict):
+class LineBlock(_Strict, rename=spelled(frequency="frequency_hz")):
     """A sine that stands out of the spectrum: a vibration, the mains.
 
     Attributes
@@ -142,10 +140,10 @@ class LineBlock(_Strict):
     """
 
     definition: str
-    frequency_hz: float
-    frequency_standard_uncertainty: float
+    frequency: float
+    frequency_sigma: float
     amplitude: float
-    amplitude_standard_uncertainty: float
+    amplitude_sigma: float
     unit: str
 
 
@@ -212,17 +210,25 @@ class ChannelBlock(_Strict):
     curve: CurveBlock
 
 
-class TriadTermBlock(_Strict):
+class TriadTermBlock(
+    _Strict,
+    rename=spelled(
+        mean="mean_of_variances",
+        worst="worst_axis",
+        worst_axis="worst_axis_name",
+        seen="axes_that_show_it",
+    ),
+):
     """A coefficient of a triad."""
 
     definition: str
     unit: str
-    mean_of_variances: float
-    mean_standard_uncertainty: float
-    worst_axis: float
-    worst_standard_uncertainty: float
-    worst_axis_name: str
-    axes_that_show_it: list[str]
+    mean: float
+    mean_sigma: float
+    worst: float
+    worst_sigma: float
+    worst_axis: str
+    seen: list[str]
     axes: int
 
 
@@ -317,53 +323,50 @@ def noise_document(noise: Characterisation) -> dict[str, Any]:
 
 
 def _channel(channel: Channel) -> ChannelBlock:
-    terms = {
-        term.letter: TermBlock(
-            letter=term.letter,
-            name=NAMES.get(term.letter, term.letter),
-            **_stated(channel, term.letter, term, definition_of(term.letter)),
-            curve_missed_by=None if channel.fit is None else channel.fit.missed.get(term.letter),
-        )
-        for term in channel.terms
-    }
+    fit, unit = channel.fit, channel.unit
     return ChannelBlock(
-        unit=channel.unit,
-        terms=terms,
-        lines=[_line(line, channel.unit) for line in channel.lines],
-        fit=None if channel.fit is None else _fit(channel, channel.fit),
+        unit=unit,
+        terms={
+            term.letter: part_of(
+                TermBlock,
+                term,
+                name=NAMES.get(term.letter, term.letter),
+                **_stated(channel, term, term.letter, definition_of(term.letter)),
+                curve_missed_by=None if fit is None else fit.missed.get(term.letter),
+            )
+            for term in channel.terms
+        },
+        lines=[part_of(LineBlock, one, definition=DEFINITIONS["line"], unit=unit) for one in channel.lines],
+        fit=None if fit is None else _fit(channel, fit),
         upper_limits_of_unseen={
             letter: LimitBlock(value=limit, unit=si_unit(channel, letter), definition=definition_of(letter))
             for letter, limit in channel.unseen.items()
             if np.isfinite(limit)
         },
         random_walk=_random_walk(channel),
-        lowest_allan_deviation=FloorBlock(value=channel.floor, unit=channel.unit, tau_s=channel.floor_tau),
-        allan_deviation=_curve(channel.allan, channel.unit),
-        curve=_curve(channel.curve, channel.unit),
+        lowest_allan_deviation=FloorBlock(value=channel.floor, unit=unit, tau_s=channel.floor_tau),
+        allan_deviation=_curve(channel.allan, unit),
+        curve=_curve(channel.curve, unit),
     )
 
 
 def _random_walk(channel: Channel) -> RandomWalkBlock | None:
     term = channel.random_walk
-    if term is None:
-        return None
-    return RandomWalkBlock(
+    return term and part_of(
+        RandomWalkBlock,
+        term,
         letter="N",
-        **_stated(channel, "N", term, DEFINITIONS["random walk"]),
+        **_stated(channel, term, "N", DEFINITIONS["random walk"]),
         correlation_times_s=[] if channel.white is None else list(channel.white.times),
     )
 
 
-def _stated(channel: Channel, letter: str, term: Term, definition: str) -> dict[str, Any]:
-    """A coefficient with its uncertainty and its interval, in SI and as people use it."""
+def _stated(channel: Channel, term: Term, letter: str, definition: str) -> dict[str, Any]:
+    """What a coefficient is, its unit, and itself as people use it."""
     factor, unit = practical_unit(channel, letter)
     sigma = finite(factor * term.sigma)
     return {
         "definition": definition,
-        "value": term.value,
-        "standard_uncertainty": finite(term.sigma),
-        "low": term.low,
-        "high": term.high,
         "unit": si_unit(channel, letter),
         "practical": Practical(value=factor * term.value, standard_uncertainty=sigma, unit=unit),
     }
@@ -371,30 +374,13 @@ def _stated(channel: Channel, letter: str, term: Term, definition: str) -> dict[
 
 def _fit(channel: Channel, fit: NoiseFit) -> FitBlock:
     names = [term.letter for term in fit.terms]
-    return FitBlock(
-        what=FITS[fit.method],
-        confidence=fit.confidence,
-        chi_square=fit.chi_square,
-        degrees_of_freedom=fit.freedom,
-        probability=fit.probability,
-        covariance=CovarianceBlock(
-            what="covariance of the values of the terms",
-            terms=names,
-            units=[si_unit(channel, name) for name in names],
-            matrix=[[float(v) for v in row] for row in np.nan_to_num(fit.covariance)],
-        ),
+    covariance = CovarianceBlock(
+        what="covariance of the values of the terms",
+        terms=names,
+        units=[si_unit(channel, name) for name in names],
+        matrix=np.nan_to_num(fit.covariance).tolist(),
     )
-
-
-def _line(line: FoundLine, unit: str) -> LineBlock:
-    return LineBlock(
-        definition=DEFINITIONS["line"],
-        frequency_hz=line.frequency,
-        frequency_standard_uncertainty=line.frequency_sigma,
-        amplitude=line.amplitude,
-        amplitude_standard_uncertainty=line.amplitude_sigma,
-        unit=unit,
-    )
+    return part_of(FitBlock, fit, what=FITS[fit.method], covariance=covariance)
 
 
 def _curve(curve: Deviation, unit: str) -> CurveBlock:
@@ -418,23 +404,17 @@ def _triads(channels: tuple[Channel, ...]) -> dict[str, TriadBlock]:
     for letter, name in (("a", "accelerometer"), ("g", "gyroscope")):
         axes = [channel for channel in channels if channel.name.startswith(letter)]
         if axes:
-            terms = {term.letter: _triad_term(term, axes[0]) for term in triad_terms(axes)}
+            terms = {
+                one.letter: part_of(
+                    TriadTermBlock,
+                    one,
+                    definition=definition_of(one.letter),
+                    unit=si_unit(axes[0], one.letter),
+                )
+                for one in triad_terms(axes)
+            }
             found[name] = TriadBlock(what=COLLAPSE, terms=terms)
     return found
-
-
-def _triad_term(term: TriadTerm, axis: Channel) -> TriadTermBlock:
-    return TriadTermBlock(
-        definition=definition_of(term.letter),
-        unit=si_unit(axis, term.letter),
-        mean_of_variances=term.mean,
-        mean_standard_uncertainty=term.mean_sigma,
-        worst_axis=term.worst,
-        worst_standard_uncertainty=term.worst_sigma,
-        worst_axis_name=term.worst_axis,
-        axes_that_show_it=list(term.seen),
-        axes=term.axes,
-    )
 
 
 def _spectrum(noise: Characterisation, letter: str) -> SpectrumBlock:

@@ -48,7 +48,7 @@ def turn_ons(_: TurnOns, subject: Subject) -> list[Block]:
     rows = {row.name: row for row in subject.rows}
     names = [recording.name for recording in told.recordings]
     biases = [_bias_cells(bias, rows[bias.parameter]) for bias in told.biases]
-    stable = [_stable_cells(one, rows[one.parameter]) for one in told.stable]
+    stable = [_stable_cells(one, rows[one.parameter]) for one in told.agreements]
     words = "Each recording is the unit switched on anew. Biases are each one's own; all else is common."
     blocks = section(
         "From turn-on to turn-on",
@@ -91,7 +91,7 @@ def _recordings(told: TurnOnsBlock) -> list[list[str]]:
             str(r.holds),
             str(r.turns),
             str(r.spins),
-            f"{r.rate_hz:g} Hz",
+            f"{r.rate:g} Hz",
             "" if r.sigma0 is None else fixed(r.sigma0, 2),
         ]
         for r in told.recordings
@@ -103,15 +103,15 @@ def _bias_cells(bias: BiasBlock, row: ParameterRow) -> list[str]:
     factor, unit = _practical(row)
     each = [
         "" if value is None or sigma is None else with_uncertainty(factor * value, factor * sigma)
-        for value, sigma in zip(bias.values, bias.standard_uncertainties, strict=True)
+        for value, sigma in zip(bias.values, bias.sigmas, strict=True)
     ]
-    scatter = with_uncertainty(factor * bias.scatter, factor * bias.scatter_standard_uncertainty)
-    following = with_uncertainty(factor * bias.mean, factor * bias.next_standard_uncertainty)
+    scatter = with_uncertainty(factor * bias.scatter, factor * bias.scatter_sigma)
+    following = with_uncertainty(factor * bias.mean, factor * bias.next_sigma)
     return [
         f"{row.group.lower()} {parameter_of(bias.parameter).axes} / {unit}",
         following,
         scatter,
-        f"{factor * bias.expected_scatter:.2g}",
+        f"{factor * bias.measurement:.2g}",
         *each,
     ]
 
@@ -125,15 +125,15 @@ def _stable_cells(one: StableBlock, row: ParameterRow) -> list[str]:
     factor = row.shown.value / one.value if one.value else 1.0
     each = [
         "" if value is None or sigma is None else with_uncertainty(factor * value, abs(factor) * sigma)
-        for value, sigma in zip(one.values, one.standard_uncertainties, strict=True)
+        for value, sigma in zip(one.values, one.sigmas, strict=True)
     ]
-    words = "" if one.agrees else f": not stable, uncertainty × {fixed(one.enlarged_by, 1)}"
-    if one.degrees_of_freedom < 1:
+    words = "" if one.agrees else f": not stable, uncertainty × {fixed(one.enlarged, 1)}"
+    if one.degrees < 1:
         words = ": determined by one recording only"
     unit = f" / {row.shown.unit}" if row.shown.unit else ""
     return [
         f"{row.label if row.group == OPTIONAL else f'{row.group.lower()} {row.label}'}{unit}",
-        f"{one.chi_square:.1f} of {one.degrees_of_freedom}",
+        f"{one.chi_square:.1f} of {one.degrees}",
         f"{one.probability:.2g}{words}",
         *each,
     ]
@@ -147,9 +147,9 @@ def _drawn(told: TurnOnsBlock, biases: list[BiasBlock], rows: dict[str, Paramete
         factor, unit = _practical(rows[bias.parameter])
         at = [k for k, value in enumerate(bias.values) if value is not None]
         values = [factor * ((bias.values[k] or 0.0) - bias.mean) for k in at]
-        sigmas = [1.96 * factor * (bias.standard_uncertainties[k] or 0.0) for k in at]
+        sigmas = [1.96 * factor * (bias.sigmas[k] or 0.0) for k in at]
         axis = parameter_of(bias.parameter).axes
-        widest = max(widest, bias.coverage_factor * factor * bias.next_standard_uncertainty)
+        widest = max(widest, bias.coverage_factor * factor * bias.next_sigma)
         marks.append(
             Points(
                 [k + 1 + 0.12 * (number - 1) for k in at],
