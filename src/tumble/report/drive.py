@@ -5,29 +5,18 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from tumble.report.figures.record import (
-    BLUE,
-    GREEN,
-    GREY,
-    ORANGE,
-    PURPLE,
-    RED,
-    Axis,
-    Curve,
-    Figure,
-    plain,
-)
+from tumble.report.figures import record
 from tumble.report.html import render_page
 from tumble.report.page import Block, Figures, Page, Sentences, Table, Verdict, section
 
 # Curves that lie close are told apart by more than their colours.
 _LOOKS = (
-    (RED, "", "circle"),
-    (ORANGE, "dot", "square"),
-    (PURPLE, "dash", "diamond"),
-    (GREEN, "dashdot", "triangle-up"),
-    (BLUE, "", "x"),
-    (GREY, "dot", "cross"),
+    (record.RED, "", "circle"),
+    (record.ORANGE, "dot", "square"),
+    (record.PURPLE, "dash", "diamond"),
+    (record.GREEN, "dashdot", "triangle-up"),
+    (record.BLUE, "", "x"),
+    (record.GREY, "dot", "cross"),
 )
 _SECONDS = (1, 2, 5, 10, 20, 30, 60, 120, 300, 600)
 # And stand beside one another: each is moved by this share of a length.
@@ -137,18 +126,20 @@ def _outage_table(variants: list[dict[str, Any]]) -> Table:
     return Table(heads, rows, right=range(1, len(heads)))
 
 
-def _drift_figure(variants: list[dict[str, Any]]) -> Figure:
+def _drift_figure(variants: list[dict[str, Any]]) -> record.Figure:
     marks = [
         _curve(variant, at, [(one["seconds"], one["horizontal_rms"]) for one in variant["drift"]], " m")
         for at, variant in enumerate(variants)
     ]
-    across = Axis("s since the start", "log", ticks=_SECONDS)
-    upright = Axis("horizontal rms, m", "log", every=1)
+    across = record.Axis("s since the start", "log", ticks=_SECONDS)
+    upright = record.Axis("horizontal rms, m", "log", every=1)
     label = "Free inertial drift with and without the calibration"
-    return Figure("drift", label, marks, across, upright, 400)
+    return record.Figure("drift", label, marks, across, upright, 400)
 
 
-def _ratio_figure(variants: list[dict[str, Any]], name: str, key: str, across: str, words: str) -> Figure:
+def _ratio_figure(
+    variants: list[dict[str, Any]], name: str, key: str, across: str, words: str
+) -> record.Figure:
     """Errors over those of the first variant, which is uncalibrated, by their length."""
     marks = [
         _curve(
@@ -158,23 +149,25 @@ def _ratio_figure(variants: list[dict[str, Any]], name: str, key: str, across: s
         if at
     ]
     label = f"{words}, error over that of the uncalibrated samples"
-    return Figure(name, label, marks, Axis(across, "log", ticks=_SECONDS), Axis("over uncalibrated"), 320)
+    return record.Figure(
+        name, label, marks, record.Axis(across, "log", ticks=_SECONDS), record.Axis("over uncalibrated"), 320
+    )
 
 
 def _curve(
     variant: dict[str, Any], at: int, points: list[tuple[float, dict[str, float | None]]], unit: str
-) -> Curve:
+) -> record.Curve:
     known = [(x, y) for x, y in points if y["value"]]
     colour, dash, symbol = _LOOKS[at % len(_LOOKS)]
     beside = (1.0 + _APART) ** (at - 2)
-    return Curve(
-        plain([x * beside for x, _ in known]),
-        plain([y["value"] for _, y in known]),
+    return record.Curve(
+        record.plain([x * beside for x, _ in known]),
+        record.plain([y["value"] for _, y in known]),
         variant["name"],
         colour,
         hover=f"%{{fullData.name}}<br>%{{text}} s: %{{y:.3g}}{unit}<extra></extra>",
         words=[f"{x:g}" for x, _ in known],
         symbol=symbol,
-        sigma=plain([y["standard_uncertainty"] or 0.0 for _, y in known]),
+        sigma=record.plain([y["standard_uncertainty"] or 0.0 for _, y in known]),
         dash=dash,
     )

@@ -11,20 +11,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from tumble.report.figures.record import (
-    BLUE,
-    GREEN,
-    ORANGE,
-    PURPLE,
-    RED,
-    TEAL,
-    Axis,
-    Band,
-    Curve,
-    Figure,
-    Mark,
-    Points,
-)
+from tumble.report.figures import record
 from tumble.report.html import render_page
 from tumble.report.page import Block, Figures, Page, Sentences, Table
 from tumble.report.terminal import aligned
@@ -32,7 +19,7 @@ from tumble.report.terminal import aligned
 if TYPE_CHECKING:
     from tumble.reproduction.outcome import Outcome, Plot, Row, Value
 
-_COLOURS = (BLUE, GREEN, ORANGE, PURPLE, TEAL)
+_COLOURS = (record.BLUE, record.GREEN, record.ORANGE, record.PURPLE, record.TEAL)
 _HOVER = "%{x:.3g}: %{y:.3g}"
 # Up to so many places of a logarithmic axis have a tick each; a line through more points than that shows no point.
 _FEW, _DOTS = 8, 100
@@ -109,28 +96,28 @@ def _caption(plot: Plot) -> str:
     return f"{plot.title}: line: {plot.line}, band: {plot.band}{marks}"
 
 
-def figure_of(plot: Plot) -> Figure:
+def figure_of(plot: Plot) -> record.Figure:
     """Return a figure of an outcome: its curves in their bands, and the paper's own numbers.
 
     Parameters
     ----------
     plot : what is shown.
     """
-    marks: list[Mark] = []
+    marks: list[record.Mark] = []
     for curve, colour in zip(plot.curves, _COLOURS, strict=False):
         # A zero has no logarithm: there the band begins at a hundredth of the line.
         low = curve.low if plot.linear else np.where(curve.low > 0, curve.low, 1e-2 * curve.y)
         name, symbol = curve.name, "circle" if len(curve.x) <= _DOTS else ""
         marks += [
-            Band(curve.x, (low, curve.high), name, colour, legend=False, group=name),
-            Curve(curve.x, curve.y, name, colour, hover=_HOVER, symbol=symbol, size=6),
+            record.Band(curve.x, (low, curve.high), name, colour, legend=False, group=name),
+            record.Curve(curve.x, curve.y, name, colour, hover=_HOVER, symbol=symbol, size=6),
         ]
     if plot.marks is not None:
         own = plot.marks
-        marks.append(Points(own.x, own.y, own.name, RED, hover=_HOVER, symbol="x-thin", size=9))
-    upright = Axis(plot.y_label) if plot.linear else Axis(plot.y_label, "log", every=1)
+        marks.append(record.Points(own.x, own.y, own.name, record.RED, hover=_HOVER, symbol="x-thin", size=9))
+    upright = record.Axis(plot.y_label) if plot.linear else record.Axis(plot.y_label, "log", every=1)
     across = replace(upright, title=plot.x_label, ticks=_few_places(plot))
-    return Figure(plot.name, plot.title, marks, across, upright, 380)
+    return record.Figure(plot.name, plot.title, marks, across, upright, 380)
 
 
 def _few_places(plot: Plot) -> list[float]:

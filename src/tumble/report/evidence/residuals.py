@@ -10,21 +10,7 @@ from tumble.arrays import Series
 from tumble.calibration.evidence import ThermalCurves
 from tumble.calibration.verdict import two_digits
 from tumble.records import dataclass
-from tumble.report.figures.record import (
-    AXIS_COLOURS,
-    BLUE,
-    GREY,
-    RED,
-    Axis,
-    Band,
-    Bars,
-    Curve,
-    Figure,
-    Look,
-    Mark,
-    Points,
-    plain,
-)
+from tumble.report.figures import record
 from tumble.report.page import Block, Figures, Sentences, Table, section
 from tumble.units import angular_rate_factor, specific_force_factor
 
@@ -67,34 +53,39 @@ def _caption(told: Holds, subject: Subject, before: Uncalibrated | None) -> str:
     return f"{caption}. Before (above, another scale) it was {earlier:.3g} mm/s² rms, with {before.words}."
 
 
-def _drawn(told: Holds, subject: Subject, before: Uncalibrated | None) -> Figure:
+def _drawn(told: Holds, subject: Subject, before: Uncalibrated | None) -> record.Figure:
     number = np.arange(1, told.norms.size + 1)
-    colours = [RED if k in subject.holds_left_out else BLUE for k in range(number.size)]
+    colours = [record.RED if k in subject.holds_left_out else record.BLUE for k in range(number.size)]
     hover = "hold %{x}: %{y:.2f} mm/s²<br>%{text}<extra></extra>"
-    marks: list[Mark] = _band(number, 1e3 * told.sigmas)
+    marks: list[record.Mark] = _band(number, 1e3 * told.sigmas)
     marks.append(
-        Points(number.tolist(), 1e3 * told.norms, "after", colours, hover=hover, words=subject.poses)
+        record.Points(number.tolist(), 1e3 * told.norms, "after", colours, hover=hover, words=subject.poses)
     )
-    panels = [Axis("norm − g, after / (mm/s²)")]
+    panels = [record.Axis("norm − g, after / (mm/s²)")]
     if before is not None:
         hover = "hold %{x}: %{y:.1f} mm/s²<br>%{text}<extra></extra>"
-        look: Look = {"panel": 1, "hover": hover, "words": subject.poses}
-        marks.append(Bars(number.tolist(), 1e3 * before.residuals, "before", GREY, **look))
-        panels = [Axis("after / (mm/s²)", share=(0.0, 0.55)), Axis("before / (mm/s²)", share=(0.63, 1.0))]
+        look: record.Look = {"panel": 1, "hover": hover, "words": subject.poses}
+        marks.append(record.Bars(number.tolist(), 1e3 * before.residuals, "before", record.GREY, **look))
+        panels = [
+            record.Axis("after / (mm/s²)", share=(0.0, 0.55)),
+            record.Axis("before / (mm/s²)", share=(0.63, 1.0)),
+        ]
     label = "Norm of the specific force in each hold minus gravity, before and after"
-    return Figure("holds", label, marks, numbered("hold", number), panels, 340 if before is None else 460)
+    return record.Figure(
+        "holds", label, marks, numbered("hold", number), panels, 340 if before is None else 460
+    )
 
 
-def _band(number: np.ndarray, sigma: Series) -> list[Mark]:
+def _band(number: np.ndarray, sigma: Series) -> list[record.Mark]:
     """Return the band of two and of one standard deviation, a step for each hold."""
     x = np.append(number - 0.5, number[-1] + 0.5)
     y = np.append(sigma, sigma[-1])
     return [
-        Band(
+        record.Band(
             x,
             (-factor * y, factor * y),
             "expected ± 1 and 2 sigma",
-            GREY,
+            record.GREY,
             opacity=opacity,
             legend=factor == 1.0,
             steps="post",
@@ -108,7 +99,7 @@ def rms(values: Series) -> float:
     return float(np.sqrt(np.nanmean(values**2)))
 
 
-def numbered(title: str, number: np.ndarray) -> Axis:
+def numbered(title: str, number: np.ndarray) -> record.Axis:
     """Return an axis of whole numbers, marked as often as there is room for.
 
     Parameters
@@ -119,7 +110,7 @@ def numbered(title: str, number: np.ndarray) -> Axis:
     count = int(number[-1])
     step = 1 if count <= 15 else 5 if count <= 80 else 10 ** int(np.ceil(np.log10(count / 10.0)))
     span = (float(number[0]) - 0.8, float(number[-1]) + 0.8)
-    return Axis(title, every=step, span=span, zero=False)
+    return record.Axis(title, every=step, span=span, zero=False)
 
 
 def restless(told: Holds) -> list[Block]:
@@ -168,7 +159,7 @@ def turns(told: Turns, subject: Subject) -> list[Block]:
     ]
     shown: dict[str, Any] = {"words": words, "hover": "turn %{x}: %{y:.3f}°<br>%{text}<extra></extra>"}
     x, expected = (at + 1).tolist(), np.degrees(told.sigmas[at])
-    marks: list[Mark] = []
+    marks: list[record.Mark] = []
     caption = (
         f"Gravity carried over a turn by the corrected gyro ends {rms(after):.2g}° rms from where it "
         "is seen afterwards. The blue points should lie around the grey line of expected standard "
@@ -176,18 +167,18 @@ def turns(told: Turns, subject: Subject) -> list[Block]:
     )
     if before is not None:
         earlier = np.degrees(before.residuals[at])
-        marks.append(Points(x, earlier, "before", GREY, symbol="circle-open", **shown))
+        marks.append(record.Points(x, earlier, "before", record.GREY, symbol="circle-open", **shown))
         caption += f". Before it was {rms(earlier):.2g}° rms, with {before.words}"
     gone = {int(np.searchsorted(at, left.index)) for left in estimate.left_out if left.kind == "turn"}
-    colours = [RED if k in gone else BLUE for k in range(at.size)]
-    marks.append(Points(x, after, "after", colours, size=8, **shown))
+    colours = [record.RED if k in gone else record.BLUE for k in range(at.size)]
+    marks.append(record.Points(x, after, "after", colours, size=8, **shown))
     hover = "expected %{y:.3f}°<extra></extra>"
-    marks.append(Curve(x, expected, "expected", GREY, hover=hover, width=1.5, steps="mid"))
+    marks.append(record.Curve(x, expected, "expected", record.GREY, hover=hover, width=1.5, steps="mid"))
     every = np.concatenate([mark.y for mark in marks])
-    angles = Axis("angle / °", "log", ticks=_decades(every[every > 0.0]))
+    angles = record.Axis("angle / °", "log", ticks=_decades(every[every > 0.0]))
     label = "Angle between gravity carried over each turn and gravity seen, before and after"
     across = numbered("turn (from hold n to the next)", at + 1)
-    figure = Figure("turns", label, marks, across, angles, 380)
+    figure = record.Figure("turns", label, marks, across, angles, 380)
     return section("Turns: gravity carried by the gyro", Figures([figure], f"{caption}."))
 
 
@@ -211,14 +202,14 @@ def spins(told: Spins, subject: Subject) -> list[Block]:
     """
     if told.rates.size == 0:
         return []
-    rates = plain(np.degrees(told.rates), 7)
+    rates = record.plain(np.degrees(told.rates), 7)
     residuals, sigmas = (1e3 * np.degrees(a) for a in (told.residuals, told.sigmas))
     marks = [
-        Points(
+        record.Points(
             rates,
             residuals[:, axis],
             f"gyro {name}",
-            AXIS_COLOURS[name],
+            record.AXIS_COLOURS[name],
             sigma=sigmas[:, axis],
             words=told.names,
             size=8,
@@ -229,7 +220,7 @@ def spins(told: Spins, subject: Subject) -> list[Block]:
     ]
     left = rms(told.residuals)
     largest = float(np.max(np.abs(told.rates)))
-    across, upright = Axis("reference rate of the spin / (°/s)"), Axis("residual / (m°/s)")
+    across, upright = record.Axis("reference rate of the spin / (°/s)"), record.Axis("residual / (m°/s)")
     caption = (
         f"After calibration the spins leave {two_digits(1e3 * np.degrees(left))} m°/s rms over all "
         f"three gyros, {two_digits(1e6 * left / largest)} ppm of the fastest spin. The gyros that are "
@@ -237,7 +228,7 @@ def spins(told: Spins, subject: Subject) -> list[Block]:
         "scale factor, a kink at zero an asymmetry. Bars are one standard deviation."
     )
     label = "Residual of each gyro in each spin against the reference rate"
-    figure = Figure("spins", label, marks, across, upright, 360)
+    figure = record.Figure("spins", label, marks, across, upright, 360)
     return section("Spins: residual against the rate", Figures([figure], caption))
 
 

@@ -7,22 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tumble.parameters.measures import said_unit
-from tumble.report.figures.record import (
-    AXIS_COLOURS,
-    BLUE,
-    GREEN,
-    GREY,
-    ORANGE,
-    RED,
-    Axis,
-    Band,
-    Bars,
-    Curve,
-    Figure,
-    Mark,
-    Points,
-    plain,
-)
+from tumble.report.figures import record
 from tumble.report.page import Block, Figures, Sentences, section
 
 if TYPE_CHECKING:
@@ -84,20 +69,20 @@ def _shown_unit(raw: str, curve: BiasCurve) -> tuple[str, float]:
 def _biases(evidence: ThermalCurves, triad: str, unit: str, factor: float) -> list[Block]:
     # What the rests show of the biases; of accelerometers the soaks' own tests.
     seen = evidence.rate if triad == "gyroscope" else evidence.force
-    whole: list[Mark] = []
-    beside: list[Mark] = []
+    whole: list[record.Mark] = []
+    beside: list[record.Mark] = []
     for axis in range(3):
         panels = _panel(evidence, triad, axis, factor * seen[:, axis], factor, unit)
         whole += panels[0]
         beside += panels[1]
     title = _TITLES[triad]
     figures = [
-        Figure(
+        record.Figure(
             f"{triad}-{name}",
             f"{title}: bias {label}",
             marks,
-            Axis(_CELSIUS),
-            [Axis(f"{'xyz'[k]}: {word} / {unit}", share=_SHARES[k]) for k in range(3)],
+            record.Axis(_CELSIUS),
+            [record.Axis(f"{'xyz'[k]}: {word} / {unit}", share=_SHARES[k]) for k in range(3)],
             640,
         )
         for name, label, marks, word in (
@@ -112,17 +97,17 @@ def _biases(evidence: ThermalCurves, triad: str, unit: str, factor: float) -> li
 
 def _panel(
     evidence: ThermalCurves, triad: str, axis: int, seen: Series, factor: float, unit: str
-) -> tuple[list[Mark], list[Mark]]:
+) -> tuple[list[record.Mark], list[record.Mark]]:
     """Return what an axis has: the whole biases, and what is beside the settled curve."""
     curve = evidence.curves[triad]
     x, settled = curve.celsius, factor * curve.bias[:, axis]
     half = 2.0 * factor * curve.sigma[:, axis]
-    whole: list[Mark] = []
-    beside: list[Mark] = [Band(x, (-half, half), "", GREY, 0.25, axis, legend=False)]
+    whole: list[record.Mark] = []
+    beside: list[record.Mark] = [record.Band(x, (-half, half), "", record.GREY, 0.25, axis, legend=False)]
     branches = (
-        ("heating", RED, evidence.hysteresis > _BRANCH, curve.heating),
-        ("cooling", BLUE, evidence.hysteresis < -_BRANCH, curve.cooling),
-        ("neither", GREY, np.abs(evidence.hysteresis) <= _BRANCH, None),
+        ("heating", record.RED, evidence.hysteresis > _BRANCH, curve.heating),
+        ("cooling", record.BLUE, evidence.hysteresis < -_BRANCH, curve.cooling),
+        ("neither", record.GREY, np.abs(evidence.hysteresis) <= _BRANCH, None),
     )
     for name, colour, here, line in branches:
         if np.any(here & np.isfinite(seen)):
@@ -131,29 +116,29 @@ def _panel(
                 marks.append(_points(at, y, unit, name, colour, axis))
         if line is not None and np.any(line != curve.bias):
             along = factor * line[:, axis] - settled
-            beside.append(Curve(x, along, name, colour, 1.0, axis, legend=False, hover="", width=1.5))
+            beside.append(record.Curve(x, along, name, colour, 1.0, axis, legend=False, hover="", width=1.5))
     model = "model, settled"
-    whole.append(Curve(x, settled, model, "#7a8290", 1.0, axis, legend=axis == 0, hover="", width=1.5))
+    whole.append(record.Curve(x, settled, model, "#7a8290", 1.0, axis, legend=axis == 0, hover="", width=1.5))
     return whole, beside
 
 
-def _points(x: Series, y: Series, unit: str, name: str, colour: str, panel: int = 0) -> Points:
+def _points(x: Series, y: Series, unit: str, name: str, colour: str, panel: int = 0) -> record.Points:
     hover = f"%{{x:.2f}} °C: %{{y:.4g}} {unit}<extra></extra>"
-    return Points(x, y, name, colour, 0.7, panel, legend=panel == 0, hover=hover, size=5)
+    return record.Points(x, y, name, colour, 0.7, panel, legend=panel == 0, hover=hover, size=5)
 
 
 def _sigmas(evidence: ThermalCurves, units: dict[str, tuple[str, float]]) -> list[Block]:
-    figures: list[Figure] = []
+    figures: list[record.Figure] = []
     for triad, curve in evidence.curves.items():
         unit, factor = units[triad]
         marks = [
-            Curve(curve.celsius, factor * curve.sigma[:, k], axis, AXIS_COLOURS[axis])
+            record.Curve(curve.celsius, factor * curve.sigma[:, k], axis, record.AXIS_COLOURS[axis])
             for k, axis in enumerate("xyz")
         ]
         highest = 1.05 * factor * float(np.nanmax(curve.sigma))
-        upright = Axis(f"σ of the {triad} bias / ({unit})", span=(0.0, highest or 1.0))
+        upright = record.Axis(f"σ of the {triad} bias / ({unit})", span=(0.0, highest or 1.0))
         label = f"Standard uncertainty of the {triad} bias"
-        figures.append(Figure(f"{triad}-sigma", label, marks, Axis(_CELSIUS), upright, 300))
+        figures.append(record.Figure(f"{triad}-sigma", label, marks, record.Axis(_CELSIUS), upright, 300))
     caption = (
         "Standard uncertainty of the bias over the span that was calibrated, in the pose of the test where there was "
         "one alone. Beyond its ends the calibration is not used, unless asked to."
@@ -165,22 +150,24 @@ def _sigmas(evidence: ThermalCurves, units: dict[str, tuple[str, float]]) -> lis
 
 
 def _residuals(evidence: ThermalCurves) -> list[Block]:
-    figures: list[Figure] = []
+    figures: list[record.Figure] = []
     for name, columns in (("specific force", slice(0, 3)), ("angular rate", slice(3, 6))):
         residuals = evidence.residuals[:, columns]
         known = np.isfinite(residuals)
         if not np.any(known):
             continue
-        marks: list[Mark] = []
+        marks: list[record.Mark] = []
         for k, axis in enumerate("xyz"):
             if np.any(known[:, k]):
                 alone = name == "specific force" and not np.any(known[:, 1])
                 mixed = k == 0 and name == "specific force" and not np.all(known[:, 1])
-                colour = GREY if alone else AXIS_COLOURS[axis]
+                colour = record.GREY if alone else record.AXIS_COLOURS[axis]
                 label = "norm" if alone else ("x, or the norm" if mixed else axis)
                 marks.append(_points(evidence.celsius, residuals[:, k], "σ", label, colour))
-        label, upright = f"Residuals of {name}", Axis(f"{name}, residual / σ")
-        figures.append(Figure(f"residuals-{columns.start}", label, marks, Axis(_CELSIUS), upright, 300))
+        label, upright = f"Residuals of {name}", record.Axis(f"{name}, residual / σ")
+        figures.append(
+            record.Figure(f"residuals-{columns.start}", label, marks, record.Axis(_CELSIUS), upright, 300)
+        )
     return section("Residuals over temperature", Figures(figures, _RESIDUALS))
 
 
@@ -190,9 +177,9 @@ def _span(evidence: ThermalCurves, recording: Recording) -> list[Block]:
     recorded = (evidence.path_time - first) / 60.0
     used = (0.5 * (evidence.start + evidence.stop) - first) / 60.0
     name = "rests used, at the sensors' temperature"
-    marks: list[Mark] = [
-        Curve(recorded, evidence.path_celsius, "recorded", GREY, width=1),
-        Points(used, evidence.celsius, name, GREEN, size=5),
+    marks: list[record.Mark] = [
+        record.Curve(recorded, evidence.path_celsius, "recorded", record.GREY, width=1),
+        record.Points(used, evidence.celsius, name, record.GREEN, size=5),
     ]
     if evidence.rejected:
         spans = np.array([[start, stop, np.nan] for start, stop, _ in evidence.rejected])
@@ -200,34 +187,34 @@ def _span(evidence: ThermalCurves, recording: Recording) -> list[Block]:
         low = float(np.min(evidence.path_celsius)) - 0.04 * float(np.ptp(evidence.path_celsius))
         why = "rests left out: " + ("not settled" if evidence.kind == "soak" else "too fast")
         y = [low if np.isfinite(value) else None for value in x]
-        marks.append(Curve(x, y, why, ORANGE, width=6))
+        marks.append(record.Curve(x, y, why, record.ORANGE, width=6))
     ends = float(np.min(evidence.celsius)), float(np.max(evidence.celsius))
     caption = (
         f"The way of the temperature, and the {evidence.celsius.size} stretches of rest that were used, from "
         f"{ends[0]:.1f} to {ends[1]:.1f} °C. At temperatures between the green points nothing was measured."
     )
-    axes = Axis("time / min"), Axis("temperature / °C")
-    figure = Figure("span", "Temperature over time", marks, *axes, 320)
+    axes = record.Axis("time / min"), record.Axis("temperature / °C")
+    figure = record.Figure("span", "Temperature over time", marks, *axes, 320)
     notes = [f"Left out: {why}." for _, _, why in evidence.rejected[:8]]
     return section("The span covered", Figures([figure], caption), Sentences(notes, "notes"))
 
 
 def _candidates(evidence: ThermalCurves) -> list[Block]:
     names = [f"{c.name} ({c.unknowns} unknowns)" for c in evidence.candidates]
-    bars = Bars(
-        plain([c.score for c in evidence.candidates]),
+    bars = record.Bars(
+        record.plain([c.score for c in evidence.candidates]),
         names,
-        colour=[GREEN if c.chosen else GREY for c in evidence.candidates],
+        colour=[record.GREEN if c.chosen else record.GREY for c in evidence.candidates],
         hover="%{y}: %{x:.3g}<extra></extra>",
         lying=True,
-        sigma=plain([c.spread for c in evidence.candidates]),
+        sigma=record.plain([c.spread for c in evidence.candidates]),
     )
-    across = Axis("mean square of what was predicted wrongly / σ²", "log")
-    upright = Axis(kind="names", downwards=True)
+    across = record.Axis("mean square of what was predicted wrongly / σ²", "log")
+    upright = record.Axis(kind="names", downwards=True)
     left = "soaks" if evidence.kind == "soak" else "bands of temperature"
     caption = (
         f"Each candidate was fitted without some {left} and predicted them: 1 is as good as the noise. The green one "
         "was taken: of those that predict alike, the one with the fewest unknowns."
     )
-    figure = Figure("candidates", "Candidates", [bars], across, upright, 60 + 34 * len(names))
+    figure = record.Figure("candidates", "Candidates", [bars], across, upright, 60 + 34 * len(names))
     return section("The choice of the functions", Figures([figure], caption))

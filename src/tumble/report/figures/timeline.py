@@ -9,23 +9,7 @@ import numpy as np
 
 from tumble.arrays import Series, Vector, Vectors
 from tumble.records import dataclass
-from tumble.report.figures.record import (
-    AXIS_COLOURS,
-    BLUE,
-    ORANGE,
-    PURPLE,
-    RED,
-    TEAL,
-    Axis,
-    Bars,
-    Curve,
-    Figure,
-    Look,
-    Mark,
-    Points,
-    Spans,
-    plain,
-)
+from tumble.report.figures import record
 from tumble.report.page import Block, Figures, Sentences, section
 from tumble.units import angular_rate_factor, specific_force_factor
 
@@ -84,9 +68,11 @@ def timeline(subject: Subject) -> list[Block]:
     spins = [] if subject.matching is None else [(spin.start, spin.stop) for spin in subject.matching.spins]
     panels = _panels(recording, model.accelerometer, model.gyroscope)
     shares = [(0.0, 0.93)] if len(panels) < 2 else [(0.49, 0.93), (0.0, 0.44)]
-    axes = [Axis(title, zero=False, share=share) for (title, _), share in zip(panels, shares, strict=False)]
+    axes = [
+        record.Axis(title, zero=False, share=share) for (title, _), share in zip(panels, shares, strict=False)
+    ]
     # The strip on top is no quantity.
-    axes.append(Axis(span=(-0.5, 0.5), hidden=True, share=(0.95, 1.0)))
+    axes.append(record.Axis(span=(-0.5, 0.5), hidden=True, share=(0.95, 1.0)))
     strip = len(panels)
     marks = [
         *_shades(recording, subject.timeline, subject.holds_left_out),
@@ -101,8 +87,8 @@ def timeline(subject: Subject) -> list[Block]:
         "Point at the strip on top for the reason."
     )
     label = "Specific force and angular rate over time with holds and turns"
-    across = Axis("time / s", span=(0.0, round(recording.duration, 3)))
-    figure = Figure("timeline", label, marks, across, axes, 560)
+    across = record.Axis("time / s", span=(0.0, round(recording.duration, 3)))
+    figure = record.Figure("timeline", label, marks, across, axes, 560)
     return section(
         "Timeline",
         Figures([figure], caption),
@@ -141,13 +127,13 @@ def _scaled(raw: Envelope, scale: Vector, offset: Vector) -> Envelope:
     return Envelope(raw.start, raw.step, scale * (raw.values - offset))
 
 
-def _channels(values: Envelope, panel: int) -> list[Mark]:
+def _channels(values: Envelope, panel: int) -> list[record.Mark]:
     return [
-        Curve(
+        record.Curve(
             round(values.start, 6),
             values.values[:, column],
             name,
-            AXIS_COLOURS[name],
+            record.AXIS_COLOURS[name],
             panel=panel,
             legend=panel == 0,
             group=name,
@@ -165,7 +151,7 @@ def _strip(
     estimate: Estimate,
     spins: Sequence[tuple[int, int]],
     panel: int,
-) -> list[Mark]:
+) -> list[record.Mark]:
     """Return the bars on top: what each stretch of the recording was taken for."""
     why = {(left.kind, left.index): left.reason for left in estimate.left_out}
     restless = {one.hold: one.sway for one in estimate.holds.restless}
@@ -176,7 +162,7 @@ def _strip(
         words = f"hold {index + 1}" + (f", left out: {reason}" if reason else "")
         if index in restless:
             words += f", sways by {1e3 * restless[index]:.2g} mrad"
-        colour = RED if reason else ORANGE if index in restless else BLUE
+        colour = record.RED if reason else record.ORANGE if index in restless else record.BLUE
         holds.append((hold.start, hold.stop, words, colour))
     for turn in timeline.turns:
         reason = why.get(("turn", turn.before))
@@ -185,28 +171,28 @@ def _strip(
             words += f", left out: {reason}"
         elif not turn.usable:
             words += f", not used: {turn.reason}"
-        colour = RED if reason else PURPLE if turn.usable else ORANGE
+        colour = record.RED if reason else record.PURPLE if turn.usable else record.ORANGE
         turns.append((turn.start, turn.stop, words, colour))
-    rejected = [(r.start, r.stop, f"rejected: {r.reason}", ORANGE) for r in timeline.rejections]
+    rejected = [(r.start, r.stop, f"rejected: {r.reason}", record.ORANGE) for r in timeline.rejections]
     spun = [
-        (start, stop, _spin_words(estimate, index, reason), RED if reason else TEAL)
+        (start, stop, _spin_words(estimate, index, reason), record.RED if reason else record.TEAL)
         for index, (start, stop) in enumerate(spins)
         for reason in [why.get(("spin", index))]
     ]
     # A spin lies within the turn between two holds, or within what was rejected: it is drawn over them.
     kinds = [("turns", turns), ("holds", holds), ("rejected", rejected), ("spins", spun)]
     bars = [_bars(recording, name, items, panel) for name, items in kinds if items]
-    colours = {"holds": BLUE, "turns": PURPLE, "spins": TEAL}
+    colours = {"holds": record.BLUE, "turns": record.PURPLE, "spins": record.TEAL}
     named = [(name, colours[name]) for name, items in kinds if items and name in colours]
     drawn = {colour for _, items in kinds for *_, colour in items}
     named += [(name, colour) for colour, name in _MEANINGS.items() if colour in drawn]
     # Points at no place: the bars' own entry would have the first bar's colour, which may be red.
-    square: Look = {"panel": panel, "symbol": "square", "size": 10, "hover": ""}
-    legend = [Points([None], [None], name, colour, **square) for name, colour in named]
+    square: record.Look = {"panel": panel, "symbol": "square", "size": 10, "hover": ""}
+    legend = [record.Points([None], [None], name, colour, **square) for name, colour in named]
     return [*bars, *legend, _hold_numbers(recording, timeline, panel)]
 
 
-_MEANINGS = {RED: "left out", ORANGE: "rejected, swaying or not used"}
+_MEANINGS = {record.RED: "left out", record.ORANGE: "rejected, swaying or not used"}
 
 
 def _spin_words(estimate: Estimate, index: int, reason: str | None) -> str:
@@ -215,22 +201,22 @@ def _spin_words(estimate: Estimate, index: int, reason: str | None) -> str:
     return words + (f", left out: {reason}" if reason else "")
 
 
-def _hold_numbers(recording: Recording, timeline: Timeline, panel: int) -> Points:
+def _hold_numbers(recording: Recording, timeline: Timeline, panel: int) -> record.Points:
     """Return the numbers on the strip; the page's script shows as many as there is room for."""
     start = _elapsed(recording, [hold.start for hold in timeline.holds])
     stop = _elapsed(recording, [hold.stop for hold in timeline.holds])
     numbers = [str(k + 1) for k in range(len(timeline.holds))]
-    look: Look = {"panel": panel, "legend": False, "hover": "", "symbol": "", "size": 11}
-    return Points(
-        plain(0.5 * (start + stop), 7), [0] * len(numbers), colour="#ffffff", labels=numbers, **look
+    look: record.Look = {"panel": panel, "legend": False, "hover": "", "symbol": "", "size": 11}
+    return record.Points(
+        record.plain(0.5 * (start + stop), 7), [0] * len(numbers), colour="#ffffff", labels=numbers, **look
     )
 
 
-def _bars(recording: Recording, name: str, items: list[tuple[int, int, str, str]], panel: int) -> Bars:
+def _bars(recording: Recording, name: str, items: list[tuple[int, int, str, str]], panel: int) -> record.Bars:
     start = _elapsed(recording, [item[0] for item in items])
     stop = _elapsed(recording, [item[1] for item in items])
     width = np.maximum(stop - start, _NARROWEST * recording.duration)
-    return Bars(
+    return record.Bars(
         width,
         [0] * len(items),
         name,
@@ -244,14 +230,16 @@ def _bars(recording: Recording, name: str, items: list[tuple[int, int, str, str]
     )
 
 
-def _shades(recording: Recording, timeline: Timeline, gone: set[int]) -> list[Spans]:
-    stretches = [(h.start, h.stop, RED if k in gone else BLUE) for k, h in enumerate(timeline.holds)]
-    stretches += [(r.start, r.stop, ORANGE) for r in timeline.rejections]
+def _shades(recording: Recording, timeline: Timeline, gone: set[int]) -> list[record.Spans]:
+    stretches = [
+        (h.start, h.stop, record.RED if k in gone else record.BLUE) for k, h in enumerate(timeline.holds)
+    ]
+    stretches += [(r.start, r.stop, record.ORANGE) for r in timeline.rejections]
     if len(stretches) > _MOST_SHADED:
         return []
     ends = [start for start, _, _ in stretches], [stop for _, stop, _ in stretches]
     start, stop = ([round(float(at), 3) for at in _elapsed(recording, end)] for end in ends)
-    return [Spans(start, stop, colour=[s[2] for s in stretches], opacity=0.13)]
+    return [record.Spans(start, stop, colour=[s[2] for s in stretches], opacity=0.13)]
 
 
 def _elapsed(recording: Recording, samples: list[int]) -> Series:
