@@ -132,7 +132,7 @@ def print_run(run: CalibrationRun, printed: LongPrintOptions) -> None:
 
 def _steps(run: CalibrationRun) -> list[str]:
     """What would make the calibration better, the most useful first."""
-    from tumble.document.field_document import FIELD_ALONE
+    from tumble.document.magnetometer_block import FIELD_ALONE
     from tumble.report.advice import next_steps
 
     if run.calibration.procedure == FIELD_ALONE:

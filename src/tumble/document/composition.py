@@ -12,26 +12,12 @@ from tumble.calibration.estimate import Estimate
 from tumble.calibration.evidence import Budget
 from tumble.calibration.magnetometer.estimate import Magnetometer
 from tumble.calibration.magnetometer.verdict import judge_magnetometer
-from tumble.calibration.verdict import judge
+from tumble.calibration.verdict import Judgement, judge
+from tumble.document import result
 from tumble.document.entries import entry_names, vector_of_model
 from tumble.document.imported import test_vectors
-from tumble.document.magnetometer_block import magnetometer_block
+from tumble.document.magnetometer_block import FIELD_ALONE, magnetometer_block
 from tumble.document.part import finite, part_of, rows_of
-from tumble.document.result import (
-    Calibration,
-    FrameBlock,
-    Imu,
-    LeftOutBlock,
-    ParameterBlock,
-    QualityBlock,
-    RawUnits,
-    RecordingName,
-    SiteBlock,
-    TermBlock,
-    TriadBlock,
-    UnseenBlock,
-    VerdictBlock,
-)
 from tumble.document.soundness import covariance_fault, not_finite
 from tumble.document.thermal_block import thermal_block
 from tumble.earth import EARTH_RATE, Site
@@ -40,13 +26,16 @@ from tumble.files import shown
 from tumble.recording.recording import Recording
 from tumble.recording.temperature import mean_celsius
 from tumble.sensor import FRAMES
-from tumble.units import angular_rate_factor
+from tumble.units import COUNTS, angular_rate_factor
 
 FRAME_WORDS = {
     **FRAMES,
     "fixture": (
         "the axes of the fixture (or table) that the unit was placed with. The nominal poses of the "
         "protocol are exact in it on average. Each sensor's misalignment is against these axes"
+    ),
+    FIELD_ALONE: (
+        "the magnetometer's own axes, made orthogonal: nothing determines how they lie against the other sensors'"
     ),
 }
 
@@ -60,8 +49,9 @@ def calibration_from_estimate(
     remarks: tuple[str, ...] = (),
     imu: tuple[str | None, str | None] = (None, None),
     confirm_scale: bool = False,
-) -> Calibration:
-    """Return the document of an estimate, judged and with test vectors.
+    judgement: Judgement | None = None,
+) -> result.Calibration:
+    """Return the document of an estimate, judged (if it is not yet) and with test vectors.
 
     Raises
     ------
@@ -69,44 +59,40 @@ def calibration_from_estimate(
         If a number of the estimate is not finite, or its covariance can be none.
     """
     _refuse_unsound(estimate)
-    judgement = judge(estimate, recording, confirm_scale=confirm_scale)
+    judgement = judgement or judge(estimate, recording, confirm_scale=confirm_scale)
+    units = recording.specific_force_unit or COUNTS, recording.angular_rate_unit or COUNTS
     changes, field = estimate.thermal, estimate.shown(Magnetometer)
     thermal = changes and thermal_block(changes.model, changes.model.names, changes.covariance)
     temperature = mean_celsius(recording.temperature) if thermal is None else thermal.basis.reference_celsius
     model = estimate.model
     known = any(name.startswith("gyroscope.matrix") for name in estimate.names)
-    nominal = angular_rate_factor(recording.angular_rate_unit) is not None
+    nominal = angular_rate_factor(units[1]) is not None
     gyroscope = None
     if model.gyroscope is not None:
-        gyroscope = TriadBlock.of(model.gyroscope, model.g_sensitivity, has_matrix=known or nominal)
-    return Calibration(
+        gyroscope = result.TriadBlock.of(model.gyroscope, model.g_sensitivity, has_matrix=known or nominal)
+    return result.Calibration(
         created=(created or datetime.now(UTC)).isoformat(timespec="seconds"),
         software=f"tumble {tumble.__version__}",
-        imu=Imu(model=name_of(imu[0]), serial_number=name_of(imu[1])),
+        imu=result.Imu(model=name_of(imu[0]), serial_number=name_of(imu[1])),
         procedure=estimate.procedure,
-        recordings=[part_of(RecordingName, source) for source in recording.sources],
+        recordings=[part_of(result.RecordingName, source) for source in recording.sources],
         site=site_block(site),
         temperature_celsius=temperature,
-        frame=FrameBlock(name=estimate.frame, description=FRAME_WORDS[estimate.frame]),
+        frame=result.FrameBlock(name=estimate.frame, description=FRAME_WORDS[estimate.frame]),
         not_determined=list(estimate.not_determined),
-        raw_units=RawUnits(
-            specific_force=recording.specific_force_unit, angular_rate=recording.angular_rate_unit
-        ),
-        accelerometer=None if model.accelerometer is None else TriadBlock.of(model.accelerometer),
+        raw_units=result.RawUnits(specific_force=units[0], angular_rate=units[1]),
+        accelerometer=None if model.accelerometer is None else result.TriadBlock.of(model.accelerometer),
         gyroscope=gyroscope,
         parameters=[
-            part_of(ParameterBlock, p, coverage_factor=factor)
+            part_of(result.ParameterBlock, p, coverage_factor=factor)
             for p, factor in zip(estimate.parameters, _factors(estimate), strict=True)
         ],
         covariance_parameters=list(estimate.names),
         covariance=(0.5 * (estimate.covariance + estimate.covariance.T)).tolist(),
         quality=_quality(estimate),
-        verdict=VerdictBlock(fit=judgement.fit, reasons=judgement.reasons),
+        verdict=result.VerdictBlock(fit=judgement.fit, reasons=judgement.reasons),
         remarks=[*estimate.remarks, *remarks],
-        test_vectors=test_vectors(
-            model if known or nominal else replace(model, gyroscope=None),
-            (recording.specific_force_unit, recording.angular_rate_unit),
-        ),
+        test_vectors=test_vectors(model if known or nominal else replace(model, gyroscope=None), units),
         thermal=thermal,
         lever_arms=None if estimate.lever_arms is None else rows_of(estimate.lever_arms),
         magnetometer=field
@@ -140,14 +126,14 @@ def _factors(estimate: Estimate) -> list[float | None]:
     return [float(factor) for factor in told.coverage_factors]
 
 
-def site_block(site: Site) -> SiteBlock:
+def site_block(site: Site) -> result.SiteBlock:
     """Return where a recording was made, as a document has it.
 
     Parameters
     ----------
     site : as it was given, or assumed.
     """
-    return SiteBlock(
+    return result.SiteBlock(
         latitude_deg=None if site.latitude is None else float(np.degrees(site.latitude)),
         height_m=site.height,
         gravity=site.gravity,
@@ -157,12 +143,12 @@ def site_block(site: Site) -> SiteBlock:
     )
 
 
-def _quality(estimate: Estimate) -> QualityBlock:
+def _quality(estimate: Estimate) -> result.QualityBlock:
     # a turn that was left out is no measure of the others
     out = [left.index for left in estimate.left_out if left.kind == "turn"]
     angles = estimate.turns.angles
     turns = angles[np.isfinite(angles) & ~np.isin(np.arange(angles.size), out)]
-    return QualityBlock(
+    return result.QualityBlock(
         sigma0=finite(estimate.sigma0),
         sigma0_with_variance_components=finite(estimate.sigma0_final),
         degrees_of_freedom=estimate.degrees_of_freedom,
@@ -174,14 +160,17 @@ def _quality(estimate: Estimate) -> QualityBlock:
         turns=estimate.turns.found.size,
         spins=int(estimate.spins.rates.size),
         variance_components=estimate.variance_components,
-        left_out=[part_of(LeftOutBlock, left, number=left.index + 1) for left in estimate.left_out],
+        left_out=[part_of(result.LeftOutBlock, left, number=left.index + 1) for left in estimate.left_out],
         optional_terms=[
-            part_of(TermBlock, t, f_statistic=t.statistic, degrees_of_freedom=t.degrees)
+            part_of(result.TermBlock, t, f_statistic=t.statistic, degrees_of_freedom=t.degrees)
             for t in estimate.terms
         ],
         unseen=[
             part_of(
-                UnseenBlock, one, relative_standard_uncertainty=one.sigma, nominal_rate_hz=one.nominal_rate
+                result.UnseenBlock,
+                one,
+                relative_standard_uncertainty=one.sigma,
+                nominal_rate_hz=one.nominal_rate,
             )
             for one in estimate.unseen
         ],

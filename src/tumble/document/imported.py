@@ -8,25 +8,15 @@ import numpy as np
 
 import tumble
 from tumble.arrays import Vectors
+from tumble.document import result
 from tumble.document.contradictions import corrected
-from tumble.document.result import (
-    Calibration,
-    FrameBlock,
-    QualityBlock,
-    RawUnits,
-    RecordingName,
-    SiteBlock,
-    TestVector,
-    TriadBlock,
-    VerdictBlock,
-)
 from tumble.document.thermal_block import thermal_block
 from tumble.earth import EARTH_RATE
 from tumble.sensor import ImuModel, Triad
 from tumble.sensor.thermal import ThermalModel
 from tumble.units import STANDARD_GRAVITY, angular_rate_factor, specific_force_factor
 
-NO_QUALITY = QualityBlock(
+NO_QUALITY = result.QualityBlock(
     sigma0=None,
     sigma0_with_variance_components=None,
     degrees_of_freedom=0,
@@ -46,12 +36,12 @@ def calibration_from_model(
     model: ImuModel,
     units: tuple[str, str],
     frame: tuple[str, str],
-    sources: list[RecordingName],
+    sources: list[result.RecordingName],
     *,
     procedure: str,
     remarks: list[str],
     thermal: ThermalModel | None = None,
-) -> Calibration:
+) -> result.Calibration:
     """Return a document without uncertainties, which says so.
 
     Parameters
@@ -64,27 +54,27 @@ def calibration_from_model(
     thermal : how the model changes with temperature, over a finite span, or None.
     """
     accelerometer, gyroscope = triad_blocks(model)
-    return Calibration(
+    return result.Calibration(
         created=datetime.now(UTC).isoformat(timespec="seconds"),
         software=f"tumble {tumble.__version__}",
         procedure=procedure,
         recordings=sources,
-        site=SiteBlock(
+        site=result.SiteBlock(
             gravity=STANDARD_GRAVITY,
             gravity_standard_uncertainty=0.015,
             gravity_source="not known: the standard value, with a spread for anywhere on Earth",
             earth_rate=EARTH_RATE,
         ),
-        frame=FrameBlock(name=frame[0], description=frame[1]),
+        frame=result.FrameBlock(name=frame[0], description=frame[1]),
         not_determined=["uncertainties: the source holds none, so that this document has none either"],
-        raw_units=RawUnits(specific_force=units[0], angular_rate=units[1]),
+        raw_units=result.RawUnits(specific_force=units[0], angular_rate=units[1]),
         accelerometer=accelerometer,
         gyroscope=gyroscope,
         parameters=[],
         covariance_parameters=[],
         covariance=[],
         quality=NO_QUALITY,
-        verdict=VerdictBlock(
+        verdict=result.VerdictBlock(
             fit=False,
             reasons=[
                 "It was not made by tumble, which has not seen its recordings: judge it with `tumble verify`."
@@ -97,16 +87,16 @@ def calibration_from_model(
     )
 
 
-def triad_blocks(model: ImuModel) -> tuple[TriadBlock | None, TriadBlock | None]:
+def triad_blocks(model: ImuModel) -> tuple[result.TriadBlock | None, result.TriadBlock | None]:
     """Return the blocks of both triads; one that the model lacks is None."""
     force, rate = model.accelerometer, model.gyroscope
     return (
-        None if force is None else TriadBlock.of(force),
-        None if rate is None else TriadBlock.of(rate, model.g_sensitivity),
+        None if force is None else result.TriadBlock.of(force),
+        None if rate is None else result.TriadBlock.of(rate, model.g_sensitivity),
     )
 
 
-def test_vectors(model: ImuModel, units: tuple[str, str]) -> list[TestVector]:
+def test_vectors(model: ImuModel, units: tuple[str, str]) -> list[result.TestVector]:
     """Return round raw numbers for about three true samples, and what they become.
 
     Parameters
@@ -117,7 +107,7 @@ def test_vectors(model: ImuModel, units: tuple[str, str]) -> list[TestVector]:
     true_rate = np.array([[0.1, 0.0, 0.0], [0.0, 0.2, -0.1], [0.3, -0.4, 0.5]])
     raw_force = _raw_numbers(model.accelerometer, true_force, specific_force_factor(units[0]))
     raw_rate = _raw_numbers(model.gyroscope, true_rate, angular_rate_factor(units[1]))
-    return TestVector.of(raw_force, raw_rate, *corrected(model, raw_force, raw_rate))
+    return result.TestVector.of(raw_force, raw_rate, *corrected(model, raw_force, raw_rate))
 
 
 def _raw_numbers(triad: Triad | None, true: Vectors, factor: float | None) -> Vectors | None:

@@ -25,6 +25,8 @@ FORMULA = (
 )
 OWN_FRAME = "magnetometer"
 """Frame of a magnetometer of which nothing tells how it lies against the other triads."""
+FIELD_ALONE = OWN_FRAME
+"""Procedure and frame of a document that has a magnetometer and no other triad."""
 
 
 class FieldParameter(DocumentPart):

@@ -8,7 +8,7 @@ import numpy as np
 
 from tumble.calibration.evidence import ThermalCurves
 from tumble.calibration.magnetometer.estimate import Magnetometer
-from tumble.document.field_document import FIELD_ALONE
+from tumble.document.magnetometer_block import FIELD_ALONE
 from tumble.document.part import plain
 from tumble.files.markup import templates
 from tumble.parameters.measures import plain_unit

@@ -173,7 +173,9 @@ def field_alone(
     from tumble.calibration.estimate import Described, Estimate, Figures
     from tumble.calibration.magnetometer.estimate import magnetometer_alone
     from tumble.calibration.magnetometer.verdict import judge_magnetometer
-    from tumble.document.field_document import FIELD_ALONE, field_document
+    from tumble.calibration.verdict import Judgement
+    from tumble.document.composition import calibration_from_estimate
+    from tumble.document.magnetometer_block import FIELD_ALONE
     from tumble.sensor import ImuModel
 
     recording = session.recording
@@ -185,9 +187,15 @@ def field_alone(
     verdict = judge_magnetometer(found, session.site.latitude)
     nothing = Described(ImuModel(None, None, None, found.triad), [], np.zeros((0, 0)), [], np.zeros((0, 0)))
     figures = Figures(np.nan, np.nan, 0, found.coverage_factor, 0.0, {})
-    estimate = Estimate(FIELD_ALONE, *nothing, *figures, evidence=[found])
+    estimate = Estimate(FIELD_ALONE, *nothing, *figures, evidence=[found], frame=FIELD_ALONE)
+    lacking = "Accelerometers and gyros: the recording has no holds that would determine them."
+    estimate.say("not determined", lacking)
+    alone = f"Only the magnetometer is calibrated. {why} The gyros' biases are not determined either."
     remarks = tuple(remark.text for remark in recording.remarks)
-    document = field_document(found, verdict, recording, session.site, why=why, remarks=remarks, imu=imu)
+    judgement = Judgement(verdict.fit, [alone, *verdict.reasons])
+    document = calibration_from_estimate(
+        estimate, recording, session.site, remarks=remarks, imu=imu, judgement=judgement
+    )
     return document, estimate
 
 
