@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from msgspec.structs import replace
 
 from tumble.arrays import AnyArray, Series, Square, Table
 from tumble.attitude.directions import twenty_six_directions
@@ -145,7 +146,11 @@ def compare_calibrations(first: Calibration, second: Calibration) -> Difference:
         remarks.append(
             "One of the two has no uncertainties: the sigmas are those of the other alone, or missing."
         )
+    terms = [name for name in PLACES if name.endswith(_OPTIONAL) and has[name.startswith("gyroscope")]]
+    terms = [name for name in terms if np.any(part(one, name)) or np.any(part(two, name))]
     table = _tables((first, second), models, (spread_one, spread_two), scale, remarks)
+    table[0] |= _optional_rows(terms, one, spread_one, first)
+    table[1] |= _optional_rows(terms, two, spread_two, first)
     natural = _natural_sizes(one)
     clock = _common_clock((first, second), (one, two), (spread_one, spread_two))
     if clock:
@@ -158,9 +163,6 @@ def compare_calibrations(first: Calibration, second: Calibration) -> Difference:
         for name in table[0]
         if name in table[1]
     ]
-    terms = [name for name in PLACES if name.endswith(_OPTIONAL) and has[name.startswith("gyroscope")]]
-    terms = [name for name in terms if np.any(part(one, name)) or np.any(part(two, name))]
-    changes += _optional_changes(terms, (one, two), (spread_one, spread_two), natural, first)
     remarks += _one_sided(terms, one, two)
     changes.sort(key=lambda change: parameter_of(change.name).family.triad != "accelerometer")
     of_field, groups_of_field = _field_changes(first.magnetometer, second.magnetometer, remarks)
@@ -188,12 +190,8 @@ def _tables(
 ) -> list[dict[str, ParameterBlock]]:
     """The parameters of both by name: as both say them, or derived anew where frame or units differ."""
     first, second = documents
-    if (
-        first.frame.name == second.frame.name
-        and scale == (1.0, 1.0)
-        and first.parameters
-        and second.parameters
-    ):
+    alike = first.frame.name == second.frame.name and scale == (1.0, 1.0)
+    if alike and first.parameters and second.parameters:
         # What the frame sets to zero, or nothing has determined, is no row of either.
         table = [
             {p.name: p for p in one.parameters if parameter_of(p.name).family.group in _PLAIN}
@@ -293,42 +291,25 @@ def _changed(one: Any, two: Any, size: float, clock: float = 0.0) -> ParameterCh
     if sigma <= _NATURAL * largest:
         sigma = 0.0
     if abs(moved) <= _ROUNDING * largest:
-        return ParameterChange(
-            one.name, one.value, one.value, sigma, 0.0 if sigma > 0.0 else float("nan"), one.unit
-        )
-    return ParameterChange(
-        one.name, one.value, two.value, sigma, moved / sigma if sigma > 0.0 else float("nan"), one.unit
-    )
+        two, moved = one, 0.0
+    sigmas = moved / sigma if sigma > 0.0 else float("nan")
+    return ParameterChange(one.name, one.value, two.value, sigma, sigmas, one.unit)
 
 
-def _optional_changes(
-    terms: list[str],
-    values: tuple[Series, Series],
-    spreads: tuple[Table, Table],
-    natural: tuple[float, float],
-    first: Calibration,
-) -> list[ParameterChange]:
-    """Rows of the terms that at least one calibration has; where the other has none it says zero."""
-    changes: list[ParameterChange] = []
+def _optional_rows(
+    terms: list[str], values: Series, spread: Table, first: Calibration
+) -> dict[str, ParameterBlock]:
+    """Rows of the terms that at least one calibration has, in the first one's units: zero where this one has none."""
+    rows: dict[str, ParameterBlock] = {}
     for term in terms:
-        family, place = family_of(term), PLACES[term][0]
-        raw = (
-            first.raw_units.specific_force
-            if family.triad == "accelerometer"
-            else first.raw_units.angular_rate
-        )
-        for at, (name, unit) in zip(range(place.start, place.stop), family.labels(raw), strict=True):
-            pair = [
-                ParameterBlock(
-                    name=name,
-                    value=float(numbers[at]),
-                    standard_uncertainty=float(np.sqrt(max(float(spread[at, at]), 0.0))),
-                    unit=unit,
-                )
-                for numbers, spread in zip(values, spreads, strict=True)
-            ]
-            changes.append(_changed(pair[0], pair[1], _natural_size(family, natural)))
-    return changes
+        family, place, units = family_of(term), PLACES[term][0], first.raw_units
+        raw = units.specific_force if family.triad == "accelerometer" else units.angular_rate
+        sigmas = np.sqrt(np.maximum(np.diag(spread)[place], 0.0)).tolist()
+        for (name, unit), value, sigma in zip(
+            family.labels(raw), values[place].tolist(), sigmas, strict=True
+        ):
+            rows[name] = ParameterBlock(name=name, value=value, standard_uncertainty=sigma, unit=unit)
+    return rows
 
 
 def _one_sided(terms: list[str], one: Series, two: Series) -> list[str]:
@@ -405,11 +386,10 @@ def _field_changes(
         if turned and not alike:
             continue
         by = 1.0 if turned else factor
-        moved = of_second[name].value * by, of_second[name].standard_uncertainty * by
-        there = ParameterBlock(
-            name=name, value=moved[0], standard_uncertainty=moved[1], unit=of_first[name].unit
-        )
-        changes.append(_changed(of_first[name], there, 1.0 if turned else natural, norm))
+        here, there = of_first[name], of_second[name]
+        sigma = by * there.standard_uncertainty
+        there = replace(there, value=by * there.value, standard_uncertainty=sigma, unit=here.unit)
+        changes.append(_changed(here, there, 1.0 if turned else natural, norm))
     if not alike or not known:
         return changes, []
     shared = norm * np.outer(along[0], along[1])
@@ -439,16 +419,16 @@ def _group(name: str, moved: Series, spread: Table, size: float) -> GroupChange 
 def _raw(x: Complex, kind: str, true: AnyArray) -> tuple[Complex, Complex]:
     """Return what a triad reads for a true vector, and its sensors' own inputs."""
     own = part(x, f"{kind}.matrix") @ true
-    bent = part(x, f"{kind}.asymmetry") * own * np.sign(np.real(own)) + part(x, f"{kind}.quadratic") * own**2
-    return own + part(x, f"{kind}.bias") + bent, own
+    return own + part(x, f"{kind}.bias") + _bent(x, kind, own), own
+
+
+def _bent(x: Complex, kind: str, own: Complex) -> Complex:
+    return part(x, f"{kind}.asymmetry") * own * np.sign(np.real(own)) + part(x, f"{kind}.quadratic") * own**2
 
 
 def _corrected(x: Complex, kind: str, raw: Complex, near: Complex) -> Complex:
     """Return the true vector of a reading; what bends it is small, and taken at own inputs near by."""
-    bent = (
-        part(x, f"{kind}.asymmetry") * near * np.sign(np.real(near)) + part(x, f"{kind}.quadratic") * near**2
-    )
-    return inverse(part(x, f"{kind}.matrix")) @ (raw - part(x, f"{kind}.bias") - bent)
+    return inverse(part(x, f"{kind}.matrix")) @ (raw - part(x, f"{kind}.bias") - _bent(x, kind, near))
 
 
 def _force_change(x: Complex, direction: AnyArray) -> Complex:
@@ -489,9 +469,8 @@ def _worst(name: str, change: Any, both: Series, joint: Table) -> Effect:
 # --- what both share without seeing it
 
 _UNDETERMINED = 0.9  # of the assumed variance that a recording leaves, where it did not determine the clock
-_SAME = (
-    1e-5  # of a rate: regular stamps of two recordings give one data sheet rate to the digits that they have
-)
+# Of a rate: regular stamps of two recordings give one data sheet rate to the digits that they have.
+_SAME = 1e-5
 _MATRIX = PLACES["gyroscope.matrix"][0]
 
 
