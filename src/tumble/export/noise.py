@@ -6,11 +6,13 @@ from dataclasses import field
 from pathlib import Path
 from typing import Any, cast
 
+import msgspec
 import numpy as np
 
 from tumble.arrays import Vector
+from tumble.document.part import DocumentPart, read_part, refusal
 from tumble.errors import UsageError
-from tumble.files import number_of, read_json, reading
+from tumble.files import read_json, reading
 from tumble.noise.fitting.fit import MISSED
 from tumble.records import dataclass
 
@@ -87,75 +89,69 @@ def read_noise(path: str | Path, *, rate: float | None = None) -> SensorNoise:
     file = Path(path)
     if file.is_dir():
         file = file / "noise.json"
-    document = _document(file)
-    found: dict[str, TriadNoise] = {}
-    for name, letter in _TRIADS.items():
-        found[name] = _triad(document, name, letter, file)
-    return SensorNoise(
-        found["accelerometer"],
-        found["gyroscope"],
-        _rate(document, file) if rate is None else rate,
-        file.name,
-    )
-
-
-def _document(file: Path) -> dict[str, Any]:
     with reading(file, "a noise file", hint="give the noise.json that `tumble noise -o` wrote"):
-        document: Any = read_json(file)
-    if not isinstance(document, dict) or cast("dict[str, Any]", document).get("format") != _FORMAT:
+        read: Any = read_json(file)
+    if not isinstance(read, dict) or cast("dict[str, Any]", read).get("format") != _FORMAT:
         raise UsageError(f'{file} is no noise.json of tumble: it does not say "format": "{_FORMAT}".')
-    return cast("dict[str, Any]", document)
-
-
-def _rate(document: dict[str, Any], file: Path) -> float:
     try:
-        # A mean of stamps has more digits than a clock is good for: a millionth is kept.
-        return float(f"{number_of(document['rate_hz']):.6g}")
-    except (KeyError, ValueError) as error:
-        raise UsageError(f"{file} is damaged: its rate_hz is no number ({error}).") from error
+        document = read_part(_Document, read)
+    except msgspec.ValidationError as error:
+        raise UsageError(f"{file} is damaged: {refusal(error)}.") from error
+    # A mean of stamps has more digits than a clock is good for: a millionth is kept.
+    own = float(f"{document.rate_hz:.6g}")
+    triads = [_triad(document, name, letter, file) for name, letter in _TRIADS.items()]
+    return SensorNoise(triads[0], triads[1], own if rate is None else rate, file.name)
 
 
-def _triad(document: dict[str, Any], name: str, letter: str, file: Path) -> TriadNoise:
-    try:
-        channels = {key: value for key, value in document["channels"].items() if key.startswith(letter)}
-        if len(channels) < 3:
-            raise UsageError(f"{file} has {len(channels)} channels of the {name}: three are needed.")
-        channel_list = [channels[key] for key in sorted(channels)]
-        if any(channel["unit"] == "counts" for channel in channel_list):
-            raise UsageError(
-                f"{file} is in counts: say the units of its recording (`tumble noise --units`), for these "
-                "numbers are SI."
-            )
-        white = [channel.get("random_walk") or channel["terms"].get("N") for channel in channel_list]
-        if any(each is None for each in white):
-            raise UsageError(
-                f"{file} shows no white noise (N) on every axis of the {name}: record for longer."
-            )
-        densities = np.array([number_of(each["value"]) for each in white])
-        walks = [number_of(c["terms"]["K"]["value"]) for c in channel_list if "K" in c["terms"]]
-        limits = [
-            number_of(c["upper_limits_of_unseen"]["K"]["value"])
-            for c in channel_list
-            if "K" in c["upper_limits_of_unseen"]
-        ]
-        missed = {
-            (key, letter): number_of(term["curve_missed_by"])
-            for key, channel in channels.items()
-            for letter, term in channel["terms"].items()
-            if letter in "NBK" and (term.get("curve_missed_by") or 1.0) > MISSED
-        }
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise UsageError(f"{file} is damaged: {type(error).__name__} at {error}.") from error
+class _Value(DocumentPart):
+    value: float
+    curve_missed_by: float | None = None
+
+
+class _Channel(DocumentPart):
+    unit: str
+    terms: dict[str, _Value]
+    upper_limits_of_unseen: dict[str, _Value]
+    random_walk: _Value | None = None
+
+
+class _Document(DocumentPart):
+    """Of a noise.json what is taken from it."""
+
+    rate_hz: float
+    channels: dict[str, _Channel]
+
+
+def _triad(document: _Document, name: str, letter: str, file: Path) -> TriadNoise:
+    channels = {key: one for key, one in sorted(document.channels.items()) if key.startswith(letter)}
+    if len(channels) < 3:
+        raise UsageError(f"{file} has {len(channels)} channels of the {name}: three are needed.")
+    own = list(channels.values())
+    if any(channel.unit == "counts" for channel in own):
+        raise UsageError(
+            f"{file} is in counts: say the units of its recording (`tumble noise --units`), for these "
+            "numbers are SI."
+        )
+    white = [found for one in own if (found := one.random_walk or one.terms.get("N"))]
+    if len(white) < len(own):
+        raise UsageError(f"{file} shows no white noise (N) on every axis of the {name}: record for longer.")
+    walks = [one.terms["K"].value for one in own if "K" in one.terms]
+    limits = [one.upper_limits_of_unseen["K"].value for one in own if "K" in one.upper_limits_of_unseen]
     if not walks and not limits:
         raise UsageError(
             f"{file} shows no random walk (K) of the {name} and no limit for it: record for longer, or name "
             "another file."
         )
-    walk = max(walks) if walks else max(limits)
+    densities = np.array([one.value for one in white])
     return TriadNoise(
         density=float(densities.max()),
-        walk=walk,
+        walk=max(walks or limits),
         densities=densities,
         walk_is_limit=not walks,
-        missed=missed,
+        missed={
+            (key, letter): term.curve_missed_by
+            for key, channel in channels.items()
+            for letter, term in channel.terms.items()
+            if letter in "NBK" and term.curve_missed_by and term.curve_missed_by > MISSED
+        },
     )

@@ -11,6 +11,8 @@ the way in which ILAC-G24 / OIML D 10 (2022) judges by a control chart.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from tumble.arrays import Series, Table
@@ -129,8 +131,12 @@ def _scatter(unit: np.ndarray, units: int, time: Series, y: Table, own: Table, c
     def excess(variance: Series) -> Series:
         return np.sum(_lines(unit, units, time, y, own + variance)[3], axis=0) - freedom
 
-    low: Series = np.zeros(parameters)
-    high: Series = np.full(parameters, 1.0)
+    return _root(excess, np.ones(parameters))
+
+
+def _root(excess: Callable[[Series], Series], high: Series) -> Series:
+    """Where falling functions, one a parameter, are zero; 0 where they begin below that."""
+    low: Series = np.zeros_like(high)
     for _ in range(_STEPS):
         above: np.ndarray = excess(high) > 0.0
         if not np.any(above):
@@ -140,37 +146,27 @@ def _scatter(unit: np.ndarray, units: int, time: Series, y: Table, own: Table, c
         middle: Series = 0.5 * (low + high)
         above = excess(middle) > 0.0
         low, high = np.where(above, middle, low), np.where(above, high, middle)
-    return np.where(excess(np.zeros(parameters)) > 0.0, 0.5 * (low + high), 0.0)
+    return np.where(excess(np.zeros_like(high)) > 0.0, 0.5 * (low + high), 0.0)
 
 
 def _rates(rate: Table, variance: Table) -> tuple[Series, Series]:
     """Mean and standard deviation of the units' rates."""
-    parameters = int(rate.shape[1])
-    mean, spread = np.full(parameters, np.nan), np.full(parameters, np.nan)
-    for k in range(parameters):
-        told = np.isfinite(variance[:, k])
-        if np.sum(told) < FEWEST_RATES:
-            continue
-        b, v = rate[told, k], variance[told, k]
+    mean, spread = np.full((2, rate.shape[1]), np.nan)
+    told = np.isfinite(variance)
+    known = np.sum(told, axis=0) >= FEWEST_RATES
+    b, v, told = rate[:, known], variance[:, known], told[:, known]
 
-        def squares(between: float, b: Series = b, v: Series = v) -> tuple[float, float]:
-            w = 1.0 / (v + between)
-            centre = float(np.sum(w * b) / np.sum(w))
-            return float(np.sum(w * (b - centre) ** 2)) - (len(b) - 1), centre
+    def weighted(between: Series) -> tuple[Series, Series, Series]:
+        """Squares beyond as many as there are freedoms, mean, and its variance."""
+        w = 1.0 / (v + between)
+        total = np.sum(w, axis=0)
+        centre = np.sum(w * b, axis=0) / total
+        return np.sum(w * (b - centre) ** 2, axis=0) - np.sum(told, axis=0) + 1, centre, 1.0 / total
 
-        low, high = 0.0, float(np.var(b)) + 1e-300
-        while squares(high)[0] > 0.0:
-            high *= 4.0
-        if squares(0.0)[0] > 0.0:
-            for _ in range(_STEPS):
-                middle = 0.5 * (low + high)
-                low, high = (middle, high) if squares(middle)[0] > 0.0 else (low, middle)
-        else:
-            high = 0.0
-        w = 1.0 / (v + high)
-        mean[k] = squares(high)[1]
-        # The mean is not known better than this, and a new unit's rate differs from it.
-        spread[k] = np.sqrt(high + 1.0 / np.sum(w))
+    between = _root(lambda between: weighted(between)[0], np.var(b, axis=0, where=told) + 1e-300)
+    _, mean[known], own = weighted(between)
+    # The mean is not known better than this, and a new unit's rate differs from it.
+    spread[known] = np.sqrt(between + own)
     return mean, spread
 
 
