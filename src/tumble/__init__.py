@@ -52,7 +52,7 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from tumble.document import Calibration, read_calibration
     from tumble.earth import Site
-    from tumble.errors import TumbleError
+    from tumble.errors import TumbleError, __version__
     from tumble.recording import Recording, read_recording
     from tumble.segmentation import find_timeline
     from tumble.sensor import ImuModel
@@ -62,8 +62,6 @@ if TYPE_CHECKING:
     from tumble.workflows.noise import analyse_noise
     from tumble.workflows.simulate import simulate
     from tumble.workflows.verify import verify
-
-__version__ = "0.1.0"
 
 __all__ = [
     "Calibration",
@@ -89,6 +87,7 @@ _ROOMS = {
     "Recording": "recording",
     "Site": "earth",
     "TumbleError": "errors",
+    "__version__": "errors",
     "analyse_noise": "workflows.noise",
     # A workflow has its module's name: the room itself would give the module.
     "apply": "workflows.apply",
@@ -110,12 +109,11 @@ def __getattr__(name: str) -> object:
     AttributeError
         If the package has no such public name.
     """
-    room = _ROOMS.get(name)
-    if room is None:
+    if name not in _ROOMS:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from importlib import import_module
 
-    value = getattr(import_module(f"{__name__}.{room}"), name)
+    value = getattr(import_module(f"{__name__}.{_ROOMS[name]}"), name)
     globals()[name] = value
     return value
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 
+__version__ = "0.1.0"
 _LONG = re.compile(r"\S{300,}")
 
 

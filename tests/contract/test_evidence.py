@@ -36,15 +36,14 @@ from tumble.calibration.evidence import (
 )
 from tumble.calibration.magnetometer.estimate import FieldHold, GivenField, Magnetometer, magnetometer_alone
 from tumble.calibration.magnetometer.verdict import judge_magnetometer
-from tumble.document.magnetometer_block import magnetometer_block
+from tumble.document.composition import magnetometer_block
 from tumble.document.turn_ons_block import turn_ons_block
 from tumble.earth import Site
 from tumble.recording.samples import MagneticField
 from tumble.report.evidence import RENDERERS, render_evidence
 from tumble.report.html import render_page
-from tumble.report.page import Figures, Page, Sentences, Table
+from tumble.report.page import Figures, Page, Sentences, Table, print_blocks
 from tumble.report.subject import Subject
-from tumble.report.terminal import print_blocks
 
 HOSTILE = "</script><b>&\"'`[red]"
 

@@ -9,8 +9,7 @@ import pytest
 from msgspec import structs
 
 from tumble.document.difference import compare_calibrations
-from tumble.document.entries import entry_names, model_of_vector, stacked, vector_of_model
-from tumble.document.frame_change import turned_to
+from tumble.document.entries import entry_names, model_of_vector, stacked, turned_to, vector_of_model
 from tumble.document.imported import calibration_from_model
 from tumble.document.result import Calibration, UnseenBlock
 from tumble.document.thermal_block import thermal_block

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tumble.capture.events import Event
+from tumble.capture.coach import Event
 from tumble.capture.source import Channels
 from tumble.errors import UsageError
 from tumble.files import GrowingFile, make_folder

@@ -18,8 +18,7 @@ import numpy as np
 from tumble.arrays import Series, Vector, Vectors
 from tumble.attitude.directions import twenty_six_directions
 from tumble.capture.coach import Advice, Progress
-from tumble.capture.live_blocks import MOST_BLOCKS, LiveBlocks
-from tumble.capture.live_holds import LiveHold
+from tumble.capture.live_holds import MOST_BLOCKS, LiveBlocks, LiveHold
 from tumble.capture.targets import limits_of
 from tumble.earth import Site
 from tumble.errors import ObservabilityError

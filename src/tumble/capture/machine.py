@@ -13,10 +13,8 @@ import numpy as np
 from tumble.arrays import Vector
 from tumble.attitude.rotations import angle_between
 from tumble.calibration.poses import SAME_POSE, describe_direction
-from tumble.capture.coach import Coach, Progress
-from tumble.capture.events import Event
-from tumble.capture.live_blocks import MOST_BLOCKS, LiveBlocks
-from tumble.capture.live_holds import Change, LiveHold, LiveHolds
+from tumble.capture.coach import Coach, Event, Progress
+from tumble.capture.live_holds import MOST_BLOCKS, Change, LiveBlocks, LiveHold, LiveHolds
 from tumble.capture.source import Channels
 from tumble.recording.samples import Samples
 from tumble.records import dataclass

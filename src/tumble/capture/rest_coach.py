@@ -12,8 +12,7 @@ import numpy as np
 
 from tumble.arrays import Series
 from tumble.capture.coach import Advice, Progress
-from tumble.capture.live_blocks import MOST_BLOCKS, LiveBlocks
-from tumble.capture.live_holds import LiveHold
+from tumble.capture.live_holds import MOST_BLOCKS, LiveBlocks, LiveHold
 from tumble.counting import time_words
 from tumble.errors import RecordingError, UsageError
 from tumble.noise.advice import seconds_needed

@@ -9,8 +9,7 @@ from dataclasses import field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tumble.capture.coach import Coach
-from tumble.capture.events import Event
+from tumble.capture.coach import Coach, Event
 from tumble.capture.folder import HOLDS, RECORDING, CaptureFolder, check_folder
 from tumble.capture.guide import Guide
 from tumble.capture.machine import Capture

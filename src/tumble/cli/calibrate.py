@@ -100,9 +100,9 @@ def print_run(run: CalibrationRun, printed: LongPrintOptions) -> None:
         return
     from tumble.calibration.estimate import Beside
     from tumble.report.evidence import render_evidence
+    from tumble.report.page import print_blocks
     from tumble.report.planned import planned_sentence
     from tumble.report.summary import print_calibration, verdict_line
-    from tumble.report.terminal import print_blocks
 
     screen, more = console(), printed.verbose
     if printed.quiet:

@@ -21,7 +21,7 @@ from rich.console import Console, Group
 from rich.live import Live
 from rich.text import Text
 
-from tumble.capture.events import BELLS, Event
+from tumble.capture.coach import BELLS, Event
 from tumble.capture.targets import groups_of
 from tumble.cli.options import Imu, NoteOption, PrintOptions, RegistryName, SiteOptions, UnitOptions
 from tumble.cli.terminal import plain, results_stand, say, say_aside, say_json_text, say_written, table
@@ -32,10 +32,10 @@ from tumble.workflows.request import ADVANCED, FIRST, StreamRequest, argument, o
 if TYPE_CHECKING:
     from collections.abc import Generator, Sequence
 
-    from tumble.capture.events import Event
+    from tumble.capture.coach import Event
     from tumble.capture.machine import Capture
     from tumble.capture.run import CaptureOrder, CaptureRun, Listener
-    from tumble.web.hub import Hub
+    from tumble.web.server import Hub
 
 
 # Hz, signs of a bar, and lines of what was said last.
@@ -224,8 +224,7 @@ def _page(order: CaptureOrder, what: CaptureOptions, *, quiet: bool) -> Generato
     if not what.web:
         yield None
         return
-    from tumble.web.hub import Hub
-    from tumble.web.server import PageServer
+    from tumble.web.server import Hub, PageServer
 
     hub = Hub(order.targets)
     server = PageServer(hub, order.folder)
@@ -313,7 +312,7 @@ class _Lines:
         self._bell = sys.stdout.isatty() and not as_json
 
     def __call__(self, events: Sequence[Event], capture: Capture) -> None:
-        from tumble.capture.events import BELLS
+        from tumble.capture.coach import BELLS
 
         for event in events:
             if self._as_json:

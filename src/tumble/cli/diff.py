@@ -59,8 +59,8 @@ def diff_command(
 
 def _say_recovery(truth: Path, calibration: Path, printed: PrintOptions) -> NoReturn:
     """Print how far a calibration is from the truth, and leave with the status of the answer."""
-    from tumble.report.difference import change_table
-    from tumble.report.terminal import print_blocks
+    from tumble.report.history import change_table
+    from tumble.report.page import print_blocks
     from tumble.workflows.simulated.recovery import recovery
 
     found = recovery(truth, calibration)
@@ -103,8 +103,8 @@ def _print(first: Path, found: Difference, sentences: list[str], quiet: bool) ->
     if quiet:
         return
     from tumble.document import read_calibration
-    from tumble.report.difference import change_table
-    from tumble.report.terminal import print_blocks
+    from tumble.report.history import change_table
+    from tumble.report.page import print_blocks
 
     screen.print()
     table = change_table(read_calibration(first), found.parameters, ("first", "change ± uncertainty"))

@@ -13,10 +13,9 @@ from typing import Annotated, Any, cast
 
 import typer
 
-import tumble
 from tumble.cli.groups import PRINTED, Command, Group, grouped
 from tumble.cli.terminal import StreamError, plain, shortened, state, streams
-from tumble.errors import TumbleError
+from tumble.errors import TumbleError, __version__
 
 # An adjustment's matrices are small: threads of the linear algebra cost more than they give, and each
 # reserves memory. Set before numpy is imported; a user's own setting stands.
@@ -151,7 +150,7 @@ app = typer.Typer(
 
 def _print_version(value: bool) -> None:
     if value:
-        sys.stdout.write(f"tumble {tumble.__version__}\n")
+        sys.stdout.write(f"tumble {__version__}\n")
         raise typer.Exit
 
 

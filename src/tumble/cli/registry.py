@@ -192,7 +192,7 @@ def history_command(
         return
     say(f"{unit}: {', '.join(days)}")
     from tumble.report.history import history_table
-    from tumble.report.terminal import print_blocks
+    from tumble.report.page import print_blocks
 
     print_blocks([history_table(rows)], console())
     _say_signals(found, rows)
@@ -249,8 +249,8 @@ def fleet_command(
     if as_json:
         say_json({"units": between.count, "document": document}, indent=1)
         return
+    from tumble.report.page import print_blocks
     from tumble.report.parameters import headed_table, parameter_rows
-    from tumble.report.terminal import print_blocks
 
     shown = [row for row in parameter_rows(document) if row.said.sigma > 0.0]
     say(f"{between.count} units: the mean, and the standard deviation of a next unit")

@@ -182,8 +182,8 @@ def verify_command(
         for result in results:
             _print(result, printed.quiet)
         if held is not None:
-            from tumble.report.limits import limits_verdict
-            from tumble.report.terminal import print_blocks
+            from tumble.report.page import print_blocks
+            from tumble.report.words import limits_verdict
 
             print_blocks([limits_verdict(held)], console())
     within = held is None or held.decision == "passed"

@@ -7,25 +7,25 @@ from datetime import UTC, datetime
 
 import numpy as np
 
-import tumble
 from tumble.calibration.estimate import Estimate
 from tumble.calibration.evidence import Budget
 from tumble.calibration.magnetometer.estimate import Magnetometer
-from tumble.calibration.magnetometer.verdict import judge_magnetometer
+from tumble.calibration.magnetometer.verdict import FieldVerdict, judge_magnetometer
 from tumble.calibration.verdict import Judgement, judge
+from tumble.document import magnetometer_block as field_parts
 from tumble.document import result
 from tumble.document.entries import entry_names, vector_of_model
 from tumble.document.imported import test_vectors
-from tumble.document.magnetometer_block import FIELD_ALONE, magnetometer_block
-from tumble.document.part import finite, part_of, rows_of
+from tumble.document.part import finite, part_of, row_of, rows_of
 from tumble.document.soundness import covariance_fault, not_finite
 from tumble.document.thermal_block import thermal_block
 from tumble.earth import EARTH_RATE, Site
-from tumble.errors import ConvergenceError
+from tumble.errors import ConvergenceError, __version__
 from tumble.files import shown
 from tumble.recording.recording import Recording
+from tumble.recording.samples import MagneticField
 from tumble.recording.temperature import mean_celsius
-from tumble.sensor import FRAMES
+from tumble.sensor import FRAMES, Triad
 from tumble.units import COUNTS, angular_rate_factor
 
 FRAME_WORDS = {
@@ -34,7 +34,7 @@ FRAME_WORDS = {
         "the axes of the fixture (or table) that the unit was placed with. The nominal poses of the "
         "protocol are exact in it on average. Each sensor's misalignment is against these axes"
     ),
-    FIELD_ALONE: (
+    field_parts.FIELD_ALONE: (
         "the magnetometer's own axes, made orthogonal: nothing determines how they lie against the other sensors'"
     ),
 }
@@ -49,9 +49,17 @@ def calibration_from_estimate(
     remarks: tuple[str, ...] = (),
     imu: tuple[str | None, str | None] = (None, None),
     confirm_scale: bool = False,
-    judgement: Judgement | None = None,
+    why_alone: str = "",
 ) -> result.Calibration:
-    """Return the document of an estimate, judged (if it is not yet) and with test vectors.
+    """Return the document of an estimate, judged and with test vectors.
+
+    Parameters
+    ----------
+    estimate, recording, site : what was found, in what, and where.
+    created, imu : when, and (model, serial number) of the unit.
+    remarks : beside the estimate's.
+    confirm_scale : the user knows that the scale factors are beyond what units have.
+    why_alone : of a magnetometer by itself, why nothing else is calibrated.
 
     Raises
     ------
@@ -59,7 +67,10 @@ def calibration_from_estimate(
         If a number of the estimate is not finite, or its covariance can be none.
     """
     _refuse_unsound(estimate)
-    judgement = judgement or judge(estimate, recording, confirm_scale=confirm_scale)
+    if why_alone:
+        judgement = _judged_alone(estimate, site, why_alone)
+    else:
+        judgement = judge(estimate, recording, confirm_scale=confirm_scale)
     units = recording.specific_force_unit or COUNTS, recording.angular_rate_unit or COUNTS
     changes, field = estimate.thermal, estimate.shown(Magnetometer)
     thermal = changes and thermal_block(changes.model, changes.model.names, changes.covariance)
@@ -72,7 +83,7 @@ def calibration_from_estimate(
         gyroscope = result.TriadBlock.of(model.gyroscope, model.g_sensitivity, has_matrix=known or nominal)
     return result.Calibration(
         created=(created or datetime.now(UTC)).isoformat(timespec="seconds"),
-        software=f"tumble {tumble.__version__}",
+        software=f"tumble {__version__}",
         imu=result.Imu(model=name_of(imu[0]), serial_number=name_of(imu[1])),
         procedure=estimate.procedure,
         recordings=[part_of(result.RecordingName, source) for source in recording.sources],
@@ -98,6 +109,17 @@ def calibration_from_estimate(
         magnetometer=field
         and magnetometer_block(field, judge_magnetometer(field, site.latitude), recording.magnetic_field),
     )
+
+
+def _judged_alone(estimate: Estimate, site: Site, why: str) -> Judgement:
+    """Judge a magnetometer by itself, and say that the rest is not determined."""
+    field = estimate.shown(Magnetometer)
+    assert field is not None
+    own = judge_magnetometer(field, site.latitude)
+    lacking = "Accelerometers and gyros: the recording has no holds that would determine them."
+    estimate.say("not determined", lacking)
+    alone = f"Only the magnetometer is calibrated. {why} The gyros' biases are not determined either."
+    return Judgement(own.fit, [alone, *own.reasons])
 
 
 def _refuse_unsound(estimate: Estimate) -> None:
@@ -180,3 +202,77 @@ def _quality(estimate: Estimate) -> result.QualityBlock:
 def name_of(text: str | None) -> str | None:
     """Return a name as a document may hold it."""
     return None if text is None else shown(text)
+
+
+def magnetometer_block(
+    made: Magnetometer, verdict: FieldVerdict, recorded: MagneticField | None = None
+) -> field_parts.MagnetometerBlock:
+    """Return the block of a magnetometer's calibration, without matrix and bias where it is not fit for use.
+
+    Parameters
+    ----------
+    made, verdict : what was found, and how it is judged.
+    recorded : with the turn that an autopilot makes of its own.
+    """
+    triad = made.triad if verdict.fit else None
+    found, written = made.triad is not None, triad is not None
+    given = made.given
+    source = (
+        given.source
+        if given is not None
+        else "the magnetometer's own mean scale"
+        if made.field_unit == "T"
+        else "none"
+    )
+    return field_parts.MagnetometerBlock(
+        raw_unit=made.raw_unit,
+        unit="T" if made.field_unit == "T" else "local field",
+        frame=field_parts.OWN_FRAME if made.frame == field_parts.OWN_FRAME else "b",
+        method=made.method,
+        matrix=None if triad is None else rows_of(triad.matrix),
+        bias=None if triad is None else row_of(triad.bias),
+        parameters=[part_of(field_parts.FieldParameter, p) for p in (made.parameters if found else ())],
+        covariance_parameters=list(made.names) if written else [],
+        covariance=(0.5 * (made.covariance + made.covariance.T)).tolist() if written else [],
+        field=field_parts.FieldBlock(
+            norm=made.norm,
+            norm_standard_uncertainty=made.norm_sigma,
+            norm_given=made.norm_known,
+            source=source,
+            dip_deg=finite(np.degrees(made.dip)),
+            dip_standard_uncertainty_deg=finite(np.degrees(made.dip_sigma)),
+        )
+        if found
+        else None,
+        quality=_field_quality(made),
+        verdict=field_parts.FieldVerdictBlock(use=verdict.use, reasons=list(verdict.reasons)),
+        not_determined=list(made.not_determined),
+        remarks=list(verdict.remarks),
+        turn=None if recorded is None or recorded.turn is None else rows_of(recorded.turn),
+        test_vectors=[] if triad is None else _field_vectors(triad, made.norm),
+    )
+
+
+def _field_quality(made: Magnetometer) -> field_parts.FieldQuality:
+    return part_of(
+        field_parts.FieldQuality,
+        made,
+        norm_scatter_before=finite(made.before),
+        norm_scatter_after=finite(made.after),
+        holds=[
+            part_of(field_parts.FieldHoldBlock, h, number=h.hold + 1, dip_deg=float(np.degrees(h.dip)))
+            for h in made.holds
+        ],
+        left_out=[f"Hold {o.index + 1}: {o.reason}." for o in made.left_out],
+    )
+
+
+def _field_vectors(triad: Triad, norm: float) -> list[field_parts.FieldVector]:
+    """Round raw numbers and what they become."""
+    directions = np.array([[1.0, 0.0, 0.0], [0.0, 0.6, -0.8], [-0.36, 0.48, 0.8]])
+    raw = triad.distort(norm * directions)
+    raw = np.round(raw, 3 - int(np.floor(np.log10(np.max(np.abs(raw))))))
+    return [
+        field_parts.FieldVector(raw_magnetic_field=row_of(one), magnetic_field=row_of(true))
+        for one, true in zip(raw, triad.correct(raw), strict=True)
+    ]

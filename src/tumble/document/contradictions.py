@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tumble.arrays import Vectors
+from tumble.document.magnetometer_block import MagnetometerBlock
 from tumble.document.part import Row
 from tumble.document.soundness import is_invertible, stated_covariance_fault
 from tumble.document.thermal_block import contradiction as thermal_contradiction
 from tumble.errors import TumbleError
 from tumble.files import HIDDEN
 from tumble.sensor import ImuModel
-from tumble.units import angular_rate_factor, specific_force_factor
+from tumble.units import angular_rate_factor, magnetic_field_factor, specific_force_factor
 
 if TYPE_CHECKING:
     from tumble.document.result import Calibration
@@ -44,13 +45,33 @@ def contradiction_in(calibration: Calibration) -> str | None:
         angular_rate_factor(calibration.raw_units.angular_rate)
     except TumbleError as error:
         return f"raw_units: {str(error).rstrip('.')}"
-    if calibration.magnetometer is not None and (found := calibration.magnetometer.contradiction()):
-        return found
+    if calibration.magnetometer is not None and (found := _of_magnetometer(calibration.magnetometer)):
+        return f"magnetometer.{found}"
     if calibration.thermal is not None and (
         found := thermal_contradiction(calibration.thermal, calibration.model)
     ):
         return found
     return _false_vector(calibration)
+
+
+def _of_magnetometer(block: MagnetometerBlock) -> str | None:
+    try:
+        magnetic_field_factor(block.raw_unit)
+    except TumbleError as error:
+        return f"raw_unit: {str(error).rstrip('.')}"
+    if fault := stated_covariance_fault(block.covariance, block.covariance_parameters):
+        return f"covariance: {fault}"
+    triad = block.triad
+    if triad is None:
+        return None
+    if not is_invertible(triad.matrix):
+        return "matrix: it cannot be inverted"
+    for number, one in enumerate(block.test_vectors, 1):
+        found = triad.correct(np.array([one.raw_magnetic_field]))[0]
+        told = np.array(one.magnetic_field)
+        if not np.all(np.abs(found - told) <= _SAME * float(np.linalg.norm(told)) + 1e-300):
+            return f"test_vectors: number {number} contradicts its matrix and bias"
+    return None
 
 
 def _false_vector(calibration: Calibration) -> str | None:

@@ -17,8 +17,7 @@ from msgspec.structs import replace
 from tumble.arrays import AnyArray, Series, Square, Table
 from tumble.attitude.directions import twenty_six_directions
 from tumble.calibration.magnetometer.estimate import NAMES, nearest_axes
-from tumble.document.entries import PLACES, SIZE, model_of_vector, named_parameters, part, stacked
-from tumble.document.frame_change import turned_to
+from tumble.document.entries import PLACES, SIZE, model_of_vector, named_parameters, part, stacked, turned_to
 from tumble.document.magnetometer_block import FieldBlock, MagnetometerBlock
 from tumble.document.result import Calibration, ParameterBlock
 from tumble.errors import UsageError

@@ -6,12 +6,12 @@ from datetime import UTC, datetime
 
 import numpy as np
 
-import tumble
 from tumble.arrays import Vectors
 from tumble.document import result
 from tumble.document.contradictions import corrected
 from tumble.document.thermal_block import thermal_block
 from tumble.earth import EARTH_RATE
+from tumble.errors import __version__
 from tumble.sensor import ImuModel, Triad
 from tumble.sensor.thermal import ThermalModel
 from tumble.units import STANDARD_GRAVITY, angular_rate_factor, specific_force_factor
@@ -56,7 +56,7 @@ def calibration_from_model(
     accelerometer, gyroscope = triad_blocks(model)
     return result.Calibration(
         created=datetime.now(UTC).isoformat(timespec="seconds"),
-        software=f"tumble {tumble.__version__}",
+        software=f"tumble {__version__}",
         procedure=procedure,
         recordings=sources,
         site=result.SiteBlock(

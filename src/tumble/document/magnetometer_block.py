@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import msgspec
 import numpy as np
 from msgspec.structs import replace
 
 from tumble.arrays import Matrix
-from tumble.document.part import DocumentPart, Row, Rows, finite, part_of, row_of, rows_of
+from tumble.document.part import DocumentPart, Row, Rows, row_of, rows_of
 from tumble.parameters.family import parameter_of
 from tumble.sensor import Triad
-from tumble.units import magnetic_field_factor
-
-if TYPE_CHECKING:
-    from tumble.calibration.magnetometer.estimate import Magnetometer
-    from tumble.calibration.magnetometer.verdict import FieldVerdict
-    from tumble.recording.samples import MagneticField
 
 FORMULA = (
     "raw = matrix * true + bias; true = inverse(matrix) * (raw - bias), in `unit` and along the axes of `frame`; the "
@@ -173,100 +167,3 @@ class MagnetometerBlock(DocumentPart):
         return replace(
             self, matrix=rows_of(matrix), covariance=covariance, parameters=own, test_vectors=vectors
         )
-
-    def contradiction(self) -> str | None:
-        """Return what in the block contradicts itself, in words that begin with the key, or None."""
-        from tumble.document.soundness import is_invertible, stated_covariance_fault
-        from tumble.errors import TumbleError
-
-        try:
-            magnetic_field_factor(self.raw_unit)
-        except TumbleError as error:
-            return f"magnetometer.raw_unit: {str(error).rstrip('.')}"
-        if fault := stated_covariance_fault(self.covariance, self.covariance_parameters):
-            return f"magnetometer.covariance: {fault}"
-        triad = self.triad
-        if triad is None:
-            return None
-        if not is_invertible(triad.matrix):
-            return "magnetometer.matrix: it cannot be inverted"
-        for number, one in enumerate(self.test_vectors, 1):
-            found = triad.correct(np.array([one.raw_magnetic_field]))[0]
-            told = np.array(one.magnetic_field)
-            if not np.all(np.abs(found - told) <= 1e-6 * float(np.linalg.norm(told)) + 1e-300):
-                return f"magnetometer.test_vectors: number {number} contradicts its matrix and bias"
-        return None
-
-
-def magnetometer_block(
-    made: Magnetometer, verdict: FieldVerdict, recorded: MagneticField | None = None
-) -> MagnetometerBlock:
-    """Return the block of a magnetometer's calibration, without matrix and bias where it is not fit for use.
-
-    Parameters
-    ----------
-    made, verdict : what was found, and how it is judged.
-    recorded : with the turn that an autopilot makes of its own.
-    """
-    triad = made.triad if verdict.fit else None
-    found, written = made.triad is not None, triad is not None
-    given = made.given
-    source = (
-        given.source
-        if given is not None
-        else "the magnetometer's own mean scale"
-        if made.field_unit == "T"
-        else "none"
-    )
-    return MagnetometerBlock(
-        raw_unit=made.raw_unit,
-        unit="T" if made.field_unit == "T" else "local field",
-        frame=OWN_FRAME if made.frame == OWN_FRAME else "b",
-        method=made.method,
-        matrix=None if triad is None else rows_of(triad.matrix),
-        bias=None if triad is None else row_of(triad.bias),
-        parameters=[part_of(FieldParameter, p) for p in (made.parameters if found else ())],
-        covariance_parameters=list(made.names) if written else [],
-        covariance=(0.5 * (made.covariance + made.covariance.T)).tolist() if written else [],
-        field=FieldBlock(
-            norm=made.norm,
-            norm_standard_uncertainty=made.norm_sigma,
-            norm_given=made.norm_known,
-            source=source,
-            dip_deg=finite(np.degrees(made.dip)),
-            dip_standard_uncertainty_deg=finite(np.degrees(made.dip_sigma)),
-        )
-        if found
-        else None,
-        quality=_quality(made),
-        verdict=FieldVerdictBlock(use=verdict.use, reasons=list(verdict.reasons)),
-        not_determined=list(made.not_determined),
-        remarks=list(verdict.remarks),
-        turn=None if recorded is None or recorded.turn is None else rows_of(recorded.turn),
-        test_vectors=[] if triad is None else _vectors(triad, made.norm),
-    )
-
-
-def _quality(made: Magnetometer) -> FieldQuality:
-    return part_of(
-        FieldQuality,
-        made,
-        norm_scatter_before=finite(made.before),
-        norm_scatter_after=finite(made.after),
-        holds=[
-            part_of(FieldHoldBlock, h, number=h.hold + 1, dip_deg=float(np.degrees(h.dip)))
-            for h in made.holds
-        ],
-        left_out=[f"Hold {o.index + 1}: {o.reason}." for o in made.left_out],
-    )
-
-
-def _vectors(triad: Triad, norm: float) -> list[FieldVector]:
-    """Round raw numbers and what they become."""
-    directions = np.array([[1.0, 0.0, 0.0], [0.0, 0.6, -0.8], [-0.36, 0.48, 0.8]])
-    raw = triad.distort(norm * directions)
-    raw = np.round(raw, 3 - int(np.floor(np.log10(np.max(np.abs(raw))))))
-    return [
-        FieldVector(raw_magnetic_field=row_of(one), magnetic_field=row_of(true))
-        for one, true in zip(raw, triad.correct(raw), strict=True)
-    ]

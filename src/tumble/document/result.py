@@ -5,8 +5,9 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+from itertools import groupby
 from pathlib import Path
-from typing import Any, Literal, cast
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 import msgspec
 import numpy as np
@@ -30,9 +31,16 @@ from tumble.document.thermal_block import ThermalBlock
 from tumble.document.turn_ons_block import TurnOnsBlock
 from tumble.errors import CalibrationFileError
 from tumble.files import read_json, reading, write_text
+from tumble.files.markup import notebook_html
+from tumble.parameters.family import parameter_of
+from tumble.parameters.measures import Measure, said
 from tumble.sensor import ImuModel, Triad
 from tumble.sensor.thermal import Outside, ThermalModel
 from tumble.sensor.triad import CURVES
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
 
 FORMAT = "tumble calibration"
 VERSION = 1
@@ -418,8 +426,6 @@ class Calibration(DocumentPart):
 
     def _repr_html_(self) -> str:
         """Return what a notebook shows."""
-        from tumble.document.display import calibration_html
-
         return calibration_html(self)
 
     def to_json(self) -> str:
@@ -489,3 +495,29 @@ def calibration_of(text: str) -> Calibration:
         If it is damaged.
     """
     return msgspec.json.decode(text, type=Calibration)
+
+
+def calibration_html(calibration: Calibration, reason: str = "", files: Sequence[Path] = ()) -> str:
+    """Return a heading with the verdict, and a table of the parameters.
+
+    Parameters
+    ----------
+    calibration : any; parameters in its own procedure's convention.
+    reason : why its procedure was chosen.
+    files : that were written of it.
+    """
+    verdict = "fit for use" if calibration.verdict.fit else "NOT fit for use"
+    unit = " ".join(part for part in (calibration.imu.model, calibration.imu.serial_number) if part)
+    parameters, measures = calibration.parameters, list[Measure]()
+    for _, members in groupby(parameters, key=lambda p: parameter_of(p.name).family):
+        measures += said([Measure(p.value, p.standard_uncertainty, p.unit) for p in members])
+    sources = ", ".join(recording.name for recording in calibration.recordings)
+    return notebook_html(
+        ("parameter", "value ± standard uncertainty", "unit"),
+        [(p.name, one.number, one.unit) for p, one in zip(parameters, measures, strict=True)],
+        title=f"Calibration{f' of {unit}' if unit else ''}: {verdict}",
+        words=f"({calibration.procedure}; {sources})",
+        notes=[*([reason] if reason else []), *calibration.verdict.reasons],
+        foot=f"Frame: {calibration.frame.description}"
+        + (f" Written: {', '.join(map(str, files))}." if files else ""),
+    )

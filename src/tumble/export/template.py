@@ -11,11 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-import tumble
 from tumble.arrays import AnyArray, Matrix, Vector
-from tumble.errors import UsageError
-from tumble.export.magnetometer import FieldCorrection, field_lines
-from tumble.export.subject import Subject
+from tumble.errors import UsageError, __version__
+from tumble.export.subject import FieldCorrection, Subject, field_lines
 from tumble.export.target import Target, parts_of
 from tumble.files import shown
 from tumble.sensor import Triad
@@ -169,7 +167,7 @@ def _quaternion(matrix: Matrix) -> Vector:
 
 def head(subject: Subject, target: Target) -> list[str]:
     """Return the sentences that a file begins with: what it is, formula, frame, test vector, losses."""
-    lines = [f"{target.title}, written by tumble {tumble.__version__}"]
+    lines = [f"{target.title}, written by tumble {__version__}"]
     calibration = subject.calibration
     if calibration is None:
         lines += target.formula

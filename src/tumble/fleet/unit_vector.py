@@ -7,8 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from tumble.arrays import Series, Square, Table
-from tumble.document.entries import parameter_vector, stacked
-from tumble.document.frame_change import turned_to
+from tumble.document.entries import parameter_vector, stacked, turned_to
 from tumble.document.result import Calibration
 from tumble.errors import TumbleError
 from tumble.records import dataclass

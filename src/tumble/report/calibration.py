@@ -15,11 +15,9 @@ from tumble.parameters.measures import plain_unit
 from tumble.report.advice import next_steps
 from tumble.report.evidence import RENDERERS, render_evidence
 from tumble.report.evidence.magnetometer import magnetometer_blocks
-from tumble.report.figures.parameters import correlations, intervals
-from tumble.report.figures.poses import poses
+from tumble.report.figures.parameters import correlations, intervals, poses
 from tumble.report.figures.timeline import timeline
 from tumble.report.html import render_page
-from tumble.report.limits import limits_section
 from tumble.report.page import Block, Code, Facts, Footer, Page, Sentences, Table, Verdict, section
 from tumble.report.parameters import ParameterRow, headed_table
 from tumble.report.planned import planned, protocol
@@ -29,6 +27,7 @@ from tumble.report.words import (
     chance,
     component_words,
     left_out_sentences,
+    limits_section,
     quality_sentences,
     term_words,
     verdict_words,

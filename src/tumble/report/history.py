@@ -1,19 +1,23 @@
-"""A unit over the years as a page: each group of parameters with its uncertainties, calibration by calibration."""
+"""A unit over the years as a page, and what changed between two calibrations as a table."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tumble.arrays import Series, Table
+from tumble.arrays import AnyArray, Series
 from tumble.parameters.family import in_families, parameter_of
-from tumble.parameters.measures import said_unit, with_uncertainty
+from tumble.parameters.measures import decimals_of, fixed, said_unit, with_uncertainty
 from tumble.report.figures.record import AXIS_COLOURS, BLUE, Axis, Curve, Figure, Look, plain
-from tumble.report.page import Figures, Page, section
-from tumble.report.page import Table as PageTable
-from tumble.report.parameters import headed_table
+from tumble.report.page import Figures, Page, Table, section
+from tumble.report.parameters import ParameterRow, headed_table, rows_of
+
+if TYPE_CHECKING:
+    from tumble.document.difference import ParameterChange
+    from tumble.document.result import Calibration
 
 HEADS = ("parameter", "newest", "change", "a year", "unit")
 _SHOWN = (
@@ -23,7 +27,7 @@ _SHOWN = (
 )
 
 
-def history_table(rows: Sequence[dict[str, Any]]) -> PageTable:
+def history_table(rows: Sequence[dict[str, Any]]) -> Table:
     """Return newest value, change and rate of each parameter with their uncertainties, a family in one unit.
 
     Parameters
@@ -47,7 +51,7 @@ def history_page(
     days: Sequence[str],
     names: Sequence[str],
     units: Sequence[str],
-    numbers: tuple[Table, Table],
+    numbers: tuple[AnyArray, AnyArray],
     rows: Sequence[dict[str, Any]],
 ) -> Page:
     """Return the page.
@@ -80,7 +84,7 @@ def _figure(
     days: list[str],
     names: Sequence[str],
     units: Sequence[str],
-    numbers: tuple[Table, Table],
+    numbers: tuple[AnyArray, AnyArray],
 ) -> Figure:
     curves: list[Curve] = []
     factor, unit = said_unit(units[places[0]], np.abs(numbers[0][:, places]).ravel().tolist())
@@ -92,3 +96,50 @@ def _figure(
         curves.append(Curve(days, plain(values, 8), axis, **look))
     title = f"{group} / {unit}" if unit else group
     return Figure(name, f"{group} over time", curves, Axis(kind="date"), Axis(title), 240)
+
+
+def change_table(
+    calibration: Calibration, changes: Sequence[ParameterChange], heads: tuple[str, str]
+) -> Table:
+    """Return each change with its standard uncertainty, in the unit of data sheets and in sigmas.
+
+    Parameters
+    ----------
+    calibration : whose raw units the changes are in.
+    changes : by name, in raw units.
+    heads : of the columns of the first value and of the change.
+    """
+    shown = {row.name: row for row in _rows(calibration, changes)}
+    lines = [(change.name, _cells(shown[change.name], change)) for change in changes]
+    return headed_table(("parameter", *heads, "in σ", "unit"), lines)
+
+
+def _rows(calibration: Calibration, changes: Sequence[ParameterChange]) -> list[ParameterRow]:
+    """The first values as rows for people; their sigma is the change's, so that both are rounded alike."""
+    from tumble.document.result import ParameterBlock
+
+    blocks = [
+        ParameterBlock(
+            name=change.name,
+            value=change.first,
+            standard_uncertainty=change.standard_uncertainty or abs(change.second - change.first),
+            unit=change.unit,
+        )
+        for change in changes
+    ]
+    return rows_of(blocks, calibration)
+
+
+def _cells(row: ParameterRow, change: ParameterChange) -> list[str]:
+    spread = change.standard_uncertainty or abs(change.second - change.first)
+    # What has not changed and has no uncertainty has no digits either, and stays as it is in the file.
+    first = row.said if spread else row.shown
+    factor = first.sigma / spread if spread else 1.0
+    moved = factor * (change.second - change.first)
+    certain = not change.standard_uncertainty
+    return [
+        fixed(first.value, decimals_of(first.sigma)) if spread else f"{first.value:.6g}",
+        f"{moved:.3g}" if certain else with_uncertainty(moved, factor * change.standard_uncertainty),
+        "–" if math.isnan(change.sigmas) else f"{change.sigmas:+.1f}",
+        first.unit,
+    ]

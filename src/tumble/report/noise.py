@@ -12,8 +12,7 @@ from tumble.noise.units import ACCELEROMETER, GYRO, practical_noise_unit, si_noi
 from tumble.parameters.measures import decimals_of, fixed
 from tumble.records import dataclass
 from tumble.report.figures.record import AXIS_COLOURS, Axis, Band, Curve, Figure, Look, Mark, Points, plain
-from tumble.report.page import Block, Figures, Page, Sentences, Table, section
-from tumble.report.terminal import aligned
+from tumble.report.page import Block, Figures, Page, Sentences, Table, aligned, section
 
 if TYPE_CHECKING:
     from tumble.arrays import Series

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-import tumble
 from tumble.document.part import DocumentPart, finite, part_of, plain, spelled
+from tumble.errors import __version__
 from tumble.report.noise import (
     CURVE,
     DEFINITIONS,
@@ -304,7 +304,7 @@ def noise_document(noise: Characterisation) -> dict[str, Any]:
     document = NoiseDocument(
         format=FORMAT,
         version=VERSION,
-        software=f"tumble {tumble.__version__}",
+        software=f"tumble {__version__}",
         created=datetime.now(UTC).isoformat(timespec="seconds"),
         recordings=[RecordingName(name=s.name, sha256=s.sha256) for s in noise.sources],
         rate_hz=noise.rate,

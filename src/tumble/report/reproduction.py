@@ -13,8 +13,7 @@ import numpy as np
 
 from tumble.report.figures import record
 from tumble.report.html import render_page
-from tumble.report.page import Block, Figures, Page, Sentences, Table
-from tumble.report.terminal import aligned
+from tumble.report.page import Block, Figures, Page, Sentences, Table, aligned
 
 if TYPE_CHECKING:
     from tumble.reproduction.outcome import Outcome, Plot, Row, Value

@@ -6,20 +6,25 @@ from dataclasses import field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+from tumble.calibration.poses import describe_direction
 from tumble.records import dataclass
-from tumble.report.figures.poses import pose_words
 from tumble.report.parameters import ParameterRow, parameter_rows
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from tumble.arrays import Vectors
+    from tumble.arrays import Vector, Vectors
     from tumble.calibration.estimate import Estimate
     from tumble.document.result import Calibration
     from tumble.protocol import Protocol
     from tumble.recording.recording import Recording
     from tumble.segmentation import HoldMeans, Timeline
     from tumble.segmentation.matching import Matching
+
+
+def pose_words(up: Vector) -> str:
+    """Return what points up in words, with minus signs at which no line breaks."""
+    return describe_direction(up).replace("-", "−")
 
 
 @dataclass(frozen=True)

@@ -21,12 +21,12 @@ from tumble.parameters.measures import Measure, said_unit
 from tumble.report.calibration import parameter_table
 from tumble.report.evidence.magnetometer import magnetometer_rows, magnetometer_sentences, magnetometer_table
 from tumble.report.evidence.turn_ons import bias_table
-from tumble.report.limits import DECISIONS, limits_verdict
-from tumble.report.page import Block, Sentences, Table, Verdict
+from tumble.report.page import Block, Sentences, Table, Verdict, print_blocks
 from tumble.report.parameters import ParameterRow, parameter_rows
-from tumble.report.terminal import print_blocks
 from tumble.report.words import (
+    DECISIONS,
     left_out_sentences,
+    limits_verdict,
     quality_sentences,
     terms_sentences,
     verdict_words,

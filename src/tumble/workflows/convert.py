@@ -11,13 +11,12 @@ from msgspec import structs
 
 from tumble.border import border
 from tumble.document import Calibration, read_calibration
-from tumble.document.frame_change import turned_to
+from tumble.document.entries import turned_to
 from tumble.document.imported import calibration_from_model
 from tumble.document.result import RecordingName
 from tumble.errors import UsageError
 from tumble.export.noise import read_noise
-from tumble.export.readers import read_file
-from tumble.export.reading import check_plausible
+from tumble.export.readers import check_plausible, read_file
 from tumble.export.subject import LARGEST_LOSS, Subject, Wishes, prepare
 from tumble.export.target import MAGNETOMETER, MATRIX, NOISE, SCALE, Target, find_target, targets
 from tumble.files import inputs_kept, write_texts

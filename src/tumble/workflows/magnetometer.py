@@ -172,8 +172,6 @@ def field_alone(
     """
     from tumble.calibration.estimate import Described, Estimate, Figures
     from tumble.calibration.magnetometer.estimate import magnetometer_alone
-    from tumble.calibration.magnetometer.verdict import judge_magnetometer
-    from tumble.calibration.verdict import Judgement
     from tumble.document.composition import calibration_from_estimate
     from tumble.document.magnetometer_block import FIELD_ALONE
     from tumble.sensor import ImuModel
@@ -184,17 +182,12 @@ def field_alone(
     found = magnetometer_alone(recording.magnetic_field, given)
     if found.triad is None and (recording.specific_force is not None or recording.angular_rate is not None):
         raise ObservabilityError(found.not_determined[0])
-    verdict = judge_magnetometer(found, session.site.latitude)
     nothing = Described(ImuModel(None, None, None, found.triad), [], np.zeros((0, 0)), [], np.zeros((0, 0)))
     figures = Figures(np.nan, np.nan, 0, found.coverage_factor, 0.0, {})
     estimate = Estimate(FIELD_ALONE, *nothing, *figures, evidence=[found], frame=FIELD_ALONE)
-    lacking = "Accelerometers and gyros: the recording has no holds that would determine them."
-    estimate.say("not determined", lacking)
-    alone = f"Only the magnetometer is calibrated. {why} The gyros' biases are not determined either."
     remarks = tuple(remark.text for remark in recording.remarks)
-    judgement = Judgement(verdict.fit, [alone, *verdict.reasons])
     document = calibration_from_estimate(
-        estimate, recording, session.site, remarks=remarks, imu=imu, judgement=judgement
+        estimate, recording, session.site, remarks=remarks, imu=imu, why_alone=why
     )
     return document, estimate
 

@@ -12,12 +12,11 @@ from typing import Any
 
 import numpy as np
 
-import tumble
 from tumble.arrays import Square, Vector
 from tumble.calibration.mount import MountAlignment, align_to_mount, check_poses, mean_covariances
 from tumble.document import Calibration, read_calibration
 from tumble.document.part import plain
-from tumble.errors import CalibrationFileError, RecordingError, SegmentationError, UsageError
+from tumble.errors import CalibrationFileError, RecordingError, SegmentationError, UsageError, __version__
 from tumble.files import write_text
 from tumble.recording import read_recordings
 from tumble.records import dataclass
@@ -229,7 +228,7 @@ def _document(
         "version": 1,
         "what": "the rotation from the axes of a calibrated unit (B) to those of its mount (M)",
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
-        "software": f"tumble {tumble.__version__}",
+        "software": f"tumble {__version__}",
         "formula": _FORMULA,
         "convention": (
             "C_MB = exp(gamma x): gamma is the rotation vector, right-handed, in rad. z of both is "

@@ -19,8 +19,8 @@ from tumble.records import dataclass
 from tumble.registry.opening import Registry, open_registry, registry_name
 
 if TYPE_CHECKING:
-    from tumble.fleet.between import Between
     from tumble.fleet.drift import Drift
+    from tumble.fleet.fleet_document import Between
     from tumble.registry.store import Entry, ParameterSeries
 
 SHORTEST_HISTORY = 14

@@ -8,7 +8,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tumble.document.display import calibration_html
+from tumble.document.result import calibration_html
 from tumble.errors import CalibrationFileError, OutputError
 from tumble.recording import Recording
 from tumble.records import dataclass

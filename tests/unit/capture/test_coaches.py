@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tumble.capture.events import Event
+from tumble.capture.coach import Event
 from tumble.capture.machine import Capture
 from tumble.capture.rest_coach import RestCoach
 from tumble.capture.run import CaptureOrder, run_capture

@@ -9,8 +9,7 @@ import pytest
 from tests.unit.capture.recordings import by_hand, channels_of, pieces_of
 
 from tumble.attitude.directions import twenty_six_directions
-from tumble.capture.live_blocks import LiveBlocks
-from tumble.capture.live_holds import LiveHolds
+from tumble.capture.live_holds import LiveBlocks, LiveHolds
 from tumble.capture.machine import Capture
 from tumble.capture.source import Channels
 from tumble.capture.sources.simulated import Flaws, SimulatedPerson

@@ -16,12 +16,11 @@ from tests.unit.capture.recordings import by_hand, channels_of, pieces_of
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
-from tumble.capture.events import Event
+from tumble.capture.coach import Event
 from tumble.capture.machine import Capture
 from tumble.capture.run import CaptureOrder, run_capture
 from tumble.capture.source import Piece, Source, SourceOptions
-from tumble.web.hub import Hub
-from tumble.web.server import PageServer
+from tumble.web.server import Hub, PageServer
 
 
 @pytest.fixture

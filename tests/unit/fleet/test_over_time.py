@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tumble.fleet.between import between_units
 from tumble.fleet.drift import YEAR, due_after, ewma_chart, find_drift
+from tumble.fleet.fleet_document import between_units
 
 
 def drawn(rng: np.random.Generator, units: int, counts: np.ndarray, scatter: float) -> tuple[np.ndarray, ...]:

@@ -11,7 +11,7 @@ import pytest
 from tumble.calibration.estimate import NamedValue
 from tumble.parameters.family import parameter_of
 from tumble.parameters.measures import Measure
-from tumble.report.evidence.beside import beside, parameters_beside
+from tumble.report.evidence.budget import beside, parameters_beside
 from tumble.report.html import render_page
 from tumble.report.page import Page
 from tumble.report.parameters import ParameterRow

@@ -13,11 +13,11 @@ from tumble.attitude.directions import twenty_six_directions
 from tumble.calibration.evidence import Turns
 from tumble.report.evidence.residuals import nominal_hold_norms, nominal_turn_angles, turns
 from tumble.report.figures.on_page import packed
-from tumble.report.figures.poses import missing_directions, pose_words, poses
+from tumble.report.figures.parameters import missing_directions, poses
 from tumble.report.figures.record import Bars, plain
 from tumble.report.figures.timeline import envelope, timeline
 from tumble.report.page import Figures, Sentences
-from tumble.report.subject import Subject
+from tumble.report.subject import Subject, pose_words
 from tumble.segmentation.matching import MatchedSpin, Matching
 
 

@@ -9,8 +9,7 @@ import pytest
 from rich.console import Console
 from rich.text import Text
 
-from tumble.report.page import Sentences, Table, Verdict
-from tumble.report.terminal import aligned, print_blocks
+from tumble.report.page import Sentences, Table, Verdict, aligned, print_blocks
 
 
 class Harmless(Console):

@@ -13,7 +13,7 @@ import numpy as np
 
 from tumble.arrays import Vector, Vectors
 from tumble.attitude.rotations import matrix_from_rotation_vector, rotation_between
-from tumble.capture.events import Event
+from tumble.capture.coach import Event
 from tumble.capture.machine import Capture
 from tumble.capture.source import Channels, Piece, Source, SourceOptions
 from tumble.errors import UsageError

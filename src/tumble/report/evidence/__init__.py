@@ -8,8 +8,7 @@ from typing import Any
 from tumble.calibration.estimate import Beside
 from tumble.calibration.evidence import Budget, Evidence, Holds, Spins, ThermalCurves, TurnOns, Turns
 from tumble.calibration.magnetometer.estimate import Magnetometer
-from tumble.report.evidence.beside import beside
-from tumble.report.evidence.budget import budget
+from tumble.report.evidence.budget import beside, budget
 from tumble.report.evidence.magnetometer import magnetometer
 from tumble.report.evidence.residuals import holds, spins, turns
 from tumble.report.evidence.thermal import thermal

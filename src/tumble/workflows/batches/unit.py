@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 
 from msgspec import structs
 
-import tumble
 from tumble.errors import (
     ConvergenceError,
     ObservabilityError,
@@ -22,6 +21,7 @@ from tumble.errors import (
     SegmentationError,
     TumbleError,
     UsageError,
+    __version__,
 )
 from tumble.files import shown, without_password
 from tumble.fleet.outcome import ACCELEROMETER, GYRO, UnitOutcome
@@ -136,7 +136,7 @@ def calibrate_unit(job: Job) -> UnitOutcome:
 def _key(task: UnitTask, asked: CalibrateRequest) -> str:
     """Return what the result depends on as one hash: contents, options, and the version of tumble."""
     told: dict[str, Any] = {
-        "version": [VERSION, tumble.__version__],
+        "version": [VERSION, __version__],
         "unit": task.unit,
         "more": task.more,
         "files": [[Path(name).name, _content_hash(Path(name))] for name in task.files],

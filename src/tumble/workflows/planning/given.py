@@ -83,7 +83,7 @@ def information_of(calibration: Calibration) -> JointInformation:
     values = _values(calibration)
     if calibration.frame.name != "accelerometer-x":
         # A plan's axes are the accelerometers': how a fixture holds the unit is no matter of theirs.
-        from tumble.document.frame_change import turned_to
+        from tumble.document.entries import turned_to
 
         calibration = turned_to(calibration, "accelerometer-x")
         values = _values(calibration)

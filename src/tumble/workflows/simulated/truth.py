@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-import tumble
 from tumble.earth import EARTH_RATE, Site
-from tumble.errors import TumbleError
+from tumble.errors import TumbleError, __version__
 from tumble.records import dataclass
 from tumble.sensor.gauge import change_frame
 
@@ -73,7 +72,7 @@ def truth_document(
     return {
         "format": FORMAT,
         "version": VERSION,
-        "software": f"tumble {tumble.__version__}",
+        "software": f"tumble {__version__}",
         "protocol": protocol.name,
         "procedure": protocol.procedure,
         "seed": settings.seed,
