@@ -56,16 +56,14 @@ def read_targets(texts: Sequence[str]) -> dict[str, float]:
         if name not in _TARGETS:
             raise UsageError(f"--target {part}: {name!r} is no parameter; known are {', '.join(_TARGETS)}.")
         group, kind = _TARGETS[name]
-        number = re.fullmatch(r"\s*([0-9.]+(?:e[-+]?[0-9]+)?)\s*(.*?)\s*", wish, re.IGNORECASE)
-        try:
-            value, (of, size) = float(number[1]) if number else math.nan, si_of(number[2] if number else "")
-        except ValueError:
-            value, (of, size) = math.nan, ("", 1.0)
-        if of != kind or not (math.isfinite(value) and value > 0.0):
+        number = re.fullmatch(r"\s*((?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)\s*(.*?)\s*", wish.lower())
+        value, unit = number.groups() if number else ("nan", "")
+        of, size = si_of(unit)
+        if of != kind or not 0.0 < float(value) < math.inf:
             raise UsageError(
                 f"--target {part}: give a positive number with its unit, one of {_SHOWN[kind][1]}."
             )
-        found[group] = value * size
+        found[group] = float(value) * size
     return found
 
 

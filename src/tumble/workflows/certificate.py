@@ -63,6 +63,8 @@ def make_certificate(
     if shown(number) != number or len(number) > 80 or not number.strip():
         raise UsageError(f"--number {shown(number)[:40]!r}: give up to 80 visible characters.")
     check_target(output)
+    if output.suffix.lower() not in (".pdf", ".xml"):
+        raise UsageError(f"-o {output}: a certificate is a .pdf for people or a .xml for machines.")
     # The file itself is attached, so that its hash is the certificate's.
     text = read_text(calibration / "calibration.json" if calibration.is_dir() else calibration)
     content = certificate_content(document, told, number, day, language, text)

@@ -295,7 +295,7 @@ def test_what_is_wrong_is_said_within_two_seconds(change: str, word: str) -> Non
 
 
 def test_targets_are_read_in_their_units() -> None:
-    found = read_targets(["accelerometer.bias=2mg", "gyro.scale=500ppm,gyro.bias=3.6deg/h"])
+    found = read_targets(["accelerometer.bias=2mg", "gyro.scale=500PPM,gyro.bias=3.6DEG/H"])
     assert found["accelerometer bias"] == pytest.approx(2e-3 * 9.80665)
     assert found["gyro scale"] == pytest.approx(5e-4)
     assert found["gyro bias"] == pytest.approx(np.radians(1e-3))
