@@ -170,18 +170,16 @@ def _quality(estimate: Estimate) -> result.QualityBlock:
     out = [left.index for left in estimate.left_out if left.kind == "turn"]
     angles = estimate.turns.angles
     turns = angles[np.isfinite(angles) & ~np.isin(np.arange(angles.size), out)]
-    return result.QualityBlock(
-        sigma0=finite(estimate.sigma0),
+    return part_of(
+        result.QualityBlock,
+        estimate,
         sigma0_with_variance_components=finite(estimate.sigma0_final),
-        degrees_of_freedom=estimate.degrees_of_freedom,
         largest_normalised_residual=estimate.largest_normalised,
-        coverage_factor=estimate.coverage_factor,
         rms_hold_norm=float(np.sqrt(np.mean(estimate.holds.norms**2))) if estimate.holds.norms.size else None,
         rms_turn_angle=float(np.sqrt(np.mean(turns**2))) if turns.size else None,
         holds=int(estimate.holds.norms.size),
         turns=estimate.turns.found.size,
         spins=int(estimate.spins.rates.size),
-        variance_components=estimate.variance_components,
         left_out=[part_of(result.LeftOutBlock, left, number=left.index + 1) for left in estimate.left_out],
         optional_terms=[
             part_of(result.TermBlock, t, f_statistic=t.statistic, degrees_of_freedom=t.degrees)

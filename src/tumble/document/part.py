@@ -51,12 +51,12 @@ def spelled(**names: str) -> Callable[[str], str]:
 
 
 def part_of(kind: type[Part], record: object, **others: Any) -> Part:
-    """Return the part of a record: what is not given beside it are the record's fields of the same names.
+    """Return the part of a record: what is not given beside it are the record's own fields, if it has them.
 
     Arrays become lists, records in lists their parts; a number that is not finite becomes null.
     """
-    fields = (field for field in structs.fields(kind) if field.name not in others)
-    return kind(**{field.name: _told(getattr(record, field.name), field.type) for field in fields}, **others)
+    same = [one for one in structs.fields(kind) if one.name not in others and hasattr(record, one.name)]
+    return kind(**{one.name: _told(getattr(record, one.name), one.type) for one in same}, **others)
 
 
 def _told(value: Any, kind: Any) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any, Literal
 
 import numpy as np
@@ -40,6 +41,11 @@ PATH_FORMULA = (
     "dead_band, p moves by m towards T and s = q + (s - q) exp(-m / hysteresis_width), q = sign(T - p); begun with "
     "p = T, s = start_hysteresis. Between samples R (and x for the lag) is a straight line. smoothing 0: x = R"
 )
+
+
+# What the model has by the same names.
+_GROUPS = ("coefficients", "rate_coefficients", "hysteresis")
+_NUMBERS = ("hysteresis_width", "lag", "smoothing", "dead_band", "start_hysteresis")
 
 
 class BasisBlock(DocumentPart):
@@ -134,16 +140,10 @@ class ThermalBlock(DocumentPart):
         return ThermalModel(
             reference=reference,
             basis=self._basis(),
-            coefficients=_of_known(_arrays(self.coefficients), reference),
-            rate_coefficients=_of_known(_arrays(self.rate_coefficients), reference),
-            hysteresis=_of_known(_arrays(self.hysteresis), reference),
-            hysteresis_width=self.hysteresis_width,
-            lag=self.lag,
             span_celsius=self.span_celsius,
             largest_rate=np.inf if self.largest_rate is None else self.largest_rate,
-            smoothing=self.smoothing,
-            dead_band=self.dead_band,
-            start_hysteresis=self.start_hysteresis,
+            **{name: _of_known(getattr(self, name), reference) for name in _GROUPS},
+            **{name: getattr(self, name) for name in _NUMBERS},
         )
 
     def basis_values(self, temperature_celsius: Series) -> Table:
@@ -175,20 +175,14 @@ def thermal_block(model: ThermalModel, names: list[str], covariance: Square) -> 
     if not (np.isfinite(low) and np.isfinite(high) and low <= high):
         raise ValueError("the span of a thermal model that is written has two finite ends")
     basis = model.basis
-    return ThermalBlock(
-        basis=part_of(
-            BasisBlock, basis, nodes_celsius=basis.nodes.tolist(), formula=BASIS_FORMULAS[basis.kind]
-        ),
+    return part_of(
+        ThermalBlock,
+        model,
+        basis=part_of(BasisBlock, basis, nodes_celsius=basis.nodes, formula=BASIS_FORMULAS[basis.kind]),
         coefficients=read_part(ThermalCoefficients, _lists(model.coefficients)),
         rate_coefficients=read_part(BiasPair, _lists(model.rate_coefficients)),
         hysteresis=read_part(BiasPair, _lists(model.hysteresis)),
-        hysteresis_width=model.hysteresis_width,
-        lag=model.lag,
-        smoothing=model.smoothing,
-        dead_band=model.dead_band,
-        start_hysteresis=model.start_hysteresis,
         span_celsius=(float(low), float(high)),
-        largest_rate=float(model.largest_rate) if np.isfinite(model.largest_rate) else None,
         covariance_parameters=list(names),
         covariance=(0.5 * (covariance + covariance.T)).tolist(),
         test_vectors=_test_vectors(model),
@@ -217,25 +211,19 @@ def contradiction(block: ThermalBlock, reference: ImuModel) -> str | None:
     return None
 
 
-def _arrays(group: DocumentPart) -> dict[str, Any]:
-    """Return the model's dictionary, its keys with dots, of what is not null."""
-    return {
-        _dotted(key): np.array(value, dtype=float) for key, value in plain(group).items() if value is not None
-    }
-
-
-def _of_known(group: dict[str, Any], reference: ImuModel) -> dict[str, Any]:
-    """Return what belongs to the triads that the reference has."""
+def _of_known(group: DocumentPart, reference: ImuModel) -> dict[str, Any]:
+    """Return the model's dictionary, its keys with dots, of what is not null and of triads that the reference has."""
     known = {
         "accelerometer": reference.accelerometer is not None,
         "gyroscope": reference.gyroscope is not None,
         "g_sensitivity": reference.gyroscope is not None and reference.g_sensitivity is not None,
     }
-    return {name: values for name, values in group.items() if known[name.split(".")[0]]}
-
-
-def _dotted(key: str) -> str:
-    return key.replace("_bias", ".bias").replace("_matrix", ".matrix")
+    told = {re.sub("_(bias|matrix)$", r".\1", key): values for key, values in plain(group).items()}
+    return {
+        name: np.array(values, dtype=float)
+        for name, values in told.items()
+        if values is not None and known[name.partition(".")[0]]
+    }
 
 
 def _lists(group: dict[str, Any]) -> dict[str, Any]:

@@ -5,17 +5,20 @@ from __future__ import annotations
 import csv
 import io
 import json
-from dataclasses import asdict, replace
+from dataclasses import replace
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tumble.document.part import finite
+from tumble.records import as_document
 from tumble.report.figures import record
 from tumble.report.html import render_page
 from tumble.report.page import Block, Figures, Page, Sentences, Table, aligned
 
 if TYPE_CHECKING:
+    from tumble.arrays import Series
     from tumble.reproduction.outcome import Outcome, Plot, Row, Value
 
 _COLOURS = (record.BLUE, record.GREEN, record.ORANGE, record.PURPLE, record.TEAL)
@@ -202,14 +205,8 @@ def outcome_csv(outcome: Outcome) -> str:
 def outcome_json(outcome: Outcome) -> str:
     """Return the outcome as JSON with all digits."""
 
-    def plain_data(value: Any) -> Any:
-        if isinstance(value, np.ndarray):
-            return [None if not np.isfinite(v) else float(v) for v in value]
-        if isinstance(value, dict):
-            return {key: plain_data(v) for key, v in cast("dict[str, Any]", value).items()}
-        if isinstance(value, list | tuple):
-            return [plain_data(v) for v in cast("list[Any]", value)]
-        return None if isinstance(value, float) and not np.isfinite(value) else value
+    def numbers(array: Series) -> list[float | None]:
+        return [finite(value) for value in array]
 
-    document = {**asdict(outcome), "command": outcome.command}
-    return json.dumps(plain_data(document), indent=1, ensure_ascii=False) + "\n"
+    document = as_document(outcome) | {"command": outcome.command}
+    return json.dumps(document, indent=1, ensure_ascii=False, default=numbers) + "\n"
