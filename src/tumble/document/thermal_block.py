@@ -178,7 +178,9 @@ def thermal_block(model: ThermalModel, names: list[str], covariance: Square) -> 
     return part_of(
         ThermalBlock,
         model,
-        basis=part_of(BasisBlock, basis, nodes_celsius=basis.nodes, formula=BASIS_FORMULAS[basis.kind]),
+        basis=part_of(
+            BasisBlock, basis, nodes_celsius=basis.nodes.tolist(), formula=BASIS_FORMULAS[basis.kind]
+        ),
         coefficients=read_part(ThermalCoefficients, _lists(model.coefficients)),
         rate_coefficients=read_part(BiasPair, _lists(model.rate_coefficients)),
         hysteresis=read_part(BiasPair, _lists(model.hysteresis)),
