@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tumble.attitude import integrate_turns
+from tumble.attitude import Inverse, integrate_turns
 from tumble.earth import EARTH_RATE, Site
 from tumble.sensor import ImuModel, Triad
 
@@ -59,17 +59,16 @@ def turned(time: np.ndarray, rate: np.ndarray) -> np.ndarray:
     raw_force, raw_rate = IMU.distort(np.tile([1.0, -3.0, 9.0], (time.size, 1)), rate)
     assert IMU.gyroscope is not None
     assert IMU.accelerometer is not None
+    gyro, force = IMU.gyroscope, IMU.accelerometer
+    straight = np.linalg.inv(gyro.matrix), gyro.bias, np.linalg.inv(force.matrix), force.bias
+    inverse = Inverse(*straight, np.zeros((3, 3)) if IMU.g_sensitivity is None else IMU.g_sensitivity)
     return integrate_turns(
         time,
         raw_rate,
         raw_force,
         np.array([0]),
         np.array([time.size]),
-        gyro_inverse=np.linalg.inv(IMU.gyroscope.matrix),
-        gyro_bias=IMU.gyroscope.bias,
-        force_inverse=np.linalg.inv(IMU.accelerometer.matrix),
-        force_bias=IMU.accelerometer.bias,
-        g_sensitivity=IMU.g_sensitivity,
+        inverse,
     ).C_start_end[0]
 
 

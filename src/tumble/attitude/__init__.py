@@ -4,7 +4,7 @@
 have the scalar last, as in scipy. A rotation vector ``phi`` stands for ``exp(skew(phi))``.
 """
 
-from tumble.attitude.integration import IntegratedTurns, integrate_turns
+from tumble.attitude.integration import IntegratedTurns, Inverse, integrate_turns
 from tumble.attitude.rotations import (
     angle_between,
     find_nearest_rotation,
@@ -17,6 +17,7 @@ from tumble.attitude.rotations import (
 
 __all__ = [
     "IntegratedTurns",
+    "Inverse",
     "angle_between",
     "find_nearest_rotation",
     "integrate_turns",

@@ -7,6 +7,8 @@ mean rate times the step plus the coning term ``step**2 / 12 * cross(rate_before
 
 from __future__ import annotations
 
+from typing import Literal, NamedTuple
+
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrices, Matrix, Series, Vector, Vectors
@@ -31,18 +33,30 @@ class IntegratedTurns:
     duration: Series
 
 
+class Inverse(NamedTuple):
+    """What makes true numbers of raw ones, ``gyro @ (raw - gyro_bias - G f)`` and alike; as it is, they are true.
+
+    Attributes
+    ----------
+    gyro, gyro_bias : (3, 3) rad/s per raw unit, and (3,) raw units, or (windows, 3).
+    force, force_bias : (3, 3) m/s² per raw unit, and (3,) raw units.
+    g_sensitivity : (3, 3) raw gyro units per m/s², acting on the corrected specific force.
+    """
+
+    gyro: Matrix = np.eye(3)
+    gyro_bias: Vector | Vectors = np.zeros(3)
+    force: Matrix = np.eye(3)
+    force_bias: Vector = np.zeros(3)
+    g_sensitivity: Matrix = np.zeros((3, 3))
+
+
 def integrate_turns(
     time: Series,
     raw_rate: Vectors,
     raw_force: Vectors,
     starts: np.ndarray,
     stops: np.ndarray,
-    *,
-    gyro_inverse: Matrix,
-    gyro_bias: Vector,
-    force_inverse: Matrix,
-    force_bias: Vector,
-    g_sensitivity: Matrix | None = None,
+    inverse: Inverse,
 ) -> IntegratedTurns:
     """Integrate the corrected angular rate over each turn.
 
@@ -51,10 +65,7 @@ def integrate_turns(
     time : (samples,) s.
     raw_rate, raw_force : (samples, 3) raw units.
     starts, stops : (turns,) half-open sample ranges; a turn runs from the first to the last sample.
-    gyro_inverse : (3, 3) rad/s per raw unit; corrected rate = gyro_inverse @ (raw - bias - G f).
-    gyro_bias : (3,) raw units.
-    force_inverse, force_bias : (3, 3) m/s² per raw unit and (3,) raw units.
-    g_sensitivity : (3, 3) raw gyro units per m/s², acting on the corrected specific force.
+    inverse : what makes true numbers of them.
 
     Raises
     ------
@@ -68,20 +79,9 @@ def integrate_turns(
     first, last = _ranges(starts, stops, time, raw_rate, raw_force)
     C = np.empty((first.size, 3, 3))
     sums = np.empty((first.size, 3, 3, 7))
-    integrate_segments(
-        np.ascontiguousarray(time),
-        np.ascontiguousarray(raw_rate),
-        np.ascontiguousarray(raw_force),
-        np.ascontiguousarray(gyro_inverse),
-        np.ascontiguousarray(gyro_bias),
-        np.zeros((3, 3)) if g_sensitivity is None else np.ascontiguousarray(g_sensitivity),
-        np.ascontiguousarray(force_inverse),
-        np.ascontiguousarray(force_bias),
-        first,
-        last,
-        C,
-        sums,
-    )
+    gyro, bias, force, force_bias, sensitivity = map(np.ascontiguousarray, inverse)
+    t, w, f = map(np.ascontiguousarray, (time, raw_rate, raw_force))
+    integrate_segments(t, w, f, gyro, bias, sensitivity, force, force_bias, first, last, C, sums)
     return IntegratedTurns(C, sums, time[last - 1] - time[first])
 
 
@@ -89,53 +89,36 @@ def average_at_edge(
     time: Series,
     raw_rate: Vectors,
     raw_force: Vectors,
-    starts: np.ndarray,
-    stops: np.ndarray,
-    *,
-    edge: str,
-    gyro_inverse: Matrix,
-    gyro_bias: Vectors,
-    force_inverse: Matrix,
-    force_bias: Vector,
+    windows: np.ndarray,
+    inverse: Inverse,
+    edge: Literal["first", "last"],
 ) -> Vectors:
     """Return the mean corrected specific force of each window, each sample turned to its edge.
 
     Parameters
     ----------
-    starts, stops : (windows,) half-open sample ranges at rest.
-    edge : "first" or "last": the sample in whose body frame the mean is given.
-    gyro_bias : (windows, 3) raw; a window's own mean rate turns by the deviations from it only.
-    gyro_inverse, force_inverse, force_bias : as in `integrate_turns`.
+    windows : (windows, 2) half-open sample ranges at rest.
+    inverse : with (windows, 3) gyro biases: a window's own mean rate turns by the deviations from it only.
+    edge : the sample in whose body frame the mean is given.
 
     Raises
     ------
     IndexError
         If a range is empty or leaves the samples.
     ValueError
-        If `edge` is neither "first" nor "last", if time, rates and forces are not equally long, or if
-        there is not one gyro bias a window.
+        If time, rates and forces are not equally long, or if there is not one gyro bias a window.
     """
     from tumble.attitude.kernels import average_windows
 
-    if edge not in ("first", "last"):
-        raise ValueError(f"edge is {edge!r}, not 'first' or 'last'")
-    first, last = _ranges(starts, stops, time, raw_rate, raw_force)
-    if gyro_bias.shape != (first.size, 3):
-        raise ValueError(f"{first.size} windows want as many gyro biases, not shape {gyro_bias.shape}")
+    first, last = _ranges(windows[:, 0], windows[:, 1], time, raw_rate, raw_force)
+    if inverse.gyro_bias.shape != (*windows.shape[:1], 3):
+        raise ValueError(
+            f"{first.size} windows want as many gyro biases, not shape {inverse.gyro_bias.shape}"
+        )
     means = np.empty((first.size, 3))
-    average_windows(
-        np.ascontiguousarray(time),
-        np.ascontiguousarray(raw_rate),
-        np.ascontiguousarray(raw_force),
-        np.ascontiguousarray(gyro_inverse),
-        np.ascontiguousarray(gyro_bias),
-        np.ascontiguousarray(force_inverse),
-        np.ascontiguousarray(force_bias),
-        first,
-        last,
-        edge == "first",
-        means,
-    )
+    t, w, f = map(np.ascontiguousarray, (time, raw_rate, raw_force))
+    gyro, bias, force, force_bias, _ = map(np.ascontiguousarray, inverse)
+    average_windows(t, w, f, gyro, bias, force, force_bias, first, last, edge == "first", means)
     return means
 
 

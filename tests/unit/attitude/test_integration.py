@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from tumble.attitude import (
     IntegratedTurns,
+    Inverse,
     integrate_turns,
     matrix_from_rotation_vector,
     rotation_vector_from_matrix,
@@ -25,6 +26,8 @@ GYRO_BIAS = np.array([40.0, -70.0, 25.0])
 FORCE_INVERSE = np.array([[1.2, -0.02, 0.04], [0.05, 0.9, 0.01], [-0.03, 0.06, 1.1]]) * 1e-2
 FORCE_BIAS = np.array([-11.0, 5.0, 8.0])
 G_SENSITIVITY = np.array([[0.5, -0.2, 0.1], [0.3, 0.4, -0.6], [-0.1, 0.2, 0.7]])
+
+BOTH = Inverse(GYRO_INVERSE, GYRO_BIAS, FORCE_INVERSE, FORCE_BIAS)
 
 
 def raw_of(rate: Array, force: Array) -> tuple[Array, Array]:
@@ -44,16 +47,10 @@ def integrated(
 ) -> IntegratedTurns:
     force = np.tile([1.0, -2.0, 9.0], (time.size, 1)) if force is None else force
     raw_rate, raw_force = raw_of(rate, force)
-    values = {
-        "gyro_inverse": GYRO_INVERSE,
-        "gyro_bias": GYRO_BIAS,
-        "force_inverse": FORCE_INVERSE,
-        "force_bias": FORCE_BIAS,
-        "g_sensitivity": G_SENSITIVITY,
-    }
+    inverse = BOTH._replace(g_sensitivity=G_SENSITIVITY)._replace(**changed)
     starts = np.array([0]) if starts is None else starts
     stops = np.array([time.size]) if stops is None else stops
-    return integrate_turns(time, raw_rate, raw_force, starts, stops, **(values | changed))
+    return integrate_turns(time, raw_rate, raw_force, starts, stops, inverse)
 
 
 def wobble(time: Array) -> tuple[Array, Array]:
@@ -144,9 +141,7 @@ def test_the_sums_of_a_constant_rate_are_the_integral_of_the_rotation() -> None:
 
 
 def perturbed(kind: str, row: int, column: int, by: float) -> dict[str, Array]:
-    value = {"gyro_inverse": GYRO_INVERSE, "gyro_bias": GYRO_BIAS, "g_sensitivity": G_SENSITIVITY}[
-        kind
-    ].copy()
+    value = {"gyro": GYRO_INVERSE, "gyro_bias": GYRO_BIAS, "g_sensitivity": G_SENSITIVITY}[kind].copy()
     value[(row,) if kind == "gyro_bias" else (row, column)] += by
     return {kind: value}
 
@@ -154,7 +149,7 @@ def perturbed(kind: str, row: int, column: int, by: float) -> dict[str, Array]:
 def predicted(turns: IntegratedTurns, kind: str, row: int, column: int) -> Array:
     """Rotation vector per unit of one parameter: sums[..., j] @ E[:, j], E the rate error by regressor."""
     E = np.zeros((3, 7))
-    if kind == "gyro_inverse":
+    if kind == "gyro":
         change = np.zeros((3, 3))
         change[row, column] = 1.0
         E[:, :3] = change @ np.linalg.inv(GYRO_INVERSE)
@@ -166,7 +161,7 @@ def predicted(turns: IntegratedTurns, kind: str, row: int, column: int) -> Array
 
 
 PARAMETERS = [
-    *[("gyro_inverse", i, j, 1e-8) for i in range(3) for j in range(3)],
+    *[("gyro", i, j, 1e-8) for i in range(3) for j in range(3)],
     *[("gyro_bias", i, 0, 1e-2) for i in range(3)],
     *[("g_sensitivity", i, j, 1e-3) for i in range(3) for j in range(3)],
 ]
@@ -197,17 +192,7 @@ def test_without_g_sensitivity_the_force_does_not_turn_anything() -> None:
     raw_rate = rate @ np.linalg.inv(GYRO_INVERSE).T + GYRO_BIAS
 
     def turned(raw_force: Array) -> Array:
-        return integrate_turns(
-            time,
-            raw_rate,
-            raw_force,
-            np.array([0]),
-            np.array([101]),
-            gyro_inverse=GYRO_INVERSE,
-            gyro_bias=GYRO_BIAS,
-            force_inverse=FORCE_INVERSE,
-            force_bias=FORCE_BIAS,
-        ).C_start_end[0]
+        return integrate_turns(time, raw_rate, raw_force, np.array([0]), np.array([101]), BOTH).C_start_end[0]
 
     assert np.array_equal(turned(force), turned(-5.0 * force))
     expected = Rotation.identity()
@@ -222,15 +207,7 @@ def test_both_branches_of_the_step_are_exact_at_its_end_and_at_its_middle(small:
     time = np.array([0.0, 1.0])
     vector = small * np.array([2.0, -3.0, 6.0]) / 7.0
     turns = integrate_turns(
-        time,
-        np.tile(vector, (2, 1)),
-        np.zeros((2, 3)),
-        np.array([0]),
-        np.array([2]),
-        gyro_inverse=np.eye(3),
-        gyro_bias=np.zeros(3),
-        force_inverse=np.eye(3),
-        force_bias=np.zeros(3),
+        time, np.tile(vector, (2, 1)), np.zeros((2, 3)), np.array([0]), np.array([2]), Inverse()
     )
     np.testing.assert_allclose(turns.C_start_end[0], matrix_from_rotation_vector(vector), atol=1e-15)
     # one second of the regressor one, at the middle's attitude
@@ -250,15 +227,7 @@ def test_ranges_outside_the_samples_are_refused(starts: list[int], stops: list[i
 def test_lengths_that_differ_are_refused_before_the_compiled_loop() -> None:
     with pytest.raises(ValueError, match="5 stamps want as many rates and forces"):
         integrate_turns(
-            np.arange(5.0),
-            np.zeros((4, 3)),
-            np.zeros((5, 3)),
-            np.array([0]),
-            np.array([5]),
-            gyro_inverse=GYRO_INVERSE,
-            gyro_bias=GYRO_BIAS,
-            force_inverse=FORCE_INVERSE,
-            force_bias=FORCE_BIAS,
+            np.arange(5.0), np.zeros((4, 3)), np.zeros((5, 3)), np.array([0]), np.array([5]), BOTH
         )
     with pytest.raises(ValueError, match="2 starts and 1 stops"):
         integrated(np.arange(5.0), np.zeros((5, 3)), None, np.array([0, 1]), np.array([5]))

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from tumble.arrays import Matrices, Matrix, Series, Vectors, inverted, range_means
-from tumble.attitude import angle_between, integrate_turns
+from tumble.attitude import Inverse, angle_between, integrate_turns
 from tumble.calibration.equations.turn import HoldsAndTurns, window_directions
 from tumble.records import dataclass
 from tumble.sensor import ImuModel, Triad
@@ -94,18 +94,10 @@ def score_turns(model: ImuModel, data: HoldsAndTurns) -> TurnScores:
     # Quadratic terms and asymmetries are taken out of the raw numbers first: the kernels know matrix and bias.
     force, rate = _straight(accelerometer, data.raw_force), _straight(gyroscope, data.raw_rate)
     start, stop = data.turn_start[turns], data.turn_stop[turns]
-    integrated = integrate_turns(
-        data.time,
-        rate,
-        force,
-        start,
-        stop,
-        gyro_inverse=gyro_inverse,
-        gyro_bias=gyroscope.bias,
-        force_inverse=inverted(accelerometer.matrix),
-        force_bias=accelerometer.bias,
-        g_sensitivity=sensitivity,
+    inverse = Inverse(
+        gyro_inverse, gyroscope.bias, inverted(accelerometer.matrix), accelerometer.bias, sensitivity
     )
+    integrated = integrate_turns(data.time, rate, force, start, stop, inverse)
     rest = gyroscope.bias + accelerometer.correct(data.force_mean) @ sensitivity.T
     straight = replace(data, raw_force=force, raw_rate=rate, rate_mean=rest)
     heads, tails = window_directions(straight, accelerometer.matrix, accelerometer.bias, gyro_inverse)

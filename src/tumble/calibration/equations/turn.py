@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrices, Matrix, Series, Vector, Vectors, inverted
-from tumble.attitude.integration import average_at_edge
+from tumble.attitude.integration import Inverse, average_at_edge
 from tumble.records import dataclass
 from tumble.segmentation.rest_wander import RestParts
 
@@ -61,6 +61,11 @@ class HoldsAndTurns:
         return int(self.force_mean.shape[0])
 
     @property
+    def samples(self) -> tuple[Series, Vectors, Vectors]:
+        """Their time, raw rate and raw specific force."""
+        return self.time, self.raw_rate, self.raw_force
+
+    @property
     def step(self) -> float:
         """Usual time between samples, s: the median of some hundred thousand of them."""
         return float(np.median(np.diff(self.time)[:: max(1, self.time.size // 200_000)]))
@@ -74,23 +79,9 @@ def window_directions(
     Each is the mean of a window at the hold's edge, every sample turned to the edge by the gyro's
     deviation from the hold's own mean rate: tremor and sway are followed, bias and Earth rate not.
     """
-    inverse = inverted(force_matrix)
-
-    def at(window: np.ndarray, edge: str) -> Vectors:
-        return average_at_edge(
-            data.time,
-            data.raw_rate,
-            data.raw_force,
-            window[:, 0],
-            window[:, 1],
-            edge=edge,
-            gyro_inverse=gyro_inverse,
-            gyro_bias=data.rate_mean,
-            force_inverse=inverse,
-            force_bias=force_bias,
-        )
-
-    return at(data.head, "first"), at(data.tail, "last")
+    inverse = Inverse(gyro_inverse, data.rate_mean, inverted(force_matrix), force_bias)
+    first = average_at_edge(*data.samples, data.head, inverse, "first")
+    return first, average_at_edge(*data.samples, data.tail, inverse, "last")
 
 
 def tangent_bases(directions: Vectors) -> AnyArray:

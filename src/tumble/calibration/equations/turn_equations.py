@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrices, Series, Vector, Vectors, inverted
-from tumble.attitude import integrate_turns
+from tumble.attitude import Inverse, integrate_turns
 from tumble.attitude.rotations import matrices_from_rotation_vectors, rotation_vectors_from_matrices
 from tumble.calibration.equations.adjustment import EARTH, HEAD, NODE, TAIL, JointAdjustment, Section
 from tumble.calibration.equations.causes import RATE_TURNING, RATE_WANDER, TURNS
@@ -65,35 +65,14 @@ def integrate_links(data: Observed, u: Unknowns, starts: np.ndarray, stops: np.n
         rate = straightened(u, rate)
     # Over true time, which the clock's stamps are of up to its own rate.
     faster = 1.0 + float(u["clock"][0])
-    gyro = faster * inverted(gyro_matrix(u))
-    made = integrate_turns(
-        time,
-        rate,
-        force,
-        starts,
-        stops,
-        gyro_inverse=gyro,
-        gyro_bias=u["gyro.bias"],
-        force_inverse=inverted(force_matrix(u)),
-        force_bias=u["force.bias"],
-        g_sensitivity=g_sensitivity(u),
-    )
+    gyro, bias = faster * inverted(gyro_matrix(u)), u["gyro.bias"]
+    inverse = Inverse(gyro, bias, inverted(force_matrix(u)), u["force.bias"], g_sensitivity(u))
+    made = integrate_turns(time, rate, force, starts, stops, inverse)
 
     def summed(inputs: Vectors) -> AnyArray:
-        return integrate_turns(
-            time,
-            rate,
-            inputs,
-            starts,
-            stops,
-            gyro_inverse=gyro,
-            gyro_bias=u["gyro.bias"],
-            force_inverse=np.eye(3),
-            force_bias=np.zeros(3),
-            g_sensitivity=np.zeros((3, 3)),
-        ).sums[..., 4:7]
+        return integrate_turns(time, rate, inputs, starts, stops, Inverse(gyro, bias)).sums[..., 4:7]
 
-    magnitudes = {name: summed(curve.of(rate - u["gyro.bias"])) for name, curve in curves if u.is_free(name)}
+    magnitudes = {name: summed(curve.of(rate - bias)) for name, curve in curves if u.is_free(name)}
     return Link(made.C_start_end, made.sums, faster * made.duration, magnitudes)
 
 

@@ -18,7 +18,7 @@ from dataclasses import replace
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrices, Series, Square, Table, Vectors, range_means
-from tumble.attitude import integrate_turns
+from tumble.attitude import Inverse, integrate_turns
 from tumble.attitude.integration import IntegratedTurns
 from tumble.attitude.rotations import skews
 from tumble.calibration.equations.gathering import gather
@@ -196,14 +196,7 @@ def _fitted(turns: _Turns, fit: ThermalFit) -> tuple[_TurnEquations, Adjustment]
 
 def _integrated(data: HoldsAndTurns, before: np.ndarray) -> IntegratedTurns:
     """Integrate samples that are true ones already over the turns after some holds."""
-    none, one = np.zeros(3), np.eye(3)
-    return integrate_turns(
-        *(data.time, data.raw_rate, data.raw_force, data.turn_start[before], data.turn_stop[before]),
-        gyro_inverse=one,
-        gyro_bias=none,
-        force_inverse=one,
-        force_bias=none,
-    )
+    return integrate_turns(*data.samples, data.turn_start[before], data.turn_stop[before], Inverse())
 
 
 def _corrected_turns(

@@ -274,7 +274,7 @@ def nominal_turn_angles(
     gyro, force = model.gyroscope, model.accelerometer
     if gyro is None or force is None or recording.angular_rate is None or recording.specific_force is None:
         return None
-    from tumble.attitude import integrate_turns
+    from tumble.attitude import Inverse, integrate_turns
     from tumble.calibration.equations.gathering import gather
     from tumble.calibration.equations.turn import window_directions
 
@@ -284,17 +284,10 @@ def nominal_turn_angles(
     turns = np.flatnonzero(data.turn_start >= 0)
     angles = np.full(data.holds, np.nan)
     head, tail = window_directions(data, force.matrix, force.bias, inverse)
-    integrated = integrate_turns(
-        data.time,
-        data.raw_rate,
-        data.raw_force,
-        data.turn_start[turns],
-        data.turn_stop[turns],
-        gyro_inverse=inverse,
-        gyro_bias=gyro.bias,
-        force_inverse=np.asarray(np.linalg.inv(force.matrix), dtype=np.float64),
-        force_bias=force.bias,
-    )
+    forward = np.asarray(np.linalg.inv(force.matrix), dtype=np.float64)
+    of_turns = data.turn_start[turns], data.turn_stop[turns]
+    both = Inverse(inverse, gyro.bias, forward, force.bias)
+    integrated = integrate_turns(*data.samples, *of_turns, both)
     carried = np.einsum("tab,tb->ta", integrated.C_start_end, head[turns + 1])
     angles[turns] = np.arctan2(
         np.linalg.norm(np.cross(carried, tail[turns]), axis=1), np.einsum("ta,ta->t", carried, tail[turns])
