@@ -34,13 +34,7 @@ def matrix_from_rotation_vector(rotation_vector: Vector) -> Matrix:
     >>> bool(np.allclose(C @ [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]))
     True
     """
-    angle = float(np.sqrt(rotation_vector @ rotation_vector))
-    cross = skew(rotation_vector)
-    if angle < 1e-4:
-        first, second = 1.0 - angle**2 / 6.0, 0.5 - angle**2 / 24.0
-    else:
-        first, second = np.sin(angle) / angle, (1.0 - np.cos(angle)) / angle**2
-    return np.eye(3) + first * cross + second * (cross @ cross)
+    return matrices_from_rotation_vectors(rotation_vector[None])[0]
 
 
 def rotation_vector_from_matrix(C: Matrix) -> Vector:
@@ -110,6 +104,22 @@ def skews(vectors: Vectors) -> Matrices:
     made = np.zeros((vectors.shape[0], 3, 3))
     made[:, 0, 1], made[:, 0, 2], made[:, 1, 2] = -vectors[:, 2], vectors[:, 1], -vectors[:, 0]
     return made - np.swapaxes(made, 1, 2)
+
+
+def left_jacobian(rotation_vector: Vector) -> Matrix:
+    """Return J with ``exp(v + dv) = exp(J dv) exp(v)`` to first order.
+
+    Parameters
+    ----------
+    rotation_vector : (3,) rad.
+    """
+    angle = float(np.linalg.norm(rotation_vector))
+    cross = skew(rotation_vector)
+    if angle < 1e-4:
+        return np.eye(3) + 0.5 * cross + cross @ cross / 6.0
+    one = (1.0 - np.cos(angle)) / angle**2
+    two = (angle - np.sin(angle)) / angle**3
+    return np.asarray(np.eye(3) + one * cross + two * (cross @ cross), dtype=np.float64)
 
 
 def rotation_between(start: Vector, end: Vector) -> Matrix:

@@ -24,8 +24,8 @@ from functools import cache
 
 import numpy as np
 
-from tumble.arrays import Matrix, Square, Table, Vector, inverted
-from tumble.attitude.rotations import skew
+from tumble.arrays import Square, Table, Vector, inverted
+from tumble.attitude.rotations import left_jacobian, skew
 from tumble.records import dataclass
 from tumble.sensor import ImuModel, Triad
 from tumble.sensor.triad import CURVES
@@ -120,7 +120,7 @@ class CalibratedUnit:
             raise ValueError("a turn takes some time")
         rate = angle / seconds
         _, by_rate = self.output_errors(self.gravity * up_b, rate * axis_b)
-        return self._predicted(carried_through(axis_b, angle) @ by_rate * seconds)
+        return self._predicted(left_jacobian(angle * axis_b) @ by_rate * seconds)
 
     def output_errors(self, force: Vector, rate: Vector) -> tuple[Table, Table]:
         """Return by how much the corrected specific force and rate move with each parameter, (3, parameters).
@@ -157,20 +157,6 @@ def position_from(by_force: Table, by_rate: Table, force: Vector, seconds: float
     seconds : s from a known start.
     """
     return 0.5 * seconds**2 * by_force - (seconds**3 / 6.0) * (skew(force) @ by_rate)
-
-
-def carried_through(axis: Vector, angle: float) -> Matrix:
-    """Return the mean over a turn of the rotation back to its start, by which a constant rate error sums up.
-
-    Parameters
-    ----------
-    axis, angle : unit vector, and rad.
-    """
-    if abs(angle) < 1e-8:
-        return np.eye(3)
-    cross, along = skew(axis), np.outer(axis, axis)
-    across = np.eye(3) - along
-    return along + (np.sin(angle) * across + (1.0 - np.cos(angle)) * cross) / angle
 
 
 def triad_errors(kind: str, triad: Triad | None, names: Sequence[str], true: Vector) -> Table:

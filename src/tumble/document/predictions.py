@@ -8,10 +8,10 @@ import numpy as np
 
 from tumble.arrays import Series, Vector, Vectors
 from tumble.attitude.directions import twenty_six_directions
+from tumble.attitude.rotations import left_jacobian
 from tumble.calibration.free_inertial import (
     CalibratedUnit,
     Predicted,
-    carried_through,
     nominal_errors,
     position_from,
     sheet_unit,
@@ -182,7 +182,7 @@ def _turned(
     shown = nominal_errors(unit.model, unit.gravity * up, rate * axis, factors)
     before = None
     if shown is not None:
-        before = _unless_lost(float(np.linalg.norm(carried_through(axis, angle) @ shown[1] * seconds)))
+        before = _unless_lost(float(np.linalg.norm(left_jacobian(angle * axis) @ shown[1] * seconds)))
     by_sheet = None
     if sheet is not None:
         promised = sheet.attitude_error(axis, angle, seconds, up)

@@ -152,6 +152,10 @@ class Drift:
     independent: AnyArray
 
 
+# Linear equations of several chains, and how many of them are of each chain.
+Grouped = list[tuple["Linear", list[int]]]
+
+
 class Equations:
     """Observations of one kind along one chain; a class of its own for each kind.
 
@@ -164,10 +168,12 @@ class Equations:
 
     kind: str = ""
     cause: str = ""
+    # Of an outlier, where there may be one: what is left out ("hold", "turn", "spin"), and why.
+    words: tuple[str, str] = "", ""
     place: np.ndarray
 
     @classmethod
-    def linearise_all(cls, group: Sequence[Any], state: Any) -> list[tuple[Linear, list[int]]]:
+    def linearise_all(cls, group: Sequence[Any], state: Any) -> Grouped:
         """Return what `linearise` returns, of all together, with how many terms each has.
 
         Parameters
@@ -175,7 +181,7 @@ class Equations:
         group : of this kind, of chains of one shape that lie in the same one.
         state : where everything is.
         """
-        made: list[tuple[Linear, list[int]]] = []
+        made: Grouped = []
         for parts in zip_longest(*(one.linearise(state) for one in group)):
             # What one section sees of the Earth's rotation, say, are four numbers, and another one sees three.
             for shape in dict.fromkeys(part.shape for part in parts if part is not None):
@@ -216,19 +222,6 @@ class Equations:
     def directions(self, state: Any) -> Table | None:
         """Return (m, d) raw errors per SI unit, of each direction that is looked at for one; None for no look."""
         return None
-
-    @staticmethod
-    def say(index: int, times: str) -> tuple[str, str]:
-        """Return what is left out ("hold", "turn", "spin"), and why, of an outlier `times` as large as the others.
-
-        Raises
-        ------
-        TypeError
-            If observations of this kind are never left out: such a kind has no words for it.
-        """
-        raise TypeError(
-            f"outlier {index}, {times} as large as the others, is of a kind that is never left out"
-        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -64,20 +64,11 @@ class Layout:
 
     def label(self, index: int) -> str:
         """Return an unknown in words."""
-        block, at = self._find(index)
-        return block.labels[at]
+        return [label for block in self.blocks for label in block.labels][index]
 
     def remedy(self, index: int) -> str:
         """Return what would determine an unknown, in words."""
-        block, at = self._find(index)
-        return block.remedies[at]
-
-    def _find(self, index: int) -> tuple[Block, int]:
-        for block in self.blocks:
-            place = self._places[block.name]
-            if place.start <= index < place.stop:
-                return block, index - place.start
-        raise IndexError(index)
+        return [remedy for block in self.blocks for remedy in block.remedies][index]
 
     def sparse_prior(self, values: Series, sigmas: Mapping[str, float | Series]) -> Prior:
         """Return what is known of some blocks: their values with a standard uncertainty, and nothing of the others.

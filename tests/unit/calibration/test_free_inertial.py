@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tumble.calibration.free_inertial import CalibratedUnit, carried_through, sheet_unit
+from tumble.attitude.rotations import left_jacobian
+from tumble.calibration.free_inertial import CalibratedUnit, sheet_unit
 from tumble.sensor import ImuModel, Triad
 
 GRAVITY = 9.81
@@ -94,7 +95,7 @@ def test_the_attitude_error_is_that_of_a_turn_step_by_step(index: int) -> None:
         true = true * Rotation.from_rotvec(rate * seconds / steps)
     missed = (seen * true.inv()).as_rotvec()
     _, by_rate = UNIT.output_errors(np.zeros(3), rate)
-    predicted = carried_through(axis, angle) @ by_rate[:, index] * seconds * SIZE
+    predicted = left_jacobian(angle * axis) @ by_rate[:, index] * seconds * SIZE
     assert predicted == pytest.approx(missed, rel=1e-4, abs=1e-10)
 
 

@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from tumble.attitude.rotations import matrix_from_rotation_vector
+from tumble.attitude.rotations import left_jacobian, matrix_from_rotation_vector
 from tumble.calibration.equations.believed_poses import LEAST_SIGMA, BelievedPoses, believed_poses
 from tumble.calibration.equations.imu_unknowns import imu_unknowns, unknowns_of
 from tumble.calibration.equations.observed import observe
 from tumble.calibration.equations.pose_equations import Pose as PoseEquations
-from tumble.calibration.equations.pose_equations import align_with_poses, left_jacobian
+from tumble.calibration.equations.pose_equations import align_with_poses
 from tumble.calibration.start import start_adjustment
 from tumble.protocol.steps import HoldStep, Pose, Protocol, SpinStep, TurnStep
 from tumble.segmentation.matching import MatchedHold, Matching

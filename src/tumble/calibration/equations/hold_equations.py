@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Matrices, Matrix, Table, Vector, Vectors
-from tumble.attitude.rotations import rotation_vectors_from_matrices
+from tumble.arrays import AnyArray, Matrices, Table, Vectors
+from tumble.attitude.rotations import rotation_vectors_from_matrices, skew
 from tumble.calibration.equations.adjustment import EARTH, HEAD, MIDDLE, NODE, TAIL, JointAdjustment, Section
 from tumble.calibration.equations.causes import FORCE_REST, FORCE_WANDER, RATE_REST, RATE_WANDER, SWAY
 from tumble.calibration.equations.imu_unknowns import (
@@ -47,6 +47,7 @@ class Force(HoldEquations):
     """The specific force at the head, in the middle and at the tail: ``a(C' (0, 0, -g))`` less the part's mean."""
 
     kind = "force"
+    words = "hold", "its specific force ({norm} off gravity) contradicts the others, {times}"
 
     def linearise(self, state: JointAdjustment) -> list[Linear]:
         """Return nine residuals a hold, raw."""
@@ -54,7 +55,7 @@ class Force(HoldEquations):
         backward = np.swapaxes(self.section.C_wb, 2, 3)
         shown = raw_force(u, (backward @ up).reshape(-1, 3))
         residual = (shown.value - state.data.parts[k].reshape(-1, 3)).reshape(k.size, 9)
-        by_attitude = (shown.by_true @ backward.reshape(-1, 3, 3) @ cross_matrix(up)).reshape(k.size, 3, 3, 3)
+        by_attitude = (shown.by_true @ backward.reshape(-1, 3, 3) @ skew(up)).reshape(k.size, 3, 3, 3)
         by_node = np.zeros((k.size, 9, NODE))
         for part, at in enumerate((HEAD, MIDDLE, TAIL)):
             by_node[:, at, at] = by_attitude[:, part]
@@ -108,16 +109,12 @@ class Force(HoldEquations):
         """Return an error of the whole hold along each axis."""
         return np.tile(force_matrix(state.unknowns), (3, 1))
 
-    @staticmethod
-    def say(index: int, times: str) -> tuple[str, str]:
-        """Return that a hold contradicts the others; `{norm}` is by how much it is off gravity."""
-        return "hold", f"its specific force ({{norm}} off gravity) contradicts the others, {times}"
-
 
 class Rate(HoldEquations):
     """The mean rate: ``w(C' Ω + sway / length, C' (0, 0, -g))`` less the mean."""
 
     kind = "rate"
+    words = "hold", "the gyro's output at rest is off by {times}: did it really rest?"
 
     def linearise(self, state: JointAdjustment) -> list[Linear]:
         """Return three residuals a hold, raw."""
@@ -130,8 +127,8 @@ class Rate(HoldEquations):
         matrix, by_rate = gyro_matrix(u), shown.by_true @ backward
         by_sway = by_rate / length[:, :, None]
         by_node = np.zeros((k.size, 3, NODE))
-        by_node[:, :, HEAD] = by_rate @ cross_matrix(earth) - by_sway
-        by_node[:, :, HEAD] += g_sensitivity(u) @ backward @ cross_matrix(up)
+        by_node[:, :, HEAD] = by_rate @ skew(earth) - by_sway
+        by_node[:, :, HEAD] += g_sensitivity(u) @ backward @ skew(up)
         by_node[:, :, TAIL] = by_sway
         by_border = u.columns(shown.by_blocks, 3)
         by_border[:, :, EARTH] = by_rate
@@ -161,11 +158,6 @@ class Rate(HoldEquations):
     def directions(self, state: JointAdjustment) -> Table:
         """Return an error along each axis."""
         return gyro_matrix(state.unknowns)
-
-    @staticmethod
-    def say(index: int, times: str) -> tuple[str, str]:
-        """Return that the unit did not rest."""
-        return "hold", f"the gyro's output at rest is off by {times}: did it really rest?"
 
 
 class Swing(HoldEquations):
@@ -227,8 +219,3 @@ class Rest(HoldEquations):
 def _swayed_from(before: Matrices, after: Matrices) -> Vectors:
     """Return (holds, 3) rad, the rotation from one attitude to another, in the first one's axes."""
     return rotation_vectors_from_matrices(np.swapaxes(before, 1, 2) @ after)
-
-
-def cross_matrix(v: Vector) -> Matrix:
-    """Return the matrix of the cross product with a vector from the left."""
-    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])

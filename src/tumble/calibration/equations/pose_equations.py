@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from tumble.arrays import Matrix, Series
 from tumble.attitude.rotations import (
     find_nearest_rotation,
+    left_jacobian,
     matrix_from_rotation_vector,
     rotation_vector_from_matrix,
     rotation_vectors_from_matrices,
@@ -34,6 +34,7 @@ class PoseEquations(Equations):
     """Of some believed poses of a section."""
 
     cause = PLACEMENT
+    words = "hold", "its pose is not what the protocol says, {times}: was it placed otherwise?"
 
     def __init__(self, poses: BelievedPoses, at: np.ndarray, section: Section) -> None:
         self.poses, self.at, self.section = poses, at, section
@@ -43,11 +44,6 @@ class PoseEquations(Equations):
     def views(self, state: JointAdjustment, linear: Linear) -> list[View]:
         """Return all of it."""
         return [View(self.kind)]
-
-    @staticmethod
-    def say(index: int, times: str) -> tuple[str, str]:
-        """Return that the pose is another one."""
-        return "hold", f"its pose is not what the protocol says, {times}: was it placed otherwise?"
 
     def _linear(
         self, state: JointAdjustment, residual: np.ndarray, by_node: np.ndarray, by_fixture: np.ndarray
@@ -108,22 +104,6 @@ def pose_equations(poses: BelievedPoses, section: Section) -> list[Equations]:
         if np.any(chosen):
             made.append(of_kind(poses, at[chosen], section))
     return made
-
-
-def left_jacobian(rotation_vector: Series) -> Matrix:
-    """Return J with ``exp(v + dv) = exp(J dv) exp(v)`` to first order.
-
-    Parameters
-    ----------
-    rotation_vector : (3,) rad.
-    """
-    angle = float(np.linalg.norm(rotation_vector))
-    cross = skew(np.asarray(rotation_vector, dtype=np.float64))
-    if angle < 1e-4:
-        return np.eye(3) + 0.5 * cross + cross @ cross / 6.0
-    one = (1.0 - np.cos(angle)) / angle**2
-    two = (angle - np.sin(angle)) / angle**3
-    return np.asarray(np.eye(3) + one * cross + two * (cross @ cross), dtype=np.float64)
 
 
 def mounting_prior(u: Unknowns) -> Prior:

@@ -10,7 +10,7 @@ both biases wander: a constant and cosines over the rotation, each with the vari
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -24,17 +24,8 @@ from tumble.attitude.rotations import (
     skews,
     tangent_basis,
 )
+from tumble.calibration.equations import causes
 from tumble.calibration.equations.adjustment import JointAdjustment, RotationState
-from tumble.calibration.equations.causes import (
-    ANGLES,
-    AXIS,
-    FORCE_TURNING,
-    FORCE_WANDER,
-    LEVER,
-    OTHER,
-    RATE_TURNING,
-    RATE_WANDER,
-)
 from tumble.calibration.equations.imu_unknowns import (
     force_matrix,
     g_sensitivity,
@@ -51,10 +42,9 @@ from tumble.calibration.equations.turn_equations import (
     link_residuals,
 )
 from tumble.calibration.terms import by_lag, lever_arms
-from tumble.estimation.equations import Drift, Equations, Linear, View
+from tumble.estimation.equations import Drift, Equations, Grouped, Linear, View
 from tumble.estimation.unknowns import Unknowns
 from tumble.estimation.wander import faster_variance
-from tumble.records import dataclass
 
 if TYPE_CHECKING:
     from tumble.calibration.equations.stretches import RotationStretch
@@ -70,77 +60,36 @@ LEAST_ANGLE_SIGMA = 1e-9  # rad
 CHECKED_ANGLE = 1e-4
 
 
-@dataclass(frozen=True, slots=True)
-class Layout:
-    """Where a rotation's own unknowns stand in its border; the attitudes at both ends and the section's border follow.
+class Layout(NamedTuple):
+    """Where a rotation's own unknowns stand in its border, and after them the section's.
 
-    First the lever arm (3), then how the axis leans in the unit and in the room (2 and 2), then what the
-    accelerometers' biases wander (constant and modes, 3 each), then the gyros', then the first window's attitude once
-    more where a rate is believed (3).
+    Attributes
+    ----------
+    lever, axis : the lever arm (3), and how the axis leans in the unit and in the room (2 and 2).
+    force, rate : how each triad's biases wander, constant and modes, 3 each.
+    anchor : the first window's attitude once more where a rate is believed (3), else nothing.
+    holds, earth : the attitudes at both ends (6), and the section's Earth rate; the shared unknowns follow.
     """
 
-    modes: int
-    rated: bool = False
+    lever: slice
+    axis: slice
+    force: slice
+    rate: slice
+    anchor: slice
+    holds: slice
+    earth: slice
 
     @staticmethod
     def of(rotation: TableRotation) -> Layout:
         """Return the layout of a rotation."""
-        return Layout(rotation.modes.shape[1], rotation.turn_rate is not None)
-
-    @property
-    def wander(self) -> int:
-        """How many unknowns a triad's wander has."""
-        return 3 * (1 + self.modes)
+        wander = 3 * (1 + rotation.modes.shape[1])
+        stops = np.cumsum([3, 4, wander, wander, 3 * (rotation.turn_rate is not None), 6, 3]).tolist()
+        return Layout(*map(slice, [0, *stops], stops))
 
     @property
     def own(self) -> int:
         """How many unknowns are the rotation's own."""
-        return 7 + 2 * self.wander + (3 if self.rated else 0)
-
-    @property
-    def lever(self) -> slice:
-        """Of the lever arm."""
-        return slice(0, 3)
-
-    @property
-    def axis(self) -> slice:
-        """Of the axis's leaning in the unit (2) and in the room (2)."""
-        return slice(3, 7)
-
-    @property
-    def force(self) -> slice:
-        """Of the accelerometers' wander."""
-        return slice(7, 7 + self.wander)
-
-    @property
-    def rate(self) -> slice:
-        """Of the gyros' wander."""
-        return slice(7 + self.wander, 7 + 2 * self.wander)
-
-    @property
-    def anchor(self) -> slice:
-        """Of the first window's attitude; of nothing where no rate is believed."""
-        return slice(7 + 2 * self.wander, self.own)
-
-    @property
-    def start(self) -> slice:
-        """Of the attitude at the tail of the hold before."""
-        return slice(self.own, self.own + 3)
-
-    @property
-    def end(self) -> slice:
-        """Of the attitude at the head of the hold after."""
-        return slice(self.own + 3, self.own + 6)
-
-    @property
-    def holds(self) -> slice:
-        """Of both attitudes, one after the other."""
-        return slice(self.start.start, self.end.stop)
-
-    @property
-    def earth(self) -> slice:
-        """Of the section's Earth rate; the shared unknowns follow."""
-        return slice(self.own + 6, self.own + 9)
+        return self.anchor.stop
 
 
 class RotationEquations(Equations):
@@ -202,12 +151,10 @@ class AlikeEquations(RotationEquations):
 class Windows(AlikeEquations):
     """The windows' specific force: ``a(mean rotation · C' (0, 0, -g) + centripetal) + wander`` less the mean."""
 
-    kind, cause = "windows", FORCE_TURNING
+    kind, cause = "windows", causes.FORCE_TURNING
 
     @classmethod
-    def linearise_all(
-        cls, group: Sequence[Windows], state: JointAdjustment
-    ) -> list[tuple[Linear, list[int]]]:
+    def linearise_all(cls, group: Sequence[Windows], state: JointAdjustment) -> Grouped:
         """Return three residuals a window, raw; all rotations have one layout, and are of one section."""
         u, layout, spins = state.unknowns, group[0].layout, [one.spin for one in group]
         counts = [len(spin.windows) for spin in spins]
@@ -240,7 +187,7 @@ class Windows(AlikeEquations):
         by_output = -by_rate @ np.linalg.inv(gyros.by_true)
         blocks |= {name: by_output @ block for name, block in gyros.by_blocks.items()}
         blocks["clock"] = by_rate @ rates[:, :, None] / (1.0 + u["clock"][0])
-        wander = np.zeros((len(shapes), 3, layout.wander))
+        wander = np.zeros((len(shapes), 3, 3 * shapes.shape[1]))
         for axis in range(3):
             wander[:, axis, axis::3] = shapes
         own_parts = [(layout.lever, shown.by_true @ centripetal), (layout.force, wander)]
@@ -264,24 +211,26 @@ class Windows(AlikeEquations):
     def drifts(self, state: JointAdjustment, linear: Linear, first: int) -> dict[str, Drift]:
         """Return what wanders faster than the modes."""
         windows = self.spin.windows
-        return {FORCE_WANDER: _fast_drift(state.data, self.spin, linear, windows, state.data.force_density)}
+        return {
+            causes.FORCE_WANDER: _fast_drift(state.data, self.spin, linear, windows, state.data.force_density)
+        }
 
 
 class Links(AlikeEquations):
     """The gyros from the hold before through all windows to the hold after; the first and the last stand apart."""
 
-    kind, cause = "links", RATE_TURNING
+    kind, cause = "links", causes.RATE_TURNING
 
     def __init__(self, stretch: RotationStretch) -> None:
         super().__init__(stretch)
         self.duration = 0.0
 
     @classmethod
-    def linearise_all(cls, group: Sequence[Links], state: JointAdjustment) -> list[tuple[Linear, list[int]]]:
+    def linearise_all(cls, group: Sequence[Links], state: JointAdjustment) -> Grouped:
         """Return three residuals a link, rad in w; all rotations have one layout, and are of one section."""
         # Both links of a single window depend on that node alone.
         single = [len(one.spin.windows) == 1 for one in group]
-        made: list[tuple[Linear, list[int]]] = []
+        made: Grouped = []
         for alone in {*single}:
             taken = [one for one, is_single in zip(group, single, strict=True) if is_single == alone]
             linear, counts = cls._alike(taken, state)
@@ -334,16 +283,18 @@ class Links(AlikeEquations):
     def drifts(self, state: JointAdjustment, linear: Linear, first: int) -> dict[str, Drift]:
         """Return what wanders faster than the modes."""
         ranges = _link_ranges(state.data, self.spin)[first : first + len(linear.residual)]
-        return {RATE_WANDER: _fast_drift(state.data, self.spin, linear, ranges, state.data.rate_density)}
+        return {
+            causes.RATE_WANDER: _fast_drift(state.data, self.spin, linear, ranges, state.data.rate_density)
+        }
 
 
 class Axis(AlikeEquations):
     """That the axis is the same in the unit and in the room: ``C axis_b - axis_w``, across."""
 
-    kind, cause = "axis", AXIS
+    kind, cause = "axis", causes.AXIS
 
     @classmethod
-    def linearise_all(cls, group: Sequence[Axis], state: JointAdjustment) -> list[tuple[Linear, list[int]]]:
+    def linearise_all(cls, group: Sequence[Axis], state: JointAdjustment) -> Grouped:
         """Return two residuals a window, and two at each end, rad; of the axis nothing is known beforehand."""
         layout = group[0].layout
         C, begins = cls.attitudes_of(group)
@@ -378,7 +329,11 @@ class Axis(AlikeEquations):
 class Angle(RotationEquations):
     """The rotation from rest to rest about the axis, less the table's angle."""
 
-    kind, cause = "angle", ANGLES
+    kind, cause = "angle", causes.ANGLES
+    words = (
+        "spin",
+        "the table's angle after hold {number} contradicts everything else, {times}: misread?",
+    )
 
     def linearise(self, state: JointAdjustment) -> list[Linear]:
         """Return one residual, rad; none if nobody read it."""
@@ -399,12 +354,6 @@ class Angle(RotationEquations):
         """Return an error of the angle."""
         return np.eye(1)
 
-    @staticmethod
-    def say(index: int, times: str) -> tuple[str, str]:
-        """Return that it was misread."""
-        what = f"the table's angle after hold {index + 1} contradicts everything else"
-        return "spin", f"{what}, {times}: misread?"
-
 
 class TableRate(AlikeEquations):
     """That the table turns at its rate from the first window to the last.
@@ -412,7 +361,14 @@ class TableRate(AlikeEquations):
     The two are no neighbours in the chain: the first one's attitude stands in the border once more.
     """
 
-    kind, cause = "table rate", OTHER
+    kind, cause = "table rate", causes.OTHER
+    words = (
+        "spin",
+        (
+            "after hold {number} the unit did not turn by what the table's rate makes, {times}: did the unit slip, "
+            "or was it another rate?"
+        ),
+    )
 
     @property
     def seconds(self) -> float:
@@ -421,12 +377,10 @@ class TableRate(AlikeEquations):
         return float(time[centres[-1]] - time[centres[0]])
 
     @classmethod
-    def linearise_all(
-        cls, group: Sequence[TableRate], state: JointAdjustment
-    ) -> list[tuple[Linear, list[int]]]:
+    def linearise_all(cls, group: Sequence[TableRate], state: JointAdjustment) -> Grouped:
         """Return three residuals that tie both attitudes, and one, rad, of the rate; nothing where none is believed."""
         layout, u, there = group[0].layout, state.unknowns, [int(len(one.spin.windows) > 1) for one in group]
-        if not layout.rated or not any(there):
+        if group[0].moving.anchor is None or not any(there):
             return []
         spun = [one for one in group if len(one.spin.windows) > 1]
         first, last, axis = (
@@ -471,12 +425,6 @@ class TableRate(AlikeEquations):
         """Return the rate's; the tie is none of the table's."""
         return [View("table rate", least=CHECKED_ANGLE)] if linear.residual.shape[1] == 1 else []
 
-    @staticmethod
-    def say(index: int, times: str) -> tuple[str, str]:
-        """Return that the unit did not turn as the table should."""
-        what = f"after hold {index + 1} the unit did not turn by what the table's rate makes"
-        return "spin", f"{what}, {times}: did the unit slip, or was it another rate?"
-
 
 class Own(AlikeEquations):
     """What is believed of the rotation's own unknowns: how long a lever arm is, and how biases wander."""
@@ -484,7 +432,7 @@ class Own(AlikeEquations):
     kind = "own"
 
     @classmethod
-    def linearise_all(cls, group: Sequence[Own], state: JointAdjustment) -> list[tuple[Linear, list[int]]]:
+    def linearise_all(cls, group: Sequence[Own], state: JointAdjustment) -> Grouped:
         """Return a residual of each that something is known of: of all but the axis."""
         at = group[0].known
         force, rate = _wander_variances(state, [one.spin for one in group])
@@ -506,9 +454,9 @@ class Own(AlikeEquations):
         """Return the lever arm's length, and the wanders."""
         at, made = self.known, dict[str, AnyArray]()
         for cause, place in (
-            (LEVER, self.layout.lever),
-            (FORCE_WANDER, self.layout.force),
-            (RATE_WANDER, self.layout.rate),
+            (causes.LEVER, self.layout.lever),
+            (causes.FORCE_WANDER, self.layout.force),
+            (causes.RATE_WANDER, self.layout.rate),
         ):
             there = (at >= place.start) & (at < place.stop)
             made[cause] = there[:, None, None] * linear.covariance
@@ -521,8 +469,8 @@ class Own(AlikeEquations):
         rate[0] -= self.spin.rate_rounding
         nothing, never, made = np.zeros((at.size, 1, 3)), np.zeros(at.size), dict[str, Drift]()
         for source, place, alone in (
-            (FORCE_WANDER, self.layout.force, force),
-            (RATE_WANDER, self.layout.rate, rate),
+            (causes.FORCE_WANDER, self.layout.force, force),
+            (causes.RATE_WANDER, self.layout.rate, rate),
         ):
             whole = np.zeros(self.layout.own)
             whole[place] = alone.ravel()

@@ -194,6 +194,7 @@ class Turn(Equations):
     """
 
     kind = "turn"
+    words = "turn", "gravity carried by the gyro ends {angle}, {times}"
     given: Link | None = None
 
     def __init__(self, section: Section, place: np.ndarray) -> None:
@@ -260,8 +261,3 @@ class Turn(Equations):
     def directions(self, state: JointAdjustment) -> AnyArray:
         """Return an error about each axis."""
         return np.eye(3)
-
-    @staticmethod
-    def say(index: int, times: str) -> tuple[str, str]:
-        """Return that gravity does not arrive where it should; `{angle}` is by how much."""
-        return "turn", f"gravity carried by the gyro ends {{angle}}, {times}"

@@ -216,10 +216,8 @@ def magnetometer_from_holds(
     norm = float(scale.norm_of(magnetometer_matrix(u)))
     numbers, covariance = propagate(_in_frame(outcome.frame, scale), u.values[:told], spread)
     weak = u.layout.indices(MATRIX, BIAS)[_shares(numbers, covariance, norm) > DETERMINED].tolist()
-    said = [
-        (o.group, *FieldSeen.say(o.group, f"{o.normalised:.1f} times what the others show"))
-        for o in balanced.outliers
-    ]
+    kind, why = FieldSeen.words
+    said = [why.format(times=f"{o.normalised:.1f} times what the others show") for o in balanced.outliers]
     return _described(
         (numbers, covariance),
         norm,
@@ -234,7 +232,7 @@ def magnetometer_from_holds(
         dip_sigma=dip_sigma,
         scatter=float(np.sqrt(task.noise[FIELD_NOISE])),
         holds=_holds(task, norm),
-        left_out=tuple(LeftOut(kind, hold, why) for hold, kind, why in said),
+        left_out=tuple(LeftOut(kind, o.group, of) for o, of in zip(balanced.outliers, said, strict=True)),
         moving=moving,
         not_determined=tuple(
             f"The {u.layout.label(i)} is not determined: {u.layout.remedy(i)} would determine it."

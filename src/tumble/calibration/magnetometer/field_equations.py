@@ -20,8 +20,9 @@ from typing import cast
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrices, Matrix, Series, Table, Vectors, inverted
+from tumble.attitude.rotations import skews
 from tumble.calibration.equations.adjustment import HEAD, MIDDLE, NODE, TAIL, JointAdjustment, Section
-from tumble.calibration.equations.hold_equations import HoldEquations, cross_matrix
+from tumble.calibration.equations.hold_equations import HoldEquations
 from tumble.calibration.equations.imu_unknowns import LAYOUT
 from tumble.calibration.equations.stretches import RecordingStretch, SectionStretch
 from tumble.calibration.equations.turn import HoldsAndTurns
@@ -237,6 +238,10 @@ class FieldSeen(HoldEquations):
     """
 
     kind, cause = FIELD, "field that differs from hold to hold"
+    words = (
+        "hold",
+        "the magnetic field is another there than in the others, {times}: is iron or a current near?",
+    )
 
     def __init__(self, section: Section, index: int) -> None:
         super().__init__(section)
@@ -257,7 +262,7 @@ class FieldSeen(HoldEquations):
         came = state.course[k, None]
         residual = true @ matrix.T + u[BIAS] + came * u[ON_UNIT] - state.seen.mean[k]
         by_node = np.zeros((k.size, 3, NODE))
-        crossed = np.stack([cross_matrix(f) for f in value])
+        crossed = skews(value)
         for part, at in enumerate((HEAD, MIDDLE, TAIL)):
             by_node[:, :, at] = shares[:, part, None, None] * (matrix @ backward[:, part] @ crossed)
         shown = matrix @ mean
@@ -282,14 +287,6 @@ class FieldSeen(HoldEquations):
     def directions(self, state: JointAdjustment) -> Table:
         """Return an error along each axis."""
         return magnetometer_matrix(state.unknowns)
-
-    @staticmethod
-    def say(index: int, times: str) -> tuple[str, str]:
-        """Return that the field is another in a hold."""
-        return (
-            "hold",
-            f"the magnetic field is another there than in the others, {times}: is iron or a current near?",
-        )
 
 
 def hold_shares(state: JointAdjustment, k: np.ndarray) -> Table:

@@ -12,23 +12,8 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Matrix, Series, Table, Vector, inverted
 from tumble.calibration.checks.bias_course import with_courses
+from tumble.calibration.equations import causes
 from tumble.calibration.equations.adjustment import JointAdjustment
-from tumble.calibration.equations.causes import (
-    AXIS,
-    FORCE_REST,
-    FORCE_TURNING,
-    FORCE_WANDER,
-    GRAVITY,
-    PLACEMENT,
-    RATE_REST,
-    RATE_TURNING,
-    RATE_WANDER,
-    SAMPLE_RATE,
-    SOURCES,
-    SWAY,
-    TABLE_RATE,
-    TURNS,
-)
 from tumble.calibration.equations.hold_equations import Rate
 from tumble.calibration.equations.imu_unknowns import force_matrix, gyro_matrix, raw_force, term_unknowns
 from tumble.calibration.equations.observed import wander_logarithm
@@ -77,8 +62,8 @@ def recording_influences(task: JointAdjustment, settled: Settled | None = None) 
     data, u, between = task.data, task.unknowns, _between(task)
     octaves, wanders = wander_logarithm(data.base, data.span), dict[str, tuple[Vector, float]]()
     for source, floor, variance, matrix in (
-        (FORCE_WANDER, data.force_density, task.noise["force"], force_matrix(u)),
-        (RATE_WANDER, data.rate_density, task.noise["rate"], gyro_matrix(u)),
+        (causes.FORCE_WANDER, data.force_density, task.noise["force"], force_matrix(u)),
+        (causes.RATE_WANDER, data.rate_density, task.noise["rate"], gyro_matrix(u)),
     ):
         # What holds scatter by beyond their noise is wander as far as their parts show one, and may be a bump's.
         added = variance * np.sum(matrix**2, axis=1) / octaves
@@ -98,9 +83,9 @@ def _between(task: JointAdjustment) -> dict[str, Vector]:
     # Holds that are too short to be cut into parts show no wander.
     if parts is None or parts.force is None:
         return {}
-    made = {FORCE_WANDER: _force_density(task, parts)}
+    made = {causes.FORCE_WANDER: _force_density(task, parts)}
     if parts.rate is not None:
-        made[RATE_WANDER] = _rate_density(task, parts)
+        made[causes.RATE_WANDER] = _rate_density(task, parts)
     return made
 
 
@@ -263,10 +248,10 @@ def budget_of(
     """
     made = {
         source: scale * np.sqrt(np.maximum(np.einsum("pa,ab,pb->p", named.slope, share, named.slope), 0.0))
-        for source, share in influences.shares(SOURCES).items()
+        for source, share in influences.shares(causes.SOURCES).items()
     }
     moved = gravity_slope(outcome.values, outcome.site)[outcome.task.unknowns.free]
-    made[GRAVITY] = np.abs(named.slope @ moved) * outcome.site.gravity_sigma
+    made[causes.GRAVITY] = np.abs(named.slope @ moved) * outcome.site.gravity_sigma
     for source, slope in _seen_by_nothing(outcome).items():
         made[source] = scale * np.abs(named.slope @ slope)
         made[PRIOR] = np.sqrt(np.maximum(made[PRIOR] ** 2 - made[source] ** 2, 0.0))
@@ -277,7 +262,7 @@ def _seen_by_nothing(outcome: JointOutcome) -> dict[str, Series]:
     """Source -> (free,) by how much one sigma of what is believed of clock and table moves the unknowns."""
     task = outcome.task
     made: dict[str, Series] = {}
-    for source, name in ((SAMPLE_RATE, "clock"), (TABLE_RATE, "table_rate")):
+    for source, name in ((causes.SAMPLE_RATE, "clock"), (causes.TABLE_RATE, "table_rate")):
         if task.unknowns.is_free(name) and task.prior is not None:
             (at,), (place,) = task.unknowns.places([name]), task.unknowns.layout.indices(name)
             made[source] = outcome.balanced.solution.cofactor[:, at] * np.sqrt(
@@ -300,20 +285,22 @@ def source_degrees(outcome: JointOutcome) -> dict[str, float]:
     """
     data, noise, tests = outcome.data, outcome.task.noise, outcome.balanced.tests
     pooled = DEGREES_OF_A_HOLD * data.holds
-    made: dict[str, float] = dict.fromkeys((FORCE_REST, FORCE_TURNING, RATE_REST, RATE_TURNING), pooled)
+    made: dict[str, float] = dict.fromkeys(
+        (causes.FORCE_REST, causes.FORCE_TURNING, causes.RATE_REST, causes.RATE_TURNING), pooled
+    )
     unknowns = outcome.task.unknowns
     floor = _in_si(data.base.force_floor, force_matrix(unknowns))
-    made[FORCE_WANDER] = _of_wander(floor, noise["force"], tests.get("force"), data.holds)
+    made[causes.FORCE_WANDER] = _of_wander(floor, noise["force"], tests.get("force"), data.holds)
     floor = _in_si(data.base.rate_floor, gyro_matrix(unknowns))
-    made[RATE_WANDER] = _of_wander(floor, noise["rate"], tests.get("rate"), data.holds)
-    made[TURNS] = _of_component(noise["turn"], tests.get("turn"))
+    made[causes.RATE_WANDER] = _of_wander(floor, noise["rate"], tests.get("rate"), data.holds)
+    made[causes.TURNS] = _of_component(noise["turn"], tests.get("turn"))
     placed = tests.get("tilt", tests.get("pose"))
     if noise["placement"] > 0.0:
-        made[PLACEMENT] = _of_component(noise["placement"], placed)
-    made[SWAY] = _of_component(noise["sway"], tests.get("rest"))
+        made[causes.PLACEMENT] = _of_component(noise["placement"], placed)
+    made[causes.SWAY] = _of_component(noise["sway"], tests.get("rest"))
     windows = sum(len(spin.windows) for spin in data.rotations.values())
     if windows:
-        made[AXIS] = 2.0 * windows
+        made[causes.AXIS] = 2.0 * windows
     return made
 
 

@@ -385,9 +385,8 @@ def _left_out(balanced: Balanced, norms: Series, angles: Series) -> list[LeftOut
     for outlier in balanced.outliers:
         k, times = outlier.group, f"{outlier.normalised:.1f} times what the others show"
         of = Angle if outlier.kind == "angle" else type(of_kind[outlier.kind])
-        what, why = of.say(k, times)
-        why = why.format(norm=f"{1e3 * norms[k]:+.1f} mm/s²", angle=angle_off(angles[k]))
-        made.append(LeftOut(what, k, why))
+        found = {"norm": f"{1e3 * norms[k]:+.1f} mm/s²", "angle": angle_off(angles[k])}
+        made.append(LeftOut(of.words[0], k, of.words[1].format(number=k + 1, times=times, **found)))
     return made
 
 
