@@ -109,10 +109,8 @@ def exact_means(recording: Recording, holds: list[Hold], sigma: tuple[float, flo
     return HoldMeans(
         specific_force=np.array([recording.specific_force[h.start : h.stop].mean(axis=0) for h in holds]),
         specific_force_covariance=blocks[0],
-        specific_force_dof=count - 1.0,
         angular_rate=np.array([recording.angular_rate[h.start : h.stop].mean(axis=0) for h in holds]),
         angular_rate_covariance=blocks[1],
-        angular_rate_dof=count - 1.0,
         duration=count / RATE,
         time=np.array([recording.time[(h.start + h.stop) // 2] for h in holds]),
         count=count,

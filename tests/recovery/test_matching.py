@@ -205,8 +205,8 @@ def test_an_extra_spin_is_left_out_and_named() -> None:
 def test_spins_are_averaged_row_by_row_as_they_were_matched() -> None:
     protocol = shortened("rate-table")
     recording, truth = simulated(protocol, grade=None)
-    matching, timeline = matched(protocol, recording)
-    means = observe_matched_spins(protocol, recording, timeline, matching)
+    matching, _ = matched(protocol, recording)
+    means = observe_matched_spins(protocol, recording, matching)
     assert len(means) == len(matching.spins) == 48
     assert means.angular_rate is not None
     assert truth.step_edges is not None

@@ -141,7 +141,7 @@ class Session:
         from tumble.segmentation.matching import observe_matched_spins
 
         protocol, matching = self.matched
-        return observe_matched_spins(protocol, self.recording, self.timeline, matching)
+        return observe_matched_spins(protocol, self.recording, matching)
 
     @cached_property
     def rotations(self) -> list[Rotation]:

@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tumble.arrays import Matrices, Series, Vectors, range_means
+from tumble.arrays import Matrices, Vectors, range_means
 from tumble.calibration.session import Options, Session
 from tumble.design.hold_noise import wander_sigma, white_density
 from tumble.earth import Site
@@ -129,14 +129,14 @@ def _means(session: Session, noise: PlannedNoise, span: float) -> HoldMeans:
     recording = session.recording
     at: np.ndarray = np.array([(hold.start, hold.stop) for hold in session.timeline.holds])
     count = (at[:, 1] - at[:, 0]).astype(float)
-    duration, dof = count / recording.rate, np.full(len(at), np.inf)
+    duration = count / recording.rate
     dwell = float(np.median(duration))
 
-    def of(signal: Vectors | None, triad: TriadNoise) -> tuple[Vectors, Matrices, Series]:
+    def of(signal: Vectors | None, triad: TriadNoise) -> tuple[Vectors, Matrices]:
         assert signal is not None
         white = white_density(triad, noise.rate) ** 2 / duration
         variance = white + wander_sigma(triad, dwell, max(span, dwell)) ** 2
-        return range_means(signal, at), variance[:, None, None] * np.eye(3), dof
+        return range_means(signal, at), variance[:, None, None] * np.eye(3)
 
     return HoldMeans(
         *of(recording.specific_force, noise.accelerometer),

@@ -151,6 +151,11 @@ class SpinStep:
     angle_sigma: float = 0.0
 
     @property
+    def period(self) -> float:
+        """Seconds a revolution takes."""
+        return 2.0 * np.pi / abs(self.rate)
+
+    @property
     def rate_sigma(self) -> float:
         """Standard uncertainty of the rate as a share of it: as stated, or what is assumed of any table."""
         return ASSUMED_RATE if self.sigma is None else self.sigma

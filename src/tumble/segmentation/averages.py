@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from tumble.arrays import Matrices, Series, Vectors, block_means
 from tumble.errors import SegmentationError
-from tumble.records import dataclass
 from tumble.segmentation.rounding import rounding_variance
 
 # Batches of a hold: at least this many, so that its own variance has seven degrees of freedom or more.
@@ -20,16 +21,14 @@ FLOOR_SIGMAS = 2.3
 DIGITS = 1e-8
 
 
-@dataclass(frozen=True, slots=True)
-class MeanCovariance:
-    """Means of several stretches (items, 3) with covariances (items, 3, 3) and degrees of freedom.
+class MeanCovariance(NamedTuple):
+    """Means of several stretches (items, 3) with covariances (items, 3, 3).
 
     `rounding` (items, 3) is what of the variances rounding leaves: no wander of the signal.
     """
 
     mean: Vectors
     covariance: Matrices
-    dof: Series
     rounding: Vectors
 
 
@@ -88,15 +87,14 @@ def mean_covariance(
     means = np.array([sum(total for _, total in part) / n for part, n in zip(parts, counts, strict=True)])
     # level of each item: the batch length base * 2**level that leaves 8 to 15 batches
     levels = np.array([_level(int(count), base) for count in counts])
-    variances, dof = np.zeros((len(items), 3)), np.zeros(len(items))
+    variances = np.zeros((len(items), 3))
     disturbed = np.zeros(len(items), dtype=bool)
     for level in np.unique(levels):
         variance, own_dof = _variances(parts, int(level))
-        pooled, pooled_dof, noisier = _pool(variance, own_dof)
+        pooled, _, noisier = _pool(variance, own_dof)
         here = levels == level
         disturbed |= here & noisier.any(axis=1)
         variances[here] = np.where(noisier, variance, pooled)[here] * base * 2 ** int(level)
-        dof[here] = np.where(noisier.any(axis=1), own_dof, pooled_dof)[here]
     calm = [part for part, out in zip(parts, disturbed, strict=True) if not out]
     floor = _flicker_floor(calm, int(np.median(levels)))
     if span is None:
@@ -107,8 +105,7 @@ def mean_covariance(
     if rounding is None:
         rounding = rounding_variance(signal, items, means)
     variances = np.maximum(variances / counts[:, None] + wander + rounding, digits)
-    covariance = variances[:, :, None] * np.eye(3)
-    return MeanCovariance(means, covariance, dof, rounding)
+    return MeanCovariance(means, variances[:, :, None] * np.eye(3), rounding)
 
 
 def batch_length(count: int, least: int) -> int:

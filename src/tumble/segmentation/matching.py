@@ -106,8 +106,8 @@ def match_protocol(
         else:
             step = protocol.steps[number]
             assert isinstance(step, SpinStep)
-            period = 2.0 * np.pi / abs(step.rate)
-            spins.append(MatchedSpin(number, *whole_revolutions(recording, event.start, event.stop, period)))
+            whole = whole_revolutions(recording, event.start, event.stop, step.period)
+            spins.append(MatchedSpin(number, *whole))
     return Matching(
         holds=tuple(holds),
         spins=tuple(spins),
@@ -186,26 +186,21 @@ def _agree(case: Case, i: int, events: list[int], up_b: Vectors | None) -> bool:
     return bool(np.all(angles_from(up_b[rows], up_b[rows[0]]) <= max(SAME_HOLD, 3.0 * sigma)))
 
 
-def observe_matched_spins(
-    protocol: Protocol, recording: Recording, timeline: Timeline, matching: Matching
-) -> SpinMeans:
+def observe_matched_spins(protocol: Protocol, recording: Recording, matching: Matching) -> SpinMeans:
     """Average each matched spin over whole revolutions at the protocol's rate; rows follow `matching.spins`.
 
     Parameters
     ----------
-    protocol, recording, timeline, matching : what was to be done, and what was found of it.
+    protocol, recording, matching : what was to be done, and what was found of it.
 
     Raises
     ------
     SegmentationError
         If no spin was matched.
     """
-    periods: list[float] = []
-    for spin in matching.spins:
-        step = protocol.steps[spin.step]
-        assert isinstance(step, SpinStep)
-        periods.append(2.0 * np.pi / abs(step.rate))
-    return observe_spins(recording, matching.spins, periods)
+    steps = [protocol.steps[spin.step] for spin in matching.spins]
+    periods = [step.period for step in steps if isinstance(step, SpinStep)]
+    return observe_spins(recording, [(spin.start, spin.stop) for spin in matching.spins], periods)
 
 
 def _remarks_of(case: Case, fit: Fit, chosen: list[tuple[int, int]]) -> list[str]:

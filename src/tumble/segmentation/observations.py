@@ -23,7 +23,6 @@ class HoldMeans:
     ----------
     specific_force, angular_rate : (holds, 3) means, or None without the triad.
     specific_force_covariance, angular_rate_covariance : (holds, 3, 3) of those means.
-    specific_force_dof, angular_rate_dof : (holds,) effective degrees of freedom of the covariance.
     duration : (holds,) s at rest, without what is excluded.
     time : (holds,) s, the middle of each hold.
     count : (holds,) samples averaged.
@@ -35,10 +34,8 @@ class HoldMeans:
 
     specific_force: Vectors | None
     specific_force_covariance: Matrices | None
-    specific_force_dof: Series | None
     angular_rate: Vectors | None
     angular_rate_covariance: Matrices | None
-    angular_rate_dof: Series | None
     duration: Series
     time: Series
     count: Series
@@ -74,24 +71,23 @@ def observe_holds(recording: Recording, timeline: Timeline) -> HoldMeans:
     force = _mean(recording.specific_force, holds)
     rate = _mean(recording.angular_rate, holds)
     return HoldMeans(
-        *force[:3],
-        *rate[:3],
+        *force[:2],
+        *rate[:2],
         duration=counts / recording.rate,
         time=np.array([0.5 * (recording.time[h.start] + recording.time[h.stop - 1]) for h in holds]),
         count=counts,
         temperature=_temperatures(recording.temperature, holds),
-        specific_force_rounding=force[3],
-        angular_rate_rounding=rate[3],
+        specific_force_rounding=force[2],
+        angular_rate_rounding=rate[2],
         parts=observe_parts(recording, timeline),
     )
 
 
-def _mean(signal: Vectors | None, holds: tuple[Hold, ...]) -> tuple[Any, Any, Any, Any]:
-    """Mean, covariance, its degrees of freedom and what rounding leaves; None four times without a triad."""
+def _mean(signal: Vectors | None, holds: tuple[Hold, ...]) -> tuple[Any, Any, Any]:
+    """Mean, covariance and what rounding leaves; None three times without a triad."""
     if signal is None:
-        return None, None, None, None
-    found = mean_covariance(signal, [hold.stretches() for hold in holds])
-    return found.mean, found.covariance, found.dof, found.rounding
+        return None, None, None
+    return mean_covariance(signal, [hold.stretches() for hold in holds])
 
 
 def _temperatures(temperature: Series | None, holds: tuple[Hold, ...]) -> np.ndarray | None:

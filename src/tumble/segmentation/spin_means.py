@@ -16,8 +16,8 @@ quadratic terms and asymmetry, which a rotating gravity excites.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import field
 from itertools import pairwise
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from tumble.errors import SegmentationError
 from tumble.recording.recording import Recording
 from tumble.records import dataclass
 from tumble.segmentation.averages import batch_length, mean_covariance
+from tumble.segmentation.observations import HoldMeans
 from tumble.segmentation.rounding import rounding_variance
 
 # Of a revolution, the least at which the harmonic and the mean are told apart: their fit has there
@@ -35,51 +36,11 @@ LEAST_REVOLUTION = 0.5
 PHASE_SIGMAS = 4.0
 
 
-@runtime_checkable
-class Span(Protocol):
-    """Samples `start` up to `stop`, such as a `FoundSpin` or a `MatchedSpin`."""
-
-    @property
-    def start(self) -> int:
-        """First sample."""
-        ...
-
-    @property
-    def stop(self) -> int:
-        """First sample beyond."""
-        ...
-
-
 @dataclass(frozen=True, slots=True)
-class SpinMeans:
-    """One row per spin; raw units.
+class SpinMeans(HoldMeans):
+    """One row per spin; raw units. `period` (spins,) is s per revolution as it was used; NaN in too short a spin."""
 
-    Attributes
-    ----------
-    specific_force, angular_rate : (spins, 3) means, or None without the triad.
-    specific_force_covariance, angular_rate_covariance : (spins, 3, 3) of those means.
-    specific_force_dof, angular_rate_dof : (spins,) effective degrees of freedom of the covariance.
-    duration : (spins,) s averaged.
-    count : (spins,) samples averaged.
-    time : (spins,) s, the middle of each.
-    period : (spins,) s per revolution as it was used; NaN where none was given or the spin is too short.
-    temperature : (spins,) degrees Celsius, or None.
-    """
-
-    specific_force: Vectors | None
-    specific_force_covariance: Matrices | None
-    specific_force_dof: Series | None
-    angular_rate: Vectors | None
-    angular_rate_covariance: Matrices | None
-    angular_rate_dof: Series | None
-    duration: Series
-    count: Series
-    time: Series
-    period: Series
-    temperature: Series | None = None
-
-    def __len__(self) -> int:
-        return int(self.duration.shape[0])
+    period: Series = field(default_factory=lambda: np.zeros(0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +58,7 @@ class _Window:
 
 
 def observe_spins(
-    recording: Recording, spins: Sequence[Span], period: Sequence[float] | AnyArray | None = None
+    recording: Recording, spins: Sequence[tuple[int, int]], period: Sequence[float]
 ) -> SpinMeans:
     """Average each spin over whole revolutions and say how well the averages are known.
 
@@ -109,9 +70,9 @@ def observe_spins(
     Parameters
     ----------
     recording : raw samples.
-    spins : the stretches of constant rate.
-    period : s per revolution against the Earth, one per spin; NaN, or None for all, where it is not
-        known. Without it, or in less than half a revolution, the mean is the plain mean of all samples
+    spins : (start, stop) of the stretches of constant rate.
+    period : s per revolution against the Earth, one per spin; NaN where it is not known.
+        Without it, or in less than half a revolution, the mean is the plain mean of all samples
         and the harmonics are in its covariance as if they were noise. A period that the phase of the
         harmonics contradicts (a table 1 % too slow) is mended by it.
 
@@ -131,17 +92,14 @@ def observe_spins(
         raise SegmentationError(
             "There are no spins to average: nowhere is the unit turned at a constant rate."
         )
-    periods = np.full(len(spins), np.nan) if period is None else np.asarray(period, dtype=float)
-    if len(periods) != len(spins):
-        raise ValueError(f"{len(spins)} spins take as many periods, not {len(periods)}")
-    windows = [_window(recording, spin, abs(float(p))) for spin, p in zip(spins, periods, strict=True)]
+    windows = [_window(recording, *spin, abs(float(p))) for spin, p in zip(spins, period, strict=True)]
     counts = np.array([w.stop - w.start for w in windows], dtype=float)
     force = _means(recording.specific_force, windows)
     rate = _means(recording.angular_rate, windows)
     temperature = recording.temperature
     return SpinMeans(
-        *(force or (None, None, None)),
-        *(rate or (None, None, None)),
+        *force,
+        *rate,
         duration=counts / recording.rate,
         count=counts,
         time=np.array([0.5 * (recording.time[w.start] + recording.time[w.stop - 1]) for w in windows]),
@@ -171,10 +129,10 @@ def whole_revolutions(recording: Recording, start: int, stop: int, period: float
     return first, first + count
 
 
-def _window(recording: Recording, spin: Span, period: float) -> _Window:
-    if spin.stop - spin.start < 2:
+def _window(recording: Recording, first: int, last: int, period: float) -> _Window:
+    if last - first < 2:
         raise SegmentationError("A spin of fewer than two samples has no mean with an uncertainty.")
-    start, stop = whole_revolutions(recording, spin.start, spin.stop, period)
+    start, stop = whole_revolutions(recording, first, last, period)
     time = recording.time[start:stop]
     revolutions = (stop - start) / recording.rate / period
     if not revolutions >= LEAST_REVOLUTION:
@@ -241,9 +199,9 @@ def _speed_change(
     return (top / bottom, 1.0 / np.sqrt(bottom)) if bottom > 0.0 else (0.0, np.inf)
 
 
-def _means(signal: Vectors | None, windows: list[_Window]) -> tuple[Vectors, Matrices, Series] | None:
+def _means(signal: Vectors | None, windows: list[_Window]) -> tuple[Vectors | None, Matrices | None]:
     if signal is None:
-        return None
+        return None, None
     still: list[Vectors] = []
     for window in windows:
         piece = np.array(signal[window.start : window.stop], dtype=float)
@@ -258,7 +216,7 @@ def _means(signal: Vectors | None, windows: list[_Window]) -> tuple[Vectors, Mat
     counts = [len(piece) for piece in still]
     kept = np.array([_noise_kept(w.columns, batch_length(len(w.columns), min(counts))) for w in windows])
     raised = np.array([w.inflation for w in windows]) / kept
-    return observed.mean, observed.covariance * raised[:, None, None], observed.dof * kept
+    return observed.mean, observed.covariance * raised[:, None, None]
 
 
 def _noise_kept(columns: Table, length: int) -> float:

@@ -18,7 +18,6 @@ from tumble.recording.recording import Recording
 from tumble.records import dataclass
 from tumble.segmentation.activity import find_activity
 from tumble.segmentation.blocks import Blocks, cut_blocks, find_runs
-from tumble.segmentation.spin_means import SpinMeans, observe_spins
 from tumble.segmentation.timeline import Timeline
 from tumble.segmentation.turns import AXES, find_saturated_axis
 
@@ -292,6 +291,3 @@ def _is_long(
         return True
     # above a tenth of its top a minimum-jerk turn has 0.827 of its length
     return bool(b - a > SAFETY * top / 0.827 * (right - left))
-
-
-__all__ = ["FoundSpin", "SpinMeans", "SpinSearch", "find_spins", "observe_spins"]

@@ -220,9 +220,7 @@ def no_holds() -> tuple[Timeline, HoldMeans]:
 
     floor = NoiseFloor(np.zeros(3), np.zeros(3), 0.0, "none")
     empty = np.zeros(0)
-    return Timeline((), (), (), floor), HoldMeans(
-        None, None, None, None, None, None, empty, empty, empty, None
-    )
+    return Timeline((), (), (), floor), HoldMeans(None, None, None, None, empty, empty, empty, None)
 
 
 def _carrier(session: Session, estimate: Estimate) -> JointOutcome | None:

@@ -105,12 +105,12 @@ class Bench:
         shown = [(a, force, 0), (g, rest, 1), (a, np.repeat(force, len(self.rates), axis=0), 0), (g, spun, 1)]
         means = [self._shown(triad, true, kind, rng) for triad, true, kind in shown]
         holds, spins = len(force), len(spun)
-        dof, length = np.full(holds, 99.0), np.full(holds, 180.0)
+        length = np.full(holds, 180.0)
         recording = Recording(np.arange(holds) * 200.0, means[0][0], means[1][0], *self.units, 1.0)
         session = Session(recording, Protocol("bench", "six-position", tuple(steps)), self.site)
-        session.means = HoldMeans(*means[0], dof, *means[1], dof, length, recording.time, length, None)
+        session.means = HoldMeans(*means[0], *means[1], length, recording.time, length, None)
         more = np.full(spins, 180.0)
-        session.spins = SpinMeans(*means[2], more, *means[3], more, more, more, more, more)
+        session.spins = SpinMeans(*means[2], *means[3], more, more, more, None, period=more)
         session.matching = Matching(held, turned, (), ())
         return session
 

@@ -40,7 +40,6 @@ def test_white_noise_gives_the_variance_over_the_number_of_samples() -> None:
     variance = np.median(np.diagonal(observed.covariance, axis1=1, axis2=2), axis=0)
     # the pool has some 40 x 14 degrees of freedom: 6 % standard deviation, four of them allowed
     np.testing.assert_allclose(variance, SIGMA**2 / 500, rtol=0.25)
-    assert np.median(observed.dof) >= 40 * 7
 
 
 def test_correlated_noise_is_seen_by_the_batches() -> None:
@@ -61,7 +60,6 @@ def test_a_noisier_item_keeps_its_own_variance_and_spoils_no_other() -> None:
     observed = mean_covariance(signal, equal_items(30, 400))
     variance = np.diagonal(observed.covariance, axis1=1, axis2=2)
     assert variance[7, 1] > 20 * np.median(variance[:, 1])
-    assert observed.dof[7] < 16
     others = np.delete(variance, 7, axis=0)
     # within the pool's spread of 7 %, three of them
     np.testing.assert_allclose(np.median(others, axis=0), 1 / 400, rtol=0.25)

@@ -57,7 +57,7 @@ def observed(told: Protocol, recording: Recording) -> list[Rotation]:
     timeline = find_timeline(recording)
     means = observe_holds(recording, timeline)
     matching = match_protocol(told, recording, timeline, means)
-    spins = observe_matched_spins(told, recording, timeline, matching)
+    spins = observe_matched_spins(told, recording, matching)
     return observe_rotations(told, recording, timeline, matching, means, spins)
 
 
@@ -149,6 +149,6 @@ def test_a_recording_without_a_gyro_is_refused() -> None:
     timeline = find_timeline(recording)
     means = observe_holds(recording, timeline)
     matching = match_protocol(told, recording, timeline, means)
-    spins = observe_matched_spins(told, recording, timeline, matching)
+    spins = observe_matched_spins(told, recording, matching)
     with pytest.raises(SegmentationError, match="no gyro: rotations have nothing to add up"):
         observe_rotations(told, replace(recording, angular_rate=None), timeline, matching, means, spins)
