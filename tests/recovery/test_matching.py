@@ -315,7 +315,7 @@ def turned_protocol(angles: list[float]) -> Protocol:
         if k:
             steps.append(TurnStep(3.0, np.array([1.0, 0.0, 0.0]), angle, name=f"turn {k}"))
             rotation = rotation * Rotation.from_rotvec([angle, 0.0, 0.0])
-        steps.append(HoldStep(4.0, Pose.from_rotation(rotation), f"pose {k + 1}"))
+        steps.append(HoldStep(4.0, Pose.from_matrix(rotation.as_matrix()), f"pose {k + 1}"))
     return Protocol("turned", "turntable", tuple(steps))
 
 

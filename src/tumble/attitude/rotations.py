@@ -34,7 +34,13 @@ def matrix_from_rotation_vector(rotation_vector: Vector) -> Matrix:
     >>> bool(np.allclose(C @ [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]))
     True
     """
-    return matrices_from_rotation_vectors(rotation_vector[None])[0]
+    angle = float(np.sqrt(rotation_vector @ rotation_vector))
+    cross = skew(rotation_vector)
+    if angle < 1e-4:
+        first, second = 1.0 - angle**2 / 6.0, 0.5 - angle**2 / 24.0
+    else:
+        first, second = np.sin(angle) / angle, (1.0 - np.cos(angle)) / angle**2
+    return np.eye(3) + first * cross + second * (cross @ cross)
 
 
 def rotation_vector_from_matrix(C: Matrix) -> Vector:

@@ -211,7 +211,7 @@ def _pose(keys: dict[str, Entry]) -> Pose | None:
             )
         roll, pitch, heading = keys["attitude_deg"].numbers(factor=1.0)
         attitude = Rotation.from_euler("ZYX", [heading, pitch, roll], degrees=True)
-        return Pose.from_rotation(attitude, sigma)
+        return Pose.from_matrix(attitude.as_matrix(), sigma)
     if "up" not in keys:
         for key in ("heading_deg", "uncertainty_deg"):
             if key in keys:

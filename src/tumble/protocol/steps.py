@@ -45,11 +45,6 @@ class Pose:
     sigma: float = 0.0
 
     @staticmethod
-    def from_rotation(rotation_nb: Rotation, sigma: float = 0.0) -> Pose:
-        """Return the pose of an attitude that is known in full."""
-        return Pose.from_matrix(rotation_nb.as_matrix(), sigma)
-
-    @staticmethod
     def from_matrix(C_nb: Matrix, sigma: float = 0.0) -> Pose:
         """Return the pose of an attitude (3, 3) that is known in full."""
         up_b = UP_N @ C_nb
@@ -73,8 +68,16 @@ def _turn_up(up_b: Vector) -> Matrix:
     return np.diag([1.0, -1.0, -1.0]) if up_b[2] > 1.0 - 1e-12 else rotation_between(up_b, UP_N)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Placed:
+    """Where a step is in what was recorded: a file, and from where to where on its clock, s; None for anywhere."""
+
+    file: str | None = None
+    interval: tuple[float, float] | None = None
+
+
 @dataclass(frozen=True, slots=True)
-class HoldStep:
+class HoldStep(_Placed):
     """The unit rests.
 
     Attributes
@@ -89,12 +92,10 @@ class HoldStep:
     duration: float
     pose: Pose | None = None
     name: str = ""
-    file: str | None = None
-    interval: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, slots=True)
-class TurnStep:
+class TurnStep(_Placed):
     """The unit is brought from one pose to another, it does not matter how fast.
 
     Attributes
@@ -111,8 +112,6 @@ class TurnStep:
     angle: float | None = None
     sigma: float = 0.0
     name: str = ""
-    file: str | None = None
-    interval: tuple[float, float] | None = None
 
 
 ASSUMED_RATE = 1e-3
@@ -121,7 +120,7 @@ no crystal times. A laboratory's rate table is ten to a hundred times better, an
 
 
 @dataclass(frozen=True, slots=True)
-class SpinStep:
+class SpinStep(_Placed):
     """A table turns the unit at a constant rate.
 
     Attributes
@@ -145,8 +144,6 @@ class SpinStep:
     sigma: float | None = None
     ramp: float = 2.0
     name: str = ""
-    file: str | None = None
-    interval: tuple[float, float] | None = None
     angle: float | None = None
     angle_sigma: float = 0.0
 
@@ -162,7 +159,7 @@ class SpinStep:
 
 
 @dataclass(frozen=True, slots=True)
-class SoakStep:
+class SoakStep(_Placed):
     """The unit lies as it lies while its surroundings come to a temperature and stay there.
 
     What follows, up to the next soak or ramp, is done at that temperature.
@@ -179,12 +176,10 @@ class SoakStep:
     temperature_celsius: float
     tolerance: float = 1.0
     name: str = ""
-    file: str | None = None
-    interval: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, slots=True)
-class RampStep:
+class RampStep(_Placed):
     """The temperature of the surroundings goes slowly from one to another.
 
     Attributes
@@ -201,8 +196,6 @@ class RampStep:
     stop_celsius: float
     tumbled: float = 0.0
     name: str = ""
-    file: str | None = None
-    interval: tuple[float, float] | None = None
 
     @property
     def rate(self) -> float:

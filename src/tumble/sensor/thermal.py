@@ -93,21 +93,17 @@ class ThermalModel:
 
     def at(self, temperature_celsius: float, rate: float = 0.0, state: float = 0.0) -> ImuModel:
         """Return the unit at a temperature of the sensor (°C), its rate (K/s) and hysteresis state."""
-        functions = self.basis.values(np.array([float(temperature_celsius)]))[0]
+        values = self._values(*(np.array([float(one)]) for one in (temperature_celsius, rate, state)))
 
         def triad(known: Triad | None, name: str) -> Triad | None:
             if known is None:
                 return None
-            bias = known.bias + rate * self._rate(f"{name}.bias") + state * self._loop(f"{name}.bias")
-            return replace(
-                known,
-                matrix=known.matrix + self._sum(functions, f"{name}.matrix"),
-                bias=bias + self._sum(functions, f"{name}.bias"),
-            )
+            matrix, bias = (self._moved(f"{name}.{what}", values)[0] for what in ("matrix", "bias"))
+            return replace(known, matrix=known.matrix + matrix, bias=known.bias + bias)
 
         sensitivity = self.reference.g_sensitivity
         if sensitivity is not None:
-            sensitivity = np.asarray(sensitivity + self._sum(functions, "g_sensitivity"))
+            sensitivity = np.asarray(sensitivity + self._moved("g_sensitivity", values)[0])
         return ImuModel(
             triad(self.reference.accelerometer, "accelerometer"),
             triad(self.reference.gyroscope, "gyroscope"),
@@ -205,15 +201,17 @@ class ThermalModel:
         for begin in range(0, time.size, BLOCK):
             part = slice(begin, begin + BLOCK)
             values = self._values(path.temperature[part], path.rate[part], path.hysteresis[part])
-            raw_force[part] = self._distort_block("accelerometer", accelerometer, force[part], values)
-            raw_rate[part] = self._distort_block("gyroscope", gyroscope, rate[part], values)
+            for name, triad, true, raw in (
+                ("accelerometer", accelerometer, force[part], raw_force[part]),
+                ("gyroscope", gyroscope, rate[part], raw_rate[part]),
+            ):
+                own = true @ triad.matrix.T + _turned(self._moved(f"{name}.matrix", values), true)
+                raw[:] = own + triad.bias + self._moved(f"{name}.bias", values)
+                for _, curve, size in triad.curves():
+                    raw += size * curve.of(own)
             if self.reference.g_sensitivity is not None:
-                raw_rate[part] += force[part] @ self.reference.g_sensitivity.T
-                if "g_sensitivity" in self.coefficients:
-                    terms = self.coefficients["g_sensitivity"]
-                    raw_rate[part] += np.einsum(
-                        "nk,kij,nj->ni", values[:, : self.basis.size], terms, force[part], optimize=True
-                    )
+                sensitivity = self.reference.g_sensitivity + self._moved("g_sensitivity", values)
+                raw_rate[part] += _turned(sensitivity, force[part])
         return raw_force, raw_rate
 
     def within(self, temperature: Series, time: Series, outside: Outside) -> Series:
@@ -271,30 +269,24 @@ class ThermalModel:
             parts += [group[name] for name in BIASES if name in group]
         return np.concatenate(parts) if parts else np.zeros(0)
 
-    def _sum(self, functions: Series, name: str) -> AnyArray:
-        terms = self.coefficients.get(name)
-        if terms is None:
-            return np.zeros(SHAPES[name])
-        return np.asarray(np.tensordot(functions, terms, axes=1), dtype=np.float64)
-
-    def _rate(self, name: str) -> Vector:
-        return self.rate_coefficients.get(name, np.zeros(3))
-
-    def _loop(self, name: str) -> Vector:
-        return self.hysteresis.get(name, np.zeros(3))
+    def _moved(self, name: str, values: Table) -> AnyArray:
+        """Return (samples, ...) by how much a quantity is off that of the reference."""
+        terms = self._terms(name)
+        return np.asarray(np.tensordot(values[:, : len(terms)], terms, axes=1), dtype=np.float64)
 
     def _values(self, temperature: Series, rate: Series, state: Series) -> Table:
         """Return (samples, functions + 2): the basis, the rate, and the hysteresis state."""
         return np.column_stack([self.basis.values(temperature), rate, state])
 
-    def _terms(self, name: str, *, with_path: bool) -> AnyArray:
+    def _terms(self, name: str) -> AnyArray:
         """Return the coefficients of a quantity, of a bias with those of rate and hysteresis below."""
         terms = self.coefficients.get(name, np.zeros((0, *SHAPES[name])))
-        if not with_path or not (name in self.rate_coefficients or name in self.hysteresis):
+        if not (name in self.rate_coefficients or name in self.hysteresis):
             return np.ascontiguousarray(terms)
         if not terms.shape[0]:
             terms = np.zeros((self.basis.size, 3))
-        return np.vstack([terms, self._rate(name), self._loop(name)])
+        path = (of.get(name, np.zeros(3)) for of in (self.rate_coefficients, self.hysteresis))
+        return np.vstack([terms, *path])
 
     def _correct_block(self, name: str, raw: Vectors, coupled: Vectors, values: Table, true: Vectors) -> None:
         from tumble.sensor import kernels
@@ -307,11 +299,11 @@ class ThermalModel:
             np.ascontiguousarray(coupled),
             values,
             np.ascontiguousarray(triad.bias),
-            self._terms(f"{name}.bias", with_path=True),
+            self._terms(f"{name}.bias"),
             np.ascontiguousarray(triad.matrix),
-            self._terms(f"{name}.matrix", with_path=False),
+            self._terms(f"{name}.matrix"),
             np.zeros((3, 3)) if sensitivity is None else np.ascontiguousarray(sensitivity),
-            self._terms("g_sensitivity", with_path=False),
+            self._terms("g_sensitivity"),
             zero if triad.asymmetry is None else np.ascontiguousarray(triad.asymmetry),
             zero if triad.quadratic is None else np.ascontiguousarray(triad.quadratic),
             true,
@@ -319,18 +311,9 @@ class ThermalModel:
         if singular >= 0:
             raise ValueError(f"the {name}'s matrix is singular at a temperature of the recording")
 
-    def _distort_block(self, name: str, triad: Triad, true: Vectors, values: Table) -> Vectors:
-        """Return raw samples: the triad at each sample's own parameters."""
-        own = true @ triad.matrix.T
-        terms = self.coefficients.get(f"{name}.matrix")
-        if terms is not None:
-            own = own + np.einsum("nk,kij,nj->ni", values[:, : self.basis.size], terms, true, optimize=True)
-        raw = own + triad.bias
-        biases = self._terms(f"{name}.bias", with_path=True)
-        raw = raw + values[:, : biases.shape[0]] @ biases
-        for _, curve, size in triad.curves():
-            raw = raw + size * curve.of(own)
-        return raw
+
+def _turned(matrices: AnyArray, vectors: Vectors) -> AnyArray:
+    return np.einsum("nij,nj->ni", matrices, vectors)
 
 
 __all__ = [

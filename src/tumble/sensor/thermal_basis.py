@@ -6,7 +6,7 @@ from dataclasses import field
 
 import numpy as np
 
-from tumble.arrays import Series, Square, Table
+from tumble.arrays import Series, Table
 from tumble.records import dataclass
 
 KINDS = ("polynomial", "linear", "spline")
@@ -111,26 +111,16 @@ class TemperatureBasis:
         """Return (samples, nodes) the interpolation's cardinal functions and their derivatives, 1/K."""
         nodes = self.nodes
         inside = np.clip(temperature, nodes[0], nodes[-1])
-        index = np.clip(np.searchsorted(nodes, inside, side="right") - 1, 0, nodes.size - 2)
-        width = (nodes[index + 1] - nodes[index])[:, None]
-        part = (inside - nodes[index])[:, None] / width
-        one, next_ = np.eye(nodes.size)[index], np.eye(nodes.size)[index + 1]
-        hats, slopes = (1.0 - part) * one + part * next_, (next_ - one) / width
         if self.kind == "spline":
-            bend = _second_derivatives(nodes) / 6.0
-            left, right = width * bend[index], width * bend[index + 1]
-            hats += width * (((1.0 - part) ** 3 - (1.0 - part)) * left + (part**3 - part) * right)
-            slopes += (1.0 - 3.0 * (1.0 - part) ** 2) * left + (3.0 * part**2 - 1.0) * right
+            from scipy.interpolate import CubicSpline
+
+            curve = CubicSpline(nodes, np.eye(nodes.size), bc_type="natural")
+            hats, slopes = curve(inside), curve(inside, 1)
+        else:
+            index = np.clip(np.searchsorted(nodes, inside, side="right") - 1, 0, nodes.size - 2)
+            width = (nodes[index + 1] - nodes[index])[:, None]
+            part = (inside - nodes[index])[:, None] / width
+            one, next_ = np.eye(nodes.size)[index], np.eye(nodes.size)[index + 1]
+            hats, slopes = (1.0 - part) * one + part * next_, (next_ - one) / width
         # Beyond the ends it goes on as its tangent.
         return hats + (temperature - inside)[:, None] * slopes, slopes
-
-
-def _second_derivatives(nodes: Series) -> Square:
-    """Return the matrix from values at nodes to the natural spline's second derivatives there."""
-    size = nodes.size
-    width = np.diff(nodes)
-    left, right = np.eye(size), np.zeros((size, size))
-    for k in range(1, size - 1):
-        left[k, k - 1 : k + 2] = width[k - 1] / 6.0, (width[k - 1] + width[k]) / 3.0, width[k] / 6.0
-        right[k, k - 1 : k + 2] = 1.0 / width[k - 1], -1.0 / width[k - 1] - 1.0 / width[k], 1.0 / width[k]
-    return np.asarray(np.linalg.solve(left, right), dtype=np.float64)

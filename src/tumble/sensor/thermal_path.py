@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from tumble.arrays import Series
 from tumble.records import dataclass
 
 
-@dataclass(frozen=True, slots=True)
-class ThermalState:
+class ThermalState(NamedTuple):
     """What is carried from one block of a recording to the next.
 
     Attributes
@@ -94,15 +95,13 @@ def follow_temperature(
     if start is None:
         value, rate = _first_line(time, given, smoothing)
         start = ThermalState(float(time[0]), float(given[0]), value, rate, value, value, start_hysteresis)
-    carried = np.array(
-        [start.time, start.recorded, start.smooth, start.rate, start.sensor, start.play, start.hysteresis]
-    )
+    carried = np.array(start)
     path = np.empty((time.size, 3))
     kernels.follow_temperature(
         np.ascontiguousarray(time), given, smoothing, lag, hysteresis_width, dead_band, carried, path
     )
     temperature, rates, hysteresis = (np.ascontiguousarray(path[:, k]) for k in range(3))
-    return TemperaturePath(temperature, rates, hysteresis, ThermalState(*(float(c) for c in carried)))
+    return TemperaturePath(temperature, rates, hysteresis, ThermalState(*carried.tolist()))
 
 
 def filled(time: Series, recorded: Series, start: ThermalState | None = None) -> Series:

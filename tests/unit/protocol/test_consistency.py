@@ -57,10 +57,10 @@ def test_a_turn_that_leads_elsewhere_is_named_with_its_hold() -> None:
 def test_headings_are_compared_only_where_both_are_known() -> None:
     check(hold(Z), turn(Z, 90.0), hold(Z, 0.3))
     east = Rotation.from_rotvec([0.0, 0.0, 0.7]) * Pose(Z, 0.0).rotation_nb()
-    ends = Pose.from_rotation(east * Rotation.from_rotvec([0.0, 0.0, 1.0]))
-    check(HoldStep(5.0, Pose.from_rotation(east)), TurnStep(3.0, Z, 1.0), HoldStep(5.0, ends))
+    ends = Pose.from_matrix((east * Rotation.from_rotvec([0.0, 0.0, 1.0])).as_matrix())
+    check(HoldStep(5.0, Pose.from_matrix(east.as_matrix())), TurnStep(3.0, Z, 1.0), HoldStep(5.0, ends))
     with pytest.raises(ProtocolError, match="step 3"):
-        check(HoldStep(5.0, Pose.from_rotation(east)), TurnStep(3.0, Z, -1.0), HoldStep(5.0, ends))
+        check(HoldStep(5.0, Pose.from_matrix(east.as_matrix())), TurnStep(3.0, Z, -1.0), HoldStep(5.0, ends))
 
 
 def test_a_heading_stays_known_over_a_hold_that_does_not_state_it() -> None:

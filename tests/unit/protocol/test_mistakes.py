@@ -366,7 +366,7 @@ def test_a_file_with_every_key_fits() -> None:
         "all",
         "multi-position",
         (
-            HoldStep(1e-5, Pose(oblique, 0.3, 0.1), "", "a.csv", (0.0, 4.0)),
+            HoldStep(1e-5, Pose(oblique, 0.3, 0.1), file="a.csv", interval=(0.0, 4.0)),
             TurnStep(2.0, oblique, 9.0, 0.1),
             HoldStep(2.0),
             SpinStep(2.0, -0.3, oblique, 1e-6, 0.0, angle=-0.4, angle_sigma=1e-5),

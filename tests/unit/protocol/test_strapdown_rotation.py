@@ -80,7 +80,7 @@ def test_a_row_is_known_by_what_is_done_and_not_by_its_name() -> None:
     assert sequence_steps(renamed(protocol, 1, axis_b=X))[0].name == "2"
     assert sequence_steps(renamed(protocol, 1, angle=np.pi))[0].name == "11"
     assert sequence_steps(renamed(protocol, 1, angle=0.5 * np.pi))[0].name == "1 start"
-    other = Pose.from_rotation(Rotation.from_rotvec([0.1, 0.0, 0.0]))
+    other = Pose.from_matrix(Rotation.from_rotvec([0.1, 0.0, 0.0]).as_matrix())
     assert sequence_steps(renamed(protocol, 0, pose=other))[0].name == "1 start"
     assert sequence_steps(renamed(protocol, 0, pose=None))[0].name == "1 start"
 
