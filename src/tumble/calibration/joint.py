@@ -12,7 +12,7 @@ arm, and how both biases wander. Optional terms are kept if the data want them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 
@@ -30,7 +30,6 @@ from tumble.calibration.equations.imu_unknowns import (
     force_matrix,
     gyro_matrix,
     name_plate,
-    term_unknowns,
     terms_prior,
 )
 from tumble.calibration.equations.observed import TableRotation, observe, table_rotation, with_rounding
@@ -38,18 +37,7 @@ from tumble.calibration.equations.pose_equations import mounting_prior
 from tumble.calibration.equations.turn import HoldsAndTurns
 from tumble.calibration.estimate import Estimate, TermTest
 from tumble.calibration.objections import say_missing, say_of_sheets
-from tumble.calibration.optional_terms import (
-    determined_terms,
-    gives_way,
-    offered_terms,
-    possible_terms,
-    seen_table_terms,
-    surprise_added,
-    term_limits,
-    unknowns_with,
-    wanted_terms,
-    worse_predicted,
-)
+from tumble.calibration.optional_terms import USUAL_STEPS, TermSearch, seen_table_terms, unknowns_with
 from tumble.calibration.outcome.estimate import JointOutcome, joint_estimate
 from tumble.calibration.prior import (
     TriadSheet,
@@ -74,7 +62,7 @@ from tumble.calibration.terms import TERMS
 from tumble.counting import about
 from tumble.errors import ConvergenceError, ObservabilityError
 from tumble.estimation.balance import Balanced
-from tumble.estimation.solve import linearise, solve
+from tumble.estimation.solve import linearise
 from tumble.estimation.unknowns import Unknowns
 from tumble.recording.recording import Recording
 from tumble.records import dataclass
@@ -89,8 +77,6 @@ UPRIGHT, UPRIGHT_ANGLE = 0.1, 3.0  # rad
 UNLIKE = 0.15
 # Of a window of what stands in for accelerometers: far above gravity's square.
 NOTHING_SHOWN = 1e6  # (m/s²)²
-# Of an adjustment that is balanced, and of its terms: recordings by hand took 8 to 45, half of them 13 to 17.
-USUAL_STEPS = 16
 # A recording tells its clock if it leaves less than this share of what is believed of it open.
 CLOCK_TOLD = 0.3
 
@@ -130,9 +116,9 @@ def calibrate(session: Session, procedure: Procedure, *, clocked: bool = True) -
         with about(USUAL_STEPS):
             task, balanced, fresh = _settled_from(task, of_table, a_start=bool(known))
         if options.optional_terms:
-            task, balanced, tests, untried = _with_terms(
-                task, balanced, fresh, plain, of_table, procedure.seeks, session.say
-            )
+            search = TermSearch(task, fresh, plain, procedure.seeks)
+            task, balanced = search.settled(balanced, of_table, session.say)
+            tests, untried = [*search.tests.values()], search.untried
     outcome = session.joint = JointOutcome(
         *(session.recording, task, balanced, tests, begun.untold, procedure.frame, has_gyro),
         *(session.prior, untried, session.alike["table_rate"] if clocked else None),
@@ -453,150 +439,3 @@ def _balanced(task: JointAdjustment, names: list[str], *, a_start: bool) -> Bala
     balanced = Balanced(solve_recording(task), [], {}) if names or a_start else balance_recording(task)
     task.unknowns, task.prior = task.unknowns.with_free(free), prior
     return balanced
-
-
-def _with_terms(
-    task: JointAdjustment,
-    base: Balanced,
-    fresh: JointAdjustment,
-    plain: np.ndarray,
-    of_table: list[str],
-    sought: frozenset[str],
-    say: Callable[[str], None],
-) -> tuple[JointAdjustment, Balanced, list[TermTest], list[str]]:
-    """Try all optional terms at once, drop the least significant until every one left is wanted.
-
-    `fresh` has its variances and what takes part as they were before anything was balanced: what looks like a bad turn
-    without a term may be the term. Returned last are the terms that were not tried.
-    """
-    say("optional terms")
-    offered = (
-        offered_terms(
-            has_force=task.unknowns.is_free("force.bias"), has_gyro=task.unknowns.is_free("gyro.bias")
-        )
-        + of_table
-    )
-    names: list[str] = _determined(task, fresh, plain, offered)
-    untried = [name for name in offered if name not in names]
-    limits, tests = term_limits(offered), dict[str, TermTest]()
-    with about(USUAL_STEPS):
-        without = _without_terms(task, base, fresh, plain)
-        names = _not_needless(*without, plain, names, tests, limits, sought)
-    while names:
-        say(f"optional terms: {len(names)} of {len(offered)} in question")
-        trial = _from_before(task, fresh, unknowns_with(plain, names))
-        trial.prior = together(trial.prior, terms_prior(trial.unknowns))
-        try:
-            with about(USUAL_STEPS):
-                balanced = balance_recording(trial)
-        except (ObservabilityError, ConvergenceError):
-            # Where the equations are bent, what is determined to first order may not be.
-            untried.append(max(names, key=gives_way))
-            names = [name for name in names if name != untried[-1]]
-            # An earlier trial, with more terms, may have wanted it.
-            tests.pop(untried[-1], None)
-            continue
-        wanted = wanted_terms(trial, balanced, names, tests, limits, sought)
-        if wanted == names:
-            worse = [n for n in worse_predicted(without[1], balanced, names) if n not in sought]
-            worse.sort(key=lambda n: -tests[n].probability)
-            weakest = _unneeded(task, fresh, plain, without[1], balanced, worse)
-            if weakest is None:
-                return trial, balanced, list(tests.values()), untried
-            tests[weakest] = replace(tests[weakest], kept=False)
-            wanted = [name for name in names if name != weakest]
-        names = wanted
-    return *without, list(tests.values()), untried
-
-
-def _not_needless(
-    task: JointAdjustment,
-    balanced: Balanced,
-    plain: np.ndarray,
-    names: list[str],
-    tests: dict[str, TermTest],
-    limits: dict[str, float],
-    sought: frozenset[str],
-) -> list[str]:
-    """The terms that may be wanted, by one step from the adjustment without any; what it shows is added to `tests`.
-
-    Where something was left out or weighed less for want of a term, one step does not show it: all may be.
-    """
-    if not names or balanced.outliers or any(task.noise.factors.values()):
-        return names
-    trial = task.copy(unknowns_with(plain, names))
-    trial.prior = together(trial.prior, terms_prior(trial.unknowns))
-    try:
-        solution = solve(trial, once=True)
-    except (ObservabilityError, ConvergenceError):
-        return names
-    found = dict[str, TermTest]()
-    left = possible_terms(trial, Balanced(solution, [], solution.tests()), names, found, sought)
-    tests.update({name: replace(found[name], limit=limits[name]) for name in names if name not in left})
-    return left
-
-
-def _unneeded(
-    task: JointAdjustment,
-    fresh: JointAdjustment,
-    plain: np.ndarray,
-    without: Balanced,
-    balanced: Balanced,
-    worse: list[str],
-) -> str | None:
-    """The first term without which everything that was recorded is predicted better; None if there is none.
-
-    Holds are not predicted better by what turns tell of accelerometers, and turns are. `without` has no term at all.
-    """
-    for name in worse:
-        free = np.union1d(np.setdiff1d(balanced.solution.unknowns.free, term_unknowns(name)), plain)
-        if np.array_equal(free, without.solution.unknowns.free):
-            other = without
-        else:
-            # Without any term nothing settled: `without` would be that.
-            other = _balanced_from(task, fresh, free) if free.size > plain.size else None
-        if other is not None and surprise_added(other, balanced, ("force", "rate", "turn")) > 0.0:
-            return name
-    return None
-
-
-def _balanced_from(task: JointAdjustment, fresh: JointAdjustment, free: np.ndarray) -> Balanced | None:
-    """The balanced adjustment of some unknowns, from before; None where it does not settle."""
-    alone = _from_before(task, fresh, free)
-    alone.prior = together(alone.prior, terms_prior(alone.unknowns))
-    try:
-        return balance_recording(alone)
-    except (ObservabilityError, ConvergenceError):
-        return None
-
-
-def _without_terms(
-    task: JointAdjustment, base: Balanced, fresh: JointAdjustment, plain: np.ndarray
-) -> tuple[JointAdjustment, Balanced]:
-    """The adjustment without any optional term: what it is compared with, and what is left if none is wanted."""
-    if base.solution.unknowns.free.size == plain.size:
-        return task, base
-    alone = _from_before(task, fresh, plain)
-    try:
-        return alone, balance_recording(alone)
-    except (ObservabilityError, ConvergenceError):
-        # Terms that the start had may be what it settles with.
-        again = _from_before(task, fresh, base.solution.unknowns.free)
-        again.prior = together(again.prior, terms_prior(again.unknowns))
-        return again, balance_recording(again)
-
-
-def _from_before(task: JointAdjustment, fresh: JointAdjustment, free: np.ndarray) -> JointAdjustment:
-    """A copy from where the adjustment is, with noise and observations as they were before it was balanced."""
-    return replace(task.copy(free), noise=fresh.noise.copy(), taking_part=fresh.copy().taking_part)
-
-
-def _determined(task: JointAdjustment, fresh: JointAdjustment, plain: np.ndarray, of: list[str]) -> list[str]:
-    """The terms that the recording determines, by the information where the adjustment without them has settled.
-
-    All that was recorded counts: a turn may have been left out for the very term that nothing else shows. The noise is
-    what was found without terms: with that of rest an asymmetry would be determined that is a plate's that leans.
-    """
-    trial = _from_before(task, fresh, unknowns_with(plain, of))
-    trial.noise.added.update(task.noise.added)
-    return determined_terms(linearise(trial)[1], trial.unknowns, plain, of)

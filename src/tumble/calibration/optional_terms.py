@@ -6,24 +6,29 @@ All are tried at once, and the least significant is dropped until every one left
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import field, replace
 
 import numpy as np
 
 from tumble.arrays import Series, Square, inverted
 from tumble.calibration.checks.triad_agreement import LAG_LIMIT, TERM_FALSE_ALARM
-from tumble.calibration.equations.adjustment import JointAdjustment
-from tumble.calibration.equations.imu_unknowns import LAYOUT, name_plate, term_unknowns
+from tumble.calibration.equations.adjustment import JointAdjustment, balance_recording
+from tumble.calibration.equations.imu_unknowns import LAYOUT, name_plate, term_unknowns, terms_prior
 from tumble.calibration.estimate import TermTest, wald_test
 from tumble.calibration.outcome.budget import recording_influences
-from tumble.calibration.prior import TOLD
+from tumble.calibration.prior import TOLD, together
 from tumble.calibration.terms import TERMS
 from tumble.calibration.verdict import two_digits
+from tumble.counting import about
+from tumble.errors import ConvergenceError, ObservabilityError
 from tumble.estimation.balance import Balanced
-from tumble.estimation.solve import linearise
+from tumble.estimation.solve import linearise, solve
 from tumble.estimation.unknowns import Unknowns
+from tumble.records import dataclass
 from tumble.sensor.triad import CURVES
 
+# Of an adjustment that is balanced, and of its terms: recordings by hand took 8 to 45, half of them 13 to 17.
+USUAL_STEPS = 16
 # A term that chance explains so often, tested by one step from the adjustment without it, is needless: the noise was
 # found without it, and is larger by what it would explain.
 NEEDLESS = 0.1
@@ -71,6 +76,147 @@ def term_limits(names: list[str]) -> dict[str, float]:
     others = [name for name in names if name != "time_lag"]
     share = (TERM_FALSE_ALARM - LAG_LIMIT) / max(len(others), len(EVERYWHERE))
     return {**dict.fromkeys(others, share), "time_lag": LAG_LIMIT}
+
+
+@dataclass(slots=True)
+class TermSearch:
+    """The search for the terms that the data want, from where an adjustment has settled without them.
+
+    Attributes
+    ----------
+    task : that adjustment.
+    fresh : the same with its variances and what takes part as they were before anything was balanced: what looks like a
+        bad turn without a term may be the term.
+    plain : indices of the unknowns without any term.
+    sought : terms that the recording was made for.
+    tests : the last one of each term.
+    untried : the terms that were not tried.
+    """
+
+    task: JointAdjustment
+    fresh: JointAdjustment
+    plain: np.ndarray
+    sought: frozenset[str]
+    tests: dict[str, TermTest] = field(default_factory=dict[str, TermTest])
+    untried: list[str] = field(default_factory=list[str])
+
+    def settled(
+        self, base: Balanced, of_table: list[str], say: Callable[[str], None]
+    ) -> tuple[JointAdjustment, Balanced]:
+        """Try all terms at once, drop the least significant until every one left is wanted.
+
+        Parameters
+        ----------
+        base : the adjustment as it has settled.
+        of_table : terms of a table's that are offered beside those of all recordings.
+        say : says what is done.
+        """
+        say("optional terms")
+        u = self.task.unknowns
+        offered = offered_terms(has_force=u.is_free("force.bias"), has_gyro=u.is_free("gyro.bias")) + of_table
+        names: list[str] = self._determined(offered)
+        limits = term_limits(offered)
+        self.untried = [name for name in offered if name not in names]
+        with about(USUAL_STEPS):
+            without = self._without(base)
+            names = self._not_needless(*without, names, limits)
+        while names:
+            say(f"optional terms: {len(names)} of {len(offered)} in question")
+            trial = self._trial(unknowns_with(self.plain, names))
+            try:
+                with about(USUAL_STEPS):
+                    balanced = balance_recording(trial)
+            except (ObservabilityError, ConvergenceError):
+                # Where the equations are bent, what is determined to first order may not be.
+                self.untried.append(max(names, key=gives_way))
+                names = [name for name in names if name != self.untried[-1]]
+                # An earlier trial, with more terms, may have wanted it.
+                self.tests.pop(self.untried[-1], None)
+                continue
+            wanted = wanted_terms(trial, balanced, names, self.tests, limits, self.sought)
+            if wanted == names:
+                weakest = self._unneeded(without[1], balanced, names)
+                if weakest is None:
+                    return trial, balanced
+                self.tests[weakest] = replace(self.tests[weakest], kept=False)
+                wanted = [name for name in names if name != weakest]
+            names = wanted
+        return without
+
+    def _from_before(self, free: np.ndarray) -> JointAdjustment:
+        """A copy from where the adjustment is, with noise and observations as they were before it was balanced."""
+        fresh = self.fresh.copy()
+        return replace(self.task.copy(free), noise=fresh.noise, taking_part=fresh.taking_part)
+
+    def _trial(self, free: np.ndarray) -> JointAdjustment:
+        """The same, with what is believed of the terms."""
+        trial = self._from_before(free)
+        trial.prior = together(trial.prior, terms_prior(trial.unknowns))
+        return trial
+
+    def _determined(self, of: list[str]) -> list[str]:
+        """The terms that the recording determines, by the information where the adjustment without them has settled.
+
+        All that was recorded counts: a turn may have been left out for the very term that nothing else shows. The noise
+        is what was found without terms: with that of rest an asymmetry would be determined that is of a plate that
+        leans.
+        """
+        trial = self._from_before(unknowns_with(self.plain, of))
+        trial.noise.added.update(self.task.noise.added)
+        return determined_terms(linearise(trial)[1], trial.unknowns, self.plain, of)
+
+    def _without(self, base: Balanced) -> tuple[JointAdjustment, Balanced]:
+        """The adjustment without any term: what it is compared with, and what is left if none is wanted."""
+        if base.solution.unknowns.free.size == self.plain.size:
+            return self.task, base
+        alone = self._trial(self.plain)
+        try:
+            return alone, balance_recording(alone)
+        except (ObservabilityError, ConvergenceError):
+            # Terms that the start had may be what it settles with.
+            again = self._trial(base.solution.unknowns.free)
+            return again, balance_recording(again)
+
+    def _not_needless(
+        self, task: JointAdjustment, balanced: Balanced, names: list[str], limits: dict[str, float]
+    ) -> list[str]:
+        """The terms that may be wanted, by one step from the adjustment without any.
+
+        Where something was left out or weighed less for want of a term, one step does not show it: all may be.
+        """
+        if not names or balanced.outliers or any(task.noise.factors.values()):
+            return names
+        trial = task.copy(unknowns_with(self.plain, names))
+        trial.prior = together(trial.prior, terms_prior(trial.unknowns))
+        try:
+            solution = solve(trial, once=True)
+        except (ObservabilityError, ConvergenceError):
+            return names
+        found = dict[str, TermTest]()
+        left = possible_terms(trial, Balanced(solution, [], solution.tests()), names, found, self.sought)
+        self.tests |= {name: replace(found[name], limit=limits[name]) for name in names if name not in left}
+        return left
+
+    def _unneeded(self, without: Balanced, balanced: Balanced, names: list[str]) -> str | None:
+        """The first term without which everything that was recorded is predicted better; None if there is none.
+
+        Holds are not predicted better by what turns tell of accelerometers, and turns are. `without` has no term.
+        """
+        worse = [n for n in worse_predicted(without, balanced, names) if n not in self.sought]
+        for name in sorted(worse, key=lambda n: -self.tests[n].probability):
+            free = np.setdiff1d(balanced.solution.unknowns.free, term_unknowns(name))
+            free, other = np.union1d(free, self.plain), without
+            if not np.array_equal(free, without.solution.unknowns.free):
+                if free.size == self.plain.size:
+                    # Without any term nothing settled: `without` would be that.
+                    continue
+                try:
+                    other = balance_recording(self._trial(free))
+                except (ObservabilityError, ConvergenceError):
+                    continue
+            if surprise_added(other, balanced, ("force", "rate", "turn")) > 0.0:
+                return name
+        return None
 
 
 def wanted_terms(
