@@ -20,7 +20,7 @@ from tumble.calibration.equations.imu_unknowns import FORCE_ALONE, LAYOUT, PLAIN
 from tumble.calibration.equations.rotation_equations import Windows
 from tumble.calibration.equations.triad_unknowns import COUNT
 from tumble.calibration.estimate import Estimate
-from tumble.calibration.poses import require_poses
+from tumble.calibration.poses import missing_poses
 from tumble.calibration.prior import StableKnowledge, TriadFleet, about_sheet
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ConvergenceError, ObservabilityError
@@ -321,19 +321,13 @@ def find_missing(outcome: JointOutcome, triad: str) -> str:
     own = FORCE_ALONE if triad == "accelerometers" else np.setdiff1d(PLAIN, FORCE_ALONE)
     if outcome.untold is None or not np.any(np.isin(own, outcome.untold.unknowns)):
         return ""
-    missing = (_wanting(outcome) if triad == "accelerometers" else []) or outcome.untold.sentences(own)
+    missing = outcome.untold.sentences(own)
+    if triad == "accelerometers":
+        factor = specific_force_factor(outcome.recording.specific_force_unit)
+        poses = outcome.data.base.force_mean, outcome.values[:COUNT]
+        said = missing_poses(*poses, has_prior=outcome.knowledge is not None, factor=factor)
+        missing = [said] if said else missing
     return f"What was recorded does not determine all of the {triad}. {' '.join(missing[:2])}"
-
-
-def _wanting(outcome: JointOutcome) -> list[str]:
-    """What is said of poses that do not determine the accelerometers, and which would."""
-    factor = specific_force_factor(outcome.recording.specific_force_unit)
-    poses = outcome.data.base.force_mean, outcome.values[:COUNT]
-    try:
-        require_poses(*poses, has_prior=outcome.knowledge is not None, factor=factor)
-    except ObservabilityError as error:
-        return [str(error)]
-    return []
 
 
 # Noise alone brings single samples of a right hold to the largest number of a recording.

@@ -93,10 +93,10 @@ LARGEST_BIAS = 3.0  # m/s²
 WANTED = {9: "nine unknowns (bias, scale factor, non-orthogonality)", 6: "biases and scale factors"}
 
 
-def require_poses(
+def missing_poses(
     means: Vectors, force_unknowns: Series, *, has_prior: bool, factor: float | None = None
-) -> None:
-    """Refuse poses that do not determine the accelerometers, and say what to record instead.
+) -> str:
+    """Return what is to be said of poses that do not determine the accelerometers, and which would; else nothing.
 
     Parameters
     ----------
@@ -104,23 +104,15 @@ def require_poses(
     force_unknowns : (12,) rough unknowns of the accelerometer triad.
     has_prior : the non-orthogonalities are known from an earlier calibration.
     factor : m/s² per raw unit, or None for counts, of which neither zero nor size is known.
-
-    Raises
-    ------
-    ObservabilityError
-        With the number of poses found and needed, or the combination that no pose determines.
     """
     needed = 6 if has_prior else 9
     up = _directions(means, force_unknowns, factor)
     held = up[distinct_poses(up)]
     if held.shape[0] < needed:
-        raise ObservabilityError(_too_few(held, needed, has_prior))
+        return _too_few(held, needed, has_prior)
     untold = describe_untold(held, needed)
-    if untold:
-        raise ObservabilityError(
-            f"The {held.shape[0]} different poses {untold}. "
-            f"Record again and hold the unit also with {describe_mending(held, needed)}{_serves(held, needed)}."
-        )
+    mending = f"hold the unit also with {describe_mending(held, needed)}{_serves(held, needed)}"
+    return untold and f"The {held.shape[0]} different poses {untold}. Record again and {mending}."
 
 
 def _directions(means: Vectors, force_unknowns: Series, factor: float | None) -> Vectors:

@@ -272,15 +272,11 @@ def _advice(following: NextStep, left: float) -> Advice:
 def _missing_poses(means: Vectors) -> str:
     """What `tumble calibrate` will say against the poses so far; nothing if they suffice."""
     from tumble.calibration.equations.triad_unknowns import SCALE
-    from tumble.calibration.poses import require_poses
+    from tumble.calibration.poses import missing_poses
 
     unknowns = np.zeros(12)
     unknowns[SCALE] = 1.0
-    try:
-        require_poses(means, unknowns, has_prior=False, factor=1.0)
-    except ObservabilityError as missing:
-        return str(missing)
-    return ""
+    return missing_poses(means, unknowns, has_prior=False, factor=1.0)
 
 
 def _untold_words(names: list[str]) -> str:

@@ -11,6 +11,8 @@ Weak directions are the combinations of parameters that the observations tell ba
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from tumble.arrays import Series, Square, Table
@@ -54,18 +56,15 @@ HARMLESS = 1e-6
 WORTH_IT = 0.02
 
 
-@dataclass(frozen=True, slots=True)
-class Undetected:
+class Undetected(NamedTuple):
     """The largest error that may go unnoticed.
 
     Attributes
     ----------
-    redundancy : of the observation's numbers, how much the others check.
     size : length of the most harmful error; infinite if nothing checks it.
     parameter, effect : which parameter it moves most, and by how many of its standard uncertainties.
     """
 
-    redundancy: float
     size: float
     parameter: int
     effect: float
@@ -97,10 +96,9 @@ def undetected(left: Square, directions: Table, gain: Table, sigma: Series) -> U
     values, vectors = np.linalg.eigh(test / np.outer(own, own))
     along = (relative / own) @ vectors
     seen = values > UNCHECKED * np.maximum(values.max(initial=0.0), 1e-3)
-    redundancy = float(np.trace(left))
     harm = along[:, ~seen] ** 2
     if harm.size and float(harm.max()) > HARMLESS:
-        return Undetected(redundancy, float("inf"), int(np.argmax(harm.max(axis=1))), float("inf"))
+        return Undetected(float("inf"), int(np.argmax(harm.max(axis=1))), float("inf"))
     inverse = np.where(seen, 1.0 / np.where(seen, values, 1.0), 0.0)
     harms = along**2 * inverse
     worst = int(np.argmax(harms.sum(axis=1)))
@@ -110,9 +108,9 @@ def undetected(left: Square, directions: Table, gain: Table, sigma: Series) -> U
     effects = needed * np.sqrt(np.sum(along**2 * inverse, axis=1))
     norm = float(np.sqrt(np.sum(along[worst] ** 2 * inverse)))
     if norm <= 0.0:
-        return Undetected(redundancy, needed / float(np.sqrt(max(values.max(), 1e-300))), worst, 0.0)
+        return Undetected(needed / float(np.sqrt(max(values.max(), 1e-300))), worst, 0.0)
     error = needed * (vectors @ (inverse * along[worst])) / norm / own
-    return Undetected(redundancy, float(np.linalg.norm(error)), worst, float(effects[worst]))
+    return Undetected(float(np.linalg.norm(error)), worst, float(effects[worst]))
 
 
 @dataclass(frozen=True, slots=True)

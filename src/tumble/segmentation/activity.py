@@ -73,26 +73,20 @@ def find_activity(blocks: Blocks) -> Activity:
     quiet, slowest = _among_rests(blocks, unrest, _quietest(unrest))
     force, rate = blocks.specific_force, blocks.angular_rate
     gravity = force_bias = rate_bias = scale = None
-    apparent: Series | None = None
     centred = False
     if force is not None:
-        noise = float(np.median(change_sizes_of(force, _lag(blocks))[quiet]))
+        noise = float(np.median(change_sizes_of(force, blocks.half_width)[quiet]))
         force_bias, gravity, centred = _sphere(force.smooth[quiet], noise)
         centred = centred or blocks.force_factor is not None
-        span = _lag(blocks) * 2 * blocks.seconds
-        apparent = change_sizes_of(force, _lag(blocks)) / (gravity * span)
-    if rate is None:
-        assert apparent is not None
-        activity = apparent
+    if rate is not None:
+        rate_bias = median(rate.smooth[quiet])
+        size, telling = _distances(rate, rate_bias), _apparent(blocks, gravity) if centred else None
+        scale = _rate_scale(blocks, size, quiet, rate_bias, force_bias, telling, slowest)
+    activity = _rates(blocks, gravity, rate_bias, scale)
+    if rate is None or scale is None:
         spread = float(np.median(activity[quiet]))
     else:
-        rate_bias = median(rate.smooth[quiet])
-        size = _distances(rate, rate_bias)
-        telling = apparent if centred else None
-        scale = _rate_scale(blocks, size, quiet, rate_bias, force_bias, telling, slowest)
-        size *= scale
         spread = scale * float(np.linalg.norm(_scatter(rate.smooth[quiet]))) / np.sqrt(3.0)
-        activity = size if apparent is None else np.maximum(size, apparent / 3.0, out=size)
     threshold = _threshold(activity, CHI_1E5 * spread)
     return Activity(activity, threshold, rate_bias, scale, gravity, force_bias)
 
@@ -105,19 +99,24 @@ def follow_activity(blocks: Blocks, known: Activity) -> Activity:
     blocks : of the same unit.
     known : what was found in other blocks of it; bias, scales and threshold are taken from there.
     """
-    force, rate = blocks.specific_force, blocks.angular_rate
-    activity = np.zeros(len(blocks))
-    if force is not None and known.gravity is not None:
-        span = _lag(blocks) * 2 * blocks.seconds
-        activity = change_sizes_of(force, _lag(blocks)) / (known.gravity * span)
-    if rate is not None and known.rate_bias is not None and known.rate_scale is not None:
-        size = known.rate_scale * _distances(rate, known.rate_bias)
-        activity = np.maximum(size, activity / 3.0)
-    return replace(known, rate=activity)
+    return replace(known, rate=_rates(blocks, known.gravity, known.rate_bias, known.rate_scale))
 
 
-def _lag(blocks: Blocks) -> int:
-    return blocks.half_width
+def _rates(blocks: Blocks, gravity: float | None, bias: Vector | None, scale: float | None) -> Series:
+    """Motion per block, rad/s: see `Activity.rate`."""
+    apparent, rate = _apparent(blocks, gravity), blocks.angular_rate
+    if rate is None or bias is None or scale is None:
+        return apparent
+    size = scale * _distances(rate, bias)
+    return np.maximum(size, apparent / 3.0)
+
+
+def _apparent(blocks: Blocks, gravity: float | None) -> Series:
+    """Rad/s by which the direction of the specific force moves; zero without an accelerometer."""
+    if blocks.specific_force is None or gravity is None:
+        return np.zeros(len(blocks))
+    span = blocks.half_width * 2 * blocks.seconds
+    return change_sizes_of(blocks.specific_force, blocks.half_width) / (gravity * span)
 
 
 def change_sizes_of(triad: TriadBlocks, lag: int) -> np.ndarray:
@@ -153,7 +152,7 @@ def _unrest(blocks: Blocks) -> Series:
     for triad in (blocks.specific_force, blocks.angular_rate):
         if triad is None:
             continue
-        change = change_sizes_of(triad, _lag(blocks))
+        change = change_sizes_of(triad, blocks.half_width)
         usual = float(np.median(change)) or float(np.mean(change)) or 1.0
         np.maximum(total, change / usual, out=total)
     # a quiet moment inside a turn is short: its surroundings give it away

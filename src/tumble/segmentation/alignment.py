@@ -31,23 +31,12 @@ from tumble.units import angular_rate_factor, specific_force_factor
 FIRST_SHIFTS = (0, 1, -1, 2, -2)
 
 
-@dataclass(frozen=True, slots=True)
-class Alignment:
-    """Which event is which step, in order.
+def align(
+    cost: Table, left_out: Series, skipped: Series, again: Table
+) -> tuple[list[tuple[int, int]], float]:
+    """Return the cheapest pairs of (step, event) that keep the order of both, and the sum of all costs.
 
-    `pairs` are (step, event); a step that was done again has several. `cost` is the sum of all costs.
-    """
-
-    pairs: tuple[tuple[int, int], ...]
-    cost: float
-
-    def steps(self) -> set[int]:
-        """Return the steps that have an event."""
-        return {step for step, _ in self.pairs}
-
-
-def align(cost: Table, left_out: Series, skipped: Series, again: Table) -> Alignment:
-    """Find the cheapest alignment of steps with events that keeps the order of both.
+    A step that was done again has several pairs.
 
     Dynamic programming (Needleman and Wunsch, J. Mol. Biol. 48 (1970) 443) with one addition: an event
     may repeat the step of an earlier event, if only left-out events lie between.
@@ -90,7 +79,7 @@ def align(cost: Table, left_out: Series, skipped: Series, again: Table) -> Align
             if best[i][j - 1] + omit[j - 1] < cheapest:
                 cheapest, how = best[i][j - 1] + omit[j - 1], "o"
             best[i][j], how_best[i][j] = cheapest, how
-    return Alignment(tuple(_traced(how_best, how_held, steps, events)), best[steps][events])
+    return _traced(how_best, how_held, steps, events), best[steps][events]
 
 
 def _traced(how_best: list[list[str]], how_held: list[list[str]], i: int, j: int) -> list[tuple[int, int]]:
@@ -133,10 +122,19 @@ def signed_permutations() -> list[np.ndarray]:
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """An alignment and the reading of raw numbers under which it was found."""
+    """Which event is which step, in order.
 
-    alignment: Alignment
+    `pairs` are (step, event); a step that was done again has several. `cost` is the sum of all costs, `reading` how raw
+    numbers were taken.
+    """
+
+    pairs: list[tuple[int, int]]
+    cost: float
     reading: Reading
+
+    def steps(self) -> set[int]:
+        """Return the steps that have an event."""
+        return {step for step, _ in self.pairs}
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,7 +155,7 @@ class Case:
         """Return the best alignment, whatever centre and scale the accelerometer has."""
         reading = Reading(self.means.specific_force, None, np.eye(3), self.rate_scale())
         fits = [self._settled(replace(reading, scale=scale)) for scale in self.scales(reading.specific_force)]
-        return min(fits, key=lambda fit: fit.alignment.cost)
+        return min(fits, key=lambda fit: fit.cost)
 
     def only(self, kind: type[HoldStep] | type[SpinStep]) -> Case:
         """Return the same with the holds alone, or the spins alone.
@@ -219,7 +217,7 @@ class Case:
             if scale is None:
                 break
             better = self.aligned(replace(reading, scale=scale))
-            if better.alignment.cost >= fit.alignment.cost:
+            if better.cost >= fit.cost:
                 break
             fit = better
         return fit
@@ -233,12 +231,12 @@ class Case:
         """
         cost, again = costs_of(self.protocol, self.steps, self.events, reading, self.recording)
         gaps = gaps_of(self.events, self.timeline.holds)
-        return Fit(align(cost, gaps, np.full(len(self.steps), GAP), again), reading)
+        return Fit(*align(cost, gaps, np.full(len(self.steps), GAP), again), reading)
 
     def _scale_from(self, fit: Fit) -> RoughScale | None:
         rows: list[int] = []
         up_b: list[np.ndarray] = []
-        for i, k in fit.alignment.pairs:
+        for i, k in fit.pairs:
             step, hold = self.protocol.steps[self.steps[i]], self.events[k].hold
             if isinstance(step, HoldStep) and step.pose is not None and hold is not None:
                 rows.append(hold)

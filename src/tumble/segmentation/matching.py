@@ -163,7 +163,7 @@ def _is_told_without_gyro(protocol: Protocol, number: int) -> bool:
 def _chosen(case: Case, fit: Fit) -> list[tuple[int, int]]:
     """The pairs to be used: of a step done again in another pose the longest, no saturated spins."""
     by_step: dict[int, list[int]] = {}
-    for i, k in fit.alignment.pairs:
+    for i, k in fit.pairs:
         spin = case.events[k].spin
         if spin is None or spin.usable:
             by_step.setdefault(i, []).append(k)
@@ -240,12 +240,12 @@ def _about_triads(case: Case) -> list[str]:
 
 def _spins_instead(case: Case, fit: Fit) -> dict[int, int]:
     """The event that stands where a spin is missing, by its place in `case.steps`: at another rate, most likely."""
-    matched, used = fit.alignment.steps(), {k for _, k in fit.alignment.pairs}
+    matched, used = fit.steps(), {k for _, k in fit.pairs}
     gaps: dict[tuple[int, int], list[int]] = {}
     for i, number in enumerate(case.steps):
         if i not in matched and isinstance(case.protocol.steps[number], SpinStep):
-            before = max((k for other, k in fit.alignment.pairs if other < i), default=-1)
-            after = min((k for other, k in fit.alignment.pairs if other > i), default=len(case.events))
+            before = max((k for other, k in fit.pairs if other < i), default=-1)
+            after = min((k for other, k in fit.pairs if other > i), default=len(case.events))
             gaps.setdefault((before, after), []).append(i)
     instead: dict[int, int] = {}
     for (before, after), missing in gaps.items():
@@ -278,8 +278,8 @@ def _spin_not_found(case: Case, fit: Fit, i: int, event: Event | None, where: st
 
 
 def _missing(case: Case, fit: Fit, instead: dict[int, int]) -> list[str]:
-    found = fit.alignment.steps()
-    events = dict(fit.alignment.pairs)
+    found = fit.steps()
+    events = dict(fit.pairs)
     remarks: list[str] = []
     for i, number in enumerate(case.steps):
         interval = case.protocol.steps[number].interval
@@ -298,8 +298,8 @@ def _missing(case: Case, fit: Fit, instead: dict[int, int]) -> list[str]:
 
 def _again(case: Case, fit: Fit, chosen: list[tuple[int, int]]) -> list[str]:
     remarks: list[str] = []
-    for i in sorted(fit.alignment.steps()):
-        times = sum(step == i for step, _ in fit.alignment.pairs)
+    for i in sorted(fit.steps()):
+        times = sum(step == i for step, _ in fit.pairs)
         used = sum(step == i for step, _ in chosen)
         if times > 1 and used:
             how = (
@@ -315,7 +315,7 @@ def _again(case: Case, fit: Fit, chosen: list[tuple[int, int]]) -> list[str]:
 
 
 def _extra(case: Case, fit: Fit, instead: dict[int, int]) -> list[str]:
-    used = {k: i for i, k in fit.alignment.pairs}
+    used = {k: i for i, k in fit.pairs}
     remarks: list[str] = []
     for k, event in enumerate(case.events):
         if (

@@ -82,7 +82,7 @@ def refuse_misfit(case: Case, fit: Fit) -> None:
     _refuse_reversed_spins(case, fit)
     if _share(case, fit, spins=False) < SUSPICIOUS_SHARE:
         _refuse_swapped_accelerometer(case, fit)
-    found = len(fit.alignment.steps())
+    found = len(fit.steps())
     # Spins both ways in turn fit all but one the wrong way round, and the holds between them then do not.
     if min(_share(case, fit, spins=True), found / len(case.steps)) < SUSPICIOUS_SHARE:
         _refuse_swapped_gyro(case, fit)
@@ -112,14 +112,14 @@ def _share(case: Case, fit: Fit, *, spins: bool) -> float:
         for i, step in enumerate(steps)
         if (isinstance(step, SpinStep) if spins else pose_of(step) is not None)
     }
-    return len(telling & fit.alignment.steps()) / len(telling) if telling else 1.0
+    return len(telling & fit.steps()) / len(telling) if telling else 1.0
 
 
 def _refuse_reversed_spins(case: Case, fit: Fit) -> None:
     up_b = fit.reading.up_b()
     wrong: list[str] = []
     said = True
-    for i, k in fit.alignment.pairs:
+    for i, k in fit.pairs:
         step, event = case.protocol.steps[case.steps[i]], case.events[k]
         if not isinstance(step, SpinStep) or event.rate is None:
             continue
@@ -162,12 +162,12 @@ def _refuse_swapped_accelerometer(case: Case, fit: Fit) -> None:
     for axes in signed_permutations():
         force = case.means.specific_force @ axes.T
         readings = [replace(fit.reading, specific_force=force, scale=scale) for scale in holds.scales(force)]
-        fits.append(min((holds.aligned(r) for r in readings), key=lambda other: other.alignment.cost))
+        fits.append(min((holds.aligned(r) for r in readings), key=lambda other: other.cost))
     best, axes = _best_axes(fits)
     if best is None or _share(holds, best, spins=False) < SUSPICIOUS_SHARE:
         return
     posed = sum(pose_of(case.protocol.steps[number]) is not None for number in holds.steps)
-    fitting = sum(pose_of(case.protocol.steps[holds.steps[i]]) is not None for i in best.alignment.steps())
+    fitting = sum(pose_of(case.protocol.steps[holds.steps[i]]) is not None for i in best.steps())
     # a unit mounted otherwise turns both triads; only mirrored axes are the accelerometer's own
     both = np.linalg.det(axes) > 0.0 and case.recording.angular_rate is not None
     gyro = axes if both else np.eye(3)
@@ -198,7 +198,7 @@ def _refuse_swapped_gyro(case: Case, fit: Fit) -> None:
 
 def _best_axes(fits: list[Fit]) -> tuple[Fit | None, Matrix]:
     """The best of the fits with swapped axes, and its axes; None if the axes as they are do as well."""
-    costs = [fit.alignment.cost for fit in fits]
+    costs = [fit.cost for fit in fits]
     best = int(np.argmin(costs))
     return (fits[best] if costs[best] < costs[0] - 1.5 * GAP else None), signed_permutations()[best]
 

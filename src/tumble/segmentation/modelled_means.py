@@ -13,7 +13,6 @@ import numpy as np
 
 from tumble.noise.terms import NoiseModel
 from tumble.recording.recording import Recording
-from tumble.records import dataclass
 from tumble.segmentation.averages import EXCESS_FALSE_ALARM
 from tumble.segmentation.observations import HoldMeans
 from tumble.segmentation.timeline import Timeline
@@ -24,28 +23,14 @@ _OWN_FREEDOM = 7.0
 _ANOTHER_UNIT = 1.5
 
 
-@dataclass(frozen=True, slots=True)
-class ModelledMeans:
-    """Holds' means with covariances from models.
-
-    Attributes
-    ----------
-    means : as before, with other covariances.
-    remarks : what was found on the way, in words.
-    """
-
-    means: HoldMeans
-    remarks: tuple[str, ...]
-
-
 def model_means(
     recording: Recording,
     timeline: Timeline,
     means: HoldMeans,
     force: Sequence[NoiseModel] | None,
     rate: Sequence[NoiseModel] | None,
-) -> ModelledMeans:
-    """Return the means with the covariances that models give them.
+) -> tuple[HoldMeans, list[str]]:
+    """Return the means with the covariances that models give them, and what was found on the way, in words.
 
     A hold that scatters more than its model can make by chance was disturbed: it keeps the variance of its
     own scatter, if that is larger.
@@ -76,7 +61,7 @@ def model_means(
         said += _in_words(name, disturbed, ratio)
         field = "specific_force_covariance" if name == "accelerometer" else "angular_rate_covariance"
         changed = replace(changed, modelled=True, **{field: full})
-    return ModelledMeans(changed, tuple(said))
+    return changed, said
 
 
 def _with_own(variance: np.ndarray, own: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:

@@ -375,17 +375,8 @@ def _detectable(
             # Of a hold's three parts only what they have in common is an error of the hold.
             mean = inverted(of_whole @ of_whole.T) @ of_whole
             redundancy = float(np.trace(mean @ left @ of_whole.T))
-            made.append(
-                Detectable(
-                    influence.kind,
-                    int(influence.place[t]),
-                    raw.shape[1],
-                    redundancy,
-                    scale * found.size,
-                    found.parameter,
-                    found.effect,
-                )
-            )
+            where = influence.kind, int(influence.place[t]), raw.shape[1]
+            made.append(Detectable(*where, redundancy, scale * found.size, found.parameter, found.effect))
     return sorted(made, key=lambda d: (d.kind, d.index))
 
 

@@ -195,9 +195,10 @@ class NoiseOfHolds:
         """
         from tumble.segmentation.modelled_means import model_means
 
-        modelled = model_means(session.recording, session.timeline, session.means, self.force, self.rate)
-        self.remarks += modelled.remarks
-        return modelled.means
+        given = session.recording, session.timeline, session.means
+        means, remarks = model_means(*given, self.force, self.rate)
+        self.remarks += remarks
+        return means
 
     def said(self) -> list[str]:
         """Return what a user is told."""
