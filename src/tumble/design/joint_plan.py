@@ -211,6 +211,25 @@ class JointPlan:
         """(30,) of bool: whether it is known better than from the data sheet."""
         return self.without_clock < TOLD * self.task.sizes
 
+    def beyond(self, limits: Series | None) -> list[str]:
+        """Return the rows of the table whose standard uncertainty is beyond its target.
+
+        Parameters
+        ----------
+        limits : (30,) wished-for sigmas, SI, infinite where nothing is wished; None for none at all.
+        """
+        if limits is None:
+            return []
+
+        def limit(name: str) -> float:
+            if name in NAMES:
+                return float(limits[NAMES.index(name)])
+            # Another frame's angles between axes, and those to the frame, are misalignments.
+            group = GROUPS.get(name.rpartition(" ")[0].replace("non-orthogonality", "misalignment"))
+            return np.inf if group is None else float(limits[group.start])
+
+        return [one.name for one in self.foretold if one.sigma > limit(one.name)]
+
     def group_rms(self, group: str) -> float:
         """Return the root mean square sigma of a group, SI; NaN if any of it is not told.
 

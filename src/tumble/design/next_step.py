@@ -381,6 +381,7 @@ def judge_stop(
     following: Sequence[NextStep],
     limits: Series | None,
     sigmas: tuple[Series, Series] | None = None,
+    beyond: list[str] | None = None,
 ) -> tuple[bool, list[str]]:
     """Return whether to stop, and why, in sentences.
 
@@ -391,6 +392,7 @@ def judge_stop(
     limits : (30,) wished-for sigmas, SI, infinite where nothing is wished; None for none at all.
     sigmas : (30,) what is known, and that without the clock's part, as far as it is better known than by the
         information: of a plan, whose biases wander from hold to hold alike.
+    beyond : what is beyond its target by the table that the reader has; None for what is so by `sigmas`.
     """
     at: list[int] = task.parameters().tolist()
     sigma, perfect = sigmas or [
@@ -401,7 +403,9 @@ def judge_stop(
         return False, [f"Not determined yet: {', '.join(untold)}."]
     words: list[str] = []
     if limits is not None:
-        off = [NAMES[i] for i in np.flatnonzero(sigma > limits).tolist()]
+        off = beyond
+        if off is None:
+            off = [NAMES[i] for i in np.flatnonzero(sigma > limits).tolist()]
         if not off:
             return True, ["All targets are reached: stop here."]
         words.append(f"The target is not reached by {', '.join(off)}.")

@@ -138,20 +138,14 @@ class Grade:
             those of the unit's own axes.
         asymmetry : one sigma of each sensor's scale-factor asymmetry, which no sheet states; drawn last.
         """
+        grades = self.accelerometer, self.gyroscope
         g_sensitivity = rng.normal(0.0, self.g_sensitivity, (3, 3)) if self.g_sensitivity else None
-        model = ImuModel(_draw(self.accelerometer, rng), _draw(self.gyroscope, rng), g_sensitivity)
+        triads = [_draw(grade, rng) for grade in grades]
         if nonlinear:
-            model = replace(
-                model,
-                accelerometer=_bent(model.accelerometer, self.accelerometer, rng),
-                gyroscope=_bent(model.gyroscope, self.gyroscope, rng),
-            )
+            triads = [_bent(triad, grade, rng) for triad, grade in zip(triads, grades, strict=True)]
         if asymmetry > 0.0:
-            model = replace(
-                model,
-                accelerometer=_asymmetric(model.accelerometer, asymmetry, rng),
-                gyroscope=_asymmetric(model.gyroscope, asymmetry, rng),
-            )
+            triads = [replace(triad, asymmetry=rng.normal(0.0, asymmetry, 3)) for triad in triads]
+        model = ImuModel(triads[0], triads[1], g_sensitivity)
         if case_axes and self.C_instrument_case is not None:
             return model.turned(self.C_instrument_case.T)
         return model
@@ -169,14 +163,10 @@ def _draw(grade: TriadGrade, rng: np.random.Generator) -> Triad:
     return Triad(matrix, rng.normal(0.0, grade.bias, 3))
 
 
-def _bent(triad: Triad | None, grade: TriadGrade, rng: np.random.Generator) -> Triad | None:
-    if triad is None or grade.quadratic == 0.0:
+def _bent(triad: Triad, grade: TriadGrade, rng: np.random.Generator) -> Triad:
+    if grade.quadratic == 0.0:
         return triad
     return replace(triad, quadratic=rng.normal(0.0, grade.quadratic, 3))
-
-
-def _asymmetric(triad: Triad | None, sigma: float, rng: np.random.Generator) -> Triad | None:
-    return None if triad is None else replace(triad, asymmetry=rng.normal(0.0, sigma, 3))
 
 
 # Of the change over half the span (60 K), one sigma of what bends it: quadratic and cubic in temperature.

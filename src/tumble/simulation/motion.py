@@ -104,18 +104,7 @@ class Motion:
         ----------
         rotations_nb : one attitude per hold, at its beginning.
         hold_duration, turn_duration : (holds,) and (holds - 1,) s.
-
-        Raises
-        ------
-        ValueError
-            If the numbers of poses and durations do not fit together.
         """
-        holds = len(rotations_nb)
-        if len(hold_duration) != holds or len(turn_duration) != holds - 1:
-            raise ValueError(
-                f"{holds} poses take {holds} hold durations and {holds - 1} turn durations, "
-                f"not {len(hold_duration)} and {len(turn_duration)}"
-            )
         return Motion(
             first_quaternion_nb=rotations_nb[0].as_quat(),
             hold_duration=hold_duration,

@@ -6,6 +6,8 @@ one-sided: N is that density over √2.
 
 from __future__ import annotations
 
+from dataclasses import fields
+
 import numpy as np
 
 from tumble.arrays import AnyArray, Vectors
@@ -34,13 +36,7 @@ class TriadNoise:
 
     def scaled(self, factor: float) -> TriadNoise:
         """Return the same noise of raw numbers `factor` times as large, such as counts instead of SI."""
-        return TriadNoise(
-            random_walk=factor * self.random_walk,
-            bias_instability=factor * self.bias_instability,
-            rate_random_walk=factor * self.rate_random_walk,
-            resolution=factor * self.resolution,
-            full_scale=factor * self.full_scale,
-        )
+        return TriadNoise(*(factor * getattr(self, one.name) for one in fields(self)))
 
     @property
     def wanders(self) -> bool:

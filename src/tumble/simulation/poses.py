@@ -53,18 +53,14 @@ def simulate_hand_pose(rng: np.random.Generator, after: Rotation | None = None) 
     rng : source of the attitude.
     after : attitude before, if there is one.
     """
+    from scipy.spatial.transform import Rotation
+
     up_n = np.array([0.0, 0.0, -1.0])
     while True:
-        pose = _anyhow(rng)
+        # Any attitude as likely as any other.
+        pose = Rotation.from_quat(rng.standard_normal(4))
         if after is None:
             return pose
         cosine = float(pose.inv().apply(up_n) @ after.inv().apply(up_n))
         if np.arccos(np.clip(cosine, -1.0, 1.0)) >= SMALLEST:
             return pose
-
-
-def _anyhow(rng: np.random.Generator) -> Rotation:
-    """An attitude drawn evenly from all there are: four normal numbers make an even quaternion."""
-    from scipy.spatial.transform import Rotation
-
-    return Rotation.from_quat(rng.standard_normal(4))

@@ -12,6 +12,7 @@ from tumble.calibration.outcome.budget import recording_influences
 from tumble.design.joint_information import (
     GROUPS,
     NAMES,
+    PARAMETERS,
     JointInformation,
     parameter_sizes,
     parameters_of,
@@ -274,6 +275,10 @@ def test_targets_are_held_against_what_is_foretold(hand_held: JointPlan) -> None
         stop, words = judge_stop(task, hand_held.information, [], limits, (foretold, hand_held.without_clock))
         assert stop == reached
         assert ("All targets are reached" in words[0]) == reached
+    plan = plan_protocol(PlanTask.of_grade(named_protocol("six-position"), TACTICAL, SITE, draws=1))
+    near = np.full(PARAMETERS, np.inf)
+    near[GROUPS["accelerometer misalignment"]] = 1e-6
+    assert plan.beyond(near) == [one.name for one in plan.foretold if "accelerometer mis" in one.name]
 
 
 def test_one_clock_is_in_all_gyro_scale_factors_and_a_table_before_determines_it(

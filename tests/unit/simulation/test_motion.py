@@ -81,11 +81,6 @@ def test_acceleration_is_the_second_derivative_of_the_lever_arm_s_end(motion: Mo
         np.testing.assert_allclose(calm.specific_force_b(np.array([t]), STILL), expected, atol=1e-5)
 
 
-def test_numbers_that_do_not_fit_together_are_refused() -> None:
-    with pytest.raises(ValueError, match="3 poses take 3 hold durations and 2 turn durations, not 3 and 3"):
-        Motion.between_poses(poses_26()[:3], np.ones(3), np.ones(3))
-
-
 def test_a_detour_s_rate_is_the_derivative_of_its_rotation_and_holds_are_free_of_it() -> None:
     detours = Detours(
         np.array([1.0, 5.0]), np.array([2.0, 0.5]), np.array([[0.1, -0.2, 0.05], [-0.03, 0.0, 0.2]])
