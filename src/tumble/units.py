@@ -33,94 +33,77 @@ DEGREE_PER_ROOT_HOUR = DEGREE / 60.0
 MILLI_G, MICRO_G, MICROTESLA = 1e-3 * STANDARD_GRAVITY, 1e-6 * STANDARD_GRAVITY, 1e-6
 _TURN = 2.0 * pi
 
-# name -> (factor to SI, aliases)
-_Table = dict[str, tuple[float | None, tuple[str, ...]]]
+# name -> (factor to SI, other spellings, with neither capitals nor spaces)
+_Table = dict[str, tuple[float | None, str]]
 
-_COUNTS: tuple[float | None, tuple[str, ...]] = (None, ("count", "raw", "lsb", "adc", "digits", "ticks"))
+_COUNTS: tuple[float | None, str] = (None, "count raw lsb adc digits ticks")
 
 _SPECIFIC_FORCE: _Table = {
-    "m/s^2": (1.0, ("m/s2", "m/s/s", "ms^-2", "ms-2", "m*s^-2", "m.s^-2", "mps2", "m_s2", "m_s^2", "si")),
-    "g": (STANDARD_GRAVITY, ("g_n", "gn", "g0", "gee", "gees", "gs", "g-force")),
-    "mg": (STANDARD_GRAVITY * 1e-3, ("milli-g", "millig", "m-g", "mgee", "milli g")),
-    "ug": (STANDARD_GRAVITY * 1e-6, ("micro-g", "microg")),
+    "m/s^2": (1.0, "m/s2 m/s/s ms^-2 ms-2 m*s^-2 m.s^-2 mps2 m_s2 m_s^2 si"),
+    "g": (STANDARD_GRAVITY, "g_n gn g0 gee gees gs g-force"),
+    "mg": (STANDARD_GRAVITY * 1e-3, "milli-g millig m-g mgee"),
+    "ug": (STANDARD_GRAVITY * 1e-6, "micro-g microg"),
     # 1 Gal = 1 cm/s² exactly.
-    "cm/s^2": (1e-2, ("cm/s2", "gal", "gals", "cm s^-2", "cm/s/s")),
-    "mm/s^2": (1e-3, ("mm/s2", "mm s^-2", "mm/s/s")),
-    "ft/s^2": (0.3048, ("ft/s2", "ft/s/s")),  # international foot, exact
+    "cm/s^2": (1e-2, "cm/s2 gal gals cms^-2 cm/s/s"),
+    "mm/s^2": (1e-3, "mm/s2 mms^-2 mm/s/s"),
+    "ft/s^2": (0.3048, "ft/s2 ft/s/s"),  # international foot, exact
     COUNTS: _COUNTS,
 }
 
 _ANGULAR_RATE: _Table = {
-    "rad/s": (
-        1.0,
-        ("rads", "rad s^-1", "rad s-1", "rad*s^-1", "rad.s^-1", "rad/sec", "rps", "rad_s", "radps", "si"),
-    ),
-    "mrad/s": (1e-3, ("mrad s^-1", "mrad/sec", "millirad/s", "mrad_s")),
-    "deg/s": (
-        DEGREE,
-        (
-            "dps",
-            "deg/sec",
-            "degs",
-            "deg s^-1",
-            "deg s-1",
-            "deg.s^-1",
-            "deg_s",
-            "degps",
-            "degree/s",
-            "degrees/s",
-        ),
-    ),
-    "mdeg/s": (DEGREE * 1e-3, ("mdps", "milli-deg/s", "mdeg/sec", "mdeg s^-1", "mdeg_s")),
-    "deg/h": (DEGREE / _HOUR, ("dph", "deg/hr", "deg/hour", "deg_h", "degree/h", "degrees/h")),
-    "rpm": (_TURN / 60.0, ("rev/min", "r/min", "1/min")),
+    "rad/s": (1.0, "rads rads^-1 rads-1 rad*s^-1 rad.s^-1 rad/sec rps rad_s radps si"),
+    "mrad/s": (1e-3, "mrads^-1 mrad/sec millirad/s mrad_s"),
+    "deg/s": (DEGREE, "dps deg/sec degs degs^-1 degs-1 deg.s^-1 deg_s degps degree/s degrees/s"),
+    "mdeg/s": (DEGREE * 1e-3, "mdps milli-deg/s mdeg/sec mdegs^-1 mdeg_s"),
+    "deg/h": (DEGREE / _HOUR, "dph deg/hr deg/hour deg_h degree/h degrees/h"),
+    "rpm": (_TURN / 60.0, "rev/min r/min 1/min"),
     COUNTS: _COUNTS,
 }
 
 # Gauss is no unit of the SI: 1 G = 1e-4 T (SI Brochure, 8th edition, table 9). "g" and "mg" are read so only where
 # it is known that the number is a magnetic field: capitals are not told from small letters here.
 _MAGNETIC_FIELD: _Table = {
-    "T": (1.0, ("tesla", "teslas")),
-    "mT": (1e-3, ("millitesla",)),
-    "uT": (1e-6, ("microtesla", "microteslas")),
-    "nT": (1e-9, ("nanotesla", "nanoteslas", "gamma")),
-    "gauss": (1e-4, ("g", "gs", "ga")),
-    "mgauss": (1e-7, ("mg", "milligauss", "mgs", "mga")),
-    "ugauss": (1e-10, ("ug", "microgauss")),
+    "T": (1.0, "tesla teslas"),
+    "mT": (1e-3, "millitesla"),
+    "uT": (1e-6, "microtesla microteslas"),
+    "nT": (1e-9, "nanotesla nanoteslas gamma"),
+    "gauss": (1e-4, "g gs ga"),
+    "mgauss": (1e-7, "mg milligauss mgs mga"),
+    "ugauss": (1e-10, "ug microgauss"),
     COUNTS: _COUNTS,
 }
 
 _TIME: _Table = {
-    "s": (1.0, ("sec", "secs", "second", "seconds")),
-    "ms": (1e-3, ("msec", "msecs", "millis", "millisecond", "milliseconds")),
-    "us": (1e-6, ("usec", "usecs", "micros", "microsecond", "microseconds")),
-    "ns": (1e-9, ("nsec", "nsecs", "nanos", "nanosecond", "nanoseconds")),
-    "min": (60.0, ("minute", "minutes")),
-    "h": (_HOUR, ("hr", "hour", "hours")),
+    "s": (1.0, "sec secs second seconds"),
+    "ms": (1e-3, "msec msecs millis millisecond milliseconds"),
+    "us": (1e-6, "usec usecs micros microsecond microseconds"),
+    "ns": (1e-9, "nsec nsecs nanos nanosecond nanoseconds"),
+    "min": (60.0, "minute minutes"),
+    "h": (_HOUR, "hr hour hours"),
 }
 
 # Increments over one sampling interval: velocity (of the accelerometers) and angle (of the gyros).
 _VELOCITY: _Table = {
-    "m/s": (1.0, ("mps", "m s^-1", "m s-1", "m*s^-1")),
-    "g*s": (STANDARD_GRAVITY, ("g-s",)),
-    "cm/s": (1e-2, ("cm s^-1",)),
-    "mm/s": (1e-3, ("mm s^-1",)),
+    "m/s": (1.0, "mps ms^-1 ms-1 m*s^-1"),
+    "g*s": (STANDARD_GRAVITY, "g-s"),
+    "cm/s": (1e-2, "cms^-1"),
+    "mm/s": (1e-3, "mms^-1"),
 }
 
 _ANGLE: _Table = {
-    "rad": (1.0, ("radian", "radians")),
-    "mrad": (1e-3, ("millirad", "milliradian")),
-    "urad": (1e-6, ("microrad", "microradian")),
-    "deg": (DEGREE, ("degree", "degrees")),
-    "arcmin": (DEGREE / 60.0, ("arcminute", "arcminutes")),
-    "arcsec": (DEGREE / 3600.0, ("as", '"', "arcsecond", "arcseconds")),
+    "rad": (1.0, "radian radians"),
+    "mrad": (1e-3, "millirad milliradian"),
+    "urad": (1e-6, "microrad microradian"),
+    "deg": (DEGREE, "degree degrees"),
+    "arcmin": (DEGREE / 60.0, "arcminute arcminutes"),
+    "arcsec": (DEGREE / 3600.0, 'as " arcsecond arcseconds'),
 }
 
 # Factor to K of a difference; where zero is, `_ZERO_CELSIUS` says.
 _TEMPERATURE: _Table = {
-    "degC": (1.0, ("c", "celsius", "deg c", "degree celsius", "degrees celsius", "℃")),
-    "K": (1.0, ("kelvin", "kelvins", "degk")),
-    "degF": (5.0 / 9.0, ("f", "fahrenheit", "deg f", "degree fahrenheit", "degrees fahrenheit", "℉")),
+    "degC": (1.0, "c celsius degc degreecelsius degreescelsius ℃"),
+    "K": (1.0, "kelvin kelvins degk"),
+    "degF": (5.0 / 9.0, "f fahrenheit degf degreefahrenheit degreesfahrenheit ℉"),
 }
 _ZERO_CELSIUS = {"degC": 0.0, "K": -273.15, "degF": -160.0 / 9.0}  # °C; SI Brochure, 2.3.1
 
@@ -144,7 +127,7 @@ def _plain(name: str) -> str:
 
 
 _INDEX: dict[str, dict[str, str]] = {
-    kind: {_plain(alias): name for name, (_, aliases) in table.items() for alias in (name, *aliases)}
+    kind: {_plain(alias): name for name, (_, aliases) in table.items() for alias in (name, *aliases.split())}
     for kind, table in _KINDS.items()
 }
 
