@@ -211,15 +211,13 @@ class JointPlan:
         """(30,) of bool: whether it is known better than from the data sheet."""
         return self.without_clock < TOLD * self.task.sizes
 
-    def beyond(self, limits: Series | None) -> list[str]:
+    def beyond(self, limits: Series) -> list[str]:
         """Return the rows of the table whose standard uncertainty is beyond its target.
 
         Parameters
         ----------
-        limits : (30,) wished-for sigmas, SI, infinite where nothing is wished; None for none at all.
+        limits : (30,) wished-for sigmas, SI, infinite where nothing is wished.
         """
-        if limits is None:
-            return []
 
         def limit(name: str) -> float:
             if name in NAMES:

@@ -24,7 +24,7 @@ from tumble.design.joint_information import (
     exact_sensors,
     planned_problem,
 )
-from tumble.design.joint_plan import PlanTask, Weakness, mean_log_sigma
+from tumble.design.joint_plan import JointPlan, PlanTask, Weakness, mean_log_sigma
 from tumble.design.planned_motion import planned_session
 from tumble.protocol.library import BY_HAND, named_protocol
 from tumble.protocol.steps import HoldStep, Pose, Protocol, SpinStep, Step, TurnStep
@@ -381,7 +381,7 @@ def judge_stop(
     following: Sequence[NextStep],
     limits: Series | None,
     sigmas: tuple[Series, Series] | None = None,
-    beyond: list[str] | None = None,
+    plan: JointPlan | None = None,
 ) -> tuple[bool, list[str]]:
     """Return whether to stop, and why, in sentences.
 
@@ -392,9 +392,11 @@ def judge_stop(
     limits : (30,) wished-for sigmas, SI, infinite where nothing is wished; None for none at all.
     sigmas : (30,) what is known, and that without the clock's part, as far as it is better known than by the
         information: of a plan, whose biases wander from hold to hold alike.
-    beyond : what is beyond its target by the table that the reader has; None for what is so by `sigmas`.
+    plan : what is judged by the table that the reader has, its sigmas and names; None for `sigmas` alone.
     """
     at: list[int] = task.parameters().tolist()
+    if plan is not None:
+        sigmas = plan.sigmas, plan.without_clock
     sigma, perfect = sigmas or [
         np.sqrt(np.diag(one.covariance(known))) for one in (task, task.with_perfect_clock)
     ]
@@ -403,9 +405,8 @@ def judge_stop(
         return False, [f"Not determined yet: {', '.join(untold)}."]
     words: list[str] = []
     if limits is not None:
-        off = beyond
-        if off is None:
-            off = [NAMES[i] for i in np.flatnonzero(sigma > limits).tolist()]
+        off = [NAMES[i] for i in np.flatnonzero(sigma > limits).tolist()]
+        off = off if plan is None else plan.beyond(limits)
         if not off:
             return True, ["All targets are reached: stop here."]
         words.append(f"The target is not reached by {', '.join(off)}.")
