@@ -21,12 +21,12 @@ from typer.testing import CliRunner
 
 import tumble as package
 from tumble.cli import groups
-from tumble.cli.groups import flowing, numbers
+from tumble.cli.groups import flowing
 from tumble.cli.main import COMMANDS, PANELS, app
 from tumble.cli.terminal import plain
 from tumble.document import read_calibration
 from tumble.errors import UsageError
-from tumble.workflows.request import FILE, FIRST, PLACE
+from tumble.workflows.request import FILE, FIRST, PLACE, numbers
 
 RUN = "import sys; from tumble.cli.main import main; sys.argv[0] = 'tumble'; main()"
 NEEDED = (FIRST, PLACE, FILE)
@@ -125,8 +125,8 @@ BRAND = (
     ("request.py", "    registry : The", "    brand : Who made it.\n    registry : The"),
     (
         "request.py",
-        "    registry: str",
-        '    brand: str = option(RECORD, "NAME", default="")\n    registry: str',
+        "    registry: str | None = option",
+        '    brand: str = option(RECORD, "NAME", default="")\n    registry: str | None = option',
     ),
     ("calibrate.py", "notes_of(request.notes),", '{**notes_of(request.notes), "brand": request.brand},'),
 )

@@ -202,13 +202,12 @@ def test_zstd_without_its_library_names_the_extra(tmp_path: Path, monkeypatch: p
 
 
 def test_a_pattern_stands_for_the_files_that_it_matches(tmp_path: Path) -> None:
-    from tumble.cli.options import _matched
+    from tumble.workflows.request import matched
 
     for name in ("b.csv", "a.csv", "c.txt", "[1].csv"):
         (tmp_path / name).write_text("x")
-    assert _matched([tmp_path / "?.csv"]) == [tmp_path / "a.csv", tmp_path / "b.csv"]
-    assert _matched([tmp_path / "[1].csv"]) == [tmp_path / "[1].csv"]  # a file of that name goes first
+    assert matched([tmp_path / "?.csv"]) == [tmp_path / "a.csv", tmp_path / "b.csv"]
+    assert matched([tmp_path / "[1].csv"]) == [tmp_path / "[1].csv"]  # a file of that name goes first
     with pytest.raises(UsageError, match=r"No file matches the pattern .*\*\.bag"):
-        _matched([tmp_path / "*.bag"])
-    assert _matched([tmp_path / "none.bag"]) == [tmp_path / "none.bag"]  # which reading says is not there
-    assert _matched(None) is None
+        matched([tmp_path / "*.bag"])
+    assert matched([tmp_path / "none.bag"]) == [tmp_path / "none.bag"]  # which reading says is not there

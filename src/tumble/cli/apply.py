@@ -4,17 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from tumble.cli.options import CalibrationArgument, PrintOptions, Recordings
+from tumble.cli.options import PrintOptions
 from tumble.cli.terminal import progress, results_stand, say, say_json
 from tumble.workflows.request import ApplyRequest
 
 
-def apply_command(
-    calibration: CalibrationArgument,
-    recordings: Recordings,
-    asked: ApplyRequest,
-    printed: PrintOptions,
-) -> None:
+def apply_command(asked: ApplyRequest, printed: PrintOptions) -> None:
     """Correct a recording: specific force in m/s², angular rate in rad/s, in the calibration's frame b.
 
     tumble apply calibrated imu.csv -o corrected.csv
@@ -34,8 +29,7 @@ def apply_command(
         def so_far(samples: int) -> None:
             tell(f"{samples:,} samples corrected")
 
-        asked = replace(asked, calibration=calibration, paths=recordings, progress=so_far)
-        done = apply(**vars(asked))
+        done = apply(**vars(replace(asked, progress=so_far)))
     results_stand()
     if printed.as_json:
         say_json({"file": str(done.file.resolve()), "samples": done.samples, "remarks": done.remarks})

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import MISSING, asdict, replace
+from dataclasses import MISSING, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,28 +11,12 @@ import typer
 from tumble.cli.groups import OF_MANY
 from tumble.cli.options import PrintOptions, SiteOptions
 from tumble.cli.terminal import console, progress, results_stand, say_json, say_written, state
-from tumble.records import dataclass
 from tumble.workflows.request import FIRST, CalibrateRequest, argument, option
 
 if TYPE_CHECKING:
     from tumble.fleet.outcome import Batch
 
-_WORK = "Who does the work"
-_MOST_SAID = 20
-
-
-@dataclass(frozen=True)
-class WorkOptions:
-    """Who does the work.
-
-    Attributes
-    ----------
-    workers : Processes that work at a time (default: one a processor).
-    scheduler : A Dask cluster that does the work instead (extra `fleet`).
-    """
-
-    workers: int | None = option(_WORK, "N")
-    scheduler: str | None = option(_WORK, "tcp://HOST:PORT")
+_WORK, _MOST_SAID = "Who does the work", 20
 
 
 def batch_command(
@@ -41,9 +25,10 @@ def batch_command(
     output: Path = option(FIRST, "DIR", "--output", "-o", default=MISSING),
     asked: Annotated[CalibrateRequest, OF_MANY],
     site: SiteOptions,
-    work: WorkOptions,
     printed: PrintOptions,
     reports: str = option(FIRST, "WHICH", default="failed"),
+    workers: int | None = option(_WORK, "N"),
+    scheduler: str | None = option(_WORK, "tcp://HOST:PORT"),
 ) -> None:
     """Calibrate many units, and say which of them are not fit, out of limits, or unlike the others.
 
@@ -58,13 +43,23 @@ def batch_command(
         with the columns unit and files).
     output : Folder for table.csv, table.html, table.parquet, units/NAME/.
     reports : Of which units a report.html is written: none, failed (all that are not accepted; the default), all.
+    workers : Processes that work at a time (default: one a processor).
+    scheduler : A Dask cluster that does the work instead (extra `fleet`).
     """
     from tumble.workflows.batches.batch import run_batch
 
     asked = replace(asked, site=site.place)
     state["stopped"] = "Stopped; the units that were done are kept, and the same call does the rest."
     with progress(printed.silent) as tell:
-        batch = run_batch(sources, output, asked, reports=reports, progress=tell, **asdict(work))
+        batch = run_batch(
+            sources,
+            output,
+            asked,
+            reports=reports,
+            workers=workers,
+            scheduler=scheduler,
+            progress=tell,
+        )
     results_stand()
     _print(batch, printed)
     raise typer.Exit(0 if batch.accepted == len(batch.units) else 1)

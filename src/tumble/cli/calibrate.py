@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import typer
 
 from tumble.cli.options import (
     FiguresOption,
     LongPrintOptions,
-    OptionalRecordings,
     SiteOptions,
     UnitOptions,
     check_figures,
@@ -22,6 +20,8 @@ from tumble.cli.terminal import console, progress, results_stand, say_json_text,
 from tumble.workflows.request import FIRST, CalibrateRequest, option
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from tumble.workflows.calibrate import CalibrationRun
 
 
@@ -51,7 +51,6 @@ def calibrate_command(
     asked: CalibrateRequest,
     site: SiteOptions,
     printed: LongPrintOptions,
-    recordings: OptionalRecordings = None,
     figures: FiguresOption = None,
 ) -> None:
     """Calibrate an IMU from a recording of it tumbled by hand, on faces, or on a rate table.
@@ -64,13 +63,12 @@ def calibrate_command(
     report.html, prints the parameters with their standard uncertainties, and says whether the result
     is fit for use (exit status 0) or not (1). With --limits the unit has to be within them, too.
     """
-    given = recordings or []
-    output = Path(asked.output or _default_folder(given, asked.protocol))
+    output = Path(asked.output or _default_folder(asked))
     check_figures(figures, output)
     from tumble.workflows.calibrate import calibrate
 
     with progress(printed.silent) as tell:
-        asked = replace(asked, paths=given, output=output, site=site.place, imu=unit.imu, progress=tell)
+        asked = replace(asked, output=output, site=site.place, imu=unit.imu, progress=tell)
         run = calibrate(**vars(asked))
         run.files += draw_figures(figures, run.page, run.files)
     results_stand()
@@ -78,12 +76,13 @@ def calibrate_command(
     raise typer.Exit(0 if run.accepted else 1)
 
 
-def _default_folder(recordings: list[Path], protocol: str | os.PathLike[str] | None) -> Path:
+def _default_folder(asked: CalibrateRequest) -> Path:
     """Return where the results go when nobody says: beside what they were made from, by its name."""
+    recordings = cast("Sequence[Path]", asked.paths)
     first = recordings[0] if recordings else None
     if first is not None and first.suffix.lower() not in (".yaml", ".yml"):
         return Path(f"{first.stem}-calibration")
-    given = first or Path(protocol or "protocol")
+    given = first or Path(asked.protocol or "protocol")
     return Path(f"{given.parent.resolve().name if given.is_file() else given.name}-calibration")
 
 

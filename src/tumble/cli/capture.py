@@ -23,11 +23,11 @@ from rich.text import Text
 
 from tumble.capture.coach import BELLS, Event
 from tumble.capture.targets import groups_of
-from tumble.cli.options import Imu, NoteOption, PrintOptions, RegistryName, SiteOptions, UnitOptions
+from tumble.cli.options import NoteOption, PrintOptions, RegistryName, SiteOptions, UnitOptions
 from tumble.cli.terminal import plain, results_stand, say, say_aside, say_json_text, say_written, table
 from tumble.records import dataclass
 from tumble.sample_rates import sample_rate
-from tumble.workflows.request import ADVANCED, FIRST, StreamRequest, argument, option
+from tumble.workflows.request import ADVANCED, FIRST, StreamRequest, UnitRequest, argument, option, shared
 
 if TYPE_CHECKING:
     from collections.abc import Generator, Sequence
@@ -153,7 +153,7 @@ class CaptureOptions:
 
     hold: float = option(ADVANCED, "S", default=3.0, show_default=True)
     target: list[str] | None = option(ADVANCED, "NAME=NUMBER")
-    imu: Imu = "consumer-mems"
+    imu: str = shared(UnitRequest, "grade")
     protocol: str | None = option(ADVANCED, "FILE|NAME", complete="protocol")
     resume: bool = option(ADVANCED, "", "--resume", default=False)
     web: bool = option(FIRST, "", "--web", default=False)

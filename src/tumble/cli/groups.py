@@ -6,23 +6,19 @@ What `tumble --help` and `tumble COMMAND --help` print.
 from __future__ import annotations
 
 import inspect
-import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import MISSING, fields, is_dataclass
 from importlib import import_module
 from itertools import groupby, pairwise
 from operator import itemgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, cast, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, cast, get_args, get_origin, get_type_hints
 
 import typer
 from typer.core import TyperCommand, TyperGroup
 
 from tumble.errors import UsageError
-
-if TYPE_CHECKING:
-    pass
 
 PRINTED = "What is printed"
 OF_MANY = object()
@@ -58,51 +54,6 @@ def completed(kind: str) -> Callable[[str], list[str]]:
     return beginning
 
 
-def numbers(text: str, option: str, count: int | None = None) -> tuple[float, ...]:
-    """Return numbers with commas between them.
-
-    Parameters
-    ----------
-    text, option : as typed, and where.
-    count : how many there must be; None for any.
-
-    Raises
-    ------
-    UsageError
-        If there are others.
-    """
-    try:
-        values = tuple(float(part) for part in text.split(","))
-    except ValueError:
-        values = ()
-    wrong = not values or not all(math.isfinite(value) for value in values)
-    if wrong or (count is not None and len(values) != count):
-        many = "numbers" if count is None else f"{count} numbers"
-        raise UsageError(f"{option} takes {many} apart by commas, and {text!r} is not.")
-    return values
-
-
-def refuse_given(context: typer.Context, groups: Sequence[type], sentence: str) -> None:
-    """Refuse options of groups that mean nothing here, rather than ignore them.
-
-    Parameters
-    ----------
-    context : typer's, which knows what was typed.
-    groups : whose options are refused.
-    sentence : what is said of one, ``{}`` for its name.
-
-    Raises
-    ------
-    UsageError
-        If one was given.
-    """
-    names = {field.name for group in groups for field in fields(group)}
-    for parameter in context.command.params:
-        source = context.get_parameter_source(parameter.name or "")
-        if parameter.name in names and source is not None and source.name == "COMMANDLINE":
-            raise UsageError(sentence.format(parameter.opts[0]))
-
-
 def grouped(command: Callable[..., None]) -> Callable[..., None]:
     """Return a command as typer takes it: each group among its parameters taken apart into its options.
 
@@ -114,14 +65,16 @@ def grouped(command: Callable[..., None]) -> Callable[..., None]:
 
     groups: dict[str, tuple[type, list[inspect.Parameter]]] = {}
     flat: list[inspect.Parameter] = []
+    read: dict[str, Callable[[Any], Any]] = {}
     help_text, words = listed_words(command.__doc__ or "")
     hints = get_type_hints(command, include_extras=True)
     for parameter in inspect.signature(command).parameters.values():
         hint = hints[parameter.name]
         kind, *how = get_args(hint) if get_origin(hint) is Annotated else (hint,)
         if isinstance(kind, type) and is_dataclass(kind):
-            groups[parameter.name] = kind, list(_options_of(kind, of_many=OF_MANY in how))
-            flat += groups[parameter.name][1]
+            own = list(_options_of(kind, read, of_many=OF_MANY in how))
+            groups[parameter.name] = kind, own
+            flat += own
         else:
             flat.append(_parameter(parameter.name, parameter.default, hint, words))
 
@@ -131,8 +84,11 @@ def grouped(command: Callable[..., None]) -> Callable[..., None]:
         with inputs_kept(_inputs(given)):
             if isinstance(output := given.get("output"), Path) and not output.is_dir():
                 check_target(output)
+            # What was not typed has the record's own default.
+            given = {name: value for name, value in given.items() if value is not None or name not in read}
+            given |= {name: make(given[name]) for name, make in read.items() if name in given}
             made = {
-                name: group(**_unsaid(group), **{option.name: given.pop(option.name) for option in options})
+                name: group(**{one.name: given.pop(one.name) for one in options if one.name in given})
                 for name, (group, options) in groups.items()
             }
             command(**given, **made)
@@ -154,8 +110,10 @@ def _inputs(given: dict[str, Any]) -> list[Path]:
     return found
 
 
-def _options_of(group: Any, *, of_many: bool) -> Iterator[inspect.Parameter]:
-    """The options of a group, or those of a request that may hold for all units of a batch."""
+def _options_of(
+    group: Any, read: dict[str, Callable[[Any], Any]], *, of_many: bool
+) -> Iterator[inspect.Parameter]:
+    """The options of a group, or those of a request that may hold for all units of a batch, and how they are read."""
     from tumble.workflows.request import option_of, words_of
 
     hints, words = dict[str, Any](), words_of(group)
@@ -163,20 +121,16 @@ def _options_of(group: Any, *, of_many: bool) -> Iterator[inspect.Parameter]:
         hints = get_type_hints(group, include_extras=True)
     for field in fields(group):
         found = option_of(field)
-        if found is None and field.name not in hints:
+        if found is None and get_origin(hints.get(field.name)) is not Annotated:
             continue
-        if of_many and found is not None:
-            if found.alone or found.of_many is None:
+        if found is not None:
+            if of_many and (found.alone or found.of_many is None):
                 continue
-            words[field.name] = found.of_many or words[field.name]
+            if of_many:
+                words[field.name] = found.of_many or words[field.name]
+            if found.read is not None:
+                read[field.name] = found.read
         yield _parameter(field.name, field.default if found is None else field, hints.get(field.name), words)
-
-
-def _unsaid(group: Any) -> dict[str, None]:
-    """What has to be given to a request and is no option of it: the command gives it afterwards."""
-    from tumble.workflows.request import option_of
-
-    return {field.name: None for field in fields(group) if field.default is MISSING and not option_of(field)}
 
 
 def _parameter(name: str, default: Any, hint: Any, words: dict[str, str]) -> inspect.Parameter:
@@ -188,6 +142,8 @@ def _parameter(name: str, default: Any, hint: Any, words: dict[str, str]) -> ins
     found = next(filter(None, map(option_of, (given, *declared))), None)
     if found is not None:
         given = given.default if option_of(given) else given
+        if found.read is not None and given is not MISSING:
+            given = found.typed
         how: dict[str, Any] = {
             "help": found.help or words[name],
             "metavar": found.metavar,

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tumble.cli.groups import PRINTED
-from tumble.cli.options import PrintOptions, Recordings
+from tumble.cli.options import PrintOptions
 from tumble.cli.terminal import console, plain, progress, say, say_json, table
 from tumble.records import dataclass
-from tumble.workflows.request import FIRST, FileRequest, option
+from tumble.workflows.request import InspectRequest, option
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -33,23 +32,13 @@ class InspectPrintOptions(PrintOptions):
     verbose: bool = option(PRINTED, "", "--verbose", "-v", default=False)
 
 
-def inspect_command(
-    recording: Recordings,
-    file: FileRequest,
-    printed: InspectPrintOptions,
-    save: Path | None = option(FIRST, "FILE"),
-) -> None:
-    """Say what a recording holds: streams, units, rate, gaps, rest and motion, and what it is good for.
-
-    Parameters
-    ----------
-    save : Convert to this file: .csv or .parquet, raw numbers, time in s.
-    """
+def inspect_command(asked: InspectRequest, printed: InspectPrintOptions) -> None:
+    """Say what a recording holds: streams, units, rate, gaps, rest and motion, and what it is good for."""
     from tumble.workflows.inspect import inspect
 
     with progress(printed.silent) as tell:
         tell("reading")
-        inspection = inspect(recording, save=save, **file.how())
+        inspection = inspect(**vars(asked))
     if printed.as_json:
         say_json(inspection.to_dict(), indent=2)
         return

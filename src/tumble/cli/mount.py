@@ -2,42 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import MISSING, replace
-from pathlib import Path
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from tumble.cli.options import PrintOptions
 from tumble.cli.terminal import console, progress, results_stand, say_json_text, say_written, table
-from tumble.workflows.request import FIRST, MountRequest, argument, option
+from tumble.workflows.request import MountRequest
 
 if TYPE_CHECKING:
     from tumble.workflows.mount import Mounted
 
 
-def mount_command(
-    *,
-    level: Path = argument("LEVEL"),
-    pitched: Path = argument("PITCHED"),
-    calibration: Path = option(FIRST, "CALIBRATION", "--calibration", "-c", default=MISSING),
-    asked: MountRequest,
-    printed: PrintOptions,
-) -> None:
+def mount_command(asked: MountRequest, printed: PrintOptions) -> None:
     """Say how a calibrated unit lies on its mount: three angles, from gravity in two attitudes of the mount.
 
     A calibration corrects the sensors in the unit's own axes; what uses them knows the mount's. Level the
     mount (shims), record ten seconds; pitch it by 90° about its y axis until x is up, record ten more.
-
-    Parameters
-    ----------
-    level : A recording at rest with the mount level.
-    pitched : A recording at rest with the mount pitched by 90° about its y axis, x up.
-    calibration : calibration.json, or the folder that holds it.
     """
     from tumble.workflows.mount import mount
 
     with progress(printed.silent) as tell:
-        asked = replace(asked, level=level, pitched=pitched, calibration=calibration, progress=tell)
-        done = mount(asked)
+        done = mount(replace(asked, progress=tell))
     results_stand()
     if printed.as_json:
         say_json_text(done.file.read_text(encoding="utf-8"))

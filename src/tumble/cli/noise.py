@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from tumble.cli.options import FiguresOption, PrintOptions, Recordings, check_figures, draw_figures
+from tumble.cli.options import FiguresOption, PrintOptions, check_figures, draw_figures
 from tumble.cli.terminal import progress, results_stand, say, say_json, say_written
 from tumble.workflows.request import NoiseRequest
 
@@ -14,12 +14,7 @@ _LETTERS = (
 )
 
 
-def noise_command(
-    recording: Recordings,
-    asked: NoiseRequest,
-    printed: PrintOptions,
-    figures: FiguresOption = None,
-) -> None:
+def noise_command(asked: NoiseRequest, printed: PrintOptions, figures: FiguresOption = None) -> None:
     """Noise of a unit at rest: white noise, bias instability and random walks of every channel.
 
     tumble noise still.csv -o noise
@@ -31,7 +26,7 @@ def noise_command(
 
     check_figures(figures, asked.output)
     with progress(printed.silent) as tell:
-        found = analyse_noise(**vars(replace(asked, paths=recording, progress=tell)))
+        found = analyse_noise(**vars(replace(asked, progress=tell)))
     files = [*found.files, *draw_figures(figures, found.page, found.files)]
     if files:
         results_stand()

@@ -3,73 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from glob import glob
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
-
-import typer
 
 from tumble.cli.groups import PRINTED
 from tumble.errors import UsageError
 from tumble.records import dataclass
-from tumble.workflows.request import (
-    ADVANCED,
-    FIRST,
-    GRADES,
-    PLACE,
-    RECORD,
-    ApplyRequest,
-    CalibrateRequest,
-    option,
-    shared,
-)
+from tumble.workflows.request import ADVANCED, PLACE, RECORD, CalibrateRequest, option, shared
 
 if TYPE_CHECKING:
     from tumble.earth import Site
-
-
-def _matched(paths: list[Path] | None) -> list[Path] | None:
-    """Put the files that a pattern matches in its place, for shells that leave patterns as they are.
-
-    Raises
-    ------
-    UsageError
-        If a pattern matches no file.
-    """
-    if not paths:
-        return paths
-    matched: list[Path] = []
-    for path in paths:
-        is_pattern = any(c in str(path) for c in "*?[") and not path.exists()
-        found = sorted(map(Path, glob(str(path), recursive=True))) if is_pattern else [path]
-        if not found:
-            raise UsageError(f"No file matches the pattern {path}.")
-        matched += found
-    return matched
-
-
-_WHAT = (
-    "A recording: a file (CSV, text, Parquet, NPY, MATLAB, a ROS bag, MCAP, a flight log, ...), a folder, "
-    "or a pair of files with one triad each."
-)
-
-Recordings: TypeAlias = Annotated[
-    list[Path], typer.Argument(help=_WHAT, metavar="RECORDING...", callback=_matched)
-]
-OptionalRecordings: TypeAlias = Annotated[
-    list[Path] | None,
-    typer.Argument(
-        help=f"{_WHAT} None: those that the protocol names.",
-        metavar="[RECORDING...]",
-        show_default=False,
-        callback=_matched,
-    ),
-]
-CalibrationArgument: TypeAlias = Annotated[
-    Path, typer.Argument(metavar="CALIBRATION", help="calibration.json, or the folder that holds it.")
-]
-NoiseFile: TypeAlias = Annotated[Path | None, shared(CalibrateRequest, "noise")]
-Limits: TypeAlias = Annotated[Path | None, shared(CalibrateRequest, "limits")]
 
 
 @dataclass(frozen=True)
@@ -93,38 +36,6 @@ class UnitOptions:
 
 RegistryName: TypeAlias = Annotated[str | None, shared(CalibrateRequest, "registry")]
 NoteOption: TypeAlias = Annotated[list[str] | None, shared(CalibrateRequest, "notes")]
-DataSheet: TypeAlias = Annotated[
-    str | None,
-    option(
-        ADVANCED,
-        "GRADE",
-        "--data-sheet",
-        help=f"A kind of unit, whose data sheet says what is not known of this one: {GRADES}; plans of poses also take "
-        "the file of `tumble registry fleet`.",
-        complete="grade",
-    ),
-]
-Temperature: TypeAlias = Annotated[float | None, shared(ApplyRequest, "temperature")]
-TurnOnBias: TypeAlias = Annotated[
-    str | None,
-    option(
-        ADVANCED, "MG,DEG/H", help="By how much biases move when the unit is switched on anew, one sigma."
-    ),
-]
-Seed: TypeAlias = Annotated[
-    int, option(FIRST, "N", "--seed", help="What is drawn; the same seed draws the same.", show_default=True)
-]
-Imu: TypeAlias = Annotated[
-    str,
-    option(
-        FIRST,
-        "GRADE",
-        "--imu",
-        help=f"Grade of the unit: {GRADES}.",
-        show_default=True,
-        complete="grade",
-    ),
-]
 Json: TypeAlias = Annotated[bool, option(PRINTED, "", "--json", help="Print everything as JSON.")]
 
 

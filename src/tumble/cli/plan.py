@@ -5,33 +5,18 @@ Of any protocol as it is, and of a test of poses, which are searched.
 
 from __future__ import annotations
 
-from dataclasses import asdict
-from pathlib import Path
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
-import typer
-
-from tumble.cli.groups import refuse_given
 from tumble.cli.options import LongPrintOptions, SiteOptions
-from tumble.cli.plan_options import PlanOptions, PoseOptions, ProtocolOptions
 from tumble.cli.terminal import console, progress, results_stand, say, say_json, say_written, table
-from tumble.workflows.request import FIRST, argument, option
+from tumble.workflows.request import PlanRequest, refuse
 
 if TYPE_CHECKING:
     from tumble.workflows.planning.plan import Planned
 
 
-def plan_command(
-    *,
-    context: typer.Context,
-    procedure: str = argument("PROTOCOL", complete="protocol"),
-    planned: PlanOptions,
-    site: SiteOptions,
-    searched: PoseOptions,
-    judged: ProtocolOptions,
-    printed: LongPrintOptions,
-    output: Path | None = option(FIRST, "FOLDER", "--output", "-o"),
-) -> None:
+def plan_command(asked: PlanRequest, site: SiteOptions, printed: LongPrintOptions) -> None:
     """Say how accurate a test will be before it is done, and find a better one.
 
     Of any protocol: both triads predicted, what it does not determine, what each step is worth, what to add:
@@ -44,23 +29,16 @@ def plan_command(
     tumble plan multi-position --imu tactical --time 15 -o plan
 
     All numbers are one sigma.
-
-    Parameters
-    ----------
-    procedure : What is planned. Poses are searched: multi-position, hand-held, six-position. Any other protocol, by
-        name (turntable-9, strapdown-rotation, multi-position-26, …) or as a file, is judged as it is.
-    output : A folder for protocol.yaml, plan.json and sheet.html.
     """
-    from tumble.workflows.planning.plan import PlanRequest, plan
+    from tumble.workflows.planning.plan import plan
+    from tumble.workflows.planning.searching import DEFAULTS
 
-    options = {**asdict(planned), **asdict(searched), **asdict(judged)}
-    request = PlanRequest(procedure, **options, site=site.place)
-    other, what = (PoseOptions, "a protocol as it is")
-    if request.is_searched:
-        other, what = (ProtocolOptions, f"a {procedure} test")
-    refuse_given(context, [other], f"{{}} says nothing to {what}: leave it out.")
+    other, what = ("poses", "minutes", "hold", "turn"), "a protocol as it is"
+    if asked.asked in DEFAULTS:
+        other, what = ("noise", "recorded"), f"a {asked.asked} test"
+    refuse(asked, other, f"{{}} says nothing to {what}: leave it out.")
     with progress(printed.silent) as tell:
-        done = plan(request, steps=not printed.quiet, output=output, progress=tell)
+        done = plan(replace(asked, site=site.place, steps=not printed.quiet, progress=tell))
     results_stand()
     _print(done, printed)
 

@@ -6,10 +6,9 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tumble.cli.options import CalibrationArgument, DataSheet, Json, NoiseFile, TurnOnBias
+from tumble.cli.options import Json
 from tumble.cli.terminal import console, results_stand, say_json, say_written, table
-from tumble.cli.verify import turn_on_of
-from tumble.workflows.request import FIRST, option
+from tumble.workflows.request import FIRST, PredictRequest, option
 
 if TYPE_CHECKING:
     import numpy as np
@@ -107,11 +106,7 @@ def _practical(state: StateAdvice) -> str:
 
 
 def predict_command(
-    calibration: CalibrationArgument,
-    seconds: list[float] | None = option(FIRST, "S"),
-    data_sheet: DataSheet = None,
-    noise: NoiseFile = None,
-    turn_on_bias: TurnOnBias = None,
+    asked: PredictRequest,
     output: Path | None = option(FIRST, "PATH", "--output", "-o"),
     as_json: Json = False,
 ) -> None:
@@ -124,18 +119,11 @@ def predict_command(
 
     Parameters
     ----------
-    seconds : Seconds without aiding, up to 600; may be given several times. Without it 10 and 60.
     output : File or folder for filter.json, a filter's states.
     """
     from tumble.workflows.predict import predict, states_document, write_states
 
-    found = predict(
-        calibration,
-        seconds=tuple(seconds) if seconds else (10.0, 60.0),
-        noise=noise,
-        data_sheet=data_sheet,
-        turn_on=(0.0, 0.0) if turn_on_bias is None else turn_on_of(turn_on_bias),
-    )
+    found = predict(**vars(asked))
     files = [] if output is None else [write_states(found, output)]
     if files:
         results_stand()
@@ -148,7 +136,7 @@ def predict_command(
         }
         say_json(document, indent=1)
         return
-    _print(found.answers, data_sheet)
+    _print(found.answers, asked.data_sheet)
     if course is not None:
         _print_course(course)
     for sentence in found.remarks:

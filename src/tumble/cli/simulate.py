@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
-from pathlib import Path
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from tumble.cli.options import Imu, PrintOptions, Seed, SiteOptions, TurnOnBias
+from tumble.cli.options import PrintOptions, SiteOptions
 from tumble.cli.terminal import progress, results_stand, say, say_json, say_written
-from tumble.cli.verify import turn_on_of
-from tumble.records import dataclass
-from tumble.workflows.request import ADVANCED, FIRST, argument, option
+from tumble.workflows.request import SimulateRequest
 
 if TYPE_CHECKING:
     from tumble.workflows.simulate import Simulated
@@ -19,39 +16,7 @@ if TYPE_CHECKING:
 _PRACTICAL = {"1": (1e6, "ppm"), "rad": (1e3, "mrad")}
 
 
-@dataclass(frozen=True)
-class SessionOptions:
-    """Which unit is recorded, and how.
-
-    Attributes
-    ----------
-    unit : Seed of the unit alone: the same unit in another session (default: --seed).
-    rate : Sampling rate (default: the protocol's or the grade's own).
-    duration : With rest: seconds to record (default: 600).
-    units : What the recording is in: SI (default), or counts, as a converter gives them.
-    magnetometer : Also record a magnetometer, in µT at its own rate: lis3mdl or rm3100.
-    errors : What else is wrong: of the chain to the file, a turntable or a two-axis fixture, the field.
-    """
-
-    grade: Imu = "consumer-mems"
-    seed: Seed = 0
-    unit: int | None = option(FIRST, "N", "--unit-seed")
-    rate: float | None = option(FIRST, "HZ", "--sample-rate")
-    duration: float | None = option(FIRST, "S")
-    units: str = option(ADVANCED, "SI|counts", "--output-units", default="SI")
-    magnetometer: str | None = option(ADVANCED, "GRADE")
-    errors: Path | None = option(ADVANCED, "FILE.YAML")
-
-
-def simulate_command(
-    *,
-    protocol: str = argument("PROTOCOL", complete="protocol"),
-    session: SessionOptions,
-    site: SiteOptions,
-    printed: PrintOptions,
-    turn_on_bias: TurnOnBias = None,
-    output: Path | None = option(FIRST, "DIR", "--output", "-o"),
-) -> None:
+def simulate_command(asked: SimulateRequest, site: SiteOptions, printed: PrintOptions) -> None:
     """Play a protocol on a simulated unit: try a test before you do it, or check what a calibration finds.
 
     tumble simulate turntable-9 --imu tactical --site 48.1 -o table
@@ -59,25 +24,11 @@ def simulate_command(
     Writes recording.csv, protocol.yaml and truth.json. `tumble calibrate --protocol
     DIR/protocol.yaml` needs nothing else; the truth, with the keys of calibration.json, is for you to
     compare. The same seed gives the same files, bit for bit.
-
-    Parameters
-    ----------
-    protocol : A protocol file, or the name of a protocol: six-position, multi-position-26 (18, 10, 9), rate-table,
-        modified-multi-position, turntable-9 (18), laboratory, strapdown-rotation, thermal-soak, thermal-ramp
-        (-tumbled), thermal-fridge, hand-held. `rest` is a unit that lies still, for `tumble noise`.
-    output : Folder for the files (default: NAME-simulated).
     """
     from tumble.workflows.simulate import simulate
 
     with progress(printed.silent) as tell:
-        done = simulate(
-            protocol,
-            output=output,
-            **asdict(session),
-            site=site.place,
-            turn_on=(0.0, 0.0) if turn_on_bias is None else turn_on_of(turn_on_bias),
-            progress=tell,
-        )
+        done = simulate(**vars(replace(asked, site=site.place, progress=tell)))
     results_stand()
     if printed.as_json:
         files = [str(file.resolve()) for file in done.files]

@@ -8,26 +8,25 @@ from __future__ import annotations
 import math
 import shlex
 import sys
+from dataclasses import fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn, cast
 
 import typer
 
-from tumble.cli.groups import numbers, refuse_given
-from tumble.cli.options import (
-    CalibrationArgument,
-    DataSheet,
-    Limits,
-    PrintOptions,
-    Recordings,
-    SiteOptions,
-    Temperature,
-    TurnOnBias,
-)
+from tumble.cli.options import PrintOptions, SiteOptions
 from tumble.cli.terminal import console, progress, results_stand, say_json, say_written, table
 from tumble.errors import UsageError
-from tumble.records import dataclass
-from tumble.workflows.request import FIRST, FileRequest, option
+from tumble.workflows.request import (
+    FIRST,
+    OF_NO_DRIVE,
+    CalibrateRequest,
+    DriveRequest,
+    VerifyRequest,
+    option,
+    refuse,
+    shared,
+)
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -35,25 +34,6 @@ if TYPE_CHECKING:
     from tumble.arrays import Series
     from tumble.workflows.verification.drive_verification import DriveVerification
     from tumble.workflows.verify import Verification
-
-
-GRAVITY = 9.80665e-3  # m/s² a mg
-
-
-def turn_on_of(text: str) -> tuple[float, float]:
-    """Return m/s² and rad/s of mg and °/h as typed.
-
-    Parameters
-    ----------
-    text : as typed.
-
-    Raises
-    ------
-    UsageError
-        If it is not two numbers.
-    """
-    force, rate = numbers(text, "--turn-on-bias", 2)
-    return force * GRAVITY, math.radians(rate) / 3600.0
 
 
 def show_drive(found: DriveVerification, output: Path | None, printed: PrintOptions) -> NoReturn:
@@ -114,36 +94,12 @@ def _errors_table(variants: list[dict[str, Any]], title: str, key: str) -> objec
     return table(heads, cells, right=range(1, len(heads)), title=title, box=None)
 
 
-_DRIVE = "A drive with satellite positions"
-
-
-@dataclass(frozen=True)
-class DriveOptions:
-    """What only a drive has.
-
-    Attributes
-    ----------
-    lever_arm : Metres from the IMU to the antenna, in b. Without it, 0,0,0.
-    output : With --gnss: folder for verify.json and verify.html.
-    """
-
-    lever_arm: str | None = option(_DRIVE, "X,Y,Z")
-    data_sheet: DataSheet = None
-    turn_on_bias: TurnOnBias = None
-    output: Path | None = option(FIRST, "DIR", "--output", "-o")
-
-
 def verify_command(
-    context: typer.Context,
-    calibration: CalibrationArgument,
-    recordings: Recordings,
+    asked: DriveRequest,
     site: SiteOptions,
-    file: FileRequest,
-    drive: DriveOptions,
     printed: PrintOptions,
-    limits: Limits = None,
-    temperature: Temperature = None,
-    gnss: Path | None = option(_DRIVE, "FILE"),
+    limits: Path | None = shared(CalibrateRequest, "limits"),
+    output: Path | None = option(FIRST, "DIR", "--output", "-o"),
 ) -> None:
     """Judge a calibration on another recording: the norm of each hold, the angle left after each turn.
 
@@ -158,23 +114,30 @@ def verify_command(
 
     Parameters
     ----------
-    gnss : Satellite positions of a drive (.pos, NMEA, CSV): judge by navigation instead.
+    output : With --gnss: folder for verify.json and verify.html.
     """
-    read = file.how()
-    if gnss is not None:
-        sentence = "{} says nothing to a drive, whose place the positions give: leave it out."
-        refuse_given(context, [SiteOptions], sentence)
+    if asked.gnss is not None:
+        refuse(site, ("site", "gravity"), OF_NO_DRIVE)
         if limits is not None:
-            raise UsageError(sentence.format("--limits"))
-        _verify_drive(calibration, recordings, gnss, drive, {**read, "temperature": temperature}, printed)
-    refuse_given(context, [DriveOptions], "{} is for a drive: give its satellite positions with --gnss.")
-    from tumble.workflows.verify import limits_of, verify
+            raise UsageError(OF_NO_DRIVE.format("--limits"))
+        from tumble.workflows.verification.drive import verify_drive
 
-    held = None if limits is None else limits_of(calibration, limits)
+        with progress(printed.silent) as tell:
+            found = verify_drive(**vars(replace(asked, progress=tell)))
+        show_drive(found, output, printed)
+    of_drives = "{} is for a drive: give its satellite positions with --gnss."
+    refuse(asked, ("lever_arm_b", "data_sheet", "turn_on"), of_drives)
+    if output is not None:
+        raise UsageError(of_drives.format("--output"))
+    from tumble.document import read_calibration
+    from tumble.limits import decide, read_limits
+    from tumble.workflows.verify import verify
+
+    calibration = cast("Path", asked.calibration)
+    held = None if limits is None else decide(read_calibration(calibration), read_limits(limits))
     with progress(printed.silent) as tell:
-        results = verify(
-            calibration, recordings, site=site.place, progress=tell, temperature=temperature, **read
-        )
+        asked = replace(asked, site=site.place, progress=tell)
+        results = verify(**{one.name: getattr(asked, one.name) for one in fields(VerifyRequest)})
     if printed.as_json:
         told = {} if held is None else {"limits": held}
         say_json([_as_dict(result) | told for result in results], indent=1)
@@ -188,32 +151,6 @@ def verify_command(
             print_blocks([limits_verdict(held)], console())
     within = held is None or held.decision == "passed"
     raise typer.Exit(0 if within and all(result.fit for result in results) else 1)
-
-
-def _verify_drive(
-    calibration: Path,
-    recordings: list[Path],
-    gnss: Path,
-    drive: DriveOptions,
-    read: dict[str, object],
-    printed: PrintOptions,
-) -> None:
-    arm = None if drive.lever_arm is None else numbers(drive.lever_arm, "--lever-arm", 3)
-    moved = None if drive.turn_on_bias is None else turn_on_of(drive.turn_on_bias)
-    from tumble.workflows.verification.drive import verify_drive
-
-    with progress(printed.silent) as tell:
-        found = verify_drive(
-            calibration,
-            recordings,
-            gnss,
-            lever_arm_b=arm,
-            data_sheet=drive.data_sheet or "consumer-mems",
-            turn_on=moved,
-            progress=tell,
-            **read,  # pyright: ignore[reportArgumentType] (options by their names)
-        )
-    show_drive(found, drive.output, printed)
 
 
 def _as_dict(result: Verification) -> dict[str, object]:

@@ -12,6 +12,7 @@ from tumble.document import Calibration, read_calibration
 from tumble.errors import UsageError
 from tumble.files import check_target, make_folder, read_text, shown, written_beside
 from tumble.records import dataclass
+from tumble.workflows.request import CertificateRequest
 
 NOBODY = "–"
 
@@ -26,40 +27,27 @@ class Certificate:
     lacking: list[str]
 
 
-def make_certificate(
-    calibration: Path,
-    output: Path,
-    *,
-    profile: Path | None = None,
-    number: str | None = None,
-    date: str | None = None,
-    language: str = "en",
-    registry: str | None = None,
-) -> Certificate:
+def make_certificate(request: CertificateRequest) -> Certificate:
     """Write a certificate.
 
     Parameters
     ----------
-    calibration : a ``calibration.json``, or its folder.
-    output : PDF file, or as ``.xml`` the digital calibration certificate.
-    profile : what the laboratory says; without it the certificate has no laboratory.
-    number : of the certificate; by default made of the day and the calibration's identity.
-    date : of issue, YYYY-MM-DD; today by default. The same day makes the same bytes.
-    language : of `tumble.certificate.content.LANGUAGES`.
-    registry : that keeps the certificate's number.
+    request : the calibration, the laboratory's profile, and where it goes. The certificate's number is by default made
+        of the day and the calibration's identity; the same day makes the same bytes.
 
     Raises
     ------
     CalibrationFileError, UsageError, OutputError
         If an input is wrong, or a file cannot be written.
     """
+    calibration, output, profile = request.calibration, request.output, request.profile
     document = read_calibration(calibration)
     told, logo = (
         (Profile(laboratory=Laboratory(name=NOBODY)), None) if profile is None else read_profile(profile)
     )
     _require_same_item(document, told)
-    day = _day_of(date)
-    number = number or f"{day.replace('-', '')}-{document.identity}"
+    day = _day_of(request.date)
+    number = request.number or f"{day.replace('-', '')}-{document.identity}"
     if shown(number) != number or len(number) > 80 or not number.strip():
         raise UsageError(f"--number {shown(number)[:40]!r}: give up to 80 visible characters.")
     check_target(output)
@@ -67,18 +55,18 @@ def make_certificate(
         raise UsageError(f"-o {output}: a certificate is a .pdf for people or a .xml for machines.")
     # The file itself is attached, so that its hash is the certificate's.
     text = read_text(calibration / "calibration.json" if calibration.is_dir() else calibration)
-    content = certificate_content(document, told, number, day, language, text)
+    content = certificate_content(document, told, number, day, request.language, text)
     if output.suffix.lower() == ".xml":
         from tumble.certificate.dcc import dcc_text
 
-        made = dcc_text(document, told, number, day, language, text).encode()
+        made = dcc_text(document, told, number, day, request.language, text).encode()
     else:
         made = certificate_pdf(content, logo=logo)
-    if registry is not None:
+    if request.registry is not None:
         from tumble.registry.store import add_certificate, document_hash
         from tumble.workflows.registry import registry_at
 
-        with registry_at(registry) as kept:
+        with registry_at(request.registry) as kept:
             add_certificate(kept, document_hash(document.to_json()), number)
     make_folder(output.parent)
     with written_beside(output) as beside:

@@ -9,7 +9,6 @@ from pathlib import Path
 
 from msgspec import structs
 
-from tumble.border import border
 from tumble.document import Calibration, read_calibration
 from tumble.document.entries import turned_to
 from tumble.document.imported import calibration_from_model
@@ -17,13 +16,14 @@ from tumble.document.result import RecordingName
 from tumble.errors import UsageError
 from tumble.export.noise import read_noise
 from tumble.export.readers import check_plausible, read_file
-from tumble.export.subject import LARGEST_LOSS, Subject, Wishes, prepare
+from tumble.export.subject import Subject, Wishes, prepare
 from tumble.export.target import MAGNETOMETER, MATRIX, NOISE, SCALE, Target, find_target, targets
 from tumble.files import inputs_kept, write_texts
 from tumble.recording.formats.logs.own_parameters import UNSTATED
 from tumble.recording.formats.table import hash_file
 from tumble.records import dataclass
 from tumble.units import angular_rate_factor, find_unit, specific_force_factor
+from tumble.workflows.request import ConvertRequest, asked
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,32 +57,9 @@ def _what_it_holds(target: Target) -> list[str]:
     return [what for what in target.holds if not (what == SCALE and MATRIX in target.holds)]
 
 
-@border
-def convert_to(
-    calibration: str | os.PathLike[str] | Calibration | None,
-    target: str,
-    *,
-    output: str | os.PathLike[str] | None = None,
-    noise: str | os.PathLike[str] | None = None,
-    rate: float | None = None,
-    largest_loss: float = LARGEST_LOSS,
-    frame: str | None = None,
-    temperature: float | None = None,
-    topic: str | None = None,
-) -> Converted:
+@asked(ConvertRequest)
+def convert_to(request: ConvertRequest) -> Converted:
     """Write a calibration in another tool's form.
-
-    Parameters
-    ----------
-    calibration : a ``calibration.json``, its folder, a `Calibration`, or None for a target of noise alone.
-    target : its name.
-    output : the file, or the folder of a target of several files; by default the target's own name for it.
-    noise : a ``noise.json``, for targets that hold noise.
-    rate : Hz that the consumer samples at, where it is not the recording's.
-    largest_loss : of the true vector's length, beyond which nothing is written.
-    frame : of corrected vectors, where the target leaves it open.
-    temperature : °C to take a thermal calibration at.
-    topic : of ROS, where the form names one; by default the recording's, or else /imu0.
 
     Raises
     ------
@@ -93,14 +70,17 @@ def convert_to(
     OutputError
         If the file cannot be written; an earlier one is intact.
     """
-    chosen, wishes = find_target(target), Wishes(frame, temperature, largest_loss, topic)
+    rate, noise, document = request.rate, request.noise, request.calibration
+    if request.target is None:
+        raise UsageError("Say which tool's form it is to be: give a target.")
+    chosen = find_target(request.target)
+    wishes = Wishes(request.frame, request.temperature, request.largest_loss, request.topic)
     if rate is not None and not 0.0 < rate < math.inf:
         raise UsageError(f"--consumer-rate {rate:g}: give Hz, more than 0.")
     if noise is not None and NOISE not in chosen.holds:
         raise UsageError(f"{chosen.title} holds no noise: leave --noise out.")
     if noise is None and rate is not None:
         raise UsageError("--consumer-rate is about noise: give --noise too.")
-    document = calibration
     if document is not None and not isinstance(document, Calibration):
         document = read_calibration(document)
     left_out: list[str] = []
@@ -109,8 +89,8 @@ def convert_to(
     coefficients = None if noise is None else read_noise(Path(noise), rate=rate)
     subject = prepare(document, chosen, wishes, coefficients)
     texts = chosen.write(subject)
-    files = _places(texts, chosen, output)
-    with inputs_kept(Path(one) for one in (calibration, noise) if isinstance(one, str | os.PathLike)):
+    files = _places(texts, chosen, request.output)
+    with inputs_kept(Path(one) for one in (request.calibration, noise) if isinstance(one, str | os.PathLike)):
         write_texts(dict(zip(files, texts.values(), strict=True)))
     return Converted(files, [*left_out, *_remarks(subject)])
 

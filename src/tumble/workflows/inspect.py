@@ -5,15 +5,15 @@ What it is good for is judged as `calibrate` judges it: by what holds and turns 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 from tumble.errors import TumbleError, UsageError
 from tumble.recording import Findings, Recording, inspect_recording, read_recording, write_recording
-from tumble.recording.reading import Paths, recording_inputs
+from tumble.recording.reading import recording_inputs
 from tumble.records import dataclass
+from tumble.workflows.request import InspectRequest, asked
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,21 +37,9 @@ class Inspection:
         }
 
 
-def inspect(
-    paths: Paths,
-    *,
-    columns: str | None = None,
-    units: str | Sequence[str] | None = None,
-    rate: float | str | None = None,
-    topics: Sequence[str] | None = None,
-    save: Path | str | None = None,
-) -> Inspection:
+@asked(InspectRequest)
+def inspect(request: InspectRequest) -> Inspection:
     """Read a recording, examine it, and save it as CSV or Parquet if `save` names a file.
-
-    Parameters
-    ----------
-    paths, columns, units, rate, topics : as for `tumble.recording.read_recording`.
-    save : file to convert to; its ending says whether CSV or Parquet.
 
     Raises
     ------
@@ -62,10 +50,11 @@ def inspect(
     OutputError
         If the recording could not be saved.
     """
+    paths, save = request.paths, request.save
     inputs = [one.resolve() for one in recording_inputs(paths) if isinstance(one, Path)]
     if save is not None and Path(save).resolve() in inputs:
         raise UsageError(f"--save {save} is the recording itself; choose another name.")
-    recording = read_recording(paths, columns=columns, units=units, rate=rate, topics=topics)
+    recording = read_recording(paths, **request.how())
     findings = _judged(recording, inspect_recording(recording))
     saved = None if save is None else write_recording(recording, save, all_units=True)
     return Inspection(recording, findings, saved)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -21,6 +20,7 @@ from tumble.navigation.prediction import PredictedErrors, predict_errors
 from tumble.noise.terms import NoiseModel
 from tumble.records import dataclass
 from tumble.simulation import drive_along, find_grade
+from tumble.workflows.request import PredictRequest, asked
 from tumble.workflows.verification.calibration_parts import WHOLE, CorrectedBy, in_b, start_covariance
 from tumble.workflows.verification.drive_filter import noise_of_document, sheet_noise
 
@@ -48,23 +48,9 @@ class Prediction:
     remarks: list[str]
 
 
-def predict(
-    calibration: str | os.PathLike[str] | Calibration,
-    *,
-    seconds: Sequence[float] = (10.0, 60.0),
-    noise: str | os.PathLike[str] | None = None,
-    data_sheet: str | None = None,
-    turn_on: tuple[float, float] = (0.0, 0.0),
-) -> Prediction:
+@asked(PredictRequest)
+def predict(request: PredictRequest) -> Prediction:
     """Return what errors of position and attitude a calibration leaves, and which states a filter should carry.
-
-    Parameters
-    ----------
-    calibration : ``calibration.json``, the folder that holds it, or a `Calibration`.
-    seconds : s of free navigation.
-    noise : what `tumble noise` wrote for this unit; None for the data sheet's.
-    data_sheet : name of one of `tumble.simulation.GRADES`, for the same without calibration, and for the noise.
-    turn_on : m/s² and rad/s, by how much biases move since the calibration, one sigma.
 
     Raises
     ------
@@ -73,25 +59,27 @@ def predict(
     CalibrationFileError
         If the file is no calibration, or states no uncertainties.
     """
+    seconds, turn_on = request.seconds, request.turn_on
     for t in seconds:
         if not _SHORTEST <= t <= LONGEST:
             raise UsageError(
                 f"--seconds {t:g} is out of bounds: give at least {_SHORTEST:g} and at most {LONGEST:g}, as far as "
                 "the closed forms hold."
             )
-    grade = None if data_sheet is None else find_grade(data_sheet)
+    grade = None if request.data_sheet is None else find_grade(request.data_sheet)
+    calibration = request.calibration
     document = calibration if isinstance(calibration, Calibration) else read_calibration(calibration)
     told = answers(document, seconds=tuple(seconds), grade=grade)
     if document.accelerometer is None or document.gyroscope is None:
         words = "Navigation takes accelerometers and gyros, and the calibration has not both: no course is predicted."
         return Prediction(told, None, [words])
     sheet = find_grade("consumer-mems") if grade is None else grade
-    if noise is None:
+    if request.noise is None:
         forces, rates = ((sheet_noise(t),) * 3 for t in (sheet.accelerometer, sheet.gyroscope))
         remarks = [f"The noise is the data sheet's ({sheet.name}); --noise takes this unit's own."]
     else:
-        forces, rates = noise_of_document(noise)
-        remarks = [f"The noise is this unit's, from {Path(noise).name}."]
+        forces, rates = noise_of_document(request.noise)
+        remarks = [f"The noise is this unit's, from {Path(request.noise).name}."]
     course = _on_course(document, seconds, forces, rates, turn_on)
     return Prediction(told, course, remarks + _remarks(document, turn_on))
 

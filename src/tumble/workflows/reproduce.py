@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
-from concurrent.futures import Executor
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,6 +13,7 @@ from tumble.files import results_folder
 from tumble.records import dataclass
 from tumble.workflows.batches.executors import Hands, hands
 from tumble.workflows.progress import silent
+from tumble.workflows.request import ReproduceRequest, asked
 
 if TYPE_CHECKING:
     from tumble.reproduction.outcome import Outcome
@@ -23,30 +22,9 @@ if TYPE_CHECKING:
 MOST_REPETITIONS = 100_000
 
 
-def reproduce(
-    name: str,
-    *,
-    repetitions: int | None = None,
-    seed: int = 0,
-    output: str | os.PathLike[str] | None = None,
-    workers: int = 1,
-    scheduler: str | None = None,
-    executor: Executor | None = None,
-    progress: Callable[[str], None] | None = None,
-) -> tuple[list[Outcome], list[Path]]:
+@asked(ReproduceRequest)
+def reproduce(request: ReproduceRequest) -> tuple[list[Outcome], list[Path]]:
     """Make an item, or all of a paper, anew; return the outcomes and the files that were written.
-
-    Parameters
-    ----------
-    name : of an item, or of a paper ("hayal", "zhang", "savage").
-    repetitions : how many runs; None for each item's own number, which items that take hours do not exceed where
-        all of a paper is asked for.
-    seed : of all random numbers; the same seed gives the same numbers.
-    output : folder for a page, data and pictures of each item; None writes nothing.
-    workers : processes that make items side by side; 1 makes one after the other in this one.
-    scheduler : address of a Dask cluster that makes them instead.
-    executor : any `concurrent.futures.Executor` instead; it is left open.
-    progress : called with a sentence on what is being done.
 
     Raises
     ------
@@ -57,19 +35,20 @@ def reproduce(
     """
     from tumble.reproduction.items import find_items
 
+    repetitions, seed = request.repetitions, request.seed
     if repetitions is not None and not 1 <= repetitions <= MOST_REPETITIONS:
         raise UsageError(f"--repetitions {repetitions}: give a number from 1 to {MOST_REPETITIONS}.")
     if seed < 0:
         raise UsageError(f"--seed {seed}: a seed is a whole number from 0 on.")
-    folder = results_folder(output)
-    items = find_items(name)
+    folder = results_folder(request.output)
+    items = find_items(request.name or "")
     runs = [repetitions if len(items) == 1 else item.runs_among_others(repetitions) for item in items]
     tasks = [
         _Task(item.name, item.title, number, seed, item.seconds(number))
         for item, number in zip(items, runs, strict=True)
     ]
-    say = progress or silent
-    if workers == 1 and scheduler is None and executor is None:
+    say = request.progress or silent
+    if request.workers == 1 and request.scheduler is None and request.executor is None:
         outcomes: list[Outcome] = []
         for task in (
             counted(tasks, sum(t.seconds for t in tasks), lambda t: t.seconds) if len(tasks) > 1 else tasks
@@ -77,7 +56,8 @@ def reproduce(
             say(task.title)
             outcomes.append(_make(task))
     else:
-        outcomes = _side_by_side(tasks, hands(workers, scheduler, executor), say)
+        crew = hands(request.workers, request.scheduler, request.executor)
+        outcomes = _side_by_side(tasks, crew, say)
     return outcomes, [] if folder is None else _write(folder, outcomes)
 
 

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-import os
 import time
-from collections.abc import Callable
 from dataclasses import field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,7 +18,8 @@ from tumble.sample_rates import SampleRate
 from tumble.simulation.errors import EARTHS_FIELD, SessionErrors, read_errors
 from tumble.workflows.given.protocols import read_played
 from tumble.workflows.given.site import given_site
-from tumble.workflows.progress import public, silent
+from tumble.workflows.progress import silent
+from tumble.workflows.request import SimulateRequest, asked
 from tumble.workflows.simulated.files import require_place, write_simulation
 from tumble.workflows.simulated.truth import (
     Settings,
@@ -37,8 +36,6 @@ if TYPE_CHECKING:
     from tumble.simulation import ChamberTruth, FixtureErrors, Grade, Truth
     from tumble.simulation.magnetometer import SimulatedMagnetometer
 
-# What most people hold in their hands, with errors large enough for every procedure to find.
-DEFAULT_GRADE = "consumer-mems"
 # Where a protocol is played that names no place: nobody's, and said.
 DEFAULT_LATITUDE = math.radians(45.0)
 # Two hours and three quarters at 2 kHz, or 2.5 GB of memory.
@@ -61,44 +58,13 @@ class Simulated:
     seconds: dict[str, float] = field(default_factory=dict[str, float])
 
 
-@public
-def simulate(
-    protocol: str | os.PathLike[str],
-    *,
-    output: str | os.PathLike[str] | None = None,
-    grade: str = DEFAULT_GRADE,
-    seed: int = 0,
-    unit: int | None = None,
-    site: Site | None = None,
-    rate: float | None = None,
-    duration: float | None = None,
-    units: str = "SI",
-    turn_on: tuple[float, float] = (0.0, 0.0),
-    magnetometer: str | None = None,
-    errors: SessionErrors | str | os.PathLike[str] | None = None,
-    progress: Callable[[str], None] | None = None,
-) -> Simulated:
+@asked(SimulateRequest)
+def simulate(request: SimulateRequest) -> Simulated:
     """Play a protocol on a simulated unit, and write recording, protocol and truth into one folder.
 
     ``tumble calibrate --protocol FOLDER/protocol.yaml`` then needs nothing else, and never reads the
     truth. Another simulation that was in the folder is kept in it as ``before-IDENTITY``; anything else there is left
     alone.
-
-    Parameters
-    ----------
-    protocol : a protocol file, or the name of one; "rest" is a unit that lies still, for its noise.
-    output : the folder; by default the protocol's name with ``-simulated``.
-    grade : name of one of `tumble.simulation.GRADES`.
-    seed : of placements, noise and losses; the same seed gives the same files bit for bit.
-    unit : seed of the unit itself; None takes `seed`. The same unit in another session has another seed.
-    site : where it is played; None takes the protocol's, or latitude 45°, height 0.
-    rate : Hz; None takes the protocol's or the grade's usual one.
-    duration : s that a unit at rest is recorded; None takes ten minutes.
-    units : "SI" or "counts" of the recording.
-    turn_on : m/s² and rad/s, one sigma by which biases move when the unit is switched on; drawn with the session.
-    magnetometer : name of one of `tumble.simulation.magnetometer.MAGNETOMETER_GRADES`; None for a unit without one.
-    errors : what else is wrong with the session, or the YAML file that says it; None for placement and noise alone.
-    progress : called with a sentence on what is being done.
 
     Raises
     ------
@@ -110,24 +76,26 @@ def simulate(
     from tumble.simulation import find_grade
     from tumble.simulation.thermal_steps import has_chamber
 
-    say, began = progress or silent, time.perf_counter()
-    given, chosen = read_played(protocol, duration), find_grade(grade)
+    say, began = request.progress or silent, time.perf_counter()
+    given, chosen = read_played(request.protocol, request.duration), find_grade(request.grade)
+    errors, seed, units = request.errors, request.seed, request.units
     wrong = (
         errors if isinstance(errors, SessionErrors) else read_errors(errors) if errors else SessionErrors()
     )
     remarks = _check_terms(chosen, wrong)
-    place = _place(given, site, wrong, remarks)
-    hertz = rate if rate is not None else given.rate or (CHAMBER_RATE if has_chamber(given) else chosen.rate)
+    place = _place(given, request.site, wrong, remarks)
+    usual = given.rate or (CHAMBER_RATE if has_chamber(given) else chosen.rate)
+    hertz = usual if request.rate is None else request.rate
     if has_chamber(given):
         _check_chamber(units, wrong)
-    _check(units, seed, unit, hertz, given)
-    folder = Path(output) if output is not None else Path(f"{given.name}-simulated")
+    _check(request, hertz, given)
+    folder = Path(f"{given.name}-simulated" if request.output is None else request.output)
     require_place(folder)
     say("playing the protocol")
     drawn = chosen.with_wandering_biases() if wrong.wander else chosen
-    settings = Settings(drawn, seed, seed if unit is None else unit, wrong)
-    model = _drawn_unit(chosen, settings, turn_on)
-    played = _Played(given, hertz, place, units, None, _magnetometer(magnetometer, settings))
+    settings = Settings(drawn, seed, seed if request.unit is None else request.unit, wrong)
+    model = _drawn_unit(chosen, settings, request.turn_on)
+    played = _Played(given, hertz, place, units, None, _magnetometer(request.magnetometer, settings))
     if wrong.fixture is not None:
         aimed, fixture = (
             _aimed(given, wrong.fixture_azimuth),
@@ -137,7 +105,7 @@ def simulate(
     recording, truth, document = _play(played, model, chosen, settings)
     simulated = time.perf_counter()
     say("writing")
-    shown = _as_played(played, truth, chosen, wrong.axes, given.site if site is None else None)
+    shown = _as_played(played, truth, chosen, wrong.axes, given.site if request.site is None else None)
     files, kept = write_simulation(folder, shown, recording, document)
     if kept is not None:
         remarks.append(f"What was simulated there before is another simulation, and kept in {kept}.")
@@ -363,10 +331,10 @@ def _check_terms(grade: Grade, errors: SessionErrors) -> list[str]:
     return remarks
 
 
-def _check(units: str, seed: int, unit: int | None, rate: float, protocol: Protocol) -> None:
-    if units not in UNITS:
-        raise UsageError(f"--output-units {units}: a simulated recording is in {' or '.join(UNITS)}.")
-    for name, value in (("seed", seed), ("unit-seed", unit)):
+def _check(request: SimulateRequest, rate: float, protocol: Protocol) -> None:
+    if request.units not in UNITS:
+        raise UsageError(f"--output-units {request.units}: a simulated recording is in {' or '.join(UNITS)}.")
+    for name, value in (("seed", request.seed), ("unit-seed", request.unit)):
         if value is not None and value < 0:
             raise UsageError(f"--{name} {value}: a seed is a whole number from 0 on.")
     if not 1.0 <= rate <= 20_000.0:

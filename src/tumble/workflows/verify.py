@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Sequence
 from dataclasses import field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,10 +16,9 @@ from tumble.counting import part
 from tumble.document import Calibration, read_calibration
 from tumble.earth import Site
 from tumble.errors import CalibrationFileError, RecordingError
-from tumble.limits import decide, read_limits
 from tumble.recording import Recording, read_recordings
 from tumble.recording.gravity_check import find_steps_of_two
-from tumble.recording.reading import Paths, recording_inputs
+from tumble.recording.reading import recording_inputs
 from tumble.records import dataclass
 from tumble.segmentation import Timeline, find_timeline, observe_holds, read_intervals
 from tumble.sensor import ImuModel
@@ -35,33 +31,14 @@ from tumble.workflows.corrected.corrections import (
     refuse_twice,
 )
 from tumble.workflows.given.site import given_site
-from tumble.workflows.progress import public, silent
+from tumble.workflows.progress import silent
+from tumble.workflows.request import VerifyRequest, asked
 from tumble.workflows.verification.expected_norms import (
     conditions,
     corrected_whole,
     hold_noise,
     norm_covariance,
 )
-
-if TYPE_CHECKING:
-    from tumble.document.limits_block import LimitsBlock
-
-
-def limits_of(calibration: str | os.PathLike[str], limits: str | os.PathLike[str]) -> LimitsBlock:
-    """Return how a calibration's parameters stand to limits.
-
-    Parameters
-    ----------
-    calibration : a ``calibration.json``, or its folder.
-    limits : file of limits.
-
-    Raises
-    ------
-    CalibrationFileError, UsageError
-        If one of the two cannot be read.
-    """
-    return decide(read_calibration(calibration), read_limits(Path(limits)))
-
 
 # Residuals of as small a probability contradict the calibration: four sigmas of a single normal one,
 BY_CHANCE = 6.3e-5
@@ -115,29 +92,9 @@ class Verification:
         return float(np.sqrt(np.mean(scored**2))) if scored.size else float("nan")
 
 
-@public
-def verify(
-    calibration: str | os.PathLike[str] | Calibration,
-    paths: Paths,
-    *,
-    site: Site | None = None,
-    columns: str | None = None,
-    units: str | None = None,
-    rate: float | str | None = None,
-    topics: str | Sequence[str] | None = None,
-    intervals: str | os.PathLike[str] | None = None,
-    temperature: float | None = None,
-    progress: Callable[[str], None] | None = None,
-) -> list[Verification]:
+@asked(VerifyRequest)
+def verify(request: VerifyRequest) -> list[Verification]:
     """Judge a calibration by the holds and turns of each recording.
-
-    Parameters
-    ----------
-    calibration : a ``calibration.json``, its folder, or a `Calibration`.
-    paths, columns, units, rate, topics : recordings, as for `tumble.read_recording`.
-    site : where they were made; by default the calibration's own site.
-    intervals : file of the holds, instead of finding them.
-    temperature : as for `tumble.workflows.apply.apply`.
 
     Raises
     ------
@@ -146,20 +103,20 @@ def verify(
     ThermalSpanError
         If the temperature leaves the calibrated span.
     """
-    say = progress or silent
+    say, calibration, temperature = request.progress or silent, request.calibration, request.temperature
     document = calibration if isinstance(calibration, Calibration) else read_calibration(calibration)
     if document.accelerometer is None or document.accelerometer.matrix is None:
         raise CalibrationFileError(
             "The calibration is of the gyro alone: holds and turns are judged against gravity, which takes the "
             "accelerometers' calibration too; calibrate both triads (hand-held, modified-multi-position)."
         )
-    place = given_site(site) or _site_of(document)
-    files = recording_inputs(paths)
+    place = given_site(request.site) or _site_of(document)
+    files = recording_inputs(request.paths)
     for file in files:
-        refuse_twice(document, corrections_of([file], topics))
+        refuse_twice(document, corrections_of([file], request.topics))
     say("reading")
     results: list[Verification] = []
-    recordings = read_recordings(paths, columns=columns, units=units, rate=rate, topics=topics)
+    recordings = read_recordings(request.paths, **request.how())
     for number, recording in enumerate(recordings):
         own_files = [files[number]] if len(recordings) == len(files) else files
         scaled = in_calibration_units(recording, raw_factors(document, recording))
@@ -169,7 +126,7 @@ def verify(
             model = document.model
             words = about_temperature(document, None, recorded_span(recording, temperature))
         say("finding holds and turns")
-        given = None if intervals is None else read_intervals(Path(intervals))
+        given = None if request.intervals is None else read_intervals(Path(request.intervals))
         with part(0.0, 0.3):
             timeline = find_timeline(scaled, intervals=given)
         with part(0.3, 1.0):

@@ -29,7 +29,7 @@ from tumble.records import dataclass
 from tumble.workflows.batches.source import BY_UNIT, UnitTask
 from tumble.workflows.given.site import choose_site, given_site
 from tumble.workflows.magnetometer import field_reasons
-from tumble.workflows.request import USUAL, CalibrateRequest, notes_of
+from tumble.workflows.request import OF_NO_BATCH, USUAL, CalibrateRequest, notes_of, refuse
 
 if TYPE_CHECKING:
     from tumble.workflows.results import CalibrationRun
@@ -76,6 +76,7 @@ def check_request(asked: CalibrateRequest, reports: str) -> None:
 
     if reports not in REPORTS:
         raise UsageError(f"--reports {reports}: give none, failed or all.")
+    refuse(asked, OF_NO_BATCH, "{} does not go with batches: leave it out.")
     notes_of(asked.notes)
     given_site(asked.site)
     checks: list[tuple[Any, Callable[[Any], object]]] = [

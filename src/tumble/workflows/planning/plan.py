@@ -23,7 +23,7 @@ from tumble.errors import UsageError
 from tumble.files import results_folder
 from tumble.records import dataclass
 from tumble.workflows.planning.searching import DEFAULTS, PoseSearch, check_search, search_poses
-from tumble.workflows.progress import silent
+from tumble.workflows.request import PlanRequest
 
 if TYPE_CHECKING:
     from tumble.arrays import Series
@@ -46,48 +46,6 @@ _TARGETS: dict[str, tuple[str, str, float]] = {
     "rotation": ("rotation between the triads", "″", _SECOND),
     "g-sensitivity": ("g-sensitivity", "(°/h)/g", _SECOND / 9.80665),
 }
-
-
-@dataclass(frozen=True, slots=True)
-class PlanRequest:
-    """What is to be planned.
-
-    Attributes
-    ----------
-    asked : name of one of `tumble.protocol.PROTOCOLS`, or a protocol file; or a procedure whose poses are searched.
-    imu : grade of the unit.
-    data_sheet : a grade whose spreads are believed beforehand, as `calibrate --prior` does.
-    noise : noise.json of the unit, in place of the grade's noise.
-    given : a recording of this unit, or its calibration, that is there already.
-    recorded : the protocol that `given` was recorded with, for a table's angles.
-    targets : wished-for standard uncertainties, as "bias=50,scale=100".
-    site : of the test; the protocol's own, or latitude 45°, without.
-    rate : of the samples with its standard uncertainty, as 100±0.01; a nominal one without, as without stamps.
-    seed : of placement and hands, and of the search's starts.
-    poses, minutes : of a search: how many poses of `hold` seconds each, or how long the whole test may last with as
-        many poses and dwells as is best.
-    hold, turn : of a search: s of a pose, and of the turn to the next.
-    """
-
-    asked: str
-    imu: str = "consumer-mems"
-    data_sheet: str | None = None
-    noise: str | os.PathLike[str] | None = None
-    given: str | os.PathLike[str] | None = None
-    recorded: str | os.PathLike[str] | None = None
-    targets: str | None = None
-    site: Site | None = None
-    rate: str | None = None
-    seed: int = 0
-    poses: int | None = None
-    minutes: float | None = None
-    hold: float | None = None
-    turn: float | None = None
-
-    @property
-    def is_searched(self) -> bool:
-        """Whether poses are searched."""
-        return self.asked in DEFAULTS
 
 
 @dataclass(slots=True)
@@ -119,21 +77,12 @@ class Planned:
     files: list[Path] = field(default_factory=list[Path])
 
 
-def plan(
-    request: PlanRequest,
-    *,
-    steps: bool = True,
-    output: str | os.PathLike[str] | None = None,
-    progress: Callable[[str], None] = silent,
-) -> Planned:
+def plan(request: PlanRequest) -> Planned:
     """Foretell what a test determines of both triads, and say what would be better.
 
     Parameters
     ----------
     request : what is planned.
-    steps : judge every step, too.
-    output : folder for protocol, document and sheet; None writes nothing.
-    progress : called with a sentence on what is being done.
 
     Raises
     ------
@@ -145,7 +94,8 @@ def plan(
     from tumble.design.joint_plan import plan_protocol
 
     _check(request)
-    folder, limits = results_folder(output), _limits(request.targets)
+    progress = request.progress
+    folder, limits = results_folder(request.output), _limits(request.targets)
     protocol = _asked_protocol(request)
     task, grade, remarks = _task(protocol, request)
     said, search = list[str](), None
@@ -155,12 +105,12 @@ def plan(
         progress("reading what is there already")
         known, said = read_given(request.given, request.recorded, task)
         task = replace(task, known=known)
-    if request.is_searched:
+    if request.asked in DEFAULTS:
         search = search_poses(request, task, grade, progress)
         task = replace(task, protocol=search.protocol)
     task = replace(task, protocol=as_assumed(task, request.rate))
     done = Planned(plan_protocol(task, progress), grade.name, search, given=said, remarks=remarks)
-    _advise(done, limits, progress, steps=steps)
+    _advise(done, limits, progress, steps=request.steps)
     from tumble.workflows.planning.words import describe_plan, document_of
 
     done.remarks = [*describe_plan(done), *remarks, *_remarks(done)]
@@ -177,7 +127,7 @@ def _check(request: PlanRequest) -> None:
         raise UsageError(
             "--protocol says how --given was recorded: give --given RECORDING too, or leave it out."
         )
-    if request.is_searched:
+    if request.asked in DEFAULTS:
         check_search(request)
 
 
@@ -188,7 +138,7 @@ def _asked_protocol(request: PlanRequest) -> Protocol:
     from tumble.workflows.given.protocols import read_given_protocol
 
     asked = request.asked
-    if request.is_searched:
+    if request.asked in DEFAULTS:
         hold, turn, _ = DEFAULTS[asked]
         return Steps(f"{asked}-plan", asked, (HoldStep(request.hold or hold), TurnStep(request.turn or turn)))
     if asked in PROTOCOLS or Path(asked).exists():
@@ -255,7 +205,7 @@ def _task(protocol: Protocol, request: PlanRequest) -> tuple[PlanTask, Grade, li
     from tumble.simulation.grades import find_grade
     from tumble.workflows.given.prior import find_sheet
 
-    grade, place = find_grade(request.imu), request.site or protocol.site
+    grade, place = find_grade(request.grade), request.site or protocol.site
     remarks = [f"Of {grade.name} no source states: {'; '.join(grade.assumed)}."] if grade.assumed else []
     if place is None:
         place = Site.from_latitude(math.radians(45.0), 0.0)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from tumble.design.pose_plan import PosePlan, PoseTask
     from tumble.protocol import Protocol, Step
     from tumble.simulation import Grade
-    from tumble.workflows.planning.plan import PlanRequest
+    from tumble.workflows.request import PlanRequest
 
 LEVELLED, BY_HAND = math.radians(0.5), math.radians(5.0)
 """One sigma to which faces on a plate are levelled, and a unit is laid down."""

@@ -25,7 +25,7 @@ from tumble.workflows.given.prior import Known
 from tumble.workflows.given.protocols import GivenProtocol, read_given_protocol
 from tumble.workflows.magnetometer import left_out_of
 from tumble.workflows.procedures import add_remarks, believed, find_holds
-from tumble.workflows.request import CalibrateRequest
+from tumble.workflows.request import OF_ONE_UNIT, CalibrateRequest, refuse
 from tumble.workflows.results import CalibrationRun, Clock
 from tumble.workflows.several.joining import (
     corrected_by_before,
@@ -90,7 +90,12 @@ def calibrate_turn_ons(
     UsageError, ProtocolError, CalibrationFileError
         If the recordings are not of one unit, or an option is wrong.
     """
-    request.refuse_beside_turn_ons()
+    if request.procedure not in (None, "joint"):
+        raise UsageError(
+            f"--turn-ons is the joint estimator's, and --procedure {request.procedure} was asked for: leave one of "
+            "them out."
+        )
+    refuse(request, OF_ONE_UNIT, "{} does not go with --turn-ons: leave one of them out.")
     named = _named(request)
     if known.sheet is not None:
         raise UsageError(

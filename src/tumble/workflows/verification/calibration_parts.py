@@ -14,6 +14,7 @@ from tumble.earth import EARTH_RATE
 from tumble.errors import CalibrationFileError, UsageError
 from tumble.navigation import InertialSamples, SensorState, covariance_from_calibration
 from tumble.recording import Recording
+from tumble.recording.formats.frames import Frame
 from tumble.records import dataclass
 from tumble.sensor import ImuModel, Triad
 from tumble.units import angular_rate_factor, specific_force_factor
@@ -67,7 +68,7 @@ def without_rest_rate(part: CorrectedBy, first: float, last: float) -> Corrected
 def corrected_by_parts(
     document: Calibration,
     recording: Recording,
-    files: Sequence[Path],
+    files: Sequence[Path | Frame],
     *,
     temperature: float | None = None,
 ) -> tuple[list[CorrectedBy], list[str]]:

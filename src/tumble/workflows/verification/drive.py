@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -29,11 +28,13 @@ from tumble.navigation.gnss.track import fit_velocities
 from tumble.navigation.outages import free_drift
 from tumble.navigation.time_alignment import spans_in_words
 from tumble.recording import Recording, read_recordings
+from tumble.recording.reading import recording_inputs
 from tumble.records import dataclass
 from tumble.simulation.grades import Grade, find_grade
 from tumble.workflows.apply import in_calibration_units, raw_factors
 from tumble.workflows.corrected.corrections import corrections_of, refuse_twice
 from tumble.workflows.progress import silent
+from tumble.workflows.request import OF_NO_DRIVE, DriveRequest, asked, refuse
 from tumble.workflows.verification.calibration_parts import (
     AT_REST,
     WHOLE,
@@ -64,38 +65,13 @@ _FREE = (0.2, 0.02)  # m/s², rad/s
 _DATED = 1e8
 
 
-def verify_drive(
-    calibration: str | os.PathLike[str] | Calibration,
-    paths: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
-    gnss: str | os.PathLike[str],
-    *,
-    lever_arm_b: Sequence[float] | None = None,
-    data_sheet: str = "consumer-mems",
-    turn_on: tuple[float, float] | None = None,
-    columns: str | None = None,
-    units: str | None = None,
-    rate: float | str | None = None,
-    topics: Sequence[str] | None = None,
-    temperature: float | None = None,
-    progress: Callable[[str], None] | None = None,
-) -> DriveVerification:
+@asked(DriveRequest)
+def verify_drive(request: DriveRequest) -> DriveVerification:
     """Judge a calibration by a drive: what navigation is with it, with parts of it, and without.
 
     Every variant has the same clock, lever arm, filter, process noise, fixes and instants. Its samples are
     corrected by its part of the calibration, and its filter starts from the calibration's covariance for the
     sensor states that this part knows, and from the data sheet's spread for the others.
-
-    Parameters
-    ----------
-    calibration : a ``calibration.json``, its folder, or a `Calibration`.
-    paths, columns, units, rate, topics : the recording of the drive, as for `tumble.read_recording`.
-    gnss : file of satellite positions (`tumble.navigation.read_track`).
-    lever_arm_b : m, from the IMU to the antenna, in b; None where it is not known: zero is taken, and the clock is
-        known the worse.
-    data_sheet : kind of unit, whose spread the uncalibrated states start with.
-    turn_on : m/s² and rad/s, by how much biases may have moved since the calibration; None for a quarter of the
-        data sheet's spread, at most 0.05 m/s² and 0.005 rad/s.
-    temperature : as for `tumble.workflows.apply.apply`.
 
     Raises
     ------
@@ -104,26 +80,29 @@ def verify_drive(
     ThermalSpanError
         If the temperature leaves the calibrated span.
     """
-    say = progress or silent
+    say, calibration = request.progress or silent, request.calibration
+    refuse(request, ("site", "intervals"), OF_NO_DRIVE)
+    if request.gnss is None:
+        raise UsageError("A drive is judged by satellite positions: give their file as gnss.")
     document = calibration if isinstance(calibration, Calibration) else read_calibration(calibration)
-    grade = find_grade(data_sheet)
-    known = lever_arm_b is not None
-    arm = np.array(lever_arm_b if known else (0.0, 0.0, 0.0), dtype=float)
-    _refuse_bad_numbers(arm.tolist(), turn_on)
-    files = [Path(paths)] if isinstance(paths, str | os.PathLike) else [Path(path) for path in paths]
+    grade = find_grade(request.data_sheet or "consumer-mems")
+    known = request.lever_arm_b is not None
+    arm = np.array(request.lever_arm_b if known else (0.0, 0.0, 0.0), dtype=float)
+    _refuse_bad_numbers(arm.tolist(), request.turn_on)
+    files = recording_inputs(request.paths)
     for file in files:
-        refuse_twice(document, corrections_of([file], topics))
+        refuse_twice(document, corrections_of([file], request.topics))
     say("reading")
-    read = _one(read_recordings(paths, columns=columns, units=units, rate=rate, topics=topics))
+    read = _one(read_recordings(request.paths, **request.how()))
     recording = in_calibration_units(read, raw_factors(document, read))
-    track, left_out, about_fixes = _plausible_fixes(Path(gnss))
-    parts, remarks = corrected_by_parts(document, recording, files, temperature=temperature)
+    track, left_out, about_fixes = _plausible_fixes(Path(request.gnss))
+    parts, remarks = corrected_by_parts(document, recording, files, temperature=request.temperature)
     given = [remark.text for remark in (*read.remarks, *track.remarks) if remark.kind != "unchecked"]
     say("comparing the clocks")
     drive = prepare_drive(parts[-1].samples, track, setup=wide_setup(arm))
     remarks = [*given, *remarks, *_about_clocks(drive, track), *about_fixes]
     setup, setting = drive_filter(parts[-1], grade, arm)
-    moved, words = _moved(turn_on, grade)
+    moved, words = _moved(request.turn_on, grade)
     setting.append(words)
     task = _Task(document, parts, drive, setup, grade, moved)
     if known:
