@@ -9,6 +9,7 @@ import sys
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from importlib import import_module
+from pathlib import Path
 from typing import Annotated, Any, cast
 
 import typer
@@ -28,74 +29,6 @@ INTERNAL = 70
 STOPPED = "Stopped; no file was changed."
 LATE = "Stopped; the files that were written until then are complete."
 
-COMMANDS = {
-    "inspect": (
-        "inspect",
-        "Say what a recording holds: streams, units, rate, gaps, rest and motion, and what it is good for.",
-    ),
-    "calibrate": (
-        "calibrate",
-        "Calibrate an IMU from a recording of it tumbled by hand, on faces, or on a rate table.",
-    ),
-    "batch": (
-        "batch",
-        "Calibrate many units, and say which of them are not fit, out of limits, or unlike the others.",
-    ),
-    "capture": (
-        "capture",
-        "Record a unit while it is in the hand: which poses count, which is next, how good it is, when to stop.",
-    ),
-    "apply": (
-        "apply",
-        "Correct a recording: specific force in m/s², angular rate in rad/s, in the calibration's frame b.",
-    ),
-    "verify": (
-        "verify",
-        "Judge a calibration on another recording: the norm of each hold, the angle left after each turn.",
-    ),
-    "predict": (
-        "predict",
-        "Say what a calibration is worth: position error without satellites, attitude error after a turn.",
-    ),
-    "convert": (
-        "convert",
-        "Write a calibration as another tool's file, or read one. Without arguments: the list of targets.",
-    ),
-    "diff": (
-        "diff",
-        "Say what changed between two calibrations, in sigmas, and whether it matters.",
-    ),
-    "mount": (
-        "mount",
-        "Say how a calibrated unit lies on its mount: three angles, from gravity in two attitudes of the mount.",
-    ),
-    "noise": (
-        "noise",
-        "Noise of a unit at rest: white noise, bias instability and random walks of every channel.",
-    ),
-    "simulate": (
-        "simulate",
-        "Play a protocol on a simulated unit: try a test before you do it, or check what a calibration finds.",
-    ),
-    "plan": ("plan", "Say how accurate a test will be before it is done, and find a better one."),
-    "reproduce": (
-        "reproduce",
-        "Make the tables and figures of the papers anew, beside the printed numbers, with a verdict a row.",
-    ),
-    "certificate": (
-        "certificate",
-        "A certificate of a calibration in the form of ISO/IEC 17025: PDF/A with the calibration.json inside.",
-    ),
-    "demo": (
-        "calibrate",
-        "Calibrate a real recording that ships with the package: an MPU-9150 tumbled by hand, 160 s.",
-    ),
-    "registry": (
-        "registry",
-        "Keep calibrations of many units over years, and ask how they change, when they are due, how they differ.",
-    ),
-}
-"""Name -> the module of `cli` that it is in, and the first sentence of its help: the list of commands imports none."""
 PANELS = {
     "Record and calibrate": ("demo", "inspect", "calibrate", "capture", "noise"),
     "Use a calibration": ("verify", "apply", "convert", "diff", "mount", "certificate"),
@@ -104,13 +37,28 @@ PANELS = {
     "Advanced": ("predict",),
 }
 """The commands by what they are for, in the order of the help."""
+COMMANDS = tuple(name for names in PANELS.values() for name in names)
+ELSEWHERE = {"demo": "calibrate"}
+"""Commands that are in another's module; each other one is in that of its own name."""
+
+
+def first_sentence(name: str) -> str:
+    """Return the first sentence of a command's help as it is written: the list of commands imports none.
+
+    Parameters
+    ----------
+    name : of the command.
+    """
+    written = Path(__file__).with_name(f"{ELSEWHERE.get(name, name)}.py").read_text(encoding="utf-8")
+    module, _, command = written.partition(f"def {name}_command(")
+    return " ".join((command or module).split('"""')[1].partition("\n\n")[0].split())
 
 
 class _Commands(Mapping[str, Any]):
     """The commands by name, each imported and made when it is asked for."""
 
     def __getitem__(self, name: str) -> Any:
-        module = import_module(f"tumble.cli.{COMMANDS[name][0]}")
+        module = import_module(f"tumble.cli.{ELSEWHERE.get(name, name)}")
         if hasattr(module, "app"):  # commands of its own under one name
             return typer.main.get_command(module.app)
         one = typer.Typer(add_completion=False, rich_markup_mode="rich", pretty_exceptions_enable=False)
@@ -132,7 +80,7 @@ class _Program(Group):
         self.commands = _Commands()  # type: ignore[assignment]  # only looked at: no command is added
 
     def panels(self) -> dict[str, dict[str, str]]:
-        return {title: {name: COMMANDS[name][1] for name in names} for title, names in PANELS.items()}
+        return {title: {name: first_sentence(name) for name in names} for title, names in PANELS.items()}
 
 
 app = typer.Typer(

@@ -1,4 +1,8 @@
-"""`tumble registry`: units and their calibrations over the years."""
+"""Keep calibrations of many units over years, and ask how they change, when they are due, how they differ.
+
+A registry is a SQLite file or a PostgreSQL database: `--registry` FILE or URL. Without it the environment variable
+TUMBLE_REGISTRY counts, and then tumble-registry.sqlite in this folder.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import typer
 
-from tumble.cli.groups import Command, Group, grouped
+from tumble.cli.groups import Command, Group, flowing, grouped
 from tumble.cli.options import Json, PrintOptions, RegistryName
 from tumble.cli.terminal import console, results_stand, say, say_json, say_written, table
 from tumble.errors import UsageError
@@ -21,10 +25,7 @@ if TYPE_CHECKING:
 app = typer.Typer(
     name="registry",
     cls=Group,
-    help="Keep calibrations of many units over years, and ask how they change, when they are due, how "
-    "they differ.\n\nA registry is a SQLite file or a PostgreSQL database: `--registry` FILE "
-    "or URL. Without it the environment variable TUMBLE_REGISTRY counts, and then "
-    "tumble-registry.sqlite in this folder.",
+    help=flowing(__doc__ or ""),
     no_args_is_help=True,
     add_completion=False,
     rich_markup_mode=None,

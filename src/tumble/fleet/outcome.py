@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import field
 from pathlib import Path
-from typing import Any
 
+from tumble.fleet.unit_vector import UnitVector
 from tumble.records import dataclass
 
 ACCELEROMETER, GYRO = "accelerometer", "gyro"
@@ -21,7 +21,7 @@ class UnitOutcome:
     limits : "passed", "failed", "undecided", or empty without limits.
     reasons : sentences: why it is not accepted.
     parameters : name, value, standard uncertainty, unit, as the calibration has them.
-    vector : names, units, values and covariance to compare units by; None where it cannot be.
+    vector : to compare units by; None where it cannot be.
     noise : of a sample at rest, raw, by triad.
     hashes : SHA-256 of the recordings.
     unchanged : an earlier result still holds; the rest is then empty.
@@ -39,7 +39,7 @@ class UnitOutcome:
     parameters: list[tuple[str, float, float, str]] = field(
         default_factory=list[tuple[str, float, float, str]]
     )
-    vector: dict[str, Any] | None = None
+    vector: UnitVector | None = None
     noise: dict[str, list[float]] = field(default_factory=dict[str, list[float]])
     hashes: list[str] = field(default_factory=list[str])
     unchanged: bool = False

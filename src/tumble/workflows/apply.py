@@ -83,8 +83,8 @@ def apply(request: ApplyRequest) -> Applied:
     remarks += _about_missing_triads(document, goal)
     magnetometer = CorrectedField.of(document, first, goal.form)
     remarks += magnetometer.remarks
-    celsius = first.temperature if temperature is None else temperature
-    remarks += find_steps_of_two(_corrected(Corrector(document, beyond), first, factors, celsius))
+    scaled = in_calibration_units(first, factors)
+    remarks += find_steps_of_two(corrected_block(Corrector(document, beyond), scaled, temperature))
     marks = [*done_before, document.identity]
     if goal.form == "bag":
         if request.columns is not None:
@@ -120,8 +120,8 @@ class _Blocks:
         """Yield them corrected; what cannot be is refused before the file takes its place."""
         self._corrector = Corrector(self.document, self.outside)
         for block in blocks:
-            celsius = block.temperature if self.temperature is None else self.temperature
-            made = _corrected(self._corrector, block, self.factors, celsius)
+            scaled = in_calibration_units(block, self.factors)
+            made = corrected_block(self._corrector, scaled, self.temperature)
             yield replace(made, magnetic_field=self.magnetometer.of_block(block))
             self.done += len(block)
             if block.temperature is not None and self.temperature is None:
@@ -231,13 +231,19 @@ def in_calibration_units(recording: Recording, factors: tuple[float, float]) -> 
     )
 
 
-def _corrected(
-    corrector: Corrector, block: Recording, factors: tuple[float, float], temperature: Series | float | None
-) -> Recording:
-    scaled = in_calibration_units(block, factors)
-    force, rate = corrector.correct(scaled.specific_force, scaled.angular_rate, scaled.time, temperature)
+def corrected_block(corrector: Corrector, scaled: Recording, temperature: Series | float | None) -> Recording:
+    """Return a block in m/s² and rad/s, in frame b.
+
+    Parameters
+    ----------
+    corrector : that has corrected the blocks before.
+    scaled : in the calibration's raw units.
+    temperature : °C, of each sample or of all; None takes the block's own.
+    """
+    celsius = scaled.temperature if temperature is None else temperature
+    force, rate = corrector.correct(scaled.specific_force, scaled.angular_rate, scaled.time, celsius)
     return replace(
-        block,
+        scaled,
         specific_force=None if force is None else np.ascontiguousarray(force),
         angular_rate=None if rate is None else np.ascontiguousarray(rate),
         specific_force_unit="m/s^2",

@@ -204,16 +204,6 @@ def left_out_of(recordings: Iterable[Recording]) -> list[str]:
     return ["The magnetometer is left out of several turn-ons: calibrate a recording by itself to have it."]
 
 
-def field_reasons(document: Calibration) -> list[str]:
-    """Return why a magnetometer is not fit for use; none where it is, or where there is none.
-
-    Parameters
-    ----------
-    document : with its own verdict on the magnetometer.
-    """
-    return [] if document.magnetometer is None else document.magnetometer.reasons_against
-
-
 def no_holds() -> tuple[Timeline, HoldMeans]:
     """Return the timeline of a recording without holds, and the means of none."""
     from tumble.segmentation import HoldMeans, NoiseFloor, Timeline

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +21,7 @@ from tumble.records import dataclass
 from tumble.simulation import drive_along, find_grade
 from tumble.workflows.request import PredictRequest, asked
 from tumble.workflows.verification.calibration_parts import WHOLE, CorrectedBy, in_b, start_covariance
-from tumble.workflows.verification.drive_filter import noise_of_document, sheet_noise
+from tumble.workflows.verification.drive_filter import noise_of_document, sheet_noise, walking
 
 _SHORTEST = 0.1  # s
 _RATE = 50.0  # Hz
@@ -94,8 +93,8 @@ def _on_course(
     model, names = in_b(document), tuple(document.covariance_parameters)
     g_sensitivity = any(name.startswith("gyroscope.g_sensitivity") for name in names)
     setup = plan_filter(
-        _walking(forces),
-        _walking(rates),
+        walking(forces),
+        walking(rates),
         accelerometer=_TINY,
         gyroscope=_TINY,
         g_sensitivity=1e-12 if g_sensitivity else 0.0,
@@ -175,18 +174,6 @@ def write_states(found: Prediction, path: Path) -> Path:
     text = json.dumps(states_document(found.course, found.remarks), indent=1, ensure_ascii=False)
     write_text(file, f"{text}\n")
     return file
-
-
-def _walking(models: Sequence[NoiseModel]) -> tuple[NoiseModel, NoiseModel, NoiseModel]:
-    """White noise and bias walks; an instability walks as far in 100 s as it is."""
-    walked = [
-        replace(
-            NoiseModel(random_walk=model.random_walk),
-            rate_random_walk=max(model.rate_random_walk, model.bias_instability / 10.0),
-        )
-        for model in models
-    ]
-    return walked[0], walked[1], walked[2]
 
 
 def straight_course(duration: float, document: Calibration) -> tuple[InertialSamples, NavigationState]:

@@ -22,7 +22,7 @@ from tumble.workflows.progress import silent
 from tumble.workflows.request import SimulateRequest, asked
 from tumble.workflows.simulated.files import require_place, write_simulation
 from tumble.workflows.simulated.truth import (
-    Settings,
+    Played,
     case_columns,
     magnetometer_truth,
     read_in_other_axes,
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from tumble.protocol import Protocol, Step
     from tumble.recording import Recording
     from tumble.sensor import ImuModel
-    from tumble.simulation import ChamberTruth, FixtureErrors, Grade, Truth
+    from tumble.simulation import ChamberTruth, Grade, Truth
     from tumble.simulation.magnetometer import SimulatedMagnetometer
 
 # Where a protocol is played that names no place: nobody's, and said.
@@ -93,36 +93,25 @@ def simulate(request: SimulateRequest) -> Simulated:
     require_place(folder)
     say("playing the protocol")
     drawn = chosen.with_wandering_biases() if wrong.wander else chosen
-    settings = Settings(drawn, seed, seed if request.unit is None else request.unit, wrong)
-    model = _drawn_unit(chosen, settings, request.turn_on)
-    played = _Played(given, hertz, place, units, None, _magnetometer(request.magnetometer, settings))
+    unit = seed if request.unit is None else request.unit
+    played = Played(given, hertz, place, units, chosen, drawn, seed, unit, wrong)
+    model = _drawn_unit(played, request.turn_on)
+    played = replace(played, magnetometer=_magnetometer(request.magnetometer, played))
     if wrong.fixture is not None:
         aimed, fixture = (
             _aimed(given, wrong.fixture_azimuth),
             wrong.fixture.drawn(_generator(seed, "fixture")),
         )
         played = replace(played, protocol=aimed, fixture=fixture)
-    recording, truth, document = _play(played, model, chosen, settings)
+    recording, truth, document = _play(played, model)
     simulated = time.perf_counter()
     say("writing")
-    shown = _as_played(played, truth, chosen, wrong.axes, given.site if request.site is None else None)
+    shown = _as_played(played, truth, given.site if request.site is None else None)
     files, kept = write_simulation(folder, shown, recording, document)
     if kept is not None:
         remarks.append(f"What was simulated there before is another simulation, and kept in {kept}.")
     seconds = {"simulating": simulated - began, "writing": time.perf_counter() - simulated}
     return Simulated(folder, files, document, remarks, seconds)
-
-
-@dataclass(frozen=True, slots=True)
-class _Played:
-    """What is played: protocol, Hz, place, units, fixture, magnetometer."""
-
-    protocol: Protocol
-    rate: float
-    site: Site
-    units: str
-    fixture: FixtureErrors | None
-    magnetometer: SimulatedMagnetometer | None
 
 
 def _place(given: Protocol, site: Site | None, errors: SessionErrors, remarks: list[str]) -> Site:
@@ -141,24 +130,22 @@ def _place(given: Protocol, site: Site | None, errors: SessionErrors, remarks: l
     return place
 
 
-def _play(
-    played: _Played, model: ImuModel, drawn_from: Grade, settings: Settings
-) -> tuple[Recording, Truth, dict[str, Any]]:
+def _play(played: Played, model: ImuModel) -> tuple[Recording, Truth, dict[str, Any]]:
     """The recording, what was true, and the document that says so."""
     from tumble.simulation import find_thermal_grade, simulate_protocol
     from tumble.simulation.thermal_steps import has_chamber
     from tumble.workflows.simulated.files import thermal_truth
 
-    inside, errors = None, settings.errors
+    inside, errors = None, played.errors
     if has_chamber(played.protocol):
-        recording, truth, inside = _in_chamber(played, model, drawn_from, settings)
+        recording, truth, inside = _in_chamber(played, model)
     else:
         recording, truth = simulate_protocol(
             played.protocol,
             played.rate,
-            _generator(settings.seed, "session"),
+            _generator(played.seed, "session"),
             site=played.site,
-            grade=settings.grade,
+            grade=played.grade,
             model=model,
             noise=errors.noise,
             imperfections=errors.imperfections,
@@ -170,28 +157,29 @@ def _play(
             units=played.units,
             magnetometer=None
             if played.magnetometer is None
-            else (played.magnetometer, _generator(settings.seed, "field")),
+            else (played.magnetometer, _generator(played.seed, "field")),
         )
-    if errors.axes == "case" and drawn_from.C_instrument_case is not None:
-        truth = read_in_other_axes(truth, drawn_from.C_instrument_case.T)
-    document = truth_document(played.protocol, recording, truth, settings)
+    case = played.drawn_from.C_instrument_case
+    if errors.axes == "case" and case is not None:
+        truth = read_in_other_axes(truth, case.T)
+    document = truth_document(played, recording, truth)
     if played.magnetometer is not None:
         document["magnetometer"] = magnetometer_truth(played.magnetometer, truth)
     if inside is not None:
-        document["thermal"] = thermal_truth(inside, find_thermal_grade(drawn_from.name))
+        document["thermal"] = thermal_truth(inside, find_thermal_grade(played.drawn_from.name))
     return recording, truth, document
 
 
-def _as_played(played: _Played, truth: Truth, drawn_from: Grade, axes: str, stated: Site | None) -> Protocol:
+def _as_played(played: Played, truth: Truth, stated: Site | None) -> Protocol:
     """The protocol to calibrate with: as it was played, and how the recording is read.
 
     What it states of its place and of its clock stays, for whoever has it believes no more than that.
     """
-    columns, given = None, played.protocol
+    columns, given, case = None, played.protocol, played.drawn_from.C_instrument_case
     share = (given.rate.relative or 0.0) if isinstance(given.rate, SampleRate) else 0.0
-    if axes == "case" and drawn_from.C_instrument_case is not None:
+    if played.errors.axes == "case" and case is not None:
         # Read by these columns, the recording is in the axes that the poses are of.
-        columns = case_columns(drawn_from.C_instrument_case)
+        columns = case_columns(case)
     return replace(
         played.protocol,
         steps=tuple(_exact(step) for step in truth.steps),
@@ -221,32 +209,30 @@ def _check_chamber(units: str, errors: SessionErrors) -> None:
         )
 
 
-def _in_chamber(
-    played: _Played, model: ImuModel, drawn_from: Grade, settings: Settings
-) -> tuple[Recording, Truth, ChamberTruth]:
+def _in_chamber(played: Played, model: ImuModel) -> tuple[Recording, Truth, ChamberTruth]:
     """Record a unit that changes with temperature; without noise its thermometer has none either."""
     from tumble.simulation import Chamber, find_thermal_grade, simulate_chamber
 
-    grade, noise = find_thermal_grade(drawn_from.name), settings.errors.noise
+    grade, noise = find_thermal_grade(played.drawn_from.name), played.errors.noise
     return simulate_chamber(
         played.protocol,
         played.rate,
-        _generator(settings.seed, "session"),
+        _generator(played.seed, "session"),
         site=played.site,
-        thermal=grade.simulate_model(model, _generator(settings.unit, "thermal")),
+        thermal=grade.simulate_model(model, _generator(played.unit, "thermal")),
         chamber=Chamber(
             thermometer_noise=grade.thermometer_noise if noise else 0.0,
             thermometer_resolution=grade.thermometer_resolution if noise else 0.0,
         ),
-        grade=settings.grade if noise else None,
-        imperfections=settings.errors.imperfections,
-        placement=settings.errors.placement,
+        grade=played.grade if noise else None,
+        imperfections=played.errors.imperfections,
+        placement=played.errors.placement,
     )
 
 
-def _magnetometer(name: str | None, settings: Settings) -> SimulatedMagnetometer | None:
+def _magnetometer(name: str | None, played: Played) -> SimulatedMagnetometer | None:
     """The magnetometer of the unit, if it has one; a current changes the field in a direction of the session's own."""
-    errors = settings.errors
+    errors = played.errors
     if name is None:
         if errors.magnetic_field or errors.field_change:
             raise UsageError("The file of errors has a magnetic field: give --magnetometer, too.")
@@ -258,8 +244,8 @@ def _magnetometer(name: str | None, settings: Settings) -> SimulatedMagnetometer
     from tumble.simulation.magnetometer import SimulatedMagnetometer, find_magnetometer
 
     grade = find_magnetometer(name)
-    triad = grade.simulate_triad(_generator(settings.unit, "magnetometer"))
-    direction = _generator(settings.seed, "current").standard_normal(3)
+    triad = grade.simulate_triad(_generator(played.unit, "magnetometer"))
+    direction = _generator(played.seed, "current").standard_normal(3)
     size, since = errors.field_change or (0.0, math.inf)
     current = size * direction / np.linalg.norm(direction)
     field = errors.magnetic_field or EARTHS_FIELD
@@ -272,15 +258,15 @@ def _generator(seed: int, what: str) -> np.random.Generator:
     return np.random.Generator(np.random.SFC64(np.random.SeedSequence(seed, spawn_key=(number,))))
 
 
-def _drawn_unit(grade: Grade, settings: Settings, turn_on: tuple[float, float]) -> ImuModel:
-    errors = settings.errors
-    model = grade.simulate_model(
-        _generator(settings.unit, "unit"),
+def _drawn_unit(played: Played, turn_on: tuple[float, float]) -> ImuModel:
+    errors = played.errors
+    model = played.drawn_from.simulate_model(
+        _generator(played.unit, "unit"),
         nonlinear=errors.nonlinear,
         case_axes=errors.axes == "case",
         asymmetry=errors.asymmetry,
     )
-    return _switched_on(model, turn_on, _generator(settings.seed, "turn-on"))
+    return _switched_on(model, turn_on, _generator(played.seed, "turn-on"))
 
 
 def _switched_on(model: ImuModel, sigmas: tuple[float, float], rng: np.random.Generator) -> ImuModel:

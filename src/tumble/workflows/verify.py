@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import field, replace
+from dataclasses import field
 from pathlib import Path
 
 import numpy as np
@@ -21,13 +21,11 @@ from tumble.recording.gravity_check import find_steps_of_two
 from tumble.recording.reading import recording_inputs
 from tumble.records import dataclass
 from tumble.segmentation import Timeline, find_timeline, observe_holds, read_intervals
-from tumble.sensor import ImuModel
+from tumble.sensor import ImuModel, Triad
 from tumble.workflows.apply import in_calibration_units, raw_factors
 from tumble.workflows.corrected.corrections import (
-    about_temperature,
     corrections_of,
     needs_temperature,
-    recorded_span,
     refuse_twice,
 )
 from tumble.workflows.given.site import given_site
@@ -120,18 +118,18 @@ def verify(request: VerifyRequest) -> list[Verification]:
     for number, recording in enumerate(recordings):
         own_files = [files[number]] if len(recordings) == len(files) else files
         scaled = in_calibration_units(recording, raw_factors(document, recording))
+        model = document.model
+        corrected, words = corrected_whole(document, scaled, own_files, temperature)
         if needs_temperature(document):
-            scaled, model, words = corrected_whole(document, scaled, own_files, temperature)
-        else:
-            model = document.model
-            words = about_temperature(document, None, recorded_span(recording, temperature))
+            ideal = Triad(np.eye(3), np.zeros(3))
+            scaled, model = corrected, ImuModel(ideal, None if corrected.angular_rate is None else ideal)
         say("finding holds and turns")
         given = None if request.intervals is None else read_intervals(Path(request.intervals))
         with part(0.0, 0.3):
             timeline = find_timeline(scaled, intervals=given)
         with part(0.3, 1.0):
             result = _verification(document, model, place, scaled, timeline, temperature)
-        steps = find_steps_of_two(_corrected(model, scaled))
+        steps = find_steps_of_two(corrected)
         result.fit = result.fit and not steps
         result.reasons = [*steps, *result.reasons, *words]
         results.append(result)
@@ -184,19 +182,6 @@ def _verification(
     own = any(source.sha256 in hashes for source in recording.sources)
     _judge(result, document, len(distinct_poses(force)), own)
     return result
-
-
-def _corrected(model: ImuModel, recording: Recording) -> Recording:
-    """The recording in m/s² and rad/s."""
-    assert recording.specific_force is not None
-    rate = None if model.gyroscope is None else recording.angular_rate
-    if rate is None:
-        assert model.accelerometer is not None
-        return replace(
-            recording, specific_force=model.accelerometer.correct(recording.specific_force), angular_rate=None
-        )
-    force, rate = model.correct(recording.specific_force, rate)
-    return replace(recording, specific_force=force, angular_rate=rate)
 
 
 def _site_of(document: Calibration) -> Site:

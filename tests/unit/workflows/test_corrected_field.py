@@ -28,7 +28,7 @@ from tumble.recording.formats.output import write_recording
 from tumble.recording.samples import MagneticField
 from tumble.sensor import ImuModel, Triad
 from tumble.workflows.corrected.form import CorrectedField
-from tumble.workflows.magnetometer import field_reasons, left_out_of
+from tumble.workflows.magnetometer import left_out_of
 from tumble.workflows.simulated.recovery import Recovery
 
 M = np.array([[1.07, 0.031, -0.052], [-0.083, 0.94, 0.047], [0.021, -0.066, 1.12]])
@@ -170,8 +170,9 @@ def test_limits_hold_a_magnetometer_that_is_fit_and_miss_one_that_is_not(tmp_pat
     against = FieldVerdictBlock(use="not fit", reasons=["Its axes are mirrored."])
     unfit = structs.replace(made, magnetometer=structs.replace(made.magnetometer, verdict=against))
     assert decide(unfit, read_limits(file)).decision == "undecided"
-    assert field_reasons(unfit) == ["The magnetometer is not fit for use. Its axes are mirrored."]
-    assert field_reasons(made) == []
+    assert unfit.magnetometer is not None
+    said = ["The magnetometer is not fit for use. Its axes are mirrored."]
+    assert (unfit.magnetometer.reasons_against, made.magnetometer.reasons_against) == (said, [])
     assert len(unfit.every_parameter) + 12 == len(made.every_parameter)
 
 

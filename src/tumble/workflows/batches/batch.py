@@ -193,6 +193,9 @@ def _earlier(folder: Path, task: UnitTask) -> UnitOutcome | None:
         if document.pop("format") != FORMAT or document.pop("version") != VERSION:
             return None
         written = document.pop("calibration_sha256")
+        if (told := document["vector"]) is not None:
+            numbers = (np.array(told[name]) for name in ("values", "covariance"))
+            document["vector"] = UnitVector(tuple(told["names"]), tuple(told["units"]), *numbers)
         outcome = UnitOutcome(**document)
         whole = outcome.verdict != "error" and written == _hash(read_text(place / "calibration.json"))
     except (OSError, ValueError, TypeError, KeyError, AttributeError):
@@ -202,9 +205,7 @@ def _earlier(folder: Path, task: UnitTask) -> UnitOutcome | None:
 
 def _lean(outcome: UnitOutcome) -> UnitOutcome:
     """What stays in memory of each of thousands of units."""
-    told = outcome.vector
-    vector = None if told is None else told | {"covariance": np.array(told["covariance"])}
-    return replace(outcome, calibration=None, report=None, vector=vector)
+    return replace(outcome, calibration=None, report=None)
 
 
 def _hash(text: str) -> str:
@@ -218,10 +219,10 @@ def _write_unit(folder: Path, outcome: UnitOutcome) -> None:
         told.pop(name)
     told["calibration_sha256"] = _hash(outcome.calibration or "")
     # It says that the others are of this key; the first to be written is the last to take its place.
-    texts = {
-        place / "unit.json": json.dumps({"format": FORMAT, "version": VERSION, **told}, ensure_ascii=False)
-        + "\n"
-    }
+    text = json.dumps(
+        {"format": FORMAT, "version": VERSION, **told}, ensure_ascii=False, default=np.ndarray.tolist
+    )
+    texts = {place / "unit.json": f"{text}\n"}
     if outcome.calibration is not None:
         texts[place / "calibration.json"] = outcome.calibration
     if outcome.report is not None:
@@ -245,7 +246,7 @@ def _write_library(folder: Path) -> None:
 
 def _summarised(units: list[UnitOutcome]) -> Batch:
     """Return units with what only many of them tell."""
-    vectors = [_vector(unit) for unit in units]
+    vectors = [unit.vector for unit in units]
     comparable = stack(vectors)
     said: dict[str, list[str]] = {}
     remarks: list[str] = []
@@ -268,14 +269,6 @@ def _summarised(units: list[UnitOutcome]) -> Batch:
     columns = sorted({name for unit in units for name in unit.more})
     shared = find_shared(bad, {name: [unit.more.get(name, "") for unit in units] for name in columns})
     return Batch(units, said, shared, remarks)
-
-
-def _vector(unit: UnitOutcome) -> UnitVector | None:
-    told = unit.vector
-    if told is None:
-        return None
-    names, words = tuple(told["names"]), tuple(told["units"])
-    return UnitVector(names, words, np.array(told["values"]), np.array(told["covariance"]))
 
 
 def _say_same_files(units: list[UnitOutcome], said: dict[str, list[str]]) -> None:

@@ -28,7 +28,6 @@ from tumble.fleet.outcome import ACCELEROMETER, GYRO, UnitOutcome
 from tumble.records import dataclass
 from tumble.workflows.batches.source import BY_UNIT, UnitTask
 from tumble.workflows.given.site import choose_site, given_site
-from tumble.workflows.magnetometer import field_reasons
 from tumble.workflows.request import OF_NO_BATCH, USUAL, CalibrateRequest, notes_of, refuse
 
 if TYPE_CHECKING:
@@ -181,7 +180,6 @@ def _outcome(job: Job, key: str) -> UnitOutcome:
     if given and document.temperature_celsius is None:
         document = structs.replace(document, temperature_celsius=float(given))
         run.calibration = document
-    vector = unit_vector(document)
     made = UnitOutcome(
         task.unit,
         list(task.files) or [one.name for one in document.recordings],
@@ -190,20 +188,13 @@ def _outcome(job: Job, key: str) -> UnitOutcome:
         limits="" if document.limits is None else document.limits.decision,
         reasons=[
             *([] if document.verdict.fit else document.verdict.reasons),
-            *field_reasons(document),
+            *([] if document.magnetometer is None else document.magnetometer.reasons_against),
             *([] if document.limits is None else document.limits.reasons),
         ],
         more=notes_of(job.asked.notes) | task.more,
         temperature=document.temperature_celsius,
         parameters=[(p.name, p.value, p.standard_uncertainty, p.unit) for p in document.every_parameter],
-        vector=None
-        if vector is None
-        else {
-            "names": list(vector.names),
-            "units": list(vector.units),
-            "values": vector.values.tolist(),
-            "covariance": vector.covariance.tolist(),
-        },
+        vector=unit_vector(document),
         noise=_noise(run),
         hashes=[one.sha256 for one in document.recordings],
         calibration=document.to_json(),

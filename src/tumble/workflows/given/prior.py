@@ -5,9 +5,8 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-import numpy as np
-
 from tumble.calibration.prior import FleetSheet, StableKnowledge, TriadFleet, stable_knowledge
+from tumble.document.entries import PLACES, entry_names, stacked
 from tumble.document.result import Calibration, read_calibration
 from tumble.errors import UsageError
 from tumble.fleet.fleet_document import PROCEDURE
@@ -50,15 +49,13 @@ def known_beforehand(prior: str | os.PathLike[str], serial: str | None = None) -
             f"{prior} is the calibration of unit {earlier.imu.serial_number}, and this is unit {serial}: "
             "a prior must be of the same unit."
         )
-    size = len(earlier.covariance_parameters)
-    names = {name: index for index, name in enumerate(earlier.covariance_parameters)}
-    at = [names.get(f"accelerometer.matrix[{i},{j}]", size) for i in range(3) for j in range(3)]
-    if size in at or earlier.accelerometer is None or earlier.accelerometer.matrix is None:
+    wanted = [f"accelerometer.matrix[{i},{j}]" for i in range(3) for j in range(3)]
+    if not {*wanted} <= {*earlier.covariance_parameters} or earlier.model.accelerometer is None:
         raise UsageError(
             f"{prior} states no accelerometer matrix with its covariance: it cannot serve as --prior."
         )
-    matrix = np.array(earlier.accelerometer.matrix, dtype=float)
-    return Known(stable_knowledge(matrix, earlier.covariance_matrix[np.ix_(at, at)]))
+    place = PLACES["accelerometer.matrix"][0]
+    return Known(stable_knowledge(earlier.model.accelerometer.matrix, stacked(earlier)[1][place, place]))
 
 
 def find_sheet(name: str | os.PathLike[str]) -> grades.Grade | FleetSheet:
@@ -85,12 +82,10 @@ def find_sheet(name: str | os.PathLike[str]) -> grades.Grade | FleetSheet:
 
 def _triad(document: Calibration, kind: str) -> TriadFleet | None:
     triad = getattr(document.model, kind)
-    names = {name: at for at, name in enumerate(document.covariance_parameters)}
-    wanted = [f"{kind}.matrix[{i},{j}]" for i in range(3) for j in range(3)]
-    wanted += [f"{kind}.bias[{i}]" for i in range(3)]
-    if triad is None or not all(name in names for name in wanted):
+    wanted = [name for name in entry_names() if name.startswith((f"{kind}.matrix", f"{kind}.bias"))]
+    if triad is None or not {*wanted} <= {*document.covariance_parameters}:
         return None
-    at = [names[name] for name in wanted]
+    place = slice(PLACES[f"{kind}.matrix"][0].start, PLACES[f"{kind}.bias"][0].stop)
     units = document.raw_units
     unit = units.specific_force if kind == "accelerometer" else units.angular_rate
-    return TriadFleet.of(unit, triad.matrix, triad.bias, document.covariance_matrix[np.ix_(at, at)])
+    return TriadFleet.of(unit, triad.matrix, triad.bias, stacked(document)[1][place, place])

@@ -80,17 +80,20 @@ def information_of(calibration: Calibration) -> JointInformation:
     UsageError
         If it states no accelerometer matrix.
     """
-    values = _values(calibration)
+    from tumble.document.entries import PLACES, put, stacked, turned_to
+    from tumble.sensor import propagate
+
+    if calibration.accelerometer is None or calibration.accelerometer.matrix is None:
+        raise UsageError("The calibration states no accelerometer matrix: calibrate in more poses first.")
     if calibration.frame.name != "accelerometer-x":
         # A plan's axes are the accelerometers': how a fixture holds the unit is no matter of theirs.
-        from tumble.document.entries import turned_to
-
         calibration = turned_to(calibration, "accelerometer-x")
-        values = _values(calibration)
-    names = list(calibration.covariance_parameters)
-    where = [index for index, name in enumerate(names) if name in values]
-    slopes = np.array([_slope(values, names[index]) for index in where]).T
-    covariance = slopes @ calibration.covariance_matrix[np.ix_(where, where)] @ slopes.T
+    values, covariance = stacked(calibration)
+    if calibration.model.gyroscope is None:
+        gyro = PLACES["gyroscope.matrix"][0].start
+        covariance[gyro:] = covariance[:, gyro:] = 0.0
+        put(values, "gyroscope.matrix", np.eye(3))
+    _, covariance = propagate(_parameters, values, covariance)
     spread = np.diag(covariance)
     told = np.flatnonzero(spread > 0.0)
     if not told.size:
@@ -102,52 +105,16 @@ def information_of(calibration: Calibration) -> JointInformation:
     return JointInformation(information)
 
 
-def _values(calibration: Calibration) -> dict[str, complex]:
-    """Canonical entries by name, divided by each triad's own mean scale factor."""
-    values: dict[str, complex] = {}
-    for kind, triad in (("accelerometer", calibration.accelerometer), ("gyroscope", calibration.gyroscope)):
-        if triad is None or triad.matrix is None:
-            continue
-        matrix = np.array(triad.matrix, dtype=float)
-        for i in range(3):
-            for j in range(3):
-                values[f"{kind}.matrix[{i},{j}]"] = matrix[i, j]
-                if triad.g_sensitivity is not None:
-                    values[f"{kind}.g_sensitivity[{i},{j}]"] = triad.g_sensitivity[i][j]
-            values[f"{kind}.bias[{i}]"] = triad.bias[i]
-    if "accelerometer.matrix[0,0]" not in values:
-        raise UsageError("The calibration states no accelerometer matrix: calibrate in more poses first.")
-    return values
+def _parameters(values: Any) -> Any:
+    """The thirty parameters of a document's numbers, each triad's divided by its own mean scale factor."""
+    from tumble.document.entries import part
 
-
-def _slope(values: dict[str, complex], name: str) -> Any:
-    """(30,) derivative of the parameters by one canonical entry, by a complex step."""
-    step = 1e-30
-    moved = dict(values)
-    moved[name] = moved[name] + 1j * step
-    return np.imag(_parameters(moved)) / step
-
-
-def _parameters(values: dict[str, complex]) -> Any:
-    """The thirty parameters; those of a gyro that is not there are zero."""
-
-    def block(name: str, default: Any) -> Any:
-        return np.array(
-            [[values.get(f"{name}[{i},{j}]", default[i, j]) for j in range(3)] for i in range(3)],
-            dtype=complex,
-        )
-
-    force, gyro = block("accelerometer.matrix", np.eye(3)), block("gyroscope.matrix", np.eye(3))
-    biases = [
-        np.array([values.get(f"{kind}.bias[{i}]", 0.0) for i in range(3)], dtype=complex)
-        for kind in ("accelerometer", "gyroscope")
-    ]
-    sensitivity = block("gyroscope.g_sensitivity", np.zeros((3, 3)))
-    scales = [float(np.mean(np.real(np.diag(matrix)))) for matrix in (force, gyro)]
+    force, gyro = (part(values, f"{kind}.matrix") for kind in ("accelerometer", "gyroscope"))
+    sizes = [float(np.mean(np.real(np.diag(matrix)))) for matrix in (force, gyro)]
     return parameters_of(
-        force / scales[0],
-        biases[0] / scales[0],
-        gyro / scales[1],
-        biases[1] / scales[1],
-        sensitivity / scales[1],
+        force / sizes[0],
+        part(values, "accelerometer.bias") / sizes[0],
+        gyro / sizes[1],
+        part(values, "gyroscope.bias") / sizes[1],
+        part(values, "gyroscope.g_sensitivity") / sizes[1],
     )

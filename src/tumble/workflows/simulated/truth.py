@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from tumble.protocol import Protocol, Step
     from tumble.recording import Recording
     from tumble.sensor import ImuModel, Triad
-    from tumble.simulation import Grade, TriadNoise, Truth
+    from tumble.simulation import FixtureErrors, Grade, TriadNoise, Truth
     from tumble.simulation.errors import SessionErrors
     from tumble.simulation.magnetometer import SimulatedMagnetometer
 
@@ -38,36 +38,42 @@ _NOISE = {
 
 
 @dataclass(frozen=True, slots=True)
-class Settings:
-    """How it was simulated, beside the protocol.
+class Played:
+    """What is played on which unit, and how.
 
     Attributes
     ----------
-    grade : what the unit was drawn from, as it was played.
+    protocol, rate, site, units : what, at how many Hz, where, and what the recording is in.
+    drawn_from, grade : what the unit is drawn from, and that as it is played.
     seed, unit : of the session, and of the unit.
-    errors : what was wrong with the session.
+    errors : what is wrong with the session.
+    fixture, magnetometer : if there is one.
     """
 
+    protocol: Protocol
+    rate: float
+    site: Site
+    units: str
+    drawn_from: Grade
     grade: Grade
     seed: int
     unit: int
     errors: SessionErrors
+    fixture: FixtureErrors | None = None
+    magnetometer: SimulatedMagnetometer | None = None
 
 
-def truth_document(
-    protocol: Protocol, recording: Recording, truth: Truth, settings: Settings
-) -> dict[str, Any]:
+def truth_document(played: Played, recording: Recording, truth: Truth) -> dict[str, Any]:
     """Return everything that was true of a simulated recording, as plain data.
 
     Parameters
     ----------
-    protocol, recording, truth : what was played, what came of it, and what was true.
-    settings : how.
+    played, recording, truth : what was played, what came of it, and what was true.
     """
     from tumble.document.result import BACKWARD, FORWARD
 
     assert truth.model is not None
-    errors = settings.errors
+    errors, protocol = played.errors, played.protocol
     in_gauge, mean_gyro = _in_gauge(truth.model, "accelerometer-x"), _in_gauge(truth.model, "mean-gyro")
     return {
         "format": FORMAT,
@@ -75,9 +81,9 @@ def truth_document(
         "software": f"tumble {__version__}",
         "protocol": protocol.name,
         "procedure": protocol.procedure,
-        "seed": settings.seed,
-        "unit_seed": settings.unit,
-        "imu": _imu(settings),
+        "seed": played.seed,
+        "unit_seed": played.unit,
+        "imu": _imu(played),
         "site": _site(truth.site),
         "frame": {"name": "fixture", "description": FRAME},
         "raw_units": {
@@ -95,7 +101,7 @@ def truth_document(
         "in_frame_mean_gyro": None if mean_gyro is None else _blocks(mean_gyro, truth),
         "parameters_in_mean_gyro": _true_parameters(truth, recording, "mean-gyro"),
         "parameters_in_fixture": _true_parameters(truth, recording, "fixture"),
-        "noise": _noise(settings.grade) if errors.noise else None,
+        "noise": _noise(played.grade) if errors.noise else None,
         "placement": errors.placement,
         "imperfections": asdict(errors.imperfections),
         "table": None if errors.table is None else asdict(errors.table),
@@ -193,8 +199,8 @@ def _reordered(triad: Triad | None, C_new_raw: Matrix) -> Triad | None:
     )
 
 
-def _imu(settings: Settings) -> dict[str, Any]:
-    grade = settings.grade
+def _imu(played: Played) -> dict[str, Any]:
+    grade = played.grade
     return {
         "grade": grade.name,
         "source": grade.source,
@@ -202,7 +208,7 @@ def _imu(settings: Settings) -> dict[str, Any]:
         "axes": grade.axes or None,
         "C_instrument_case": _numbers(grade.C_instrument_case),
         "b": "the unit's own axes, which are the recording's columns"
-        if settings.errors.axes == "unit"
+        if played.errors.axes == "unit"
         else "the case's axes: forward, right, down; raw is the columns as protocol.yaml reads them",
     }
 

@@ -121,7 +121,7 @@ def corrected_by_parts(
         )
     wholes = full.correct(force, rate)
     if needs_temperature(document):
-        corrected, _, words = corrected_whole(document, recording, files, temperature)
+        corrected, words = corrected_whole(document, recording, files, temperature)
         remarks += words
         assert corrected.specific_force is not None
         seen = corrected.angular_rate

@@ -7,11 +7,12 @@ by vibration.
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from tumble.arrays import Series, Vectors, block_means
-from tumble.errors import RecordingError, UsageError
+from tumble.errors import RecordingError
 from tumble.navigation import Drive, FilterRun, FilterSetup, TriadSpread, plan_filter, position_differences
 from tumble.navigation.time_alignment import track_velocities
 from tumble.noise.terms import NoiseModel
@@ -137,16 +138,16 @@ def drive_filter(
     grade : the data sheet.
     lever_arm_b : (3,) m.
     """
-    forces, rates = ([sheet_noise(triad)] * 3 for triad in (grade.accelerometer, grade.gyroscope))
-    interval = part.samples.interval
-    shaken = [scatter(x, interval) for x in (part.samples.specific_force_b, part.samples.angular_rate_ib_b)]
+    interval, triads = part.samples.interval, (grade.accelerometer, grade.gyroscope)
     forces, rates = (
-        (_louder(m[0], float(f[0])), _louder(m[1], float(f[1])), _louder(m[2], float(f[2])))
-        for m, f in ((forces, shaken[0]), (rates, shaken[1]))
+        walking([sheet_noise(triad)] * 3, scatter(signal, interval))
+        for triad, signal in zip(
+            triads, (part.samples.specific_force_b, part.samples.angular_rate_ib_b), strict=True
+        )
     )
     sheet = [
         TriadSpread(t.bias, t.scale_factor, misalignment=float(np.hypot(t.misalignment, t.alignment)))
-        for t in (grade.accelerometer, grade.gyroscope)
+        for t in triads
     ]
     setup = plan_filter(forces, rates, accelerometer=sheet[0], gyroscope=sheet[1], lever_arm_b=lever_arm_b)
     words = [
@@ -176,18 +177,10 @@ def noise_of_document(noise: str | os.PathLike[str]) -> tuple[list[NoiseModel], 
     UsageError
         If it is no such document, or of counts.
     """
-    from tumble.workflows.given.noise_models import read_noise_models
+    from tumble.workflows.given.noise_models import read_noise_models, triad_models
 
     models = read_noise_models(noise)
-    triads: list[list[NoiseModel]] = []
-    for letter in "ag":
-        found = [models.channels.get(f"{letter}{axis}") for axis in "xyz"]
-        if any(one is None or one[0] == "counts" for one in found):
-            raise UsageError(
-                f"--noise {models.source} has not all six channels in SI, which a filter takes: run `tumble noise` "
-                "with --units."
-            )
-        triads.append([one[1] for one in found if one is not None])
+    triads = [triad_models(models, letter, si, 1.0, si) for letter, si in (("a", "m/s²"), ("g", "rad/s"))]
     return triads[0], triads[1]
 
 
@@ -206,7 +199,21 @@ def sheet_noise(triad: TriadGrade) -> NoiseModel:
     )
 
 
-def _louder(model: NoiseModel, floor: float) -> NoiseModel:
-    """White noise no less than the drive's own, and a bias walk for an instability."""
-    walk = max(model.rate_random_walk, model.bias_instability / np.sqrt(_WANDER))
-    return NoiseModel(random_walk=max(model.random_walk, floor), rate_random_walk=float(walk))
+def walking(
+    models: Sequence[NoiseModel], floors: Iterable[float] = (0.0, 0.0, 0.0)
+) -> tuple[NoiseModel, NoiseModel, NoiseModel]:
+    """Return white noise and bias walks of a triad: an instability walks as far in 100 s as it is.
+
+    Parameters
+    ----------
+    models : of x, y and z.
+    floors : u/√Hz, that the white noise is no less than.
+    """
+    x, y, z = (
+        NoiseModel(
+            random_walk=max(model.random_walk, float(floor)),
+            rate_random_walk=max(model.rate_random_walk, model.bias_instability / float(np.sqrt(_WANDER))),
+        )
+        for model, floor in zip(models, floors, strict=True)
+    )
+    return x, y, z

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +16,8 @@ from tumble.recording.formats.frames import Frame
 from tumble.recording.temperature import TemperatureColumn
 from tumble.records import dataclass
 from tumble.segmentation import Timeline
-from tumble.sensor import ImuModel, Triad
+from tumble.sensor import Triad
+from tumble.workflows.apply import corrected_block
 from tumble.workflows.corrected.corrections import (
     about_temperature,
     check_column,
@@ -41,8 +41,8 @@ def corrected_whole(
     scaled: Recording,
     files: Sequence[Path | Frame],
     temperature: float | None,
-) -> tuple[Recording, ImuModel, list[str]]:
-    """Return the recording corrected sample by sample, the ideal unit that it is now of, and remarks.
+) -> tuple[Recording, list[str]]:
+    """Return the recording corrected sample by sample, and remarks.
 
     Parameters
     ----------
@@ -56,7 +56,6 @@ def corrected_whole(
     ThermalSpanError
         If it leaves the calibrated span.
     """
-    celsius = scaled.temperature if temperature is None else temperature
     told: list[str] = []
     if needs_temperature(document):
         check_temperature(document, scaled, files, temperature, "refuse")
@@ -65,17 +64,8 @@ def corrected_whole(
             column.add(scaled.time, scaled.temperature)
             told = check_column(column)
     corrector = Corrector(document, "refuse")
-    force, rate = corrector.correct(scaled.specific_force, scaled.angular_rate, scaled.time, celsius)
-    corrected = replace(
-        scaled,
-        specific_force=force,
-        angular_rate=rate,
-        specific_force_unit="m/s^2",
-        angular_rate_unit="rad/s",
-    )
-    model = ImuModel(Triad(np.eye(3), np.zeros(3)), None if rate is None else Triad(np.eye(3), np.zeros(3)))
-    words = about_temperature(document, corrector, recorded_span(scaled, temperature))
-    return corrected, model, [*told, *words]
+    corrected = corrected_block(corrector, scaled, temperature)
+    return corrected, [*told, *about_temperature(document, corrector, recorded_span(scaled, temperature))]
 
 
 def conditions(
