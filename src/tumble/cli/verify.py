@@ -31,7 +31,6 @@ from tumble.workflows.request import (
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from tumble.arrays import Series
     from tumble.workflows.verification.drive_verification import DriveVerification
     from tumble.workflows.verify import Verification
 
@@ -75,9 +74,13 @@ def _print_drive(document: dict[str, Any], quiet: bool) -> None:
             screen.print(_errors_table(document["variants"], title, key))
         for sentence in document["setting"]:
             screen.print(f"• {sentence}")
-    fit = document["fit"]
+    _print_verdict(document["fit"], document["reasons"])
+
+
+def _print_verdict(fit: bool, reasons: list[str]) -> None:
+    screen = console()
     screen.print("SERVES" if fit else "DOES NOT SERVE", style="bold green" if fit else "bold red")
-    for reason in document["reasons"]:
+    for reason in reasons:
         screen.print(f"• {reason}")
 
 
@@ -140,10 +143,12 @@ def verify_command(
         results = verify(**{one.name: getattr(asked, one.name) for one in fields(VerifyRequest)})
     if printed.as_json:
         told = {} if held is None else {"limits": held}
-        say_json([_as_dict(result) | told for result in results], indent=1)
+        say_json([result.document | told for result in results], indent=1)
     else:
         for result in results:
-            _print(result, printed.quiet)
+            if not printed.quiet:
+                console().print(_table(result))
+            _print_verdict(result.fit, result.reasons)
         if held is not None:
             from tumble.report.page import print_blocks
             from tumble.report.words import limits_verdict
@@ -153,39 +158,13 @@ def verify_command(
     raise typer.Exit(0 if within and all(result.fit for result in results) else 1)
 
 
-def _as_dict(result: Verification) -> dict[str, object]:
-    def listed(values: Series) -> list[float]:
-        return values.tolist()
-
-    return {
-        "recording": result.recording,
-        "fit": result.fit,
-        "reasons": result.reasons,
-        "hold_norm_error": listed(result.norms),
-        "hold_norm_standard_uncertainty": listed(result.norm_sigmas),
-        "turn_angle": listed(result.angles),
-        "turn_size": listed(result.sizes),
-        "gyro_bias_change_raw": listed(result.rate_bias_change),
-        "units": {"hold_norm_error": "m/s²", "turn_angle": "rad", "turn_size": "rad"},
-    }
-
-
-def _print(result: Verification, quiet: bool) -> None:
-    screen = console()
-    if not quiet:
-        screen.print(_table(result))
-    screen.print(
-        "SERVES" if result.fit else "DOES NOT SERVE", style="bold green" if result.fit else "bold red"
-    )
-    for reason in result.reasons:
-        screen.print(f"• {reason}")
-
-
 def _table(result: Verification) -> Table:
     rows: list[list[str]] = []
-    for k, (norm, sigma) in enumerate(zip(result.norms, result.norm_sigmas, strict=True)):
-        turn = f"{math.degrees(result.sizes[k]):.0f}" if math.isfinite(result.sizes[k]) else "–"
-        scored = f"{math.degrees(result.angles[k]):.3f}" if math.isfinite(result.angles[k]) else "–"
+    for k, (norm, sigma) in enumerate(
+        zip(result.hold_norm_error, result.hold_norm_standard_uncertainty, strict=True)
+    ):
+        turn = f"{math.degrees(result.turn_size[k]):.0f}" if math.isfinite(result.turn_size[k]) else "–"
+        scored = f"{math.degrees(result.turn_angle[k]):.3f}" if math.isfinite(result.turn_angle[k]) else "–"
         rows.append([str(k + 1), f"{1e3 * norm:+.2f}", f"{1e3 * sigma:.2f}", turn, scored])
     heads = ("hold", "|f| − g, mm/s²", "± expected", "turn after it, °", "gravity off by, °")
     shown = table(heads, rows, right=range(5), title=result.recording, box="HEAVY_HEAD")

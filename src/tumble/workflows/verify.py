@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import field
+from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -50,43 +51,53 @@ SMALLEST_POSES = 3
 LARGEST_TURN_ANGLE = np.radians(1.0)
 
 
+UNITS = {"hold_norm_error": "m/s²", "turn_angle": "rad", "turn_size": "rad"}
+
+
 @dataclass(slots=True)
 class Verification:
     """Scores of a calibration on other data.
 
     Attributes
     ----------
-    norms : (holds,) corrected norm minus gravity, m/s².
-    norm_sigmas : (holds,) from the calibration's covariance, the hold's noise, and gravity, m/s².
-    norm_freedom : as how many independent norms they count, since the calibration's errors are common to all.
-    angles : (holds,) rad, gravity carried over the turn after each hold against gravity seen; nan
-        where there is no turn to score.
-    sizes : (holds,) rad, how far each turn went.
-    rate_biases : (3,) raw, the gyro's mean output at rest minus the calibration's bias.
     fit : whether the calibration serves this recording; `reasons` say why, in sentences.
+    hold_norm_error : (holds,) corrected norm minus gravity, m/s².
+    hold_norm_standard_uncertainty : (holds,) from the calibration's covariance, the hold's noise, and gravity, m/s².
+    turn_angle : (holds,) rad, gravity carried over the turn after each hold against gravity seen; nan
+        where there is no turn to score.
+    turn_size : (holds,) rad, how far each turn went.
+    gyro_bias_change_raw : (3,) the gyro's mean output at rest minus the calibration's bias.
+    norm_freedom : as how many independent norms they count, since the calibration's errors are common to all.
+    remarks : of the recording.
     """
 
     recording: str
-    norms: Series
-    norm_sigmas: Series
-    norm_freedom: float
-    angles: Series
-    sizes: Series
-    durations: Series
-    rate_bias_change: Series
     fit: bool
-    reasons: list[str] = field(default_factory=list[str])
-    remarks: list[str] = field(default_factory=list[str])
+    reasons: list[str]
+    hold_norm_error: Series
+    hold_norm_standard_uncertainty: Series
+    turn_angle: Series
+    turn_size: Series
+    gyro_bias_change_raw: Series
+    norm_freedom: float
+    remarks: list[str]
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """What is said of the recording, as plain data; numbers in arrays."""
+        told = asdict(self)
+        del told["norm_freedom"], told["remarks"]
+        return {**told, "units": UNITS}
 
     @property
     def rms_norm(self) -> float:
-        """Root mean square of `norms`, m/s²."""
-        return float(np.sqrt(np.mean(self.norms**2)))
+        """Root mean square of `hold_norm_error`, m/s²."""
+        return float(np.sqrt(np.mean(self.hold_norm_error**2)))
 
     @property
     def rms_angle(self) -> float:
-        """Root mean square of the scored `angles`, rad; nan without turns."""
-        scored = self.angles[np.isfinite(self.angles)]
+        """Root mean square of the scored turns, rad; nan without turns."""
+        scored = self.turn_angle[np.isfinite(self.turn_angle)]
         return float(np.sqrt(np.mean(scored**2))) if scored.size else float("nan")
 
 
@@ -155,33 +166,32 @@ def _verification(
     expected = norm_covariance(
         document, force, noise, place, conditions(document, recording, timeline, temperature)
     )
-    sigmas = np.sqrt(np.diag(expected))
-    none = np.full(norms.size, np.nan)
-    angles, sizes, durations, change = none, none.copy(), none.copy(), np.full(3, np.nan)
+    sigmas, none = np.sqrt(np.diag(expected)), np.full(norms.size, np.nan)
+    angles, sizes, change = none, none.copy(), np.full(3, np.nan)
     if model.gyroscope is not None and recording.angular_rate is not None:
         scores = score_turns(model, gather(recording, timeline, means))
-        angles, sizes, durations = scores.angle, scores.size, scores.duration
+        angles, sizes = scores.angle, scores.size
         assert means.angular_rate is not None
         resting = means.angular_rate
         if model.g_sensitivity is not None:
             resting = resting - force @ model.g_sensitivity.T
         change = np.median(resting, axis=0) - model.gyroscope.bias
-    result = Verification(
-        recording=", ".join(source.name for source in recording.sources),
-        norms=norms,
-        norm_sigmas=sigmas,
-        norm_freedom=float(norms.size**2 / np.sum((expected / np.outer(sigmas, sigmas)) ** 2)),
-        angles=angles,
-        sizes=sizes,
-        durations=durations,
-        rate_bias_change=change,
-        fit=True,
-        remarks=[remark.text for remark in recording.remarks],
-    )
-    hashes = {name.sha256 for name in document.recordings}
-    own = any(source.sha256 in hashes for source in recording.sources)
-    _judge(result, document, len(distinct_poses(force)), own)
+    freedom = float(norms.size**2 / np.sum((expected / np.outer(sigmas, sigmas)) ** 2))
+    names, remarks = [source.name for source in recording.sources], [one.text for one in recording.remarks]
+    result = Verification(", ".join(names), True, [], norms, sigmas, angles, sizes, change, freedom, remarks)
+    _judge(result, document, len(distinct_poses(force)), made_from(document, recording))
     return result
+
+
+def made_from(document: Calibration, recording: Recording) -> bool:
+    """Return whether a calibration was made from a recording.
+
+    Parameters
+    ----------
+    document, recording : as read.
+    """
+    hashes = {name.sha256 for name in document.recordings}
+    return any(source.sha256 in hashes for source in recording.sources)
 
 
 def _site_of(document: Calibration) -> Site:
@@ -196,82 +206,74 @@ def _site_of(document: Calibration) -> Site:
 
 def _judge(result: Verification, document: Calibration, poses: int, own_recording: bool) -> None:
     """Fill `fit` and `reasons`."""
-    against: list[str] = []
-    if poses < SMALLEST_POSES:
-        against.append(
-            f"{poses} different pose{'s' if poses != 1 else ''} cannot show whether the calibration serves: "
-            f"give a recording with at least {SMALLEST_POSES}, better nine."
-        )
-    own = ["This is the recording that the calibration was made from: it shows nothing new."]
-    against += _against_norms(result, stated=bool(document.covariance_parameters))
-    against += _against_turns(result, document)
-    result.fit = not against
+    few = (
+        f"{poses} different pose{'s' if poses != 1 else ''} cannot show whether the calibration serves: "
+        f"give a recording with at least {SMALLEST_POSES}, better nine."
+    )
+    against = [
+        few if poses < SMALLEST_POSES else "",
+        _against_norms(result, stated=bool(document.covariance_parameters)),
+        _against_turns(result, document),
+    ]
+    result.fit = not any(against)
+    own = "This is the recording that the calibration was made from: it shows nothing new."
     words = [_words_on_norms(result), _words_on_turns(result, document)]
-    result.reasons = [*against, *(own if own_recording else []), *words]
+    result.reasons = [*filter(None, against), *([own] if own_recording else []), *words]
 
 
-def _against_norms(result: Verification, *, stated: bool) -> list[str]:
+def _against_norms(result: Verification, *, stated: bool) -> str:
     from scipy.special import gammainccinv
 
-    excess = float(np.sqrt(np.mean((result.norms / result.norm_sigmas) ** 2)))
+    excess = float(np.sqrt(np.mean((result.hold_norm_error / result.hold_norm_standard_uncertainty) ** 2)))
     # a mean of squares that are correlated is spread as one of fewer that are not (Satterthwaite)
     half = 0.5 * result.norm_freedom
     largest = float(np.sqrt(gammainccinv(half, BY_CHANCE) / half))
     if result.rms_norm > TURN_ON_FORCE_BIAS:
-        return [
-            (
-                f"The specific force at rest is off gravity by {two_digits(1e3 * result.rms_norm)} mm/s² rms: this is "
-                "another unit, another place (--gravity), or the unit has changed."
-            )
-        ]
-    if excess > max(largest, EXPANDED) and not stated:
-        return [
-            (
-                f"The residuals of the holds are {excess:.1f} times what the noise alone explains, and the calibration "
-                "states no uncertainties that could explain more: calibrate the unit with `tumble calibrate`."
-            )
-        ]
-    if excess > max(largest, EXPANDED):
-        return [
-            (
-                f"The residuals of the holds are {excess:.1f} times what the calibration's own "
-                "uncertainty and the noise explain. The biases have moved (new power cycle, other "
-                "temperature), or this is another unit. Calibrate again."
-            )
-        ]
-    return []
+        return (
+            f"The specific force at rest is off gravity by {two_digits(1e3 * result.rms_norm)} mm/s² rms: this is "
+            "another unit, another place (--gravity), or the unit has changed."
+        )
+    if excess <= max(largest, EXPANDED):
+        return ""
+    if not stated:
+        return (
+            f"The residuals of the holds are {excess:.1f} times what the noise alone explains, and the calibration "
+            "states no uncertainties that could explain more: calibrate the unit with `tumble calibrate`."
+        )
+    return (
+        f"The residuals of the holds are {excess:.1f} times what the calibration's own uncertainty and the noise "
+        "explain. The biases have moved (new power cycle, other temperature), or this is another unit. Calibrate again."
+    )
 
 
-def _against_turns(result: Verification, document: Calibration) -> list[str]:
+def _against_turns(result: Verification, document: Calibration) -> str:
     angle, own = result.rms_angle, document.quality.rms_turn_angle
     # A changed bias turns into angle with time; a factor of five is beyond any turn-on change that leaves
     # the calibration of use.
     limit = LARGEST_TURN_ANGLE if own is None else max(5.0 * own, LARGEST_TURN_ANGLE)
     if not np.isfinite(angle) or angle <= limit:
-        return []
+        return ""
     off = f"Over turns the gyro is off by {two_digits(np.degrees(angle))}° rms"
     if own is None:
-        return [f"{off}: the calibration knows only its bias, or nothing of turns."]
-    return [
-        (
-            f"{off}, against {two_digits(np.degrees(own))}° when it was calibrated: its bias or scale has changed, "
-            "or the columns differ."
-        )
-    ]
+        return f"{off}: the calibration knows only its bias, or nothing of turns."
+    return (
+        f"{off}, against {two_digits(np.degrees(own))}° when it was calibrated: its bias or scale has changed, "
+        "or the columns differ."
+    )
 
 
 def _words_on_norms(result: Verification) -> str:
-    expected = float(np.sqrt(np.mean(result.norm_sigmas**2)))
-    largest = float(np.max(np.abs(result.norms)))
+    expected = float(np.sqrt(np.mean(result.hold_norm_standard_uncertainty**2)))
+    largest = float(np.max(np.abs(result.hold_norm_error)))
     return (
-        f"Holds: {result.norms.size}; the corrected specific force is off gravity by "
+        f"Holds: {result.hold_norm_error.size}; the corrected specific force is off gravity by "
         f"{two_digits(1e3 * result.rms_norm)} mm/s² rms (largest {two_digits(1e3 * largest)}); the calibration's "
         f"uncertainty and the noise explain {two_digits(1e3 * expected)} mm/s²."
     )
 
 
 def _words_on_turns(result: Verification, document: Calibration) -> str:
-    scored = result.angles[np.isfinite(result.angles)]
+    scored = result.turn_angle[np.isfinite(result.turn_angle)]
     if not scored.size:
         return "No turn could be scored: the gyro is not verified."
     own = document.quality.rms_turn_angle

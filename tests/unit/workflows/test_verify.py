@@ -45,11 +45,11 @@ def shifted(unit: Unit, bias: float, folder: Path) -> Verification:
 def test_residuals_three_times_what_is_explained_do_not_serve(unit: Unit, tmp_path: Path) -> None:
     straight = shifted(unit, 0.0, tmp_path)
     assert straight.fit
-    assert 1.0 <= straight.norm_freedom <= straight.norms.size
-    rms = float(np.sqrt(np.mean(straight.norm_sigmas**2)))
+    assert 1.0 <= straight.norm_freedom <= straight.hold_norm_error.size
+    rms = float(np.sqrt(np.mean(straight.hold_norm_standard_uncertainty**2)))
     # a bias of b on each axis moves norms by up to b √3, and by b rms over the directions
     result = shifted(unit, 3.0 * rms, tmp_path)
-    excess = float(np.sqrt(np.mean((result.norms / result.norm_sigmas) ** 2)))
+    excess = float(np.sqrt(np.mean((result.hold_norm_error / result.hold_norm_standard_uncertainty) ** 2)))
     assert 2.0 < excess < 4.0
     assert not result.fit
     assert f"{excess:.1f} times what the calibration's own uncertainty" in result.reasons[0]

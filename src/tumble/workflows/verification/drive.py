@@ -54,6 +54,7 @@ from tumble.workflows.verification.drive_verification import (
     no_proof,
     variant_of,
 )
+from tumble.workflows.verify import made_from
 
 _FEWEST_FIXES = 30
 OUTAGES = (2.0, 10.0, 30.0, 60.0)
@@ -124,8 +125,7 @@ def verify_drive(request: DriveRequest) -> DriveVerification:
         variants=[variant_of(one, navigated[0]) for one in navigated],
         sensor_states=states,
     )
-    hashes = {name.sha256 for name in document.recordings}
-    judge_drive(found, free, any(source.sha256 in hashes for source in recording.sources))
+    judge_drive(found, free, made_from(document, recording))
     return found
 
 
