@@ -47,9 +47,10 @@ from tumble.workflows.verification.drive_filter import about_innovations, drive_
 from tumble.workflows.verification.drive_verification import (
     Departure,
     DriveVerification,
+    Errors,
     FreeToFind,
-    Navigated,
     TimeOffset,
+    Variant,
     judge_drive,
     no_proof,
     variant_of,
@@ -108,7 +109,7 @@ def verify_drive(request: DriveRequest) -> DriveVerification:
     task = _Task(document, parts, drive, setup, grade, moved)
     if known:
         task.drive = sharpen_clock(drive, _free_biases(task.knowing(parts[-1]), grade))
-    navigated, states, free = _navigated(task, say)
+    variants, states, free = _navigated(task, say)
     gaps = parts[-1].samples.missing()
     clock = task.drive.clock
     found = DriveVerification(
@@ -122,7 +123,7 @@ def verify_drive(request: DriveRequest) -> DriveVerification:
         alignment=str(task.drive.alignment),
         duration=float(task.drive.track.time[-1] - task.drive.start.time),
         positions_left_out=left_out,
-        variants=[variant_of(one, navigated[0]) for one in navigated],
+        variants=variants,
         sensor_states=states,
     )
     judge_drive(found, free, made_from(document, recording))
@@ -148,7 +149,7 @@ class _Task:
 
 def _navigated(
     task: _Task, say: Callable[[str], None]
-) -> tuple[list[Navigated], dict[str, Departure], FreeToFind]:
+) -> tuple[list[Variant], dict[str, Departure], FreeToFind]:
     """What navigation is with each part, and what a filter that may find the biases says of them."""
     parts, drive = task.parts, task.drive
     whole, own = parts[-1], task.knowing(parts[-1])
@@ -159,8 +160,8 @@ def _navigated(
     reference = smooth(drive.run(own, keep_covariances=True)).trajectory
     seconds = _seconds(lengths, float(reference.time[-1] - reference.time[0]))
     whole_drive = float(drive.track.time[-1]) - drive.start.time
-    found: list[Navigated] = []
-    why = ""
+    found, runs, why = list[Variant](), dict[str, FilterRun](), ""
+    plain: Errors | None = None
     for part in counted(parts, len(parts)):
         say(part.part)
         told = task.knowing(part)
@@ -172,11 +173,14 @@ def _navigated(
             outages(mine, told, lengths, every=every, settle=_settle(mine), repeated=again, before=run)
             for again in (False, True)
         )
-        found.append(Navigated(part.part, drift, sliding, repeated, run))
+        own_errors = drift, sliding, repeated
+        plain = plain or own_errors
+        found.append(variant_of(part.part, own_errors, plain, run))
+        runs[part.part] = run
         why = about_innovations(mine, run)
     say("with free biases")
     free = drive.run(_free_biases(own, task.grade), interval=1.0)
-    lost = no_proof(free) and next(no_proof(one.run) for one in found if one.part == AT_REST)
+    lost = no_proof(free) and no_proof(runs[AT_REST])
     strict = _departures(free, task.knowing(whole, (0.0, 0.0)))
     moved = {name: far for name, far in strict.items() if "bias" in name}
     return found, _departures(free, own), FreeToFind(task.moved, moved, len(free.refused), lost, why)

@@ -181,34 +181,34 @@ class DriveVerification:
         return write_texts({folder / "verify.json": text, folder / "verify.html": page})
 
 
-@dataclass(frozen=True, slots=True)
-class Navigated:
-    """Navigation with a part of the calibration, error by error: `repeated` are outages again and again."""
-
-    part: str
-    drift: FreeDrift
-    sliding: list[OutageErrors]
-    repeated: list[OutageErrors]
-    run: FilterRun
+Errors = tuple[FreeDrift, list[OutageErrors], list[OutageErrors]]
+"""Free drift, and outages one by one and again and again."""
 
 
-def variant_of(own: Navigated, plain: Navigated) -> Variant:
-    """Return the numbers of a part, beside those of the uncalibrated samples."""
-    drift = [_drift(own.drift, plain.drift, i) for i in range(len(own.drift.seconds))]
+def variant_of(part: str, own: Errors, plain: Errors, run: FilterRun) -> Variant:
+    """Return the numbers of a part, beside those of the uncalibrated samples.
+
+    Parameters
+    ----------
+    part, own, run : its name, what it navigates by itself, and the filter's run with it.
+    plain : as `own`, of the uncalibrated samples.
+    """
+    drift = [_drift(own[0], plain[0], i) for i in range(len(own[0].seconds))]
     after = _longest(drift)
     rms, (least, most) = after.horizontal_rms, _hourly_drift(after.seconds)
-    distances: Series = own.run.distances[:, 0]
+    distances: Series = run.distances[:, 0]
     seen = np.isfinite(distances)
+    best, worst = accuracy_class(rms.value * least), accuracy_class(rms.value * most)
     return Variant(
-        own.part,
+        part,
         drift,
-        [_outage(*both) for both in zip(own.sliding, plain.sliding, strict=True)],
-        [_outage(*both) for both in zip(own.repeated, plain.repeated, strict=True)],
+        [_outage(*both) for both in zip(own[1], plain[1], strict=True)],
+        [_outage(*both) for both in zip(own[2], plain[2], strict=True)],
         rms.times(least),
         rms.times(most),
-        _class_between(rms.value * least, rms.value * most),
-        float(np.mean(distances[seen & own.run.taken[:, 0]])) / 3.0,
-        len(own.run.refused),
+        best if best == worst else f"{best} at best",
+        float(np.mean(distances[seen & run.taken[:, 0]])) / 3.0,
+        len(run.refused),
         int(seen.sum()),
     )
 
@@ -251,11 +251,6 @@ def _hourly_drift(seconds: float) -> tuple[float, float]:
     """
     force, rate = 2.0 / seconds**2, 6.0 / (_GRAVITY * seconds**3)
     return force * 2.0 * _EARTH_RADIUS / _GRAVITY * 1e-3, rate * _EARTH_RADIUS * 3.6
-
-
-def _class_between(least: float, most: float) -> str:
-    best, worst = accuracy_class(least), accuracy_class(most)
-    return best if best == worst else f"{best} at best"
 
 
 def accuracy_class(kilometres_per_hour: float) -> str:
@@ -301,13 +296,12 @@ def judge_drive(found: DriveVerification, free: FreeToFind, own_recording: bool)
         )
     if free.no_proof:
         # what a filter finds that has lost its way says nothing about the sensors
-        against = [
-            (
-                f"The drive is no proof: {free.refused} of {whole.positions} positions were refused by a filter "
-                "that may find the biases itself, and the others do not fit. Positions and IMU do not describe one "
-                "motion: an axis reversed, a wrong offset between the clocks, too many outliers, or another unit."
-            )
-        ]
+        proof = (
+            f"The drive is no proof: {free.refused} of {whole.positions} positions were refused by a filter "
+            "that may find the biases itself, and the others do not fit. Positions and IMU do not describe one "
+            "motion: an axis reversed, a wrong offset between the clocks, too many outliers, or another unit."
+        )
+        against = [proof]
     elif whole.positions_refused > LARGEST_SHARE_REFUSED * whole.positions:
         raw = found.variant(AT_REST).positions_refused
         if raw < 0.5 * whole.positions_refused:
@@ -318,12 +312,13 @@ def judge_drive(found: DriveVerification, free: FreeToFind, own_recording: bool)
                 "changed.",
             )
     found.fit = not against
-    own: list[str] = []
-    if own_recording:
-        own.append("This is a recording that the calibration was made from: it shows nothing new.")
-    if found.fit:
-        own += _on_turn_on(free)
-    found.reasons = [*against, *own, *_words(found, free)]
+    own = [
+        "This is a recording that the calibration was made from: it shows nothing new."
+        if own_recording
+        else "",
+        _on_turn_on(free) if found.fit else "",
+    ]
+    found.reasons = [*against, *filter(None, own), *_words(found, free)]
 
 
 def _largest(departures: dict[str, Departure]) -> tuple[str, Departure]:
@@ -363,19 +358,17 @@ def _allowed(free: FreeToFind) -> str:
     return f"{force} and {rate}"
 
 
-def _on_turn_on(free: FreeToFind) -> list[str]:
+def _on_turn_on(free: FreeToFind) -> str:
     """A sentence where it serves only because biases may have moved since the calibration."""
     name, worst = _largest(free.moved)
     if abs(worst.normalised) <= LARGEST_NORMALISED:
-        return []
-    return [
-        (
-            f"It serves if this unit's biases may move by {_allowed(free)} from one turn-on to the "
-            f"next (--turn-on-bias). The drive finds the {_plain(name)} moved by "
-            f"{_practical(name, worst.estimate)}, {abs(worst.normalised):.1f} times what the calibration's own "
-            "uncertainty allows."
-        )
-    ]
+        return ""
+    return (
+        f"It serves if this unit's biases may move by {_allowed(free)} from one turn-on to the "
+        f"next (--turn-on-bias). The drive finds the {_plain(name)} moved by "
+        f"{_practical(name, worst.estimate)}, {abs(worst.normalised):.1f} times what the calibration's own "
+        "uncertainty allows."
+    )
 
 
 def _words(found: DriveVerification, free: FreeToFind) -> list[str]:
