@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import field, replace
 from itertools import chain
 from pathlib import Path
@@ -21,11 +21,11 @@ from tumble.recording.formats.output import PLACE, write_blocks, write_euroc
 from tumble.recording.gravity_check import find_steps_of_two
 from tumble.recording.temperature import TemperatureColumn
 from tumble.records import dataclass
-from tumble.sensor.thermal import Outside
 from tumble.units import angular_rate_factor, specific_force_factor
-from tumble.workflows.corrected.bag import BagCorrection
+from tumble.workflows.corrected.bag import write_corrected_bag
 from tumble.workflows.corrected.corrections import (
     PREFIX,
+    Correction,
     about_temperature,
     check_column,
     check_outside,
@@ -36,6 +36,7 @@ from tumble.workflows.corrected.corrections import (
 )
 from tumble.workflows.corrected.form import CorrectedField, Destination, corrects_field, destination
 from tumble.workflows.corrected.lag_shift import ForceShift, lag_of, shifted
+from tumble.workflows.progress import silent
 from tumble.workflows.request import ApplyRequest, asked
 
 
@@ -86,14 +87,14 @@ def apply(request: ApplyRequest) -> Applied:
     scaled = in_calibration_units(first, factors)
     remarks += find_steps_of_two(corrected_block(Corrector(document, beyond), scaled, temperature))
     marks = [*done_before, document.identity]
+    task = Correction(document, beyond, temperature, factors, lag, request.progress or silent)
     if goal.form == "bag":
         if request.columns is not None:
             raise UsageError("--columns is for columns, and a bag has messages: leave it out, or write .csv.")
-        task = BagCorrection(document, beyond, temperature, factors, lag, marks, request.progress)
         first, blocks = None, None
-        done = task.write(files[0], goal.path, topics or ())
-        return Applied(goal.path, done, list(dict.fromkeys([*remarks, *task.told])))
-    work = _Blocks(document, beyond, factors, temperature, request.progress, magnetometer)
+        done, told = write_corrected_bag(task, files[0], goal.path, topics or (), marks)
+        return Applied(goal.path, done, list(dict.fromkeys([*remarks, *told])))
+    work = _Blocks(task, magnetometer, Corrector(document, beyond), TemperatureColumn())
     shift = None if lag is None else ForceShift(lag)
     corrected = work.corrected(chain([first], blocks))
     _write(goal, corrected if shift is None else shifted(corrected, shift), marks, files)
@@ -105,38 +106,32 @@ def apply(request: ApplyRequest) -> Applied:
 class _Blocks:
     """The blocks of a recording on their way, and what is learnt of them meanwhile."""
 
-    document: Calibration
-    outside: Outside
-    factors: tuple[float, float]
-    temperature: float | None
-    progress: Callable[[int], None] | None
+    task: Correction
     magnetometer: CorrectedField
+    corrector: Corrector
+    column: TemperatureColumn
     done: int = 0
-    _column: TemperatureColumn = field(default_factory=TemperatureColumn)
-    _told: list[str] = field(default_factory=list[str])
-    _corrector: Corrector | None = None
+    told: list[str] = field(default_factory=list[str])
 
     def corrected(self, blocks: Iterable[Recording]) -> Iterator[Recording]:
         """Yield them corrected; what cannot be is refused before the file takes its place."""
-        self._corrector = Corrector(self.document, self.outside)
+        task = self.task
         for block in blocks:
-            scaled = in_calibration_units(block, self.factors)
-            made = corrected_block(self._corrector, scaled, self.temperature)
+            scaled = in_calibration_units(block, task.factors)
+            made = corrected_block(self.corrector, scaled, task.temperature)
             yield replace(made, magnetic_field=self.magnetometer.of_block(block))
             self.done += len(block)
-            if block.temperature is not None and self.temperature is None:
-                self._column.add(block.time, block.temperature)
-            if self.progress is not None:
-                self.progress(self.done)
-        if needs_temperature(self.document):
-            self._told.extend(check_column(self._column))
+            if block.temperature is not None and task.temperature is None:
+                self.column.add(block.time, block.temperature)
+            task.progress(self.done)
+        if needs_temperature(task.calibration):
+            self.told += check_column(self.column)
 
     def remarks(self) -> list[str]:
         """Say what of the temperature is to be known."""
-        assert self._corrector is not None
-        celsius, column = self.temperature, self._column
+        celsius, column = self.task.temperature, self.column
         span = (column.lowest, column.highest) if celsius is None else (celsius, celsius)
-        return [*self._told, *about_temperature(self.document, self._corrector, span)]
+        return [*self.told, *about_temperature(self.task.calibration, self.corrector, span)]
 
 
 def _write(

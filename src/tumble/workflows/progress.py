@@ -17,7 +17,7 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 
-def silent(_: str) -> None:
+def silent(_: object) -> None:
     """Say it to nobody."""
 
 

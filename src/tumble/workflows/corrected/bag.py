@@ -2,100 +2,80 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import field
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from tumble.arrays import Vectors
-from tumble.document import Calibration
 from tumble.document.corrector import Corrector
 from tumble.errors import OutputError, UsageError
 from tumble.files import filled_folder, written_beside
+from tumble.recording import Recording
 from tumble.recording.formats.bags.bag import Bag, Choice, Topic, choose_topics
 from tumble.recording.formats.bags.ros_messages import Decoded, Substitute, decode, substituted
 from tumble.recording.rewriting import Exchange, opened_bag, write_anew
 from tumble.records import dataclass
-from tumble.workflows.corrected.lag_shift import NEEDS_BOTH, ForceShift
+from tumble.workflows.corrected.corrections import Correction
+from tumble.workflows.corrected.lag_shift import NEEDS_BOTH, ForceShift, shifted
 
 _BATCH = 4096  # messages that are corrected together
 _Message = tuple[str, int, bytes]
 _Pair = tuple[str, bytes, bytes]
 
 
-@dataclass(slots=True)
-class BagCorrection:
-    """What is done to the messages of a bag.
+def write_corrected_bag(
+    task: Correction, path: Path, target: Path, topics: Sequence[str], marks: Sequence[str]
+) -> tuple[int, list[str]]:
+    """Write the corrected bag; return how many messages were corrected, and sentences for the user.
 
-    Attributes
+    Parameters
     ----------
-    calibration, outside, temperature : as `apply` takes them.
-    factors : from the messages' numbers to the calibration's raw units.
-    lag : s, of the accelerometer behind the gyro, which is taken out, or None.
+    task : how they are corrected.
+    path, target : of the bag, and of its copy.
+    topics : that are asked for, or none.
     marks : identities that the corrected topics get.
-    progress : is given the number of messages done.
-    told : sentences for the user.
+
+    Raises
+    ------
+    RecordingError
+        If the bag cannot be read or copied.
+    UsageError
+        If what is asked for cannot be, or the place is none for a result.
+    OutputError
+        If it cannot be written; what was there is intact.
     """
+    with opened_bag(path) as bag:
+        choice = choose_topics(bag, topics)
+        _refuse_apart(task, choice)
+        work = _Work(task, bag, choice)
+        exchange = Exchange(path.name, dict.fromkeys(choice.names(), marks), work.pairs())
+        if path.is_dir():
+            _write_folder(bag, target, exchange)
+        else:
+            with written_beside(target) as beside:
+                write_anew(bag, beside, exchange)
+        return exchange.count, [*(f"{r.kind}: {r.text}" for r in bag.remarks), *work.remarks(path.name)]
 
-    calibration: Calibration
-    outside: str
-    temperature: float | None
-    factors: tuple[float, float]
-    lag: float | None
-    marks: Sequence[str]
-    progress: Callable[[int], None] | None = None
-    told: list[str] = field(default_factory=list[str])
 
-    def write(self, path: Path, target: Path, topics: Sequence[str]) -> int:
-        """Write the corrected bag and return how many messages were corrected.
-
-        Parameters
-        ----------
-        path, target : of the bag, and of its copy.
-        topics : that are asked for, or none.
-
-        Raises
-        ------
-        RecordingError
-            If the bag cannot be read or copied.
-        UsageError
-            If what is asked for cannot be, or the place is none for a result.
-        OutputError
-            If it cannot be written; what was there is intact.
-        """
-        with opened_bag(path) as bag:
-            choice = choose_topics(bag, topics)
-            self._refuse_apart(choice)
-            work = _Work(self, bag, choice)
-            exchange = Exchange(path.name, dict.fromkeys(choice.names(), self.marks), work.pairs())
-            if path.is_dir():
-                _write_folder(bag, target, exchange)
-            else:
-                with written_beside(target) as beside:
-                    write_anew(bag, beside, exchange)
-            self.told += [f"{r.kind}: {r.text}" for r in bag.remarks]
-            self.told += work.remarks(path.name)
-            return exchange.count
-
-    def _refuse_apart(self, choice: Choice) -> None:
-        """Refuse what acts from one triad on the other where each has a topic of its own."""
-        if choice.force == choice.rates:
-            return
-        both = choice.force is not None and choice.rates is not None
-        gyroscope = self.calibration.gyroscope
-        if self.lag is not None and not both:
-            raise UsageError(NEEDS_BOTH)
-        what = None
-        if gyroscope is not None and gyroscope.g_sensitivity is not None:
-            what = "a g-sensitivity of the gyro, which takes the specific force at the gyro's instants"
-        elif self.calibration.lever_arms is not None:
-            what = "lever arms of the accelerometers, which take the angular rate at their instants"
-        if what is not None:
-            raise UsageError(
-                f"The calibration has {what}, and the bag has a topic for each triad: write .csv or .parquet, where "
-                "both are put on one time base."
-            )
+def _refuse_apart(task: Correction, choice: Choice) -> None:
+    """Refuse what acts from one triad on the other where each has a topic of its own."""
+    if choice.force == choice.rates:
+        return
+    both = choice.force is not None and choice.rates is not None
+    gyroscope = task.calibration.gyroscope
+    if task.lag is not None and not both:
+        raise UsageError(NEEDS_BOTH)
+    what = None
+    if gyroscope is not None and gyroscope.g_sensitivity is not None:
+        what = "a g-sensitivity of the gyro, which takes the specific force at the gyro's instants"
+    elif task.calibration.lever_arms is not None:
+        what = "lever arms of the accelerometers, which take the angular rate at their instants"
+    if what is not None:
+        raise UsageError(
+            f"The calibration has {what}, and the bag has a topic for each triad: write .csv or .parquet, where "
+            "both are put on one time base."
+        )
 
 
 def _write_folder(bag: Bag, target: Path, exchange: Exchange) -> None:
@@ -132,30 +112,29 @@ class _Line:
 class _Work:
     """Messages in the order of the files, corrected some thousands at a time."""
 
-    def __init__(self, task: BagCorrection, bag: Bag, choice: Choice) -> None:
+    def __init__(self, task: Correction, bag: Bag, choice: Choice) -> None:
         self._task = task
         self._messages = bag.messages
         self._names = choice.names()
         known = {t.name: t for t in bag.topics}
-        outside = task.outside
-        assert outside in ("refuse", "hold", "extrapolate")
         self._lines = {
             name: _Line(
-                known[name], name == choice.force, name == choice.rates, Corrector(task.calibration, outside)
+                known[name],
+                name == choice.force,
+                name == choice.rates,
+                Corrector(task.calibration, task.outside),
             )
             for name in self._names
         }
         together = choice.force == choice.rates
         self._shift = ForceShift(task.lag) if together and task.lag is not None else None
-        self._done = 0
 
     def pairs(self) -> Iterator[_Pair]:
         """Yield topic, message as it was and as it becomes."""
-        finished = self._shifted() if self._shift is not None else self._plain()
-        for batch in finished:
-            self._done += len(batch)
-            if self._task.progress is not None:
-                self._task.progress(self._done)
+        done = 0
+        for batch in self._plain() if self._shift is None else self._shifted(self._shift):
+            done += len(batch)
+            self._task.progress(done)
             yield from batch
 
     def remarks(self, name: str) -> list[str]:
@@ -178,28 +157,21 @@ class _Work:
                 made[name] = iter(self._put(line, messages, *self._corrected(line, decoded)))
             yield [(n, data, next(made[n])) for n, _, data in batch]
 
-    def _shifted(self) -> Iterator[list[_Pair]]:
+    def _shifted(self, shift: ForceShift) -> Iterator[list[_Pair]]:
         """Yield batches whose specific force is of other instants; what cannot be answered yet waits."""
-        assert self._shift is not None
         (line,) = self._lines.values()
-        name = line.topic.name
         waiting: list[bytes] = []
-        rates: Vectors = np.empty((0, 3))
-        for batch in _batches(self._messages(self._names)):
-            messages, decoded = _decoded(line.topic, batch)
-            force, rate = self._corrected(line, decoded)
-            if force is None or rate is None:
-                raise UsageError(NEEDS_BOTH)
-            waiting += messages
-            rates = np.concatenate([rates, rate])
-            ready = self._shift.add(decoded.time, force)
-            if len(ready):
-                made = self._put(line, waiting[: len(ready)], ready, rates[: len(ready)])
-                yield [(name, a, b) for a, b in zip(waiting, made, strict=False)]
-                waiting, rates = waiting[len(ready) :], rates[len(ready) :]
-        if waiting:
-            made = self._put(line, waiting, self._shift.rest(), rates)
-            yield [(name, a, b) for a, b in zip(waiting, made, strict=True)]
+
+        def blocks() -> Iterator[Recording]:
+            for batch in _batches(self._messages(self._names)):
+                messages, decoded = _decoded(line.topic, batch)
+                waiting.extend(messages)
+                yield Recording(decoded.time, *self._corrected(line, decoded), "m/s^2", "rad/s", rate=np.nan)
+
+        for block in shifted(blocks(), shift):
+            messages, waiting[:] = waiting[: len(block)], waiting[len(block) :]
+            made = self._put(line, messages, block.specific_force, block.angular_rate)
+            yield [(line.topic.name, *pair) for pair in zip(messages, made, strict=True)]
 
     def _corrected(self, line: _Line, decoded: Decoded) -> tuple[Vectors | None, Vectors | None]:
         steps = np.diff(decoded.time, prepend=line.last)

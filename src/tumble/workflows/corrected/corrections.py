@@ -9,7 +9,7 @@ topic, EuRoC's folders in `sensor.yaml`: columns of their own are not theirs to 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +22,29 @@ from tumble.recording.columns import role_of
 from tumble.recording.formats import header_names, output
 from tumble.recording.formats.frames import Frame, frame_names
 from tumble.recording.temperature import LONG_GAP, TemperatureColumn
+from tumble.records import dataclass
 from tumble.sensor.thermal import SPAN_MARGIN, Outside
+
+
+@dataclass(frozen=True, slots=True)
+class Correction:
+    """How a recording is corrected.
+
+    Attributes
+    ----------
+    calibration, outside, temperature : as `apply` takes them.
+    factors : from the recording's numbers to the calibration's raw units.
+    lag : s, of the accelerometer behind the gyro, which is taken out, or None.
+    progress : is given the number of samples done.
+    """
+
+    calibration: Calibration
+    outside: Outside
+    temperature: float | None
+    factors: tuple[float, float]
+    lag: float | None
+    progress: Callable[[int], None]
+
 
 PREFIX = "corrected_by_"
 _MARK = re.compile(PREFIX + r"([0-9a-f]{12})$")
