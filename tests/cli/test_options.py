@@ -22,7 +22,7 @@ from typer.testing import CliRunner
 import tumble as package
 from tumble.cli import groups
 from tumble.cli.groups import flowing
-from tumble.cli.main import COMMANDS, ELSEWHERE, app, first_sentence
+from tumble.cli.main import COMMANDS, app, first_sentence
 from tumble.cli.terminal import plain
 from tumble.document import read_calibration
 from tumble.errors import UsageError
@@ -221,7 +221,7 @@ def test_the_list_of_commands_imports_none_of_them() -> None:
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_the_list_says_what_the_command_says(name: str) -> None:
-    room = import_module(f"tumble.cli.{ELSEWHERE.get(name, name)}")
+    room = import_module(f"tumble.cli.{COMMANDS[name]}")
     words = room.app.info.help if hasattr(room, "app") else getattr(room, f"{name}_command").__doc__
     assert " ".join(inspect.cleandoc(words).split("\n\n")[0].split()) == first_sentence(name)
 

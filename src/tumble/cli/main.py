@@ -37,9 +37,8 @@ PANELS = {
     "Advanced": ("predict",),
 }
 """The commands by what they are for, in the order of the help."""
-COMMANDS = tuple(name for names in PANELS.values() for name in names)
-ELSEWHERE = {"demo": "calibrate"}
-"""Commands that are in another's module; each other one is in that of its own name."""
+COMMANDS = {name: name for names in PANELS.values() for name in names} | {"demo": "calibrate"}
+"""The module of `cli` that each command is in."""
 
 
 def first_sentence(name: str) -> str:
@@ -49,7 +48,7 @@ def first_sentence(name: str) -> str:
     ----------
     name : of the command.
     """
-    written = Path(__file__).with_name(f"{ELSEWHERE.get(name, name)}.py").read_text(encoding="utf-8")
+    written = Path(__file__).with_name(f"{COMMANDS[name]}.py").read_text(encoding="utf-8")
     module, _, command = written.partition(f"def {name}_command(")
     return " ".join((command or module).split('"""')[1].partition("\n\n")[0].split())
 
@@ -58,7 +57,7 @@ class _Commands(Mapping[str, Any]):
     """The commands by name, each imported and made when it is asked for."""
 
     def __getitem__(self, name: str) -> Any:
-        module = import_module(f"tumble.cli.{ELSEWHERE.get(name, name)}")
+        module = import_module(f"tumble.cli.{COMMANDS[name]}")
         if hasattr(module, "app"):  # commands of its own under one name
             return typer.main.get_command(module.app)
         one = typer.Typer(add_completion=False, rich_markup_mode="rich", pretty_exceptions_enable=False)
