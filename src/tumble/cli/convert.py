@@ -12,7 +12,7 @@ from tumble.errors import UsageError
 from tumble.workflows.request import FIRST, ConvertRequest, option
 
 if TYPE_CHECKING:
-    from tumble.workflows.convert import Converted, TargetRow
+    from tumble.workflows.convert import Converted
 
 
 def convert_command(
@@ -75,9 +75,9 @@ def _say(done: Converted, printed: PrintOptions) -> None:
     say_written(done.files)
 
 
-def _list(rows: list[TargetRow], as_json: bool) -> None:
+def _list(rows: list[dict[str, str]], as_json: bool) -> None:
     if as_json:
         say_json(rows)
         return
     heads = ("target", "tool and file", "direction", "holds")
-    console().print(table(heads, [(r.name, r.title, r.directions, r.holds) for r in rows]))
+    console().print(table(heads, [[*row.values()] for row in rows]))

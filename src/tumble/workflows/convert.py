@@ -34,27 +34,17 @@ class Converted:
     remarks: list[str]
 
 
-@dataclass(frozen=True, slots=True)
-class TargetRow:
-    """A target as it is listed: its name, what it is, which way, what it holds."""
-
-    name: str
-    title: str
-    directions: str
-    holds: str
-
-
-def list_targets() -> list[TargetRow]:
-    """Return all targets with directions and what each can hold."""
+def list_targets() -> list[dict[str, str]]:
+    """Return all targets: name, what it is, which way, and what each can hold; a full matrix covers scale factors."""
     return [
-        TargetRow(target.name, target.title, target.directions, ", ".join(_what_it_holds(target)))
+        {
+            "name": target.name,
+            "title": target.title,
+            "directions": target.directions,
+            "holds": ", ".join(w for w in target.holds if not (w == SCALE and MATRIX in target.holds)),
+        }
         for target in targets().values()
     ]
-
-
-def _what_it_holds(target: Target) -> list[str]:
-    """Return what a target holds, in words; a full matrix covers scale factors."""
-    return [what for what in target.holds if not (what == SCALE and MATRIX in target.holds)]
 
 
 @asked(ConvertRequest)

@@ -1,41 +1,16 @@
-"""What the workflows of the package's front begin with: checked arguments, one thread, and nobody to tell."""
+"""What the workflows of the package's front begin with: one thread, and nobody to tell."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
-from functools import wraps
-from typing import ParamSpec, TypeVar
-
-from tumble.border import border
 
 THREADS_OF = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS", "BLIS_NUM_THREADS")
 """Settings of the user's by which libraries of linear algebra take their number of threads."""
 
-P = ParamSpec("P")
-R = TypeVar("R")
-
 
 def silent(_: object) -> None:
     """Say it to nobody."""
-
-
-def public(function: Callable[P, R]) -> Callable[P, R]:
-    """Return a workflow of the package's front: its arguments are checked, and linear algebra works on one thread.
-
-    Parameters
-    ----------
-    function : of the front.
-    """
-    checked = border(function)
-
-    @wraps(function)
-    def alone(*args: P.args, **kwargs: P.kwargs) -> R:
-        with one_thread():
-            return checked(*args, **kwargs)
-
-    return alone
 
 
 def one_thread() -> AbstractContextManager[object]:

@@ -18,10 +18,11 @@ from glob import glob
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
+from tumble.border import border
 from tumble.errors import UsageError
 from tumble.procedure_names import KNOWN_PROCEDURES
 from tumble.records import dataclass
-from tumble.workflows.progress import public, silent
+from tumble.workflows.progress import one_thread, silent
 
 if TYPE_CHECKING:
     from tumble.document import Calibration
@@ -174,6 +175,8 @@ def listed_words(doc: str) -> tuple[str, dict[str, str]]:
 def asked(record: Callable[P, Request]) -> Callable[[Callable[[Request], Answer]], Callable[P, Answer]]:
     """Make a workflow that takes a request a public function that takes the request's fields.
 
+    Its arguments are checked, and linear algebra works on one thread.
+
     Parameters
     ----------
     record : the class of the request.
@@ -182,7 +185,8 @@ def asked(record: Callable[P, Request]) -> Callable[[Callable[[Request], Answer]
     def made(work: Callable[[Request], Answer]) -> Callable[P, Answer]:
         @wraps(work)
         def called(*args: P.args, **kwargs: P.kwargs) -> Answer:
-            return work(record(*args, **kwargs))
+            with one_thread():
+                return work(record(*args, **kwargs))
 
         kind: Any = record
         shape = inspect.signature(kind).replace(return_annotation=work.__annotations__["return"])
@@ -193,7 +197,7 @@ def asked(record: Callable[P, Request]) -> Callable[[Callable[[Request], Answer]
         listed = "".join(f"{name} : {words[name]}\n" for name in shape.parameters)
         before, raises, after = inspect.cleandoc(work.__doc__ or "").partition("Raises\n------\n")
         called.__doc__ = f"{before}Parameters\n----------\n{listed}\n{raises}{after}"
-        return public(called)
+        return border(called)
 
     return made
 

@@ -15,7 +15,7 @@ from tumble.noise.terms import NoiseModel
 from tumble.recording import Recording
 from tumble.segmentation import Hold, NoiseFloor, Timeline, observe_holds
 from tumble.segmentation.modelled_means import model_means
-from tumble.workflows.given.noise_models import models_of_recording, read_noise_models
+from tumble.workflows.given.noise_models import NoiseOfHolds, read_noise_models
 
 RATE = 50.0
 
@@ -41,9 +41,9 @@ def recording(unit: str = "m/s^2", rate: float = RATE) -> Recording:
 
 
 def test_a_models_terms_are_read_in_raw_units(tmp_path: Path) -> None:
-    models = read_noise_models(written(tmp_path, document()))
-    force, rate = models_of_recording(models, recording("g"))
-    assert rate is None
+    found = NoiseOfHolds.read(written(tmp_path, document()), recording("g"))
+    force = found.force
+    assert found.rate is None
     assert force is not None
     assert force[0].random_walk == pytest.approx(1e-3 / 9.80665)
     assert force[2].gauss_markov[0].correlation_time == 30.0
@@ -67,7 +67,7 @@ def test_a_models_terms_are_read_in_raw_units(tmp_path: Path) -> None:
 )
 def test_another_file_rate_or_unit_is_refused_in_a_sentence(tmp_path: Path, content: Any, words: str) -> None:
     with pytest.raises(UsageError, match=words):
-        models_of_recording(read_noise_models(written(tmp_path, content)), recording())
+        NoiseOfHolds.read(written(tmp_path, content), recording())
 
 
 def test_a_file_that_is_not_there_is_refused(tmp_path: Path) -> None:

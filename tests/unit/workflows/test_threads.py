@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 import threadpoolctl
 
-from tumble.workflows.progress import THREADS_OF, one_thread, public
+from tumble.workflows.progress import THREADS_OF, one_thread
+from tumble.workflows.request import StreamRequest, asked
 
 
 def threads() -> list[int]:
@@ -25,9 +26,11 @@ def two_threads(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[int]]:
 
 
 def test_a_call_of_the_front_takes_one_thread(two_threads: list[int]) -> None:
+    def seen(_: StreamRequest) -> list[int]:
+        return threads()
+
     assert 2 in two_threads
-    seen = public(lambda: threads())()
-    assert set(seen) == {1}
+    assert set(asked(StreamRequest)(seen)()) == {1}
     assert threads() == two_threads
 
 

@@ -100,36 +100,6 @@ def _line(entry: dict[str, Any]) -> Line:
     return Line(number_of(entry["amplitude"]), number_of(entry["frequency_hz"]))
 
 
-def models_of_recording(
-    models: NoiseModels, recording: Recording
-) -> tuple[list[NoiseModel] | None, list[NoiseModel] | None]:
-    """Return three models in the recording's raw units for each triad that it has.
-
-    Parameters
-    ----------
-    models : as read.
-    recording : to be calibrated.
-
-    Raises
-    ------
-    UsageError
-        If rate, units or channels are not the recording's.
-    """
-    if abs(recording.rate / models.rate - 1.0) > _SAME_RATE:
-        raise UsageError(
-            f"--noise {models.source} was recorded at {models.rate:g} Hz and this one at {recording.rate:.4g} Hz: "
-            "a sensor filters otherwise at another rate. Record the noise at the rate of the calibration."
-        )
-    force = rate = None
-    if recording.specific_force is not None:
-        factor = specific_force_factor(recording.specific_force_unit)
-        force = triad_models(models, "a", "m/s²", factor, recording.specific_force_unit)
-    if recording.angular_rate is not None:
-        factor = angular_rate_factor(recording.angular_rate_unit)
-        rate = triad_models(models, "g", "rad/s", factor, recording.angular_rate_unit)
-    return force, rate
-
-
 def triad_models(
     models: NoiseModels, letter: str, si: str, factor: float | None, unit: str
 ) -> list[NoiseModel]:
@@ -173,18 +143,31 @@ class NoiseOfHolds:
 
     @classmethod
     def read(cls, path: str | os.PathLike[str], recording: Recording) -> NoiseOfHolds:
-        """Read the models of a recording's channels.
+        """Read the models of a recording's channels, three for each triad that it has.
 
         Parameters
         ----------
-        path, recording : as for `read_noise_models` and `models_of_recording`.
+        path, recording : of `noise.json`, and to be calibrated.
 
         Raises
         ------
         UsageError
-            As those two.
+            If it is no such file, or rate, units or channels are not the recording's.
         """
-        return cls(os.fspath(path), *models_of_recording(read_noise_models(path), recording))
+        models = read_noise_models(path)
+        if abs(recording.rate / models.rate - 1.0) > _SAME_RATE:
+            raise UsageError(
+                f"--noise {models.source} was recorded at {models.rate:g} Hz and this one at {recording.rate:.4g} Hz: "
+                "a sensor filters otherwise at another rate. Record the noise at the rate of the calibration."
+            )
+        si = {"a": ("m/s²", specific_force_factor), "g": ("rad/s", angular_rate_factor)}
+        found = {
+            triad.letter: triad_models(
+                models, triad.letter, si[triad.letter][0], si[triad.letter][1](triad.unit), triad.unit
+            )
+            for triad in recording.triads
+        }
+        return cls(os.fspath(path), found.get("a"), found.get("g"))
 
     def means_of(self, session: Session) -> HoldMeans:
         """Return a session's means with the models' covariances.
