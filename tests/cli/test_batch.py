@@ -17,6 +17,7 @@ import polars as pl
 import pytest
 
 from tumble.earth import Site
+from tumble.errors import UsageError
 from tumble.workflows.batches.batch import run_batch
 from tumble.workflows.request import CalibrateRequest
 
@@ -168,6 +169,8 @@ def test_unreadable_limits_and_a_wrong_source_are_one_sentence(
     assert tumble("batch", tmp_path / "nowhere", "-o", tmp_path / "out").status == 2
     stored = tumble("batch", "s3://me:secret@b/u.csv", "-o", tmp_path / "out")
     stored.is_told(2, "s3://***@b/u.csv: a batch is of files of this machine")
+    with pytest.raises(UsageError, match="--output does not go with batches"):
+        run_batch(str(lot), tmp_path / "out", CalibrateRequest(output="one"))
     assert not (tmp_path / "out").exists()
 
 

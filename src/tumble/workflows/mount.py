@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -64,12 +63,20 @@ class Mounted:
 
 @dataclass(frozen=True, slots=True)
 class _Rest:
-    """The rest found in a recording: raw mean and its covariance, and what the file was."""
+    """The rest found in a recording, and what the file was.
 
-    mean: Vector
-    covariance: Square
-    seconds: float
+    Attributes
+    ----------
+    force, norm : (3,) m/s² of the mean as it is corrected, and its norm less gravity.
+    covariance : (3, 3) of the mean, raw.
+    """
+
+    name: str
     sha256: str
+    seconds: float
+    force: Vector
+    norm: float
+    covariance: Square
 
 
 def mount(request: MountRequest) -> Mounted:
@@ -102,94 +109,83 @@ def mount(request: MountRequest) -> Mounted:
             "The calibration is of the gyro alone: gravity shows how a unit lies on its mount, and "
             "that takes the accelerometers' calibration."
         )
-    named = [Path(level), Path(pitched)]
     target = Path(request.output)
     target = target / "mount.json" if target.is_dir() else target
-    rests: list[_Rest] = []
     remarks: list[str] = []
+    rests: list[_Rest] = []
     for path in (level, pitched):
         say(f"reading {Path(path).name}")
         rests.append(_rest(path, document, remarks, request))
+    first, second = rests
+    check_poses(first.force, second.force, (first.name, second.name))
     triad = document.model.accelerometer
     assert triad is not None
-    forces = [np.asarray(triad.correct(rest.mean[None, :])[0], dtype=np.float64) for rest in rests]
-    names = named[0].name, named[1].name
-    norms = _norm_errors(forces, document.site.gravity, names)
-    check_poses(forces[0], forces[1], names)
     covariance = mean_covariances(
         triad,
-        forces,
+        [rest.force for rest in rests],
         [rest.covariance for rest in rests],
         document.covariance_parameters,
         document.covariance_matrix,
         _wander(document),
     )
-    found = align_to_mount(forces[0], forces[1], covariance)
+    found = align_to_mount(first.force, second.force, covariance)
     found = replace(found, covariance=found.covariance + mount_sigma**2 * np.eye(3))
     remarks += _remarks(found, mount_sigma)
-    text = _document(found, document, rests, names, mount_sigma, remarks)
+    text = _document(found, document, rests, mount_sigma, remarks)
     write_text(target, json.dumps(text, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
-    return Mounted(found, (rests[0].seconds, rests[1].seconds), (norms[0], norms[1]), remarks, target)
-
-
-def _norm_errors(forces: Sequence[Vector], gravity: float, names: tuple[str, str]) -> list[float]:
-    """By how much the corrected force of each rest is off gravity, m/s²; refused where it is another unit's."""
-    norms = [float(np.linalg.norm(force) - gravity) for force in forces]
-    for name, norm in zip(names, norms, strict=True):
-        if abs(norm) > LARGEST_NORM_ERROR * gravity:
-            raise RecordingError(
-                f"{name}: the corrected specific force at rest is {norm:+.2f} m/s² off gravity: "
-                "this is another unit than the calibration's, or its units are not those that were taken (--units)."
-            )
-    return norms
+    return Mounted(found, (first.seconds, second.seconds), (first.norm, second.norm), remarks, target)
 
 
 def _rest(
     path: str | os.PathLike[str], document: Calibration, remarks: list[str], request: MountRequest
 ) -> _Rest:
-    """Read a recording and average its rest, in the calibration's raw units."""
+    """Read a recording and average its rest; refused where it is another unit's."""
+    name, triad = Path(path).name, document.model.accelerometer
     recording = read_recordings(path, **request.how())[0]
     if recording.specific_force is None:
         raise RecordingError(
-            f"{Path(path).name} has no accelerometer columns: only gravity shows how a unit lies on its "
-            "mount."
+            f"{name} has no accelerometer columns: only gravity shows how a unit lies on its mount."
         )
     refuse_twice(document, corrections_of([Path(path)], request.topics))
     low, high = recorded_span(recording, None)
     made_at = document.temperature_celsius
     if made_at is not None and max(high - made_at, made_at - low) > FAR_FROM_CALIBRATION:
         remarks.append(
-            f"{Path(path).name} is at {low:.1f} to {high:.1f} °C, and the calibration is taken at {made_at:.1f} °C: "
+            f"{name} is at {low:.1f} to {high:.1f} °C, and the calibration is taken at {made_at:.1f} °C: "
             "its biases will have moved; record nearer to that temperature."
         )
     scaled = in_calibration_units(recording, raw_factors(document, recording))
     try:
         timeline = find_timeline(scaled)
     except SegmentationError as error:
-        raise SegmentationError(f"{Path(path).name} must be of the mount at rest. {error}") from error
+        raise SegmentationError(f"{name} must be of the mount at rest. {error}") from error
     means = observe_holds(scaled, timeline)
     assert means.specific_force is not None
     assert means.specific_force_covariance is not None
-    assert document.model.accelerometer is not None
-    up = document.model.accelerometer.correct(means.specific_force)
-    up = up / np.linalg.norm(up, axis=1, keepdims=True)
+    assert triad is not None
+    force = triad.correct(means.specific_force)
+    up = force / np.linalg.norm(force, axis=1, keepdims=True)
     longest = int(np.argmax(means.duration))
     apart = np.arccos(np.clip(up @ up[longest], -1.0, 1.0))
     if np.max(apart) > SAME_POSE:
         raise RecordingError(
-            f"In {Path(path).name} the unit rests in {len(means)} places, up to "
+            f"In {name} the unit rests in {len(means)} places, up to "
             f"{np.degrees(np.max(apart)):.0f}° apart: give a recording of one attitude of the mount."
         )
     if len(means) > 1:
-        remarks.append(f"{Path(path).name} is disturbed: the longest of {len(means)} rests is taken.")
-    said = [r.text.removeprefix(f"{Path(path).name}: ") for r in recording.remarks if r.kind in _SAID]
-    remarks += [f"{Path(path).name}: {text}" for text in said]
-    return _Rest(
-        mean=np.asarray(means.specific_force[longest], dtype=np.float64),
-        covariance=np.asarray(means.specific_force_covariance[longest], dtype=np.float64),
-        seconds=float(means.duration[longest]),
-        sha256=recording.sources[0].sha256,
-    )
+        remarks.append(f"{name} is disturbed: the longest of {len(means)} rests is taken.")
+    said = [r.text.removeprefix(f"{name}: ") for r in recording.remarks if r.kind in _SAID]
+    remarks += [f"{name}: {text}" for text in said]
+    gravity = document.site.gravity
+    norm = float(np.linalg.norm(force[longest]) - gravity)
+    if abs(norm) > LARGEST_NORM_ERROR * gravity:
+        raise RecordingError(
+            f"{name}: the corrected specific force at rest is {norm:+.2f} m/s² off gravity: "
+            "this is another unit than the calibration's, or its units are not those that were taken (--units)."
+        )
+    spread = np.asarray(means.specific_force_covariance[longest], dtype=np.float64)
+    seconds, source = float(means.duration[longest]), recording.sources[0]
+    return _Rest(name, source.sha256, seconds, np.asarray(force[longest], dtype=np.float64), norm, spread)
 
 
 def _wander(document: Calibration) -> float:
@@ -217,7 +213,6 @@ def _document(
     found: MountAlignment,
     document: Calibration,
     rests: list[_Rest],
-    names: tuple[str, str],
     mount_sigma: float,
     remarks: list[str],
 ) -> dict[str, Any]:
@@ -248,8 +243,8 @@ def _document(
             "frame": plain(document.frame),
         },
         "recordings": [
-            {"pose": pose, "name": name, "sha256": rest.sha256, "seconds_at_rest": rest.seconds}
-            for pose, name, rest in zip(poses, names, rests, strict=True)
+            {"pose": pose, "name": rest.name, "sha256": rest.sha256, "seconds_at_rest": rest.seconds}
+            for pose, rest in zip(poses, rests, strict=True)
         ],
         "remarks": remarks,
         "test_vector": {"v_B": _TEST_VECTOR.tolist(), "v_M": (found.C_MB @ _TEST_VECTOR).tolist()},
