@@ -40,8 +40,7 @@ def diff_command(
     second : A calibration of the same unit.
     allowed : Changes that do no harm: µg at 1 g and deg/h at rest, as 500,20.
     """
-    from tumble.workflows.difference import difference, verdict
-    from tumble.workflows.simulated.recovery import is_truth
+    from tumble.workflows.difference import difference, is_truth, verdict
 
     if is_truth(first):
         if allowed is not None:
@@ -61,7 +60,7 @@ def _say_recovery(truth: Path, calibration: Path, printed: PrintOptions) -> NoRe
     """Print how far a calibration is from the truth, and leave with the status of the answer."""
     from tumble.report.history import change_table
     from tumble.report.page import print_blocks
-    from tumble.workflows.simulated.recovery import recovery
+    from tumble.workflows.difference import recovery
 
     found = recovery(truth, calibration)
     if printed.as_json:

@@ -31,7 +31,7 @@ from tumble.workflows.request import (
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from tumble.workflows.verification.drive_verification import DriveVerification
+    from tumble.workflows.verification.drive import DriveVerification
     from tumble.workflows.verify import Verification
 
 

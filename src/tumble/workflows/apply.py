@@ -36,8 +36,7 @@ from tumble.workflows.corrected.corrections import (
 )
 from tumble.workflows.corrected.form import CorrectedField, Destination, corrects_field, destination
 from tumble.workflows.corrected.lag_shift import ForceShift, lag_of, shifted
-from tumble.workflows.progress import silent
-from tumble.workflows.request import ApplyRequest, asked
+from tumble.workflows.request import ApplyRequest, asked, silent
 
 
 @dataclass(frozen=True, slots=True)

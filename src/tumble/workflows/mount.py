@@ -27,8 +27,7 @@ from tumble.workflows.corrected.corrections import (
     recorded_span,
     refuse_twice,
 )
-from tumble.workflows.progress import silent
-from tumble.workflows.request import MountRequest
+from tumble.workflows.request import MountRequest, silent
 
 FORMAT = "tumble mount"
 # Rests of one recording whose gravity is farther apart are of different poses, rad.

@@ -14,8 +14,7 @@ from tumble.recording import Recording, read_blocks, read_recording
 from tumble.recording.formats.frames import Frame
 from tumble.recording.reading import recording_inputs
 from tumble.records import dataclass
-from tumble.workflows.progress import silent
-from tumble.workflows.request import NoiseRequest, asked
+from tumble.workflows.request import NoiseRequest, asked, silent
 
 if TYPE_CHECKING:
     from tumble.noise.characterisation import Characterisation

@@ -20,8 +20,15 @@ from tumble.noise.terms import NoiseModel
 from tumble.records import dataclass
 from tumble.simulation import drive_along, find_grade
 from tumble.workflows.request import PredictRequest, asked
-from tumble.workflows.verification.calibration_parts import WHOLE, CorrectedBy, in_b, start_covariance
-from tumble.workflows.verification.drive_filter import noise_of_document, sheet_noise, walking
+from tumble.workflows.verification.calibration_parts import (
+    WHOLE,
+    CorrectedBy,
+    in_b,
+    noise_of_document,
+    sheet_noise,
+    start_covariance,
+    walking,
+)
 
 _SHORTEST = 0.1  # s
 _RATE = 50.0  # Hz

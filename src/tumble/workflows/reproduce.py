@@ -12,8 +12,7 @@ from tumble.errors import OutputError, UsageError
 from tumble.files import results_folder
 from tumble.records import dataclass
 from tumble.workflows.batches.executors import Hands, hands
-from tumble.workflows.progress import silent
-from tumble.workflows.request import ReproduceRequest, asked
+from tumble.workflows.request import ReproduceRequest, asked, silent
 
 if TYPE_CHECKING:
     from tumble.reproduction.outcome import Outcome

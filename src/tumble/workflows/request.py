@@ -12,6 +12,7 @@ import os
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import Executor
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import MISSING, field, fields, replace
 from functools import wraps
 from glob import glob
@@ -22,7 +23,6 @@ from tumble.border import border
 from tumble.errors import UsageError
 from tumble.procedure_names import KNOWN_PROCEDURES
 from tumble.records import dataclass
-from tumble.workflows.progress import one_thread, silent
 
 if TYPE_CHECKING:
     from tumble.document import Calibration
@@ -30,6 +30,30 @@ if TYPE_CHECKING:
     from tumble.recording import Recording
     from tumble.recording.reading import Paths
     from tumble.simulation.errors import SessionErrors
+
+
+THREADS_OF = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS", "BLIS_NUM_THREADS")
+"""Settings of the user's by which libraries of linear algebra take their number of threads."""
+
+
+def silent(_: object) -> None:
+    """Say it to nobody."""
+
+
+def one_thread() -> AbstractContextManager[object]:
+    """Return a context in which linear algebra works on one thread; a user's own setting stands.
+
+    The matrices are small. With a thread for each core, the threads wait for one another at every product: a call
+    takes up to eight times as long where other work is done beside it.
+    """
+    if any(os.environ.get(name) for name in THREADS_OF):
+        return nullcontext()
+    import numpy as np  # whose library has to be there to be limited
+    from threadpoolctl import threadpool_limits
+
+    assert np.linalg
+    return threadpool_limits(1, "blas")
+
 
 P = ParamSpec("P")
 Request = TypeVar("Request")

@@ -18,8 +18,7 @@ from tumble.sample_rates import SampleRate
 from tumble.simulation.errors import EARTHS_FIELD, SessionErrors, read_errors
 from tumble.workflows.given.protocols import read_played
 from tumble.workflows.given.site import given_site
-from tumble.workflows.progress import silent
-from tumble.workflows.request import SimulateRequest, asked
+from tumble.workflows.request import SimulateRequest, asked, silent
 from tumble.workflows.simulated.files import require_place, write_simulation
 from tumble.workflows.simulated.truth import (
     Played,

@@ -7,8 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tumble.workflows.verification.drive import verify_drive
-from tumble.workflows.verification.drive_verification import DriftAfter, DriveVerification
+from tumble.workflows.verification.drive import DriftAfter, DriveVerification, verify_drive
 
 HERE = Path(__file__).parent
 

@@ -28,8 +28,8 @@ from tumble.recording.formats.output import write_recording
 from tumble.recording.samples import MagneticField
 from tumble.sensor import ImuModel, Triad
 from tumble.workflows.corrected.form import CorrectedField
+from tumble.workflows.difference import Recovery
 from tumble.workflows.magnetometer import left_out_of
-from tumble.workflows.simulated.recovery import Recovery
 
 M = np.array([[1.07, 0.031, -0.052], [-0.083, 0.94, 0.047], [0.021, -0.066, 1.12]])
 H = np.array([12.5, -31.0, 47.25])

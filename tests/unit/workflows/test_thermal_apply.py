@@ -29,8 +29,7 @@ from tumble.sensor.thermal import SHAPES, TemperatureBasis, ThermalModel
 from tumble.simulation.protocols import simulate_protocol
 from tumble.workflows.apply import apply
 from tumble.workflows.corrected.corrections import corrections_of
-from tumble.workflows.verification.expected_norms import HoldConditions, norm_covariance
-from tumble.workflows.verify import verify
+from tumble.workflows.verify import HoldConditions, norm_covariance, verify
 
 SITE = Site(gravity=9.8, gravity_sigma=1e-5)
 OPTIONS = {"columns": "t,ax,ay,az,gx,gy,gz,temperature", "units": "m/s^2,rad/s,s"}

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 import threadpoolctl
 
-from tumble.workflows.progress import THREADS_OF, one_thread
-from tumble.workflows.request import StreamRequest, asked
+from tumble.workflows.request import THREADS_OF, StreamRequest, asked, one_thread
 
 
 def threads() -> list[int]:

@@ -30,8 +30,7 @@ from tumble.recording.formats.output import write_table
 from tumble.workflows.batches.executors import hands
 from tumble.workflows.batches.source import UnitTask, read_source
 from tumble.workflows.batches.unit import Job, calibrate_unit, check_request, failed
-from tumble.workflows.progress import silent
-from tumble.workflows.request import CalibrateRequest
+from tumble.workflows.request import CalibrateRequest, silent
 
 if TYPE_CHECKING:
     from tumble.fleet.outcome import Batch

@@ -2,60 +2,471 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from tumble.arrays import Series
 from tumble.calibration.verdict import two_digits
 from tumble.counting import counted
 from tumble.document import Calibration, read_calibration
 from tumble.errors import RecordingError, UsageError
+from tumble.files import write_texts
 from tumble.navigation import (
     Drive,
     FilterRun,
     FilterSetup,
     GnssTrack,
+    OutageErrors,
     find_rest,
     outages,
     prepare_drive,
     read_track,
     smooth,
 )
+from tumble.navigation.block_bootstrap import Statistic, ratio_of, rms_of
 from tumble.navigation.drive import sharpen_clock, wide_setup
 from tumble.navigation.filter.run import LONGEST_BRIDGED
 from tumble.navigation.gnss.track import fit_velocities
-from tumble.navigation.outages import free_drift
+from tumble.navigation.outages import FreeDrift, free_drift
 from tumble.navigation.time_alignment import spans_in_words
+from tumble.parameters.measures import amount
 from tumble.recording import Recording, read_recordings
 from tumble.recording.reading import recording_inputs
-from tumble.records import dataclass
+from tumble.records import as_document, dataclass
 from tumble.simulation.grades import Grade, find_grade
 from tumble.workflows.apply import in_calibration_units, raw_factors
 from tumble.workflows.corrected.corrections import corrections_of, refuse_twice
-from tumble.workflows.progress import silent
-from tumble.workflows.request import OF_NO_DRIVE, DriveRequest, asked, refuse
+from tumble.workflows.request import OF_NO_DRIVE, DriveRequest, asked, refuse, silent
 from tumble.workflows.verification.calibration_parts import (
     AT_REST,
+    UNCALIBRATED,
     WHOLE,
     CorrectedBy,
+    about_innovations,
     corrected_by_parts,
+    drive_filter,
     start_covariance,
     without_rest_rate,
 )
-from tumble.workflows.verification.drive_filter import about_innovations, drive_filter
-from tumble.workflows.verification.drive_verification import (
-    Departure,
-    DriveVerification,
-    Errors,
-    FreeToFind,
-    TimeOffset,
-    Variant,
-    judge_drive,
-    no_proof,
-    variant_of,
-)
 from tumble.workflows.verify import made_from
+
+FORMAT = "tumble verify drive"
+VERSION = 1
+# Normalised errors beyond this contradict the calibration: one in 15,000 by chance.
+LARGEST_NORMALISED = 4.0
+# Beyond this the IMU and the positions do not describe one drive, whoever is to blame.
+LARGEST_SHARE_REFUSED = 0.1
+# And the positions that are taken fit worse than this, in squared normalised innovations.
+LARGEST_LEFT = 2.0
+_FEWEST = 4
+# A drive of less, s, speaks against a calibration by its drift only where that is beyond doubt.
+_SHORT = 120.0
+_TRIADS = ("accelerometer", "gyroscope")
+_GRAVITY, _EARTH_RADIUS = 9.81, 6.371e6
+
+
+@dataclass(frozen=True, slots=True)
+class DriftAfter:
+    """Free inertial drift after one length: rms over so many known starts, m, and over that without calibration."""
+
+    seconds: float
+    starts: int
+    horizontal_rms: Statistic
+    ratio_to_uncalibrated: Statistic
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorAfter:
+    """The error at the ends of outages of one length: rms, m, and over that without calibration."""
+
+    seconds: float
+    outages: int
+    horizontal_rms: Statistic
+    ratio_to_uncalibrated: Statistic
+
+
+@dataclass(frozen=True, slots=True)
+class Variant:
+    """What navigation is with a part of the calibration.
+
+    Attributes
+    ----------
+    name : of the part.
+    drift : free inertial drift from known starts.
+    outages_sliding, outages_repeated : outages of each length, one by one and again and again.
+    drift_over_an_hour_at_least, drift_over_an_hour_at_most : km, that the free runs let expect: least if the
+        accelerometers cause all of it (with Schuler's period), most if the gyros do.
+    accuracy_class : of the least.
+    innovations : mean squared normalised innovation of the positions taken, over its degrees of freedom; 1 when the
+        filter is consistent.
+    positions_refused, positions : that the filter took for outliers, and all.
+    """
+
+    name: str
+    drift: list[DriftAfter]
+    outages_sliding: list[ErrorAfter]
+    outages_repeated: list[ErrorAfter]
+    drift_over_an_hour_at_least: Statistic
+    drift_over_an_hour_at_most: Statistic
+    accuracy_class: str
+    innovations: float
+    positions_refused: int
+    positions: int
+
+
+@dataclass(frozen=True, slots=True)
+class TimeOffset:
+    """s to add to the track's times, with its standard uncertainty, and what was done in words."""
+
+    value: float
+    standard_uncertainty: float
+    unit: str
+    words: str
+
+
+@dataclass(frozen=True, slots=True)
+class Departure:
+    """What the drive finds of a sensor state (SI), and of how many of its standard uncertainties that is."""
+
+    estimate: float
+    normalised: float
+
+
+@dataclass(frozen=True, slots=True)
+class FreeToFind:
+    """What a filter of the calibrated samples says that may find the biases itself.
+
+    Attributes
+    ----------
+    turn_on : m/s² and rad/s, by how much biases may have moved since the calibration.
+    moved : bias -> what it departs by, if biases could not have moved since.
+    refused : positions that it refuses.
+    no_proof : whether even it finds no motion that both describe, nor one of the uncalibrated samples.
+    why_innovations : why they are not of the size that the filter expects, with all of the calibration.
+    """
+
+    turn_on: tuple[float, float]
+    moved: dict[str, Departure]
+    refused: int
+    no_proof: bool
+    why_innovations: str
+
+
+UNITS = {"drift": "m", "outage": "m", "drift_over_an_hour": "km", "sensor_states": "SI"}
+
+
+@dataclass(slots=True)
+class DriveVerification:
+    """A calibration's worth on a drive, as ``verify.json`` has it.
+
+    Attributes
+    ----------
+    recording, gnss : names of the files.
+    fit, reasons, remarks : the verdict, and sentences.
+    setting, alignment : how it was compared, in words.
+    duration : s.
+    positions_left_out : that do not fit the receiver's own velocities.
+    variants : by part of the calibration, uncalibrated first, all of it last.
+    sensor_states : those that the drive determines, by their names.
+    """
+
+    recording: str
+    gnss: str
+    fit: bool
+    reasons: list[str]
+    remarks: list[str]
+    setting: list[str]
+    time_offset: TimeOffset
+    alignment: str
+    duration: float
+    positions_left_out: int
+    variants: list[Variant]
+    sensor_states: dict[str, Departure]
+
+    def variant(self, name: str) -> Variant:
+        """Return what is said of a part by its name."""
+        return next(one for one in self.variants if one.name == name)
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """All of it as plain data: SI, with standard uncertainties; what is unknown is null."""
+        return {"format": FORMAT, "version": VERSION, **as_document(self), "units": UNITS}
+
+    def write(self, folder: Path, command: str) -> list[Path]:
+        """Write ``verify.json`` and ``verify.html`` into a folder, and return them.
+
+        Parameters
+        ----------
+        folder : where.
+        command : how to make it again.
+
+        Raises
+        ------
+        OutputError
+            If they cannot be written; earlier ones are intact.
+        """
+        from tumble.report.drive import render_drive
+
+        document = self.document
+        text = json.dumps(document, indent=1, ensure_ascii=False) + "\n"
+        page = render_drive(document, command)
+        return write_texts({folder / "verify.json": text, folder / "verify.html": page})
+
+
+Errors = tuple[FreeDrift, list[OutageErrors], list[OutageErrors]]
+"""Free drift, and outages one by one and again and again."""
+
+
+def variant_of(part: str, own: Errors, plain: Errors, run: FilterRun) -> Variant:
+    """Return the numbers of a part, beside those of the uncalibrated samples.
+
+    Parameters
+    ----------
+    part, own, run : its name, what it navigates by itself, and the filter's run with it.
+    plain : as `own`, of the uncalibrated samples.
+    """
+    drift = [_drift(own[0], plain[0], i) for i in range(len(own[0].seconds))]
+    after = _longest(drift)
+    rms, (least, most) = after.horizontal_rms, _hourly_drift(after.seconds)
+    distances: Series = run.distances[:, 0]
+    seen = np.isfinite(distances)
+    best, worst = accuracy_class(rms.value * least), accuracy_class(rms.value * most)
+    return Variant(
+        part,
+        drift,
+        [_outage(*both) for both in zip(own[1], plain[1], strict=True)],
+        [_outage(*both) for both in zip(own[2], plain[2], strict=True)],
+        rms.times(least),
+        rms.times(most),
+        best if best == worst else f"{best} at best",
+        float(np.mean(distances[seen & run.taken[:, 0]])) / 3.0,
+        len(run.refused),
+        int(seen.sum()),
+    )
+
+
+def _drift(own: FreeDrift, plain: FreeDrift, length: int) -> DriftAfter:
+    squares, others = (drift.horizontal_squares(length) for drift in (own, plain))
+    known = np.isfinite(squares)
+    both, block = known & np.isfinite(others), own.block(length)
+    return DriftAfter(
+        float(own.seconds[length]),
+        int(known.sum()),
+        rms_of(squares[known], block, _dice(length)),
+        ratio_of(squares[both], others[both], block, _dice(length)),
+    )
+
+
+def _outage(own: OutageErrors, plain: OutageErrors) -> ErrorAfter:
+    apart = float(np.median(np.diff(own.starts))) if len(own.starts) > 1 else own.duration
+    block = max(1, round(2.0 * own.duration / apart))
+    _, at, other = np.intersect1d(np.round(own.starts, 3), np.round(plain.starts, 3), return_indices=True)
+    squares, others = own.horizontal**2, plain.horizontal**2
+    ratio = ratio_of(squares[at], others[other], block, _dice(1))
+    return ErrorAfter(own.duration, len(own.starts), rms_of(squares, block, _dice(2)), ratio)
+
+
+def _longest(drift: Sequence[DriftAfter]) -> DriftAfter:
+    """The longest length that enough starts reach."""
+    return next((after for after in reversed(drift) if after.starts >= _FEWEST), drift[0])
+
+
+def _dice(seed: int) -> np.random.Generator:
+    return np.random.default_rng(1000 + seed)
+
+
+def _hourly_drift(seconds: float) -> tuple[float, float]:
+    """Return km/h over an hour for each metre of drift after some time, if accelerometers or gyros cause it.
+
+    A constant error b of specific force moves b t²/2, and over an hour 2 b/s² at most, with Schuler's frequency s; a
+    constant error w of angular rate g w t³/6, and over an hour w R t.
+    """
+    force, rate = 2.0 / seconds**2, 6.0 / (_GRAVITY * seconds**3)
+    return force * 2.0 * _EARTH_RADIUS / _GRAVITY * 1e-3, rate * _EARTH_RADIUS * 3.6
+
+
+def accuracy_class(kilometres_per_hour: float) -> str:
+    """Return the class of an inertial system by its drift (Hayal 2010, 2.2, after Jekeli 2000).
+
+    Parameters
+    ----------
+    kilometres_per_hour : of position.
+    """
+    if not np.isfinite(kilometres_per_hour):
+        return "unknown"
+    if kilometres_per_hour > 4.0:
+        return "low (tactical grade)"
+    return "medium (navigation grade)" if kilometres_per_hour > 1.0 else "high"
+
+
+def judge_drive(found: DriveVerification, free: FreeToFind, own_recording: bool) -> None:
+    """Fill `fit` and `reasons`.
+
+    Parameters
+    ----------
+    found : without them.
+    free : what a filter finds that may find the biases.
+    own_recording : whether the calibration was made from this drive.
+    """
+    against: list[str] = []
+    whole = found.variant(WHOLE)
+    after = _longest(whole.drift)
+    ratio = after.ratio_to_uncalibrated
+    # few blocks of starts understate how their ratio scatters
+    surely = 2.0 if found.duration >= _SHORT else 4.0
+    if np.isfinite(ratio.standard_uncertainty) and ratio.value - surely * ratio.standard_uncertainty > 1.0:
+        against.append(
+            f"After {after.seconds:g} s of free navigation the drift with the calibration is {ratio.value:.2f} ± "
+            f"{ratio.standard_uncertainty:.2f} times that without: it is of another unit, or the unit has changed; "
+            "calibrate again."
+        )
+    name, worst = _largest(found.sensor_states)
+    if abs(worst.normalised) > LARGEST_NORMALISED:
+        against.append(
+            f"The drive finds the {_plain(name)} off by {_practical(name, worst.estimate)}, "
+            f"{abs(worst.normalised):.1f} times what the calibration's uncertainty allows{_beside(free, name)}."
+        )
+    if free.no_proof:
+        # what a filter finds that has lost its way says nothing about the sensors
+        proof = (
+            f"The drive is no proof: {free.refused} of {whole.positions} positions were refused by a filter "
+            "that may find the biases itself, and the others do not fit. Positions and IMU do not describe one "
+            "motion: an axis reversed, a wrong offset between the clocks, too many outliers, or another unit."
+        )
+        against = [proof]
+    elif whole.positions_refused > LARGEST_SHARE_REFUSED * whole.positions:
+        raw = found.variant(AT_REST).positions_refused
+        if raw < 0.5 * whole.positions_refused:
+            against.insert(
+                0,
+                f"With the calibration the filter refuses {whole.positions_refused} of {whole.positions} positions, "
+                f"and uncalibrated, less the gyros' mean at rest, {raw}: it is of another unit, or the unit has "
+                "changed.",
+            )
+    found.fit = not against
+    own = [
+        "This is a recording that the calibration was made from: it shows nothing new."
+        if own_recording
+        else "",
+        _on_turn_on(free) if found.fit else "",
+    ]
+    found.reasons = [*against, *filter(None, own), *_words(found, free)]
+
+
+def _largest(departures: dict[str, Departure]) -> tuple[str, Departure]:
+    """The departure of the most standard uncertainties."""
+    return max(departures.items(), key=lambda one: abs(one[1].normalised), default=("", Departure(0.0, 0.0)))
+
+
+def no_proof(run: FilterRun) -> bool:
+    """Return whether a filter that may find the biases finds no motion that IMU and positions both describe.
+
+    Outliers are refused and the other positions fit: a share of them alone proves nothing.
+
+    Parameters
+    ----------
+    run : of the calibrated samples.
+    """
+    distances: Series = run.distances[:, 0]
+    seen = np.isfinite(distances)
+    taken = seen & run.taken[:, 0]
+    refused = 1.0 - float(taken.sum()) / max(int(seen.sum()), 1)
+    left = float(np.mean(distances[taken])) / 3.0 if taken.any() else float("inf")
+    return refused > LARGEST_SHARE_REFUSED and (refused > 0.5 or left > LARGEST_LEFT)
+
+
+def _beside(free: FreeToFind, name: str) -> str:
+    """What a bias was allowed beside the calibration's uncertainty."""
+    if "bias" not in name:
+        return ": it has changed since, or the filter's noise is stated too small"
+    return (
+        f" with {_allowed(free)} from one turn-on to the next: it has changed since, or this unit's biases move by "
+        "more than was said with --turn-on-bias"
+    )
+
+
+def _allowed(free: FreeToFind) -> str:
+    force, rate = (_practical(f"{triad} bias", x) for triad, x in zip(_TRIADS, free.turn_on, strict=True))
+    return f"{force} and {rate}"
+
+
+def _on_turn_on(free: FreeToFind) -> str:
+    """A sentence where it serves only because biases may have moved since the calibration."""
+    name, worst = _largest(free.moved)
+    if abs(worst.normalised) <= LARGEST_NORMALISED:
+        return ""
+    return (
+        f"It serves if this unit's biases may move by {_allowed(free)} from one turn-on to the "
+        f"next (--turn-on-bias). The drive finds the {_plain(name)} moved by "
+        f"{_practical(name, worst.estimate)}, {abs(worst.normalised):.1f} times what the calibration's own "
+        "uncertainty allows."
+    )
+
+
+def _words(found: DriveVerification, free: FreeToFind) -> list[str]:
+    whole, plain = found.variant(WHOLE), found.variant(UNCALIBRATED)
+    after, without = _longest(whole.drift), _longest(plain.drift)
+    words = [
+        (
+            f"Free drift after {after.seconds:g} s, horizontal rms: {said(after.horizontal_rms, 'm')} with the "
+            f"calibration, {said(without.horizontal_rms, 'm')} without; ratio {said(after.ratio_to_uncalibrated)}."
+        )
+    ]
+    for one, verb in ((plain, "without"), (whole, "with")):
+        least, most = one.drift_over_an_hour_at_least, one.drift_over_an_hour_at_most
+        words.append(
+            f"Class of accuracy {verb} the calibration: {one.accuracy_class}. Over an hour it becomes "
+            f"{said(least, 'km')} if the accelerometers cause it, {far(most)} if the gyros do."
+        )
+    left_out = f", and {found.positions_left_out} left out before" if found.positions_left_out else ""
+    words.append(
+        f"Innovations: {whole.innovations:.2f} times what the filter expects (1 when consistent); "
+        f"{whole.positions_refused} of {whole.positions} positions refused as outliers{left_out}."
+        f"{' ' if free.why_innovations else ''}{free.why_innovations}"
+    )
+    return words
+
+
+def said(number: Statistic, unit: str = "") -> str:
+    """Return a number with its standard uncertainty to two digits.
+
+    Parameters
+    ----------
+    number, unit : what is said.
+    """
+    tail = f" {unit}" if unit else ""
+    if not np.isfinite(number.value):
+        return "unknown"
+    if not (number.standard_uncertainty > 0.0):
+        return f"{number.value:.2g}{tail} (too few for an uncertainty)"
+    digits = max(0, 1 - int(np.floor(np.log10(number.standard_uncertainty))))
+    return f"{number.value:,.{digits}f} ± {number.standard_uncertainty:,.{digits}f}{tail}"
+
+
+def far(number: Statistic) -> str:
+    """Return kilometres in words, of which there are no more than half around the Earth.
+
+    Parameters
+    ----------
+    number : km.
+    """
+    return "thousands of km" if not number.value < 5000.0 else said(number, "km")
+
+
+def _practical(name: str, value: float) -> str:
+    raw = "m/s^2" if name.startswith("accelerometer") else "rad/s"
+    unit = raw if "bias" in name else "1" if "scale" in name else "rad"
+    return f"{'−' if value < 0.0 else ''}{amount(abs(value), unit)}"
+
+
+def _plain(name: str) -> str:
+    """A state's name in the glossary's words."""
+    return name.replace("gyroscope", "gyro")
+
 
 _FEWEST_FIXES = 30
 OUTAGES = (2.0, 10.0, 30.0, 60.0)
