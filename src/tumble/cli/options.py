@@ -55,7 +55,7 @@ class SiteOptions:
     @property
     def place(self) -> Site | None:
         """The place as it was given; None if nothing was."""
-        from tumble.workflows.given.site import choose_site
+        from tumble.workflows.given.protocols import choose_site
 
         return choose_site(self.site, self.gravity)
 

@@ -34,8 +34,15 @@ from tumble.workflows.corrected.corrections import (
     needs_temperature,
     refuse_twice,
 )
-from tumble.workflows.corrected.form import CorrectedField, Destination, corrects_field, destination
-from tumble.workflows.corrected.lag_shift import ForceShift, lag_of, shifted
+from tumble.workflows.corrected.form import (
+    CorrectedField,
+    Destination,
+    ForceShift,
+    corrects_field,
+    destination,
+    lag_of,
+    shifted,
+)
 from tumble.workflows.request import ApplyRequest, asked, silent
 
 

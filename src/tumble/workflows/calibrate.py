@@ -29,8 +29,7 @@ from tumble.files import results_folder
 from tumble.limits import read_limits, with_limits
 from tumble.workflows.given.noise_models import NoiseOfHolds
 from tumble.workflows.given.prior import Known, known_beforehand
-from tumble.workflows.given.protocols import GivenProtocol, read_given_protocol
-from tumble.workflows.given.site import given_site
+from tumble.workflows.given.protocols import GivenProtocol, given_site, read_given_protocol
 from tumble.workflows.magnetometer import (
     add_magnetometer,
     field_alone,

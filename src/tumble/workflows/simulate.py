@@ -16,16 +16,16 @@ from tumble.protocol.steps import SpinStep
 from tumble.records import dataclass
 from tumble.sample_rates import SampleRate
 from tumble.simulation.errors import EARTHS_FIELD, SessionErrors, read_errors
-from tumble.workflows.given.protocols import read_played
-from tumble.workflows.given.site import given_site
+from tumble.workflows.given.protocols import given_site, read_played
 from tumble.workflows.request import SimulateRequest, asked, silent
-from tumble.workflows.simulated.files import require_place, write_simulation
 from tumble.workflows.simulated.truth import (
     Played,
     case_columns,
     magnetometer_truth,
     read_in_other_axes,
+    require_place,
     truth_document,
+    write_simulation,
 )
 
 if TYPE_CHECKING:
@@ -133,7 +133,7 @@ def _play(played: Played, model: ImuModel) -> tuple[Recording, Truth, dict[str, 
     """The recording, what was true, and the document that says so."""
     from tumble.simulation import find_thermal_grade, simulate_protocol
     from tumble.simulation.thermal_steps import has_chamber
-    from tumble.workflows.simulated.files import thermal_truth
+    from tumble.workflows.simulated.truth import thermal_truth
 
     inside, errors = None, played.errors
     if has_chamber(played.protocol):

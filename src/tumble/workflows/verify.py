@@ -1,4 +1,4 @@
-"""Judging a calibration: on recordings that it has not seen, by hold norms and turn angles, and by limits."""
+"""Judging a calibration on recordings that it has not seen, by hold norms and turn angles, each with what is expected."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from tumble.workflows.corrected.corrections import (
     recorded_span,
     refuse_twice,
 )
-from tumble.workflows.given.site import given_site
+from tumble.workflows.given.protocols import given_site
 from tumble.workflows.request import VerifyRequest, asked, silent
 
 

@@ -14,7 +14,7 @@ import pytest
 
 from tumble.errors import UsageError
 from tumble.workflows.batches.executors import hands
-from tumble.workflows.batches.source import read_source
+from tumble.workflows.batches.unit import read_source
 
 
 def manifest(folder: Path, text: str) -> str:

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from tumble.errors import SiteError, UsageError
-from tumble.workflows.given.site import choose_site
+from tumble.workflows.given.protocols import choose_site
 from tumble.workflows.request import notes_of
 
 

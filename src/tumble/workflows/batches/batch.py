@@ -28,8 +28,7 @@ from tumble.fleet.outcome import ACCELEROMETER, GYRO, Batch, UnitOutcome
 from tumble.fleet.outlying import FALSE_ALARM, loud_or_dead
 from tumble.recording.formats.output import write_table
 from tumble.workflows.batches.executors import hands
-from tumble.workflows.batches.source import UnitTask, read_source
-from tumble.workflows.batches.unit import Job, calibrate_unit, check_request, failed
+from tumble.workflows.batches.unit import Job, UnitTask, calibrate_unit, check_request, failed, read_source
 from tumble.workflows.request import CalibrateRequest, silent
 
 if TYPE_CHECKING:

@@ -17,7 +17,7 @@ from tumble.recording.formats.bags.ros_messages import Decoded, Substitute, deco
 from tumble.recording.rewriting import Exchange, opened_bag, write_anew
 from tumble.records import dataclass
 from tumble.workflows.corrected.corrections import Correction
-from tumble.workflows.corrected.lag_shift import NEEDS_BOTH, ForceShift, shifted
+from tumble.workflows.corrected.form import NEEDS_BOTH, ForceShift, shifted
 
 _BATCH = 4096  # messages that are corrected together
 _Message = tuple[str, int, bytes]

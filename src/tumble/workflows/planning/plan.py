@@ -100,7 +100,7 @@ def plan(request: PlanRequest) -> Planned:
     task, grade, remarks = _task(protocol, request)
     said, search = list[str](), None
     if request.given is not None:
-        from tumble.workflows.planning.given import read_given
+        from tumble.workflows.planning.searching import read_given
 
         progress("reading what is there already")
         known, said = read_given(request.given, request.recorded, task)

@@ -1,4 +1,8 @@
-"""A recording corrected by parts of a calibration, and what a filter is told of the rest."""
+"""A recording corrected by parts of a calibration, what a filter is told of the rest, and the filter itself.
+
+It judges drives and predicts. Noise is that of a data sheet, a document or the drive. Innovations differ at rest and
+in motion, by positions and by vibration.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Judging a calibration by a drive with satellite positions: free drift, outages, and what the filter says."""
+"""Judging a calibration by a drive with satellite positions: free drift, outages, what the filter says, the verdict."""
 
 from __future__ import annotations
 
