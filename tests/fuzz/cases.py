@@ -126,7 +126,7 @@ def _read_foreign(file: Path, case: Case) -> None:
 
 def _read_noise(file: Path, _: Case) -> None:
     from tumble.export.noise import read_noise
-    from tumble.workflows.given.noise_models import read_noise_models
+    from tumble.workflows.noise import read_noise_models
 
     for read in (read_noise, read_noise_models):
         try:

@@ -27,7 +27,6 @@ from tumble.errors import (
 )
 from tumble.files import results_folder
 from tumble.limits import read_limits, with_limits
-from tumble.workflows.given.noise_models import NoiseOfHolds
 from tumble.workflows.given.prior import Known, known_beforehand
 from tumble.workflows.given.protocols import GivenProtocol, given_site, read_given_protocol
 from tumble.workflows.magnetometer import (
@@ -37,6 +36,7 @@ from tumble.workflows.magnetometer import (
     no_holds,
     refuse_field_of_none,
 )
+from tumble.workflows.noise import NoiseOfHolds
 from tumble.workflows.procedures import (
     add_remarks,
     check_procedure,
@@ -46,7 +46,7 @@ from tumble.workflows.procedures import (
 )
 from tumble.workflows.request import CalibrateRequest, asked, notes_of
 from tumble.workflows.results import OF_A_PAPER, CalibrationRun, Clock, write_run
-from tumble.workflows.several.joining import NamedSpan, check_files, corrected_by_before, read_as_told
+from tumble.workflows.several import NamedSpan, check_files, corrected_by_before, read_as_told
 
 if TYPE_CHECKING:
     from tumble.calibration import Estimate
@@ -80,7 +80,7 @@ def calibrate(request: CalibrateRequest) -> CalibrationRun:
     folder = results_folder(request.output)
     acceptance = None if request.limits is None else read_limits(Path(request.limits))
     if request.turn_ons:
-        from tumble.workflows.several.turn_ons import calibrate_turn_ons
+        from tumble.workflows.several import calibrate_turn_ons
 
         run, before = calibrate_turn_ons(request, known, clock)
     else:

@@ -18,7 +18,7 @@ from tumble.sample_rates import SampleRate
 from tumble.simulation.errors import EARTHS_FIELD, SessionErrors, read_errors
 from tumble.workflows.given.protocols import given_site, read_played
 from tumble.workflows.request import SimulateRequest, asked, silent
-from tumble.workflows.simulated.truth import (
+from tumble.workflows.simulated import (
     Played,
     case_columns,
     magnetometer_truth,
@@ -133,7 +133,7 @@ def _play(played: Played, model: ImuModel) -> tuple[Recording, Truth, dict[str, 
     """The recording, what was true, and the document that says so."""
     from tumble.simulation import find_thermal_grade, simulate_protocol
     from tumble.simulation.thermal_steps import has_chamber
-    from tumble.workflows.simulated.truth import thermal_truth
+    from tumble.workflows.simulated import thermal_truth
 
     inside, errors = None, played.errors
     if has_chamber(played.protocol):

@@ -1,4 +1,4 @@
-"""Judging a calibration on recordings that it has not seen, by hold norms and turn angles, each with what is expected."""
+"""Judging a calibration on other recordings, by hold norms and turn angles and what is expected of them."""
 
 from __future__ import annotations
 

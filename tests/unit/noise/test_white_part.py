@@ -18,7 +18,7 @@ from tumble.noise.white_part import shortest_time, slower_part, white_beyond, wh
 from tumble.recording import Recording
 from tumble.report.noise import noise_rows
 from tumble.report.noise_document import noise_document
-from tumble.workflows.given.noise_models import read_noise_models
+from tumble.workflows.noise import read_noise_models
 
 RATE, TIME, WHITE = 100.0, 0.03, 1e-4
 # Density 2 σ² T of the process is that of N = 1e-4; with N of its own of 3e-5 they are 1.044e-4 together.

@@ -14,7 +14,7 @@ from tumble.recording import MagneticField, Recording, read_recording, write_rec
 from tumble.recording.samples import joined_fields
 from tumble.recording.units import read_units_option
 from tumble.units import find_unit, magnetic_field_factor
-from tumble.workflows.several.joining import join_recordings
+from tumble.workflows.several import join_recordings
 
 
 def slow_field(seconds: float = 10.0, rate: float = 20.0, begin: float = 0.013) -> MagneticField:

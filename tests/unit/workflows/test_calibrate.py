@@ -14,7 +14,7 @@ from tumble.errors import ObservabilityError
 from tumble.recording import Recording, write_recording
 from tumble.simulation import Motion, find_grade, poses_26, simulate_recording
 from tumble.workflows.calibrate import calibrate
-from tumble.workflows.several.joining import PAUSE
+from tumble.workflows.several import PAUSE
 
 SITE = Site.from_gravity(9.81)
 

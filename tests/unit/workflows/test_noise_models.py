@@ -15,7 +15,7 @@ from tumble.noise.terms import NoiseModel
 from tumble.recording import Recording
 from tumble.segmentation import Hold, NoiseFloor, Timeline, observe_holds
 from tumble.segmentation.modelled_means import model_means
-from tumble.workflows.given.noise_models import NoiseOfHolds, read_noise_models
+from tumble.workflows.noise import NoiseOfHolds, read_noise_models
 
 RATE = 50.0
 

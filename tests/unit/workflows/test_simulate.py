@@ -23,7 +23,7 @@ from tumble.simulation import FixtureErrors, Imperfections, TableErrors, recordi
 from tumble.simulation.errors import KEYS, SessionErrors, read_errors
 from tumble.workflows.calibrate import calibrate
 from tumble.workflows.simulate import Simulated, simulate
-from tumble.workflows.simulated.truth import case_columns
+from tumble.workflows.simulated import case_columns
 
 RATE = 20.0
 SITE = Site.from_latitude(0.8)

@@ -232,7 +232,7 @@ def _task(protocol: Protocol, request: PlanRequest) -> tuple[PlanTask, Grade, li
 def _noise_of(path: str | os.PathLike[str]) -> tuple[PlannedNoise, list[str]]:
     """The noise of a unit's own noise.json, the root mean square over its axes."""
     from tumble.design.planned_motion import PlannedNoise
-    from tumble.workflows.given.noise_models import read_noise_models, triad_models
+    from tumble.workflows.noise import read_noise_models, triad_models
 
     models = read_noise_models(path)
     words = [f"The noise is that of {models.source}, the root mean square over each triad's axes."]

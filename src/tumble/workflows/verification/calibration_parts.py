@@ -406,7 +406,7 @@ def noise_of_document(noise: str | os.PathLike[str]) -> tuple[list[NoiseModel], 
     UsageError
         If it is no such document, or of counts.
     """
-    from tumble.workflows.given.noise_models import read_noise_models, triad_models
+    from tumble.workflows.noise import read_noise_models, triad_models
 
     models = read_noise_models(noise)
     triads = [triad_models(models, letter, si, 1.0, si) for letter, si in (("a", "m/s²"), ("g", "rad/s"))]

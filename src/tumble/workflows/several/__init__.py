@@ -1,1 +1,0 @@
-"""Several recordings, turn-ons or units that are calibrated together."""
