@@ -27,7 +27,7 @@ from tumble.sensor import ImuModel, Triad
 from tumble.simulation import Motion, find_grade, poses_26, simulate_recording
 from tumble.workflows.calibrate import calibrate
 from tumble.workflows.convert import convert_to
-from tumble.workflows.corrected.corrections import corrections_of
+from tumble.workflows.corrected import corrections_of
 
 RNG = np.random.default_rng(2)
 STAMPS = 1_000_000 + 4000 * np.arange(300)  # µs

@@ -31,7 +31,7 @@ from tumble.workflows.request import (
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from tumble.workflows.verification.drive import DriveVerification
+    from tumble.workflows.drive import DriveVerification
     from tumble.workflows.verify import Verification
 
 
@@ -123,7 +123,7 @@ def verify_command(
         refuse(site, ("site", "gravity"), OF_NO_DRIVE)
         if limits is not None:
             raise UsageError(OF_NO_DRIVE.format("--limits"))
-        from tumble.workflows.verification.drive import verify_drive
+        from tumble.workflows.drive import verify_drive
 
         with progress(printed.silent) as tell:
             found = verify_drive(**vars(replace(asked, progress=tell)))

@@ -52,7 +52,7 @@ def render_drive(document: dict[str, Any], command: str) -> str:
 
     Parameters
     ----------
-    document : of `tumble.workflows.verification.drive.DriveVerification`.
+    document : of `tumble.workflows.drive.DriveVerification`.
     command : how to make it again.
     """
     return render_page(_drive_page(document, command))

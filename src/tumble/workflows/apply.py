@@ -29,25 +29,23 @@ from tumble.recording.rewriting import Exchange, opened_bag, write_anew
 from tumble.recording.temperature import TemperatureColumn
 from tumble.records import dataclass
 from tumble.units import angular_rate_factor, specific_force_factor
-from tumble.workflows.corrected.corrections import (
+from tumble.workflows.corrected import (
+    NEEDS_BOTH,
     PREFIX,
+    CorrectedField,
     Correction,
+    Destination,
+    ForceShift,
     about_temperature,
     check_column,
     check_outside,
     check_temperature,
     corrections_of,
-    needs_temperature,
-    refuse_twice,
-)
-from tumble.workflows.corrected.form import (
-    NEEDS_BOTH,
-    CorrectedField,
-    Destination,
-    ForceShift,
     corrects_field,
     destination,
     lag_of,
+    needs_temperature,
+    refuse_twice,
     shifted,
 )
 from tumble.workflows.request import ApplyRequest, asked, silent

@@ -21,7 +21,7 @@ from tumble.recording import read_recordings
 from tumble.records import dataclass
 from tumble.segmentation import find_timeline, observe_holds
 from tumble.workflows.apply import in_calibration_units, raw_factors
-from tumble.workflows.corrected.corrections import (
+from tumble.workflows.corrected import (
     FAR_FROM_CALIBRATION,
     corrections_of,
     recorded_span,

@@ -19,8 +19,7 @@ from tumble.navigation.prediction import PredictedErrors, predict_errors
 from tumble.noise.terms import NoiseModel
 from tumble.records import dataclass
 from tumble.simulation import drive_along, find_grade
-from tumble.workflows.request import PredictRequest, asked
-from tumble.workflows.verification.calibration_parts import (
+from tumble.workflows.calibration_parts import (
     WHOLE,
     CorrectedBy,
     in_b,
@@ -29,6 +28,7 @@ from tumble.workflows.verification.calibration_parts import (
     start_covariance,
     walking,
 )
+from tumble.workflows.request import PredictRequest, asked
 
 _SHORTEST = 0.1  # s
 _RATE = 50.0  # Hz

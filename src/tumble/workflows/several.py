@@ -29,7 +29,7 @@ from tumble.recording.formats.frames import Frame
 from tumble.recording.reading import Paths, recording_inputs
 from tumble.recording.samples import joined_fields
 from tumble.records import dataclass
-from tumble.workflows.corrected.corrections import corrections_of
+from tumble.workflows.corrected import corrections_of
 from tumble.workflows.given.prior import Known
 from tumble.workflows.given.protocols import GivenProtocol, Span, read_given_protocol
 from tumble.workflows.magnetometer import left_out_of

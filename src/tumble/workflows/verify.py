@@ -28,7 +28,7 @@ from tumble.records import dataclass
 from tumble.segmentation import Timeline, find_timeline, observe_holds, read_intervals
 from tumble.sensor import ImuModel, Triad
 from tumble.workflows.apply import corrected_block, in_calibration_units, raw_factors
-from tumble.workflows.corrected.corrections import (
+from tumble.workflows.corrected import (
     about_temperature,
     check_column,
     check_temperature,

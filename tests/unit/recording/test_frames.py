@@ -9,7 +9,7 @@ import pytest
 
 import tumble
 from tumble.errors import RecordingError, UsageError
-from tumble.workflows.corrected.corrections import corrections_of
+from tumble.workflows.corrected import corrections_of
 
 COUNT = 500
 

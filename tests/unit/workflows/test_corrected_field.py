@@ -27,7 +27,7 @@ from tumble.recording import Recording
 from tumble.recording.formats.output import write_recording
 from tumble.recording.samples import MagneticField
 from tumble.sensor import ImuModel, Triad
-from tumble.workflows.corrected.form import CorrectedField
+from tumble.workflows.corrected import CorrectedField
 from tumble.workflows.difference import Recovery
 from tumble.workflows.magnetometer import left_out_of
 

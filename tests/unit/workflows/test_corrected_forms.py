@@ -13,7 +13,7 @@ from tumble.errors import UsageError
 from tumble.recording import read_recording
 from tumble.sensor import ImuModel, Triad
 from tumble.workflows.apply import apply
-from tumble.workflows.corrected.form import ForceShift
+from tumble.workflows.corrected import ForceShift
 
 M_A = np.array([[1.012, 0.004, -0.007], [-0.009, 0.991, 0.006], [0.003, -0.012, 1.021]])
 M_G = np.array([[0.985, -0.011, 0.008], [0.006, 1.017, -0.004], [-0.013, 0.005, 1.008]])

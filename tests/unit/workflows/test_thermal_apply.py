@@ -28,7 +28,7 @@ from tumble.sensor import ImuModel, Triad
 from tumble.sensor.thermal import SHAPES, TemperatureBasis, ThermalModel
 from tumble.simulation.protocols import simulate_protocol
 from tumble.workflows.apply import apply
-from tumble.workflows.corrected.corrections import corrections_of
+from tumble.workflows.corrected import corrections_of
 from tumble.workflows.verify import HoldConditions, norm_covariance, verify
 
 SITE = Site(gravity=9.8, gravity_sigma=1e-5)

@@ -39,9 +39,7 @@ from tumble.recording.reading import recording_inputs
 from tumble.records import as_document, dataclass
 from tumble.simulation.grades import Grade, find_grade
 from tumble.workflows.apply import in_calibration_units, raw_factors
-from tumble.workflows.corrected.corrections import corrections_of, refuse_twice
-from tumble.workflows.request import OF_NO_DRIVE, DriveRequest, asked, refuse, silent
-from tumble.workflows.verification.calibration_parts import (
+from tumble.workflows.calibration_parts import (
     AT_REST,
     UNCALIBRATED,
     WHOLE,
@@ -52,6 +50,8 @@ from tumble.workflows.verification.calibration_parts import (
     start_covariance,
     without_rest_rate,
 )
+from tumble.workflows.corrected import corrections_of, refuse_twice
+from tumble.workflows.request import OF_NO_DRIVE, DriveRequest, asked, refuse, silent
 from tumble.workflows.verify import made_from
 
 FORMAT = "tumble verify drive"

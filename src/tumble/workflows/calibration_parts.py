@@ -36,7 +36,7 @@ from tumble.records import dataclass
 from tumble.sensor import ImuModel, Triad
 from tumble.simulation.grades import Grade, TriadGrade
 from tumble.units import angular_rate_factor, specific_force_factor
-from tumble.workflows.corrected.corrections import needs_temperature
+from tumble.workflows.corrected import needs_temperature
 from tumble.workflows.verify import corrected_whole
 
 UNCALIBRATED = "uncalibrated"

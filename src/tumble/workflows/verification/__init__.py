@@ -1,1 +1,0 @@
-"""A calibration judged by what it corrects: holds, turns, and drives with satellite positions."""
