@@ -265,16 +265,11 @@ def _refuse_inputs(
         within = (target, *target.parents) if path.is_dir() else (target,)
         if any(_same_file(place, path) for place in within):
             raise UsageError(f"{target} is the recording itself: give another file with -o.")
-        if target.is_dir() and any(_same_file(target / PLACE / "data.csv", file) for file in _inside(path)):
+        own = euroc_file(path) if path.is_dir() else path
+        if target.is_dir() and own is not None and _same_file(target / PLACE / "data.csv", own):
             raise UsageError(f"{target} holds the recording itself: give another folder with -o.")
     if not isinstance(calibration, Calibration) and _same_file(target, Path(calibration)):
         raise UsageError(f"{target} is the calibration itself: give another file with -o.")
-
-
-def _inside(path: Path) -> list[Path]:
-    """Return the file that is read of a recording."""
-    data = euroc_file(path) if path.is_dir() else path
-    return [] if data is None else [data]
 
 
 def _same_file(one: Path, other: Path) -> bool:

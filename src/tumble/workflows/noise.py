@@ -207,13 +207,9 @@ def _model(channel: dict[str, Any]) -> NoiseModel:
         if f"sigma{mark}" in values and values[f"correlation time{mark}"] not in white
     ]
     entries = cast("list[dict[str, Any]]", channel.get("lines") or [])
-    lines = [_line(entry) for entry in entries]
+    lines = [Line(number_of(one["amplitude"]), number_of(one["frequency_hz"])) for one in entries]
     coefficients = {letter: values[letter] for letter in LETTERS if letter in values}
     return NoiseModel.from_coefficients(coefficients, tuple(processes), tuple(lines))
-
-
-def _line(entry: dict[str, Any]) -> Line:
-    return Line(number_of(entry["amplitude"]), number_of(entry["frequency_hz"]))
 
 
 def triad_models(

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import itertools
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -482,7 +482,13 @@ def calibrate_turn_ons(
     sessions = [
         (
             one.name,
-            Session(recording, told, request.site, options=options, say=_saying(request.say, one.name)),
+            Session(
+                recording,
+                told,
+                request.site,
+                options=options,
+                say=lambda words, name=one.name: request.say(f"{name}: {words}"),
+            ),
         )
         for one, recording, told in read
     ]
@@ -621,7 +627,3 @@ def _document(
         for block, p, factor in factors
     ]
     return structs.replace(made, parameters=parameters, turn_ons=turn_ons_block(several.turn_ons))
-
-
-def _saying(say: Callable[[str], None], name: str) -> Callable[[str], None]:
-    return lambda words: say(f"{name}: {words}")

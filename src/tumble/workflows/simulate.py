@@ -258,6 +258,7 @@ def _generator(seed: int, what: str) -> np.random.Generator:
 
 
 def _drawn_unit(played: Played, turn_on: tuple[float, float]) -> ImuModel:
+    """The unit with the biases of this session."""
     errors = played.errors
     model = played.drawn_from.simulate_model(
         _generator(played.unit, "unit"),
@@ -265,22 +266,17 @@ def _drawn_unit(played: Played, turn_on: tuple[float, float]) -> ImuModel:
         case_axes=errors.axes == "case",
         asymmetry=errors.asymmetry,
     )
-    return _switched_on(model, turn_on, _generator(played.seed, "turn-on"))
-
-
-def _switched_on(model: ImuModel, sigmas: tuple[float, float], rng: np.random.Generator) -> ImuModel:
-    """The unit with the biases of this session."""
-    if not all(0.0 <= sigma < math.inf for sigma in sigmas):
+    if not all(0.0 <= sigma < math.inf for sigma in turn_on):
         raise UsageError("--turn-on-bias takes two numbers that are not negative: mg and °/h.")
-    if sigmas == (0.0, 0.0):
+    if turn_on == (0.0, 0.0):
         return model
-    force, rate = model.accelerometer, model.gyroscope
+    rng, force, rate = _generator(played.seed, "turn-on"), model.accelerometer, model.gyroscope
     assert force is not None
     assert rate is not None
     return replace(
         model,
-        accelerometer=replace(force, bias=force.bias + rng.normal(0.0, sigmas[0], 3)),
-        gyroscope=replace(rate, bias=rate.bias + rng.normal(0.0, sigmas[1], 3)),
+        accelerometer=replace(force, bias=force.bias + rng.normal(0.0, turn_on[0], 3)),
+        gyroscope=replace(rate, bias=rate.bias + rng.normal(0.0, turn_on[1], 3)),
     )
 
 

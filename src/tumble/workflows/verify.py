@@ -123,9 +123,8 @@ def norm_covariance(
     noise : (holds,) from `hold_noise`.
     at : conditions of the holds, for a thermal calibration.
     """
-    joint = document.thermal is not None and any(
-        "[" in n and n.count(".") < 2 for n in _thermal_names(document)
-    )
+    thermal_names = [] if document.thermal is None else document.thermal.covariance_parameters
+    joint = any("[" in name and name.count(".") < 2 for name in thermal_names)
     covariance = np.diag(noise)
     weight = _weights(document, force, at)
     own = document.site.gravity_standard_uncertainty
@@ -142,7 +141,7 @@ def norm_covariance(
         assert thermal is not None
         assert at is not None
         functions = thermal.basis.values(at.temperature)
-        by_parameter = _by_parameter(_thermal_names(document), weight, force, functions, at)
+        by_parameter = _by_parameter(thermal_names, weight, force, functions, at)
         thermal_covariance = np.array(document.thermal.covariance, dtype=float)
         if thermal_covariance.size:
             covariance += by_parameter @ thermal_covariance @ by_parameter.T
@@ -152,10 +151,6 @@ def norm_covariance(
     if not same_gravity:
         covariance += place.gravity_sigma**2
     return covariance
-
-
-def _thermal_names(document: Calibration) -> list[str]:
-    return [] if document.thermal is None else document.thermal.covariance_parameters
 
 
 def _weights(document: Calibration, force: Vectors, at: HoldConditions | None) -> Vectors:

@@ -242,17 +242,13 @@ def _row(heads: list[str], row: list[str], where: str, base: Path, separator: st
     for key in ("rate", "gravity", "temperature"):
         _check_number(told, key, where)
     for key in ("protocol", "prior", "noise", "intervals"):
-        if key in told and _names_file(told[key], base):
+        if key in told and (any(sign in told[key] for sign in "./") or (base / told[key]).exists()):
             told[key] = _placed(told[key], base)
     if not files and "protocol" not in told:
         raise UsageError(f"{where}: unit {unit} has no files.")
     placed = tuple(_placed(one, base) for one in files)
     missing = tuple(one for one in placed if not Path(one).exists())
     return UnitTask(unit, placed, told, {k: v for k, v in cells.items() if k and k not in TOLD}, missing)
-
-
-def _names_file(text: str, base: Path) -> bool:
-    return any(sign in text for sign in "./") or Path(base, text).exists()
 
 
 def _placed(name: str, base: Path) -> str:

@@ -84,11 +84,12 @@ class GivenProtocol:
 
     def files(self) -> list[Path]:
         """Return the recordings that the protocol names, in order; steps' own files in theirs."""
-        named = list(self.protocol.recordings) or _distinct(
-            [step.file for step in self.protocol.steps if step.file is not None]
-        )
         folder = self.folder or Path()
-        return [folder / name for name in named]
+        return [folder / name for name in self.protocol.recordings or self._own_files()]
+
+    def _own_files(self) -> list[str]:
+        """The files that steps name, each once."""
+        return list(dict.fromkeys(step.file for step in self.protocol.steps if step.file is not None))
 
     def predicted(self) -> dict[str, float]:
         """Return the standard uncertainties (SI) of the ``plan.json`` beside the protocol; empty without one."""
@@ -126,20 +127,14 @@ class GivenProtocol:
             for recording, span in zip(recordings, spans, strict=True)
             for source in recording.sources
         }
-        own = _distinct([step.file for step in self.protocol.steps if step.file is not None])
-        if len(own) == len(recordings) and [Path(name).name for name in own] == [*_names(recordings)]:
+        own = self._own_files()
+        if len(own) == len(recordings) and [Path(name).name for name in own] == [
+            recording.sources[0].name for recording in recordings
+        ]:
             # In their order, because files of two folders may share a name.
             place = dict(zip(own, zip(recordings, spans, strict=True), strict=True))
         steps = tuple(_placed(step, number, place) for number, step in enumerate(self.protocol.steps, 1))
         return replace(self.protocol, steps=steps)
-
-
-def _names(recordings: list[Recording]) -> list[str]:
-    return [recording.sources[0].name for recording in recordings]
-
-
-def _distinct(names: list[str]) -> list[str]:
-    return list(dict.fromkeys(names))
 
 
 def _placed(step: Step, number: int, place: dict[str, tuple[Recording, Span]]) -> Step:
