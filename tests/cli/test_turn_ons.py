@@ -58,7 +58,7 @@ def test_two_turn_ons_give_one_calibration_and_the_biases_of_each(answer: Any, f
     bias = next(p for p in document.parameters if p.name == "gyro bias z")
     # Student's factor of a scatter that two turn-ons tell.
     assert bias.coverage_factor == pytest.approx(12.706, abs=1e-3)
-    assert bias.standard_uncertainty == pytest.approx(told.biases[5].next_standard_uncertainty)
+    assert bias.standard_uncertainty == pytest.approx(told.biases[5].next_sigma)
     assert len(document.recordings) == 2
 
 
