@@ -88,16 +88,16 @@ def test_holds_have_the_models_covariance_and_a_shaken_one_its_own(shaken: bool)
         given.specific_force[2000:] += 0.7 * np.sin(np.arange(1000) * 0.05)[:, None]
     means, model = observe_holds(given, TIMELINE), NoiseModel(random_walk=1e-3, rate_random_walk=1e-5)
     modelled = model_means(given, TIMELINE, means, [model] * 3, None)
-    covariance = modelled.means.specific_force_covariance
+    covariance = modelled[0].specific_force_covariance
     assert covariance is not None
     assert means.specific_force_covariance is not None
     if shaken:
         assert covariance[2, 0, 0] == pytest.approx(means.specific_force_covariance[2, 0, 0])
-        assert modelled.remarks
+        assert modelled[1]
     else:
         # N² / t, to which the walk adds little
         assert covariance[0, 0, 0] == pytest.approx(1e-6 / 20.0, rel=0.05)
-        assert not modelled.remarks
+        assert not modelled[1]
 
 
 def test_what_rounding_leaves_is_no_noise_of_a_model_and_stays() -> None:
@@ -112,8 +112,8 @@ def test_what_rounding_leaves_is_no_noise_of_a_model_and_stays() -> None:
         specific_force_covariance=means.specific_force_covariance + rounding[:, :, None] * np.eye(3),
     )
     fine, modelled = (model_means(given, TIMELINE, one, [model] * 3, None) for one in (means, coarse))
-    assert fine.means.specific_force_covariance is not None
-    assert modelled.means.specific_force_covariance is not None
-    more = modelled.means.specific_force_covariance - fine.means.specific_force_covariance
+    assert fine[0].specific_force_covariance is not None
+    assert modelled[0].specific_force_covariance is not None
+    more = modelled[0].specific_force_covariance - fine[0].specific_force_covariance
     np.testing.assert_allclose(np.diagonal(more, axis1=1, axis2=2), rounding, atol=1e-12)
-    assert not modelled.remarks
+    assert not modelled[1]
