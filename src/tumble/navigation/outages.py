@@ -107,7 +107,13 @@ def outages(
             return list(pool.map(gaps, durations))
     run = drive.run(setup, interval=interval) if before is None else before
     _refuse_lost(run)
-    chosen = _spaced(run, first, every, _settling(drive))
+    anew = _settling(drive)
+    settled = [
+        row
+        for row in run.fix_events.tolist()
+        if run.time[row] >= first and not any(begin <= run.time[row] < end for begin, end in anew)
+    ]
+    chosen = _spaced(run.time, settled, every)
     return [one.clear_of(missing) for one in _slide(drive, run, chosen, durations, last)]
 
 
@@ -118,8 +124,7 @@ def _slide(
     rows, track = np.asarray(chosen, dtype=np.int64), drive.track
     begins, lengths = run.time[rows], np.sort(np.asarray(durations, dtype=float))
     wanted = begins[:, None] + lengths
-    fixes = np.clip(np.searchsorted(track.time, wanted), 1, len(track) - 1)
-    fixes -= wanted - track.time[fixes - 1] < track.time[fixes] - wanted
+    fixes = _nearest(track.time, wanted)
     good = np.abs(track.time[fixes] - wanted) <= 0.5 * track.interval + 1e-6
     good &= (track.time[fixes] <= last) & (track.quality[fixes] == np.min(track.quality))
     goals = np.where(good, track.time[fixes], np.nan)
@@ -173,15 +178,19 @@ def _refuse_lost(run: FilterRun) -> None:
         )
 
 
-def _spaced(run: FilterRun, first: float, every: float, anew: Sequence[tuple[float, float]]) -> list[int]:
-    """Events of fixes, at least `every` s apart, where the filter has settled."""
-    rows: list[int] = []
-    for row in run.fix_events.tolist():
-        if any(begin <= run.time[row] < end for begin, end in anew):
-            continue
-        if run.time[row] >= first and (not rows or run.time[row] - run.time[rows[-1]] >= every - 1e-6):
-            rows.append(row)
-    return rows
+def _spaced(time: Series, rows: Sequence[int], every: float) -> list[int]:
+    """Return the first of some rows and those after it that are so far apart, s."""
+    kept: list[int] = []
+    for row in rows:
+        if not kept or time[row] - time[kept[-1]] >= every - 1e-6:
+            kept.append(row)
+    return kept
+
+
+def _nearest(time: Series, wanted: Table) -> np.ndarray:
+    """Return the rows whose instants are next to those wanted."""
+    there = np.clip(np.searchsorted(time, wanted), 1, len(time) - 1)
+    return there - (wanted - time[there - 1] < time[there] - wanted)
 
 
 def _by_sensors(setup: FilterSetup, estimates: Table) -> Table:
@@ -249,10 +258,8 @@ def free_drift(
     """
     lengths = np.sort(np.asarray(seconds, dtype=float))
     last = min(float(reference.time[-1]), float(samples.time[-1]))
-    rows: list[int] = []
-    for row, time in enumerate(reference.time.tolist()):
-        if time + lengths[0] <= last and (not rows or time - reference.time[rows[-1]] >= every - 1e-6):
-            rows.append(row)
+    within = np.flatnonzero(reference.time + lengths[0] <= last)
+    rows = _spaced(reference.time, within.tolist(), every)
     if not rows:
         raise RecordingError(
             f"The drive's reference lasts {last - float(reference.time[0]):.0f} s, which is too short for "
@@ -277,8 +284,7 @@ def _errors(
     for first, to in gaps:
         stops = np.where(begins < to, np.minimum(stops, np.maximum(first, begins)), stops)
     wanted = begins[:, None] + lengths
-    there = np.clip(np.searchsorted(reference.time, wanted), 1, len(reference) - 1)
-    there -= wanted - reference.time[there - 1] < reference.time[there] - wanted
+    there = _nearest(reference.time, wanted)
     # the reference has no rows for a while after missing samples
     near = np.abs(reference.time[there] - wanted) < 0.75 * float(np.median(np.diff(reference.time)))
     reached = near & (wanted <= stops[:, None] + 1e-6) & (reference.time[there] <= stops[:, None] + 1e-6)

@@ -52,7 +52,12 @@ def _model_coefficients(gravity: float = STANDARD_GRAVITY) -> AnyArray:
 
 
 @cache
-def _simulated() -> tuple[AnyArray, float]:
+def simulated_coefficients() -> tuple[AnyArray, float]:
+    """Return (17, 5, 24) by simulation of one error at a time, ±1e-4, without noise or Earth rate, and its gravity.
+
+    Both signs of each error are played through all sequences sample by sample on an exact fixture; what is
+    halved is the difference of the measurements.
+    """
     setting = Setting(EXACT, fixture=0.0, earth=False, seconds=1.0)
     found = np.empty((len(SEQUENCES), 5, 24))
     gravity = STANDARD_GRAVITY
@@ -69,16 +74,6 @@ def _simulated() -> tuple[AnyArray, float]:
             both.append(np.stack(list(measure_run(recordings, ImuModel.ideal(), AS_PRINTED).values())))
         found[:, :, number] = (both[0] - both[1]) / (2.0 * PROBE)
     return found, gravity
-
-
-def simulated_coefficients() -> tuple[AnyArray, float]:
-    """Return (17, 5, 24) by simulation of one error at a time, ±1e-4, without noise or Earth rate, and its gravity.
-
-    Both signs of each error are played through all sequences sample by sample on an exact fixture; what is
-    halved is the difference of the measurements.
-    """
-    found, gravity = _simulated()
-    return found.copy(), gravity
 
 
 def _components(entry: dict[str, Any]) -> tuple[int, int]:
@@ -117,13 +112,9 @@ def _equation_12(repetitions: int, seed: int) -> Found:
     all_of_it = (
         "all 17 sequences, 5 measurements, 24 errors: largest difference of (3) to (5) from the simulation"
     )
+    another = "largest coefficient of another error in these"
     for label, head, value, why in (
-        (
-            "largest coefficient of another error in these",
-            ("0", 0.0),
-            others,
-            "an error that (12) does not have",
-        ),
+        (another, ("0", 0.0), others, "an error that (12) does not have"),
         (all_of_it, ("", None), apart, "the model is not of the first order"),
     ):
         rows.append(Row(label, "g", (*head, None, float(f"{value:.1e}")), *judge(value < SAME, why)))

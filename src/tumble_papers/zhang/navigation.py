@@ -50,8 +50,8 @@ from tumble_papers.zhang.turntable import (
     Unit,
     calibrate_in_laboratory,
     evaluate,
-    paper_setting,
     simulate,
+    table_setting,
     unit_from,
 )
 
@@ -213,7 +213,7 @@ def calibrate_units(units: int, seed: int) -> dict[str, list[Unit]]:
     units : how many times the unit is calibrated.
     seed : of all random numbers.
     """
-    setting = paper_setting()
+    setting = table_setting("6")
     ours, theirs = generator(seed, 7).spawn(2)
     plan = true_plan(setting)
     return {
@@ -234,7 +234,7 @@ def run_test(name: str, units: int, seed: int) -> NavigatedUnits:
     name : "I" or "II".
     units, seed : as for `calibrate_units`.
     """
-    setting, true = paper_setting(), true_test(name)
+    setting, true = table_setting("6"), true_test(name)
     with part(0.0, 0.3):
         found = calibrate_units(units, seed)
     errors: dict[str, list[Series]] = {method: [] for method in found}
@@ -297,7 +297,7 @@ def _ratio_row(runs: NavigatedUnits, worse: str, better: str, said: str | None) 
 
 def _measurements(test: str, sensor: str, repetitions: int, seed: int) -> Found:
     """Make figure 5, 6, 8 or 9 anew: what the accelerometers or gyros of one unit measure, corrected by the truth."""
-    printed, setting, true = zhang()["navigation_tests"][test], paper_setting(), true_test(test)
+    printed, setting, true = zhang()["navigation_tests"][test], table_setting("6"), true_test(test)
     raw = measured(true, setting.unit, setting, np.random.default_rng([seed, 0, 0]))
     force, rate = setting.unit.model.correct(raw.specific_force_b, raw.angular_rate_ib_b)
     gyro = sensor == "gyro"

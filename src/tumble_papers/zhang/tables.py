@@ -47,7 +47,6 @@ from tumble_papers.zhang.turntable import (
     evaluate,
     in_paper_units,
     norths,
-    paper_setting,
     simulate,
     spread_directions,
     table_setting,
@@ -455,7 +454,7 @@ class _Picture:
 
 def _norm_figure(figure: str, repetitions: int, seed: int) -> Found:
     """Make figure 3 (specific force) or 4 (angular rate) anew: norm errors of both methods in 48 positions at rest."""
-    both, setting, force = compare(repetitions, generator(seed, 6)), paper_setting(), figure == "3"
+    both, setting, force = compare(repetitions, generator(seed, 6)), table_setting("6"), figure == "3"
     factor = MICRO_G if force else DEGREE_PER_HOUR
     errors = {name: of / factor for name, of in (both.force_errors if force else both.rate_errors).items()}
     density = setting.force_noise if force else setting.rate_noise

@@ -197,16 +197,16 @@ def unit_of(rows: dict[str, Vector]) -> Unit:
 
 
 def table_setting(table: str, orientations: tuple[int, ...] = NINE) -> Setting:
-    """Return what the paper's table 2, 3, 4 or 5 simulates.
+    """Return what the paper's table 2, 3, 4 or 5 simulates, or what section 5.2 calibrated, of table 6.
 
     Parameters
     ----------
-    table : "2", "3", "4" or "5"; the last has no rotations.
+    table : "2" to "6"; the fifth has no rotations.
     orientations : numbers of `ORIENTATIONS`, from 1.
     """
     printed = zhang()["tables"][table]
     return Setting(
-        unit_from("2", "set"),
+        unit_from("6", "proposed") if table == "6" else unit_from("2", "set"),
         MICRO_G * printed["accelerometer_noise_ug_rtHz"],
         DEGREE_PER_HOUR * printed.get("gyro_noise_deg_h_rtHz", 0.0),
         ORIENTATIONS[np.array(orientations) - 1],
@@ -483,18 +483,6 @@ class Comparison:
     rate_errors: dict[str, AnyArray]
 
 
-def paper_setting() -> Setting:
-    """Return section 5.2's calibration by the paper's method: nine attitudes and six rotation pairs."""
-    printed = zhang()["tables"]["6"]
-    return Setting(
-        unit_from("6", "proposed"),
-        MICRO_G * printed["accelerometer_noise_ug_rtHz"],
-        DEGREE_PER_HOUR * printed["gyro_noise_deg_h_rtHz"],
-        ORIENTATIONS[np.array(NINE) - 1],
-        AXES,
-    )
-
-
 def compare(runs: int, rng: np.random.Generator) -> Comparison:
     """Calibrate simulated units by both methods and evaluate both at rest.
 
@@ -503,7 +491,7 @@ def compare(runs: int, rng: np.random.Generator) -> Comparison:
     runs : how many.
     rng : source of all numbers.
     """
-    setting = paper_setting()
+    setting = table_setting("6")
     ours, theirs, rest = rng.spawn(3)
     proposed = evaluate(simulate(setting, runs, ours, sampled=False)).units
     traditional = calibrate_in_laboratory(setting, runs, theirs)

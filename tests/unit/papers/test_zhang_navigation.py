@@ -21,7 +21,7 @@ from tumble_papers.zhang.navigation import (
     run_test,
     true_test,
 )
-from tumble_papers.zhang.turntable import paper_setting
+from tumble_papers.zhang.turntable import table_setting
 
 UNITS = 1
 
@@ -29,7 +29,7 @@ UNITS = 1
 @pytest.mark.parametrize("name", ["I", "II"])
 def test_without_noise_and_with_the_true_parameters_it_stays_where_it_is(name: str) -> None:
     """A metre in 8,000 s, against hundreds of any unit: what samples of a tenth of a second leave of the turns."""
-    setting = paper_setting()
+    setting = table_setting("6")
     raw = measured(true_test(name), setting.unit, setting, None)
     time, errors = navigate_test(raw, setting.unit.model)
     assert time[-1] == pytest.approx(DURATION[name] - ALIGNED)

@@ -23,7 +23,6 @@ from tumble_papers.zhang.turntable import (
     calibrate_in_laboratory,
     compare,
     in_paper_units,
-    paper_setting,
     spread_directions,
     table_setting,
     twenty_four_positions,
@@ -146,7 +145,7 @@ def test_both_methods_are_right_without_errors(monkeypatch: pytest.MonkeyPatch) 
     import tumble_papers.zhang.turntable as laboratory
 
     monkeypatch.setattr(laboratory, "AXIS_ERROR", 0.0)
-    exact = replace(paper_setting(), force_noise=0.0, rate_noise=0.0, angle_error=0.0, placement=0.0)
+    exact = replace(table_setting("6"), force_noise=0.0, rate_noise=0.0, angle_error=0.0, placement=0.0)
     found = calibrate_in_laboratory(exact, 1, generator(0)).parameters()
     assert np.max(np.abs(in_paper_units(found, exact.unit.parameters()))) < 1e-6
 
