@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tumble.arrays import Series, Table
+from tumble.arrays import Series
 from tumble.records import dataclass
 
 
@@ -28,13 +28,13 @@ class Statistic:
 _RESAMPLES = 1000
 
 
-def _drawn_blocks(count: int, block: int, rng: np.random.Generator) -> Table | None:
+def _drawn_blocks(count: int, block: int, rng: np.random.Generator) -> np.ndarray | None:
     """Return (resamples, count) indices of blocks drawn with replacement, or None where one block is all."""
     if count <= block or count < 2:
         return None
     blocks = -(-count // block)
     starts = rng.integers(0, count - block + 1, (_RESAMPLES, blocks))
-    return (starts[:, :, None] + np.arange(block)).reshape(_RESAMPLES, -1)[:, :count].astype(float)
+    return (starts[:, :, None] + np.arange(block)).reshape(_RESAMPLES, -1)[:, :count]
 
 
 def rms_of(squares: Series, block: int, rng: np.random.Generator) -> Statistic:
@@ -52,7 +52,7 @@ def rms_of(squares: Series, block: int, rng: np.random.Generator) -> Statistic:
     value = float(np.sqrt(squares.mean()))
     if rows is None:
         return Statistic(value, float("nan"))
-    spread = np.sqrt(squares[rows.astype(int)].mean(axis=1))
+    spread = np.sqrt(squares[rows].mean(axis=1))
     return Statistic(value, float(np.std(spread, ddof=1)))
 
 
@@ -73,6 +73,5 @@ def ratio_of(squares: Series, reference: Series, block: int, rng: np.random.Gene
     rows = _drawn_blocks(squares.size, block, rng)
     if rows is None:
         return Statistic(value, float("nan"))
-    at = rows.astype(int)
-    spread = np.sqrt(squares[at].mean(axis=1) / np.maximum(reference[at].mean(axis=1), 1e-300))
+    spread = np.sqrt(squares[rows].mean(axis=1) / np.maximum(reference[rows].mean(axis=1), 1e-300))
     return Statistic(value, float(np.std(spread, ddof=1)))

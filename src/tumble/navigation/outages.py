@@ -107,13 +107,11 @@ def outages(
             return list(pool.map(gaps, durations))
     run = drive.run(setup, interval=interval) if before is None else before
     _refuse_lost(run)
-    anew = _settling(drive)
-    settled = [
-        row
-        for row in run.fix_events.tolist()
-        if run.time[row] >= first and not any(begin <= run.time[row] < end for begin, end in anew)
-    ]
-    chosen = _spaced(run.time, settled, every)
+    at = run.time[run.fix_events]
+    settled = at >= first
+    for begin, end in _settling(drive):
+        settled &= (at < begin) | (at >= end)
+    chosen = _spaced(run.time, run.fix_events[settled].tolist(), every)
     return [one.clear_of(missing) for one in _slide(drive, run, chosen, durations, last)]
 
 
@@ -258,8 +256,7 @@ def free_drift(
     """
     lengths = np.sort(np.asarray(seconds, dtype=float))
     last = min(float(reference.time[-1]), float(samples.time[-1]))
-    within = np.flatnonzero(reference.time + lengths[0] <= last)
-    rows = _spaced(reference.time, within.tolist(), every)
+    rows = _spaced(reference.time, np.flatnonzero(reference.time + lengths[0] <= last).tolist(), every)
     if not rows:
         raise RecordingError(
             f"The drive's reference lasts {last - float(reference.time[0]):.0f} s, which is too short for "
