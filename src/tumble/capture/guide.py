@@ -10,31 +10,31 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
-from importlib import import_module
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tumble.arrays import Series, Vector, Vectors
 from tumble.attitude.directions import twenty_six_directions
+from tumble.calibration.equations.triad_unknowns import SCALE
+from tumble.calibration.poses import missing_poses
+from tumble.calibration.session import Session
 from tumble.capture.coach import Advice, Progress
-from tumble.capture.live_holds import MOST_BLOCKS, LiveBlocks, LiveHold
+from tumble.capture.live_holds import MOST_BLOCKS, LiveBlocks, LiveHold, in_si
 from tumble.capture.targets import limits_of
+from tumble.design import joint_information as joint
+from tumble.design import next_step as ahead
+from tumble.design.joint_plan import PlanTask
+from tumble.design.planned_motion import PlannedNoise
 from tumble.earth import Site
 from tumble.errors import ObservabilityError
+from tumble.protocol.steps import HoldStep, Protocol, TurnStep
 from tumble.recording.recording import Recording
 from tumble.recording.stamps import clock_of_stamps
 from tumble.sample_rates import CRYSTAL
 from tumble.segmentation import Hold, HoldMeans, NoiseFloor, Timeline, observe_holds
 from tumble.segmentation.activity import Activity, noise_per_sample
 from tumble.segmentation.turns import find_turns
-from tumble.units import COUNTS, angular_rate_factor, specific_force_factor
-
-if TYPE_CHECKING:
-    from tumble.design.joint_information import JointInformation
-    from tumble.design.joint_plan import PlanTask
-    from tumble.design.next_step import Aim, NextStep, StepCandidate
-    from tumble.simulation import Grade
+from tumble.simulation import Grade
 
 # s that a person needs to bring the unit from one pose to the next.
 TURN = 3.0
@@ -71,20 +71,16 @@ class Guide:
         self.blocks, self._waiting = MOST_BLOCKS, False
         self._grade, self._patient = grade, patient
         self._limits = limits_of(targets)
-        self._candidates: dict[int, Future[list[StepCandidate]]] = {}
-        self._turns: list[StepCandidate] | None = None
+        self._candidates: dict[int, Future[list[ahead.StepCandidate]]] = {}
+        self._turns: list[ahead.StepCandidate] | None = None
         self._task: PlanTask | None = None
-        self._usual: JointInformation | None = None
-        self._beyond: JointInformation | None = None
-        self._latest: tuple[int, JointInformation] | None = None
+        self._usual: joint.JointInformation | None = None
+        self._beyond: joint.JointInformation | None = None
+        self._latest: tuple[int, joint.JointInformation] | None = None
         self._first = 0
         self._rate, self._stamps = rate, np.zeros(0)
         self.clock_sigma = 0.0
         """Of the gyro scale factors, as a share: what no hold and no turn sees of the samples' clock."""
-
-    def load(self) -> None:
-        """Import what `judge` needs, which takes seconds on a busy machine: samples are not to wait for it."""
-        import_module("tumble.design.next_step")
 
     def look_at_clock(self, time: Series) -> None:
         """Find out by the first stamps what clock they are from.
@@ -146,11 +142,6 @@ class Guide:
 
     def _task_of(self, timeline: Timeline, recording: Recording) -> PlanTask:
         """The unit, with its own white noise as the first hold shows it."""
-        from tumble.design.joint_information import parameter_sizes
-        from tumble.design.joint_plan import PlanTask
-        from tumble.design.planned_motion import PlannedNoise
-        from tumble.protocol.steps import HoldStep, Protocol, TurnStep
-
         if self._task is not None:
             return self._task
         floor, grade = timeline.noise_floor, self._grade
@@ -161,7 +152,7 @@ class Guide:
             grade.rate,
         )
         steps = (HoldStep(self.hold), TurnStep(TURN))
-        sizes = parameter_sizes(grade)
+        sizes = joint.parameter_sizes(grade)
         procedure = "joint" if recording.angular_rate is not None else "multi-position"
         self._task = PlanTask(
             Protocol("capture", procedure, steps), self.site, noise, sizes, grade.g_sensitivity > 0.0
@@ -170,46 +161,42 @@ class Guide:
 
     def _information(
         self, live: LiveBlocks, recording: Recording, timeline: Timeline, means: HoldMeans, task: PlanTask
-    ) -> JointInformation:
-        from tumble.calibration.session import Session
-        from tumble.design.joint_information import observed_problem
-
+    ) -> joint.JointInformation:
         if live.first != self._first and self._latest is not None:
             # The oldest blocks were let go: what was known from them stays known.
             self._first, self._beyond = live.first, self._latest[1]
         session = Session(recording, given_site=self.site)
         session.timeline, session.means = timeline, means
-        information = observed_problem(session, task.noise, g_sensitivity=task.g_sensitivity).information()
+        information = joint.observed_problem(
+            session, task.noise, g_sensitivity=task.g_sensitivity
+        ).information()
         total = information if self._beyond is None else information.plus(self._beyond)
         self._latest = (len(timeline.holds), total)
         return total
 
-    def _both(self, task: PlanTask, known: JointInformation, up_b: Vectors) -> Progress:
-        from tumble.design.joint_information import GROUPS, NAMES, PARAMETERS, TOLD
-        from tumble.design.next_step import WORTH, find_next_steps, judge_stop
-
-        floors = np.zeros(PARAMETERS)
-        floors[GROUPS["accelerometer scale"]] = self.site.gravity_sigma / self.site.gravity
+    def _both(self, task: PlanTask, known: joint.JointInformation, up_b: Vectors) -> Progress:
+        floors = np.zeros(joint.PARAMETERS)
+        floors[joint.GROUPS["accelerometer scale"]] = self.site.gravity_sigma / self.site.gravity
         sigmas, perfect = (
             np.hypot(np.sqrt(np.diag(one.covariance(known))), floors)
             for one in (task, task.with_perfect_clock)
         )
-        told = perfect < TOLD * task.sizes
+        told = perfect < joint.TOLD * task.sizes
         named: dict[str, float | None] = {
-            NAMES[i]: float(sigmas[i]) if told[i] else None for i in map(int, task.parameters())
+            joint.NAMES[i]: float(sigmas[i]) if told[i] else None for i in map(int, task.parameters())
         }
         candidates = self._of_candidates(task, up_b[-1])
         self._waiting = candidates is None
         if candidates is None:
             return Progress(named, up_b, words=("Computing which step would determine most.",))
         aim = self._aim(task.with_perfect_clock, floors)
-        following = find_next_steps(task, known, candidates, 1, aim)[0]
-        enough, words = judge_stop(task, known, [following], self._limits, (sigmas, perfect))
+        following = ahead.find_next_steps(task, known, candidates, 1, aim)[0]
+        enough, words = ahead.judge_stop(task, known, [following], self._limits, (sigmas, perfect))
         left = 0.0 if aim is None else aim.poses_left(task.with_perfect_clock, known)
         if self._limits is not None and not enough and told[task.parameters()].all():
             # A target in reach is gone for, however little each step adds.
-            enough = left == 0.0 or (following.most_gain < WORTH and left > len(up_b))
-        if self._limits is not None and self.clock_sigma > np.min(self._limits[GROUPS["gyro scale"]]):
+            enough = left == 0.0 or (following.most_gain < ahead.WORTH and left > len(up_b))
+        if self._limits is not None and self.clock_sigma > np.min(self._limits[joint.GROUPS["gyro scale"]]):
             share = f"{100.0 * self.clock_sigma:.2g} %"
             words = [
                 *words,
@@ -224,22 +211,19 @@ class Guide:
             left = 0.0
         return Progress(named, up_b, _advice(following, left), enough, tuple(words))
 
-    def _aim(self, task: PlanTask, floors: Series) -> Aim | None:
+    def _aim(self, task: PlanTask, floors: Series) -> ahead.Aim | None:
         """What poses are to reach: the targets without what no pose mends; None where nothing is left of them."""
-        from tumble.design.joint_information import GROUPS, SESSION
-        from tumble.design.next_step import Aim, usual_pose
-
         if self._limits is None:
             return None
         if self._usual is None:
-            self._usual = usual_pose(task, SESSION)
+            self._usual = ahead.usual_pose(task, joint.SESSION)
         floors = floors.copy()
-        floors[GROUPS["gyro scale"]] = self.clock_sigma
+        floors[joint.GROUPS["gyro scale"]] = self.clock_sigma
         within = np.sqrt(np.maximum(self._limits**2 - floors**2, 0.0))
         limits = np.where(self._limits > floors, within, np.inf)
-        return Aim(limits, self._usual) if np.isfinite(limits).any() else None
+        return ahead.Aim(limits, self._usual) if np.isfinite(limits).any() else None
 
-    def _of_candidates(self, task: PlanTask, start_b: Vector) -> list[StepCandidate] | None:
+    def _of_candidates(self, task: PlanTask, start_b: Vector) -> list[ahead.StepCandidate] | None:
         """What may come next from a pose, computed once beside the samples that come in; None while that goes on."""
         directions = twenty_six_directions()
         near = int(np.argmax(directions @ start_b))
@@ -250,16 +234,13 @@ class Guide:
         found = self._candidates[near]
         return found.result() if self._patient or found.done() else None
 
-    def _compute(self, task: PlanTask, start_b: Vector) -> list[StepCandidate]:
-        from tumble.design.joint_information import SESSION
-        from tumble.design.next_step import led_holds, turn_candidates
-
+    def _compute(self, task: PlanTask, start_b: Vector) -> list[ahead.StepCandidate]:
         if self._turns is None:
-            self._turns = turn_candidates(task, table=False, span=SESSION)
-        return led_holds(task, SESSION, start_b) + self._turns
+            self._turns = ahead.turn_candidates(task, table=False, span=joint.SESSION)
+        return ahead.led_holds(task, joint.SESSION, start_b) + self._turns
 
 
-def _advice(following: NextStep, left: float) -> Advice:
+def _advice(following: ahead.NextStep, left: float) -> Advice:
     name, gain = following.candidate.name, following.gain
     words = f"Next: {name}. It takes {100 * gain:.2g} % off the uncertainties."
     if 0.0 < left < FAR:
@@ -271,9 +252,6 @@ def _advice(following: NextStep, left: float) -> Advice:
 
 def _missing_poses(means: Vectors) -> str:
     """What `tumble calibrate` will say against the poses so far; nothing if they suffice."""
-    from tumble.calibration.equations.triad_unknowns import SCALE
-    from tumble.calibration.poses import missing_poses
-
     unknowns = np.zeros(12)
     unknowns[SCALE] = 1.0
     return missing_poses(means, unknowns, has_prior=False, factor=1.0)
@@ -283,9 +261,9 @@ def _untold_words(names: list[str]) -> str:
     """Which parameters are not told yet: each if they are few, else their kinds."""
     if len(names) <= 3:
         return f"Not determined yet: {', '.join(names)}."
-    from tumble.design.joint_information import GROUPS, NAMES
-
-    kinds = [group for group, part in GROUPS.items() if any(name in names for name in NAMES[part])]
+    kinds = [
+        group for group, part in joint.GROUPS.items() if any(name in names for name in joint.NAMES[part])
+    ]
     return f"Not determined yet: some of {', '.join(kinds)}."
 
 
@@ -293,39 +271,6 @@ def _own_noise(sigma: Series, rate: float) -> float:
     """N of white noise, u/√Hz, from the noise of one sample at a rate; zero where it is not known."""
     usual = float(np.sqrt(np.mean(sigma**2))) / rate**0.5
     return usual if np.isfinite(usual) else 0.0
-
-
-def in_si(live: LiveBlocks, activity: Activity) -> Recording:
-    """Return the block means in SI; of counts by the scales and biases that the motion shows, roughly.
-
-    Parameters
-    ----------
-    live : the blocks.
-    activity : that tells bias and scale where the unit sends counts.
-    """
-    raw = live.averaged()
-    force, rate = raw.specific_force, raw.angular_rate
-    factor = specific_force_factor(raw.specific_force_unit)
-    if (
-        force is not None
-        and factor is None
-        and activity.gravity is not None
-        and activity.force_bias is not None
-    ):
-        force, factor = force - activity.force_bias, 9.80665 / activity.gravity
-    rate_factor = angular_rate_factor(raw.angular_rate_unit)
-    if rate is not None and rate_factor is None and activity.rate_scale is not None:
-        rate, rate_factor = (
-            rate - (activity.rate_bias if activity.rate_bias is not None else 0.0),
-            activity.rate_scale,
-        )
-    return replace(
-        raw,
-        specific_force=None if force is None else force * (factor or 1.0),
-        angular_rate=None if rate is None else rate * (rate_factor or 1.0),
-        specific_force_unit="m/s^2" if force is not None else COUNTS,
-        angular_rate_unit="rad/s" if rate is not None else COUNTS,
-    )
 
 
 def _timeline(

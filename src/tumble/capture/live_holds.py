@@ -427,3 +427,30 @@ def _kept_rows(values: np.ndarray, drop: int, kept: int, room: int) -> np.ndarra
     made = np.empty((room, *values.shape[1:]), dtype=values.dtype)
     made[: kept - drop] = values[drop:kept]
     return made
+
+
+def in_si(live: LiveBlocks, activity: Activity) -> Recording:
+    """Return the block means in SI; of counts by the scales and biases that the motion shows, roughly.
+
+    Parameters
+    ----------
+    live : the blocks.
+    activity : that tells bias and scale where the unit sends counts.
+    """
+    raw = live.averaged()
+    force, rate = raw.specific_force, raw.angular_rate
+    factor = specific_force_factor(raw.specific_force_unit)
+    gravity, bias = activity.gravity, activity.force_bias
+    if force is not None and factor is None and gravity is not None and bias is not None:
+        force, factor = force - bias, 9.80665 / gravity
+    rate_factor = angular_rate_factor(raw.angular_rate_unit)
+    if rate is not None and rate_factor is None and activity.rate_scale is not None:
+        offset = 0.0 if activity.rate_bias is None else activity.rate_bias
+        rate, rate_factor = rate - offset, activity.rate_scale
+    return replace(
+        raw,
+        specific_force=None if force is None else force * (factor or 1.0),
+        angular_rate=None if rate is None else rate * (rate_factor or 1.0),
+        specific_force_unit="m/s^2" if force is not None else COUNTS,
+        angular_rate_unit="rad/s" if rate is not None else COUNTS,
+    )

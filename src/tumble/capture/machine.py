@@ -6,7 +6,6 @@ What the first two seconds of a stream show to be wrong: said then, and not when
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,13 +15,10 @@ from tumble.calibration.poses import SAME_POSE, describe_direction
 from tumble.capture.coach import Coach, Event, Progress
 from tumble.capture.live_holds import MOST_BLOCKS, Change, LiveBlocks, LiveHold, LiveHolds
 from tumble.capture.source import Channels
+from tumble.protocol.steps import HoldStep, Step, TurnStep
 from tumble.recording.samples import Samples
 from tumble.records import dataclass
 from tumble.units import COUNTS, STANDARD_GRAVITY, angular_rate_factor, specific_force_factor
-
-if TYPE_CHECKING:
-    from tumble.protocol.steps import Step
-
 
 # Of the stated rate, by how much the stamps may differ from it.
 RATE_SLACK = 0.15
@@ -334,8 +330,6 @@ def _known_words(progress: Progress) -> str:
 
 def _next_facts(steps: tuple[Step, ...]) -> dict[str, object]:
     """Return the pose and the turn of a step that is proposed, for programs that draw it."""
-    from tumble.protocol.steps import HoldStep, TurnStep
-
     facts: dict[str, object] = {}
     for step in steps:
         if isinstance(step, HoldStep) and step.pose is not None and "up" not in facts:

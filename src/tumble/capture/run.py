@@ -4,21 +4,27 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tumble.capture.coach import Coach, Event
 from tumble.capture.folder import HOLDS, RECORDING, CaptureFolder, check_folder
-from tumble.capture.guide import Guide
 from tumble.capture.machine import Capture
 from tumble.capture.source import Channels, Notice, Piece, Source, SourceOptions
 from tumble.capture.sources.replay import replay, split_speed
 from tumble.capture.stamps import ENOUGH, ForwardClock, kept_beside
 from tumble.earth import Site
-from tumble.errors import ConvergenceError, ObservabilityError, RecordingError, SegmentationError, UsageError
-from tumble.files import GrowingFile
+from tumble.errors import (
+    ConvergenceError,
+    ObservabilityError,
+    OutputError,
+    RecordingError,
+    SegmentationError,
+    UsageError,
+)
+from tumble.files import GrowingFile, write_text
 from tumble.protocol.library import REST
 from tumble.recording.samples import Samples, joined
 from tumble.recording.stamps import NOMINAL
@@ -297,10 +303,6 @@ class _UnderWay:
 
     def let_go(self) -> None:
         """Close the files after a fault, with everything that can still be written."""
-        from contextlib import suppress
-
-        from tumble.errors import OutputError
-
         if self._files is not None:
             with suppress(OutputError):
                 self._files.close_recording()
@@ -356,7 +358,6 @@ def _noise(order: CaptureOrder, recording: Path) -> NoiseAnalysis:
 
 def _calibrate(order: CaptureOrder, path: Path, capture: Capture, rate: float | str | None) -> CalibrationRun:
     """Calibrate the file; where a person dropped holds, with the list of those that count."""
-    from tumble.files import write_text
     from tumble.workflows.calibrate import calibrate
 
     intervals: Path | None = None
@@ -388,13 +389,12 @@ def _guide_of(order: CaptureOrder) -> Coach | None:
         return StepsCoach(read_given_protocol(order.protocol).protocol)
     if order.imu is None:
         return None
+    from tumble.capture.guide import Guide
     from tumble.simulation.grades import find_grade
 
     site = order.site or Site.unknown()
     stated, patient = order.options.rate, not order.source.live
-    guide = Guide(find_grade(order.imu), site, order.hold, order.targets, rate=stated, patient=patient)
-    guide.load()
-    return guide
+    return Guide(find_grade(order.imu), site, order.hold, order.targets, rate=stated, patient=patient)
 
 
 def _channel_words(channels: Channels) -> str:

@@ -14,8 +14,7 @@ from tumble.arrays import Series, Vector
 from tumble.attitude.rotations import angle_between
 from tumble.calibration.poses import describe_direction
 from tumble.capture.coach import Advice, Progress
-from tumble.capture.guide import in_si
-from tumble.capture.live_holds import MOST_BLOCKS, LiveBlocks, LiveHold
+from tumble.capture.live_holds import MOST_BLOCKS, LiveBlocks, LiveHold, in_si
 from tumble.counting import time_words
 from tumble.protocol.steps import HoldStep, Protocol, RampStep, SoakStep, SpinStep, Step, TurnStep
 from tumble.segmentation.activity import Activity

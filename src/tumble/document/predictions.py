@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from tumble.arrays import Series, Vector, Vectors
@@ -16,13 +14,11 @@ from tumble.calibration.free_inertial import (
     position_from,
     sheet_unit,
 )
+from tumble.document.result import Calibration
 from tumble.errors import CalibrationFileError
 from tumble.records import dataclass
+from tumble.simulation import Grade
 from tumble.units import angular_rate_factor, specific_force_factor
-
-if TYPE_CHECKING:
-    from tumble.document.result import Calibration
-    from tumble.simulation import Grade
 
 SECONDS = (10.0, 60.0)
 """s of free inertial navigation that a report states."""

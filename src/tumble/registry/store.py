@@ -8,10 +8,11 @@ import json
 import time
 from collections.abc import Sequence
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from msgspec import DecodeError
+from sqlalchemy import Connection, and_, func, select
 
 from tumble.arrays import Series, Table
 from tumble.document.result import Calibration, calibration_of
@@ -19,9 +20,6 @@ from tumble.errors import UsageError
 from tumble.records import dataclass
 from tumble.registry import schema
 from tumble.registry.opening import Registry, RegistryError
-
-if TYPE_CHECKING:
-    from sqlalchemy import Connection
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,8 +119,6 @@ def add(
 
 
 def _insert(connection: Connection, entry: Entry, calibration: Calibration, text: str) -> tuple[Entry, bool]:
-    from sqlalchemy import select
-
     table = schema.calibrations
     if connection.dialect.name == "postgresql":
         # Two writers of one unit or document wait for one another; others do not.
@@ -163,8 +159,6 @@ def _lock(text: str) -> int:
 
 def _row_of(connection: Connection, table: Any, column: str, value: str, more: dict[str, Any]) -> int:
     """The number of the row with a value, made where it is not there."""
-    from sqlalchemy import select
-
     found = connection.execute(select(table.c.id).where(table.c[column] == value)).scalar()
     if found is None:
         made = connection.execute(table.insert().values({column: value, **more})).inserted_primary_key
@@ -205,8 +199,6 @@ def entries(
     RegistryError
         If the database fails.
     """
-    from sqlalchemy import select
-
     table = schema.calibrations
     columns = [schema.units.c.name, *(table.c[key] for key in Entry.__slots__ if key != "unit")]
     query = select(*columns).join(schema.units, table.c.unit_id == schema.units.c.id)
@@ -227,8 +219,6 @@ def counted(registry: Registry) -> tuple[int, int]:
     RegistryError
         If the database fails.
     """
-    from sqlalchemy import func, select
-
     with registry.reading() as connection:
         units = connection.execute(select(func.count()).select_from(schema.units)).scalar()
         found = connection.execute(select(func.count()).select_from(schema.calibrations)).scalar()
@@ -250,8 +240,6 @@ def find(registry: Registry, which: str) -> tuple[Entry, Calibration]:
     RegistryError
         If the database fails.
     """
-    from sqlalchemy import select
-
     found = entries(registry, which, most=1)
     if not found and len(which) >= 6 and not set(which) - set("0123456789abcdef"):
         table = schema.calibrations
@@ -288,8 +276,6 @@ def documents(registry: Registry, most: int | None = None) -> list[tuple[str, Ca
     RegistryError
         If the database fails.
     """
-    from sqlalchemy import and_, func, select
-
     table = schema.calibrations
     last = func.max(table.c.created).label("last")
     newest = select(table.c.unit_id, last).where(table.c.fit).group_by(table.c.unit_id)
@@ -319,8 +305,6 @@ def series(registry: Registry, unit: str | None = None, *, others: int = 0) -> l
     RegistryError
         If the database fails.
     """
-    from sqlalchemy import select
-
     table = schema.calibrations
     query = select(table.c.layout_id, schema.units.c.name, table.c.created, table.c.numbers)
     query = query.join(schema.units, table.c.unit_id == schema.units.c.id).where(table.c.fit)
@@ -376,8 +360,6 @@ def add_certificate(registry: Registry, sha256: str, number: str) -> None:
     RegistryError
         If the database fails.
     """
-    from sqlalchemy import select
-
     table, kept = schema.calibrations, schema.certificates
     with registry.writing() as connection:
         calibration = connection.execute(select(table.c.id).where(table.c.sha256 == sha256)).scalar()

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tumble.arrays import Vector, Vectors
 from tumble.calibration.poses import describe_direction, most_telling_poses, norm_rows
 from tumble.calibration.procedure import PROCEDURES
+from tumble.document.result import Calibration
 from tumble.parameters.family import ACCELEROMETER, BETWEEN, GYRO
 from tumble.parameters.measures import Measure, with_uncertainty
 from tumble.report.parameters import ParameterRow
-
-if TYPE_CHECKING:
-    from tumble.document.result import Calibration
-    from tumble.report.subject import Subject
+from tumble.report.subject import Subject
 
 # One axis turned less than this share of the best one is worth a sentence.
 _MUCH_LESS = 0.6

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from tumble.arrays import Vectors
 from tumble.calibration.evidence import ThermalCurves
 from tumble.calibration.magnetometer.estimate import Magnetometer
 from tumble.document.magnetometer_block import FIELD_ALONE
 from tumble.document.part import plain
+from tumble.document.result import Calibration
 from tumble.files.markup import templates
 from tumble.parameters.measures import plain_unit
 from tumble.report.advice import next_steps
@@ -32,10 +32,6 @@ from tumble.report.words import (
     term_words,
     verdict_words,
 )
-
-if TYPE_CHECKING:
-    from tumble.arrays import Vectors
-    from tumble.document.result import Calibration
 
 
 def _field_page(calibration: Calibration, found: Magnetometer, samples: Vectors) -> Page:

@@ -4,20 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from tumble.arrays import AnyArray, Series
+from tumble.document.difference import ParameterChange
+from tumble.document.result import Calibration, ParameterBlock
 from tumble.parameters.family import in_families, parameter_of
 from tumble.parameters.measures import decimals_of, fixed, said_unit, with_uncertainty
 from tumble.report.figures.record import AXIS_COLOURS, BLUE, Axis, Curve, Figure, Look, plain
 from tumble.report.page import Figures, Page, Table, section
 from tumble.report.parameters import ParameterRow, headed_table, rows_of
-
-if TYPE_CHECKING:
-    from tumble.document.difference import ParameterChange
-    from tumble.document.result import Calibration
 
 HEADS = ("parameter", "newest", "change", "a year", "unit")
 _SHOWN = (
@@ -116,8 +114,6 @@ def change_table(
 
 def _rows(calibration: Calibration, changes: Sequence[ParameterChange]) -> list[ParameterRow]:
     """The first values as rows for people; their sigma is the change's, so that both are rounded alike."""
-    from tumble.document.result import ParameterBlock
-
     blocks = [
         ParameterBlock(
             name=change.name,

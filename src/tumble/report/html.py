@@ -13,6 +13,8 @@ from functools import cache
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
+from markupsafe import Markup
+
 from tumble.files.markup import templates
 from tumble.report.figures.on_page import plot
 from tumble.report.page import Cards
@@ -45,8 +47,6 @@ def render_page(page: Page, data: Mapping[str, Any] | None = None, library: str 
     data : documents that it carries as JSON, by the identifiers of their elements.
     library : where the plotting library lies, seen from the page; None puts it into the page.
     """
-    from markupsafe import Markup
-
     printed = any(isinstance(block, Cards) for block in page.blocks)
     figures = [plot(figure) for figure in page.figures]
     carried = {**(data or {}), **({"figures": figures} if figures else {})}
@@ -80,8 +80,6 @@ def _kind(block: Block) -> str:
 
 
 def _scripts(library: str | None) -> list[Any]:
-    from markupsafe import Markup
-
     own = [] if library is not None else [Markup(plotting_library())]
     return [*own, Markup(_resource("page.js"))]
 

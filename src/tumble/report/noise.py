@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from tumble.arrays import Series
+from tumble.noise.channel import Channel
+from tumble.noise.characterisation import Characterisation
 from tumble.noise.triads import triad_terms
 from tumble.noise.units import ACCELEROMETER, GYRO, practical_noise_unit, si_noise_unit
 from tumble.parameters.measures import decimals_of, fixed
 from tumble.records import dataclass
 from tumble.report.figures.record import AXIS_COLOURS, Axis, Band, Curve, Figure, Look, Mark, Points, plain
 from tumble.report.page import Block, Figures, Page, Sentences, Table, aligned, section
-
-if TYPE_CHECKING:
-    from tumble.arrays import Series
-    from tumble.noise.channel import Channel
-    from tumble.noise.characterisation import Characterisation
 
 NAMES = {
     "Q": "quantisation",

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import json
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from tumble.document.part import DocumentPart, finite, part_of, plain, spelled
 from tumble.errors import __version__
+from tumble.noise.channel import Channel, Term
+from tumble.noise.characterisation import Characterisation
+from tumble.noise.deviation import Deviation
+from tumble.noise.fitting.fit import NoiseFit
+from tumble.noise.triads import COLLAPSE, triad_terms
 from tumble.report.noise import (
     CURVE,
     DEFINITIONS,
@@ -19,12 +24,6 @@ from tumble.report.noise import (
     practical_unit,
     si_unit,
 )
-
-if TYPE_CHECKING:
-    from tumble.noise.channel import Channel, Term
-    from tumble.noise.characterisation import Characterisation
-    from tumble.noise.deviation import Deviation
-    from tumble.noise.fitting.fit import NoiseFit
 
 FORMAT: Literal["tumble noise"] = "tumble noise"
 VERSION: Literal[1] = 1
@@ -398,8 +397,6 @@ def _curve(curve: Deviation, unit: str) -> CurveBlock:
 
 
 def _triads(channels: tuple[Channel, ...]) -> dict[str, TriadBlock]:
-    from tumble.noise.triads import COLLAPSE, triad_terms
-
     found: dict[str, TriadBlock] = {}
     for letter, name in (("a", "accelerometer"), ("g", "gyroscope")):
         axes = [channel for channel in channels if channel.name.startswith(letter)]

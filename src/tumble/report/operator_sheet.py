@@ -9,18 +9,15 @@ from __future__ import annotations
 
 import itertools
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrix, Vector
 from tumble.files.markup import templates
+from tumble.protocol import HoldStep, Protocol, SpinStep
 from tumble.report.html import render_page
 from tumble.report.page import Blanks, Card, Cards, Page, Sentences
-
-if TYPE_CHECKING:
-    from tumble.protocol import HoldStep, Protocol, SpinStep
-
 
 # Halves of the box' edges: all different, so that a pose is not taken for another.
 HALVES = np.array([1.0, 0.72, 0.42])
@@ -120,8 +117,6 @@ def render_sheet(protocol: Protocol, title: str) -> str:
     protocol : holds, turns and a table's rotations.
     title : what the poses are, in words.
     """
-    from tumble.protocol import HoldStep, SpinStep
-
     steps = [step for step in protocol.steps if isinstance(step, HoldStep | SpinStep)]
     spins = [step for step in steps if isinstance(step, SpinStep)]
     words = _table_words(protocol, title, spins) if spins else _pose_words(protocol, title)
@@ -130,8 +125,6 @@ def render_sheet(protocol: Protocol, title: str) -> str:
 
 
 def _pose_words(protocol: Protocol, title: str) -> str:
-    from tumble.protocol import HoldStep
-
     turns = [step.duration for step in protocol.steps if not isinstance(step, HoldStep)]
     between = f", about {np.median(turns):.0f} s to turn to the next" if turns else ""
     return (
@@ -141,8 +134,6 @@ def _pose_words(protocol: Protocol, title: str) -> str:
 
 
 def _table_words(protocol: Protocol, title: str, spins: list[SpinStep]) -> str:
-    from tumble.protocol import HoldStep
-
     rests = sum(isinstance(step, HoldStep) for step in protocol.steps)
     return (
         f"{title} {rests} rests and {len(spins)} rotations of the table; "

@@ -10,19 +10,16 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import groupby
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tumble.document.magnetometer_block import FieldParameter
+from tumble.document.result import Calibration, ParameterBlock, TriadBlock
 from tumble.parameters.family import ANGLES, FAMILIES, Family, Parameter, parameter_of, under_headings
 from tumble.parameters.measures import Measure, plain_unit, said, said_unit
 from tumble.records import dataclass
 from tumble.report.page import Table
 from tumble.units import DEGREE, STANDARD_GRAVITY, angular_rate_factor, specific_force_factor, unit_factor
-
-if TYPE_CHECKING:
-    from tumble.document.magnetometer_block import FieldParameter
-    from tumble.document.result import Calibration, ParameterBlock, TriadBlock
 
 # Of a triad's zero in counts: more is the converter's own, and no bias.
 _LARGEST_BIAS = {"accelerometer": 0.5 * STANDARD_GRAVITY, "gyro": 1.0}

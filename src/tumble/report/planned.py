@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
 
 import numpy as np
 
+from tumble.document.result import Calibration
 from tumble.parameters.family import GROUPS
+from tumble.protocol import SpinStep, Step, TurnStep
+from tumble.recording.recording import Recording
 from tumble.report.page import Block, Sentences, Table, section
 from tumble.report.parameters import achieved_beside
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from tumble.document.result import Calibration
-    from tumble.protocol import Step
-    from tumble.recording.recording import Recording
-    from tumble.report.subject import Subject
+from tumble.report.subject import Subject
 
 
 def protocol(subject: Subject) -> list[Block]:
@@ -26,8 +22,6 @@ def protocol(subject: Subject) -> list[Block]:
     ----------
     subject : of the report.
     """
-    from tumble.protocol import TurnStep
-
     told, matching, recording = subject.protocol, subject.matching, subject.recording
     if told is None or matching is None:
         return []
@@ -67,8 +61,6 @@ def _step_words(step: Step) -> str:
     >>> _step_words(HoldStep(5.0, None, "on its back")), _step_words(SpinStep(8.0, -np.pi / 4))
     ('hold: on its back', 'spin: -45°/s about up')
     """
-    from tumble.protocol import SpinStep
-
     if isinstance(step, SpinStep):
         axis = "up" if step.axis_b is None else "(" + ", ".join(f"{v:.3g}" for v in step.axis_b) + ")"
         words = f"{np.degrees(step.rate):.6g}°/s about {axis}"

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 from msgspec import Meta
 
 from tumble.document.part import DocumentPart
+from tumble.document.predictions import Answer, answers, practical
 from tumble.parameters.measures import with_uncertainty
 from tumble.report.page import Block, Sentences, Table, section
-
-if TYPE_CHECKING:
-    from tumble.document.predictions import Answer
-    from tumble.report.subject import Subject
-
+from tumble.report.subject import Subject
 
 FORMAT: Literal["tumble filter states"] = "tumble filter states"
 VERSION: Literal[1] = 1
@@ -107,8 +104,6 @@ def predictions(subject: Subject) -> list[Block]:
     ----------
     subject : of the report.
     """
-    from tumble.document.predictions import answers
-
     calibration = subject.calibration
     told = answers(calibration)
     if not told:
@@ -130,8 +125,6 @@ def cells(answer: Answer, *, with_sheet: bool = False) -> list[str]:
     answer : a prediction.
     with_sheet : put what the data sheet promises third.
     """
-    from tumble.document.predictions import practical
-
     before = "–"
     if answer.before is not None and not math.isfinite(answer.before):
         before = "attitude lost"

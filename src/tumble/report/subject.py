@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import field
 from functools import cached_property
-from typing import TYPE_CHECKING
 
+from tumble.arrays import Vector, Vectors
+from tumble.calibration.estimate import Estimate
 from tumble.calibration.poses import describe_direction
+from tumble.document.result import Calibration
+from tumble.protocol import Protocol
+from tumble.recording.recording import Recording
 from tumble.records import dataclass
 from tumble.report.parameters import ParameterRow, parameter_rows
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from tumble.arrays import Vector, Vectors
-    from tumble.calibration.estimate import Estimate
-    from tumble.document.result import Calibration
-    from tumble.protocol import Protocol
-    from tumble.recording.recording import Recording
-    from tumble.segmentation import HoldMeans, Timeline
-    from tumble.segmentation.matching import Matching
+from tumble.segmentation import HoldMeans, Timeline
+from tumble.segmentation.matching import Matching
 
 
 def pose_words(up: Vector) -> str:

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
+from tumble.calibration.terms import TERMS
+from tumble.document.limits_block import LimitBlock, LimitsBlock
+from tumble.document.result import Calibration, TermBlock
 from tumble.limits.conformity import rule_words
 from tumble.parameters.measures import Measure, amount, said_unit
 from tumble.report.page import Block, Sentences, Table, Verdict, section
-
-if TYPE_CHECKING:
-    from tumble.document.limits_block import LimitBlock, LimitsBlock
-    from tumble.document.result import Calibration, TermBlock
 
 
 def verdict_words(fit: bool) -> str:
@@ -26,8 +24,6 @@ def term_words(name: str, procedure: str = "") -> str:
     ----------
     name, procedure : as the document has them.
     """
-    from tumble.calibration.terms import TERMS
-
     term = TERMS.get(f"gyro_{name}" if procedure == "rate-table" else name)
     return name.replace("_", " ") if term is None else term.words
 

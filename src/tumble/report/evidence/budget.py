@@ -3,27 +3,24 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tumble.calibration.estimate import Beside, Estimate
+from tumble.calibration.evidence import (
+    Budget,
+    Detectable,
+    GlobalTest,
+    ModelChoice,
+    UncertaintyStatement,
+)
 from tumble.calibration.verdict import two_digits
 from tumble.parameters.measures import fixed, with_uncertainty
 from tumble.records import dataclass
 from tumble.report.figures.record import PALETTE, Axis, Bars, Figure, Mark, plain
 from tumble.report.page import Block, Figures, Sentences, Table, section
-
-if TYPE_CHECKING:
-    from tumble.calibration.estimate import Beside, Estimate
-    from tumble.calibration.evidence import (
-        Budget,
-        Detectable,
-        GlobalTest,
-        ModelChoice,
-        UncertaintyStatement,
-    )
-    from tumble.report.parameters import ParameterRow
-    from tumble.report.subject import Subject
+from tumble.report.parameters import ParameterRow
+from tumble.report.subject import Subject
 
 # Shares of the variance below a hundredth of a per cent are not worth a number.
 _NOTHING = 1e-2

@@ -6,21 +6,17 @@ A magnetometer's calibration in a few lines: its parameters with uncertainties, 
 from __future__ import annotations
 
 from itertools import groupby
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tumble.arrays import Series, Vectors
+from tumble.calibration.magnetometer.estimate import Magnetometer
+from tumble.document.magnetometer_block import MagnetometerBlock
 from tumble.parameters.measures import with_uncertainty
 from tumble.report.figures.record import BLUE, GREY, RED, Axis, Curve, Figure, Look, Mark, Points, plain
 from tumble.report.page import Block, Figures, Sentences, Table, section
 from tumble.report.parameters import rows_of
-
-if TYPE_CHECKING:
-    from tumble.calibration.magnetometer.estimate import Magnetometer
-    from tumble.document.magnetometer_block import MagnetometerBlock
-    from tumble.report.subject import Subject
-
+from tumble.report.subject import Subject
 
 MICRO = 1e6
 

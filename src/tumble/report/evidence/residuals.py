@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from tumble.arrays import Series
-from tumble.calibration.evidence import ThermalCurves
+from tumble.attitude import Inverse, integrate_turns
+from tumble.calibration.equations.gathering import gather
+from tumble.calibration.equations.triad_unknowns import BIAS, SCALE, rough_triad
+from tumble.calibration.equations.turn import window_directions
+from tumble.calibration.evidence import Holds, Spins, ThermalCurves, Turns
 from tumble.calibration.verdict import two_digits
+from tumble.recording.recording import Recording
 from tumble.records import dataclass
 from tumble.report.figures import record
 from tumble.report.page import Block, Figures, Sentences, Table, section
+from tumble.report.subject import Subject
+from tumble.segmentation import HoldMeans, Timeline
+from tumble.sensor import ImuModel
 from tumble.units import angular_rate_factor, specific_force_factor
-
-if TYPE_CHECKING:
-    from tumble.calibration.evidence import Holds, Spins, Turns
-    from tumble.recording.recording import Recording
-    from tumble.report.subject import Subject
-    from tumble.segmentation import HoldMeans, Timeline
-    from tumble.sensor import ImuModel
 
 
 def holds(told: Holds, subject: Subject) -> list[Block]:
@@ -252,8 +253,6 @@ def nominal_hold_norms(recording: Recording, means: HoldMeans, gravity: float) -
         return Uncalibrated(
             np.linalg.norm(factor * means.specific_force, axis=1) - gravity, "the raw values in their unit"
         )
-    from tumble.calibration.equations.triad_unknowns import BIAS, SCALE, rough_triad
-
     rough = rough_triad(means.specific_force, gravity)
     corrected = (means.specific_force - rough[BIAS]) / rough[SCALE]
     return Uncalibrated(
@@ -274,10 +273,6 @@ def nominal_turn_angles(
     gyro, force = model.gyroscope, model.accelerometer
     if gyro is None or force is None or recording.angular_rate is None or recording.specific_force is None:
         return None
-    from tumble.attitude import Inverse, integrate_turns
-    from tumble.calibration.equations.gathering import gather
-    from tumble.calibration.equations.turn import window_directions
-
     factor = angular_rate_factor(recording.angular_rate_unit)
     inverse = np.diag(1.0 / np.diag(gyro.matrix)) if factor is None else factor * np.eye(3)
     data = gather(recording, timeline, means)

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from tumble.arrays import Series
+from tumble.calibration.evidence import BiasCurve, ThermalCurves
 from tumble.parameters.measures import said_unit
+from tumble.recording.recording import Recording
 from tumble.report.figures import record
 from tumble.report.page import Block, Figures, Sentences, section
-
-if TYPE_CHECKING:
-    from tumble.arrays import Series
-    from tumble.calibration.evidence import BiasCurve, ThermalCurves
-    from tumble.recording.recording import Recording
-    from tumble.report.subject import Subject
+from tumble.report.subject import Subject
 
 # A state of the hysteresis beyond this is a branch, heating or cooling.
 _BRANCH = 0.5

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
+from tumble.calibration.evidence import TurnOns
+from tumble.document.result import Calibration
+from tumble.document.turn_ons_block import BiasBlock, StableBlock, TurnOnsBlock
 from tumble.parameters.family import OPTIONAL, parameter_of
 from tumble.parameters.measures import fixed, with_uncertainty
 from tumble.report.figures.record import AXIS_COLOURS, GREY, Axis, Figure, Mark, Points, Spans, plain
 from tumble.report.page import Block, Figures, Sentences, Table, section
 from tumble.report.parameters import ParameterRow, parameter_rows
-
-if TYPE_CHECKING:
-    from tumble.calibration.evidence import TurnOns
-    from tumble.document.result import Calibration
-    from tumble.document.turn_ons_block import BiasBlock, StableBlock, TurnOnsBlock
-    from tumble.report.subject import Subject
+from tumble.report.subject import Subject
 
 # More recordings than this do not stand beside each other in a terminal.
 MOST_COLUMNS = 4

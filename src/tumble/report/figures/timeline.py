@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tumble.arrays import Series, Vector, Vectors
+from tumble.calibration.estimate import Estimate
+from tumble.recording.recording import Recording
 from tumble.records import dataclass
 from tumble.report.figures import record
 from tumble.report.page import Block, Figures, Sentences, section
+from tumble.report.subject import Subject
+from tumble.segmentation import Timeline
+from tumble.sensor import Triad
 from tumble.units import angular_rate_factor, specific_force_factor
-
-if TYPE_CHECKING:
-    from tumble.calibration.estimate import Estimate
-    from tumble.recording.recording import Recording
-    from tumble.report.subject import Subject
-    from tumble.segmentation import Timeline
-    from tumble.sensor import Triad
 
 # A bin is about a pixel of a wide screen; each shows its smallest and its largest value.
 BINS = 1000
