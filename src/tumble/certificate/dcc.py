@@ -22,7 +22,7 @@ from tumble.errors import UsageError
 from tumble.files import shown
 from tumble.files.markup import templates
 from tumble.parameters.measures import si_of
-from tumble.units import angular_rate_factor, magnetic_field_factor, specific_force_factor
+from tumble.units import magnetic_field_factor
 
 _FORCE, _RATE = r"\metre\second\tothe{-2}", r"\radian\second\tothe{-1}"
 _KINDS = {
@@ -145,28 +145,24 @@ def entries_in_si(calibration: Calibration) -> tuple[list[str], list[str], np.nd
     """
     order = {name: at for at, name in enumerate(entry_names())}
     values = vector_of_model(calibration.model)
-    names: list[str] = []
     units: list[str] = []
     factors: list[float] = []
-    places: list[int] = []
     rows: list[int] = []
-    raw = calibration.raw_units
-    told = {"accelerometer": (specific_force_factor(raw.specific_force), _FORCE, _PER_FORCE)}
-    told["gyroscope"] = (angular_rate_factor(raw.angular_rate), _RATE, _PER_RATE)
+    force, rate = calibration.raw_units.factors
+    told = {"accelerometer": (force, _FORCE, _PER_FORCE), "gyroscope": (rate, _RATE, _PER_RATE)}
     for row, name in enumerate(calibration.covariance_parameters):
         triad, _, rest = name.partition(".")
         if name not in order or not rest.startswith(("matrix", "bias")):
             continue
         factor, si, per_count = told[triad]
         bias, entry = (_ONE, per_count) if factor is None else (si, _ONE)
-        names.append(name)
         units.append(bias if rest.startswith("bias") else entry)
         factors.append(1.0 if factor is None else factor)
-        places.append(order[name])
         rows.append(row)
+    names = [calibration.covariance_parameters[row] for row in rows]
     scale = np.array(factors)
     covariance = calibration.covariance_matrix[np.ix_(rows, rows)] * np.outer(scale, scale)
-    return names, units, values[places] * scale, covariance
+    return names, units, values[[order[name] for name in names]] * scale, covariance
 
 
 def _entries(calibration: Calibration) -> dict[str, Any] | None:

@@ -14,7 +14,7 @@ from tumble.document.thermal_block import contradiction as thermal_contradiction
 from tumble.errors import TumbleError
 from tumble.files import HIDDEN
 from tumble.sensor import ImuModel
-from tumble.units import angular_rate_factor, magnetic_field_factor, specific_force_factor
+from tumble.units import magnetic_field_factor
 
 if TYPE_CHECKING:
     from tumble.document.result import Calibration
@@ -41,8 +41,7 @@ def contradiction_in(calibration: Calibration) -> str | None:
         ):
             return f"{name}.matrix: it cannot be inverted"
     try:
-        specific_force_factor(calibration.raw_units.specific_force)
-        angular_rate_factor(calibration.raw_units.angular_rate)
+        _ = calibration.raw_units.factors
     except TumbleError as error:
         return f"raw_units: {str(error).rstrip('.')}"
     if calibration.magnetometer is not None and (found := _of_magnetometer(calibration.magnetometer)):

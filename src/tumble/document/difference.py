@@ -28,9 +28,7 @@ from tumble.sensor.gauge import inverse
 from tumble.sensor.propagation import jacobian
 from tumble.units import (
     STANDARD_GRAVITY,
-    angular_rate_factor,
     magnetic_field_factor,
-    specific_force_factor,
 )
 
 Complex = npt.NDArray[Any]
@@ -235,9 +233,9 @@ def _same_frame(
 def _unit_factors(first: Calibration, second: Calibration) -> tuple[float, float]:
     """What the second one's raw numbers are multiplied by to be the first one's."""
     factors: list[float] = []
-    for name, of in (("specific_force", specific_force_factor), ("angular_rate", angular_rate_factor)):
+    both = zip(first.raw_units.factors, second.raw_units.factors, strict=True)
+    for name, (ours, theirs) in zip(("specific_force", "angular_rate"), both, strict=True):
         units = getattr(first.raw_units, name), getattr(second.raw_units, name)
-        ours, theirs = of(units[0]), of(units[1])
         if (ours is None) != (theirs is None):
             raise UsageError(
                 f"One calibration takes {units[0]}, the other {units[1]}: they cannot be compared."

@@ -9,7 +9,6 @@ from tumble.attitude.directions import twenty_six_directions
 from tumble.attitude.rotations import left_jacobian
 from tumble.calibration.free_inertial import (
     CalibratedUnit,
-    Predicted,
     nominal_errors,
     position_from,
     sheet_unit,
@@ -18,7 +17,6 @@ from tumble.document.result import Calibration
 from tumble.errors import CalibrationFileError
 from tumble.records import dataclass
 from tumble.simulation import Grade
-from tumble.units import angular_rate_factor, specific_force_factor
 
 SECONDS = (10.0, 60.0)
 """s of free inertial navigation that a report states."""
@@ -84,10 +82,7 @@ def answers(
         model, tuple(calibration.covariance_parameters), calibration.covariance_matrix, gravity
     )
     sheet = None if grade is None else _sheet(grade, gravity)
-    factors = (
-        specific_force_factor(calibration.raw_units.specific_force),
-        angular_rate_factor(calibration.raw_units.angular_rate),
-    )
+    factors = calibration.raw_units.factors
     made: list[Answer] = []
     if model.accelerometer is not None:
         for t in seconds:
@@ -124,19 +119,19 @@ def _at_rest(
     worst = int(np.argmax(after))
     typical = int(np.argmin(np.abs(after - _rms(after))))
     rows = (
-        (f"{seconds:g} s at rest, rms of 26 poses", typical, _rms),
-        (f"{seconds:g} s at rest, worst pose (up: {_direction(ups[worst])})", worst, None),
+        ("rms of 26 poses", typical, _rms),
+        (f"worst pose (up: {_direction(ups[worst])})", worst, _largest),
     )
     return [
         Answer(
-            question,
+            f"{seconds:g} s at rest, {pose}",
             "position",
-            _rms(after) if mean else float(after[at]),
-            None if before is None else (_rms(before) if mean else float(before.max())),
-            None if by_sheet is None else (_rms(by_sheet) if mean else float(by_sheet.max())),
-            _shares(each[at], ups[at]),
+            of(after),
+            None if before is None else of(before),
+            None if by_sheet is None else of(by_sheet),
+            _sorted(each[at].shares_across(ups[at])),
         )
-        for question, at, mean in rows
+        for pose, at, of in rows
     ]
 
 
@@ -193,12 +188,12 @@ def _unless_lost(angle: float) -> float:
     return float("inf") if angle > LOST else angle
 
 
-def _shares(found: Predicted, up: Vector) -> dict[str, float]:
-    return _sorted(found.shares_across(up))
-
-
 def _sorted(shares: dict[str, float]) -> dict[str, float]:
     return dict(sorted(shares.items(), key=lambda item: -item[1]))
+
+
+def _largest(values: Series) -> float:
+    return float(np.max(values))
 
 
 def _rms(values: Series) -> float:

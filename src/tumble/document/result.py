@@ -37,6 +37,7 @@ from tumble.parameters.measures import Measure, said
 from tumble.sensor import ImuModel, Triad
 from tumble.sensor.thermal import Outside, ThermalModel
 from tumble.sensor.triad import CURVES
+from tumble.units import angular_rate_factor, specific_force_factor
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -104,6 +105,11 @@ class RawUnits(DocumentPart):
 
     specific_force: str
     angular_rate: str
+
+    @property
+    def factors(self) -> tuple[float | None, float | None]:
+        """SI per raw unit of both; None of counts."""
+        return specific_force_factor(self.specific_force), angular_rate_factor(self.angular_rate)
 
 
 class TriadBlock(DocumentPart):

@@ -301,30 +301,28 @@ def scaled(model: ImuModel, scale: Sequence[float]) -> ImuModel:
 
 
 def _scaled_thermal(thermal: ThermalModel, scale: Sequence[float]) -> ThermalModel:
-    def of(name: str) -> float:
-        return scale[0] if name.startswith("acc") else scale[1]
-
-    return replace(
-        thermal,
-        reference=scaled(thermal.reference, scale),
-        coefficients={name: of(name) * values for name, values in thermal.coefficients.items()},
-        rate_coefficients={name: of(name) * values for name, values in thermal.rate_coefficients.items()},
-        hysteresis={name: of(name) * values for name, values in thermal.hysteresis.items()},
-    )
+    groups = {
+        group: {
+            name: scale[not name.startswith("acc")] * values
+            for name, values in getattr(thermal, group).items()
+        }
+        for group in ("coefficients", "rate_coefficients", "hysteresis")
+    }
+    return replace(thermal, reference=scaled(thermal.reference, scale), **groups)
 
 
 def _both_triads(model: ImuModel, units: tuple[str, str], found: list[Loss]) -> ImuModel:
     """A triad that is not calibrated is nominal: one raw unit is one unit."""
-    accelerometer, gyroscope = model.accelerometer, model.gyroscope
-    if accelerometer is None:
-        factor = specific_force_factor(units[0])
-        found.append(Loss("the accelerometers are not calibrated: nominal numbers stand in their place"))
-        accelerometer = Triad(np.eye(3) / (factor or 1.0), np.zeros(3))
-    if gyroscope is None:
-        factor = angular_rate_factor(units[1])
-        found.append(Loss("the gyros are not calibrated: nominal numbers stand in their place"))
-        gyroscope = Triad(np.eye(3) / (factor or 1.0), np.zeros(3))
-    return ImuModel(accelerometer, gyroscope, model.g_sensitivity)
+
+    def nominal(name: str, factor: float | None) -> Triad:
+        found.append(Loss(f"the {name} are not calibrated: nominal numbers stand in their place"))
+        return Triad(np.eye(3) / (factor or 1.0), np.zeros(3))
+
+    return ImuModel(
+        model.accelerometer or nominal("accelerometers", specific_force_factor(units[0])),
+        model.gyroscope or nominal("gyros", angular_rate_factor(units[1])),
+        model.g_sensitivity,
+    )
 
 
 def _in_frame(

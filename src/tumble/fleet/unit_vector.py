@@ -12,7 +12,6 @@ from tumble.document.result import Calibration
 from tumble.errors import TumbleError
 from tumble.records import dataclass
 from tumble.sensor import FRAMES
-from tumble.units import angular_rate_factor, specific_force_factor
 
 FRAME = "accelerometer-x"
 """In which units are compared: calibrations in other gauges are turned to it."""
@@ -76,16 +75,9 @@ def unit_vector(calibration: Calibration) -> UnitVector | None:
     except TumbleError:
         return None
     labels, values, spread = parameter_vector(calibration.model, covariance, calibration.raw_units)
-    raw = {
-        calibration.raw_units.specific_force: (
-            specific_force_factor(calibration.raw_units.specific_force),
-            "m/s^2",
-        ),
-        calibration.raw_units.angular_rate: (
-            angular_rate_factor(calibration.raw_units.angular_rate),
-            "rad/s",
-        ),
-    }
+    given = calibration.raw_units
+    si = zip(given.factors, ("m/s^2", "rad/s"), strict=True)
+    raw = dict(zip((given.specific_force, given.angular_rate), si, strict=True))
     told = np.flatnonzero(np.diag(spread) > HELD * (1e-12 + values**2))
     scale = np.array([(raw.get(unit, (1.0, ""))[0] or 1.0) for _, unit in labels])[told]
     units = [raw[unit][1] if unit in raw and raw[unit][0] is not None else unit for _, unit in labels]

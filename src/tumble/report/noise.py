@@ -99,14 +99,10 @@ def _table(channels: tuple[Channel, ...]) -> Table:
     looks: dict[int, str] = {}
     for channel in channels:
         for k, row in enumerate(noise_rows(channel)):
-            look = [*(["first"] if k == 0 else []), *([] if row.seen else ["unseen"])]
-            looks[len(cells)] = " ".join(look)
-            cells.append([channel.name if k == 0 else "", _term(row), row.practical, row.si])
+            looks[len(cells)] = f"{'' if k else 'first'} {'' if row.seen else 'unseen'}".strip()
+            term = f"{row.name} ({row.letter})" if len(row.letter) == 1 else row.name
+            cells.append(["" if k else channel.name, term, row.practical, row.si])
     return Table(("", "term", "± standard uncertainty", "SI"), cells, looks)
-
-
-def _term(row: NoiseRow) -> str:
-    return f"{row.name} ({row.letter})" if len(row.letter) == 1 else row.name
 
 
 def _figures(noise: Characterisation) -> list[Block]:
@@ -309,25 +305,19 @@ def curve_lines(channels: tuple[Channel, ...]) -> list[str]:
     channels : with their curves at the same averaging times.
     """
     curve = channels[0].curve
-    chosen = _thinned(curve.tau)
     units = [practical_unit(c, "B") for c in channels]
     heads = ["τ, s", *(f"{c.name}, {unit}" for c, (_, unit) in zip(channels, units, strict=True))]
     rows = [[*heads, f"{100.0 * curve.confidence:.0f} % interval"]]
-    for k in chosen:
-        cells = [
-            f"{factor * float(c.curve.deviation[k, 0]):.4g}"
-            for c, (factor, _) in zip(channels, units, strict=True)
-        ]
-        low, high = (
-            max(abs(float(side[k, 0] / c.curve.deviation[k, 0]) - 1.0) for c, side in sides)
-            for sides in ([(c, c.curve.low) for c in channels], [(c, c.curve.high) for c in channels])
-        )
-        known = (
-            f"−{100.0 * low:.2g} % +{100.0 * high:.2g} %"
-            if high < 1.0
-            else f"−{100.0 * low:.2g} % × {1.0 + high:.2g}"
-        )
-        rows.append([f"{curve.tau[k]:.4g}", *cells, known])
+    low, high, deviation = (
+        np.column_stack([getattr(c.curve, side)[:, 0] for c in channels])
+        for side in ("low", "high", "deviation")
+    )
+    below, above = (np.max(np.abs(side / deviation - 1.0), axis=1) for side in (low, high))
+    shown = deviation * [factor for factor, _ in units]
+    for k in _thinned(curve.tau):
+        up = f"+{100.0 * above[k]:.2g} %" if above[k] < 1.0 else f"× {1.0 + above[k]:.2g}"
+        cells = [f"{size:.4g}" for size in shown[k]]
+        rows.append([f"{curve.tau[k]:.4g}", *cells, f"−{100.0 * below[k]:.2g} % {up}"])
     return aligned(rows)
 
 

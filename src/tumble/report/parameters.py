@@ -19,7 +19,7 @@ from tumble.parameters.family import ANGLES, FAMILIES, Family, Parameter, parame
 from tumble.parameters.measures import Measure, plain_unit, said, said_unit
 from tumble.records import dataclass
 from tumble.report.page import Table
-from tumble.units import DEGREE, STANDARD_GRAVITY, angular_rate_factor, specific_force_factor, unit_factor
+from tumble.units import DEGREE, STANDARD_GRAVITY, unit_factor
 
 # Of a triad's zero in counts: more is the converter's own, and no bias.
 _LARGEST_BIAS = {"accelerometer": 0.5 * STANDARD_GRAVITY, "gyro": 1.0}
@@ -197,8 +197,7 @@ def _in_si(
 
 def _si_per_raw(calibration: Calibration, *, force: bool) -> np.ndarray | None:
     """Return (3,) SI per raw unit, by the unit's name or by the triad's own scale factors."""
-    units = calibration.raw_units
-    factor = specific_force_factor(units.specific_force) if force else angular_rate_factor(units.angular_rate)
+    factor = calibration.raw_units.factors[not force]
     if factor is not None:
         return np.full(3, factor)
     block: TriadBlock | None = calibration.accelerometer if force else calibration.gyroscope

@@ -194,17 +194,12 @@ def _reliability_sentences(told: UncertaintyStatement, rows: list[ParameterRow])
     said: list[str] = []
     for found in sorted(told.detectable, key=lambda d: -d.effect)[:_MOST_SAID]:
         words, factor, unit = _KINDS[found.kind]
-        unit = unit if unit == "°" else f" {unit}"
         parameter = f"{rows[found.parameter].group}: {rows[found.parameter].label}"
-        if not math.isfinite(found.effect):
-            said.append(
-                f"An error of any size of the {words} {found.index + 1} would go unnoticed ({parameter})."
-            )
-            continue
-        said.append(
-            f"An error of {two_digits(factor * found.size)}{unit} of the {words} {found.index + 1} would go "
-            f"unnoticed, and would move {parameter} by {two_digits(found.effect)} of its standard uncertainties."
-        )
+        size, end = "any size", f" ({parameter})"
+        if math.isfinite(found.effect):
+            size = f"{two_digits(factor * found.size)}{unit if unit == '°' else f' {unit}'}"
+            end = f", and would move {parameter} by {two_digits(found.effect)} of its standard uncertainties"
+        said.append(f"An error of {size} of the {words} {found.index + 1} would go unnoticed{end}.")
     return said
 
 

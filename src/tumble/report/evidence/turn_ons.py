@@ -97,10 +97,6 @@ def _recordings(told: TurnOnsBlock) -> list[list[str]]:
 def _bias_cells(bias: BiasBlock, row: ParameterRow) -> list[str]:
     """Cells in the unit that readers compare, one for all recordings."""
     factor, unit = _practical(row)
-    each = [
-        "" if value is None or sigma is None else with_uncertainty(factor * value, factor * sigma)
-        for value, sigma in zip(bias.values, bias.sigmas, strict=True)
-    ]
     scatter = with_uncertainty(factor * bias.scatter, factor * bias.scatter_sigma)
     following = with_uncertainty(factor * bias.mean, factor * bias.next_sigma)
     return [
@@ -108,7 +104,15 @@ def _bias_cells(bias: BiasBlock, row: ParameterRow) -> list[str]:
         following,
         scatter,
         f"{factor * bias.measurement:.2g}",
-        *each,
+        *_each(bias, factor),
+    ]
+
+
+def _each(one: BiasBlock | StableBlock, factor: float) -> list[str]:
+    """What each recording has, empty where it has none."""
+    return [
+        "" if value is None or sigma is None else with_uncertainty(factor * value, abs(factor) * sigma)
+        for value, sigma in zip(one.values, one.sigmas, strict=True)
     ]
 
 
@@ -119,10 +123,6 @@ def _practical(row: ParameterRow) -> tuple[float, str]:
 
 def _stable_cells(one: StableBlock, row: ParameterRow) -> list[str]:
     factor = row.shown.value / one.value if one.value else 1.0
-    each = [
-        "" if value is None or sigma is None else with_uncertainty(factor * value, abs(factor) * sigma)
-        for value, sigma in zip(one.values, one.sigmas, strict=True)
-    ]
     words = "" if one.agrees else f": not stable, uncertainty × {fixed(one.enlarged, 1)}"
     if one.degrees < 1:
         words = ": determined by one recording only"
@@ -131,7 +131,7 @@ def _stable_cells(one: StableBlock, row: ParameterRow) -> list[str]:
         f"{row.label if row.group == OPTIONAL else f'{row.group.lower()} {row.label}'}{unit}",
         f"{one.chi_square:.1f} of {one.degrees}",
         f"{one.probability:.2g}{words}",
-        *each,
+        *_each(one, factor),
     ]
 
 
