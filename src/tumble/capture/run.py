@@ -25,6 +25,7 @@ from tumble.errors import (
     UsageError,
 )
 from tumble.files import GrowingFile, write_text
+from tumble.parameters.measures import plain_unit
 from tumble.protocol.library import REST
 from tumble.recording.samples import Samples, joined
 from tumble.recording.stamps import NOMINAL
@@ -398,10 +399,13 @@ def _guide_of(order: CaptureOrder) -> Coach | None:
 
 
 def _channel_words(channels: Channels) -> str:
-    force = "no accelerometer" if channels.specific_force_unit is None else (
-        f"accelerometer in {channels.specific_force_unit}"
-    )  # fmt: skip
-    rate = "no gyro" if channels.angular_rate_unit is None else f"gyro in {channels.angular_rate_unit}"
+    force, rate = (
+        f"no {name}" if unit is None else f"{name} in {plain_unit(unit)}"
+        for name, unit in (
+            ("accelerometer", channels.specific_force_unit),
+            ("gyro", channels.angular_rate_unit),
+        )
+    )
     return f"Samples come at {channels.rate:.4g} Hz: {force}, {rate}. Put the unit down for a moment."
 
 

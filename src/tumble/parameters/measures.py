@@ -40,6 +40,7 @@ _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _MOST_DECIMALS = 6
 _LARGEST_ROUNDED = 1e6
 _DIGITS = 2
+_SIGNS = {"^2": "²", "deg": "°", "uT": "µT", "ugauss": "µgauss", "(local field)": "local field"}
 _LENGTHS = {"m": 1.0, "mm": 1e-3}
 
 
@@ -161,15 +162,12 @@ def si_of(unit: str) -> tuple[str, float]:
 
 
 def plain_unit(unit: str) -> str:
-    """Return a unit as people write it: m/s² for m/s^2, µT for uT, nothing for 1."""
+    """Return a unit as people write it: m/s² for m/s^2, °/s for deg/s, µT for uT, nothing for 1."""
     if unit == "1":
         return ""
-    return (
-        unit.replace("^2", "²")
-        .replace("uT", "µT")
-        .replace("ugauss", "µgauss")
-        .replace("(local field)", "local field")
-    )
+    for written, said in _SIGNS.items():
+        unit = unit.replace(written, said)
+    return unit
 
 
 def decimals_of(sigma: float) -> int:

@@ -133,7 +133,7 @@ def _facts(subject: Subject) -> list[tuple[str, str]]:
     samples = (
         f"{len(recording)} at {recording.rate:g} Hz, {recording.duration:.0f} s; "
         f"specific force in {plain_unit(calibration.raw_units.specific_force)}, "
-        f"angular rate in {calibration.raw_units.angular_rate}"
+        f"angular rate in {plain_unit(calibration.raw_units.angular_rate)}"
         + ("" if recording.angular_rate is not None else " (none recorded)")
     )
     celsius = calibration.temperature_celsius

@@ -158,7 +158,7 @@ def _measures(
 
 def _in_degrees(measures: Sequence[Measure]) -> list[Measure]:
     small = max(max(abs(m.value), m.sigma) for m in measures) < 1e-4
-    factor, unit = (3600.0 / DEGREE, "arcsec") if small else (1.0 / DEGREE, "deg")
+    factor, unit = (3600.0 / DEGREE, "″") if small else (1.0 / DEGREE, "°")
     return [m.times(factor, unit) for m in measures]
 
 

@@ -194,7 +194,7 @@ def _holds(told: Magnetometer) -> tuple[list[Figure], str] | None:
         Curve(ends, plain([factor * told.norm] * 2), colour=GREY, **level),
         Curve(ends, plain([dip] * 2), colour=GREY, panel=1, **level),
     ]
-    panels = [Axis(f"norm / {unit}", share=(0.55, 1.0)), Axis("dip / deg", share=(0.0, 0.45))]
+    panels = [Axis(f"norm / {unit}", share=(0.55, 1.0)), Axis("dip / °", share=(0.0, 0.45))]
     caption = (
         "The corrected field in each hold: norm and dip should be the same in all of them (lines). What differs from "
         f"hold to hold beyond noise is {100 * told.scatter:.2g} % of the norm, one sigma; holds in red take no part."
