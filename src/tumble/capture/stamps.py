@@ -52,12 +52,8 @@ class ForwardClock:
             assert before is not None
             jumps.append((before, float(time[place])))
             self._move(time, place, before + AFTER_A_JUMP)
-        ahead = (
-            time
-            > np.maximum.accumulate(np.concatenate([[-np.inf if self._last is None else self._last], time]))[
-                :-1
-            ]
-        )
+        last = -np.inf if self._last is None else self._last
+        ahead = time > np.maximum.accumulate(np.concatenate([[last], time]))[:-1]
         if not ahead.all():
             samples, time = samples.cut(ahead), time[ahead]
         if len(time):

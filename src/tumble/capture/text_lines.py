@@ -147,9 +147,8 @@ class Rows:
         shape: Shape = len(values) if names is None else names
         if self._shape is not None and shape != self._shape:
             # Names that were said later, or not said again, are those of as many numbers.
-            if isinstance(shape, tuple) == isinstance(self._shape, tuple) or len(values) != _width(
-                self._shape
-            ):
+            named, width = isinstance(shape, tuple), _width(self._shape)
+            if named == isinstance(self._shape, tuple) or len(values) != width:
                 return False
             shape = self._shape
         self._waiting.append((shape, values))

@@ -125,7 +125,8 @@ def certificate_content(
     """
     if language not in LANGUAGES:
         raise UsageError(f"--language {language}: there are {', '.join(LANGUAGES)}.")
-    words, field_block = phrases(language), calibration.magnetometer
+    words, laboratory, field_block = phrases(language), profile.laboratory, calibration.magnetometer
+    against = [] if field_block is None else field_block.reasons_against
     text = calibration.to_json() if text is None else text
     comma = language in DECIMAL_COMMA
     return CertificateContent(
@@ -139,18 +140,12 @@ def certificate_content(
         groups=_results(calibration, language, comma=comma),
         conformity=_conformity(calibration, words, language, comma=comma),
         notes=_notes(calibration, words),
-        laboratory=[
-            profile.laboratory.name,
-            *filter(None, (profile.laboratory.address, profile.laboratory.contact)),
-        ],
+        laboratory=[laboratory.name, *filter(None, (laboratory.address, laboratory.contact))],
         statement=profile.statement,
         authorised=profile.authorised_by,
         frame=calibration.frame.description,
         model=_model(calibration, words),
-        not_determined=[
-            *calibration.not_determined,
-            *([] if field_block is None else field_block.reasons_against),
-        ],
+        not_determined=[*calibration.not_determined, *against],
     )
 
 
@@ -161,21 +156,16 @@ def _facts(
     known = 2.0 * site.gravity_standard_uncertainty
     digits = max(decimals_of(known), 5) if known > 0.0 else 5
     gravity = _number(site.gravity, digits, comma=comma)
-    gravity = (
-        f"({gravity} ± {_number(known, digits, comma=comma)}) m/s² (k = 2)"
-        if known > 0.0
-        else f"{gravity} m/s²"
-    )
+    spread = f"({gravity} ± {_number(known, digits, comma=comma)}) m/s² (k = 2)"
+    gravity = spread if known > 0.0 else f"{gravity} m/s²"
     celsius = calibration.temperature_celsius
     conditions, noted = dict(profile.conditions), dict(calibration.notes)
     where = noted.pop("place", "")
     temperature = "" if celsius is None else f"{_number(celsius, 1, comma=comma)} °C"
     serial = item.serial_number or calibration.imu.serial_number or "–"
+    whom = "" if customer is None else ", ".join(filter(None, (customer.name, customer.address)))
     parts = [
-        (
-            words["customer"],
-            "" if customer is None else ", ".join(filter(None, (customer.name, customer.address))),
-        ),
+        (words["customer"], whom),
         (words["item"], words["item_kind"]),
         (words["manufacturer"], item.manufacturer),
         (words["model"], item.model or calibration.imu.model or "–"),

@@ -183,12 +183,10 @@ def _px4_curve(
     values: dict[str, float], path: Path, kind: str, number: str, triad: Triad, remarks: list[str]
 ) -> Curve | None:
     """Return a sensor's bias over temperature: what TC holds about TREF, and the offset beside it."""
-    letter, calibrated = (
-        ("A", f"CAL_ACC{number}_ID") if kind == "accelerometer" else ("G", f"CAL_GYRO{number}_ID")
-    )
+    letter, short = ("A", "ACC") if kind == "accelerometer" else ("G", "GYRO")
     if not values.get(f"TC_{letter}_ENABLE"):
         return None
-    own = values.get(calibrated)
+    own = values.get(f"CAL_{short}{number}_ID")
     known = [n for n in "0123" if own and values.get(f"TC_{letter}{n}_ID") == own]
     n = known[0] if known else number
     if not known and own and values.get(f"TC_{letter}{n}_ID"):

@@ -99,9 +99,7 @@ def _comparable(calibrations: Sequence[Calibration]) -> list[Calibration]:
         for one in calibrations
         if one.frame.name in FRAMES and one.covariance_parameters
     ]
-    kinds = [
-        (str(one.raw_units), one.gyroscope is not None and one.gyroscope.matrix is not None) for one in chosen
-    ]
+    kinds = [(str(one.raw_units), bool(one.gyroscope and one.gyroscope.matrix)) for one in chosen]
     usual = max(Counter(kinds).items(), key=lambda item: item[1], default=(None, 0))[0]
     chosen = [one for one, kind in zip(chosen, kinds, strict=True) if kind == usual]
     if len(chosen) < FEWEST:

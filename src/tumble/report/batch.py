@@ -33,12 +33,9 @@ def batch_page(batch: Batch) -> Page:
         ("Units", str(total)),
         ("Accepted", f"{batch.accepted} ({100 * batch.accepted / total:.1f} %)"),
         ("Verdicts", ", ".join(f"{count} {name}" for name, count in verdicts.most_common())),
-        *(
-            [("Limits", ", ".join(f"{count} {name}" for name, count in limits.most_common()))]
-            if limits
-            else []
-        ),
     ]
+    if limits:
+        facts.append(("Limits", ", ".join(f"{count} {name}" for name, count in limits.most_common())))
     blocks: list[Block] = [Facts(facts)]
     if batch.shared or batch.remarks:
         blocks.append(Sentences([*batch.shared, *batch.remarks]))

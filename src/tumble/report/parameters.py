@@ -187,10 +187,8 @@ def _in_si(
     per_raw = _si_per_raw(calibration, force=force)
     if per_raw is None:
         return None
-    unit, power = (
-        family.unit.format(raw="m/s^2" if force else "rad/s"),
-        -1.0 if family.kind == "quadratic" else 1.0,
-    )
+    unit = family.unit.format(raw="m/s^2" if force else "rad/s")
+    power = -1.0 if family.kind == "quadratic" else 1.0
     axes = [parameter_of(p.name).axis for p in members]
     return [m.times(float(per_raw[axis]) ** power, unit) for m, axis in zip(raw, axes, strict=True)]
 

@@ -125,24 +125,23 @@ def cells(answer: Answer, *, with_sheet: bool = False) -> list[str]:
     answer : a prediction.
     with_sheet : put what the data sheet promises third.
     """
-    before = "–"
-    if answer.before is not None and not math.isfinite(answer.before):
-        before = "attitude lost"
-    elif answer.before is not None:
-        factor, unit = practical(answer.kind, answer.before)
-        scale = factor / answer.before if answer.before > 0.0 else 1.0
-        before = f"{with_uncertainty(factor, scale * answer.after)}{_spaced(unit)}"
-    value, unit = practical(answer.kind, answer.after)
-    made = [answer.question, before, f"{with_uncertainty(0.0, value)}{_spaced(unit)}", _causes(answer)]
-    if with_sheet:
-        sheet = "–"
-        if answer.sheet is not None and not math.isfinite(answer.sheet):
-            sheet = "attitude lost"
-        elif answer.sheet is not None:
-            promised, of = practical(answer.kind, answer.sheet)
-            sheet = f"{with_uncertainty(0.0, promised)}{_spaced(of)}"
-        made.insert(2, sheet)
-    return made
+    sheet = [_about_zero(answer.kind, answer.sheet)] if with_sheet else []
+    return [answer.question, _before(answer), *sheet, _about_zero(answer.kind, answer.after), _causes(answer)]
+
+
+def _about_zero(kind: str, error: float | None) -> str:
+    if error is None or not math.isfinite(error):
+        return "–" if error is None else "attitude lost"
+    value, unit = practical(kind, error)
+    return f"{with_uncertainty(0.0, value)}{_spaced(unit)}"
+
+
+def _before(answer: Answer) -> str:
+    if answer.before is None or not math.isfinite(answer.before):
+        return _about_zero(answer.kind, answer.before)
+    value, unit = practical(answer.kind, answer.before)
+    scale = value / answer.before if answer.before > 0.0 else 1.0
+    return f"{with_uncertainty(value, scale * answer.after)}{_spaced(unit)}"
 
 
 def _spaced(unit: str) -> str:

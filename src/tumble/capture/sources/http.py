@@ -18,7 +18,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any, cast
 
 from tumble.capture.link import Line, source_of_lines
-from tumble.capture.sources.streams import port_here, split_address
+from tumble.capture.sources.streams import source_at_port, split_address
 from tumble.errors import UsageError
 
 # s to wait for an answer; bytes of a posted document, and how many wait to be read.
@@ -159,10 +159,5 @@ class _Posted:
 
 SOURCES = (
     source_of_lines("phyphox", "a phone with the app phyphox", "phyphox:HOST:8080", _phyphox),
-    source_of_lines(
-        "http",
-        "lines or JSON that are posted to a port here",
-        "http:PORT",
-        partial(port_here, _Posted, "Port"),
-    ),
+    source_at_port("http", "lines or JSON that are posted to a port here", _Posted, "Port"),
 )

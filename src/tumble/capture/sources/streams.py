@@ -12,6 +12,7 @@ from pathlib import Path
 from select import select
 
 from tumble.capture.link import Line, Link, source_of_lines
+from tumble.capture.source import Source
 from tumble.errors import UsageError
 
 _MOST = 1 << 16
@@ -98,6 +99,17 @@ def port_here(listen: Callable[[str, int], Link], name: str, address: str) -> Li
     return connect, f"{name} {port}"
 
 
+def source_at_port(name: str, title: str, listen: Callable[[str, int], Link], called: str) -> Source:
+    """Return a source of what is sent to a port of this machine.
+
+    Parameters
+    ----------
+    name, title : of the source.
+    listen, called : see `port_here`.
+    """
+    return source_of_lines(name, title, f"{name}:PORT", partial(port_here, listen, called))
+
+
 def _packets(host: str, port: int) -> Link:
     own = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
@@ -154,12 +166,7 @@ def _follow(address: str) -> Line:
 
 SOURCES = (
     source_of_lines("tcp", "a TCP server that sends lines", "tcp:HOST:PORT", _tcp),
-    source_of_lines(
-        "udp",
-        "packets that are sent to a UDP port here",
-        "udp:PORT",
-        partial(port_here, _packets, "UDP port"),
-    ),
+    source_at_port("udp", "packets that are sent to a UDP port here", _packets, "UDP port"),
     source_of_lines("stdin", "standard input (or -)", "-", lambda _: (_Input, "standard input")),
     source_of_lines("follow", "a file that grows", "follow:FILE", _follow),
 )
