@@ -219,7 +219,7 @@ def add_remarks(
     """Say what was wrong with the sensors, and what a user who meant a whole calibration does not get."""
     recording, turns = session.recording, session.timeline.turns
     say_of_recording(estimate, session, without_holds)
-    estimate.say("remark", *_of_hidden_jumps(session, estimate))
+    estimate.say("remark", *filter(None, [_of_hidden_jumps(session, estimate)]))
     if procedure is None and session.protocol is not None:
         return
     lost = [turn for turn in turns if not turn.usable]
@@ -234,21 +234,20 @@ def add_remarks(
         say_of_turns(estimate, turns, reason)
 
 
-def _of_hidden_jumps(session: Session, estimate: Estimate) -> list[str]:
+def _of_hidden_jumps(session: Session, estimate: Estimate) -> str:
     """What is said of an order of poses in which a jump of the accelerometers' biases would not be seen."""
     from tumble.calibration.checks.bias_course import hidden_jumps
 
     triad, means = estimate.model.accelerometer, session.means
     if triad is None or means.specific_force is None or estimate.thermal is not None:
-        return []
+        return ""
     force = triad.correct(means.specific_force)
     hidden = hidden_jumps(force / np.linalg.norm(force, axis=1, keepdims=True))
     if not hidden:
-        return []
+        return ""
     when = f"between hold {hidden[0] + 1} and hold {hidden[0] + 2}"
-    said = (
+    return (
         f"Had the accelerometers' biases jumped {when}, scale factors and angles would explain it, and nothing would "
         "show it: the opposite of each face before is held after it. Take each axis up and down in turn, or the first "
         "face once more at the end."
     )
-    return [said]

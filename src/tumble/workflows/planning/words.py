@@ -132,12 +132,8 @@ def describe_plan(done: Planned) -> list[str]:
     ----------
     done : a plan with everything found.
     """
-    return [
-        *_about_weak(done),
-        *_about_steps(done.worths),
-        *_about_hands(done.plan.foretold),
-        *([] if done.search is None else _about_wander(done.search)),
-    ]
+    single = (_about_hands(done.plan.foretold), "" if done.search is None else _about_wander(done.search))
+    return [*_about_weak(done), *_about_steps(done.worths), *filter(None, single)]
 
 
 def _about_weak(done: Planned) -> list[str]:
@@ -181,35 +177,33 @@ def _about_steps(worths: list[StepWorth]) -> list[str]:
     return words
 
 
-def _about_hands(foretold: list[Foretold]) -> list[str]:
+def _about_hands(foretold: list[Foretold]) -> str:
     worst = max((one for one in foretold if one.told), key=lambda one: one.spread, default=None)
     if worst is None or worst.spread < DIFFERS:
-        return []
-    words = (
+        return ""
+    return (
         "Hands do it differently each time: of several performances the best and the worst differ by "
         f"{worst.spread:.2g} times in {worst.name}. The prediction is their root mean square."
     )
-    return [words]
 
 
-def _about_wander(search: PoseSearch) -> list[str]:
+def _about_wander(search: PoseSearch) -> str:
     from tumble.calibration.verdict import two_digits
     from tumble.design.hold_noise import wander_sigma, white_density
 
     task, plan = search.task, search.plan
     if not task.noise.wanders:
-        return []
+        return ""
     dwell = float(np.median(plan.dwells))
     wander = wander_sigma(task.noise, dwell, plan.duration)
     white = white_density(task.noise, task.rate) / math.sqrt(dwell)
     share = 100.0 * wander**2 / (wander**2 + white**2)
     more = " Longer holds would not help: more poses do." if share > 50.0 else ""
-    words = (
+    return (
         f"The biases wander by {two_digits(wander / MICRO_G)} µg from hold to hold, the white noise of a hold is "
         f"{two_digits(white / MICRO_G)} µg. Wander is {share:.0f} % of the variance. The order of the poses lessens "
         f"it: keep it.{more}"
     )
-    return [words]
 
 
 def next_words(done: Planned) -> list[str]:
