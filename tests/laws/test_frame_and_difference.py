@@ -194,7 +194,7 @@ def test_one_clock_that_both_assume_is_counted_in_no_difference() -> None:
 
 def test_a_plan_takes_what_is_known_from_a_calibration_in_a_fixture() -> None:
     """What a fixture's axes add is no matter of the thirty parameters: the accelerometers' own frame has the same."""
-    from tumble.workflows.planning.searching import information_of
+    from tumble.workflows.planning.plan import information_of
 
     known = [
         information_of(one).matrix for one in (document(MODEL), turned_to(document(MODEL), "accelerometer-x"))

@@ -30,8 +30,7 @@ def plan_command(asked: PlanRequest, site: SiteOptions, printed: LongPrintOption
 
     All numbers are one sigma.
     """
-    from tumble.workflows.planning.plan import plan
-    from tumble.workflows.planning.searching import DEFAULTS
+    from tumble.workflows.planning.plan import DEFAULTS, plan
 
     other, what = ("poses", "minutes", "hold", "turn"), "a protocol as it is"
     if asked.asked in DEFAULTS:

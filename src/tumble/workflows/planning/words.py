@@ -14,8 +14,7 @@ from tumble.units import MICRO_G
 
 if TYPE_CHECKING:
     from tumble.design.pose_plan import PosePlan
-    from tumble.workflows.planning.plan import Planned
-    from tumble.workflows.planning.searching import PoseSearch
+    from tumble.workflows.planning.plan import Planned, PoseSearch
 
 # Shares of one, rad: what norms of holds leave so uncertain they do not determine.
 OPEN = 0.3
