@@ -21,8 +21,7 @@ from typing import Any, cast
 
 from msgspec.structs import replace
 
-from tumble.document.limits_block import Decision, LimitBlock, LimitsBlock, Rule
-from tumble.document.result import Calibration, ParameterBlock
+from tumble.document.result import Calibration, Decision, LimitBlock, LimitsBlock, ParameterBlock, Rule
 from tumble.errors import UsageError
 from tumble.files import number_of, opened, read_yaml, reading
 from tumble.parameters.family import FAMILIES, is_known, parameter_of

@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 
 from tumble.calibration.terms import TERMS
-from tumble.document.limits_block import LimitBlock, LimitsBlock
-from tumble.document.result import Calibration, TermBlock
+from tumble.document.result import Calibration, LimitBlock, LimitsBlock, TermBlock
 from tumble.limits.conformity import rule_words
 from tumble.parameters.measures import Measure, amount, said_unit
 from tumble.report.page import Block, Sentences, Table, Verdict, section
