@@ -67,7 +67,7 @@ def small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
     """Blocks of 7001 rows or 200 kB, so that a small file has many."""
     from tumble.recording.formats import arrays, frames, text
 
-    for read in (arrays.read_npy_blocks, frames.read_table_blocks):
+    for read in (arrays.read_npy, frames.read_tables):
         monkeypatch.setattr(read, "__defaults__", (7001,))
     monkeypatch.setattr(text, "_CHUNK", 200_000)
 

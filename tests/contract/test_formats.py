@@ -320,7 +320,7 @@ def test_a_zip_archive_of_something_else_is_refused(tmp_path: Path) -> None:
 
 def test_parquet_is_read_slice_by_slice(tmp_path: Path) -> None:
     write_parquet(tmp_path / "a.parquet", example())
-    tables = list(frames.read_table_blocks(tmp_path / "a.parquet", rows=500))
+    tables = list(frames.read_tables(tmp_path / "a.parquet", rows=500))
     assert [len(t) for t in tables] == [500, 500, 200]
     assert tables[2].place(0) == "row 1001"
     assert sum(len(t) for t in read_table_blocks(tmp_path / "a.parquet")) == 1200

@@ -20,7 +20,7 @@ from tumble.recording.formats.lines import COMMENTS, LONGEST_LINE, Row, row_of, 
 from tumble.recording.formats.table import RawTable
 from tumble.recording.formats.text_layout import names_of_sentence
 from tumble.recording.interpretation import Interpretation, choose_columns, interpret
-from tumble.recording.recording import Remark, Source
+from tumble.recording.recording import Remark
 from tumble.recording.samples import Samples
 from tumble.recording.units import DeclaredUnits, read_units_option
 from tumble.units import COUNTS, time_factor
@@ -216,7 +216,7 @@ class Rows:
             plan = replace(plan, time=len(table.columns) - 1, time_unit="s")
             # Stamps of arrival are as late as the line is: the rate is checked later, over two seconds.
             rate = None
-        decided, _ = interpret(table, plan, units, rate, (table.source,), remarks)
+        decided, _ = interpret(table, plan, units, rate, (), remarks)
         self._plan = plan
         decided = _without_guesses(decided, units)
         channels = Channels(
@@ -244,7 +244,7 @@ class Rows:
         self._arrivals = [at for _, at in rows]
         columns = list(np.array([values for values, _ in rows], dtype=float).T)
         names = self._shape if isinstance(self._shape, tuple) else None
-        return RawTable(Path(self._name), names, columns, Source(self._name, ""))
+        return RawTable(Path(self._name), names, columns)
 
     def _arrival_stamps(self) -> Series:
         """Stamps of rows that bring none, batch by batch as they arrived."""

@@ -27,7 +27,7 @@ from tumble.recording.columns import (
     triad_alone,
 )
 from tumble.recording.formats import read_table, read_table_blocks, source_of
-from tumble.recording.formats.frames import Frame, frame_table, input_name
+from tumble.recording.formats.frames import Frame, frame_source, frame_table, input_name
 from tumble.recording.formats.table import RawTable, joined_tables
 from tumble.recording.interpretation import (
     BlockState,
@@ -170,7 +170,7 @@ def read_recording(
     listed = recording_inputs(paths)
     _refuse_many(len(listed))
     asked = _Asked(columns, read_units_option(units), rate, _names(topics), parted)
-    return _whole([next(_tables(one, asked.topics, whole=True)) for one in listed], asked)
+    return _whole(listed, [next(_tables(one, asked.topics, whole=True)) for one in listed], asked)
 
 
 def read_recordings(
@@ -191,19 +191,20 @@ def read_recordings(
         If an option is malformed.
     """
     asked = _Asked(columns, read_units_option(units), rate, _names(topics))
-    tables = [next(_tables(one, asked.topics, whole=True)) for one in recording_inputs(paths)]
+    listed = recording_inputs(paths)
+    tables = [next(_tables(one, asked.topics, whole=True)) for one in listed]
     others = [t for t in tables if not is_field_table(t)]
     if (is_pair(others) and len(tables) <= _MOST_FILES) or len(others) == 1 < len(tables) == _MOST_FILES - 1:
-        return [_whole(tables, asked)]
-    return [_whole([t], asked) for t in tables]
+        return [_whole(listed, tables, asked)]
+    return [_whole([one], [table], asked) for one, table in zip(listed, tables, strict=True)]
 
 
-def _whole(tables: list[RawTable], asked: _Asked) -> Recording:
+def _whole(listed: Sequence[Path | Frame], tables: list[RawTable], asked: _Asked) -> Recording:
     """Return the recording that whole tables make: it is a single block."""
     for table in tables:
         if not len(table):
             raise RecordingError(f"{table.path.name} has no rows.")
-    return next(_blocks([iter([table]) for table in tables], asked, tuple(t.source for t in tables)))
+    return next(_blocks(listed, [iter([table]) for table in tables], asked, whole=True))
 
 
 def _refuse_many(count: int, most: int = _MOST_FILES) -> None:
@@ -259,28 +260,26 @@ def read_blocks(
     listed = recording_inputs(paths)
     _refuse_many(len(listed))
     asked = _Asked(columns, read_units_option(units), rate, _names(topics), parted)
-    yield from _blocks([_tables(one, asked.topics, whole=False) for one in listed], asked, listed=listed)
+    yield from _blocks(listed, [_tables(one, asked.topics, whole=False) for one in listed], asked)
 
 
 def _blocks(
-    readers: list[Iterator[RawTable]],
-    asked: _Asked,
-    sources: tuple[Source, ...] = (),
-    listed: Sequence[Path | Frame] = (),
+    listed: Sequence[Path | Frame], readers: list[Iterator[RawTable]], asked: _Asked, *, whole: bool = False
 ) -> Iterator[Recording]:
-    """Yield what tables make: one of each reader, the whole; or the blocks of what is `listed`."""
+    """Yield what tables make: one of each reader, the whole; or their blocks."""
     decided: Interpretation | None = None
+    sources = tuple[Source, ...]()
     state, ends, said_first = BlockState(), [-np.inf], tuple[Remark, ...]()
     readers, fields = _without_field(readers)
-    for table, plan, remarks in _planned(readers, asked, in_blocks=bool(listed)):
+    for table, plan, remarks in _planned(readers, asked, in_blocks=not whole):
         if fields:
             field, remark = field_of_file(fields[0], table.path.name)
             table = replace(table, field=field, remarks=[*table.remarks, *([] if decided else [remark])])
         if decided is None:
-            sources = sources or _hashed(listed, table)
+            sources = _hashed(listed, table)
             said = (asked.units, asked.rate, sources, list(remarks))
             decided, recording = interpret(table, plan, *said, parted=asked.parted)
-            if not listed:
+            if whole:
                 yield recording
                 return
             said_first = decided.remarks
@@ -294,10 +293,10 @@ def _blocks(
 
 
 def _hashed(listed: Sequence[Path | Frame], table: RawTable) -> tuple[Source, ...]:
-    """Return names and SHA-256 of inputs, which blocks do not have; of one, also the topic that they are of."""
-    sources = [source_of(p) if isinstance(p, Path) else frame_table(p).source for p in listed]
+    """Return names and SHA-256 of inputs; of one, also the topic that it was read of."""
+    sources = [source_of(p) if isinstance(p, Path) else frame_source(p) for p in listed]
     if len(sources) == 1:
-        sources = [replace(sources[0], topic=table.source.topic)]
+        sources = [replace(sources[0], topic=table.topic)]
     return tuple(sources)
 
 

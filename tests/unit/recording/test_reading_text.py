@@ -127,7 +127,7 @@ def test_whole_or_in_pieces_compiled_or_by_polars_the_numbers_are_the_same(tumbl
         small = read_recording(path)
         monkeypatch.setattr(text, "_CHUNK", 30_000)
         large = read_recording(path)
-        first, second, *_ = text.read_table_blocks(path)
+        first, second, *_ = text.read_tables(path)
         assert second.place(0) == f"line {len(first) + 1 + (layout.get('header', '') is not None)}"
         monkeypatch.setattr(kernels, "parse_rows", lambda *_: -1)
         by_polars = read_recording(path)

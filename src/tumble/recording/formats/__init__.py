@@ -1,9 +1,9 @@
 """The file formats that recordings are read from: a table of what their files begin with.
 
 The content decides, never the ending alone, and only the format that fits is imported. A row of `FORMATS` names the
-module, and in it the function ``(path) -> RawTable`` and, where the format allows it in bounded memory, one
-``(path) -> Iterator[RawTable]``; both take the names of topics as a second argument where a format has
-several. Rows are asked in their order, so what recognises almost anything comes last.
+module, and in it the function ``(path) -> Iterator[RawTable]``, which yields consecutive blocks, one where the format
+cannot be read in bounded memory; it takes the names of topics as a second argument where a format has several. Rows
+are asked in their order, so what recognises almost anything comes last.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import numpy as np
 
 from tumble.errors import RecordingError, UsageError
 from tumble.files import lines_of, opened
-from tumble.recording.formats.table import RawTable, hash_file, measurable
+from tumble.recording.formats.table import BLOCK_ROWS, RawTable, hash_file, joined_tables, measurable
 from tumble.recording.samples import Source
 from tumble.records import dataclass
 
@@ -28,7 +28,6 @@ HEAD = 4096
 
 _HEADER = 65536
 _MOST_LINES = 50
-_BLOCK_ROWS = 500_000
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _ZIP = b"PK\x03\x04"
 _MARKS = (b"\xff\xfe", b"\xfe\xff", b"\xef\xbb\xbf")  # UTF-16 of either order, UTF-8
@@ -69,16 +68,14 @@ class Format:
     ending : of its files, usually.
     begins : what its files begin with: one of these, or what the function says of the first bytes.
     module, reads : where it is read, and the function there.
-    in_blocks : whether a function of that name with ``_blocks`` behind it reads block by block.
-    has_topics : whether the functions take the names of topics or streams, too.
+    has_topics : whether the function takes the names of topics or streams, too.
     """
 
     name: str
     ending: str
     begins: tuple[bytes, ...] | Callable[[bytes], bool]
     module: str
-    reads: str = "read_table"
-    in_blocks: bool = False
+    reads: str = "read_tables"
     has_topics: bool = False
 
     def fits(self, head: bytes) -> bool:
@@ -95,19 +92,19 @@ _ROS2 = "ROS 2 bag"
 _FOLDER = "folder"
 FORMATS: tuple[Format, ...] = (
     Format("zip", ".zip", _is_zip, "packed", "read_zip", has_topics=True),
-    Format("MCAP", ".mcap", (b"\x89MCAP0\r\n",), "bags.mcap", in_blocks=True, has_topics=True),
-    Format("ROS 1 bag", ".bag", (b"#ROSBAG V",), "bags.rosbag1", in_blocks=True, has_topics=True),
-    Format(_ROS2, ".db3", (b"SQLite format 3\0",), "bags.rosbag2", in_blocks=True, has_topics=True),
-    Format("compressed", ".gz", _PACKED, "packed", "read_packed", in_blocks=True, has_topics=True),
+    Format("MCAP", ".mcap", (b"\x89MCAP0\r\n",), "bags.mcap", has_topics=True),
+    Format("ROS 1 bag", ".bag", (b"#ROSBAG V",), "bags.rosbag1", has_topics=True),
+    Format(_ROS2, ".db3", (b"SQLite format 3\0",), "bags.rosbag2", has_topics=True),
+    Format("compressed", ".gz", _PACKED, "packed", has_topics=True),
     Format("DataFlash", ".bin", (b"\xa3\x95\x80",), "logs.dataflash", has_topics=True),
     Format("ULog", ".ulg", (b"ULog\x01\x12\x35",), "logs.ulog", has_topics=True),
     Format("MATLAB", ".mat", (b"MATLAB ",), "arrays", "read_matlab"),
-    Format("NPY", ".npy", (b"\x93NUMPY",), "arrays", "read_npy", in_blocks=True),
+    Format("NPY", ".npy", (b"\x93NUMPY",), "arrays", "read_npy"),
     Format("NPZ", ".npz", _is_npz, "arrays", "read_npz"),
-    Format("Parquet", ".parquet", (b"PAR1",), "frames", in_blocks=True),
-    Format("Xsens text", ".txt", _is_xsens, "xsens", in_blocks=True),
+    Format("Parquet", ".parquet", (b"PAR1",), "frames"),
+    Format("Xsens text", ".txt", _is_xsens, "xsens"),
     Format("labelled lines", ".txt", _is_labelled, "labelled", has_topics=True),
-    Format("text", ".csv", _is_text, "text", in_blocks=True),
+    Format("text", ".csv", _is_text, "text"),
     Format(_FOLDER, "", (), "folder", has_topics=True),
 )
 """All formats, in the order in which they are asked."""
@@ -169,31 +166,36 @@ def _format_of_folder(path: Path) -> Format:
     return next(format_ for format_ in FORMATS if format_.name == (_ROS2 if bag else _FOLDER))
 
 
-def _arguments(
-    format_: Format, path: Path, topics: Sequence[str]
-) -> tuple[Path] | tuple[Path, Sequence[str]]:
-    """Return what a format's functions are called with."""
-    if format_.has_topics:
-        return path, topics
-    if topics:
-        raise UsageError(
-            f"--topic {topics[0]}: {path.name} is {format_.name}, which has no topics; leave it out."
-        )
-    return (path,)
-
-
 def source_of(path: Path) -> Source:
     """Return the name and the SHA-256 of a recording, a file or a folder.
 
     Raises
     ------
-    OSError
+    RecordingError
         If a file cannot be read.
     """
-    if path.is_dir():
-        source: Source = find_format(path).function("source")(path)
-        return source
-    return hash_file(path)
+    with _readable(path):
+        if path.is_dir():
+            source: Source = find_format(path).function("source")(path)
+            return source
+        return hash_file(path)
+
+
+def _tables(path: Path, topics: Sequence[str]) -> Iterator[RawTable]:
+    """Yield the tables that a file is read as."""
+    format_ = find_format(path)
+    if topics and not format_.has_topics:
+        raise UsageError(
+            f"--topic {topics[0]}: {path.name} is {format_.name}, which has no topics; leave it out."
+        )
+    arguments = (path, topics) if format_.has_topics else (path,)
+    tables: Iterator[RawTable] = format_.function(format_.reads)(*arguments)
+    while True:
+        with _readable(path):
+            table = next(tables, None)
+        if table is None:
+            return
+        yield table
 
 
 def read_table(path: Path, topics: Sequence[str] = ()) -> RawTable:
@@ -211,10 +213,11 @@ def read_table(path: Path, topics: Sequence[str] = ()) -> RawTable:
     UsageError
         If an optional library that the format needs is not installed, or a topic is not there.
     """
-    format_ = find_format(path)
-    arguments = _arguments(format_, path, topics)
-    with _readable(path):
-        return measurable(format_.function(format_.reads)(*arguments))
+    tables = list(_tables(path, topics))
+    if not tables:
+        raise RecordingError(f"{path.name} has no rows.")
+    with np.errstate(all="ignore"):
+        return measurable(joined_tables(tables))
 
 
 def read_table_blocks(path: Path, topics: Sequence[str] = ()) -> Iterator[RawTable]:
@@ -231,21 +234,11 @@ def read_table_blocks(path: Path, topics: Sequence[str] = ()) -> Iterator[RawTab
     UsageError
         If an optional library that the format needs is not installed, or a topic is not there.
     """
-    format_ = find_format(path)
-    arguments = _arguments(format_, path, topics)
-    if not format_.in_blocks:
-        table = read_table(path, topics)
-        for start in range(0, len(table), _BLOCK_ROWS):
-            yield table.cut(start, min(start + _BLOCK_ROWS, len(table)))
-        return
-    blocks: Iterator[RawTable] = format_.function(f"{format_.reads}_blocks")(*arguments)
-    while True:
-        with _readable(path):
-            block = next(blocks, None)
-            block = None if block is None else measurable(block)
-        if block is None:
-            return
-        yield block
+    for table in _tables(path, topics):
+        for start in range(0, len(table), BLOCK_ROWS):
+            with np.errstate(all="ignore"):
+                block = measurable(table.cut(start, min(start + BLOCK_ROWS, len(table))))
+            yield block
 
 
 def header_names(path: Path) -> list[str]:

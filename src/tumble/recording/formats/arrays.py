@@ -18,8 +18,8 @@ from tumble.errors import RecordingError
 from tumble.files import opened, shown
 from tumble.recording.columns import is_time_like, kind_of_file, role_of
 from tumble.recording.formats.streams import merge_streams
-from tumble.recording.formats.table import RawTable, as_columns, foreign, hash_file
-from tumble.recording.samples import MagneticField, Remark, Samples, Source
+from tumble.recording.formats.table import BLOCK_ROWS, RawTable, as_columns, foreign, row_words
+from tumble.recording.samples import MagneticField, Remark, Samples
 from tumble.recording.stamps import seconds_of
 from tumble.units import find_unit
 
@@ -91,9 +91,7 @@ def table_from_variables(path: Path, variables: Mapping[str, npt.NDArray[np.floa
     if rate is not None:
         remarks.append(Remark("found", f"{path.name} states a sampling rate of {rate:g} Hz."))
     field = None if magnetic is None else magnetic[0]
-    return RawTable(
-        path, None if lone else tuple(names), columns, hash_file(path), remarks, rate=rate, field=field
-    )
+    return RawTable(path, None if lone else tuple(names), columns, remarks, rate=rate, field=field)
 
 
 def _field_of_another_length(
@@ -141,7 +139,7 @@ def _stamped_pair(path: Path, arrays: Mapping[str, npt.NDArray[np.float64]]) -> 
     assert samples.angular_rate is not None
     columns = [samples.time, *as_columns(samples.specific_force), *as_columns(samples.angular_rate)]
     field = MagneticField.finite(*found["m"][1:], None, found["m"][0]) if "m" in found else None
-    return RawTable(path, names, columns, hash_file(path), remarks, field=field)
+    return RawTable(path, names, columns, remarks, field=field)
 
 
 def _listed(names: Mapping[str, object]) -> str:
@@ -180,30 +178,8 @@ def _mapped(path: Path) -> tuple[tuple[str, ...] | None, npt.NDArray[Any]]:
     return None, array.T if array.shape[0] < 12 < array.shape[1] else array
 
 
-def _npy_table(path: Path, names: tuple[str, ...] | None, rows: npt.NDArray[Any], source: Source) -> RawTable:
-    if names is None:
-        return RawTable(path, None, as_columns(np.asarray(rows, dtype=np.float64)), source)
-    with foreign(path, "NPY file"):
-        columns = [np.asarray(rows[n], dtype=np.float64).reshape(len(rows)) for n in names]
-    return RawTable(path, names, columns, source)
-
-
-def read_npy(path: Path) -> RawTable:
-    """Read an NPY file whole.
-
-    Raises
-    ------
-    RecordingError
-        If the array is not a table of numbers.
-    OSError
-        If the file cannot be read.
-    """
-    names, array = _mapped(path)
-    return _npy_table(path, names, array, hash_file(path))
-
-
-def read_npy_blocks(path: Path, rows: int = 500_000) -> Iterator[RawTable]:
-    """Read an NPY file `rows` rows at a time from its memory map (without SHA-256).
+def read_npy(path: Path, rows: int = BLOCK_ROWS) -> Iterator[RawTable]:
+    """Read an NPY file `rows` rows at a time from its memory map.
 
     Raises
     ------
@@ -214,12 +190,16 @@ def read_npy_blocks(path: Path, rows: int = 500_000) -> Iterator[RawTable]:
     """
     names, array = _mapped(path)
     for start in range(0, len(array), rows):
-        table = _npy_table(path, names, array[start : start + rows], Source(path.name, ""))
-        table.place = lambda row, at=start: f"row {at + row + 1}"
-        yield table
+        part = array[start : start + rows]
+        if names is None:
+            columns = as_columns(np.asarray(part, dtype=np.float64))
+        else:
+            with foreign(path, "NPY file"):
+                columns = [np.asarray(part[n], dtype=np.float64).reshape(len(part)) for n in names]
+        yield RawTable(path, names, columns, place=lambda row, at=start: row_words(at + row))
 
 
-def read_npz(path: Path) -> RawTable:
+def read_npz(path: Path) -> Iterator[RawTable]:
     """Read an NPZ file.
 
     Raises
@@ -232,10 +212,10 @@ def read_npz(path: Path) -> RawTable:
     # Opened here: numpy leaves a damaged archive open.
     with foreign(path, "NPZ file"), opened(path) as file, np.load(file, allow_pickle=False) as archive:
         arrays = {name: numbers_of(archive[name]) for name in archive.files}
-    return table_from_variables(path, {n: a for n, a in arrays.items() if a is not None})
+    yield table_from_variables(path, {n: a for n, a in arrays.items() if a is not None})
 
 
-def read_matlab(path: Path) -> RawTable:
+def read_matlab(path: Path) -> Iterator[RawTable]:
     """Read a MATLAB file.
 
     Raises
@@ -251,7 +231,7 @@ def read_matlab(path: Path) -> RawTable:
         # Without scipy's stubs the type is not known, with them it is.
         loaded: dict[str, Any] = loadmat(path, struct_as_record=False, squeeze_me=True, mat_dtype=False)
         arrays = _flattened({k: v for k, v in loaded.items() if not k.startswith("__")})
-    return table_from_variables(path, arrays)
+    yield table_from_variables(path, arrays)
 
 
 def _flattened(values: Mapping[str, Any], prefix: str = "") -> dict[str, npt.NDArray[np.float64]]:

@@ -10,7 +10,7 @@ Sensor Logger, *One-Page Unit Reference*; Android developer guide, *Motion senso
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +20,7 @@ from tumble.errors import RecordingError
 from tumble.recording import formats
 from tumble.recording.formats import text
 from tumble.recording.formats.streams import Stream, Units, table_of_streams
-from tumble.recording.formats.table import RawTable, hash_file, hash_files
+from tumble.recording.formats.table import RawTable, hash_file, hash_files, joined_tables
 from tumble.recording.samples import Samples, Source
 from tumble.recording.stamps import seconds_of
 from tumble.units import find_unit, specific_force_factor
@@ -216,7 +216,7 @@ def source(path: Path) -> Source:
     return hash_file(_only(path, files))
 
 
-def read_table(path: Path, topics: Sequence[str] = ()) -> RawTable:
+def read_tables(path: Path, topics: Sequence[str] = ()) -> Iterator[RawTable]:
     """Read the recording that a folder holds.
 
     Parameters
@@ -236,12 +236,14 @@ def read_table(path: Path, topics: Sequence[str] = ()) -> RawTable:
     path = _descended(path)
     files = _files(path)
     if (euroc := _euroc(path)) is not None:
-        return text.read_table(euroc)
-    if is_phone_log(files):
+        yield from text.read_tables(euroc)
+    elif is_phone_log(files):
         sensors = find_sensors(files)
-        streams, chosen = streams_of_tables({n: (f.stem, text.read_table(f)) for n, f in sensors.items()})
-        return table_of_streams(path, streams, topics, chosen, source(path))
-    return formats.read_table(_only(path, files), topics)
+        tables = {n: (f.stem, joined_tables(list(text.read_tables(f)))) for n, f in sensors.items()}
+        streams, chosen = streams_of_tables(tables)
+        yield table_of_streams(path, streams, topics, chosen)
+    else:
+        yield from formats.read_table_blocks(_only(path, files), topics)
 
 
 def _descended(path: Path) -> Path:

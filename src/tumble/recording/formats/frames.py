@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -12,7 +11,7 @@ import numpy as np
 
 from tumble.arrays import Series
 from tumble.errors import RecordingError
-from tumble.recording.formats.table import RawTable, hash_file
+from tumble.recording.formats.table import BLOCK_ROWS, RawTable, row_words
 from tumble.recording.samples import Source
 
 if TYPE_CHECKING:
@@ -54,30 +53,6 @@ def _in_seconds(series: pl.Series) -> pl.Series | None:
     return None
 
 
-def read_table(path: Path) -> RawTable:
-    """Read a Parquet file whole.
-
-    Raises
-    ------
-    RecordingError
-        If the file is damaged or holds no column of numbers.
-    OSError
-        If the file cannot be read.
-    """
-    import polars as pl
-
-    with ThreadPoolExecutor(1) as pool:
-        hashing = pool.submit(hash_file, path)
-        try:
-            units = _noted_units(path)
-            names, columns = numeric_columns(pl.read_parquet(path))
-        except (pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
-            raise _damaged(path, error) from error
-        source = hashing.result()
-    _need_columns(path, columns)
-    return RawTable(path, _with_units(names, units), columns, source, judged=bool(units))
-
-
 def _noted_units(path: Path) -> dict[str, str]:
     """Return the units by column as tumble noted them, of a file of others none."""
     import polars as pl
@@ -104,8 +79,8 @@ def _with_units(names: tuple[str, ...], units: dict[str, str]) -> tuple[str, ...
     return tuple(f"{name} [{units[name]}]" if name in units and "[" not in name else name for name in names)
 
 
-def read_table_blocks(path: Path, rows: int = 500_000) -> Iterator[RawTable]:
-    """Read a Parquet file `rows` rows at a time (without SHA-256).
+def read_tables(path: Path, rows: int = BLOCK_ROWS) -> Iterator[RawTable]:
+    """Read a Parquet file `rows` rows at a time.
 
     Raises
     ------
@@ -127,8 +102,7 @@ def read_table_blocks(path: Path, rows: int = 500_000) -> Iterator[RawTable]:
                 path,
                 _with_units(names, units),
                 columns,
-                Source(path.name, ""),
-                place=lambda row, at=start: f"row {at + row + 1}",
+                place=lambda row, at=start: row_words(at + row),
                 judged=bool(units),
             )
             start += rows
@@ -164,7 +138,7 @@ class Frame(Protocol):
 
 
 def frame_table(frame: Frame) -> RawTable:
-    """Return a data frame as the table that a reader makes of a file.
+    """Return a data frame as the table that a reader makes of a file; `frame_source` is where it is from.
 
     Columns of numbers keep their names; dates become seconds of the Unix epoch, durations seconds; what is neither
     is left out. An index of pandas that is more than a row number is the first column.
@@ -189,11 +163,15 @@ def frame_table(frame: Frame) -> RawTable:
         )
     if not columns:
         raise RecordingError(f"The data frame of {library} has no column of numbers.")
-    digest = hashlib.sha256()
-    for name, column in zip(names, columns, strict=True):
+    return RawTable(Path(f"{library}.DataFrame"), names, columns)
+
+
+def frame_source(frame: Frame) -> Source:
+    """Return the name of a data frame's kind, and the SHA-256 of its columns."""
+    table, digest = frame_table(frame), hashlib.sha256()
+    for name, column in zip(table.names or (), table.columns, strict=True):
         digest.update(f"{name}\n".encode() + np.ascontiguousarray(column).tobytes())
-    title = f"{library}.DataFrame"
-    return RawTable(Path(title), names, columns, Source(title, digest.hexdigest()))
+    return Source(table.path.name, digest.hexdigest())
 
 
 def frame_names(frame: Frame) -> list[str]:

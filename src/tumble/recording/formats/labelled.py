@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import field, replace
 from pathlib import Path
 from typing import Any, cast
@@ -30,7 +30,7 @@ from tumble.recording.formats.lines import (
     words_of,
 )
 from tumble.recording.formats.streams import table_of_streams
-from tumble.recording.formats.table import RawTable, hash_file
+from tumble.recording.formats.table import RawTable
 from tumble.recording.samples import Remark
 from tumble.records import dataclass
 
@@ -40,7 +40,7 @@ _HALF_A_DAY = 43200.0
 _Key = tuple[str, ...] | int
 
 
-def read_table(path: Path, topics: Sequence[str] = ()) -> RawTable:
+def read_tables(path: Path, topics: Sequence[str] = ()) -> Iterator[RawTable]:
     """Read the file whole.
 
     Parameters
@@ -66,16 +66,15 @@ def read_table(path: Path, topics: Sequence[str] = ()) -> RawTable:
         )
     text = raw.decode("utf-8-sig", "replace")
     begin = text.lstrip()[:1]
-    if begin == "[" and not is_marked(text.lstrip().partition("\n")[0].strip()):
-        return _of_objects(path, _array(path, text), topics)
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
-    if begin == "{":
-        objects, lost = _json_lines(lines)
-        if any("payload" in o or isinstance(o.get("sensor"), str) for o in objects[:20]):
-            return _of_objects(path, objects, topics, lost)
+    array = begin == "[" and not is_marked(text.lstrip().partition("\n")[0].strip())
+    objects, lost = (_array(path, text), 0) if array else _json_lines(lines) if begin == "{" else ([], 0)
+    if array or any("payload" in o or isinstance(o.get("sensor"), str) for o in objects[:20]):
+        yield _of_objects(path, objects, topics, lost)
+        return
     _refuse_topics(path, topics)
     gathered = _gathered(lines)
-    return _merged(path, gathered) if gathered.apart() else _table(path, gathered)
+    yield _merged(path, gathered) if gathered.apart() else _table(path, gathered)
 
 
 def _refuse_topics(path: Path, topics: Sequence[str]) -> None:
@@ -175,7 +174,7 @@ def _table(path: Path, gathered: _Gathered) -> RawTable:
     if stamps is not None:
         columns, names = [stamps, *columns], names and ("t [s]", *names)
     numbers = [number for number, _, _ in chosen]
-    made = RawTable(path, names, columns, hash_file(path), remarks, lambda row: f"line {numbers[row]}")
+    made = RawTable(path, names, columns, remarks, lambda row: f"line {numbers[row]}")
     return made if stamps is None else replace(made, clock="host")
 
 
@@ -279,7 +278,7 @@ def _merged(path: Path, gathered: _Gathered) -> RawTable:
     stamps = None if times - drop else _stamps(path, np.array(clocks), remarks)
     if stamps is not None:
         names, columns = ("t [s]", *names), [stamps, *columns]
-    return RawTable(path, names, columns, hash_file(path), remarks)
+    return RawTable(path, names, columns, remarks)
 
 
 def _array(path: Path, text: str) -> list[dict[str, Any]]:
@@ -325,9 +324,8 @@ def _of_objects(path: Path, objects: list[dict[str, Any]], topics: Sequence[str]
     if not sensors:
         _refuse_topics(path, topics)
         return _table(path, _gathered([json.dumps(one) for one in objects]))
-    source = hash_file(path)
     tables = {
-        plain: (name, RawTable(path, ("seconds_elapsed", "x", "y", "z"), list(np.array(rows).T), source))
+        plain: (name, RawTable(path, ("seconds_elapsed", "x", "y", "z"), list(np.array(rows).T)))
         for plain, (name, rows) in sensors.items()
     }
     try:
@@ -342,7 +340,7 @@ def _of_objects(path: Path, objects: list[dict[str, Any]], topics: Sequence[str]
         if lost
         else []
     )
-    return table_of_streams(path, streams, topics, chosen, source, remarks)
+    return table_of_streams(path, streams, topics, chosen, remarks)
 
 
 def _payload(one: dict[str, Any]) -> list[dict[str, Any]]:

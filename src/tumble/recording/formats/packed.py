@@ -22,7 +22,7 @@ from tumble.errors import OutputError, RecordingError, UsageError, install
 from tumble.files import opened, temporary_folder
 from tumble.recording import formats
 from tumble.recording.formats import folder
-from tumble.recording.formats.table import RawTable, foreign, hash_file, row_words
+from tumble.recording.formats.table import RawTable, foreign, joined_tables, row_words
 from tumble.recording.samples import Remark
 
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
@@ -113,8 +113,8 @@ _OPENERS: dict[bytes, Callable[[BinaryIO], Any]] = {
 }
 
 
-def read_packed(path: Path, topics: Sequence[str] = ()) -> RawTable:
-    """Read a compressed file.
+def read_tables(path: Path, topics: Sequence[str] = ()) -> Iterator[RawTable]:
+    """Read a compressed file in blocks, if the format inside can be read so.
 
     Parameters
     ----------
@@ -130,44 +130,20 @@ def read_packed(path: Path, topics: Sequence[str] = ()) -> RawTable:
     OSError
         If the file cannot be read.
     """
-    with unpacked(path) as (inside, remarks):
-        table = formats.read_table(inside, topics)
-    # The file inside is gone when somebody asks for the place of a row: it is unpacked again.
-    table.path, table.source, table.place = path, hash_file(path), partial(_place, path, topics)
-    table.remarks += remarks
-    return table
-
-
-def _place(path: Path, topics: Sequence[str], row: int) -> str:
-    with unpacked(path) as (inside, _):
-        return formats.read_table(inside, topics).place(row)
-
-
-def read_packed_blocks(path: Path, topics: Sequence[str] = ()) -> Iterator[RawTable]:
-    """Read a compressed file in blocks, if the format inside can be read so (without SHA-256).
-
-    Parameters
-    ----------
-    path, topics : as for `read_packed`.
-
-    Raises
-    ------
-    RecordingError
-        If the file is damaged, or what is in it is no recording.
-    UsageError
-        If a library is missing, or a topic is not there.
-    OSError
-        If the file cannot be read.
-    """
     rows = 0
     with unpacked(path) as (inside, remarks):
         for table in formats.read_table_blocks(inside, topics):
-            table.path = path
-            table.place = lambda row, start=rows: row_words(start + row)
+            # The file inside is gone when somebody asks for the place of a row: it is unpacked again.
+            table.path, table.place = path, partial(_place, path, topics, rows)
             rows += len(table)
             table.remarks += remarks
             remarks = []
             yield table
+
+
+def _place(path: Path, topics: Sequence[str], start: int, row: int) -> str:
+    with unpacked(path) as (inside, _):
+        return formats.read_table(inside, topics).place(start + row)
 
 
 def _write(target: BinaryIO, piece: bytes, path: Path) -> None:
@@ -224,7 +200,7 @@ def unpacked(path: Path) -> Generator[tuple[Path, list[Remark]]]:
         yield inside, remarks
 
 
-def read_zip(path: Path, topics: Sequence[str] = ()) -> RawTable:
+def read_zip(path: Path, topics: Sequence[str] = ()) -> Iterator[RawTable]:
     """Read the recording in an archive.
 
     Parameters
@@ -246,11 +222,11 @@ def read_zip(path: Path, topics: Sequence[str] = ()) -> RawTable:
         with foreign(path, "zip archive"), opened(path) as file, zipfile.ZipFile(file) as archive:
             archive.extractall(inside)
         try:
-            table = folder.read_table(inside, topics)
+            table = joined_tables(list(folder.read_tables(inside, topics)))
         except RecordingError as error:
             raise RecordingError(
                 str(error).replace(str(inside), path.name).replace("is a folder", "is an archive")
             ) from error
     # The file inside is gone when somebody asks for the place of a row.
-    table.path, table.source, table.place = path, hash_file(path), row_words
-    return table
+    table.path, table.place = path, row_words
+    yield table

@@ -20,11 +20,8 @@ from tumble.arrays import Series, Vectors
 from tumble.errors import RecordingError, UsageError
 from tumble.recording.formats.logs.own_parameters import OwnParameters
 from tumble.recording.formats.table import RawTable
-from tumble.recording.samples import MagneticField, Remark, Samples, Source, joined
+from tumble.recording.samples import MagneticField, Remark, Samples, joined
 from tumble.records import dataclass
-
-BLOCK_ROWS = 500_000
-"""Rows of a block of a recording that is read in bounded memory."""
 
 _GAP = 2.5  # median steps between two samples, above which nothing is interpolated between them
 
@@ -38,9 +35,7 @@ class Units:
     magnetic_field: str | None = None
 
 
-def table_of_samples(
-    path: Path, samples: Samples, units: Units, source: Source, remarks: Iterable[Remark] = ()
-) -> RawTable:
+def table_of_samples(path: Path, samples: Samples, units: Units, remarks: Iterable[Remark] = ()) -> RawTable:
     """Return samples as a table whose columns say what they are and in which unit.
 
     Parameters
@@ -48,7 +43,6 @@ def table_of_samples(
     path : the file, for messages.
     samples : with the time in seconds.
     units : of the triads.
-    source : the file with its SHA-256.
     remarks : what was found so far.
     """
     names, columns = ["t [s]"], [samples.time]
@@ -64,7 +58,7 @@ def table_of_samples(
         names.append("temperature")
         columns.append(samples.temperature)
     # Whoever writes streams, a computer, an autopilot or a phone, runs by a crystal.
-    return RawTable(path, tuple(names), columns, source, list(remarks), clock="device")
+    return RawTable(path, tuple(names), columns, list(remarks), clock="device")
 
 
 @dataclass(slots=True)
@@ -259,7 +253,6 @@ def table_of_streams(
     streams: Sequence[Stream],
     wanted: Sequence[str],
     automatic: Sequence[str],
-    source: Source,
     remarks: Sequence[Remark] = (),
 ) -> RawTable:
     """Return the table of the wanted streams, or of those that are chosen by themselves.
@@ -271,7 +264,6 @@ def table_of_streams(
     wanted : names of one stream, or of one for each triad; none for `automatic`. A magnetometer's stream is read
         beside, the first one where none is named.
     automatic : names of the streams that are read where none was wanted.
-    source : the file with its SHA-256.
     remarks : what was found so far.
 
     Raises
@@ -307,7 +299,7 @@ def table_of_streams(
         force, rates = _triads(path, chosen)
         samples, more = merge_streams(path.name, (force.name, force.samples), (rates.name, rates.samples))
         units, said = Units(force.units.specific_force, rates.units.angular_rate), [*said, *more]
-    return replace(table_of_samples(path, samples, units, source, said), field=_field_stream(field))
+    return replace(table_of_samples(path, samples, units, said), field=_field_stream(field))
 
 
 def automatic(streams: Sequence[Stream], pairs: Sequence[tuple[str, str]]) -> list[str]:

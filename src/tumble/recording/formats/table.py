@@ -17,12 +17,14 @@ from tumble.arrays import Series
 from tumble.counting import counted
 from tumble.errors import RecordingError, TumbleError
 from tumble.files import opened, shown, size_of
-from tumble.recording.samples import MagneticField, Remark, Source
+from tumble.recording.samples import MagneticField, Remark, Source, joined_fields
 from tumble.recording.stamps import Known
 from tumble.records import dataclass
 
 _LARGEST, _SMALLEST = 1e19, 1e-30
 _HASHED = 1 << 20  # bytes at a time
+BLOCK_ROWS = 500_000
+"""Rows of a block of a recording that is read in bounded memory."""
 
 
 def row_words(row: int) -> str:
@@ -39,25 +41,25 @@ class RawTable:
     path : the file.
     names : one name a column, or None where the file names nothing.
     columns : one array of float64 a column; missing cells are NaN.
-    source : the file with its SHA-256.
     remarks : what the format noticed or mended.
     place : turns a row number (from 0) into words, "line 17" for text, "row 15" otherwise.
     rate : sampling rate in Hz if the file states one.
     judged : whether the units in the names were judged when tumble wrote the file.
     field : the magnetometer's samples where they have stamps of their own; the first column is time then.
     clock : what the kind of file says of the clock, see `tumble.recording.stamps.clock_of_stamps`.
+    topic : of a bag that one topic alone was read of.
     """
 
     path: Path
     names: tuple[str, ...] | None
     columns: list[Series]
-    source: Source
     remarks: list[Remark] = made(default_factory=list[Remark])
     place: Callable[[int], str] = row_words
     rate: float | None = None
     judged: bool = False
     field: MagneticField | None = None
     clock: Known = None
+    topic: str | None = None
 
     def __len__(self) -> int:
         return int(self.columns[0].shape[0]) if self.columns else 0
@@ -94,9 +96,12 @@ def joined_tables(tables: Sequence[RawTable]) -> RawTable:
     tables : one at least.
     """
     first = tables[0]
+    if len(tables) == 1:
+        return first
     columns = [np.concatenate(parts) for parts in zip(*(t.columns for t in tables), strict=True)]
     remarks = list(dict.fromkeys(remark for table in tables for remark in table.remarks))
-    return replace(first, columns=first.columns if len(tables) == 1 else columns, remarks=remarks)
+    field = joined_fields([table.field for table in tables if table.field is not None])
+    return replace(first, columns=columns, remarks=remarks, field=field)
 
 
 def measurable(table: RawTable) -> RawTable:

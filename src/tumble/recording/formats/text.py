@@ -10,7 +10,6 @@ import io
 import re
 import warnings
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, TypeAlias
@@ -21,7 +20,7 @@ from tumble.arrays import Series
 from tumble.counting import counted
 from tumble.errors import RecordingError
 from tumble.files import opened, size_of
-from tumble.recording.formats.table import RawTable, hash_file, joined_tables
+from tumble.recording.formats.table import RawTable
 from tumble.recording.formats.text_layout import (
     CHECKSUM,
     COMMENTS,
@@ -31,7 +30,7 @@ from tumble.recording.formats.text_layout import (
     is_comment,
     is_number,
 )
-from tumble.recording.samples import Remark, Source
+from tumble.recording.samples import Remark
 
 if TYPE_CHECKING:
     import polars as pl
@@ -149,19 +148,6 @@ def _layout_remarks(path: Path, layout: TextLayout) -> list[Remark]:
     return notes
 
 
-def read_table(path: Path) -> RawTable:
-    """Read a text file whole.
-
-    Raises
-    ------
-    RecordingError
-        If the file is empty, holds no rows of numbers, or has a cell that is not a number.
-    OSError
-        If the file cannot be read.
-    """
-    return replace(joined_tables(list(read_table_blocks(path))), source=hash_file(path))
-
-
 def _pieces(file: BinaryIO, rest: bytes, name: str, size: int) -> Iterator[tuple[bytes, bool]]:
     """Yield pieces of whole lines, and with each whether it is the last one."""
     while rest:
@@ -174,10 +160,8 @@ def _pieces(file: BinaryIO, rest: bytes, name: str, size: int) -> Iterator[tuple
         rest = rest[end:] + more
 
 
-def read_table_blocks(path: Path) -> Iterator[RawTable]:
+def read_tables(path: Path) -> Iterator[RawTable]:
     """Read a text file piece by piece, 16 MiB of text at a time.
-
-    The blocks carry no SHA-256 (the file would have to be read twice).
 
     Raises
     ------
@@ -212,7 +196,7 @@ def _block(path: Path, layout: TextLayout, body: bytes, last: bool) -> RawTable:
     columns = parse(body, layout)
     if columns is None:
         raise RecordingError(name_bad_cell(_lines(path), layout, path.name))
-    return RawTable(path, _names_of(layout), columns, Source(path.name, ""), remarks)
+    return RawTable(path, _names_of(layout), columns, remarks)
 
 
 def _names_of(layout: TextLayout) -> tuple[str, ...] | None:

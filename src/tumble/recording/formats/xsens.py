@@ -31,8 +31,8 @@ _RATE = re.compile(rb"(?:Update Rate|Sample rate|OutputRate)\s*[:,]+\s*(\d+(?:\.
 _HEAD = 8192
 
 
-def read_table(path: Path) -> RawTable:
-    """Read an export whole.
+def read_tables(path: Path) -> Iterator[RawTable]:
+    """Read an export piece by piece.
 
     Raises
     ------
@@ -41,27 +41,10 @@ def read_table(path: Path) -> RawTable:
     OSError
         If the file cannot be read.
     """
-    return _interpreted(text.read_table(path), _head(path))
-
-
-def read_table_blocks(path: Path) -> Iterator[RawTable]:
-    """Read an export piece by piece (without SHA-256).
-
-    Raises
-    ------
-    RecordingError
-        If the file holds no rows of numbers.
-    OSError
-        If the file cannot be read.
-    """
-    head = _head(path)
-    for table in text.read_table_blocks(path):
-        yield _interpreted(table, head)
-
-
-def _head(path: Path) -> bytes:
     with opened(path) as file:
-        return file.read(_HEAD)
+        head = file.read(_HEAD)
+    for table in text.read_tables(path):
+        yield _interpreted(table, head)
 
 
 def _interpreted(table: RawTable, head: bytes) -> RawTable:

@@ -18,12 +18,14 @@ from dataclasses import field, replace
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
+import numpy as np
+
 from tumble.counting import counted
 from tumble.errors import RecordingError, UsageError
 from tumble.recording.formats.bags.ros_messages import decode, holds, samples_of
-from tumble.recording.formats.streams import BLOCK_ROWS, Merging, Units, refuse_backwards, table_of_samples
-from tumble.recording.formats.table import RawTable, hash_file, joined_tables
-from tumble.recording.samples import Samples, Source, joined
+from tumble.recording.formats.streams import Merging, Units, refuse_backwards, table_of_samples
+from tumble.recording.formats.table import BLOCK_ROWS, RawTable
+from tumble.recording.samples import Samples, joined
 from tumble.records import dataclass
 
 
@@ -114,23 +116,18 @@ class Bag(Protocol):
         ...
 
 
-ReadTable = Callable[..., RawTable]
-ReadBlocks = Callable[..., Iterator[RawTable]]
-
-
-def bag_readers(
-    opened: Callable[[Path], AbstractContextManager[Bag]], source: Callable[[Path], Source] = hash_file
-) -> tuple[ReadTable, ReadBlocks]:
-    """Return the two functions that a format of bags is read by: whole, and in blocks of bounded size.
+def bag_reader(
+    opened: Callable[[Path], AbstractContextManager[Bag]],
+) -> Callable[[Path, Sequence[str]], Iterator[RawTable]]:
+    """Return the function that a format of bags is read by, in blocks of bounded size.
 
     Parameters
     ----------
     opened : opens a file or folder as a bag, and closes it.
-    source : returns name and SHA-256 of what is read.
     """
 
-    def read_table(path: Path, topics: Sequence[str] = ()) -> RawTable:
-        """Read a bag whole.
+    def read_tables(path: Path, topics: Sequence[str] = ()) -> Iterator[RawTable]:
+        """Read a bag in blocks of half a million rows.
 
         Parameters
         ----------
@@ -147,28 +144,9 @@ def bag_readers(
             If the file cannot be read.
         """
         with opened(path) as bag:
-            return _bag_table(bag, topics, source(path))
+            yield from _bag_tables(bag, topics)
 
-    def read_table_blocks(path: Path, topics: Sequence[str] = ()) -> Iterator[RawTable]:
-        """Read a bag in blocks of half a million rows (without SHA-256).
-
-        Parameters
-        ----------
-        path, topics : as for `read_table`.
-
-        Raises
-        ------
-        RecordingError
-            If it is damaged or holds no IMU, or several.
-        UsageError
-            If a topic is not there, or a library is missing.
-        OSError
-            If the file cannot be read.
-        """
-        with opened(path) as bag:
-            yield from _bag_blocks(bag, topics, Source(path.name, ""))
-
-    return read_table, read_table_blocks
+    return read_tables
 
 
 @dataclass(frozen=True, slots=True)
@@ -325,24 +303,35 @@ class _Batches:
             yield rest
 
 
-def _bag_blocks(bag: Bag, wanted: Sequence[str], source: Source) -> Iterator[RawTable]:
+def _bag_tables(bag: Bag, wanted: Sequence[str]) -> Iterator[RawTable]:
     """Yield the table of a bag in blocks of half a million rows; its remarks stand on the last one too."""
-    choice = choose_topics(bag, split_wanted(bag, wanted)[0])
+    rest, name, said = split_wanted(bag, wanted)
+    field = None if name is None else _read_field(bag, name)
+    first = [Remark("found", f"{bag.path.name} holds {_list_topics(bag.topics)}.")]
+    if (
+        field is not None
+        and not rest
+        and all(is_field_topic(t) or t.kind not in READABLE for t in bag.topics)
+    ):
+        samples, units = (
+            Samples(field.time, magnetic_field=field.values),
+            Units(magnetic_field=field.unit or None),
+        )
+        yield table_of_samples(bag.path, samples, units, [*first, *said])
+        return
+    choice = choose_topics(bag, rest)
     batches = _Batches({t.name: t for t in bag.topics}, choice)
-    first = [
-        Remark("found", f"{bag.path.name} holds {_list_topics(bag.topics)}."),
-        _choice_remark(bag, choice),
-        *_misnamed(bag, choice),
-    ]
+    first += [_choice_remark(bag, choice), *_misnamed(bag, choice)]
     split = choice.force is not None and choice.rates is not None and choice.force != choice.rates
     merging = Merging(bag.path.name, choice.force or "", choice.rates or "") if split else None
-    source = source if split else replace(source, topic=choice.names()[0])
-    held: Samples | None = None
-    gathered = _merged(batches.pieces(bag), merging) if merging else _single(batches.pieces(bag))
-    for samples in gathered:
+    topic = None if split else choice.names()[0]
+    begin, held = -np.inf, None
+    for samples in _merged(batches.pieces(bag), merging) if merging else _single(batches.pieces(bag)):
         if held is not None:
-            yield table_of_samples(bag.path, held, Units(), source, first)
-            first = []
+            table = table_of_samples(bag.path, held, Units(), first)
+            end = float(samples.time[0])
+            yield replace(table, topic=topic, field=None if field is None else field.within(begin, end))
+            first, begin = [], end
         held = samples
     if held is None:
         raise RecordingError(
@@ -353,9 +342,13 @@ def _bag_blocks(bag: Bag, wanted: Sequence[str], source: Source) -> Iterator[Raw
         *bag.remarks,
         *_lost(bag, choice, batches.counts),
         *(merging.remarks() if merging else []),
+        *(_unstamped_remark(bag, name) for name in sorted(batches.unstamped)),
+        *said,
     ]
-    last += [_unstamped_remark(bag, name) for name in sorted(batches.unstamped)]
-    yield table_of_samples(bag.path, held, Units(), source, last)
+    table = table_of_samples(bag.path, held, Units(), last)
+    yield replace(
+        table, topic=topic, field=field if field is None or begin == -np.inf else field.within(begin, np.inf)
+    )
 
 
 def _single(pieces: Iterator[dict[str, Samples]]) -> Iterator[Samples]:
@@ -378,20 +371,6 @@ def _merged(pieces: Iterator[dict[str, Samples]], merging: Merging) -> Iterator[
         yield block
 
 
-def _bag_table(bag: Bag, wanted: Sequence[str], source: Source) -> RawTable:
-    """Return the whole table of a bag; the parameters are those of `_bag_blocks`."""
-    rest, name, said = split_wanted(bag, wanted)
-    magnetic = None if name is None else _read_field(bag, name)
-    if (
-        magnetic is not None
-        and not rest
-        and all(is_field_topic(t) or t.kind not in READABLE for t in bag.topics)
-    ):
-        return _field_table(bag, magnetic, source, said)
-    table = joined_tables(list(_bag_blocks(bag, rest, source)))
-    return replace(table, remarks=[*table.remarks, *said], field=magnetic)
-
-
 def _read_field(bag: Bag, name: str) -> MagneticField | None:
     """Return the messages of a magnetometer's topic as samples in time order, None if there are none."""
     batches = _Batches({t.name: t for t in bag.topics}, Choice(name, None))
@@ -405,13 +384,6 @@ def _read_field(bag: Bag, name: str) -> MagneticField | None:
     stream = MagneticField.finite(samples.time, samples.specific_force, unit, name, note)
     refuse_backwards(bag.path.name, name, stream.time)
     return stream
-
-
-def _field_table(bag: Bag, magnetic: MagneticField, source: Source, said: list[Remark]) -> RawTable:
-    """Return the table of a bag that holds a magnetometer alone."""
-    samples = Samples(magnetic.time, magnetic_field=magnetic.values)
-    remarks = [Remark("found", f"{bag.path.name} holds {_list_topics(bag.topics)}."), *said]
-    return table_of_samples(bag.path, samples, Units(magnetic_field=magnetic.unit or None), source, remarks)
 
 
 def _choice_remark(bag: Bag, choice: Choice) -> Remark:

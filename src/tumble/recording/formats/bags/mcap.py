@@ -18,7 +18,7 @@ from typing import Any, BinaryIO
 
 from tumble.errors import RecordingError
 from tumble.files import opened, size_of
-from tumble.recording.formats.bags.bag import Topic, bag_readers
+from tumble.recording.formats.bags.bag import Topic, bag_reader
 from tumble.recording.formats.bags.ros_messages import plain_type
 from tumble.recording.formats.packed import needed
 from tumble.recording.samples import Remark
@@ -223,4 +223,4 @@ def _messages_in(body: bytes, topics: dict[int, str]) -> Iterator[tuple[str, int
                 yield topics[channel], time, body[start + _MESSAGE_HEAD.size : position]
 
 
-read_table, read_table_blocks = bag_readers(lambda path: nullcontext(McapFile(path)))
+read_tables = bag_reader(lambda path: nullcontext(McapFile(path)))

@@ -9,7 +9,7 @@ from dataclasses import field
 from pathlib import Path
 from typing import Any
 
-from tumble.recording.formats.bags.bag import Topic, bag_readers
+from tumble.recording.formats.bags.bag import Topic, bag_reader
 from tumble.recording.formats.bags.ros_messages import plain_type
 from tumble.recording.formats.packed import needed
 from tumble.recording.formats.table import foreign
@@ -102,4 +102,4 @@ def opened_bag(path: Path) -> Generator[Rosbag1]:
         reader.close()
 
 
-read_table, read_table_blocks = bag_readers(opened_bag)
+read_tables = bag_reader(opened_bag)

@@ -18,7 +18,7 @@ from urllib.parse import quote
 
 from tumble.errors import RecordingError
 from tumble.files import opened
-from tumble.recording.formats.bags.bag import Topic, bag_readers
+from tumble.recording.formats.bags.bag import Topic, bag_reader
 from tumble.recording.formats.bags.mcap import McapFile
 from tumble.recording.formats.bags.ros_messages import plain_type
 from tumble.recording.formats.packed import ZSTD_MAGIC, decompress_zstd, unpacked
@@ -201,4 +201,4 @@ class Chain:
             yield from part.messages(chosen)
 
 
-read_table, read_table_blocks = bag_readers(opened_bag, source)
+read_tables = bag_reader(opened_bag)

@@ -22,7 +22,7 @@ from tumble.arrays import Series, Vectors
 from tumble.errors import RecordingError
 from tumble.recording.formats.logs.own_parameters import ArduPilot, OwnParameters
 from tumble.recording.formats.streams import Stream, Units, automatic, of_increments, table_of_streams
-from tumble.recording.formats.table import RawTable, hash_file, mapped
+from tumble.recording.formats.table import RawTable, mapped
 from tumble.recording.samples import Remark, Samples
 from tumble.records import dataclass
 
@@ -41,7 +41,7 @@ _BATCH = 200_000
 _Rows = npt.NDArray[Any]
 
 
-def read_table(path: Path, topics: Sequence[str] = ()) -> RawTable:
+def read_tables(path: Path, topics: Sequence[str] = ()) -> Iterator[RawTable]:
     """Read a DataFlash log.
 
     Parameters
@@ -74,9 +74,7 @@ def read_table(path: Path, topics: Sequence[str] = ()) -> RawTable:
         remarks.append(Remark("mended", text))
     if log.cut:
         remarks.append(Remark("mended", f"{path.name}: the last message is cut short and is left out."))
-    return table_of_streams(
-        path, streams, topics, automatic(streams, [("ACC", "GYR")]), hash_file(path), remarks
-    )
+    yield table_of_streams(path, streams, topics, automatic(streams, [("ACC", "GYR")]), remarks)
 
 
 @dataclass(slots=True)

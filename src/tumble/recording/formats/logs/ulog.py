@@ -8,7 +8,7 @@ PX4 user guide, *ULog File Format*; message definitions `SensorCombined`, `Senso
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import redirect_stdout
 from dataclasses import replace
 from importlib import import_module
@@ -30,7 +30,7 @@ from tumble.recording.formats.streams import (
     of_increments,
     table_of_streams,
 )
-from tumble.recording.formats.table import RawTable, foreign, hash_file, mapped
+from tumble.recording.formats.table import RawTable, foreign, mapped
 from tumble.recording.samples import Remark, Samples
 
 _HEADER = 16  # bytes
@@ -42,7 +42,7 @@ _SELECTION, _THERMAL = "sensor_selection", "sensor_correction"
 _DEVICES = {"ACC": "accel_device_id", "GYRO": "gyro_device_id", "MAG": "device_id"}
 
 
-def read_table(path: Path, topics: Sequence[str] = ()) -> RawTable:
+def read_tables(path: Path, topics: Sequence[str] = ()) -> Iterator[RawTable]:
     """Read a ULog file.
 
     Parameters
@@ -75,7 +75,7 @@ def read_table(path: Path, topics: Sequence[str] = ()) -> RawTable:
             f"It knows {', '.join(names[:12])}{' and more' if len(names) > 12 else ''}."
         )
     remarks = _damage(log, path)
-    return table_of_streams(path, streams, topics, automatic(streams, _RAW), hash_file(path), remarks)
+    yield table_of_streams(path, streams, topics, automatic(streams, _RAW), remarks)
 
 
 def _damage(log: Any, path: Path) -> list[Remark]:
