@@ -6,7 +6,8 @@ is read block by block, so that every block is read alike.
 
 from __future__ import annotations
 
-from dataclasses import field, replace
+from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -27,8 +28,8 @@ from tumble.recording.columns import (
 )
 from tumble.recording.formats.table import RawTable
 from tumble.recording.recording import Recording
-from tumble.recording.samples import NOTHING_MADE, MagneticField, Remark, Source
-from tumble.recording.stamps import Known, clock_without_stamps
+from tumble.recording.samples import NOTHING_MADE, MagneticField, Remark, Samples, Source
+from tumble.recording.stamps import BlockState, Known, clock_without_stamps
 from tumble.recording.temperature import COLDEST, HOTTEST, without_slips
 from tumble.recording.units import (
     DeclaredUnits,
@@ -43,101 +44,44 @@ from tumble.recording.units import (
     hold_length,
     rest_level,
 )
-from tumble.records import dataclass
 from tumble.sample_rates import sample_rate, stated_clock
 from tumble.units import COUNTS, celsius_from, find_unit, time_factor
 
+Rows = npt.NDArray[np.intp]
 _MOST_BAD_ROWS = 0.01
 _MOST_PARTED_ROWS = 0.5
 
 
-def _shared(columns: list[Series]) -> Vectors | None:
-    """Return the (rows, 3) array that three columns are the columns of, in this order, or None."""
-    base = columns[0].base
-    rows = columns[0].shape[0]
-    if not isinstance(base, np.ndarray) or base.ndim != 2 or base.shape[1] != 3 or base.shape[0] < rows:
-        return None
-    begins, width = base.ctypes.data, base.itemsize
-    offsets = [c.ctypes.data - begins for c in columns]
-    first = offsets[0] // (3 * width)
-    wanted = [3 * width * first + j * width for j in range(3)]
-    same = base.dtype == np.float64 and base.flags.c_contiguous and all(c.base is base for c in columns)
-    return base[first : first + rows] if same and offsets == wanted else None
-
-
 def _triad(table: RawTable, triad: tuple[tuple[int, float], ...] | None) -> Vectors | None:
-    """Put three columns side by side, without a copy where the format has done so."""
-    if triad is None:
-        return None
-    shared = _shared([table.columns[i] for i, _ in triad])
-    if shared is not None and all(sign > 0.0 for _, sign in triad):
-        return shared
-    values = np.empty((len(table), 3))
-    for axis, (index, sign) in enumerate(triad):
-        values[:, axis] = table.columns[index]
-        if sign < 0:
-            values[:, axis] *= -1.0
-    return values
+    """Put three columns side by side."""
+    columns = [table.columns[i] if sign > 0.0 else -table.columns[i] for i, sign in triad or ()]
+    return np.column_stack(columns) if columns else None
 
 
-@dataclass(slots=True)
-class Signals:
-    """The columns of one table in their roles, after rows without finite numbers were left out.
+def _pick(table: RawTable, plan: ColumnPlan, *, parted: bool) -> tuple[Samples, Rows, list[Remark]]:
+    """Return the samples of a table by a plan, the rows that they stand in, and what is said of those left out.
 
-    `rows` are the row numbers in the table of what is left, None for all. `magnetic` may hold rows without a number:
-    a magnetometer often has fewer samples than the table has rows. `magnetic_stamps` are its own, s, where the table
-    has them.
+    Left out are rows that hold no finite number somewhere: one in a hundred at most, or half of all where runs of
+    them may part the recording. The time is as the file has it, in row numbers where there are no stamps.
     """
-
-    stamps: Series | None
-    force: Vectors | None
-    rates: Vectors | None
-    temperature: Series | None
-    rows: npt.NDArray[np.intp] | None
-    remarks: list[Remark] = field(default_factory=list[Remark])
-    magnetic: Vectors | None = None
-    magnetic_stamps: Series | None = None
-
-    def cut(self, keep: npt.NDArray[np.bool_]) -> Signals:
-        """Return what a boolean array keeps of the columns."""
-        if keep.all():
-            return self
-        names = ("stamps", "force", "rates", "temperature", "magnetic", "magnetic_stamps")
-        parts = {name: getattr(self, name) for name in names}
-        return replace(self, **{name: None if part is None else part[keep] for name, part in parts.items()})
-
-
-def pick_signals(table: RawTable, plan: ColumnPlan, *, parted: bool = False) -> Signals:
-    """Pick the columns of a table by a plan; rows that hold no finite number are left out.
-
-    Parameters
-    ----------
-    table, plan : as read, and which column is what.
-    parted : whether runs of such rows may part the recording: then half of all may be left out.
-
-    Raises
-    ------
-    RecordingError
-        If more than one row in a hundred would have to be left out.
-    """
-    time = None if plan.time is None else table.columns[plan.time]
-    force, rates = _triad(table, plan.specific_force), _triad(table, plan.angular_rate)
-    temperature = None if plan.temperature is None else table.columns[plan.temperature]
-    magnetic = _triad(table, plan.magnetic_field)
-    own = None if plan.magnetic_field_time is None else table.columns[plan.magnetic_field_time]
-    alone = magnetic if force is None and rates is None else None
-    parts = [p for p in (time, force, rates, alone) if p is not None]
+    rows = np.arange(len(table))
+    samples = Samples(
+        rows.astype(np.float64) if plan.time is None else table.columns[plan.time],
+        _triad(table, plan.specific_force),
+        _triad(table, plan.angular_rate),
+        None if plan.temperature is None else table.columns[plan.temperature],
+        _triad(table, plan.magnetic_field),
+    )
+    inertial = [t for t in (samples.specific_force, samples.angular_rate) if t is not None]
+    alone = [samples.magnetic_field] if samples.magnetic_field is not None else []
+    parts = [samples.time, *(inertial or alone)]
     with np.errstate(invalid="ignore", over="ignore"):
-        finite = all(np.isfinite(p.sum()) for p in parts)  # a sum is finite if every term is
-    signals = Signals(time, force, rates, temperature, None, magnetic=magnetic, magnetic_stamps=own)
-    if finite:
-        return signals
-    good = np.ones(len(table), bool)
-    for part in parts:
-        good &= np.isfinite(part) if part.ndim == 1 else np.isfinite(part).all(axis=1)
+        if all(np.isfinite(p.sum()) for p in parts):  # a sum is finite if every term is
+            return samples, rows, []
+    good = np.logical_and.reduce([np.isfinite(p.reshape(len(table), -1)).all(axis=1) for p in parts])
     bad = int(good.size - good.sum())
     if not bad:
-        return signals
+        return samples, rows, []
     row = int(np.argmin(good))
     where = _bad_column(table, plan, row)
     if bad > max(1.0, (_MOST_PARTED_ROWS if parted else _MOST_BAD_ROWS) * good.size):
@@ -147,7 +91,7 @@ def pick_signals(table: RawTable, plan: ColumnPlan, *, parted: bool = False) -> 
         )
     where = f"first: {table.place(row)}, {where}"
     text = f"{table.path.name}: {bad} row(s) without a finite number left out ({where})."
-    return replace(signals.cut(good), rows=np.flatnonzero(good), remarks=[Remark("mended", text)])
+    return samples.cut(good), rows[good], [Remark("mended", text)]
 
 
 def _bad_column(table: RawTable, plan: ColumnPlan, row: int) -> str:
@@ -162,8 +106,6 @@ def _bad_column(table: RawTable, plan: ColumnPlan, row: int) -> str:
 
 # In the name of a column of time: seconds of GNSS, or of a computer whose clock is set by a network.
 _DISCIPLINED = ("gps", "gnss", "tow", "utc", "unix", "host")
-
-__all__ = ["BlockState", "Interpretation", "choose_columns", "interpret", "interpret_block"]
 
 
 def choose_columns(
@@ -271,36 +213,44 @@ def _header_words(table: RawTable, plan: ColumnPlan) -> str:
 
 
 def _ordered(
-    table: RawTable, plan: ColumnPlan, unit: str | None, asked: float | str | None, parted: bool
-) -> tuple[Signals, stamps.Stamps]:
+    table: RawTable,
+    plan: ColumnPlan,
+    samples: Samples,
+    rows: Rows,
+    unit: str | None,
+    asked: float | str | None,
+    parted: bool,
+) -> stamps.Stamps:
     """Put the rows in time: by their stamps, or by the declared rate where there are none."""
-    signals, good_to = pick_signals(table, plan, parted=parted), stated_clock(asked)
+    good_to, name = stated_clock(asked), table.path.name
     rate = _declared_rate(table, plan, asked if good_to is None else None)
-    rows = np.arange(len(table)) if signals.rows is None else signals.rows
     if rows.size < 2:
+        raise RecordingError(f"{name} has {rows.size} usable row(s); a recording needs at least two.")
+    if plan.time is not None:
+        known = _reader(table, plan) if good_to is None else good_to
+        place = _places(table, rows)
+        return stamps.order_stamps(
+            samples.time,
+            unit=unit or plan.time_unit,
+            rate=rate,
+            name=name,
+            place=place,
+            parted=parted,
+            known=known,
+        )
+    if rate is None:
         raise RecordingError(
-            f"{table.path.name} has {rows.size} usable row(s); a recording needs at least two."
+            f"{name} has no column of time stamps; give the sampling rate with --rate HZ "
+            "(100±50ppm where a crystal keeps it), or name the time column with --columns."
         )
-    if signals.stamps is None:
-        if rate is None:
-            raise RecordingError(
-                f"{table.path.name} has no column of time stamps; give the sampling rate with --rate HZ "
-                "(100±50ppm where a crystal keeps it), or name the time column with --columns."
-            )
-        gaps = tuple(int(i) + 1 for i in np.flatnonzero(np.diff(rows) > 1))
-        return signals, stamps.Stamps(
-            rows / rate, np.ones(rows.size, bool), gaps, float(rate), "s", clock_without_stamps(rate)
-        )
+    gaps = tuple(int(i) + 1 for i in np.flatnonzero(np.diff(rows) > 1))
+    every, clock = np.ones(rows.size, bool), clock_without_stamps(rate)
+    return stamps.Stamps(rows / rate, every, gaps, float(rate), "s", clock)
 
-    def place(row: int) -> str:
-        return table.place(int(rows[row]))
 
-    known, name = _reader(table, plan) if good_to is None else good_to, table.path.name
-    unit = unit or plan.time_unit
-    ordered = stamps.order_stamps(
-        signals.stamps, unit=unit, rate=rate, name=name, place=place, parted=parted, known=known
-    )
-    return signals.cut(ordered.keep), ordered
+def _places(table: RawTable, rows: Rows) -> Callable[[int], str]:
+    """Return what turns the number of a sample into words, for it stands in one of these rows."""
+    return lambda sample: table.place(int(rows[sample]))
 
 
 def _reader(table: RawTable, plan: ColumnPlan) -> Known:
@@ -337,23 +287,25 @@ def interpret(
     """
     remarks = [*table.remarks, *remarks, *about_units(table, plan, units)]
     plan = replace(plan, temperature_unit=units.temperature or plan.temperature_unit)
-    signals, ordered = _ordered(table, plan, units.time, rate, parted)
-    remarks += [*signals.remarks, *ordered.remarks]
+    samples, rows, left_out = _pick(table, plan, parted=parted)
+    ordered = _ordered(table, plan, samples, rows, units.time, rate, parted)
+    remarks += [*left_out, *ordered.remarks]
+    samples, rows = samples.cut(ordered.keep), rows[ordered.keep]
     decided = Interpretation(
         plan,
         None if plan.time is None else ordered.unit,
         COUNTS,
         COUNTS,
         ordered.rate,
-        field_hold=1 if signals.magnetic is None else hold_length(signals.magnetic),
+        field_hold=1 if samples.magnetic_field is None else hold_length(samples.magnetic_field),
     )
-    recording = _recording(table, signals, ordered.time, decided, sources, remarks, ordered.gaps)
+    recording = _recording(table, samples, rows, ordered.time, decided, sources, remarks, ordered.gaps)
     recording = replace(recording, said_clock=ordered.clock, columns=option_of(plan, len(table.columns)))
     if recording.temperature is not None and plan.temperature_unit not in (None, "degC"):
         text = f"The temperature is said to be in {plan.temperature_unit}, and is converted to °C."
         remarks.append(Remark("found", text))
     field = recording.magnetic_field
-    unit, about_field = _about_field(field, table, signals, decided, units)
+    unit, about_field = _about_field(field, table, decided, units)
     decided = replace(decided, magnetic_field_unit=unit)
     recording, decided = _judged(recording, decided, units, table)
     every = (*remarks, *about_field, *decided.remarks, *_unchecked(recording))
@@ -369,27 +321,28 @@ def interpret(
 
 def _recording(
     table: RawTable,
-    signals: Signals,
+    samples: Samples,
+    rows: Rows,
     time: AnyArray,
     decided: Interpretation,
     sources: tuple[Source, ...],
     remarks: list[Remark],
     gaps: tuple[int, ...],
 ) -> Recording:
-    """Return the recording that signals at these times make, as it is decided."""
+    """Return the recording that samples at these times make, as it is decided."""
     return Recording(
         time=time,
-        specific_force=_scaled(signals.force, decided.force_factor),
-        angular_rate=_scaled(signals.rates, decided.rate_factor),
+        specific_force=_scaled(samples.specific_force, decided.force_factor),
+        angular_rate=_scaled(samples.angular_rate, decided.rate_factor),
         specific_force_unit=decided.specific_force_unit,
         angular_rate_unit=decided.angular_rate_unit,
         rate=decided.rate,
-        temperature=_in_celsius(signals.temperature, decided.plan, remarks),
+        temperature=_in_celsius(samples.temperature, decided.plan, remarks),
         sources=sources,
         remarks=tuple(remarks),
         gaps=gaps,
         temperature_unit=decided.plan.temperature_unit,
-        magnetic_field=_field(table, signals, time, decided),
+        magnetic_field=_field(table, samples, rows, time, decided),
     )
 
 
@@ -438,18 +391,17 @@ def _declared_rate(table: RawTable, plan: ColumnPlan, asked: float | str | None)
 def _about_field(
     field: MagneticField | None,
     table: RawTable,
-    signals: Signals,
     decided: Interpretation,
     units: DeclaredUnits,
 ) -> tuple[str, list[Remark]]:
     """Decide the unit of the magnetometer's samples, from the rows or from beside them; and what is said of them."""
     header, name, said = decided.plan.magnetic_field_unit, table.path.name, list[Remark]()
-    if signals.magnetic is None:
-        header = None if table.field is None else table.field.unit or None
-        if table.field is not None and table.field.note:
-            said.append(Remark("found", f"{name}: {table.field.name} {table.field.note}."))
+    beside = None if decided.plan.magnetic_field is not None else table.field
+    if beside is not None:
+        header = beside.unit or None
+        said += [Remark("found", f"{name}: {beside.name} {beside.note}.")] if beside.note else []
     if field is None:
-        if signals.magnetic is not None or table.field is not None:
+        if decided.plan.magnetic_field is not None or beside is not None:
             said.append(Remark("found", f"{name}: the magnetometer's columns hold no number but zero."))
         return COUNTS, said
     if (hold := decided.field_hold) > 1:
@@ -486,22 +438,6 @@ def _unchecked(recording: Recording) -> list[Remark]:
     return [Remark("unchecked", text + ".")]
 
 
-@dataclass(slots=True)
-class BlockState:
-    """What is carried from block to block.
-
-    Attributes
-    ----------
-    rows : rows of the file so far.
-    last : the last stamp as it stands in the file, or None before the first block.
-    added : what wraps of the counter have added so far, in the file's unit.
-    """
-
-    rows: int = 0
-    last: float | None = None
-    added: float = 0.0
-
-
 def interpret_block(
     table: RawTable,
     decided: Interpretation,
@@ -523,74 +459,42 @@ def interpret_block(
     RecordingError
         If the block's rows or stamps are unusable.
     """
-    signals = pick_signals(table, decided.plan, parted=parted)
-    remarks = list(signals.remarks)
-    rows = np.arange(len(table)) if signals.rows is None else signals.rows
-    if rows.size == 0:
-        state.rows += len(table)
-        return None
-    begins = state.last is None and state.rows == 0
-    missing: float = 0.0
-    if signals.stamps is None or decided.time_unit is None:
-        time, keep = (state.rows + rows) / decided.rate, np.ones(rows.size, bool)
-    else:
-        time, keep, missing = _continued(signals.stamps, table, rows, state, decided, remarks, parted)
+    samples, rows, remarks = _pick(table, decided.plan, parted=parted)
+    begins, before = state.last is None and state.rows == 0, state.rows
     state.rows += len(table)
-    if not time.size:
+    if not rows.size:
         return None
-    if missing > 0.6 / decided.rate and not begins:
-        remarks.append(
-            Remark("found", f"Samples are missing for {missing:.3g} s before t = {time[0]:.6g} s.")
+    if decided.time_unit is None:
+        time = (before + rows) / decided.rate
+    else:
+        unit, name, place = decided.time_unit, table.path.name, _places(table, rows)
+        time, keep, missing = stamps.continue_stamps(
+            samples.time,
+            state,
+            unit=unit,
+            rate=decided.rate,
+            name=name,
+            place=place,
+            parted=parted,
+            said=remarks,
         )
-    signals = signals.cut(keep)
+        if not time.size:
+            return None
+        if missing > 0.6 / decided.rate and not begins:
+            text = f"Samples are missing for {missing:.3g} s before t = {time[0]:.6g} s."
+            remarks.append(Remark("found", text))
+        samples, rows = samples.cut(keep), rows[keep]
     gaps = stamps.find_gaps(time, decided.rate)
-    return _recording(table, signals, time, decided, sources, remarks, gaps)
+    return _recording(table, samples, rows, time, decided, sources, remarks, gaps)
 
 
 def _field(
-    table: RawTable, signals: Signals, time: AnyArray, decided: Interpretation
+    table: RawTable, samples: Samples, rows: Rows, time: AnyArray, decided: Interpretation
 ) -> MagneticField | None:
     """Return the magnetometer's samples among a recording's rows, or from beside them."""
-    if signals.magnetic is not None:
-        own = time if signals.magnetic_stamps is None else signals.magnetic_stamps
-        return field_of_rows(own, signals.magnetic, decided.field_hold, decided.magnetic_field_unit)
-    kept = None if signals.stamps is None else signals.stamps * time_factor(decided.time_unit or "s")
-    return field_beside(table, kept, time, decided.magnetic_field_unit)
-
-
-def _continued(
-    raw: Series,
-    table: RawTable,
-    rows: npt.NDArray[np.intp],
-    state: BlockState,
-    decided: Interpretation,
-    remarks: list[Remark],
-    parted: bool,
-) -> tuple[AnyArray, npt.NDArray[np.bool_], float]:
-    """Carry the stamps on from the block before: duplicates out, wraps added, steps back refused."""
-    factor = time_factor(decided.time_unit or "s")
-    before = raw[0] - 1.0 / (decided.rate * factor) if state.last is None else state.last
-    chain = np.concatenate([[before], raw])
-    straight, wraps = stamps.carry_on(chain)
-    if wraps:
-        remarks.append(Remark("mended", f"The time counter wraps {wraps} time(s) and is carried on."))
-    if parted:
-        straight, resets = stamps.join_resets(straight, decided.time_unit, decided.rate)
-        if resets:
-            told = stamps.say_resets(resets, table.path.name, lambda row: table.place(int(rows[row - 1])))
-            remarks.append(told)
-    time = (straight[1:] + state.added) * factor
-    steps = np.diff(straight)
-    back = np.flatnonzero(steps < 0.0)
-    if back.size:
-        row = int(back[0])
-        raise RecordingError(
-            f"{table.path.name}, {table.place(int(rows[row]))}: time steps back from {chain[row]:.10g} to "
-            f"{chain[row + 1]:.10g}; the order of the samples is unknown. Split the file there."
-        )
-    state.last = float(raw[-1])
-    state.added += float(straight[-1] - chain[-1])
-    keep = steps > 0.0
-    if not keep.all():
-        remarks.append(Remark("mended", f"{int((~keep).sum())} row(s) with a repeated stamp left out."))
-    return time[keep], keep, float(steps[0]) * factor - 1.0 / decided.rate
+    own, unit = decided.plan.magnetic_field_time, decided.magnetic_field_unit
+    if samples.magnetic_field is not None:
+        stamps_ = time if own is None else table.columns[own][rows]
+        return field_of_rows(stamps_, samples.magnetic_field, decided.field_hold, unit)
+    kept = None if decided.plan.time is None else samples.time * time_factor(decided.time_unit or "s")
+    return field_beside(table, kept, time, unit)

@@ -30,7 +30,6 @@ from tumble.recording.formats import read_table, read_table_blocks, source_of
 from tumble.recording.formats.frames import Frame, frame_source, frame_table, input_name
 from tumble.recording.formats.table import RawTable, joined_tables
 from tumble.recording.interpretation import (
-    BlockState,
     Interpretation,
     choose_columns,
     interpret,
@@ -38,7 +37,7 @@ from tumble.recording.interpretation import (
 )
 from tumble.recording.recording import Recording
 from tumble.recording.samples import MagneticField, Remark, Source
-from tumble.recording.stamps import seconds_of
+from tumble.recording.stamps import BlockState, seconds_of
 from tumble.recording.units import DeclaredUnits, read_units_option
 from tumble.records import dataclass
 

@@ -65,6 +65,8 @@ class Samples:
         ----------
         keep : as numpy takes it.
         """
+        if isinstance(keep, np.ndarray) and keep.dtype == np.bool_ and keep.all():
+            return self
         others = (getattr(self, name) for name in _OTHERS)
         return Samples(self.time[keep], *(None if part is None else part[keep] for part in others))
 
@@ -94,7 +96,7 @@ class Samples:
         for triad in (self.specific_force, self.angular_rate):
             if triad is not None:
                 good &= np.isfinite(triad).all(axis=1)
-        return self if good.all() else self.cut(good)
+        return self.cut(good)
 
 
 def joined(parts: Sequence[Samples]) -> Samples:

@@ -360,15 +360,13 @@ def order_stamps(
     RecordingError
         If the stamps are constant, go back, repeat too often, or contradict the declared rate.
     """
-    remarks: list[Remark] = []
-    raw, wraps = carry_on(raw)
-    if wraps:
-        remarks.append(Remark("mended", f"{name}: the time counter wraps {wraps} time(s) and is carried on."))
-    if parted:
-        raw, resets = join_resets(raw, unit, rate)
-        remarks += [say_resets(resets, name, place)] if resets else []
+    raw, remarks = _straightened(raw, unit, rate, name, place, parted)
     steps = np.diff(raw)
-    _require_order(raw, steps, name, place)
+    if raw.size < 2 or not np.any(steps):
+        raise RecordingError(
+            f"{name}: the time column never changes (it stays at {raw[0]:g}); leave it out with --columns "
+            "and give --rate HZ."
+        )
     keep = np.concatenate([[True], steps > 0.0])
     doubles = int(raw.size - keep.sum())
     if doubles > max(_MOST_DUPLICATES * raw.size, 2):
@@ -377,10 +375,7 @@ def order_stamps(
             "so they are coarser than the sampling; leave the time column out with --columns and give --rate HZ."
         )
     if doubles:
-        first = place(int(np.argmin(keep)))
-        remarks.append(
-            Remark("mended", f"{name}: {doubles} row(s) with a repeated stamp left out (first: {first}).")
-        )
+        remarks.append(_say_doubles(keep, name, place))
         raw, steps = raw[keep], steps[steps > 0.0]
     evened = _even_out(raw, steps, unit, rate, name, known)
     if evened is not None:
@@ -406,13 +401,73 @@ def order_stamps(
     return Stamps(time, keep, gaps, found, unit, clock_of_stamps(time, rate, known), remarks)
 
 
-def _require_order(raw: Series, steps: Series, name: str, place: Callable[[int], str]) -> None:
-    if raw.size < 2 or not np.any(steps):
-        raise RecordingError(
-            f"{name}: the time column never changes (it stays at {raw[0]:g}); leave it out with --columns "
-            "and give --rate HZ."
-        )
-    back = np.flatnonzero(steps < 0.0) if steps.min() < 0.0 else np.zeros(0, np.intp)
+@dataclass(slots=True)
+class BlockState:
+    """What is carried from block to block.
+
+    Attributes
+    ----------
+    rows : rows of the file so far.
+    last : the last stamp as it stands in the file, or None before the first block.
+    added : what wraps of the counter have added so far, in the file's unit.
+    """
+
+    rows: int = 0
+    last: float | None = None
+    added: float = 0.0
+
+
+def continue_stamps(
+    raw: Series,
+    state: BlockState,
+    *,
+    unit: str,
+    rate: float,
+    name: str,
+    place: Callable[[int], str],
+    parted: bool,
+    said: list[Remark],
+) -> tuple[Series, npt.NDArray[np.bool_], float]:
+    """Return the stamps of a block in s, carried on from the one before, which rows are kept, and s missing before it.
+
+    Parameters
+    ----------
+    raw : (rows,) stamps as in the file, finite.
+    state, said : what is carried from block to block, and what is said of this one: both are added to.
+    unit, rate, name, place, parted : as for `order_stamps`, unit and rate as decided on the first block.
+
+    Raises
+    ------
+    RecordingError
+        If the stamps go back.
+    """
+    factor = time_factor(unit)
+    before = raw[0] - 1.0 / (rate * factor) if state.last is None else state.last
+    chain = np.concatenate([[before], raw])
+    straight, more = _straightened(chain, unit, rate, name, lambda row: place(row - 1), parted)
+    steps = np.diff(straight)
+    time, keep = (straight[1:] + state.added) * factor, steps > 0.0
+    state.last, state.added = float(raw[-1]), state.added + float(straight[-1] - chain[-1])
+    said += more if keep.all() else [*more, _say_doubles(keep, name, place)]
+    return time[keep], keep, float(steps[0]) * factor - 1.0 / rate
+
+
+def _say_doubles(keep: npt.NDArray[np.bool_], name: str, place: Callable[[int], str]) -> Remark:
+    doubles, first = int(keep.size - keep.sum()), place(int(np.argmin(keep)))
+    return Remark("mended", f"{name}: {doubles} row(s) with a repeated stamp left out (first: {first}).")
+
+
+def _straightened(
+    raw: Series, unit: str | None, rate: float | None, name: str, place: Callable[[int], str], parted: bool
+) -> tuple[Series, list[Remark]]:
+    """Carry on a counter that wraps, and where that may part the recording a clock that begins anew."""
+    raw, wraps = carry_on(raw)
+    text = f"{name}: the time counter wraps {wraps} time(s) and is carried on."
+    remarks = [Remark("mended", text)] if wraps else []
+    if parted:
+        raw, resets = join_resets(raw, unit, rate)
+        remarks += [say_resets(resets, name, place)] if resets else []
+    back = np.flatnonzero(raw[1:] < raw[:-1])
     if back.size:
         row = int(back[0]) + 1
         raise RecordingError(
@@ -420,6 +475,7 @@ def _require_order(raw: Series, steps: Series, name: str, place: Callable[[int],
             f"{_more(back.size)}; the order of the samples is unknown. Split the file there, or leave the "
             "time column out with --columns and give --rate HZ."
         )
+    return raw, remarks
 
 
 def _even_out(

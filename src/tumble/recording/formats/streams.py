@@ -174,8 +174,7 @@ def refuse_backwards(file: str, stream: str, time: Series) -> None:
 
 def _without_repeats(samples: Samples) -> Samples:
     """Leave out samples whose stamp is that of the one before."""
-    keep = np.concatenate([[True], np.diff(samples.time) != 0.0])
-    return samples if keep.all() else samples.cut(keep)
+    return samples.cut(np.concatenate([[True], np.diff(samples.time) != 0.0]))
 
 
 def merge_streams(

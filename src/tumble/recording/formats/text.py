@@ -12,7 +12,7 @@ import warnings
 from collections.abc import Iterable, Iterator
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO, TypeAlias
+from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
 
@@ -205,8 +205,6 @@ def _names_of(layout: TextLayout) -> tuple[str, ...] | None:
 
 
 _MISSING = ["", "NA", "N/A", "na", "null", "NULL", "None", "none", "-", "--", "?"]
-Piece: TypeAlias = dict[int, Series]
-"""Columns by their index."""
 
 _CHECKSUMS = re.compile(rb"\*[0-9A-Fa-f]{2,4}(?=\s*?$)", re.MULTILINE)
 
@@ -216,18 +214,8 @@ def parse(body: bytes, layout: TextLayout) -> list[Series] | None:
 
     Returns
     -------
-    The columns of numbers, missing cells as NaN; None if a cell is not a number (see `name_bad_cell`). Three that
-    follow each other share one (rows, 3) array: so triads need no further copy if time comes first or last, as it
-    mostly does.
+    The columns of numbers, missing cells as NaN; None if a cell is not a number (see `name_bad_cell`).
     """
-    piece = _parsed(body, layout)
-    if piece is None:
-        return None
-    blocks = [np.column_stack([piece[i] for i in g]) for g in _groups(piece, list(layout.number_columns))]
-    return _without_blank_rows([block[:, j] for block in blocks for j in range(block.shape[1])])
-
-
-def _parsed(body: bytes, layout: TextLayout) -> Piece | None:
     from tumble.recording.formats.kernels import parse_rows
 
     if layout.checksums or layout.decimal_comma or layout.quoted:
@@ -239,14 +227,17 @@ def _parsed(body: bytes, layout: TextLayout) -> Piece | None:
         skipped = np.array([i in words for i in range(layout.columns)], dtype=np.uint8)
         rows = parse_rows(numbers, ord(layout.delimiter or "\0"), skipped, table)
         if rows >= 0:
-            return {i: table[:rows, i] for i in layout.number_columns}
+            every = np.ascontiguousarray(table[:rows].T)
+            return _without_blank_rows([every[i] for i in layout.number_columns])
     frame = _parse_frame(squeeze(body, layout), layout)
     if frame is None:
         return None
-    return {
-        i: _iso_seconds(frame[str(i)].to_list()) if i in layout.iso_columns else frame[str(i)].to_numpy()
-        for i in layout.number_columns
-    }
+    return _without_blank_rows(
+        [
+            _iso_seconds(frame[str(i)].to_list()) if i in layout.iso_columns else frame[str(i)].to_numpy()
+            for i in layout.number_columns
+        ]
+    )
 
 
 def prepare(body: bytes, layout: TextLayout) -> bytes:
@@ -301,16 +292,6 @@ def _parse_frame(body: bytes, layout: TextLayout) -> pl.DataFrame | None:
         except pl.exceptions.PolarsError:
             continue
     return None
-
-
-def _groups(piece: Piece, numbers: list[int]) -> list[list[int]]:
-    """Which columns go side by side: by threes, but for one that grows as time does."""
-    groups: list[list[int]] = []
-    while numbers:
-        alone = len(numbers) < 3 or bool(np.all(np.diff(piece[numbers[0]][:50]) > 0.0))
-        groups.append(numbers[: 1 if alone else 3])
-        numbers = numbers[len(groups[-1]) :]
-    return groups
 
 
 def _iso_seconds(cells: list[str | None]) -> Series:
