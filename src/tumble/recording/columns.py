@@ -15,9 +15,11 @@ Range of the Earth's field: NOAA, *World Magnetic Model 2025*, 22 to 67 µT at t
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -49,39 +51,17 @@ from tumble.units import (
 AXES = "xyz"
 _SLOTS = ("t", "ax", "ay", "az", "gx", "gy", "gz", "mx", "my", "mz", "temperature")
 
-# Spellings without axis, separators and capitals, one kind a text.
-_SPELLINGS = {
-    "accelerometer": """
-        a ac acc acce accel accelero accelerometer accelerometers acceleration accelerations
-        linearacceleration linearacc linacc specificforce f fb fib sf force imuacc accdata""",
-    "gyro": """
-        g gy gyr gyro gyros gyroscope gyroscopes w om omega omg angularvelocity angularrate angvel angrate
-        rotationrate rotrate rate wib wb avel angular omegaib""",
-    "magnetometer": """
-        m mf mag magn magnet magneto magnetometer magnetometers magnetic magnetics magneticfield magfield magnetfield
-        magneticfluxdensity magneticinduction bfield compass imumag magdata""",
-    "time": """
-        t time times timestamp timestamps stamp stamps tick ticks sec secs seconds timesec timestampsec
-        timesample headerstamp tow gpstime elapsed elapsedtime systemtime timestampsample secondselapsed
-        hosttime devicetime utc datetime""",
-    "temperature": "temp temperature tmp temps temperatures imutemp imutemperature tempc degc",
-    "filler": """
-        imu sensor data raw value values cal uncal uncalibrated calibrated b body rs s meas msg axis lin 0 ib
-        m rad deg""",
-}
-_ACCELEROMETER, _GYRO, _MAGNETOMETER, _TIME, _TEMPERATURE, _FILLERS = (
-    frozenset(t.split()) for t in _SPELLINGS.values()
+NAMES: dict[str, dict[str, str]] = json.loads(
+    Path(__file__).with_name("names.json").read_text(encoding="utf-8")
 )
-_KNOWN = (("a", _ACCELEROMETER), ("g", _GYRO), ("m", _MAGNETOMETER))
+"""Names of columns, files, sensors and messages, as their makers write them: without separators and capitals."""
+_WORDS = {kind: frozenset(words.split()) for kind, words in NAMES["columns"].items()}
+_KNOWN = tuple((kind[0], _WORDS[kind]) for kind in ("accelerometer", "gyro", "magnetometer"))
 _UNIT_SUFFIX = re.compile(
     r"[_ ](m[_/]?s\^?2|mps2|mg|g|rads|rad_s|radps|mdps|dps|deg_s|degps|s|sec|ms|us|ns|usec|nsec|msec"
     r"|[uµμnm]t|tesla|m?gauss)$",
     re.IGNORECASE,
 )
-_ACCELEROMETER_FILE = re.compile(r"(?<![a-z])(acc|accel|acce|accelerometer|acceleration|force|acel)(?![a-z])")
-_MAGNETOMETER_FILE = re.compile(r"(?<![a-z])(mag|magn|magneto|magnetometer|magnetic|compass)(?![a-z])")
-_GYRO_FILE = re.compile(r"(?<![a-z])(gyr|gyro|gyros|gyroscope|omega|angular|angrate|rate|ars)(?![a-z])")
-_FREE = frozenset(("user", "linear", "lin", "free", "dynamic", "linearacc", "linacc", "freeacc"))
 _FIELD_STAMPS = "mag_time [s]"  # as tumble writes it; see `tumble.recording.formats.output`
 _BRACKETS = re.compile(r"[\[(]([^\])]*)[\])]")
 
@@ -240,7 +220,7 @@ def _words(name: str) -> list[str]:
 def _is_time(words: list[str]) -> bool:
     words = words[1:] if len(words) > 1 and words[0] in {"imu", "sensor", "data"} else words
     joined = "".join(words)
-    return joined in _TIME or (
+    return joined in _WORDS["time"] or (
         words[0] in {"time", "timestamp", "stamp", "t"} and len(words) <= 3 and "zone" not in joined
     )
 
@@ -261,7 +241,7 @@ def role_of(name: str) -> tuple[str, str | None] | None:
     words = _words(re.sub(r"[\[(](\d)[\])]", r"_\1", bare))
     if not words:
         return None
-    if "".join(words) in _TEMPERATURE or words[0] in {"temp", "temperature"}:
+    if "".join(words) in _WORDS["temperature"] or words[0] in {"temp", "temperature"}:
         return "temperature", unit
     if _is_time(words):
         return "t", unit
@@ -295,7 +275,7 @@ def temperature_unit_in(name: str) -> str | None:
 
 def _kind(words: list[str]) -> str | None:
     """Return "a", "g", "m" or None for the words of a name without its axis."""
-    kept = [w for w in words if w and w not in _FILLERS]
+    kept = [w for w in words if w and w not in _WORDS["filler"]]
     joined = "".join(kept)
     for kind, known in _KNOWN:
         if joined in known:
@@ -317,8 +297,8 @@ def kind_of_file(name: str) -> str | None:
     >>> kind_of_file("xsens_gyro.mat"), kind_of_file("mag.csv")
     ('g', 'm')
     """
-    named = (("a", _ACCELEROMETER_FILE), ("g", _GYRO_FILE), ("m", _MAGNETOMETER_FILE))
-    found = [kind for kind, pattern in named if pattern.search(name.lower())]
+    named = NAMES["files"].items()
+    found = [kind for kind, words in named if re.search(f"(?<![a-z])({words})(?![a-z])", name.lower())]
     return found[0] if len(found) == 1 else None
 
 
@@ -384,7 +364,7 @@ def says_free_of_gravity(name: str) -> bool:
     >>> says_free_of_gravity("userAcceleration.x"), says_free_of_gravity("acc_x")
     (True, False)
     """
-    return not _FREE.isdisjoint(_words(_unit_in(name)[0]))
+    return not _WORDS["free of gravity"].isdisjoint(_words(_unit_in(name)[0]))
 
 
 def _slots(names: tuple[str, ...]) -> dict[str, tuple[int, str | None]]:

@@ -18,6 +18,7 @@ import numpy as np
 from tumble.arrays import Vectors
 from tumble.errors import RecordingError
 from tumble.recording import formats
+from tumble.recording.columns import NAMES
 from tumble.recording.formats import text
 from tumble.recording.formats.streams import Stream, Units, table_of_streams
 from tumble.recording.formats.table import RawTable, hash_file, hash_files, joined_tables
@@ -25,17 +26,9 @@ from tumble.recording.samples import Samples, Source
 from tumble.recording.stamps import seconds_of
 from tumble.units import find_unit, specific_force_factor
 
-# Names of files without separators and capitals, the best choice first.
-_ACCELEROMETERS = (
-    "accelerometeruncalibrated", "totalacceleration", "accelerometer", "acceleration", "rawaccelerometer", "acc",
-    "accel", "linearacceleration", "linearaccelerometer", "useracceleration", "accelerationwithoutg",
-    "linearacc", "freeacceleration",
-)  # fmt: skip
-_MAY_LACK_GRAVITY = ("accelerometer", *_ACCELEROMETERS[_ACCELEROMETERS.index("accel") + 1 :])
-_GYROS = ("gyroscopeuncalibrated", "gyroscope", "gyro", "gyr", "rawgyroscope", "rotationrate")
-_MAGNETOMETERS = ("magnetometeruncalibrated", "magnetometer", "magneticfield", "mag", "rawmagnetometer")
+_PHONES = {kind: tuple(names.split()) for kind, names in NAMES["phones, the best choice first"].items()}
+_ACCELEROMETERS, _MAY_LACK_GRAVITY, _GYROS, _MAGNETOMETERS, _TIMES = _PHONES.values()
 _GRAVITY = "gravity"
-_TIMES = ("secondselapsed", "time", "t", "timestamp", "elapsedtime")
 _FREE_OF_GRAVITY = (
     "is what the phone's system makes of the sensor by adding the gravity that it had taken out"
 )
@@ -83,10 +76,8 @@ def rank_sensor(name: str) -> tuple[str, int] | None:
     ('rate', 0)
     """
     plain = _plain(name)
-    for kind, names in (("force", _ACCELEROMETERS), ("rate", _GYROS), ("field", _MAGNETOMETERS)):
-        if plain in names:
-            return kind, names.index(plain)
-    return None
+    ranked = ((kind, _PHONES[kind]) for kind in ("force", "rate", "field"))
+    return next(((kind, names.index(plain)) for kind, names in ranked if plain in names), None)
 
 
 def streams_of_tables(tables: dict[str, tuple[str, RawTable]]) -> tuple[list[Stream], list[str]]:

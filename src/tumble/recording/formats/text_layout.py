@@ -14,22 +14,14 @@ from collections import Counter
 from itertools import islice
 
 from tumble.errors import RecordingError
+from tumble.recording.columns import NAMES
 from tumble.records import dataclass
 from tumble.units import find_unit
 
 CHECKSUM = re.compile(r"\*[0-9A-Fa-f]{2,4}\s*$")
 """What a sentence ends with."""
 
-_FIELD = tuple(f"m{axis} [gauss]" for axis in "xyz")
-_FORCE = tuple(f"a{axis} [m/s^2]" for axis in "xyz")
-_RATE = tuple(f"g{axis} [rad/s]" for axis in "xyz")
-_TRIADS = (*_FIELD, *_FORCE, *_RATE)
-_CELLS = {
-    "$VNIMU": (*_TRIADS, "temperature [degC]", "pressure"),
-    "$VNYMR": ("yaw", "pitch", "roll", *_TRIADS),
-    "$VNQMR": ("q0", "q1", "q2", "q3", *_TRIADS),
-    "$VNMAR": _TRIADS,
-}
+_CELLS = {kind: tuple(cells.split(",")) for kind, cells in NAMES["VectorNav"].items()}
 
 
 def names_of_sentence(cells: list[str]) -> tuple[str, ...] | None:

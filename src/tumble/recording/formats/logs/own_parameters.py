@@ -24,21 +24,15 @@ import numpy.typing as npt
 from tumble.arrays import Matrix, Series, Vector, Vectors, inverted
 from tumble.attitude.quaternions import matrix_from_angles
 from tumble.errors import RecordingError
+from tumble.recording.columns import NAMES
 from tumble.recording.samples import Remark, Samples
 from tumble.records import dataclass
 
 UNSTATED = "the log does not state"
 """Said of an autopilot's parameters that a log lacks, and that may have corrected its numbers."""
 _PARTS = {"specific_force": "ACC", "angular_rate": "GYR", "magnetic_field": "MAG"}
-# Roll, pitch and yaw of the enumeration of rotations, degrees. The two part after number 40.
-_TURNS = (
-    "0,0,0;0,0,45;0,0,90;0,0,135;0,0,180;0,0,225;0,0,270;0,0,315;180,0,0;180,0,45;180,0,90;180,0,135;0,180,0;"
-    "180,0,225;180,0,270;180,0,315;90,0,0;90,0,45;90,0,90;90,0,135;270,0,0;270,0,45;270,0,90;270,0,135;0,90,0;"
-    "0,270,0;0,180,90;0,180,270;90,90,0;180,90,0;270,90,0;90,180,0;270,180,0;90,270,0;180,270,0;270,270,0;"
-    "90,180,90;90,0,270;90,68,293;0,315,0;90,315,0;"
-)
-_PX4_TURNS = f"{_TURNS}270,0,180;270,0,270;0,90,180;0,9,180;0,45,0;270,0,225;270,0,315".split(";")
-_ARDUPILOT_TURNS = f"{_TURNS}0,7,0;45,0,0;315,0,0".split(";")
+_TURNS = NAMES["roll,pitch,yaw of the enumerated rotations, degrees"]
+_PX4_TURNS, _ARDUPILOT_TURNS = (f"{_TURNS['both']};{_TURNS[own]}".split(";") for own in ("PX4", "ArduPilot"))
 _REFERENCE = 35.0  # °C of ArduPilot's polynomials
 _LARGEST_SCALE = 1.5  # of a compass; ArduPilot leaves out what is larger, or smaller than its inverse
 
