@@ -18,8 +18,8 @@ from tumble.errors import RecordingError
 from tumble.recording.columns import ColumnPlan, plan_from_names
 from tumble.recording.formats.lines import COMMENTS, LONGEST_LINE, Row, row_of, without_clock, words_of
 from tumble.recording.formats.table import RawTable
-from tumble.recording.formats.text_layout import names_of_sentence
-from tumble.recording.interpretation import Interpretation, choose_columns, interpret
+from tumble.recording.formats.text import names_of_sentence
+from tumble.recording.reading import Interpretation, choose_columns, interpret
 from tumble.recording.recording import Remark
 from tumble.recording.samples import Samples
 from tumble.recording.units import DeclaredUnits, read_units_option

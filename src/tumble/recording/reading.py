@@ -1,11 +1,16 @@
 """Reading a recording: block by block in bounded memory, or whole, which is one block.
 
 A magnetometer in a file of its own, beside the file or the pair of files that hold the other triads.
+
+From a table of columns to a recording: what the columns mean is decided once, then applied.
+
+The decision (`Interpretation`) is made on the whole recording, or on its first block where a long one
+is read block by block, so that every block is read alike.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import chain
 from os import PathLike, fspath
@@ -13,33 +18,505 @@ from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 
+from tumble.arrays import AnyArray, Series, Vectors
 from tumble.border import border
 from tumble.errors import RecordingError, UsageError
+from tumble.recording import stamps
 from tumble.recording.columns import (
+    AXES,
     ColumnPlan,
     Pairing,
+    Said,
     find_pairing,
     is_pair,
     kind_of_file,
     merge_pair,
+    option_of,
+    parts_of_triads,
+    plan_from_content,
     plan_from_names,
+    plan_from_option,
+    temperature_unit_in,
     triad_alone,
 )
 from tumble.recording.formats import read_table, read_table_blocks, source_of
 from tumble.recording.formats.frames import Frame, frame_source, frame_table, input_name
 from tumble.recording.formats.table import RawTable, joined_tables
-from tumble.recording.interpretation import (
-    Interpretation,
-    choose_columns,
-    interpret,
-    interpret_block,
-)
 from tumble.recording.recording import Recording
-from tumble.recording.samples import MagneticField, Remark, Source
-from tumble.recording.stamps import BlockState, seconds_of
-from tumble.recording.units import DeclaredUnits, read_units_option
+from tumble.recording.samples import NOTHING_MADE, MagneticField, Remark, Samples, Source
+from tumble.recording.stamps import BlockState, Known, clock_without_stamps, seconds_of
+from tumble.recording.temperature import COLDEST, HOTTEST, without_slips
+from tumble.recording.units import (
+    DeclaredUnits,
+    Interpretation,
+    about_units,
+    check_triads,
+    decide_field_unit,
+    decide_force,
+    decide_rate,
+    field_beside,
+    field_of_rows,
+    hold_length,
+    read_units_option,
+    rest_level,
+)
 from tumble.records import dataclass
+from tumble.sample_rates import sample_rate, stated_clock
+from tumble.units import COUNTS, celsius_from, find_unit, time_factor
+
+Rows = npt.NDArray[np.intp]
+_MOST_BAD_ROWS = 0.01
+_MOST_PARTED_ROWS = 0.5
+
+
+def _triad(table: RawTable, triad: tuple[tuple[int, float], ...] | None) -> Vectors | None:
+    """Put three columns side by side."""
+    columns = [table.columns[i] if sign > 0.0 else -table.columns[i] for i, sign in triad or ()]
+    return np.column_stack(columns) if columns else None
+
+
+def _pick(table: RawTable, plan: ColumnPlan, *, parted: bool) -> tuple[Samples, Rows, list[Remark]]:
+    """Return the samples of a table by a plan, the rows that they stand in, and what is said of those left out.
+
+    Left out are rows that hold no finite number somewhere: one in a hundred at most, or half of all where runs of
+    them may part the recording. The time is as the file has it, in row numbers where there are no stamps.
+    """
+    rows = np.arange(len(table))
+    samples = Samples(
+        rows.astype(np.float64) if plan.time is None else table.columns[plan.time],
+        _triad(table, plan.specific_force),
+        _triad(table, plan.angular_rate),
+        None if plan.temperature is None else table.columns[plan.temperature],
+        _triad(table, plan.magnetic_field),
+    )
+    inertial = [t for t in (samples.specific_force, samples.angular_rate) if t is not None]
+    alone = [samples.magnetic_field] if samples.magnetic_field is not None else []
+    parts = [samples.time, *(inertial or alone)]
+    with np.errstate(invalid="ignore", over="ignore"):
+        if all(np.isfinite(p.sum()) for p in parts):  # a sum is finite if every term is
+            return samples, rows, []
+    good = np.logical_and.reduce([np.isfinite(p.reshape(len(table), -1)).all(axis=1) for p in parts])
+    bad = int(good.size - good.sum())
+    if not bad:
+        return samples, rows, []
+    row = int(np.argmin(good))
+    where = _bad_column(table, plan, row)
+    if bad > max(1.0, (_MOST_PARTED_ROWS if parted else _MOST_BAD_ROWS) * good.size):
+        raise RecordingError(
+            f"{table.path.name}: {bad} of {good.size} rows hold no finite number somewhere, the first at "
+            f"{table.place(row)}, {where}; mend the file or skip that column with --columns."
+        )
+    where = f"first: {table.place(row)}, {where}"
+    text = f"{table.path.name}: {bad} row(s) without a finite number left out ({where})."
+    return samples.cut(good), rows[good], [Remark("mended", text)]
+
+
+def _bad_column(table: RawTable, plan: ColumnPlan, row: int) -> str:
+    used = [plan.time] if plan.time is not None else []
+    triads = [t for t in (plan.specific_force, plan.angular_rate) if t is not None] or [
+        plan.magnetic_field or ()
+    ]
+    used += [i for t in triads for i, _ in t]
+    index = next(i for i in used if not np.isfinite(table.columns[i][row]))
+    return table.column_name(index)
+
+
+# In the name of a column of time: seconds of GNSS, or of a computer whose clock is set by a network.
+_DISCIPLINED = ("gps", "gnss", "tow", "utc", "unix", "host")
+
+
+def choose_columns(
+    table: RawTable, option: str | None, units: DeclaredUnits | None = None, rate: float | str | None = None
+) -> tuple[ColumnPlan, list[Remark]]:
+    """Return which column is what: by the option, else the header, else the content.
+
+    Parameters
+    ----------
+    table, option : as read; ``--columns``, or None.
+    units, rate : as declared, which content alone needs.
+
+    Raises
+    ------
+    UsageError
+        If the option does not fit the table.
+    RecordingError
+        If neither header nor content determines the columns, or the header names a part of a triad.
+    """
+    name = table.path.name
+    if option is not None:
+        plan = plan_from_option(option, len(table.columns), name)
+        if plan.temperature is not None and table.names is not None:
+            plan = replace(plan, temperature_unit=temperature_unit_in(table.names[plan.temperature]))
+        return plan, []
+    said = _said(units or DeclaredUnits(), rate, table)
+    if table.names is not None:
+        plan = plan_from_names(table.names)
+        parts = _refuse_parts(table)
+        if plan is not None:
+            return plan, [Remark("found", _header_words(table, plan)), *parts, *_left_over(table, plan)]
+        found, remarks = plan_from_content(table.columns, name, said)
+        listed = ", ".join(table.names[:8])
+        return found, [Remark("found", f"{name}: the header ({listed}) names no triad."), *remarks]
+    return plan_from_content(table.columns, name, said)
+
+
+def _said(units: DeclaredUnits, rate: float | str | None, table: RawTable) -> Said:
+    """Return what the user, or the table, declares that matters where no column has a name."""
+    hertz = table.rate if rate is None or stated_clock(rate) is not None else sample_rate(rate)
+    increments = units.velocity_increment is not None
+    return Said(hertz, units.specific_force, increments, units.magnetic_field)
+
+
+def _refuse_parts(table: RawTable) -> list[Remark]:
+    """Refuse a header that names one or two axes of the accelerometer or the gyro; of a magnetometer, say so."""
+    parts = parts_of_triads(table.names or ())
+    said: list[Remark] = []
+    for kind, what in (("a", "accelerometer"), ("g", "gyro"), ("m", "magnetometer")):
+        axes = parts.get(kind)
+        if axes is None:
+            continue
+        named = ", ".join(repr(name) for name in axes.values())
+        lacking = " and ".join(kind + axis for axis in AXES if axis not in axes)
+        text = f"{table.path.name}: the header names {named} of the {what} and no {lacking}; a triad needs all three"
+        if kind == "m":
+            said.append(Remark("found", f"{text}, {NOTHING_MADE}"))
+            continue
+        others = {"a": "t,-,-,gx,gy,gz", "g": "t,ax,ay,az,-,-"}[kind]
+        raise RecordingError(
+            f"{text} axes. If the missing one has another name, say what every column is with --columns "
+            f"(t,ax,ay,az,gx,gy,gz); to go without the {what}, skip its columns with - (as in {others})."
+        )
+    return said
+
+
+def _left_over(table: RawTable, plan: ColumnPlan) -> list[Remark]:
+    """Name the columns that nothing was made of, where a triad is missing: it may be among them."""
+    missing = [
+        what
+        for triad, what in ((plan.specific_force, "accelerometer"), (plan.angular_rate, "gyro"))
+        if triad is None
+    ]
+    triads = (plan.specific_force, plan.angular_rate, plan.magnetic_field)
+    used = {i for triad in triads for i, _ in triad or ()}
+    used |= {i for i in (plan.time, plan.temperature) if i is not None}
+    unused = [name for i, name in enumerate(table.names or ()) if i not in used]
+    if not missing or not unused:
+        return []
+    listed = ", ".join(repr(name) for name in unused[:8])
+    return [
+        Remark(
+            "assumed",
+            f"{table.path.name}: no {' and no '.join(missing)} was recognised; nothing was made of the columns "
+            f"{listed}. If it is among them, name it with --columns (t,ax,ay,az,gx,gy,gz).",
+        )
+    ]
+
+
+def _header_words(table: RawTable, plan: ColumnPlan) -> str:
+    """Say which named column is what."""
+    assert table.names is not None
+    names = table.names
+    parts = ["no time column" if plan.time is None else f"time {names[plan.time]!r}"]
+    for triad, what in (
+        (plan.specific_force, "specific force"),
+        (plan.angular_rate, "angular rate"),
+        (plan.magnetic_field, "magnetic field"),
+    ):
+        if triad is not None:
+            parts.append(f"{what} " + ", ".join(repr(names[i]) for i, _ in triad))
+    if plan.temperature is not None:
+        parts.append(f"temperature {names[plan.temperature]!r}")
+    return f"{table.path.name}: {'; '.join(parts)}."
+
+
+def _ordered(
+    table: RawTable,
+    plan: ColumnPlan,
+    samples: Samples,
+    rows: Rows,
+    unit: str | None,
+    asked: float | str | None,
+    parted: bool,
+) -> stamps.Stamps:
+    """Put the rows in time: by their stamps, or by the declared rate where there are none."""
+    good_to, name = stated_clock(asked), table.path.name
+    rate = _declared_rate(table, plan, asked if good_to is None else None)
+    if rows.size < 2:
+        raise RecordingError(f"{name} has {rows.size} usable row(s); a recording needs at least two.")
+    if plan.time is not None:
+        known = _reader(table, plan) if good_to is None else good_to
+        place = _places(table, rows)
+        return stamps.order_stamps(
+            samples.time,
+            unit=unit or plan.time_unit,
+            rate=rate,
+            name=name,
+            place=place,
+            parted=parted,
+            known=known,
+        )
+    if rate is None:
+        raise RecordingError(
+            f"{name} has no column of time stamps; give the sampling rate with --rate HZ "
+            "(100±50ppm where a crystal keeps it), or name the time column with --columns."
+        )
+    gaps = tuple(int(i) + 1 for i in np.flatnonzero(np.diff(rows) > 1))
+    every, clock = np.ones(rows.size, bool), clock_without_stamps(rate)
+    return stamps.Stamps(rows / rate, every, gaps, float(rate), "s", clock)
+
+
+def _places(table: RawTable, rows: Rows) -> Callable[[int], str]:
+    """Return what turns the number of a sample into words, for it stands in one of these rows."""
+    return lambda sample: table.place(int(rows[sample]))
+
+
+def _reader(table: RawTable, plan: ColumnPlan) -> Known:
+    """Who read the stamps off a clock, as the file's kind or the column's name says."""
+    name = "" if table.names is None or plan.time is None else table.names[plan.time].lower()
+    return "host" if any(word in name for word in _DISCIPLINED) else table.clock
+
+
+def interpret(
+    table: RawTable,
+    plan: ColumnPlan,
+    units: DeclaredUnits,
+    rate: float | str | None,
+    sources: tuple[Source, ...],
+    remarks: list[Remark],
+    *,
+    parted: bool = False,
+) -> tuple[Interpretation, Recording]:
+    """Decide units and rate from a whole table (or a first block) and return the recording it makes.
+
+    Parameters
+    ----------
+    table, plan : as read, and which column is what.
+    units, rate : as declared.
+    sources, remarks : files, and what was found in them so far.
+    parted : whether a clock that begins anew, and rows without numbers, part the recording.
+
+    Raises
+    ------
+    RecordingError
+        If the numbers cannot be a recording or contradict what header or user declares.
+    UsageError
+        If the declared rate is not positive.
+    """
+    remarks = [*table.remarks, *remarks, *about_units(table, plan, units)]
+    plan = replace(plan, temperature_unit=units.temperature or plan.temperature_unit)
+    samples, rows, left_out = _pick(table, plan, parted=parted)
+    ordered = _ordered(table, plan, samples, rows, units.time, rate, parted)
+    remarks += [*left_out, *ordered.remarks]
+    samples, rows = samples.cut(ordered.keep), rows[ordered.keep]
+    decided = Interpretation(
+        plan,
+        None if plan.time is None else ordered.unit,
+        COUNTS,
+        COUNTS,
+        ordered.rate,
+        field_hold=1 if samples.magnetic_field is None else hold_length(samples.magnetic_field),
+    )
+    recording = _recording(table, samples, rows, ordered.time, decided, sources, remarks, ordered.gaps)
+    recording = replace(recording, said_clock=ordered.clock, columns=option_of(plan, len(table.columns)))
+    if recording.temperature is not None and plan.temperature_unit not in (None, "degC"):
+        text = f"The temperature is said to be in {plan.temperature_unit}, and is converted to °C."
+        remarks.append(Remark("found", text))
+    field = recording.magnetic_field
+    unit, about_field = _about_field(field, table, decided, units)
+    decided = replace(decided, magnetic_field_unit=unit)
+    recording, decided = _judged(recording, decided, units, table)
+    every = (*remarks, *about_field, *decided.remarks, *_unchecked(recording))
+    decided = replace(decided, remarks=every)
+    return decided, replace(
+        recording,
+        specific_force_unit=decided.specific_force_unit,
+        angular_rate_unit=decided.angular_rate_unit,
+        magnetic_field=None if field is None else replace(field, unit=unit),
+        remarks=every,
+    )
+
+
+def _recording(
+    table: RawTable,
+    samples: Samples,
+    rows: Rows,
+    time: AnyArray,
+    decided: Interpretation,
+    sources: tuple[Source, ...],
+    remarks: list[Remark],
+    gaps: tuple[int, ...],
+) -> Recording:
+    """Return the recording that samples at these times make, as it is decided."""
+    return Recording(
+        time=time,
+        specific_force=_scaled(samples.specific_force, decided.force_factor),
+        angular_rate=_scaled(samples.angular_rate, decided.rate_factor),
+        specific_force_unit=decided.specific_force_unit,
+        angular_rate_unit=decided.angular_rate_unit,
+        rate=decided.rate,
+        temperature=_in_celsius(samples.temperature, decided.plan, remarks),
+        sources=sources,
+        remarks=tuple(remarks),
+        gaps=gaps,
+        temperature_unit=decided.plan.temperature_unit,
+        magnetic_field=_field(table, samples, rows, time, decided),
+    )
+
+
+def _judged(
+    recording: Recording, decided: Interpretation, units: DeclaredUnits, table: RawTable
+) -> tuple[Recording, Interpretation]:
+    """Decide the units of both triads, and convert increments; the remarks are those on the units alone."""
+    plan = decided.plan
+    if table.judged and units == DeclaredUnits() and plan.said_by == "header":
+        # A file of tumble's own: its units were judged when it was written.
+        return recording, replace(
+            decided,
+            specific_force_unit=plan.specific_force_unit or COUNTS,
+            angular_rate_unit=plan.angular_rate_unit or COUNTS,
+        )
+    declared_force = units.specific_force or plan.specific_force_unit
+    increments = units.velocity_increment or (
+        declared_force and find_unit("velocity increment", declared_force)
+    )
+    level = None if recording.specific_force is None else rest_level(recording)
+    check_triads(recording, level, table.path.name, None if increments else declared_force)
+    decided, about_force = decide_force(recording, level, decided, units, table)
+    recording = replace(recording, specific_force=_scaled(recording.specific_force, decided.force_factor))
+    decided, about_rate = decide_rate(recording, decided, units, table)
+    recording = replace(recording, angular_rate=_scaled(recording.angular_rate, decided.rate_factor))
+    return recording, replace(decided, remarks=(*about_force, *about_rate))
+
+
+def _scaled(triad: Vectors | None, factor: float) -> Vectors | None:
+    return triad if triad is None or factor == 1.0 else triad * factor
+
+
+def _declared_rate(table: RawTable, plan: ColumnPlan, asked: float | str | None) -> float | None:
+    """Hz as asked for, or as a table without stamps states."""
+    rate = None if asked is None else sample_rate(asked)
+    if rate is not None and not stamps.RATES[0] <= rate <= stamps.RATES[1]:
+        raise UsageError(f"--rate {rate:g}: give a positive number of samples a second, as 100.")
+    rate = rate if rate is not None or plan.time is not None else table.rate
+    if rate is not None and not stamps.RATES[0] <= rate <= stamps.RATES[1]:
+        raise RecordingError(
+            f"{table.path.name} states a rate of {rate:g} Hz, which no sensor has; give --rate HZ."
+        )
+    return rate
+
+
+def _about_field(
+    field: MagneticField | None,
+    table: RawTable,
+    decided: Interpretation,
+    units: DeclaredUnits,
+) -> tuple[str, list[Remark]]:
+    """Decide the unit of the magnetometer's samples, from the rows or from beside them; and what is said of them."""
+    header, name, said = decided.plan.magnetic_field_unit, table.path.name, list[Remark]()
+    beside = None if decided.plan.magnetic_field is not None else table.field
+    if beside is not None:
+        header = beside.unit or None
+        said += [Remark("found", f"{name}: {beside.name} {beside.note}.")] if beside.note else []
+    if field is None:
+        if decided.plan.magnetic_field is not None or beside is not None:
+            said.append(Remark("found", f"{name}: the magnetometer's columns hold no number but zero."))
+        return COUNTS, said
+    if (hold := decided.field_hold) > 1:
+        text = f"The magnetometer has a new sample in every {hold} rows ({field.rate:.4g} Hz); repeated ones are none."
+        said.append(Remark("found", text))
+    unit, more = decide_field_unit(field, units, header, name)
+    return unit, [*said, *more]
+
+
+def _in_celsius(temperature: Series | None, plan: ColumnPlan, remarks: list[Remark]) -> Series | None:
+    """Return the column in °C, as it is where nobody says what it is in, without numbers that are no temperature."""
+    if temperature is None:
+        return None
+    if plan.temperature_unit not in (None, "degC"):
+        factor, offset = celsius_from(plan.temperature_unit)
+        temperature = factor * temperature + offset
+    temperature, slips = without_slips(temperature)
+    if slips:
+        text = f"{slips} number(s) of the temperature are beyond {COLDEST:g} to {HOTTEST:g} °C, and are left out."
+        remarks.append(Remark("mended", text))
+    return temperature
+
+
+def _unchecked(recording: Recording) -> list[Remark]:
+    if recording.specific_force is None:
+        text = "Without an accelerometer nothing shows the gyro's unit, signs or order of axes."
+        return [] if recording.angular_rate is None else [Remark("unchecked", text)]
+    text = (
+        "Whether all three accelerometer axes are reversed together (the sign of gravity) cannot be seen in "
+        "a recording"
+    )
+    if recording.angular_rate is None:
+        text += "; without a gyro neither can the order and handedness of the axes"
+    return [Remark("unchecked", text + ".")]
+
+
+def interpret_block(
+    table: RawTable,
+    decided: Interpretation,
+    state: BlockState,
+    sources: tuple[Source, ...],
+    *,
+    parted: bool = False,
+) -> Recording | None:
+    """Return a block as a recording, read as `decided` says; None if nothing is left of it.
+
+    Parameters
+    ----------
+    table : the block.
+    decided, state, sources : as decided on the first block; what is carried from block to block; the files.
+    parted : whether a clock that begins anew, and rows without numbers, part the recording.
+
+    Raises
+    ------
+    RecordingError
+        If the block's rows or stamps are unusable.
+    """
+    samples, rows, remarks = _pick(table, decided.plan, parted=parted)
+    begins, before = state.last is None and state.rows == 0, state.rows
+    state.rows += len(table)
+    if not rows.size:
+        return None
+    if decided.time_unit is None:
+        time = (before + rows) / decided.rate
+    else:
+        unit, name, place = decided.time_unit, table.path.name, _places(table, rows)
+        time, keep, missing = stamps.continue_stamps(
+            samples.time,
+            state,
+            unit=unit,
+            rate=decided.rate,
+            name=name,
+            place=place,
+            parted=parted,
+            said=remarks,
+        )
+        if not time.size:
+            return None
+        if missing > 0.6 / decided.rate and not begins:
+            text = f"Samples are missing for {missing:.3g} s before t = {time[0]:.6g} s."
+            remarks.append(Remark("found", text))
+        samples, rows = samples.cut(keep), rows[keep]
+    gaps = stamps.find_gaps(time, decided.rate)
+    return _recording(table, samples, rows, time, decided, sources, remarks, gaps)
+
+
+def _field(
+    table: RawTable, samples: Samples, rows: Rows, time: AnyArray, decided: Interpretation
+) -> MagneticField | None:
+    """Return the magnetometer's samples among a recording's rows, or from beside them."""
+    own, unit = decided.plan.magnetic_field_time, decided.magnetic_field_unit
+    if samples.magnetic_field is not None:
+        stamps_ = time if own is None else table.columns[own][rows]
+        return field_of_rows(stamps_, samples.magnetic_field, decided.field_hold, unit)
+    kept = None if decided.plan.time is None else samples.time * time_factor(decided.time_unit or "s")
+    return field_beside(table, kept, time, unit)
 
 
 def is_field_table(table: RawTable) -> bool:

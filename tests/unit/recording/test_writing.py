@@ -48,7 +48,7 @@ def test_an_unknown_ending_or_a_missing_folder_writes_nothing(tumbled, tmp_path)
 
 def test_a_saved_parquet_file_is_not_judged_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its units were judged when it was written; the numbers, the gaps and the units are the same."""
-    from tumble.recording import interpretation
+    from tumble.recording import reading
 
     rng = np.random.default_rng(3)
     rows = np.column_stack([np.arange(900) / 100, [0.1, 0.2, 1.0] + 0.001 * rng.normal(size=(900, 3))])
@@ -61,7 +61,7 @@ def test_a_saved_parquet_file_is_not_judged_again(tmp_path: Path, monkeypatch: p
     def judge(*_: object) -> None:
         raise AssertionError("judged again")
 
-    monkeypatch.setattr(interpretation, "rest_level", judge)
+    monkeypatch.setattr(reading, "rest_level", judge)
     again = read_recording(tmp_path / "a.parquet")
     assert (again.specific_force_unit, again.angular_rate_unit) == ("g", "counts")
     assert np.array_equal(again.specific_force, first.specific_force)

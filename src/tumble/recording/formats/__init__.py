@@ -102,7 +102,7 @@ FORMATS: tuple[Format, ...] = (
     Format("NPY", ".npy", (b"\x93NUMPY",), "arrays", "read_npy"),
     Format("NPZ", ".npz", _is_npz, "arrays", "read_npz"),
     Format("Parquet", ".parquet", (b"PAR1",), "frames"),
-    Format("Xsens text", ".txt", _is_xsens, "xsens"),
+    Format("Xsens text", ".txt", _is_xsens, "text", "read_xsens"),
     Format("labelled lines", ".txt", _is_labelled, "labelled", has_topics=True),
     Format("text", ".csv", _is_text, "text"),
     Format(_FOLDER, "", (), "folder", has_topics=True),

@@ -18,8 +18,7 @@ from typing import Any, BinaryIO
 
 from tumble.errors import RecordingError
 from tumble.files import opened, size_of
-from tumble.recording.formats.bags.bag import Topic, bag_reader
-from tumble.recording.formats.bags.ros_messages import plain_type
+from tumble.recording.formats.bags.bag import Topic, bag_reader, plain_type
 from tumble.recording.formats.packed import needed
 from tumble.recording.samples import Remark
 from tumble.records import dataclass

@@ -9,8 +9,7 @@ from dataclasses import field
 from pathlib import Path
 from typing import Any
 
-from tumble.recording.formats.bags.bag import Topic, bag_reader
-from tumble.recording.formats.bags.ros_messages import plain_type
+from tumble.recording.formats.bags.bag import Topic, bag_reader, plain_type
 from tumble.recording.formats.packed import needed
 from tumble.recording.formats.table import foreign
 from tumble.recording.samples import Remark

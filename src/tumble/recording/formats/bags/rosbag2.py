@@ -18,9 +18,8 @@ from urllib.parse import quote
 
 from tumble.errors import RecordingError
 from tumble.files import opened
-from tumble.recording.formats.bags.bag import Topic, bag_reader
+from tumble.recording.formats.bags.bag import Topic, bag_reader, plain_type
 from tumble.recording.formats.bags.mcap import McapFile
-from tumble.recording.formats.bags.ros_messages import plain_type
 from tumble.recording.formats.packed import ZSTD_MAGIC, decompress_zstd, unpacked
 from tumble.recording.formats.table import hash_file, hash_files
 from tumble.recording.samples import Remark, Source
