@@ -85,15 +85,17 @@ def decode(kind: str, messages: list[bytes], log_times: list[int], topic: str, *
     RecordingError
         If a message is too short to be of that type.
     """
-    count = len(messages)
-    numbers = np.empty((count, _LAYOUTS[kind][0]))
-    stamps = np.empty((count, 2))
-    lengths = np.array([len(m) for m in messages])
-    for length in np.unique(lengths):
-        index = np.flatnonzero(lengths == length)
-        body = b"".join([messages[i] for i in index] if index.size < count else messages)
-        rows = np.frombuffer(body, np.uint8).reshape(index.size, int(length))
-        _decode_rows(rows, index, numbers, stamps, kind, topic, cdr)
+    numbers, stamps = np.empty((len(messages), _LAYOUTS[kind][0])), np.empty((len(messages), 2))
+    size = 8 * numbers.shape[1]
+    for index, rows, begin, order in _alike(messages, cdr=cdr):
+        length = rows.shape[1]
+        if length < 16 or begin + size > length:
+            raise RecordingError(
+                f"A message of {topic} has {length} bytes, too few for {kind}, which the file says that it "
+                "is. The file is damaged, or the topic was recorded with another definition of the type."
+            )
+        numbers[index] = rows[:, begin : begin + size].copy().view(order + "f8")
+        stamps[index] = rows[:, 4:12].copy().view(order + "u4")
     unstamped = not stamps.any()
     if unstamped:
         stamps = np.column_stack(np.divmod(np.array(log_times, np.int64), 1_000_000_000)).astype(np.float64)
@@ -107,37 +109,22 @@ def decode(kind: str, messages: list[bytes], log_times: list[int], topic: str, *
     )
 
 
-def _decode_rows(
-    rows: npt.NDArray[np.uint8],
-    index: npt.NDArray[np.intp],
-    numbers: npt.NDArray[np.float64],
-    stamps: npt.NDArray[np.float64],
-    kind: str,
-    topic: str,
-    cdr: bool,
-) -> None:
-    """Decode messages of one length into the rows `index` of `numbers` and `stamps`."""
-    length = rows.shape[1]
-    order = ">" if cdr and length > 1 and rows[0, 1] % 2 == 0 else "<"
-    start = 4  # after the encapsulation of CDR, or the sequence number of ROS 1
-    if length < start + 12:
-        raise _too_short(topic, kind, length)
-    head = rows[:, start : start + 12].copy().view(order + "u4")
-    for name_length in np.unique(head[:, 2]):
-        same = head[:, 2] == name_length
-        begin = _numbers_begin(int(name_length), cdr=cdr)
-        size = 8 * numbers.shape[1]
-        if begin + size > length:
-            raise _too_short(topic, kind, length)
-        numbers[index[same]] = rows[same, begin : begin + size].copy().view(order + "f8")
-    stamps[index] = head[:, :2]
+def _alike(
+    messages: list[bytes], *, cdr: bool
+) -> Iterator[tuple[list[int], npt.NDArray[np.uint8], int, str]]:
+    """Yield messages whose numbers have the same places: which, their bytes, where the numbers begin, order of bytes.
 
-
-def _too_short(topic: str, kind: str, length: int) -> RecordingError:
-    return RecordingError(
-        f"A message of {topic} has {length} bytes, too few for {kind}, which the file says that it "
-        "is. The file is damaged, or the topic was recorded with another definition of the type."
-    )
+    They are of one length with a frame's name of one length; after four bytes, the encapsulation of CDR or the sequence
+    number of ROS 1, comes the stamp. The numbers stand after the frame's name, with CDR at a multiple of eight.
+    """
+    alike: dict[tuple[int, bytes, bytes], list[int]] = {}
+    for number, message in enumerate(messages):
+        alike.setdefault((len(message), message[1:2] if cdr else b"", message[12:16]), []).append(number)
+    for (length, encoding, name), numbers in alike.items():
+        order = ">" if encoding and encoding[0] % 2 == 0 else "<"
+        begin = 16 + int.from_bytes(name, "big" if order == ">" else "little")
+        rows = np.frombuffer(b"".join(messages[i] for i in numbers), np.uint8).reshape(len(numbers), length)
+        yield numbers, rows, 4 + (begin - 4 + 7) // 8 * 8 if cdr else begin, order
 
 
 def holds(decoded: Decoded, kind: str, topic: str) -> tuple[bool, bool]:
@@ -185,15 +172,8 @@ def substituted(kind: str, messages: list[bytes], put: Substitute, *, cdr: bool)
     put : one row a message.
     """
     made: list[bytes] = [b""] * len(messages)
-    # Messages of one length with a frame's name of one length have their numbers at the same places.
-    alike: dict[tuple[int, bytes, bytes], list[int]] = {}
-    for number, message in enumerate(messages):
-        alike.setdefault((len(message), message[:2], message[12:16]), []).append(number)
-    for (length, head, _), numbers in alike.items():
-        order = ">" if cdr and head[1] % 2 == 0 else "<"
-        rows = np.frombuffer(b"".join(messages[i] for i in numbers), np.uint8)
-        rows = rows.reshape(len(numbers), length).copy()
-        begin = _numbers_begin(int(rows[0, 12:16].copy().view(order + "u4")[0]), cdr=cdr)
+    for numbers, seen, begin, order in _alike(messages, cdr=cdr):
+        rows = seen.copy()
         for place, values in put.fields(kind):
             some = values[numbers]
             size = 8 * some.shape[1]
@@ -204,12 +184,6 @@ def substituted(kind: str, messages: list[bytes], put: Substitute, *, cdr: bool)
         for row, number in enumerate(numbers):
             made[number] = rows[row].tobytes()
     return made
-
-
-def _numbers_begin(name_length: int, *, cdr: bool) -> int:
-    """Return where the numbers of a message begin: after the frame's name, with CDR at a multiple of eight."""
-    begin = 16 + name_length
-    return 4 + (begin - 4 + 7) // 8 * 8 if cdr else begin
 
 
 def _moved(stamps: npt.NDArray[np.uint8], shift: int, order: str) -> npt.NDArray[np.uint8]:
