@@ -67,6 +67,24 @@ _BRACKETS = re.compile(r"[\[(]([^\])]*)[\])]")
 
 
 @dataclass(frozen=True, slots=True)
+class DeclaredUnits:
+    """Units by quantity, None where nothing was declared."""
+
+    specific_force: str | None = None
+    angular_rate: str | None = None
+    magnetic_field: str | None = None
+    time: str | None = None
+    velocity_increment: str | None = None
+    angle_increment: str | None = None
+    temperature: str | None = None
+
+    @property
+    def of_accelerometer(self) -> bool:
+        """Whether one is declared that only an accelerometer has."""
+        return self.specific_force is not None or self.velocity_increment is not None
+
+
+@dataclass(frozen=True, slots=True)
 class ColumnPlan:
     """Which column is what.
 
@@ -667,23 +685,8 @@ def _is_on_a_table(means: list[Vectors], ranges: list[float], spread: int) -> bo
     return bool(norms.min() < 0.5 * norms.max()) and other > 3.0
 
 
-@dataclass(frozen=True, slots=True)
-class Said:
-    """What the user says that the numbers need not tell: the rate in Hz, units of triads; None where nothing."""
-
-    rate: float | None = None
-    specific_force: str | None = None
-    increments: bool = False
-    magnetic_field: str | None = None
-
-    @property
-    def has_accelerometer(self) -> bool:
-        """Whether a unit is declared that only an accelerometer has."""
-        return self.specific_force is not None or self.increments
-
-
 def plan_from_content(
-    columns: list[Series], name: str, said: Said | None = None
+    columns: list[Series], name: str, said: DeclaredUnits | None = None, rate: float | None = None
 ) -> tuple[ColumnPlan, list[Remark]]:
     """Find the columns of a table without names: time by its steady growth, the triads by what they see.
 
@@ -694,19 +697,19 @@ def plan_from_content(
     Parameters
     ----------
     columns, name : of the table.
-    said : what the user declares.
+    said, rate : units that the user declares, and Hz that the user or the table does.
 
     Raises
     ------
     RecordingError
         If there are not three or at least six columns of values, or the numbers leave open which is which.
     """
-    said = said or Said()
+    said = said or DeclaredUnits()
     time, values = _time_and_values(columns, name)
     groups = [tuple((i, 1.0) for i in values[s : s + 3]) for s in (0, 3, 6) if len(values) >= s + 3]
     cuts = sample_pieces(columns[0].size)
     triads = [_finite([np.concatenate([columns[i][c] for c in cuts]) for i, _ in g]) for g in groups]
-    signs = [vector_signs(triad, _rough_rate(columns, time, said)) for triad in triads]
+    signs = [vector_signs(triad, _rough_rate(columns, time, rate or _GUESS_RATE)) for triad in triads]
     if len(groups) == 1:
         return _plan_of_one(ColumnPlan(time, groups[0], said_by="content"), signs[0], name, said)
     roles = _roles(columns, groups, signs, name, said)
@@ -758,13 +761,13 @@ def _finite(columns: list[Series]) -> Vectors:
     return triad if finite.all() else triad[finite]
 
 
-def _rough_rate(columns: list[Series], time: int | None, said: Said) -> float:
-    """The rate to a few per cent where the stamps or the user say it, else a usual one."""
+def _rough_rate(columns: list[Series], time: int | None, stated: float) -> float:
+    """The rate to a few per cent by the stamps, else as it is stated."""
     if time is None or columns[time].size < 3:
-        return said.rate or _GUESS_RATE
+        return stated
     steps = np.diff(columns[time][:200_000])
     step = float(np.median(steps[steps > 0.0])) if np.any(steps > 0.0) else 0.0
-    return 1.0 / (step * time_factor(guess_time_unit(step))) if step > 0.0 else said.rate or _GUESS_RATE
+    return 1.0 / (step * time_factor(guess_time_unit(step))) if step > 0.0 else stated
 
 
 # -- which triad is which ----------------------------------------------------------------------------
@@ -785,7 +788,7 @@ def _roles(
     groups: list[tuple[tuple[int, float], ...]],
     signs: list[VectorSigns],
     name: str,
-    said: Said,
+    said: DeclaredUnits,
 ) -> _Roles:
     """Tell the triads apart: two that keep their norm are accelerometer and magnetometer, the other is the gyro."""
     cuts = sample_pieces(columns[0].size)
@@ -810,7 +813,7 @@ def _accelerometer_of(
     signs: list[VectorSigns],
     groups: list[tuple[tuple[int, float], ...]],
     name: str,
-    said: Said,
+    said: DeclaredUnits,
 ) -> tuple[int, str]:
     """Return which of two triads that keep their norm is the accelerometer, and why."""
     pair = (first, second)
@@ -829,7 +832,7 @@ def _accelerometer_of(
     )
 
 
-def _static_roles(signs: list[VectorSigns], said: Said) -> _Roles | None:
+def _static_roles(signs: list[VectorSigns], said: DeclaredUnits) -> _Roles | None:
     """Of three triads that do not turn, the accelerometer is the only one with the norm of gravity; None if none is."""
     heavy = [i for i, one in enumerate(signs) if one.gravity_unit(said.specific_force) is not None]
     field = [i for i, one in enumerate(signs) if i not in heavy and one.field_unit is not None]
@@ -841,13 +844,13 @@ def _static_roles(signs: list[VectorSigns], said: Said) -> _Roles | None:
 
 
 def _plan_of_one(
-    plan: ColumnPlan, signs: VectorSigns, name: str, said: Said
+    plan: ColumnPlan, signs: VectorSigns, name: str, said: DeclaredUnits
 ) -> tuple[ColumnPlan, list[Remark]]:
     """Return the plan of a table with one triad: what the file's name says, else what the numbers show."""
     kind = kind_of_file(name)
     if kind == "g":
         return plan.swapped(), [Remark("found", f"{name}: its one triad is the gyro, its name says.")]
-    if kind == "m" or (said.magnetic_field is not None and not said.has_accelerometer):
+    if kind == "m" or (said.magnetic_field is not None and not said.of_accelerometer):
         who = "its name says" if kind == "m" else "--units says"
         return _magnetic(plan), [Remark("found", f"{name}: its one triad is the magnetometer, {who}.")]
     found, more = _not_a_magnetometer(plan, signs, name, said)
@@ -861,10 +864,10 @@ def _magnetic(plan: ColumnPlan) -> ColumnPlan:
 
 
 def _not_a_magnetometer(
-    plan: ColumnPlan, signs: VectorSigns, name: str, said: Said
+    plan: ColumnPlan, signs: VectorSigns, name: str, said: DeclaredUnits
 ) -> tuple[ColumnPlan, list[Remark]]:
     """Take the only triad that keeps its norm as the magnetometer where its numbers show one, doubt it in between."""
-    if said.has_accelerometer or plan.specific_force is None or signs.motion == "shaken":
+    if said.of_accelerometer or plan.specific_force is None or signs.motion == "shaken":
         return plan, []
     which = f"{name}: columns {_numbers(plan.specific_force)}"
     gravity, field = signs.gravity_unit(), signs.field_unit

@@ -17,7 +17,6 @@ IEEE Sensors Journal 16 (2016), 5679-5689 (arXiv 1601.05257), section IV-C.
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import replace
 from typing import Any
 
@@ -25,7 +24,12 @@ import numpy as np
 
 from tumble.arrays import Matrix, Series, Table, Vectors
 from tumble.recording.columns import is_earth_field, renamed, vector_signs
-from tumble.recording.gravity_check import axis_agreement, axis_words, find_axis_contradiction
+from tumble.recording.gravity_check import (
+    axis_agreement,
+    axis_words,
+    find_axis_contradiction,
+    signed_permutations,
+)
 from tumble.recording.recording import Recording
 from tumble.recording.rest import (
     QuietStretches,
@@ -200,7 +204,9 @@ def _angle_to_gravity(recording: Recording, field: MagneticField, rests: QuietSt
     if count_poses(force) < _FEWEST_POSES:
         return None
     up = force / np.linalg.norm(force, axis=1)[:, None]
-    fits = [(p, *_constant_angle(up, seen, p)) for p in _proper_permutations()]
+    # One of each pair P, -P: those that keep the handedness.
+    proper = [p for p in signed_permutations() if np.linalg.det(p) > 0.0]
+    fits = [(p, *_constant_angle(up, seen, p)) for p in proper]
     # One length for all, so that axes with a great hard iron do not seem better.
     size = _size(seen)
     own = _constant_angle(up, seen, np.eye(3) if field.turn is None else field.turn)
@@ -243,18 +249,6 @@ def _constant_angle(up: Vectors, seen: Vectors, permutation: Matrix) -> tuple[fl
     solution: Series = np.linalg.pinv(design) @ values
     rest: Series = values - design @ solution
     return float(solution[3]), float(np.sqrt(rest @ rest / (len(up) - 4)))
-
-
-def _proper_permutations() -> list[Matrix]:
-    """Return the 24 signed permutations that keep the handedness: one of each pair P, -P."""
-    found: list[Matrix] = []
-    for order in itertools.permutations(range(3)):
-        for signs in itertools.product((1.0, -1.0), repeat=3):
-            matrix = np.zeros((3, 3))
-            matrix[np.arange(3), order] = signs
-            if np.linalg.det(matrix) > 0.0:
-                found.append(matrix)
-    return found
 
 
 def _about_axes(angle: _Angle | None, axes: tuple[str, str, str] | None, columns: str | None) -> list[str]:

@@ -16,6 +16,8 @@ fast it turns in the unit against what the gyros say.
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrix, Table, Vector, Vectors, extremes
@@ -355,17 +357,15 @@ def describe_axis_contradiction(matrix: Matrix, columns: str | None = None) -> s
     return _axis_sentence(permutation, columns)
 
 
+def signed_permutations() -> list[Matrix]:
+    """Return the 48 signed permutation matrices."""
+    signs = list(itertools.product((1.0, -1.0), repeat=3))
+    return [np.diag(s) @ np.eye(3)[list(order)] for order in itertools.permutations(range(3)) for s in signs]
+
+
 def nearest_signed_permutation(matrix: Matrix) -> Matrix:
-    """Return the signed permutation matrix nearest to a matrix (of the 48)."""
-    best, best_score = np.eye(3), -np.inf
-    for order in ((0, 1, 2), (0, 2, 1), (1, 0, 2), (1, 2, 0), (2, 0, 1), (2, 1, 0)):
-        picked = matrix[np.arange(3), order]
-        score = float(np.abs(picked).sum())
-        if score > best_score:
-            best = np.zeros((3, 3))
-            best[np.arange(3), order] = np.where(picked < 0.0, -1.0, 1.0)
-            best_score = score
-    return best
+    """Return the signed permutation matrix nearest to a matrix."""
+    return max(signed_permutations(), key=lambda one: float((one * matrix).sum()))
 
 
 def axis_words(permutation: Matrix, letter: str) -> list[str]:

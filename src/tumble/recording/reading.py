@@ -27,8 +27,8 @@ from tumble.recording import stamps
 from tumble.recording.columns import (
     AXES,
     ColumnPlan,
+    DeclaredUnits,
     Pairing,
-    Said,
     find_pairing,
     is_pair,
     kind_of_file,
@@ -49,7 +49,6 @@ from tumble.recording.samples import NOTHING_MADE, MagneticField, Remark, Sample
 from tumble.recording.stamps import BlockState, Known, clock_without_stamps, seconds_of
 from tumble.recording.temperature import COLDEST, HOTTEST, without_slips
 from tumble.recording.units import (
-    DeclaredUnits,
     Interpretation,
     about_units,
     check_triads,
@@ -150,23 +149,16 @@ def choose_columns(
         if plan.temperature is not None and table.names is not None:
             plan = replace(plan, temperature_unit=temperature_unit_in(table.names[plan.temperature]))
         return plan, []
-    said = _said(units or DeclaredUnits(), rate, table)
+    hertz = table.rate if rate is None or stated_clock(rate) is not None else sample_rate(rate)
     if table.names is not None:
         plan = plan_from_names(table.names)
         parts = _refuse_parts(table)
         if plan is not None:
             return plan, [Remark("found", _header_words(table, plan)), *parts, *_left_over(table, plan)]
-        found, remarks = plan_from_content(table.columns, name, said)
+        found, remarks = plan_from_content(table.columns, name, units, hertz)
         listed = ", ".join(table.names[:8])
         return found, [Remark("found", f"{name}: the header ({listed}) names no triad."), *remarks]
-    return plan_from_content(table.columns, name, said)
-
-
-def _said(units: DeclaredUnits, rate: float | str | None, table: RawTable) -> Said:
-    """Return what the user, or the table, declares that matters where no column has a name."""
-    hertz = table.rate if rate is None or stated_clock(rate) is not None else sample_rate(rate)
-    increments = units.velocity_increment is not None
-    return Said(hertz, units.specific_force, increments, units.magnetic_field)
+    return plan_from_content(table.columns, name, units, hertz)
 
 
 def _refuse_parts(table: RawTable) -> list[Remark]:
@@ -762,7 +754,7 @@ def _blocks(
         block = interpret_block(table, decided, state, sources, parted=asked.parted)
         if block is not None:
             block = replace(block, remarks=said_first or block.remarks)
-            yield _share(block, ends) if fields else block
+            yield block if table.field is None else _share(block, ends)
         said_first = ()
     if decided is None:
         raise RecordingError(f"{input_name(listed[0])} has no rows.")
@@ -777,7 +769,7 @@ def _hashed(listed: Sequence[Path | Frame], table: RawTable) -> tuple[Source, ..
 
 
 def _share(block: Recording, ends: list[float]) -> Recording:
-    """Leave a block the samples of a magnetometer's file that fall in it; `ends` notes where the one before ended."""
+    """Leave a block those samples of a magnetometer beside it that fall in it; `ends` notes where blocks ended."""
     begin, end = ends[-1], float(block.time[-1]) + 0.5 / block.rate
     ends.append(end)
     field = block.magnetic_field

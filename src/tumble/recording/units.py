@@ -26,6 +26,7 @@ from tumble.errors import RecordingError, UsageError
 from tumble.files import read_yaml
 from tumble.recording.columns import (
     ColumnPlan,
+    DeclaredUnits,
     field_unit_of,
     find_accelerometer,
     is_earth_field,
@@ -85,19 +86,6 @@ def chips() -> dict[str, Chip]:
 
 
 _RANGE = re.compile(r"[±+]?/?-?([0-9.]+)(g|dps|deg/s|°/s)")
-
-
-@dataclass(frozen=True, slots=True)
-class DeclaredUnits:
-    """Units by quantity, None where nothing was declared."""
-
-    specific_force: str | None = None
-    angular_rate: str | None = None
-    magnetic_field: str | None = None
-    time: str | None = None
-    velocity_increment: str | None = None
-    angle_increment: str | None = None
-    temperature: str | None = None
 
 
 _KINDS = tuple(field.name.replace("_", " ") for field in fields(DeclaredUnits))

@@ -17,7 +17,7 @@ from tumble.arrays import Series
 from tumble.counting import counted
 from tumble.errors import RecordingError, TumbleError
 from tumble.files import opened, shown, size_of
-from tumble.recording.samples import MagneticField, Remark, Source, joined_fields
+from tumble.recording.samples import MagneticField, Remark, Source
 from tumble.recording.stamps import Known
 from tumble.records import dataclass
 
@@ -68,24 +68,14 @@ class RawTable:
         """Return a column's name in quotes, or its number from 1."""
         return f"column {index + 1}" if self.names is None else f"column {self.names[index]!r}"
 
-    def _field_between(self, start: int, stop: int) -> MagneticField | None:
-        """Return the field's share of some rows: by the stamps in the first column where these are seconds."""
-        if self.field is None or not len(self.field.time) or (start == 0 and stop >= len(self)):
-            return self.field
-        seconds = self.names is not None and self.names[0] == "t [s]"
-        first, last = float(self.field.time[0]), float(self.field.time[-1])
-        stamps: Series = self.columns[0] if seconds else np.linspace(first, last, len(self))
-        begin = -np.inf if start == 0 else float(stamps[start])
-        return self.field.within(begin, np.inf if stop >= len(self) else float(stamps[stop]))
-
     def cut(self, start: int, stop: int) -> RawTable:
-        """Return rows `start` up to `stop` as a table (views, no copies)."""
+        """Return rows `start` up to `stop` as a table (views, no copies), with all of the magnetometer beside it."""
 
         def moved(row: int) -> str:
             return self.place(row + start)
 
         columns = [column[start:stop] for column in self.columns]
-        return replace(self, columns=columns, place=moved, field=self._field_between(start, stop))
+        return replace(self, columns=columns, place=moved)
 
 
 def joined_tables(tables: Sequence[RawTable]) -> RawTable:
@@ -100,8 +90,7 @@ def joined_tables(tables: Sequence[RawTable]) -> RawTable:
         return first
     columns = [np.concatenate(parts) for parts in zip(*(t.columns for t in tables), strict=True)]
     remarks = list(dict.fromkeys(remark for table in tables for remark in table.remarks))
-    field = joined_fields([table.field for table in tables if table.field is not None])
-    return replace(first, columns=columns, remarks=remarks, field=field)
+    return replace(first, columns=columns, remarks=remarks)
 
 
 def measurable(table: RawTable) -> RawTable:

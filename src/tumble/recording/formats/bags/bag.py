@@ -496,30 +496,19 @@ def _bag_tables(bag: Bag, wanted: Sequence[str]) -> Iterator[RawTable]:
     split = choice.force is not None and choice.rates is not None and choice.force != choice.rates
     merging = Merging(bag.path.name, choice.force or "", choice.rates or "") if split else None
     topic = None if split else choice.names()[0]
-    begin, held = -np.inf, None
+    held: Samples | None = None
     for samples in _merged(batches.pieces(bag), merging) if merging else _single(batches.pieces(bag)):
         if held is not None:
-            table = table_of_samples(bag.path, held, Units(), first)
-            end = float(samples.time[0])
-            yield replace(table, topic=topic, field=None if field is None else field.within(begin, end))
-            first, begin = [], end
+            yield replace(table_of_samples(bag.path, held, Units(), first), topic=topic, field=field)
+            first = []
         held = samples
     if held is None:
         raise RecordingError(
             f"{bag.path.name}: {' and '.join(choice.names())} hold(s) no message that could be read."
         )
-    last = [
-        *first,
-        *bag.remarks,
-        *_lost(bag, choice, batches.counts),
-        *(merging.remarks() if merging else []),
-        *(_unstamped_remark(bag, name) for name in sorted(batches.unstamped)),
-        *said,
-    ]
-    table = table_of_samples(bag.path, held, Units(), last)
-    yield replace(
-        table, topic=topic, field=field if field is None or begin == -np.inf else field.within(begin, np.inf)
-    )
+    first += [*bag.remarks, *_lost(bag, choice, batches.counts), *(merging.remarks() if merging else [])]
+    first += [_unstamped_remark(bag, name) for name in sorted(batches.unstamped)]
+    yield replace(table_of_samples(bag.path, held, Units(), [*first, *said]), topic=topic, field=field)
 
 
 def _single(pieces: Iterator[dict[str, Samples]]) -> Iterator[Samples]:
