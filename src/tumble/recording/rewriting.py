@@ -11,7 +11,7 @@ import re
 import shutil
 import sqlite3
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, closing, nullcontext
+from contextlib import closing
 from dataclasses import field
 from pathlib import Path
 from typing import Any
@@ -19,11 +19,19 @@ from typing import Any
 from tumble.errors import RecordingError, UsageError
 from tumble.files import opened
 from tumble.recording.formats import find_format
-from tumble.recording.formats.bags import mcap, rosbag1, rosbag2
 from tumble.recording.formats.bags.bag import Bag
-from tumble.recording.formats.bags.mcap import McapFile
-from tumble.recording.formats.bags.rosbag1 import Rosbag1
-from tumble.recording.formats.bags.rosbag2 import Chain, Database
+from tumble.recording.formats.bags.files import (
+    Chain,
+    Database,
+    McapFile,
+    Rosbag1,
+    connect,
+    mcap_library,
+    opened_rosbag1,
+    parts_of,
+    rosbags_library,
+    unpacked_message,
+)
 from tumble.recording.formats.packed import ZSTD_MAGIC, needed
 from tumble.records import dataclass
 
@@ -101,42 +109,20 @@ def corrections(path: Path) -> _Marks:
     try:
         ending = ending_of(path)
         if ending == "":
-            return {topic: m for part in rosbag2.parts_of(path) for topic, m in corrections(part).items()}
+            return {topic: m for part in parts_of(path) for topic, m in corrections(part).items()}
         if ending == ".bag":
-            with rosbag1.opened_bag(path) as bag:
+            with opened_rosbag1(path) as bag:
                 said = {c.topic: _COMMENT.match(c.msgdef.data) for c in bag.reader.connections}
             return {topic: tuple(found.group(1).split()) for topic, found in said.items() if found}
         if ending == ".mcap":
             return _mcap_corrections(McapFile(path))
         if ending == ".db3":
-            with closing(rosbag2.connect(path)) as connection:
+            with closing(connect(path)) as connection:
                 rows = connection.execute(f"SELECT topic, corrected_by FROM {_TABLE}").fetchall()
             return {str(topic): tuple(str(said).split()) for topic, said in rows}
     except (RecordingError, UsageError, OSError, sqlite3.Error):
         pass  # reading it says what is wrong
     return {}
-
-
-def opened_bag(path: Path) -> AbstractContextManager[Bag]:
-    """Open a bag to be written anew.
-
-    Parameters
-    ----------
-    path : of a bag.
-
-    Raises
-    ------
-    RecordingError
-        If it is damaged.
-    UsageError
-        If a library is missing.
-    OSError
-        If it cannot be read.
-    """
-    ending = ending_of(path)
-    if ending == ".mcap":
-        return nullcontext(McapFile(path))
-    return rosbag1.opened_bag(path) if ending == ".bag" else rosbag2.opened_bag(path)
 
 
 def write_anew(bag: Bag, target: Path, exchange: Exchange) -> None:
@@ -167,7 +153,7 @@ def write_anew(bag: Bag, target: Path, exchange: Exchange) -> None:
 
 
 def _write_rosbag1(bag: Rosbag1, target: Path, exchange: Exchange) -> None:
-    made = rosbag1.library(bag.path)
+    made = rosbags_library(bag.path)
     writer = made.Writer(target)
     if bag.compression is not None:
         writer.set_compression(made.Writer.CompressionFormat[bag.compression.upper()])
@@ -192,7 +178,7 @@ def _write_rosbag1(bag: Rosbag1, target: Path, exchange: Exchange) -> None:
 
 def _mcap_corrections(file: McapFile) -> _Marks:
     """Return what a file says before any data."""
-    made = mcap.library("records", file.path)
+    made = mcap_library("records", file.path)
     for _, record in file.pieces():
         if isinstance(record, made.Metadata) and record.name == _METADATA:
             told: dict[str, str] = record.metadata
@@ -203,7 +189,7 @@ def _mcap_corrections(file: McapFile) -> _Marks:
 
 
 def _write_mcap(file: McapFile, target: Path, exchange: Exchange) -> None:
-    made, writing = (mcap.library(part, file.path) for part in ("records", "writer"))
+    made, writing = (mcap_library(part, file.path) for part in ("records", "writer"))
     marks = _mcap_corrections(file) | dict(exchange.marks)
     said = {_KEY + topic: " ".join(ids) for topic, ids in marks.items()}
     packed = writing.CompressionType[file.compression.upper() or "NONE"]
@@ -241,7 +227,7 @@ def _write_mcap(file: McapFile, target: Path, exchange: Exchange) -> None:
 
 def _write_folder(bag: Chain, target: Path, exchange: Exchange) -> None:
     """Write the files of a bag anew into an empty folder."""
-    for name, part in zip(rosbag2.parts_of(bag.path), bag.parts, strict=True):
+    for name, part in zip(parts_of(bag.path), bag.parts, strict=True):
         packed = name.suffix == ".zstd"
         made = target / (name.stem if packed else name.name)
         write_anew(part, made, exchange)
@@ -258,7 +244,7 @@ def _write_folder(bag: Chain, target: Path, exchange: Exchange) -> None:
 
 def _write_database(part: Database, target: Path, exchange: Exchange) -> None:
     try:
-        with closing(rosbag2.connect(part.path)) as source, closing(sqlite3.connect(target)) as made:
+        with closing(connect(part.path)) as source, closing(sqlite3.connect(target)) as made:
             source.backup(made)
             # The copy takes its place only when it is whole: it needs no journal.
             made.execute("PRAGMA journal_mode=DELETE")
@@ -288,7 +274,7 @@ def _exchange_rows(part: Database, made: sqlite3.Connection, exchange: Exchange)
     while rows := made.execute(query, (*exchange.marks, last)).fetchall():
         changed: list[tuple[bytes, int]] = []
         for row, topic, data in rows:
-            put = exchange.of(topic, rosbag2.unpacked_message(data, part.path))
+            put = exchange.of(topic, unpacked_message(data, part.path))
             if data[:4] == ZSTD_MAGIC:
                 put = needed("zstandard", f"{part.path.name} is compressed with zstd").compress(put)
             changed.append((put, row))

@@ -11,7 +11,7 @@ import pytest
 
 from tumble.errors import RecordingError
 from tumble.recording import read_recording
-from tumble.recording.formats.bags.mcap import McapFile
+from tumble.recording.formats.bags.files import McapFile
 from tumble.recording.recording import Recording
 
 mcap = pytest.importorskip("mcap.writer", reason="mcap writes the samples")

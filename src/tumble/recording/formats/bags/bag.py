@@ -14,8 +14,7 @@ ROS common_interfaces, message definitions; OMG, *DDS-XTypes 1.3*, section 7.4 (
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import field, replace
 from pathlib import Path
 from typing import Protocol, runtime_checkable
@@ -287,39 +286,6 @@ class Bag(Protocol):
         ...
 
 
-def bag_reader(
-    opened: Callable[[Path], AbstractContextManager[Bag]],
-) -> Callable[[Path, Sequence[str]], Iterator[RawTable]]:
-    """Return the function that a format of bags is read by, in blocks of bounded size.
-
-    Parameters
-    ----------
-    opened : opens a file or folder as a bag, and closes it.
-    """
-
-    def read_tables(path: Path, topics: Sequence[str] = ()) -> Iterator[RawTable]:
-        """Read a bag in blocks of half a million rows.
-
-        Parameters
-        ----------
-        path : the file, or the folder.
-        topics : one topic, or one of each triad; none where it holds one IMU.
-
-        Raises
-        ------
-        RecordingError
-            If it is damaged or holds no IMU, or several.
-        UsageError
-            If a topic is not there, or a library is missing.
-        OSError
-            If the file cannot be read.
-        """
-        with opened(path) as bag:
-            yield from _bag_tables(bag, topics)
-
-    return read_tables
-
-
 @dataclass(frozen=True, slots=True)
 class Choice:
     """Which topics are read: of the accelerometer, of the gyro; the same, or one of them None."""
@@ -474,7 +440,7 @@ class _Batches:
             yield rest
 
 
-def _bag_tables(bag: Bag, wanted: Sequence[str]) -> Iterator[RawTable]:
+def bag_tables(bag: Bag, wanted: Sequence[str]) -> Iterator[RawTable]:
     """Yield the table of a bag in blocks of half a million rows; its remarks stand on the last one too."""
     rest, name, said = split_wanted(bag, wanted)
     field = None if name is None else _read_field(bag, name)
