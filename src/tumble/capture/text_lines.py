@@ -205,7 +205,7 @@ class Rows:
         table = self._table()
         units, rate = read_units_option(self._options.units), self._options.rate
         plan, remarks = choose_columns(table, self._options.columns, units, rate)
-        if plan.specific_force is None and plan.angular_rate is None:
+        if not {"a", "g"} & {*plan.triads}:
             raise RecordingError(
                 f"{table.path.name} has a magnetometer alone, and neither accelerometer nor gyro: there is nothing to "
                 "guide. If its columns are the accelerometer's, say so with --columns."
@@ -213,20 +213,20 @@ class Rows:
         if plan.time is None:
             table.columns.append(self._arrival_stamps())
             table.names = None if table.names is None else (*table.names, "t [s]")
-            plan = replace(plan, time=len(table.columns) - 1, time_unit="s")
+            plan = replace(plan, time=len(table.columns) - 1, units=plan.units | {"t": "s"})
             # Stamps of arrival are as late as the line is: the rate is checked later, over two seconds.
             rate = None
         decided, _ = interpret(table, plan, units, rate, (), remarks)
         self._plan = plan
         decided = _without_guesses(decided, units)
         channels = Channels(
-            None if plan.specific_force is None else decided.specific_force_unit,
-            None if plan.angular_rate is None else decided.angular_rate_unit,
+            None if "a" not in plan.triads else decided.specific_force_unit,
+            None if "g" not in plan.triads else decided.angular_rate_unit,
             self._options.rate or decided.rate,
             plan.temperature is not None,
             tuple(remark.text for remark in decided.remarks),
             # Nothing but the whole recording shows a unit that nobody says.
-            None if plan.magnetic_field is None else units.magnetic_field or plan.magnetic_field_unit or "",
+            None if "m" not in plan.triads else units.magnetic_field or plan.units.get("m", ""),
         )
         self._decided = decided
         made = self._made(table.columns)
@@ -273,17 +273,17 @@ class Rows:
         assert decided is not None
         assert plan.time is not None
 
-        def triad(which: tuple[tuple[int, float], ...] | None, factor: float) -> Vectors | None:
-            if which is None:
+        def triad(kind: str, factor: float) -> Vectors | None:
+            if kind not in plan.triads:
                 return None
-            return np.column_stack([sign * factor * columns[index] for index, sign in which])
+            return np.column_stack([sign * factor * columns[index] for index, sign in plan.triads[kind]])
 
         return Samples(
             columns[plan.time] * time_factor(decided.time_unit or "s"),
-            triad(plan.specific_force, decided.force_factor),
-            triad(plan.angular_rate, decided.rate_factor),
+            triad("a", decided.force_factor),
+            triad("g", decided.rate_factor),
             None if plan.temperature is None else columns[plan.temperature],
-            triad(plan.magnetic_field, 1.0),
+            triad("m", 1.0),
         )
 
 
@@ -293,7 +293,7 @@ def _width(shape: Shape) -> int:
 
 def _without_guesses(decided: Interpretation, units: DeclaredUnits) -> Interpretation:
     """Take a gyro's unit that nobody stated as counts: at rest nothing shows it, and a wrong one in a file is worse."""
-    stated = units.angular_rate or units.angle_increment or decided.plan.angular_rate_unit
+    stated = units.angular_rate or units.angle_increment or decided.plan.units.get("g")
     unchecked = any(r.kind == "unchecked" and r.text.startswith("The gyro's unit") for r in decided.remarks)
     if stated or not unchecked or decided.angular_rate_unit == COUNTS:
         return decided

@@ -18,9 +18,9 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import field, replace
 from pathlib import Path
-from typing import Literal
+from typing import Literal, TypeAlias
 
 import numpy as np
 
@@ -84,6 +84,10 @@ class DeclaredUnits:
         return self.specific_force is not None or self.velocity_increment is not None
 
 
+Axes: TypeAlias = tuple[tuple[int, float], ...]
+"""Index of the column and sign of the three axes of a triad."""
+
+
 @dataclass(frozen=True, slots=True)
 class ColumnPlan:
     """Which column is what.
@@ -91,31 +95,28 @@ class ColumnPlan:
     Attributes
     ----------
     time, temperature : indices of the columns, or None.
-    specific_force, angular_rate, magnetic_field : three (index, sign) each, or None.
-    time_unit, specific_force_unit, angular_rate_unit, magnetic_field_unit, temperature_unit : as declared in the
-        names, or None.
+    triads : those that there are, by letter: "a" of the accelerometer, "g" of the gyro, "m" of the magnetometer.
+    units : as declared in the names, by letter, "t" of the time, or "temperature".
     magnetic_field_time : index of the column of the magnetometer's own stamps, s, or None.
     said_by : "option", "header" or "content": who says so.
     unknown_units : quantity, name of a column, and the unit in it that nobody knows.
     """
 
-    time: int | None = None
-    specific_force: tuple[tuple[int, float], ...] | None = None
-    angular_rate: tuple[tuple[int, float], ...] | None = None
+    time: int | None
+    triads: dict[str, Axes]
     temperature: int | None = None
-    time_unit: str | None = None
-    specific_force_unit: str | None = None
-    angular_rate_unit: str | None = None
-    temperature_unit: str | None = None
+    units: dict[str, str] = field(default_factory=dict[str, str])
     said_by: str = "header"
     unknown_units: tuple[tuple[str, str, str], ...] = ()
-    magnetic_field: tuple[tuple[int, float], ...] | None = None
-    magnetic_field_unit: str | None = None
     magnetic_field_time: int | None = None
 
+    def renamed(self, **letters: str) -> ColumnPlan:
+        """Return the plan with some triads as others: ``a="m"`` takes the accelerometer as the magnetometer."""
+        return replace(self, triads={letters.get(k, k): axes for k, axes in self.triads.items()})
+
     def swapped(self) -> ColumnPlan:
-        """Return the plan with the two triads exchanged."""
-        return replace(self, specific_force=self.angular_rate, angular_rate=self.specific_force)
+        """Return the plan with the two inertial triads exchanged."""
+        return self.renamed(a="g", g="a")
 
 
 def plan_from_option(option: str, count: int, name: str) -> ColumnPlan:
@@ -156,14 +157,9 @@ def plan_from_option(option: str, count: int, name: str) -> ColumnPlan:
             raise UsageError(f"--columns: {', '.join(lacking)} missing; a triad needs all three axes.")
     if not any(any(found) for found in triads.values()):
         raise UsageError("--columns names no triad; give at least ax,ay,az or gx,gy,gz.")
-    return ColumnPlan(
-        time=slots["t"][0] if "t" in slots else None,
-        specific_force=_complete(triads["a"]),
-        angular_rate=_complete(triads["g"]),
-        temperature=slots["temperature"][0] if "temperature" in slots else None,
-        said_by="option",
-        magnetic_field=_complete(triads["m"]),
-    )
+    whole = {kind: tuple(f for f in found if f) for kind, found in triads.items() if all(found)}
+    time, temperature = (slots[name][0] if name in slots else None for name in ("t", "temperature"))
+    return ColumnPlan(time, whole, temperature, said_by="option")
 
 
 def option_of(plan: ColumnPlan, count: int) -> str:
@@ -175,8 +171,8 @@ def option_of(plan: ColumnPlan, count: int) -> str:
     count : number of columns of the file.
     """
     words = ["-"] * count
-    for kind, triad in zip("agm", (plan.specific_force, plan.angular_rate, plan.magnetic_field), strict=True):
-        for axis, (index, sign) in zip(AXES, triad or (), strict=False):
+    for kind, triad in plan.triads.items():
+        for axis, (index, sign) in zip(AXES, triad, strict=True):
             words[index] = f"{'-' if sign < 0.0 else ''}{kind}{axis}"
     for name, index in (("t", plan.time), ("temperature", plan.temperature)):
         if index is not None:
@@ -208,11 +204,6 @@ def renamed(option: str | None, names: Mapping[str, str]) -> str:
         negative = (word.startswith("-") and bool(slot)) != name.startswith("-")
         words.append(f"{'-' if negative or not slot else ''}{name.removeprefix('-')}")
     return f" {','.join(words)}"
-
-
-def _complete(found: list[tuple[int, float] | None]) -> tuple[tuple[int, float], ...] | None:
-    filled = [f for f in found if f is not None]
-    return tuple(filled) if len(filled) == 3 else None
 
 
 def _unit_in(name: str) -> tuple[str, str | None]:
@@ -332,27 +323,26 @@ def plan_from_names(names: tuple[str, ...]) -> ColumnPlan | None:
         If the names declare different units for the axes of one triad.
     """
     slots = _slots(names)
-    force, rate, field = (_triad(slots, kind) for kind in "agm")
-    if force is None and rate is None and field is None:
+    triads = {
+        kind: tuple((slots[kind + axis][0], 1.0) for axis in AXES)
+        for kind in "agm"
+        if all(kind + axis in slots for axis in AXES)
+    }
+    if not triads:
         return None
-    time = slots.get("t")
-    unit = None if time is None or time[1] is None else find_unit("time", time[1])
-    if unit is None and time is not None:
-        name = names[time[0]].lower()
-        unit = "s" if name in ("sec", "secs", "seconds") else None
-    temperature = slots.get("temperature")
+    time, temperature = (slots[name][0] if name in slots else None for name in ("t", "temperature"))
+    said = {kind: _declared_unit(slots, kind) for kind in "agm"}
+    if time is not None:
+        plain = "s" if names[time].lower() in ("sec", "secs", "seconds") else None
+        said["t"] = find_unit("time", slots["t"][1] or "") or plain
+    if temperature is not None:
+        said["temperature"] = temperature_unit_in(names[temperature])
     return ColumnPlan(
-        time=None if time is None else time[0],
-        specific_force=force,
-        angular_rate=rate,
-        temperature=None if temperature is None else temperature[0],
-        time_unit=unit,
-        specific_force_unit=_declared_unit(slots, "a", "specific force"),
-        angular_rate_unit=_declared_unit(slots, "g", "angular rate"),
-        temperature_unit=None if temperature is None else temperature_unit_in(names[temperature[0]]),
+        time,
+        triads,
+        temperature,
+        {kind: unit for kind, unit in said.items() if unit is not None},
         unknown_units=_unknown_units(slots, names),
-        magnetic_field=field,
-        magnetic_field_unit=_declared_unit(slots, "m", "magnetic field"),
         magnetic_field_time=next((i for i, name in enumerate(names) if name == _FIELD_STAMPS), None),
     )
 
@@ -405,7 +395,7 @@ def _unknown_units(
     """Return the units in the names that are none of their quantity."""
     unknown: list[tuple[str, str, str]] = []
     for slot, (index, unit) in slots.items():
-        quantity = _QUANTITY.get(slot[0] if slot != "temperature" else slot)
+        quantity = QUANTITY.get(slot[0] if slot != "temperature" else slot)
         if unit is None or quantity is None:
             continue
         if not any(find_unit(q, unit) for q in (quantity, _INCREMENT.get(quantity, quantity))):
@@ -413,13 +403,8 @@ def _unknown_units(
     return tuple(unknown)
 
 
-def _triad(slots: dict[str, tuple[int, str | None]], kind: str) -> tuple[tuple[int, float], ...] | None:
-    if not all(kind + axis in slots for axis in AXES):
-        return None
-    return tuple((slots[kind + axis][0], 1.0) for axis in AXES)
-
-
-def _declared_unit(slots: dict[str, tuple[int, str | None]], kind: str, quantity: str) -> str | None:
+def _declared_unit(slots: dict[str, tuple[int, str | None]], kind: str) -> str | None:
+    quantity = QUANTITY[kind]
     units = {slots[kind + axis][1] for axis in AXES if kind + axis in slots} - {None}
     known = {
         find_unit(quantity, u) or find_unit(_INCREMENT.get(quantity, quantity), u) for u in units if u
@@ -432,7 +417,9 @@ def _declared_unit(slots: dict[str, tuple[int, str | None]], kind: str, quantity
     return known.pop() if known else None
 
 
-_QUANTITY = {
+SENSOR = {"a": "accelerometer", "g": "gyro", "m": "magnetometer"}
+"""What a triad is of, by its letter."""
+QUANTITY = {
     "a": "specific force",
     "g": "angular rate",
     "m": "magnetic field",
@@ -620,7 +607,7 @@ def triad_alone(columns: list[Series]) -> ColumnPlan | None:
     """Return the plan of three columns, or of four of which the first or the last is time; None of others."""
     time = next((i for i in (0, 3) if len(columns) == 4 and is_time_like(columns[i])), None)
     values = tuple((i, 1.0) for i in range(len(columns)) if i != time)
-    return ColumnPlan(time, values, said_by="content") if len(values) == 3 else None
+    return ColumnPlan(time, {"a": values}, said_by="content") if len(values) == 3 else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -711,23 +698,19 @@ def plan_from_content(
     triads = [_finite([np.concatenate([columns[i][c] for c in cuts]) for i, _ in g]) for g in groups]
     signs = [vector_signs(triad, _rough_rate(columns, time, rate or _GUESS_RATE)) for triad in triads]
     if len(groups) == 1:
-        return _plan_of_one(ColumnPlan(time, groups[0], said_by="content"), signs[0], name, said)
+        return _plan_of_one(ColumnPlan(time, {"a": groups[0]}, said_by="content"), signs[0], name, said)
     roles = _roles(columns, groups, signs, name, said)
-    plan = ColumnPlan(
-        time,
-        groups[roles.accelerometer],
-        None if roles.gyro is None else groups[roles.gyro],
-        said_by="content",
-        magnetic_field=None if roles.magnetometer is None else groups[roles.magnetometer],
-    )
-    used = max(i for i in (roles.accelerometer, roles.gyro, roles.magnetometer) if i is not None)
+    found = {"a": roles.accelerometer, "g": roles.gyro, "m": roles.magnetometer}
+    places = {kind: place for kind, place in found.items() if place is not None}
+    plan = ColumnPlan(time, {kind: groups[place] for kind, place in places.items()}, said_by="content")
+    used = max(places.values())
     after = values[3 * used + 3 :]
     if len(after) == 1 and _could_be_temperature(columns[after[0]]):
         plan, after = replace(plan, temperature=after[0]), []
     remarks = [Remark("assumed", _column_words(plan, roles.reason, name, len(columns)))]
     if roles.magnetometer is None:
         plan, more = _not_a_magnetometer(plan, signs[roles.accelerometer], name, said)
-        remarks = [*([] if plan.specific_force is None else remarks), *more]
+        remarks = [*(remarks if "a" in plan.triads else []), *more]
     if after:
         which = "two triads" if used == 1 else "triads"
         remarks.append(Remark("found", f"{name}: the columns after the {which} are not used."))
@@ -785,7 +768,7 @@ class _Roles:
 
 def _roles(
     columns: list[Series],
-    groups: list[tuple[tuple[int, float], ...]],
+    groups: list[Axes],
     signs: list[VectorSigns],
     name: str,
     said: DeclaredUnits,
@@ -811,7 +794,7 @@ def _accelerometer_of(
     first: int,
     second: int,
     signs: list[VectorSigns],
-    groups: list[tuple[tuple[int, float], ...]],
+    groups: list[Axes],
     name: str,
     said: DeclaredUnits,
 ) -> tuple[int, str]:
@@ -835,12 +818,12 @@ def _accelerometer_of(
 def _static_roles(signs: list[VectorSigns], said: DeclaredUnits) -> _Roles | None:
     """Of three triads that do not turn, the accelerometer is the only one with the norm of gravity; None if none is."""
     heavy = [i for i, one in enumerate(signs) if one.gravity_unit(said.specific_force) is not None]
-    field = [i for i, one in enumerate(signs) if i not in heavy and one.field_unit is not None]
-    if len(heavy) != 1 or len(field) != 1:
+    magnetic = [i for i, one in enumerate(signs) if i not in heavy and one.field_unit is not None]
+    if len(heavy) != 1 or len(magnetic) != 1:
         return None
-    gyro = next(i for i in range(3) if i not in (heavy[0], field[0]))
+    gyro = next(i for i in range(3) if i not in (heavy[0], magnetic[0]))
     unit = signs[heavy[0]].gravity_unit(said.specific_force)
-    return _Roles(heavy[0], gyro, field[0], f"it alone has the norm of gravity, in {unit}")
+    return _Roles(heavy[0], gyro, magnetic[0], f"it alone has the norm of gravity, in {unit}")
 
 
 def _plan_of_one(
@@ -852,24 +835,20 @@ def _plan_of_one(
         return plan.swapped(), [Remark("found", f"{name}: its one triad is the gyro, its name says.")]
     if kind == "m" or (said.magnetic_field is not None and not said.of_accelerometer):
         who = "its name says" if kind == "m" else "--units says"
-        return _magnetic(plan), [Remark("found", f"{name}: its one triad is the magnetometer, {who}.")]
+        return plan.renamed(a="m"), [Remark("found", f"{name}: its one triad is the magnetometer, {who}.")]
     found, more = _not_a_magnetometer(plan, signs, name, said)
-    if found.specific_force is None:
+    if "a" not in found.triads:
         return found, more
     return found, [Remark("assumed", f"{name}: its one triad is taken as the accelerometer."), *more]
-
-
-def _magnetic(plan: ColumnPlan) -> ColumnPlan:
-    return replace(plan, specific_force=None, magnetic_field=plan.specific_force)
 
 
 def _not_a_magnetometer(
     plan: ColumnPlan, signs: VectorSigns, name: str, said: DeclaredUnits
 ) -> tuple[ColumnPlan, list[Remark]]:
     """Take the only triad that keeps its norm as the magnetometer where its numbers show one, doubt it in between."""
-    if said.of_accelerometer or plan.specific_force is None or signs.motion == "shaken":
+    if said.of_accelerometer or "a" not in plan.triads or signs.motion == "shaken":
         return plan, []
-    which = f"{name}: columns {_numbers(plan.specific_force)}"
+    which = f"{name}: columns {_numbers(plan.triads['a'])}"
     gravity, field = signs.gravity_unit(), signs.field_unit
     steady = signs.motion == "steady"
     if steady and gravity is None and field is not None and not signs.whole:
@@ -878,7 +857,7 @@ def _not_a_magnetometer(
             "and gravity in no unit, and motion does not change it. If they are the accelerometer, say so with "
             "--columns (t,ax,ay,az,gx,gy,gz)."
         )
-        return _magnetic(plan), [Remark("assumed", text)]
+        return plan.renamed(a="m"), [Remark("assumed", text)]
     if gravity is None and field is not None and (steady or not signs.whole) and signs.is_vector is not False:
         raise RecordingError(
             f"{which} have a norm of {signs.norm:.4g}, which is gravity in none of m/s², g and mg, but the Earth's "
@@ -895,7 +874,7 @@ def _not_a_magnetometer(
     return plan, []
 
 
-def _numbers(triad: tuple[tuple[int, float], ...]) -> str:
+def _numbers(triad: Axes) -> str:
     return f"{triad[0][0] + 1}-{triad[-1][0] + 1}"
 
 
@@ -905,9 +884,8 @@ def _column_words(plan: ColumnPlan, reason: str, name: str, count: int) -> str:
         if plan.time is None
         else f"column {plan.time + 1} of {count} is time (it grows steadily)"
     )
-    parts = [f"columns {_numbers(plan.specific_force or ())} are taken as the accelerometer ({reason})"]
-    for triad, what in ((plan.angular_rate, "gyro"), (plan.magnetic_field, "magnetometer")):
-        parts += [] if triad is None else [f"columns {_numbers(triad)} as the {what}"]
+    parts = [f"columns {_numbers(plan.triads['a'])} are taken as the accelerometer ({reason})"]
+    parts += [f"columns {_numbers(plan.triads[k])} as the {SENSOR[k]}" for k in "gm" if k in plan.triads]
     return f"{name} names no columns: {time}, {', '.join(parts)}."
 
 
@@ -924,11 +902,11 @@ def _own_plan(table: RawTable) -> ColumnPlan | None:
     plan = None if table.names is None else plan_from_names(table.names)
     if plan is None:
         return triad_alone(table.columns)
-    return plan if (plan.specific_force is None) != (plan.angular_rate is None) else None
+    return plan if len({*plan.triads} - {"m"}) == 1 else None
 
 
-def _lone_triad(plan: ColumnPlan) -> tuple[tuple[int, float], ...]:
-    return plan.specific_force or plan.angular_rate or ()
+def _lone_triad(plan: ColumnPlan) -> Axes:
+    return next(plan.triads[kind] for kind in "ag" if kind in plan.triads)
 
 
 def is_pair(tables: list[RawTable]) -> bool:
@@ -972,22 +950,16 @@ def find_pairing(first: RawTable, second: RawTable, columns: str | None = None) 
     assert own is not None  # as `is_pair` says
     assert other is not None
     start = 0 if own.time is None and other.time is None else 1
-    first_triad, second_triad = (
-        tuple((start + 3 * n + i, sign) for i, (_, sign) in enumerate(_lone_triad(one)))
-        for n, one in enumerate((own, other))
-    )
-    plan = ColumnPlan(
-        0 if start else None,
-        first_triad,
-        second_triad,
-        said_by="header" if other.said_by == "header" else own.said_by,
-        time_unit=own.time_unit or other.time_unit,
-        specific_force_unit=own.specific_force_unit or other.specific_force_unit,
-        angular_rate_unit=own.angular_rate_unit or other.angular_rate_unit,
-    )
+    triads = {
+        kind: tuple((start + 3 * n + i, sign) for i, (_, sign) in enumerate(_lone_triad(one)))
+        for n, (kind, one) in enumerate((("a", own), ("g", other)))
+    }
+    by = "header" if other.said_by == "header" else own.said_by
+    units = {kind: unit for kind, unit in (other.units | own.units).items() if kind in "tag"}
+    plan = ColumnPlan(0 if start else None, triads, units=units, said_by=by)
     pairing = Pairing((own, other), plan)
     if columns is not None:
-        return pairing if own.specific_force is not None else replace(pairing, plan=plan.swapped())
+        return pairing if "a" in own.triads else replace(pairing, plan=plan.swapped())
     swapped, remark = _which(first, second, pairing)
     return replace(pairing, plan=plan.swapped() if swapped else plan, remarks=(remark,))
 
@@ -1001,8 +973,7 @@ def _plans_by_option(first: RawTable, second: RawTable, columns: str) -> list[Co
     plans = [
         plan_from_option(h, len(t.columns), t.path.name) for h, t in zip(halves, (first, second), strict=True)
     ]
-    lacking = [(p.specific_force is None, p.angular_rate is None) for p in plans]
-    if sorted(lacking) != [(False, True), (True, False)]:
+    if sorted("".join(kind for kind in "ag" if kind in plan.triads) for plan in plans) != ["a", "g"]:
         raise UsageError("--columns for a pair of files gives ax,ay,az to one and gx,gy,gz to the other.")
     return plans
 
@@ -1053,7 +1024,7 @@ def _check_stamps(first: RawTable, time: int, second: RawTable, other_time: int)
 def _named_kind(table: RawTable, plan: ColumnPlan) -> str | None:
     """Return "a" or "g" from the names of the columns or of the file."""
     if plan.said_by == "header":
-        return "a" if plan.specific_force is not None else "g"
+        return "a" if "a" in plan.triads else "g"
     return kind_of_file(table.path.name)
 
 

@@ -26,6 +26,9 @@ from tumble.errors import RecordingError, UsageError
 from tumble.recording import stamps
 from tumble.recording.columns import (
     AXES,
+    QUANTITY,
+    SENSOR,
+    Axes,
     ColumnPlan,
     DeclaredUnits,
     Pairing,
@@ -70,9 +73,9 @@ _MOST_BAD_ROWS = 0.01
 _MOST_PARTED_ROWS = 0.5
 
 
-def _triad(table: RawTable, triad: tuple[tuple[int, float], ...] | None) -> Vectors | None:
+def _triad(table: RawTable, triad: Axes) -> Vectors | None:
     """Put three columns side by side."""
-    columns = [table.columns[i] if sign > 0.0 else -table.columns[i] for i, sign in triad or ()]
+    columns = [table.columns[i] if sign > 0.0 else -table.columns[i] for i, sign in triad]
     return np.column_stack(columns) if columns else None
 
 
@@ -83,16 +86,12 @@ def _pick(table: RawTable, plan: ColumnPlan, *, parted: bool) -> tuple[Samples, 
     them may part the recording. The time is as the file has it, in row numbers where there are no stamps.
     """
     rows = np.arange(len(table))
-    samples = Samples(
-        rows.astype(np.float64) if plan.time is None else table.columns[plan.time],
-        _triad(table, plan.specific_force),
-        _triad(table, plan.angular_rate),
-        None if plan.temperature is None else table.columns[plan.temperature],
-        _triad(table, plan.magnetic_field),
-    )
-    inertial = [t for t in (samples.specific_force, samples.angular_rate) if t is not None]
-    alone = [samples.magnetic_field] if samples.magnetic_field is not None else []
-    parts = [samples.time, *(inertial or alone)]
+    force, rates, magnetic = (_triad(table, plan.triads.get(kind, ())) for kind in "agm")
+    time = rows.astype(np.float64) if plan.time is None else table.columns[plan.time]
+    temperature = None if plan.temperature is None else table.columns[plan.temperature]
+    samples = Samples(time, force, rates, temperature, magnetic)
+    alone = magnetic if force is None and rates is None else None
+    parts = [part for part in (time, force, rates, alone) if part is not None]
     with np.errstate(invalid="ignore", over="ignore"):
         if all(np.isfinite(p.sum()) for p in parts):  # a sum is finite if every term is
             return samples, rows, []
@@ -113,11 +112,9 @@ def _pick(table: RawTable, plan: ColumnPlan, *, parted: bool) -> tuple[Samples, 
 
 
 def _bad_column(table: RawTable, plan: ColumnPlan, row: int) -> str:
-    used = [plan.time] if plan.time is not None else []
-    triads = [t for t in (plan.specific_force, plan.angular_rate) if t is not None] or [
-        plan.magnetic_field or ()
-    ]
-    used += [i for t in triads for i, _ in t]
+    inertial = [kind for kind in "ag" if kind in plan.triads] or ["m"]
+    used = [] if plan.time is None else [plan.time]
+    used += [i for kind in inertial for i, _ in plan.triads[kind]]
     index = next(i for i in used if not np.isfinite(table.columns[i][row]))
     return table.column_name(index)
 
@@ -147,7 +144,8 @@ def choose_columns(
     if option is not None:
         plan = plan_from_option(option, len(table.columns), name)
         if plan.temperature is not None and table.names is not None:
-            plan = replace(plan, temperature_unit=temperature_unit_in(table.names[plan.temperature]))
+            unit = temperature_unit_in(table.names[plan.temperature])
+            plan = replace(plan, units={} if unit is None else {"temperature": unit})
         return plan, []
     hertz = table.rate if rate is None or stated_clock(rate) is not None else sample_rate(rate)
     if table.names is not None:
@@ -165,10 +163,8 @@ def _refuse_parts(table: RawTable) -> list[Remark]:
     """Refuse a header that names one or two axes of the accelerometer or the gyro; of a magnetometer, say so."""
     parts = parts_of_triads(table.names or ())
     said: list[Remark] = []
-    for kind, what in (("a", "accelerometer"), ("g", "gyro"), ("m", "magnetometer")):
-        axes = parts.get(kind)
-        if axes is None:
-            continue
+    for kind, axes in parts.items():
+        what = SENSOR[kind]
         named = ", ".join(repr(name) for name in axes.values())
         lacking = " and ".join(kind + axis for axis in AXES if axis not in axes)
         text = f"{table.path.name}: the header names {named} of the {what} and no {lacking}; a triad needs all three"
@@ -185,14 +181,8 @@ def _refuse_parts(table: RawTable) -> list[Remark]:
 
 def _left_over(table: RawTable, plan: ColumnPlan) -> list[Remark]:
     """Name the columns that nothing was made of, where a triad is missing: it may be among them."""
-    missing = [
-        what
-        for triad, what in ((plan.specific_force, "accelerometer"), (plan.angular_rate, "gyro"))
-        if triad is None
-    ]
-    triads = (plan.specific_force, plan.angular_rate, plan.magnetic_field)
-    used = {i for triad in triads for i, _ in triad or ()}
-    used |= {i for i in (plan.time, plan.temperature) if i is not None}
+    missing = [SENSOR[kind] for kind in "ag" if kind not in plan.triads]
+    used = {plan.time, plan.temperature, *(i for triad in plan.triads.values() for i, _ in triad)}
     unused = [name for i, name in enumerate(table.names or ()) if i not in used]
     if not missing or not unused:
         return []
@@ -211,13 +201,8 @@ def _header_words(table: RawTable, plan: ColumnPlan) -> str:
     assert table.names is not None
     names = table.names
     parts = ["no time column" if plan.time is None else f"time {names[plan.time]!r}"]
-    for triad, what in (
-        (plan.specific_force, "specific force"),
-        (plan.angular_rate, "angular rate"),
-        (plan.magnetic_field, "magnetic field"),
-    ):
-        if triad is not None:
-            parts.append(f"{what} " + ", ".join(repr(names[i]) for i, _ in triad))
+    for kind, triad in plan.triads.items():
+        parts.append(f"{QUANTITY[kind]} " + ", ".join(repr(names[i]) for i, _ in triad))
     if plan.temperature is not None:
         parts.append(f"temperature {names[plan.temperature]!r}")
     return f"{table.path.name}: {'; '.join(parts)}."
@@ -242,7 +227,7 @@ def _ordered(
         place = _places(table, rows)
         return stamps.order_stamps(
             samples.time,
-            unit=unit or plan.time_unit,
+            unit=unit or plan.units.get("t"),
             rate=rate,
             name=name,
             place=place,
@@ -297,7 +282,8 @@ def interpret(
         If the declared rate is not positive.
     """
     remarks = [*table.remarks, *remarks, *about_units(table, plan, units)]
-    plan = replace(plan, temperature_unit=units.temperature or plan.temperature_unit)
+    if units.temperature is not None:
+        plan = replace(plan, units=plan.units | {"temperature": units.temperature})
     samples, rows, left_out = _pick(table, plan, parted=parted)
     ordered = _ordered(table, plan, samples, rows, units.time, rate, parted)
     remarks += [*left_out, *ordered.remarks]
@@ -312,8 +298,8 @@ def interpret(
     )
     recording = _recording(table, samples, rows, ordered.time, decided, sources, remarks, ordered.gaps)
     recording = replace(recording, said_clock=ordered.clock, columns=option_of(plan, len(table.columns)))
-    if recording.temperature is not None and plan.temperature_unit not in (None, "degC"):
-        text = f"The temperature is said to be in {plan.temperature_unit}, and is converted to °C."
+    if recording.temperature is not None and plan.units.get("temperature", "degC") != "degC":
+        text = f"The temperature is said to be in {plan.units['temperature']}, and is converted to °C."
         remarks.append(Remark("found", text))
     field = recording.magnetic_field
     unit, about_field = _about_field(field, table, decided, units)
@@ -348,11 +334,11 @@ def _recording(
         specific_force_unit=decided.specific_force_unit,
         angular_rate_unit=decided.angular_rate_unit,
         rate=decided.rate,
-        temperature=_in_celsius(samples.temperature, decided.plan, remarks),
+        temperature=_in_celsius(samples.temperature, decided.plan.units.get("temperature", "degC"), remarks),
         sources=sources,
         remarks=tuple(remarks),
         gaps=gaps,
-        temperature_unit=decided.plan.temperature_unit,
+        temperature_unit=decided.plan.units.get("temperature"),
         magnetic_field=_field(table, samples, rows, time, decided),
     )
 
@@ -366,10 +352,10 @@ def _judged(
         # A file of tumble's own: its units were judged when it was written.
         return recording, replace(
             decided,
-            specific_force_unit=plan.specific_force_unit or COUNTS,
-            angular_rate_unit=plan.angular_rate_unit or COUNTS,
+            specific_force_unit=plan.units.get("a", COUNTS),
+            angular_rate_unit=plan.units.get("g", COUNTS),
         )
-    declared_force = units.specific_force or plan.specific_force_unit
+    declared_force = units.specific_force or plan.units.get("a")
     increments = units.velocity_increment or (
         declared_force and find_unit("velocity increment", declared_force)
     )
@@ -406,13 +392,13 @@ def _about_field(
     units: DeclaredUnits,
 ) -> tuple[str, list[Remark]]:
     """Decide the unit of the magnetometer's samples, from the rows or from beside them; and what is said of them."""
-    header, name, said = decided.plan.magnetic_field_unit, table.path.name, list[Remark]()
-    beside = None if decided.plan.magnetic_field is not None else table.field
+    header, name, said = decided.plan.units.get("m"), table.path.name, list[Remark]()
+    beside = None if "m" in decided.plan.triads else table.field
     if beside is not None:
         header = beside.unit or None
         said += [Remark("found", f"{name}: {beside.name} {beside.note}.")] if beside.note else []
     if field is None:
-        if decided.plan.magnetic_field is not None or beside is not None:
+        if "m" in decided.plan.triads or beside is not None:
             said.append(Remark("found", f"{name}: the magnetometer's columns hold no number but zero."))
         return COUNTS, said
     if (hold := decided.field_hold) > 1:
@@ -422,12 +408,12 @@ def _about_field(
     return unit, [*said, *more]
 
 
-def _in_celsius(temperature: Series | None, plan: ColumnPlan, remarks: list[Remark]) -> Series | None:
+def _in_celsius(temperature: Series | None, unit: str, remarks: list[Remark]) -> Series | None:
     """Return the column in °C, as it is where nobody says what it is in, without numbers that are no temperature."""
     if temperature is None:
         return None
-    if plan.temperature_unit not in (None, "degC"):
-        factor, offset = celsius_from(plan.temperature_unit)
+    if unit != "degC":
+        factor, offset = celsius_from(unit)
         temperature = factor * temperature + offset
     temperature, slips = without_slips(temperature)
     if slips:
@@ -519,10 +505,9 @@ def is_field_table(table: RawTable) -> bool:
 def _plan(table: RawTable) -> ColumnPlan | None:
     plan = None if table.names is None else plan_from_names(table.names)
     if plan is not None:
-        alone = plan.specific_force is None and plan.angular_rate is None
-        return plan if alone and plan.magnetic_field is not None else None
+        return plan if [*plan.triads] == ["m"] else None
     plan = triad_alone(table.columns) if kind_of_file(table.path.name) == "m" else None
-    return None if plan is None else replace(plan, specific_force=None, magnetic_field=plan.specific_force)
+    return None if plan is None else plan.renamed(a="m")
 
 
 def field_of_file(table: RawTable, beside: str) -> tuple[MagneticField, Remark]:
@@ -540,14 +525,14 @@ def field_of_file(table: RawTable, beside: str) -> tuple[MagneticField, Remark]:
     """
     plan, name = _plan(table), table.path.name
     assert plan is not None
-    values = np.column_stack([table.columns[i] for i, _ in plan.magnetic_field or ()])
+    values = np.column_stack([table.columns[i] for i, _ in plan.triads["m"]])
     if plan.time is None:
         raise RecordingError(
             f"{name} is the magnetometer's beside {beside} and has no stamps of its own; put its columns "
             f"beside those of {beside}, or give it a column of time."
         )
-    stamps = seconds_of(table.columns[plan.time], plan.time_unit)
-    stream = MagneticField.finite(stamps, values, plan.magnetic_field_unit, name)
+    stamps = seconds_of(table.columns[plan.time], plan.units.get("t"))
+    stream = MagneticField.finite(stamps, values, plan.units.get("m"), name)
     return stream, Remark("found", f"{name} is read as the magnetometer.")
 
 

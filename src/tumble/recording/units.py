@@ -747,7 +747,7 @@ def decide_force(
         return decided, []
     name, rate = table.path.name, recording.rate
     refuse_changed_force_unit(level.two, name)
-    unit = units.specific_force or decided.plan.specific_force_unit
+    unit = units.specific_force or decided.plan.units.get("a")
     increment = units.velocity_increment or (unit and find_unit("velocity increment", unit))
     if increment is not None:
         factor = velocity_increment_factor(increment) * rate
@@ -778,9 +778,9 @@ def decide_force(
 
 def _free_name(table: RawTable, plan: ColumnPlan) -> str | None:
     """Return the name of the accelerometer's first column if it says that gravity was taken out, else None."""
-    if table.names is None or plan.specific_force is None or plan.said_by != "header":
+    if table.names is None or "a" not in plan.triads or plan.said_by != "header":
         return None
-    name = table.names[plan.specific_force[0][0]]
+    name = table.names[plan.triads["a"][0][0]]
     return name if says_free_of_gravity(name) else None
 
 
@@ -803,7 +803,7 @@ def decide_rate(
         return decided, []
     name, rate = table.path.name, recording.rate
     refuse_changed_rate_unit(recording, name)
-    unit = units.angular_rate or decided.plan.angular_rate_unit
+    unit = units.angular_rate or decided.plan.units.get("g")
     increment = units.angle_increment or (unit and find_unit("angle increment", unit))
     if increment is not None:
         factor = angle_increment_factor(increment) * rate

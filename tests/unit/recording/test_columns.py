@@ -39,8 +39,8 @@ def test_the_columns_of_many_programs_are_known(names) -> None:
     plan = plan_from_names(names)
     assert plan is not None
     assert plan.time == 0
-    assert plan.specific_force == ((1, 1.0), (2, 1.0), (3, 1.0))
-    assert plan.angular_rate == ((4, 1.0), (5, 1.0), (6, 1.0))
+    assert plan.triads["a"] == ((1, 1.0), (2, 1.0), (3, 1.0))
+    assert plan.triads["g"] == ((4, 1.0), (5, 1.0), (6, 1.0))
 
 
 @pytest.mark.parametrize(
@@ -67,7 +67,7 @@ def test_a_single_name_has_its_role(name, role) -> None:
 def test_units_in_the_header_are_taken_over() -> None:
     plan = plan_from_names(HEADERS["units in brackets"])
     assert plan is not None
-    assert (plan.time_unit, plan.specific_force_unit, plan.angular_rate_unit) == ("s", "g", "deg/s")
+    assert tuple(plan.units[kind] for kind in "tag") == ("s", "g", "deg/s")
 
 
 def test_the_option_permutes_skips_and_reverses(tumbled, csv) -> None:

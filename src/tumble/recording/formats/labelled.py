@@ -109,10 +109,8 @@ class _Gathered:
     def apart(self) -> bool:
         """Whether accelerometer and gyro stand in lines of their own."""
         plans = {key: plan_from_names(key) for key in self.counts() if isinstance(key, tuple)}
-        both = any(p is not None and p.specific_force and p.angular_rate for p in plans.values())
-        forces = [k for k, p in plans.items() if p is not None and p.specific_force]
-        rates = [k for k, p in plans.items() if p is not None and p.angular_rate]
-        return not both and bool(forces) and bool(rates)
+        triads = [{*plan.triads} & {"a", "g"} for plan in plans.values() if plan is not None]
+        return {"a", "g"} not in triads and {"a"} in triads and {"g"} in triads
 
 
 def _gathered(lines: list[str]) -> _Gathered:
@@ -239,10 +237,10 @@ def _merged(path: Path, gathered: _Gathered) -> RawTable:
     counts = gathered.counts()
 
     def most(which: str) -> tuple[str, ...]:
-        fit = [k for k, p in plans.items() if p is not None and getattr(p, which)]
+        fit = [k for k, p in plans.items() if p is not None and which in p.triads]
         return max(fit, key=lambda k: counts[k])
 
-    force, rate = most("specific_force"), most("angular_rate")
+    force, rate = most("a"), most("g")
     remarks = _about_lost(path, gathered)
     for form, count in counts.items():
         if form not in (force, rate):
