@@ -220,8 +220,8 @@ class Rows:
         self._plan = plan
         decided = _without_guesses(decided, units)
         channels = Channels(
-            None if "a" not in plan.triads else decided.specific_force_unit,
-            None if "g" not in plan.triads else decided.angular_rate_unit,
+            None if "a" not in plan.triads else decided.units.get("a", COUNTS),
+            None if "g" not in plan.triads else decided.units.get("g", COUNTS),
             self._options.rate or decided.rate,
             plan.temperature is not None,
             tuple(remark.text for remark in decided.remarks),
@@ -279,9 +279,9 @@ class Rows:
             return np.column_stack([sign * factor * columns[index] for index, sign in plan.triads[kind]])
 
         return Samples(
-            columns[plan.time] * time_factor(decided.time_unit or "s"),
-            triad("a", decided.force_factor),
-            triad("g", decided.rate_factor),
+            columns[plan.time] * time_factor(decided.units.get("t", "s")),
+            triad("a", decided.factors.get("a", 1.0)),
+            triad("g", decided.factors.get("g", 1.0)),
             None if plan.temperature is None else columns[plan.temperature],
             triad("m", 1.0),
         )
@@ -295,8 +295,8 @@ def _without_guesses(decided: Interpretation, units: DeclaredUnits) -> Interpret
     """Take a gyro's unit that nobody stated as counts: at rest nothing shows it, and a wrong one in a file is worse."""
     stated = units.angular_rate or units.angle_increment or decided.plan.units.get("g")
     unchecked = any(r.kind == "unchecked" and r.text.startswith("The gyro's unit") for r in decided.remarks)
-    if stated or not unchecked or decided.angular_rate_unit == COUNTS:
+    if stated or not unchecked or decided.units.get("g") == COUNTS:
         return decided
     text = "Nobody says the gyro's unit, and at rest nothing shows it: it is taken as counts (say it with --units)."
     kept = [r for r in decided.remarks if not r.text.startswith(("Angular rate is taken", "The gyro's unit"))]
-    return replace(decided, angular_rate_unit=COUNTS, remarks=(*kept, Remark("assumed", text)))
+    return replace(decided.told("g", COUNTS), remarks=(*kept, Remark("assumed", text)))

@@ -54,7 +54,6 @@ from tumble.recording.temperature import COLDEST, HOTTEST, without_slips
 from tumble.recording.units import (
     Interpretation,
     about_units,
-    check_triads,
     decide_field_unit,
     decide_force,
     decide_rate,
@@ -66,7 +65,7 @@ from tumble.recording.units import (
 )
 from tumble.records import dataclass
 from tumble.sample_rates import sample_rate, stated_clock
-from tumble.units import COUNTS, celsius_from, find_unit, time_factor
+from tumble.units import COUNTS, celsius_from, time_factor
 
 Rows = npt.NDArray[np.intp]
 _MOST_BAD_ROWS = 0.01
@@ -288,14 +287,9 @@ def interpret(
     ordered = _ordered(table, plan, samples, rows, units.time, rate, parted)
     remarks += [*left_out, *ordered.remarks]
     samples, rows = samples.cut(ordered.keep), rows[ordered.keep]
-    decided = Interpretation(
-        plan,
-        None if plan.time is None else ordered.unit,
-        COUNTS,
-        COUNTS,
-        ordered.rate,
-        field_hold=1 if samples.magnetic_field is None else hold_length(samples.magnetic_field),
-    )
+    hold = 1 if samples.magnetic_field is None else hold_length(samples.magnetic_field)
+    time_unit = {} if plan.time is None else {"t": ordered.unit}
+    decided = Interpretation(plan, time_unit, ordered.rate, field_hold=hold)
     recording = _recording(table, samples, rows, ordered.time, decided, sources, remarks, ordered.gaps)
     recording = replace(recording, said_clock=ordered.clock, columns=option_of(plan, len(table.columns)))
     if recording.temperature is not None and plan.units.get("temperature", "degC") != "degC":
@@ -303,14 +297,15 @@ def interpret(
         remarks.append(Remark("found", text))
     field = recording.magnetic_field
     unit, about_field = _about_field(field, table, decided, units)
-    decided = replace(decided, magnetic_field_unit=unit)
-    recording, decided = _judged(recording, decided, units, table)
-    every = (*remarks, *about_field, *decided.remarks, *_unchecked(recording))
+    decided, about_triads = _judged(recording, decided.told("m", unit), units, table)
+    every = (*remarks, *about_field, *about_triads, *_unchecked(recording))
     decided = replace(decided, remarks=every)
     return decided, replace(
         recording,
-        specific_force_unit=decided.specific_force_unit,
-        angular_rate_unit=decided.angular_rate_unit,
+        specific_force=decided.scaled("a", recording.specific_force),
+        angular_rate=decided.scaled("g", recording.angular_rate),
+        specific_force_unit=decided.units.get("a", COUNTS),
+        angular_rate_unit=decided.units.get("g", COUNTS),
         magnetic_field=None if field is None else replace(field, unit=unit),
         remarks=every,
     )
@@ -329,10 +324,10 @@ def _recording(
     """Return the recording that samples at these times make, as it is decided."""
     return Recording(
         time=time,
-        specific_force=_scaled(samples.specific_force, decided.force_factor),
-        angular_rate=_scaled(samples.angular_rate, decided.rate_factor),
-        specific_force_unit=decided.specific_force_unit,
-        angular_rate_unit=decided.angular_rate_unit,
+        specific_force=decided.scaled("a", samples.specific_force),
+        angular_rate=decided.scaled("g", samples.angular_rate),
+        specific_force_unit=decided.units.get("a", COUNTS),
+        angular_rate_unit=decided.units.get("g", COUNTS),
         rate=decided.rate,
         temperature=_in_celsius(samples.temperature, decided.plan.units.get("temperature", "degC"), remarks),
         sources=sources,
@@ -345,31 +340,17 @@ def _recording(
 
 def _judged(
     recording: Recording, decided: Interpretation, units: DeclaredUnits, table: RawTable
-) -> tuple[Recording, Interpretation]:
-    """Decide the units of both triads, and convert increments; the remarks are those on the units alone."""
+) -> tuple[Interpretation, list[Remark]]:
+    """Decide the units of both triads, and what is said of that."""
     plan = decided.plan
     if table.judged and units == DeclaredUnits() and plan.said_by == "header":
         # A file of tumble's own: its units were judged when it was written.
-        return recording, replace(
-            decided,
-            specific_force_unit=plan.units.get("a", COUNTS),
-            angular_rate_unit=plan.units.get("g", COUNTS),
-        )
-    declared_force = units.specific_force or plan.units.get("a")
-    increments = units.velocity_increment or (
-        declared_force and find_unit("velocity increment", declared_force)
-    )
+        return replace(decided, units=plan.units | decided.units), []
     level = None if recording.specific_force is None else rest_level(recording)
-    check_triads(recording, level, table.path.name, None if increments else declared_force)
     decided, about_force = decide_force(recording, level, decided, units, table)
-    recording = replace(recording, specific_force=_scaled(recording.specific_force, decided.force_factor))
+    recording = replace(recording, specific_force=decided.scaled("a", recording.specific_force))
     decided, about_rate = decide_rate(recording, decided, units, table)
-    recording = replace(recording, angular_rate=_scaled(recording.angular_rate, decided.rate_factor))
-    return recording, replace(decided, remarks=(*about_force, *about_rate))
-
-
-def _scaled(triad: Vectors | None, factor: float) -> Vectors | None:
-    return triad if triad is None or factor == 1.0 else triad * factor
+    return decided, [*about_force, *about_rate]
 
 
 def _declared_rate(table: RawTable, plan: ColumnPlan, asked: float | str | None) -> float | None:
@@ -461,10 +442,10 @@ def interpret_block(
     state.rows += len(table)
     if not rows.size:
         return None
-    if decided.time_unit is None:
+    if "t" not in decided.units:
         time = (before + rows) / decided.rate
     else:
-        unit, name, place = decided.time_unit, table.path.name, _places(table, rows)
+        unit, name, place = decided.units["t"], table.path.name, _places(table, rows)
         time, keep, missing = stamps.continue_stamps(
             samples.time,
             state,
@@ -489,11 +470,11 @@ def _field(
     table: RawTable, samples: Samples, rows: Rows, time: AnyArray, decided: Interpretation
 ) -> MagneticField | None:
     """Return the magnetometer's samples among a recording's rows, or from beside them."""
-    own, unit = decided.plan.magnetic_field_time, decided.magnetic_field_unit
+    own, unit = decided.plan.magnetic_field_time, decided.units.get("m", COUNTS)
     if samples.magnetic_field is not None:
         stamps_ = time if own is None else table.columns[own][rows]
         return field_of_rows(stamps_, samples.magnetic_field, decided.field_hold, unit)
-    kept = None if decided.plan.time is None else samples.time * time_factor(decided.time_unit or "s")
+    kept = None if decided.plan.time is None else samples.time * time_factor(decided.units.get("t", "s"))
     return field_beside(table, kept, time, unit)
 
 

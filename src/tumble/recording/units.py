@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import fields, replace
+from dataclasses import field, fields, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -88,7 +88,7 @@ def chips() -> dict[str, Chip]:
 _RANGE = re.compile(r"[±+]?/?-?([0-9.]+)(g|dps|deg/s|°/s)")
 
 
-_KINDS = tuple(field.name.replace("_", " ") for field in fields(DeclaredUnits))
+_KINDS = tuple(one.name.replace("_", " ") for one in fields(DeclaredUnits))
 
 
 def with_chip(words: list[str]) -> list[str]:
@@ -177,10 +177,10 @@ def read_units_option(option: str | Sequence[str] | None) -> DeclaredUnits:
         if len(kinds) > 1:
             kinds = _meant(word, kinds, position, declared, alone=len([w for w in words if w]) == 1)
         for kind in kinds:
-            field = kind.replace(" ", "_")
-            if getattr(declared, field) is not None:
+            name = kind.replace(" ", "_")
+            if getattr(declared, name) is not None:
                 raise UsageError(f"--units gives two units of {kind}.")
-            declared = replace(declared, **{field: find_unit(kind, word)})
+            declared = replace(declared, **{name: find_unit(kind, word)})
     if declared.specific_force and declared.velocity_increment:
         raise UsageError(
             "--units declares the accelerometer both as specific force and as velocity increments."
@@ -678,26 +678,29 @@ class Interpretation:
     Attributes
     ----------
     plan : which column is what.
-    time_unit : unit of the stamps, or None without stamps.
-    specific_force_unit, angular_rate_unit : units of the recording.
+    units : of the stamps ("t", not without stamps) and of the triads, by letter.
     rate : nominal sampling rate in Hz.
-    force_factor, rate_factor : what the columns are multiplied with: 1, or for increments the factor
-        that turns them into SI rates.
+    factors : what the columns of a triad are multiplied with where it is not 1: for increments the factor that turns
+        them into SI rates.
     remarks : how all this was found.
-    magnetic_field_unit : unit of the magnetometer.
-    field_hold : over how many rows the logger repeats each of its samples.
+    field_hold : over how many rows the logger repeats each of the magnetometer's samples.
     """
 
     plan: ColumnPlan
-    time_unit: str | None
-    specific_force_unit: str
-    angular_rate_unit: str
+    units: dict[str, str]
     rate: float
-    force_factor: float = 1.0
-    rate_factor: float = 1.0
+    factors: dict[str, float] = field(default_factory=dict[str, float])
     remarks: tuple[Remark, ...] = ()
-    magnetic_field_unit: str = COUNTS
     field_hold: int = 1
+
+    def told(self, kind: str, unit: str, factor: float = 1.0) -> Interpretation:
+        """Return the same with the unit of a triad, and what its columns are multiplied with."""
+        return replace(self, units=self.units | {kind: unit}, factors=self.factors | {kind: factor})
+
+    def scaled(self, kind: str, triad: Vectors | None) -> Vectors | None:
+        """Return a triad's columns as the recording has them."""
+        factor = self.factors.get(kind, 1.0)
+        return triad if triad is None or factor == 1.0 else triad * factor
 
 
 def about_units(table: RawTable, plan: ColumnPlan, units: DeclaredUnits) -> list[Remark]:
@@ -741,14 +744,16 @@ def decide_force(
     Raises
     ------
     RecordingError
-        If gravity contradicts the declared unit, the unit changes on the way, or the numbers look like increments.
+        If the triads are exchanged or empty, gravity contradicts the declared unit, the unit changes on the way, or the
+        numbers look like increments.
     """
-    if recording.specific_force is None or level is None:
-        return decided, []
     name, rate = table.path.name, recording.rate
-    refuse_changed_force_unit(level.two, name)
     unit = units.specific_force or decided.plan.units.get("a")
     increment = units.velocity_increment or (unit and find_unit("velocity increment", unit))
+    check_triads(recording, level, name, None if increment else unit)
+    if recording.specific_force is None or level is None:
+        return decided, []
+    refuse_changed_force_unit(level.two, name)
     if increment is not None:
         factor = velocity_increment_factor(increment) * rate
         if level.at_rest and not is_increment(level.norm, rate, factor / rate, tolerance=0.3):
@@ -758,10 +763,10 @@ def decide_force(
                 "--units, or check the rate."
             )
         text = f"Velocity increments in {increment} are divided by the sampling interval of {1 / rate:.6g} s."
-        return replace(decided, specific_force_unit="m/s^2", force_factor=factor), [Remark("mended", text)]
+        return decided.told("a", "m/s^2", factor), [Remark("mended", text)]
     if unit is not None:
         check_specific_force_unit(level, unit, rate, name)
-        return replace(decided, specific_force_unit=unit), []
+        return decided.told("a", unit), []
     refuse_without_gravity(level, _free_name(table, decided.plan), name)
     unit, reason = guess_specific_force_unit(level, whole_numbers(recording.specific_force), rate)
     if unit == "increments":
@@ -771,9 +776,7 @@ def decide_force(
         )
     if unit == COUNTS and not level.norm > 0.0:
         reason = "its norm at rest is zero"
-    return replace(decided, specific_force_unit=unit), [
-        Remark("assumed", f"Specific force is taken as {unit}: {reason}.")
-    ]
+    return decided.told("a", unit), [Remark("assumed", f"Specific force is taken as {unit}: {reason}.")]
 
 
 def _free_name(table: RawTable, plan: ColumnPlan) -> str | None:
@@ -810,17 +813,14 @@ def decide_rate(
         text = f"Angle increments in {increment} are divided by the sampling interval of {1 / rate:.6g} s."
         converted = replace(recording, angular_rate=recording.angular_rate * factor)
         more = check_angular_rate_unit(converted, "rad/s", name)
-        return replace(decided, angular_rate_unit="rad/s", rate_factor=factor), [
-            Remark("mended", text),
-            *more,
-        ]
+        return decided.told("g", "rad/s", factor), [Remark("mended", text), *more]
     if unit is None and units.specific_force == COUNTS:
         unit = COUNTS
     if unit is not None:
-        return replace(decided, angular_rate_unit=unit), check_angular_rate_unit(recording, unit, name)
+        return decided.told("g", unit), check_angular_rate_unit(recording, unit, name)
     plain = table.names is not None and {n.lower() for n in table.names} >= set(_PLAIN_NAMES)
     unit, remarks = guess_angular_rate_unit(recording, plain)
-    return replace(decided, angular_rate_unit=unit), remarks
+    return decided.told("g", unit), remarks
 
 
 _HELD = 1.5  # rows a sample on average: a quantised magnetometer at rest repeats fewer
