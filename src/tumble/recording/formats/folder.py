@@ -18,9 +18,9 @@ import numpy as np
 from tumble.arrays import Vectors
 from tumble.errors import RecordingError
 from tumble.recording import formats
-from tumble.recording.columns import NAMES
+from tumble.recording.columns import NAMES, QUANTITY
 from tumble.recording.formats import text
-from tumble.recording.formats.streams import Stream, Units, table_of_streams
+from tumble.recording.formats.streams import Stream, table_of_streams
 from tumble.recording.formats.table import RawTable, hash_file, hash_files, joined_tables
 from tumble.recording.samples import Samples, Source
 from tumble.recording.stamps import seconds_of
@@ -33,6 +33,7 @@ _FREE_OF_GRAVITY = (
     "is what the phone's system makes of the sensor by adding the gravity that it had taken out"
 )
 _LEAST_NORM = 5.0  # m/s² on average of an acceleration with gravity, unless it is thrown
+_PHONES_OWN = "is what the phone's system left of the magnetometer, which it calibrates by itself"
 _UNCALIBRATED = "is the sensor's own, without the corrections of the phone's system"
 
 
@@ -121,7 +122,7 @@ def _is_free(stream: Stream) -> bool:
     """Whether gravity is not in the numbers, which are in m/s² where nothing says another unit."""
     force = stream.samples.specific_force
     assert force is not None
-    factor = specific_force_factor(stream.units.specific_force or "m/s^2")
+    factor = specific_force_factor(stream.units.get("a") or "m/s^2")
     return factor is not None and factor * float(np.median(np.linalg.norm(force, axis=1))) < _LEAST_NORM
 
 
@@ -130,18 +131,12 @@ def _stream(table: RawTable, stem: str, name: str) -> Stream:
     values = np.column_stack([table.columns[i] for i in axes])
     finite = np.isfinite(values).all(axis=1) & np.isfinite(time)
     keep = finite & np.concatenate([[True], np.diff(time) > 0.0])
-    note = _UNCALIBRATED if name.endswith("uncalibrated") else ""
-    if name in _MAGNETOMETERS:
-        known = find_unit("magnetic field", unit) if unit else "uT"
-        note = note or "is what the phone's system left of the magnetometer, which it calibrates by itself"
-        return Stream(
-            stem, Samples(time[keep], magnetic_field=values[keep]), Units(magnetic_field=known), note
-        )
-    if name in _GYROS:
-        known = find_unit("angular rate", unit) if unit else "rad/s"
-        return Stream(stem, Samples(time[keep], None, values[keep]), Units(None, known), note)
-    known = find_unit("specific force", unit) if unit else None
-    return Stream(stem, Samples(time[keep], values[keep]), Units(known, None), note)
+    kind = "m" if name in _MAGNETOMETERS else "g" if name in _GYROS else "a"
+    note = _PHONES_OWN if kind == "m" else ""
+    note = _UNCALIBRATED if name.endswith("uncalibrated") else note
+    known = find_unit(QUANTITY[kind], unit) if unit else {"g": "rad/s", "m": "uT"}.get(kind)
+    triad = {QUANTITY[kind].replace(" ", "_"): values[keep]}
+    return Stream(stem, Samples(time[keep], **triad), {kind: known}, note)
 
 
 def _layout(table: RawTable) -> tuple[np.ndarray, list[int], str | None]:

@@ -9,10 +9,11 @@ Logs of autopilots and folders name their streams, and the choice among them mak
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import field, replace
 from dataclasses import field as made
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 
@@ -26,13 +27,9 @@ from tumble.records import dataclass
 _GAP = 2.5  # median steps between two samples, above which nothing is interpolated between them
 
 
-@dataclass(frozen=True, slots=True)
-class Units:
-    """Names of the units that a stream's numbers are in, None where nothing says so."""
-
-    specific_force: str | None = "m/s^2"
-    angular_rate: str | None = "rad/s"
-    magnetic_field: str | None = None
+Units: TypeAlias = Mapping[str, str | None]
+"""Names of the units that a stream's numbers are in by the triad's letter, None or nothing where nobody says so."""
+SI: Units = {"a": "m/s^2", "g": "rad/s"}
 
 
 def table_of_samples(path: Path, samples: Samples, units: Units, remarks: Iterable[Remark] = ()) -> RawTable:
@@ -46,12 +43,10 @@ def table_of_samples(path: Path, samples: Samples, units: Units, remarks: Iterab
     remarks : what was found so far.
     """
     names, columns = ["t [s]"], [samples.time]
-    for letter, triad, unit in (
-        ("a", samples.specific_force, units.specific_force),
-        ("g", samples.angular_rate, units.angular_rate),
-        ("m", samples.magnetic_field, units.magnetic_field),
-    ):
+    triads = (samples.specific_force, samples.angular_rate, samples.magnetic_field)
+    for letter, triad in zip("agm", triads, strict=True):
         if triad is not None:
+            unit = units.get(letter)
             names += [f"{letter}{axis}" + (f" [{unit}]" if unit else "") for axis in "xyz"]
             columns += [triad[:, axis] for axis in range(3)]
     if samples.temperature is not None:
@@ -228,7 +223,7 @@ class Stream:
 
     name: str
     samples: Samples
-    units: Units = made(default_factory=Units)
+    units: Units = made(default_factory=lambda: SI)
     note: str = ""
     own: OwnParameters | None = None
 
@@ -297,7 +292,7 @@ def table_of_streams(
     if len(chosen) == 2:
         force, rates = _triads(path, chosen)
         samples, more = merge_streams(path.name, (force.name, force.samples), (rates.name, rates.samples))
-        units, said = Units(force.units.specific_force, rates.units.angular_rate), [*said, *more]
+        units, said = {"a": force.units.get("a"), "g": rates.units.get("g")}, [*said, *more]
     return replace(table_of_samples(path, samples, units, said), field=_field_stream(field))
 
 
@@ -346,14 +341,14 @@ def of_increments(name: str, time: Series, force: Vectors, rate: Vectors, spans:
     whole = (spans[0] > 0.0) & (spans[1] > 0.0)
     means = [v[whole] / span[whole, None] for v, span in zip((force, rate), spans, strict=True)]
     note = "holds increments, which are divided by the interval that stands beside each"
-    return Stream(name, Samples(time[whole], *means), Units(), note)
+    return Stream(name, Samples(time[whole], *means), SI, note)
 
 
 def _field_stream(stream: Stream | None) -> MagneticField | None:
     """Return a magnetometer's stream as what stands beside a table, its rows without a number left out."""
     if stream is None or stream.samples.magnetic_field is None:
         return None
-    samples, unit = stream.samples, stream.units.magnetic_field
+    samples, unit = stream.samples, stream.units.get("m")
     field = MagneticField.finite(samples.time, stream.samples.magnetic_field, unit, stream.name, stream.note)
     return field if stream.own is None else replace(field, turn=stream.own.turn())
 

@@ -26,7 +26,7 @@ from tumble.arrays import Series
 from tumble.counting import counted
 from tumble.errors import RecordingError, UsageError
 from tumble.recording.columns import kind_of_file
-from tumble.recording.formats.streams import Merging, Units, refuse_backwards, table_of_samples
+from tumble.recording.formats.streams import SI, Merging, refuse_backwards, table_of_samples
 from tumble.recording.formats.table import BLOCK_ROWS, RawTable
 from tumble.recording.samples import MagneticField, Remark, Samples, joined
 from tumble.records import dataclass
@@ -452,7 +452,7 @@ def bag_tables(bag: Bag, wanted: Sequence[str]) -> Iterator[RawTable]:
     ):
         samples, units = (
             Samples(field.time, magnetic_field=field.values),
-            Units(magnetic_field=field.unit or None),
+            {"m": field.unit or None},
         )
         yield table_of_samples(bag.path, samples, units, [*first, *said])
         return
@@ -465,7 +465,7 @@ def bag_tables(bag: Bag, wanted: Sequence[str]) -> Iterator[RawTable]:
     held: Samples | None = None
     for samples in _merged(batches.pieces(bag), merging) if merging else _single(batches.pieces(bag)):
         if held is not None:
-            yield replace(table_of_samples(bag.path, held, Units(), first), topic=topic, field=field)
+            yield replace(table_of_samples(bag.path, held, SI, first), topic=topic, field=field)
             first = []
         held = samples
     if held is None:
@@ -474,7 +474,7 @@ def bag_tables(bag: Bag, wanted: Sequence[str]) -> Iterator[RawTable]:
         )
     first += [*bag.remarks, *_lost(bag, choice, batches.counts), *(merging.remarks() if merging else [])]
     first += [_unstamped_remark(bag, name) for name in sorted(batches.unstamped)]
-    yield replace(table_of_samples(bag.path, held, Units(), [*first, *said]), topic=topic, field=field)
+    yield replace(table_of_samples(bag.path, held, SI, [*first, *said]), topic=topic, field=field)
 
 
 def _single(pieces: Iterator[dict[str, Samples]]) -> Iterator[Samples]:

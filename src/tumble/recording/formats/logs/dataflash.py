@@ -21,7 +21,7 @@ import numpy.typing as npt
 from tumble.arrays import Series, Vectors
 from tumble.errors import RecordingError
 from tumble.recording.formats.logs.own_parameters import ArduPilot, OwnParameters
-from tumble.recording.formats.streams import Stream, Units, automatic, of_increments, table_of_streams
+from tumble.recording.formats.streams import Stream, automatic, of_increments, table_of_streams
 from tumble.recording.formats.table import RawTable, mapped
 from tumble.recording.samples import Remark, Samples
 from tumble.records import dataclass
@@ -180,7 +180,7 @@ def _stream(name: str, rows: _Rows) -> Iterator[Stream]:
         if field is not None:
             # The motors' field is taken out last, after the compass's own parameters.
             samples = Samples(time, magnetic_field=field if motors is None else field - motors)
-            yield Stream(name, samples, Units(magnetic_field="mgauss"))
+            yield Stream(name, samples, {"m": "mgauss"})
         return
     force, rate = _triad(rows, "Acc"), _triad(rows, "Gyr")
     if force is not None or rate is not None:

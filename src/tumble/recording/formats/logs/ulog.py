@@ -24,7 +24,6 @@ from tumble.files import opened
 from tumble.recording.formats.logs.own_parameters import Columns, OwnParameters, Px4
 from tumble.recording.formats.streams import (
     Stream,
-    Units,
     automatic,
     merge_streams,
     of_increments,
@@ -182,7 +181,7 @@ def _magnetometer(name: str, columns: Columns, file: str) -> Stream:
     """The raw sensor, or the one that the autopilot's calibration has corrected and turned; gauss."""
     values = _triad(columns, "magnetometer_ga" if "magnetometer_ga[0]" in columns else "")
     samples = Samples(_seconds(columns), magnetic_field=values)
-    return Stream(name, samples, Units(magnetic_field="gauss"), _OWN_AXES * name.startswith("sensor_mag"))
+    return Stream(name, samples, {"m": "gauss"}, _OWN_AXES * name.startswith("sensor_mag"))
 
 
 _MESSAGES: dict[str, Callable[[str, Columns, str], Stream]] = {
