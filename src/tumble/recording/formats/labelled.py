@@ -74,7 +74,8 @@ def read_tables(path: Path, topics: Sequence[str] = ()) -> Iterator[RawTable]:
         return
     _refuse_topics(path, topics)
     gathered = _gathered(lines)
-    yield _merged(path, gathered) if gathered.apart() else _table(path, gathered)
+    apart = gathered.apart()
+    yield _table(path, gathered) if apart is None else _merged(path, gathered, *apart)
 
 
 def _refuse_topics(path: Path, topics: Sequence[str]) -> None:
@@ -106,11 +107,14 @@ class _Gathered:
         """Return how many rows there are of each form."""
         return Counter(key for _, _, key, _ in self.rows)
 
-    def apart(self) -> bool:
-        """Whether accelerometer and gyro stand in lines of their own."""
-        plans = {key: plan_from_names(key) for key in self.counts() if isinstance(key, tuple)}
-        triads = [{*plan.triads} & {"a", "g"} for plan in plans.values() if plan is not None]
-        return {"a", "g"} not in triads and {"a"} in triads and {"g"} in triads
+    def apart(self) -> tuple[tuple[str, ...], tuple[str, ...]] | None:
+        """Return the forms of accelerometer and gyro where these stand in lines of their own."""
+        counts = self.counts()
+        plans = {k: plan for k in counts if isinstance(k, tuple) and (plan := plan_from_names(k)) is not None}
+        forces, rates = ([k for k, plan in plans.items() if kind in plan.triads] for kind in "ag")
+        if not forces or not rates or set(forces) & set(rates):
+            return None
+        return max(forces, key=counts.__getitem__), max(rates, key=counts.__getitem__)
 
 
 def _gathered(lines: list[str]) -> _Gathered:
@@ -231,18 +235,10 @@ def _about_lost(path: Path, gathered: _Gathered) -> list[Remark]:
     return [Remark("mended", f"{path.name}: {words}: {text[:_SHOWN]!r}).")]
 
 
-def _merged(path: Path, gathered: _Gathered) -> RawTable:
+def _merged(path: Path, gathered: _Gathered, force: tuple[str, ...], rate: tuple[str, ...]) -> RawTable:
     """Return lines of one sensor each as one table, by their stamps or, without any, in pairs as they come."""
-    plans = {k: plan_from_names(k) for k in gathered.counts() if isinstance(k, tuple)}
-    counts = gathered.counts()
-
-    def most(which: str) -> tuple[str, ...]:
-        fit = [k for k, p in plans.items() if p is not None and which in p.triads]
-        return max(fit, key=lambda k: counts[k])
-
-    force, rate = most("a"), most("g")
     remarks = _about_lost(path, gathered)
-    for form, count in counts.items():
+    for form, count in gathered.counts().items():
         if form not in (force, rate):
             named = ", ".join(form) if isinstance(form, tuple) else f"{form} numbers without names"
             remarks.append(Remark("mended", f"{path.name}: {count} line(s) with {named[:120]} are not used."))
