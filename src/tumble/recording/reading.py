@@ -222,17 +222,9 @@ def _ordered(
     if rows.size < 2:
         raise RecordingError(f"{name} has {rows.size} usable row(s); a recording needs at least two.")
     if plan.time is not None:
-        known = _reader(table, plan) if good_to is None else good_to
-        place = _places(table, rows)
-        return stamps.order_stamps(
-            samples.time,
-            unit=unit or plan.units.get("t"),
-            rate=rate,
-            name=name,
-            place=place,
-            parted=parted,
-            known=known,
-        )
+        known, unit = _reader(table, plan) if good_to is None else good_to, unit or plan.units.get("t")
+        told = stamps.Told(name, _places(table, rows), unit, rate, parted, known)
+        return stamps.order_stamps(samples.time, told)
     if rate is None:
         raise RecordingError(
             f"{name} has no column of time stamps; give the sampling rate with --rate HZ "
@@ -445,17 +437,9 @@ def interpret_block(
     if "t" not in decided.units:
         time = (before + rows) / decided.rate
     else:
-        unit, name, place = decided.units["t"], table.path.name, _places(table, rows)
-        time, keep, missing = stamps.continue_stamps(
-            samples.time,
-            state,
-            unit=unit,
-            rate=decided.rate,
-            name=name,
-            place=place,
-            parted=parted,
-            said=remarks,
-        )
+        place, unit = _places(table, rows), decided.units["t"]
+        told = stamps.Told(table.path.name, place, unit, decided.rate, parted)
+        time, keep, missing = stamps.continue_stamps(samples.time, told, state, remarks)
         if not time.size:
             return None
         if missing > 0.6 / decided.rate and not begins:

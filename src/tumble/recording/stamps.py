@@ -329,16 +329,29 @@ def _median(values: Series) -> float:
     return float(np.median(_thinned(values)))
 
 
-def order_stamps(
-    raw: Series,
-    *,
-    unit: str | None,
-    rate: float | None,
-    name: str,
-    place: Callable[[int], str],
-    parted: bool = False,
-    known: Known = None,
-) -> Stamps:
+@dataclass(frozen=True, slots=True)
+class Told:
+    """What is known of a column of stamps, whatever stands in it.
+
+    Attributes
+    ----------
+    name : the file's name, for messages.
+    place : turns a row number into words.
+    unit : declared unit, or None to choose by plausibility (or by `rate` if that is given).
+    rate : declared sampling rate in Hz; must agree with the stamps within 5 %.
+    parted : whether a clock that begins anew parts the recording instead, where the steps on both sides agree.
+    known : of the clock, see `clock_of_stamps`.
+    """
+
+    name: str
+    place: Callable[[int], str]
+    unit: str | None
+    rate: float | None
+    parted: bool = False
+    known: Known = None
+
+
+def order_stamps(raw: Series, told: Told) -> Stamps:
     """Turn raw stamps into strictly increasing seconds.
 
     Counters that wrap (at 2^16, 2^24, 2^31, 2^32, or a week, day or minute) are carried on; rows with
@@ -348,19 +361,15 @@ def order_stamps(
     Parameters
     ----------
     raw : (rows,) stamps as in the file, finite.
-    unit : declared unit, or None to choose by plausibility (or by `rate` if that is given).
-    rate : declared sampling rate in Hz; must agree with the stamps within 5 %.
-    name : the file's name, for messages.
-    place : turns a row number into words.
-    parted : whether a clock that begins anew parts the recording instead, where the steps on both sides agree.
-    known : of the clock, see `clock_of_stamps`.
+    told : what is known of them.
 
     Raises
     ------
     RecordingError
         If the stamps are constant, go back, repeat too often, or contradict the declared rate.
     """
-    raw, remarks = _straightened(raw, unit, rate, name, place, parted)
+    name, rate = told.name, told.rate
+    raw, remarks = _straightened(raw, told)
     steps = np.diff(raw)
     if raw.size < 2 or not np.any(steps):
         raise RecordingError(
@@ -371,17 +380,18 @@ def order_stamps(
     doubles = int(raw.size - keep.sum())
     if doubles > max(_MOST_DUPLICATES * raw.size, 2):
         raise RecordingError(
-            f"{name}: {doubles} of {raw.size} stamps repeat the one before (first at {place(int(np.argmin(keep)))}), "
-            "so they are coarser than the sampling; leave the time column out with --columns and give --rate HZ."
+            f"{name}: {doubles} of {raw.size} stamps repeat the one before (first at "
+            f"{told.place(int(np.argmin(keep)))}), so they are coarser than the sampling; leave the time column out "
+            "with --columns and give --rate HZ."
         )
     if doubles:
-        remarks.append(_say_doubles(keep, name, place))
+        remarks.append(_say_doubles(keep, told))
         raw, steps = raw[keep], steps[steps > 0.0]
-    evened = _even_out(raw, steps, unit, rate, name, known)
+    evened = _even_out(raw, steps, told)
     if evened is not None:
         _check_rate(evened.rate, rate, name, evened.unit)
         return replace(evened, keep=keep, remarks=[*remarks, *evened.remarks])
-    unit = _unit_of(_median(steps), unit, rate, name, remarks)
+    unit = _unit_of(_median(steps), told, remarks)
     factor = time_factor(unit)
     # Contiguous, for what is computed with it; a column may lie among others.
     time = np.ascontiguousarray(raw) if factor == 1.0 else raw * factor
@@ -398,7 +408,7 @@ def order_stamps(
         text = f"A rate of {found:.3g} Hz is unusual for an IMU{other}; check the unit of time ({unit}, --units)."
         remarks.append(Remark("doubtful" if other and found > _USUAL_RATE[1] else "unchecked", text))
     gaps = _gaps_of(steps, found) if time.size > 2 else ()
-    return Stamps(time, keep, gaps, found, unit, clock_of_stamps(time, rate, known), remarks)
+    return Stamps(time, keep, gaps, found, unit, clock_of_stamps(time, rate, told.known), remarks)
 
 
 @dataclass(slots=True)
@@ -418,69 +428,61 @@ class BlockState:
 
 
 def continue_stamps(
-    raw: Series,
-    state: BlockState,
-    *,
-    unit: str,
-    rate: float,
-    name: str,
-    place: Callable[[int], str],
-    parted: bool,
-    said: list[Remark],
+    raw: Series, told: Told, state: BlockState, said: list[Remark]
 ) -> tuple[Series, npt.NDArray[np.bool_], float]:
     """Return the stamps of a block in s, carried on from the one before, which rows are kept, and s missing before it.
 
     Parameters
     ----------
     raw : (rows,) stamps as in the file, finite.
+    told : what is known of them, unit and rate as decided on the first block.
     state, said : what is carried from block to block, and what is said of this one: both are added to.
-    unit, rate, name, place, parted : as for `order_stamps`, unit and rate as decided on the first block.
 
     Raises
     ------
     RecordingError
         If the stamps go back.
     """
-    factor = time_factor(unit)
-    before = raw[0] - 1.0 / (rate * factor) if state.last is None else state.last
+    factor, step = time_factor(told.unit or "s"), 1.0 / (told.rate or 1.0)
+    before = raw[0] - step / factor if state.last is None else state.last
     chain = np.concatenate([[before], raw])
-    straight, more = _straightened(chain, unit, rate, name, lambda row: place(row - 1), parted)
+
+    def place(row: int) -> str:
+        return told.place(row - 1)
+
+    straight, more = _straightened(chain, replace(told, place=place))
     steps = np.diff(straight)
     time, keep = (straight[1:] + state.added) * factor, steps > 0.0
     state.last, state.added = float(raw[-1]), state.added + float(straight[-1] - chain[-1])
-    said += more if keep.all() else [*more, _say_doubles(keep, name, place)]
-    return time[keep], keep, float(steps[0]) * factor - 1.0 / rate
+    said += more if keep.all() else [*more, _say_doubles(keep, told)]
+    return time[keep], keep, float(steps[0]) * factor - step
 
 
-def _say_doubles(keep: npt.NDArray[np.bool_], name: str, place: Callable[[int], str]) -> Remark:
-    doubles, first = int(keep.size - keep.sum()), place(int(np.argmin(keep)))
-    return Remark("mended", f"{name}: {doubles} row(s) with a repeated stamp left out (first: {first}).")
+def _say_doubles(keep: npt.NDArray[np.bool_], told: Told) -> Remark:
+    doubles, first = int(keep.size - keep.sum()), told.place(int(np.argmin(keep)))
+    return Remark("mended", f"{told.name}: {doubles} row(s) with a repeated stamp left out (first: {first}).")
 
 
-def _straightened(
-    raw: Series, unit: str | None, rate: float | None, name: str, place: Callable[[int], str], parted: bool
-) -> tuple[Series, list[Remark]]:
+def _straightened(raw: Series, told: Told) -> tuple[Series, list[Remark]]:
     """Carry on a counter that wraps, and where that may part the recording a clock that begins anew."""
     raw, wraps = carry_on(raw)
-    text = f"{name}: the time counter wraps {wraps} time(s) and is carried on."
+    text = f"{told.name}: the time counter wraps {wraps} time(s) and is carried on."
     remarks = [Remark("mended", text)] if wraps else []
-    if parted:
-        raw, resets = join_resets(raw, unit, rate)
-        remarks += [say_resets(resets, name, place)] if resets else []
+    if told.parted:
+        raw, resets = _join_resets(raw, told)
+        remarks += resets
     back = np.flatnonzero(raw[1:] < raw[:-1])
     if back.size:
         row = int(back[0]) + 1
         raise RecordingError(
-            f"{name}, {place(row)}: time steps back from {raw[row - 1]:.10g} to {raw[row]:.10g}"
+            f"{told.name}, {told.place(row)}: time steps back from {raw[row - 1]:.10g} to {raw[row]:.10g}"
             f"{_more(back.size)}; the order of the samples is unknown. Split the file there, or leave the "
             "time column out with --columns and give --rate HZ."
         )
     return raw, remarks
 
 
-def _even_out(
-    raw: Series, steps: Series, unit: str | None, rate: float | None, name: str, known: Known
-) -> Stamps | None:
+def _even_out(raw: Series, steps: Series, told: Told) -> Stamps | None:
     """Stamps of samples that arrive in bursts, laid evenly; None where they do not.
 
     Such stamps are of the arrival: within a burst they are as near as a computer reads, and between bursts far apart,
@@ -493,7 +495,7 @@ def _even_out(
     between = float(np.median(steps[long]))
     size = 1.0 + (steps.size - np.count_nonzero(long)) / np.count_nonzero(long)
     said: list[Remark] = []
-    unit = _unit_of(between / size, unit, rate, name, said)
+    unit = _unit_of(between / size, told, said)
     factor = time_factor(unit)
     edges = [0, *(int(i) + 1 for i in np.flatnonzero(steps > _BURST_FACTOR * between)), raw.size]
     even, taken, samples = np.array(raw * factor), 0.0, 0
@@ -511,12 +513,12 @@ def _even_out(
         return None
     found = samples / taken
     text = (
-        f"{name}: the stamps come in bursts of about {size:.2g}, {factor * between:.3g} s apart: they are of the "
+        f"{told.name}: the stamps come in bursts of about {size:.2g}, {factor * between:.3g} s apart: they are of the "
         f"arrival. The samples are taken as evenly spaced, at {found:.5g} Hz."
     )
     said.append(Remark("assumed", text))
     arrival = factor * between / float(even[-1] - even[0])
-    clock = clock_read_off(found, arrival, float(even[0]), known)
+    clock = clock_read_off(found, arrival, float(even[0]), told.known)
     return Stamps(even, np.ones(raw.size, bool), tuple(edges[1:-1]), found, unit, clock, said)
 
 
@@ -546,16 +548,10 @@ def carry_on(raw: Series) -> tuple[Series, int]:
     return raw, 0
 
 
-def join_resets(raw: Series, unit: str | None, rate: float | None) -> tuple[Series, list[int]]:
-    """Let a clock that begins anew go on after a break of two seconds; returns the stamps and the rows.
+def _join_resets(raw: Series, told: Told) -> tuple[Series, list[Remark]]:
+    """Let a clock that begins anew go on after a break of two seconds; returns the stamps, and what is said.
 
     Where the steps on the two sides of a step back do not agree, the stamps are left as they are.
-
-    Parameters
-    ----------
-    raw : (rows,) stamps as in the file.
-    unit : of the stamps, or None.
-    rate : declared sampling rate in Hz, or None.
     """
     steps = np.diff(raw)
     back = np.flatnonzero(steps < 0.0) if steps.size and steps.min() < 0.0 else np.zeros(0, np.intp)
@@ -569,42 +565,28 @@ def join_resets(raw: Series, unit: str | None, rate: float | None) -> tuple[Seri
                 return raw, []
         elif abs(_median(np.diff(raw[start:stop])) - step) > _SAME_STEP * step:
             return raw, []
-    away = _BREAK * rate * step if rate is not None else _BREAK / time_factor(unit or guess_time_unit(step))
+    unit = time_factor(told.unit or guess_time_unit(step))
+    away = _BREAK / unit if told.rate is None else _BREAK * told.rate * step
     added = np.zeros(raw.size)
     added[back + 1] = away - steps[back]
-    return raw + np.cumsum(added), [int(i) + 1 for i in back]
-
-
-def say_resets(rows: list[int], name: str, place: Callable[[int], str]) -> Remark:
-    """Return the remark about a clock that begins anew.
-
-    Parameters
-    ----------
-    rows : that it begins anew at.
-    name : of the file.
-    place : turns a row number into words.
-    """
-    several = f" and in {len(rows) - 1} more place(s)" if len(rows) > 1 else ""
-    return Remark(
-        "mended",
-        f"{name}: the clock steps back at {place(rows[0])}{several}, with the same steps before and after. It is "
-        f"taken as begun anew after a break of {_BREAK:g} s, and the recording as parted there.",
+    several = f" and in {back.size - 1} more place(s)" if back.size > 1 else ""
+    text = (
+        f"{told.name}: the clock steps back at {told.place(int(back[0]) + 1)}{several}, with the same steps before and "
+        f"after. It is taken as begun anew after a break of {_BREAK:g} s, and the recording as parted there."
     )
+    return raw + np.cumsum(added), [Remark("mended", text)]
 
 
-def _unit_of(step: float, unit: str | None, rate: float | None, name: str, remarks: list[Remark]) -> str:
-    if unit is not None:
-        return unit
+def _unit_of(step: float, told: Told, remarks: list[Remark]) -> str:
+    rate = told.rate
+    if told.unit is not None:
+        return told.unit
     if rate is not None:
         return min(("s", "ms", "us", "ns"), key=lambda u: abs(np.log(step * time_factor(u) * rate)))
     guess = guess_time_unit(step)
     found = 1.0 / (step * time_factor(guess))
-    remarks.append(
-        Remark(
-            "assumed",
-            f"{name}: stamps are taken as {guess} (steps of {step:.6g}, {found:.4g} Hz){_other_unit(guess, found)}.",
-        )
-    )
+    text = f"{told.name}: stamps are taken as {guess} (steps of {step:.6g}, {found:.4g} Hz){_other_unit(guess, found)}."
+    remarks.append(Remark("assumed", text))
     return guess
 
 
