@@ -19,7 +19,7 @@ from tumble.recording.columns import ColumnPlan, plan_from_names
 from tumble.recording.formats.lines import COMMENTS, LONGEST_LINE, Row, row_of, without_clock, words_of
 from tumble.recording.formats.table import RawTable
 from tumble.recording.formats.text import names_of_sentence
-from tumble.recording.reading import Interpretation, choose_columns, interpret
+from tumble.recording.reading import Asked, Interpretation, choose_columns, interpret
 from tumble.recording.recording import Remark
 from tumble.recording.samples import Samples
 from tumble.recording.units import DeclaredUnits, read_units_option
@@ -203,8 +203,9 @@ class Rows:
         ]
         self._shape = Counter(shape for shape, _ in self._waiting).most_common(1)[0][0]
         table = self._table()
-        units, rate = read_units_option(self._options.units), self._options.rate
-        plan, remarks = choose_columns(table, self._options.columns, units, rate)
+        options = self._options
+        asked = Asked(options.columns, read_units_option(options.units), options.rate)
+        plan, remarks = choose_columns(table, asked)
         if not {"a", "g"} & {*plan.triads}:
             raise RecordingError(
                 f"{table.path.name} has a magnetometer alone, and neither accelerometer nor gyro: there is nothing to "
@@ -215,18 +216,18 @@ class Rows:
             table.names = None if table.names is None else (*table.names, "t [s]")
             plan = replace(plan, time=len(table.columns) - 1, units=plan.units | {"t": "s"})
             # Stamps of arrival are as late as the line is: the rate is checked later, over two seconds.
-            rate = None
-        decided, _ = interpret(table, plan, units, rate, (), remarks)
+            asked = replace(asked, rate=None)
+        decided, _ = interpret(table, plan, asked, remarks)
         self._plan = plan
-        decided = _without_guesses(decided, units)
+        decided = _without_guesses(decided, asked.units)
         channels = Channels(
             None if "a" not in plan.triads else decided.units.get("a", COUNTS),
             None if "g" not in plan.triads else decided.units.get("g", COUNTS),
-            self._options.rate or decided.rate,
+            options.rate or decided.rate,
             plan.temperature is not None,
             tuple(remark.text for remark in decided.remarks),
             # Nothing but the whole recording shows a unit that nobody says.
-            None if "m" not in plan.triads else units.magnetic_field or plan.units.get("m", ""),
+            None if "m" not in plan.triads else asked.units.magnetic_field or plan.units.get("m", ""),
         )
         self._decided = decided
         made = self._made(table.columns)
@@ -274,9 +275,8 @@ class Rows:
         assert plan.time is not None
 
         def triad(kind: str, factor: float) -> Vectors | None:
-            if kind not in plan.triads:
-                return None
-            return np.column_stack([sign * factor * columns[index] for index, sign in plan.triads[kind]])
+            axes = [sign * factor * columns[index] for index, sign in plan.triads.get(kind, ())]
+            return np.column_stack(axes) if axes else None
 
         return Samples(
             columns[plan.time] * time_factor(decided.units.get("t", "s")),

@@ -122,15 +122,23 @@ def _bad_column(table: RawTable, plan: ColumnPlan, row: int) -> str:
 _DISCIPLINED = ("gps", "gnss", "tow", "utc", "unix", "host")
 
 
-def choose_columns(
-    table: RawTable, option: str | None, units: DeclaredUnits | None = None, rate: float | str | None = None
-) -> tuple[ColumnPlan, list[Remark]]:
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """What is said of files beside what they hold, as `read_recording` takes it."""
+
+    columns: str | None = None
+    units: DeclaredUnits = DeclaredUnits()
+    rate: float | str | None = None
+    topics: Sequence[str] = ()
+    parted: bool = False
+
+
+def choose_columns(table: RawTable, asked: Asked) -> tuple[ColumnPlan, list[Remark]]:
     """Return which column is what: by the option, else the header, else the content.
 
     Parameters
     ----------
-    table, option : as read; ``--columns``, or None.
-    units, rate : as declared, which content alone needs.
+    table, asked : as read; what is said of it.
 
     Raises
     ------
@@ -139,9 +147,10 @@ def choose_columns(
     RecordingError
         If neither header nor content determines the columns, or the header names a part of a triad.
     """
+    rate, units = asked.rate, asked.units
     name = table.path.name
-    if option is not None:
-        plan = plan_from_option(option, len(table.columns), name)
+    if asked.columns is not None:
+        plan = plan_from_option(asked.columns, len(table.columns), name)
         if plan.temperature is not None and table.names is not None:
             unit = temperature_unit_in(table.names[plan.temperature])
             plan = replace(plan, units={} if unit is None else {"temperature": unit})
@@ -207,23 +216,16 @@ def _header_words(table: RawTable, plan: ColumnPlan) -> str:
     return f"{table.path.name}: {'; '.join(parts)}."
 
 
-def _ordered(
-    table: RawTable,
-    plan: ColumnPlan,
-    samples: Samples,
-    rows: Rows,
-    unit: str | None,
-    asked: float | str | None,
-    parted: bool,
-) -> stamps.Stamps:
+def _ordered(table: RawTable, plan: ColumnPlan, samples: Samples, rows: Rows, asked: Asked) -> stamps.Stamps:
     """Put the rows in time: by their stamps, or by the declared rate where there are none."""
-    good_to, name = stated_clock(asked), table.path.name
-    rate = _declared_rate(table, plan, asked if good_to is None else None)
+    good_to, name = stated_clock(asked.rate), table.path.name
+    rate = _declared_rate(table, plan, asked.rate if good_to is None else None)
     if rows.size < 2:
         raise RecordingError(f"{name} has {rows.size} usable row(s); a recording needs at least two.")
     if plan.time is not None:
-        known, unit = _reader(table, plan) if good_to is None else good_to, unit or plan.units.get("t")
-        told = stamps.Told(name, _places(table, rows), unit, rate, parted, known)
+        known = _reader(table, plan) if good_to is None else good_to
+        unit = asked.units.time or plan.units.get("t")
+        told = stamps.Told(name, _places(table, rows), unit, rate, asked.parted, known)
         return stamps.order_stamps(samples.time, told)
     if rate is None:
         raise RecordingError(
@@ -247,23 +249,15 @@ def _reader(table: RawTable, plan: ColumnPlan) -> Known:
 
 
 def interpret(
-    table: RawTable,
-    plan: ColumnPlan,
-    units: DeclaredUnits,
-    rate: float | str | None,
-    sources: tuple[Source, ...],
-    remarks: list[Remark],
-    *,
-    parted: bool = False,
+    table: RawTable, plan: ColumnPlan, asked: Asked, remarks: Sequence[Remark]
 ) -> tuple[Interpretation, Recording]:
     """Decide units and rate from a whole table (or a first block) and return the recording it makes.
 
     Parameters
     ----------
     table, plan : as read, and which column is what.
-    units, rate : as declared.
-    sources, remarks : files, and what was found in them so far.
-    parted : whether a clock that begins anew, and rows without numbers, part the recording.
+    asked : what is said of it.
+    remarks : what was found so far.
 
     Raises
     ------
@@ -272,17 +266,17 @@ def interpret(
     UsageError
         If the declared rate is not positive.
     """
-    remarks = [*table.remarks, *remarks, *about_units(table, plan, units)]
+    units, remarks = asked.units, [*table.remarks, *remarks, *about_units(table, plan, asked.units)]
     if units.temperature is not None:
         plan = replace(plan, units=plan.units | {"temperature": units.temperature})
-    samples, rows, left_out = _pick(table, plan, parted=parted)
-    ordered = _ordered(table, plan, samples, rows, units.time, rate, parted)
+    samples, rows, left_out = _pick(table, plan, parted=asked.parted)
+    ordered = _ordered(table, plan, samples, rows, asked)
     remarks += [*left_out, *ordered.remarks]
     samples, rows = samples.cut(ordered.keep), rows[ordered.keep]
     hold = 1 if samples.magnetic_field is None else hold_length(samples.magnetic_field)
     time_unit = {} if plan.time is None else {"t": ordered.unit}
     decided = Interpretation(plan, time_unit, ordered.rate, field_hold=hold)
-    recording = _recording(table, samples, rows, ordered.time, decided, sources, remarks, ordered.gaps)
+    recording = _recording(table, samples, rows, ordered.time, decided, remarks, ordered.gaps)
     recording = replace(recording, said_clock=ordered.clock, columns=option_of(plan, len(table.columns)))
     if recording.temperature is not None and plan.units.get("temperature", "degC") != "degC":
         text = f"The temperature is said to be in {plan.units['temperature']}, and is converted to °C."
@@ -309,7 +303,6 @@ def _recording(
     rows: Rows,
     time: AnyArray,
     decided: Interpretation,
-    sources: tuple[Source, ...],
     remarks: list[Remark],
     gaps: tuple[int, ...],
 ) -> Recording:
@@ -322,7 +315,6 @@ def _recording(
         angular_rate_unit=decided.units.get("g", COUNTS),
         rate=decided.rate,
         temperature=_in_celsius(samples.temperature, decided.plan.units.get("temperature", "degC"), remarks),
-        sources=sources,
         remarks=tuple(remarks),
         gaps=gaps,
         temperature_unit=decided.plan.units.get("temperature"),
@@ -409,19 +401,14 @@ def _unchecked(recording: Recording) -> list[Remark]:
 
 
 def interpret_block(
-    table: RawTable,
-    decided: Interpretation,
-    state: BlockState,
-    sources: tuple[Source, ...],
-    *,
-    parted: bool = False,
+    table: RawTable, decided: Interpretation, state: BlockState, *, parted: bool = False
 ) -> Recording | None:
     """Return a block as a recording, read as `decided` says; None if nothing is left of it.
 
     Parameters
     ----------
     table : the block.
-    decided, state, sources : as decided on the first block; what is carried from block to block; the files.
+    decided, state : as decided on the first block; what is carried from block to block.
     parted : whether a clock that begins anew, and rows without numbers, part the recording.
 
     Raises
@@ -447,7 +434,7 @@ def interpret_block(
             remarks.append(Remark("found", text))
         samples, rows = samples.cut(keep), rows[keep]
     gaps = stamps.find_gaps(time, decided.rate)
-    return _recording(table, samples, rows, time, decided, sources, remarks, gaps)
+    return _recording(table, samples, rows, time, decided, remarks, gaps)
 
 
 def _field(
@@ -526,17 +513,6 @@ def recording_inputs(paths: Paths) -> list[Path | Frame]:
     return [Path(fspath(one)) if isinstance(one, str | PathLike) else one for one in named]
 
 
-@dataclass(frozen=True, slots=True)
-class _Asked:
-    """What is said of files, beside what they hold."""
-
-    columns: str | None
-    units: DeclaredUnits
-    rate: float | str | None
-    topics: Sequence[str]
-    parted: bool = False
-
-
 def _names(topics: str | Sequence[str] | None) -> Sequence[str]:
     """Return topics as a list of names; one alone may be a mere string."""
     return (topics,) if isinstance(topics, str) else topics or ()
@@ -587,7 +563,7 @@ def read_recording(
     """
     listed = recording_inputs(paths)
     _refuse_many(len(listed))
-    asked = _Asked(columns, read_units_option(units), rate, _names(topics), parted)
+    asked = Asked(columns, read_units_option(units), rate, _names(topics), parted)
     return _whole(listed, [next(_tables(one, asked.topics, whole=True)) for one in listed], asked)
 
 
@@ -608,7 +584,7 @@ def read_recordings(
     UsageError
         If an option is malformed.
     """
-    asked = _Asked(columns, read_units_option(units), rate, _names(topics))
+    asked = Asked(columns, read_units_option(units), rate, _names(topics))
     listed = recording_inputs(paths)
     tables = [next(_tables(one, asked.topics, whole=True)) for one in listed]
     others = [t for t in tables if not is_field_table(t)]
@@ -617,7 +593,7 @@ def read_recordings(
     return [_whole([one], [table], asked) for one, table in zip(listed, tables, strict=True)]
 
 
-def _whole(listed: Sequence[Path | Frame], tables: list[RawTable], asked: _Asked) -> Recording:
+def _whole(listed: Sequence[Path | Frame], tables: list[RawTable], asked: Asked) -> Recording:
     """Return the recording that whole tables make: it is a single block."""
     for table in tables:
         if not len(table):
@@ -677,12 +653,12 @@ def read_blocks(
     """
     listed = recording_inputs(paths)
     _refuse_many(len(listed))
-    asked = _Asked(columns, read_units_option(units), rate, _names(topics), parted)
+    asked = Asked(columns, read_units_option(units), rate, _names(topics), parted)
     yield from _blocks(listed, [_tables(one, asked.topics, whole=False) for one in listed], asked)
 
 
 def _blocks(
-    listed: Sequence[Path | Frame], readers: list[Iterator[RawTable]], asked: _Asked, *, whole: bool = False
+    listed: Sequence[Path | Frame], readers: list[Iterator[RawTable]], asked: Asked, *, whole: bool = False
 ) -> Iterator[Recording]:
     """Yield what tables make: one of each reader, the whole; or their blocks."""
     decided: Interpretation | None = None
@@ -695,15 +671,14 @@ def _blocks(
             table = replace(table, field=field, remarks=[*table.remarks, *([] if decided else [remark])])
         if decided is None:
             sources = _hashed(listed, table)
-            said = (asked.units, asked.rate, sources, list(remarks))
-            decided, recording = interpret(table, plan, *said, parted=asked.parted)
+            decided, recording = interpret(table, plan, asked, remarks)
             if whole:
-                yield recording
+                yield replace(recording, sources=sources)
                 return
             said_first = decided.remarks
-        block = interpret_block(table, decided, state, sources, parted=asked.parted)
+        block = interpret_block(table, decided, state, parted=asked.parted)
         if block is not None:
-            block = replace(block, remarks=said_first or block.remarks)
+            block = replace(block, sources=sources, remarks=said_first or block.remarks)
             yield block if table.field is None else _share(block, ends)
         said_first = ()
     if decided is None:
@@ -743,13 +718,13 @@ def _without_field(readers: list[Iterator[RawTable]]) -> tuple[list[Iterator[Raw
 
 
 def _planned(
-    readers: list[Iterator[RawTable]], asked: _Asked, *, in_blocks: bool
+    readers: list[Iterator[RawTable]], asked: Asked, *, in_blocks: bool
 ) -> Iterator[tuple[RawTable, ColumnPlan, Sequence[Remark]]]:
     """Yield tables with their columns chosen; the choice of the first one holds for all, and is said of it."""
     if len(readers) == 1:
         chosen: tuple[ColumnPlan, list[Remark]] | None = None
         for table in readers[0]:
-            chosen = chosen or choose_columns(table, asked.columns, asked.units, asked.rate)
+            chosen = chosen or choose_columns(table, asked)
             yield table, *chosen
         return
     pairing: Pairing | None = None
