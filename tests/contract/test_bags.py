@@ -273,6 +273,7 @@ def test_a_magnetometer_s_topic_stands_beside_the_imu_s(tmp_path: Path) -> None:
     np.testing.assert_allclose(recording.magnetic_field.time, [t for t, _ in fields()], atol=1e-6)
     assert "/imu/mag is read as the magnetometer" in texts(recording)
     assert "/gps/mag" in texts(recording)
+    assert len(next(read_blocks(path)).magnetic_field) == len(fields())
     other = read_recording(path, topics=["/imu/data", "/gps/mag"])
     assert other.magnetic_field is not None
     assert np.array_equal(other.magnetic_field.values, [-field for _, field in fields()])

@@ -663,7 +663,9 @@ def _blocks(
     """Yield what tables make: one of each reader, the whole; or their blocks."""
     decided: Interpretation | None = None
     sources = tuple[Source, ...]()
-    state, ends, said_first = BlockState(), [-np.inf], tuple[Remark, ...]()
+    state, said_first = BlockState(), tuple[Remark, ...]()
+    held: Recording | None = None
+    begin = -np.inf
     readers, fields = _without_field(readers)
     for table, plan, remarks in _planned(readers, asked, in_blocks=not whole):
         if fields:
@@ -679,8 +681,15 @@ def _blocks(
         block = interpret_block(table, decided, state, parted=asked.parted)
         if block is not None:
             block = replace(block, sources=sources, remarks=said_first or block.remarks)
-            yield block if table.field is None else _share(block, ends)
+            if table.field is None:
+                yield block
+            elif held is not None:
+                yield _share(held, begin, float(block.time[0]))
+                begin = float(block.time[0])
+            held = None if table.field is None else block
         said_first = ()
+    if held is not None:
+        yield _share(held, begin, np.inf)
     if decided is None:
         raise RecordingError(f"{input_name(listed[0])} has no rows.")
 
@@ -693,10 +702,8 @@ def _hashed(listed: Sequence[Path | Frame], table: RawTable) -> tuple[Source, ..
     return tuple(sources)
 
 
-def _share(block: Recording, ends: list[float]) -> Recording:
-    """Leave a block those samples of a magnetometer beside it that fall in it; `ends` notes where blocks ended."""
-    begin, end = ends[-1], float(block.time[-1]) + 0.5 / block.rate
-    ends.append(end)
+def _share(block: Recording, begin: float, end: float) -> Recording:
+    """Leave a block those samples of a magnetometer beside it that are its own: up to the next block's first."""
     field = block.magnetic_field
     return block if field is None else replace(block, magnetic_field=field.within(begin, end))
 
