@@ -20,12 +20,12 @@ from tumble.document.result import TriadBlock
 from tumble.errors import OutputError, UsageError
 from tumble.files import filled_folder, written_beside
 from tumble.recording import Recording, read_blocks
-from tumble.recording.formats.bags.bag import Bag, Choice, Topic, choose_topics
-from tumble.recording.formats.bags.ros_messages import Decoded, Substitute, decode, substituted
+from tumble.recording.formats.bags import bag as ros
+from tumble.recording.formats.bags.files import opened_bag
 from tumble.recording.formats.folder import euroc_file
 from tumble.recording.formats.output import PLACE, write_blocks, write_euroc
 from tumble.recording.gravity_check import find_steps_of_two
-from tumble.recording.rewriting import Exchange, opened_bag, write_anew
+from tumble.recording.rewriting import Exchange, write_anew
 from tumble.recording.temperature import TemperatureColumn
 from tumble.records import dataclass
 from tumble.units import angular_rate_factor, specific_force_factor
@@ -304,7 +304,7 @@ def write_corrected_bag(
         If it cannot be written; what was there is intact.
     """
     with opened_bag(path) as bag:
-        choice = choose_topics(bag, topics)
+        choice = ros.choose_topics(bag, topics)
         _refuse_apart(task, choice)
         work = _Work(task, bag, choice)
         exchange = Exchange(path.name, dict.fromkeys(choice.names(), marks), work.pairs())
@@ -316,7 +316,7 @@ def write_corrected_bag(
         return exchange.count, [*(f"{r.kind}: {r.text}" for r in bag.remarks), *work.remarks(path.name)]
 
 
-def _refuse_apart(task: Correction, choice: Choice) -> None:
+def _refuse_apart(task: Correction, choice: ros.Choice) -> None:
     """Refuse what acts from one triad on the other where each has a topic of its own."""
     if choice.force == choice.rates:
         return
@@ -336,7 +336,7 @@ def _refuse_apart(task: Correction, choice: Choice) -> None:
         )
 
 
-def _write_folder(bag: Bag, target: Path, exchange: Exchange) -> None:
+def _write_folder(bag: ros.Bag, target: Path, exchange: Exchange) -> None:
     """Write a bag of several files; all of them take their places, or none."""
     if target.exists() and not target.is_dir():
         raise UsageError(
@@ -359,7 +359,7 @@ def _write_folder(bag: Bag, target: Path, exchange: Exchange) -> None:
 class _Line:
     """One topic on its way: what of it is corrected, and how far it is."""
 
-    topic: Topic
+    topic: ros.Topic
     force: bool
     rates: bool
     corrector: Corrector
@@ -370,7 +370,7 @@ class _Line:
 class _Work:
     """Messages in the order of the files, corrected some thousands at a time."""
 
-    def __init__(self, task: Correction, bag: Bag, choice: Choice) -> None:
+    def __init__(self, task: Correction, bag: ros.Bag, choice: ros.Choice) -> None:
         self._task = task
         self._messages = bag.messages
         self._names = choice.names()
@@ -431,7 +431,7 @@ class _Work:
             made = self._put(line, messages, block.specific_force, block.angular_rate)
             yield [(line.topic.name, *pair) for pair in zip(messages, made, strict=True)]
 
-    def _corrected(self, line: _Line, decoded: Decoded) -> tuple[Vectors | None, Vectors | None]:
+    def _corrected(self, line: _Line, decoded: ros.Decoded) -> tuple[Vectors | None, Vectors | None]:
         steps = np.diff(decoded.time, prepend=line.last)
         line.out_of_order += int(np.count_nonzero(steps <= 0.0))
         line.last = float(decoded.time[-1])
@@ -445,8 +445,8 @@ class _Work:
     def _put(
         self, line: _Line, messages: list[bytes], force: Vectors | None, rate: Vectors | None
     ) -> list[bytes]:
-        put = Substitute(force, rate, shift=self._stamps_shift(line))
-        return substituted(line.topic.kind, messages, put, cdr=line.topic.cdr)
+        put = ros.Substitute(force, rate, shift=self._stamps_shift(line))
+        return ros.substituted(line.topic.kind, messages, put, cdr=line.topic.cdr)
 
     def _stamps_shift(self, line: _Line) -> int:
         """Return by how many ns stamps move: those of an accelerometer with a topic of its own."""
@@ -466,6 +466,6 @@ def _batches(messages: Iterator[_Message]) -> Iterator[list[_Message]]:
         yield batch
 
 
-def _decoded(topic: Topic, batch: list[_Message]) -> tuple[list[bytes], Decoded]:
+def _decoded(topic: ros.Topic, batch: list[_Message]) -> tuple[list[bytes], ros.Decoded]:
     messages = [data for _, _, data in batch]
-    return messages, decode(topic.kind, messages, [t for _, t, _ in batch], topic.name, cdr=topic.cdr)
+    return messages, ros.decode(topic.kind, messages, [t for _, t, _ in batch], topic.name, cdr=topic.cdr)
