@@ -441,7 +441,20 @@ class _Batches:
 
 
 def bag_tables(bag: Bag, wanted: Sequence[str]) -> Iterator[RawTable]:
-    """Yield the table of a bag in blocks of half a million rows; its remarks stand on the last one too."""
+    """Yield the table of a bag in blocks of half a million rows; what is noticed on the way stands on the last one.
+
+    Parameters
+    ----------
+    bag : opened.
+    wanted : one topic, or one of each triad; none where it holds one IMU.
+
+    Raises
+    ------
+    RecordingError
+        If it is damaged or holds no IMU, or several.
+    UsageError
+        If a topic is not there.
+    """
     rest, name, said = split_wanted(bag, wanted)
     field = None if name is None else _read_field(bag, name)
     first = [Remark("found", f"{bag.path.name} holds {_list_topics(bag.topics)}.")]
