@@ -33,8 +33,7 @@ from uncertainty import GROUPS, true_values, without_wander
 
 from tumble.calibration import Estimate
 from tumble.calibration.evidence import Budget
-from tumble.calibration.procedure import find_estimator
-from tumble.calibration.session import Session
+from tumble.calibration.session import Session, find_estimator
 from tumble.earth import Site
 from tumble.errors import TumbleError
 from tumble.protocol import named_protocol

@@ -21,7 +21,7 @@ from scipy.spatial.transform import Rotation
 from timing import best
 
 from tumble.attitude import integrate_turns
-from tumble.attitude.directions import twenty_six_directions
+from tumble.attitude.rotations import twenty_six_directions
 from tumble.calibration.equations.triad_unknowns import rough_triad
 from tumble.sensor.conventions.shin import matrix_from_shin
 from tumble_papers.hayal.norm import adjust_norm

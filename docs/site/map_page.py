@@ -11,7 +11,7 @@ import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 
-from tumble.calibration.procedure import PROCEDURES
+from tumble.calibration.session import PROCEDURES
 from tumble.calibration.terms import TERMS
 
 HERE = Path(__file__).resolve().parent

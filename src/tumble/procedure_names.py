@@ -6,4 +6,4 @@ KNOWN_PROCEDURES = (
     *("hand-held", "improved-six-position", "joint", "laboratory", "modified-multi-position"),
     *("multi-position", "rate-table", "six-position", "strapdown-rotation", "thermal", "turntable"),
 )
-"""Those that have a record in `tumble.calibration.procedure`: a protocol that names another one is mistaken."""
+"""Those that have a record in `tumble.calibration.session`: a protocol that names another one is mistaken."""

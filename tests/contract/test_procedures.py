@@ -16,7 +16,7 @@ from tests.unit.adjusted import adjusted
 from tumble.calibration import Estimate
 from tumble.calibration.evidence import Turns
 from tumble.calibration.prior import StableKnowledge
-from tumble.calibration.procedure import PROCEDURES, Procedure, find_procedure
+from tumble.calibration.session import PROCEDURES, Procedure, find_procedure
 from tumble.document import Calibration, calibration_from_estimate
 from tumble.document.composition import FRAME_WORDS
 from tumble.document.part import read_part

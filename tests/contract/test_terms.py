@@ -15,7 +15,7 @@ from tumble.calibration.equations.imu_unknowns import (
     terms_prior,
 )
 from tumble.calibration.terms import TERMS, Term
-from tumble.sensor.triad import CURVES, Triad
+from tumble.sensor.imu import CURVES, Triad
 
 SCALE, MATRIX = (
     np.array([0.9, 1.1, 1.05]),

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tumble.attitude.directions import twenty_six_directions
+from tumble.attitude.rotations import twenty_six_directions
 from tumble.calibration.poses import norm_rows
 from tumble.units import STANDARD_GRAVITY
 from tumble_papers.zhang.pose_sets import (

@@ -122,8 +122,7 @@ def _recordings(place: Path) -> list[tuple[str, bytes]]:
 def calibrations() -> list[tuple[str, bytes]]:
     from tumble.document.imported import calibration_from_model
     from tumble.sensor import ImuModel, Triad
-    from tumble.sensor.thermal import ThermalModel
-    from tumble.sensor.thermal_basis import TemperatureBasis
+    from tumble.sensor.thermal import TemperatureBasis, ThermalModel
 
     matrix = np.array([[1.01, 0.004, -0.007], [-0.009, 0.99, 0.006], [0.003, -0.012, 1.02]])
     triad = Triad(

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation as Attitudes
 from tumble.calibration import Estimate, Options, Session, calibrate, find_procedure
 from tumble.calibration.outcome.description import canonical_names
 from tumble.calibration.prior import StableKnowledge
-from tumble.calibration.procedure import Procedure
+from tumble.calibration.session import Procedure
 from tumble.earth import Site
 from tumble.protocol import HoldStep, Protocol, SpinStep, Step, named_protocol
 from tumble.recording.recording import Recording

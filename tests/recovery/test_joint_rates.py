@@ -10,7 +10,7 @@ import pytest
 from scipy.stats import chi2
 
 from recovery.played import jointly
-from tumble.attitude.directions import twenty_six_directions
+from tumble.attitude.rotations import twenty_six_directions
 from tumble.calibration import Session, find_procedure
 from tumble.calibration.equations.imu_unknowns import LAYOUT
 from tumble.calibration.equations.rotation_equations import Windows

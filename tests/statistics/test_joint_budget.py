@@ -20,9 +20,8 @@ from tumble.calibration.equations.causes import ANGLES, FORCE_REST, SOURCES, SWA
 from tumble.calibration.equations.imu_unknowns import force_matrix, gyro_matrix
 from tumble.calibration.equations.observed import observe, table_rotation
 from tumble.calibration.evidence import Budget
-from tumble.calibration.outcome import draws as joint_draws
-from tumble.calibration.outcome.budget import NamedParameters, recording_influences
-from tumble.calibration.outcome.draws import draw_distributions, redrawn
+from tumble.calibration.outcome import budget
+from tumble.calibration.outcome.budget import NamedParameters, draw_distributions, recording_influences
 from tumble.calibration.outcome.estimate import JointOutcome
 from tumble.calibration.start import start_adjustment
 from tumble.earth import Site
@@ -163,7 +162,7 @@ def test_observations_drawn_anew_scatter_as_the_covariance_says() -> None:
     inverse = np.linalg.inv(covariance_of(outcome.task))
     total = 0.0
     for _ in range(20):
-        task = redrawn(outcome.task, rng)
+        task = budget.redrawn(outcome.task, rng)
         solve(task)
         off = (task.unknowns.values - outcome.values)[free]
         total += float(off @ inverse @ off)
@@ -175,7 +174,7 @@ def test_a_gravity_that_was_assumed_is_rectangular_and_contradicts_the_normal_in
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Where it is nearly all of a scale factor's uncertainty, 95 % of a rectangle end at 0.95 sqrt(3) sigma."""
-    monkeypatch.setattr(joint_draws, "READJUSTED", 2)
+    monkeypatch.setattr(budget, "READJUSTED", 2)
     estimate = deepcopy(hand_held())
     outcome = outcome_of(estimate)
     unknown = Site.unknown()

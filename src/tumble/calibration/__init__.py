@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from tumble.calibration.estimate import Estimate
     from tumble.calibration.joint import calibrate
-    from tumble.calibration.procedure import find_procedure
-    from tumble.calibration.session import Options, Session
+    from tumble.calibration.session import Options, Session, find_procedure
 
 __all__ = ["Estimate", "Options", "Session", "calibrate", "find_procedure"]
 
@@ -20,7 +19,7 @@ _MODULES = {
     "Options": "session",
     "Session": "session",
     "calibrate": "joint",
-    "find_procedure": "procedure",
+    "find_procedure": "session",
 }
 
 

@@ -28,7 +28,7 @@ from tumble.arrays import Square, Table, Vector, inverted
 from tumble.attitude.rotations import left_jacobian, skew
 from tumble.records import dataclass
 from tumble.sensor import ImuModel, Triad
-from tumble.sensor.triad import CURVES
+from tumble.sensor.imu import CURVES
 
 LONGEST = 600.0
 """s, beyond which the closed forms are off by more than 4 %."""

@@ -49,15 +49,8 @@ from tumble.calibration.prior import (
     together,
     triad_sheets,
 )
-from tumble.calibration.procedure import Procedure, find_procedure
-from tumble.calibration.session import Options, Session
-from tumble.calibration.start import (
-    Offered,
-    rough_start,
-    rough_variances,
-    start_adjustment,
-    with_stand_ins,
-)
+from tumble.calibration.session import Options, Procedure, Session, find_procedure
+from tumble.calibration.start import Offered, rough_start, rough_variances, start_adjustment, with_stand_ins
 from tumble.calibration.terms import TERMS
 from tumble.counting import about
 from tumble.errors import ConvergenceError, ObservabilityError

@@ -25,7 +25,7 @@ from tumble.calibration.free_inertial import triad_errors
 from tumble.errors import ObservabilityError
 from tumble.records import dataclass
 from tumble.sensor import propagate
-from tumble.sensor.triad import Triad
+from tumble.sensor.imu import Triad
 
 Complex = npt.NDArray[Any]
 # A unit whose axes are farther from the mount's is mounted another way, or stood otherwise, rad.

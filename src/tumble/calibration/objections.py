@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tumble.arrays import Series, inverted
-from tumble.calibration.checks.table_rates import find_wrong_rates
+from tumble.calibration.checks.suspicions import find_wrong_rates
 from tumble.calibration.equations.imu_unknowns import FORCE_ALONE, LAYOUT, PLAIN
 from tumble.calibration.equations.rotation_equations import Windows
 from tumble.calibration.equations.triad_unknowns import COUNT
@@ -32,8 +32,7 @@ if TYPE_CHECKING:
     from tumble.calibration.evidence import ThermalCurves
     from tumble.calibration.outcome.estimate import JointOutcome
     from tumble.calibration.prior import TriadSheet
-    from tumble.calibration.procedure import Procedure
-    from tumble.calibration.session import Session
+    from tumble.calibration.session import Procedure, Session
     from tumble.calibration.thermal.model import ThermalOutcome
     from tumble.segmentation.timeline import Turn
 
@@ -412,7 +411,7 @@ def say_of_turns(estimate: Estimate, turns: Sequence[Turn], reason: str) -> None
     estimate, turns : of the recording.
     reason : why it was made by its procedure.
     """
-    from tumble.calibration.procedure import SMALLEST_TURNS
+    from tumble.calibration.session import SMALLEST_TURNS
 
     if len(turns) < SMALLEST_TURNS or any(name.startswith("gyroscope.matrix") for name in estimate.names):
         return

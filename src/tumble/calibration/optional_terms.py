@@ -25,7 +25,7 @@ from tumble.estimation.balance import Balanced
 from tumble.estimation.solve import linearise, solve
 from tumble.estimation.unknowns import Unknowns
 from tumble.records import dataclass
-from tumble.sensor.triad import CURVES
+from tumble.sensor.imu import CURVES
 
 # Of an adjustment that is balanced, and of its terms: recordings by hand took 8 to 45, half of them 13 to 17.
 USUAL_STEPS = 16

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tumble.arrays import Series, Square, Table, Vector, Vectors, inverted
-from tumble.attitude.directions import twenty_six_directions
+from tumble.attitude.rotations import twenty_six_directions
 from tumble.calibration.equations.triad_unknowns import BIAS, SCALE
 from tumble.earth import Site
 from tumble.errors import ObservabilityError

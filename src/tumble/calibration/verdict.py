@@ -11,7 +11,7 @@ import numpy as np
 
 from tumble.arrays import Series
 from tumble.calibration.estimate import Estimate, NamedValue
-from tumble.calibration.procedure import PROCEDURES
+from tumble.calibration.session import PROCEDURES
 from tumble.parameters.family import parameter_of
 from tumble.parameters.measures import amount
 from tumble.recording.recording import Recording

@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from tumble.arrays import Series, Vector, Vectors
-from tumble.attitude.directions import twenty_six_directions
+from tumble.attitude.rotations import twenty_six_directions
 from tumble.calibration.equations.triad_unknowns import SCALE
 from tumble.calibration.poses import missing_poses
 from tumble.calibration.session import Session

@@ -76,7 +76,7 @@ def _true_noise(truth: dict[str, Any]) -> list[str]:
 
 def _true_lines(truth: dict[str, Any]) -> list[str]:
     """The true parameters, three to a line, in the convention and frame of the table of `tumble calibrate`."""
-    from tumble.calibration.procedure import find_procedure
+    from tumble.calibration.session import find_procedure
 
     procedure = str(truth["procedure"])
     frame = find_procedure(procedure).frame

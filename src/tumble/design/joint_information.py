@@ -33,8 +33,7 @@ from tumble.calibration.optional_terms import unknowns_with
 from tumble.calibration.outcome.budget import recording_influences
 from tumble.calibration.outcome.description import named_function
 from tumble.calibration.prior import FleetSheet, together
-from tumble.calibration.procedure import find_procedure
-from tumble.calibration.session import Session
+from tumble.calibration.session import Session, find_procedure
 from tumble.design.hold_noise import wander_sigma
 from tumble.design.planned_motion import PlannedNoise
 from tumble.estimation import Prior

@@ -21,8 +21,7 @@ from tumble.calibration.checks.unseen import unseen_table
 from tumble.calibration.equations.imu_unknowns import LAYOUT
 from tumble.calibration.outcome.description import gravity_slope, named_function
 from tumble.calibration.prior import FleetSheet
-from tumble.calibration.procedure import find_procedure
-from tumble.calibration.session import Options, Session
+from tumble.calibration.session import Options, Session, find_procedure
 from tumble.counting import counted
 from tumble.design.joint_information import (
     GROUPS,

@@ -14,7 +14,7 @@ from itertools import pairwise
 import numpy as np
 
 from tumble.arrays import Series, Vector
-from tumble.attitude.directions import twenty_six_directions
+from tumble.attitude.rotations import twenty_six_directions
 from tumble.calibration.poses import SAME_POSE, describe_direction
 from tumble.design.joint_information import (
     GROUPS,

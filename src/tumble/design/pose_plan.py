@@ -12,7 +12,7 @@ from dataclasses import field
 import numpy as np
 
 from tumble.arrays import Series, Square, Table, Vectors, inverted
-from tumble.attitude.directions import twenty_six_directions
+from tumble.attitude.rotations import twenty_six_directions
 from tumble.calibration.poses import SAME_POSE, describe_mending, describe_untold, norm_rows
 from tumble.counting import counted
 from tumble.design.hold_noise import (

@@ -10,8 +10,7 @@ from tumble.arrays import Series, Vectors
 from tumble.calibration.terms.lever_arms import LeverArms
 from tumble.document.contradictions import corrected
 from tumble.errors import CalibrationFileError, UsageError
-from tumble.sensor.thermal import Outside, ThermalModel
-from tumble.sensor.thermal_path import ThermalState
+from tumble.sensor.thermal import Outside, ThermalModel, ThermalState
 
 if TYPE_CHECKING:
     from tumble.document.result import Calibration

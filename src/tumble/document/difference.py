@@ -15,7 +15,7 @@ import numpy.typing as npt
 from msgspec.structs import replace
 
 from tumble.arrays import AnyArray, Series, Square, Table
-from tumble.attitude.directions import twenty_six_directions
+from tumble.attitude.rotations import twenty_six_directions
 from tumble.calibration.magnetometer.estimate import NAMES, nearest_axes
 from tumble.document.entries import PLACES, SIZE, model_of_vector, named_parameters, part, stacked, turned_to
 from tumble.document.magnetometer_block import FieldBlock, MagnetometerBlock
@@ -26,10 +26,7 @@ from tumble.records import dataclass
 from tumble.sensor import FRAMES, ImuModel
 from tumble.sensor.gauge import inverse
 from tumble.sensor.propagation import jacobian
-from tumble.units import (
-    STANDARD_GRAVITY,
-    magnetic_field_factor,
-)
+from tumble.units import STANDARD_GRAVITY, magnetic_field_factor
 
 Complex = npt.NDArray[Any]
 

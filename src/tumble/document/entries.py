@@ -22,7 +22,7 @@ from tumble.document.thermal_block import thermal_block
 from tumble.errors import UsageError
 from tumble.parameters.family import triad_labels
 from tumble.sensor import FRAMES, ImuModel, Triad, frame_rotation, polar_rotation, propagate
-from tumble.sensor.triad import CURVES
+from tumble.sensor.imu import CURVES
 from tumble.units import angular_rate_factor, specific_force_factor
 
 Complex = npt.NDArray[Any]

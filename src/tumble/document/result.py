@@ -16,16 +16,7 @@ from tumble.arrays import Matrix, Series, Square, Vectors
 from tumble.border import border
 from tumble.document.contradictions import contradiction_in
 from tumble.document.magnetometer_block import MagnetometerBlock
-from tumble.document.part import (
-    DocumentPart,
-    Row,
-    Rows,
-    plain,
-    read_part,
-    refusal,
-    row_of,
-    rows_of,
-)
+from tumble.document.part import DocumentPart, Row, Rows, plain, read_part, refusal, row_of, rows_of
 from tumble.document.thermal_block import ThermalBlock
 from tumble.document.turn_ons_block import TurnOnsBlock
 from tumble.errors import CalibrationFileError
@@ -34,8 +25,8 @@ from tumble.files.markup import notebook_html
 from tumble.parameters.family import parameter_of
 from tumble.parameters.measures import Measure, said
 from tumble.sensor import ImuModel, Triad
+from tumble.sensor.imu import CURVES
 from tumble.sensor.thermal import Outside, ThermalModel
-from tumble.sensor.triad import CURVES
 from tumble.units import angular_rate_factor, specific_force_factor
 
 if TYPE_CHECKING:

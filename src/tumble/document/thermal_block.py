@@ -11,9 +11,7 @@ from tumble.arrays import Series, Square, Table
 from tumble.document.part import DocumentPart, Row, Rows, part_of, plain, read_part, row_of
 from tumble.document.soundness import stated_covariance_fault
 from tumble.sensor import ImuModel
-from tumble.sensor.thermal import SPAN_MARGIN, TemperatureBasis, ThermalModel
-from tumble.sensor.thermal_basis import KINDS
-from tumble.sensor.thermal_path import TemperaturePath
+from tumble.sensor.thermal import KINDS, SPAN_MARGIN, TemperatureBasis, TemperaturePath, ThermalModel
 
 FORMULA = (
     "p(T) = p(reference) + sum over k of coefficients[k] * f_k(T) for every quantity p that has coefficients; "

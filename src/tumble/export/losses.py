@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from tumble.arrays import Matrix, Vectors
-from tumble.attitude.directions import twenty_six_directions
+from tumble.attitude.rotations import twenty_six_directions
 from tumble.records import dataclass
 from tumble.sensor import ImuModel, Triad
 from tumble.units import STANDARD_GRAVITY

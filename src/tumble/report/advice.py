@@ -9,7 +9,7 @@ import numpy as np
 
 from tumble.arrays import Vector, Vectors
 from tumble.calibration.poses import describe_direction, most_telling_poses, norm_rows
-from tumble.calibration.procedure import PROCEDURES
+from tumble.calibration.session import PROCEDURES
 from tumble.document.result import Calibration
 from tumble.parameters.family import ACCELEROMETER, BETWEEN, GYRO
 from tumble.parameters.measures import Measure, with_uncertainty

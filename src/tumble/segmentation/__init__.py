@@ -8,9 +8,9 @@ from tumble.segmentation.intervals import read_intervals
 from tumble.segmentation.observations import HoldMeans, observe_holds
 from tumble.segmentation.search import find_timeline
 from tumble.segmentation.spin_means import SpinMeans, observe_spins
-from tumble.segmentation.spins import FoundSpin, find_spins
 from tumble.segmentation.thermal_rests import find_thermal_timeline
 from tumble.segmentation.timeline import Hold, NoiseFloor, Rejection, Timeline, Turn
+from tumble.segmentation.turns import FoundSpin, find_spins
 
 __all__ = [
     "FoundSpin",

@@ -18,8 +18,16 @@ from tumble.protocol.steps import HoldStep, Protocol, SpinStep, TurnStep
 from tumble.recording.recording import Recording
 from tumble.records import dataclass
 from tumble.segmentation import mismatch
-from tumble.segmentation.alignment import Case, Fit
-from tumble.segmentation.events import POSE_FLOOR, Event, angles_from, find_events, pose_of, spin_axis
+from tumble.segmentation.alignment import (
+    POSE_FLOOR,
+    Case,
+    Event,
+    Fit,
+    angles_from,
+    find_events,
+    pose_of,
+    spin_axis,
+)
 from tumble.segmentation.observations import HoldMeans
 from tumble.segmentation.spin_means import SpinMeans, observe_spins, whole_revolutions
 from tumble.segmentation.timeline import Timeline

@@ -12,8 +12,7 @@ from tumble.protocol.steps import HoldStep, SpinStep, TurnStep
 from tumble.recording.columns import renamed
 from tumble.recording.gravity_check import find_axis_contradiction
 from tumble.recording.recording import Recording
-from tumble.segmentation.alignment import Case, Fit, signed_permutations
-from tumble.segmentation.events import GAP, pose_of, spin_axis
+from tumble.segmentation.alignment import GAP, Case, Fit, pose_of, signed_permutations, spin_axis
 from tumble.units import angular_rate_factor, known_units
 
 # A share of the steps below which the protocol is not the recording's.

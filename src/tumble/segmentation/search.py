@@ -20,7 +20,6 @@ from tumble.recording.recording import Recording
 from tumble.segmentation.activity import Activity, find_activity, noise_per_sample
 from tumble.segmentation.blocks import Blocks, cut_blocks, find_runs
 from tumble.segmentation.creep import LARGEST_CREEP, find_turning, keep_still_part
-from tumble.segmentation.spins import LONGEST_HARMLESS_GAP
 from tumble.segmentation.stretches import (
     LARGEST_LOSS_SECONDS,
     SHORTEST_PIECE_SECONDS,
@@ -31,7 +30,7 @@ from tumble.segmentation.stretches import (
     usual_scatter,
 )
 from tumble.segmentation.timeline import Hold, NoiseFloor, Rejection, Timeline
-from tumble.segmentation.turns import find_turns
+from tumble.segmentation.turns import LONGEST_HARMLESS_GAP, find_turns
 
 MINIMUM_HOLD = 0.7
 # Rests shorter than this are moments of a turn and not worth a word.

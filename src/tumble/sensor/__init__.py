@@ -6,8 +6,7 @@ in raw units. What is called scale, non-orthogonality and misalignment are ways 
 """
 
 from tumble.sensor.gauge import FRAMES, change_frame, frame_rotation, polar_rotation
-from tumble.sensor.imu import ImuModel
+from tumble.sensor.imu import ImuModel, Triad
 from tumble.sensor.propagation import propagate
-from tumble.sensor.triad import Triad
 
 __all__ = ["FRAMES", "ImuModel", "Triad", "change_frame", "frame_rotation", "polar_rotation", "propagate"]

@@ -13,10 +13,11 @@ from dataclasses import field, replace
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrix, Series, Vector
-from tumble.attitude.quaternions import matrices_from_quaternions, quaternion_from_matrix
 from tumble.attitude.rotations import (
+    matrices_from_quaternions,
     matrix_from_rotation_vector,
     matrix_from_turn,
+    quaternion_from_matrix,
     rotation_angle,
     rotation_vector_from_matrix,
 )

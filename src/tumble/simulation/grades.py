@@ -14,8 +14,7 @@ from tumble.attitude.rotations import matrix_from_rotation_vector
 from tumble.errors import UsageError
 from tumble.files import read_yaml
 from tumble.records import dataclass
-from tumble.sensor.imu import ImuModel
-from tumble.sensor.triad import Triad
+from tumble.sensor.imu import ImuModel, Triad
 from tumble.simulation.noise import TriadNoise
 from tumble.units import DEGREE, DEGREE_PER_HOUR, DEGREE_PER_ROOT_HOUR, MICRO_G, MILLI_G, STANDARD_GRAVITY
 

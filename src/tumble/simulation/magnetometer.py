@@ -10,7 +10,7 @@ from tumble.arrays import Matrix, Vector, Vectors
 from tumble.errors import UsageError
 from tumble.recording.samples import MagneticField
 from tumble.records import dataclass
-from tumble.sensor.triad import Triad
+from tumble.sensor.imu import Triad
 from tumble.simulation.motion import Motion
 
 _MICRO = 1e-6

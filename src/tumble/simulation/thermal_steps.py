@@ -7,7 +7,7 @@ from dataclasses import field, replace
 import numpy as np
 
 from tumble.arrays import AnyArray
-from tumble.attitude.directions import twenty_six_directions
+from tumble.attitude.rotations import twenty_six_directions
 from tumble.protocol.steps import HoldStep, Pose, Protocol, RampStep, SoakStep, Step, TurnStep
 from tumble.records import dataclass
 

@@ -16,8 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrix, Series, Vector
-from tumble.attitude.quaternions import quaternion_from_matrix
-from tumble.attitude.rotations import matrix_from_rotation_vector
+from tumble.attitude.rotations import matrix_from_rotation_vector, quaternion_from_matrix
 from tumble.errors import UsageError
 from tumble.protocol.consistency import SAME_POSE, refuse_contradicting_turns
 from tumble.protocol.steps import HoldStep, Protocol, TurnStep

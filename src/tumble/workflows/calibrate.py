@@ -15,16 +15,9 @@ from msgspec import structs
 from tumble.calibration.checks.unseen import state_gravity
 from tumble.calibration.estimate import Beside
 from tumble.calibration.objections import say_of_prior
-from tumble.calibration.procedure import Estimator, find_procedure
-from tumble.calibration.session import Options, Session
+from tumble.calibration.session import Estimator, Options, Session, find_procedure
 from tumble.earth import Site
-from tumble.errors import (
-    ConvergenceError,
-    ObservabilityError,
-    SegmentationError,
-    TumbleError,
-    UsageError,
-)
+from tumble.errors import ConvergenceError, ObservabilityError, SegmentationError, TumbleError, UsageError
 from tumble.files import results_folder
 from tumble.limits import read_limits, with_limits
 from tumble.workflows.given.prior import Known, known_beforehand
@@ -238,7 +231,7 @@ def _draw(estimate: Estimate, runs: int | None, say: Callable[[str], None]) -> N
     """Draw the distributions of the parameters; the seed is fixed, so that the same call says the same."""
     if runs is None:
         return
-    from tumble.calibration.outcome.draws import draw_distributions
+    from tumble.calibration.outcome.budget import draw_distributions
 
     draw_distributions(estimate, runs, np.random.default_rng(101), say)
 

@@ -63,8 +63,7 @@ def inspect(request: InspectRequest) -> Inspection:
 def _judged(recording: Recording, found: Findings) -> Findings:
     """Add what a calibration without a protocol would determine, and what would determine the rest."""
     from tumble.calibration.objections import find_missing
-    from tumble.calibration.procedure import FIRST_TRIED, find_procedure
-    from tumble.calibration.session import Options, Session
+    from tumble.calibration.session import FIRST_TRIED, Options, Session, find_procedure
     from tumble.workflows.procedures import CONTRADICTS, run_procedure
 
     session = Session(recording, options=Options(optional_terms=False))

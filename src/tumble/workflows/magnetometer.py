@@ -220,7 +220,7 @@ def _carrier(session: Session, estimate: Estimate) -> JointOutcome | None:
     if session.recording.specific_force is None:
         return None
     from tumble.calibration.joint import calibrate
-    from tumble.calibration.procedure import find_procedure
+    from tumble.calibration.session import find_procedure
 
     try:
         calibrate(session, find_procedure("joint"))

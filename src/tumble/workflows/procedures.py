@@ -14,8 +14,7 @@ import numpy as np
 from tumble.calibration.checks.unseen import state_rounding, state_unseen
 from tumble.calibration.objections import of_other_rests, say_of_recording, say_of_sheets, say_of_turns
 from tumble.calibration.prior import triad_sheets
-from tumble.calibration.procedure import FIRST_TRIED, Estimator, Procedure, find_procedure
-from tumble.calibration.session import Session
+from tumble.calibration.session import FIRST_TRIED, Estimator, Procedure, Session, find_procedure
 from tumble.errors import ConvergenceError, ObservabilityError, UsageError
 from tumble.recording import find_dead_channels
 
@@ -236,7 +235,7 @@ def add_remarks(
 
 def _of_hidden_jumps(session: Session, estimate: Estimate) -> str:
     """What is said of an order of poses in which a jump of the accelerometers' biases would not be seen."""
-    from tumble.calibration.checks.bias_course import hidden_jumps
+    from tumble.calibration.checks.suspicions import hidden_jumps
 
     triad, means = estimate.model.accelerometer, session.means
     if triad is None or means.specific_force is None or estimate.thermal is not None:

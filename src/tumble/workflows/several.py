@@ -18,8 +18,7 @@ from msgspec import structs
 from tumble.calibration.checks.unseen import state_gravity, state_unseen_clock
 from tumble.calibration.joint import calibrate
 from tumble.calibration.objections import say_of_prior
-from tumble.calibration.procedure import find_procedure
-from tumble.calibration.session import Options, Session
+from tumble.calibration.session import Options, Session, find_procedure
 from tumble.counting import counted
 from tumble.earth import Site
 from tumble.errors import ConvergenceError, ObservabilityError, SegmentationError, TumbleError, UsageError

@@ -36,8 +36,7 @@ from tumble.calibration.estimate import (
     coverage_factor,
 )
 from tumble.calibration.poses import match_faces
-from tumble.calibration.procedure import Estimator
-from tumble.calibration.session import Session
+from tumble.calibration.session import Estimator, Session
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ConvergenceError, ObservabilityError
 from tumble.protocol import HoldStep, Pose, Protocol, SpinStep, TurnStep

@@ -22,7 +22,7 @@ from __future__ import annotations
 import numpy as np
 
 from tumble.arrays import AnyArray, Series, Table, Vectors
-from tumble.attitude.directions import twenty_six_directions
+from tumble.attitude.rotations import twenty_six_directions
 from tumble.earth.site import EARTH_RATE
 from tumble.errors import UsageError
 from tumble.records import dataclass

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from tumble.arrays import AnyArray, Series, Table, Vectors
-from tumble.attitude.directions import twenty_six_directions
+from tumble.attitude.rotations import twenty_six_directions
 from tumble.counting import counted
 from tumble.estimation.reliability import find_weak_directions
 from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED, Row, Value

@@ -20,8 +20,7 @@ from scipy.linalg import block_diag
 from tumble.arrays import AnyArray, Square, Table, Vector, Vectors, inverted
 from tumble.attitude import skew
 from tumble.calibration.estimate import Estimate
-from tumble.calibration.procedure import Estimator
-from tumble.calibration.session import Session
+from tumble.calibration.session import Estimator, Session
 from tumble.errors import ObservabilityError
 from tumble.protocol.steps import HoldStep, Protocol, TurnStep
 from tumble.protocol.strapdown_rotation import SequenceSteps, sequence_steps

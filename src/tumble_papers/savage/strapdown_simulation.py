@@ -25,8 +25,7 @@ from tumble.attitude import matrix_from_rotation_vector, skew
 from tumble.earth.site import EARTH_RATE, Site
 from tumble.protocol.strapdown_rotation import SEQUENCES, RotationSequence, fixture_rotation, start_down
 from tumble.sensor.conventions.savage import GROUPS, SavageErrors, savage_from_model
-from tumble.sensor.imu import ImuModel
-from tumble.sensor.triad import Triad
+from tumble.sensor.imu import ImuModel, Triad
 from tumble.units import ARCSECOND, DEGREE_PER_HOUR, MICRO_G, STANDARD_GRAVITY
 from tumble_papers.savage.sequences import (
     SequenceModel,

@@ -25,10 +25,9 @@ from scipy.linalg import block_diag
 
 from tumble.arrays import AnyArray, Matrices, Matrix, Series, Square, Vector, Vectors, inverted
 from tumble.attitude import matrix_from_rotation_vector
-from tumble.attitude.directions import twenty_six_directions
+from tumble.attitude.rotations import twenty_six_directions
 from tumble.calibration.estimate import Estimate, Said
-from tumble.calibration.procedure import Estimator
-from tumble.calibration.session import Session
+from tumble.calibration.session import Estimator, Session
 from tumble.earth import EARTH_RATE
 from tumble.errors import ObservabilityError
 from tumble.protocol import HoldStep, Pose, Protocol, SpinStep, TurnStep

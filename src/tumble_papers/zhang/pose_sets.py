@@ -44,7 +44,7 @@ from typing import Any
 import numpy as np
 
 from tumble.arrays import AnyArray, Series, Square, Table, Vector, Vectors, inverted
-from tumble.attitude.directions import twenty_six_directions
+from tumble.attitude.rotations import twenty_six_directions
 from tumble.calibration.poses import describe_direction, describe_mending, describe_untold
 from tumble.design.pose_plan import pose_rows
 from tumble.errors import ObservabilityError
@@ -266,7 +266,7 @@ def most_sensitive_directions(scale: Vector, angles: Vector, group: str, index: 
     """
     from scipy.optimize import minimize
 
-    from tumble.attitude.directions import twenty_six_directions
+    from tumble.attitude.rotations import twenty_six_directions
 
     if group not in GROUPS:
         raise ValueError(f"{group!r} is none of {', '.join(GROUPS)}")

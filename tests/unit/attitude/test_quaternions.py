@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tumble.attitude.quaternions import (
+from tumble.attitude.rotations import (
     angles_from_matrices,
     matrices_from_quaternions,
     matrix_from_angles,

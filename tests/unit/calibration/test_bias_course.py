@@ -12,7 +12,7 @@ import pytest
 
 from second_simulator.calibrating import calibrated, played
 from tumble.calibration import Session
-from tumble.calibration.checks.bias_course import TriadBiases, find_courses, hidden_jumps
+from tumble.calibration.checks.suspicions import TriadBiases, find_courses, hidden_jumps
 from tumble.calibration.equations.adjustment import JointAdjustment
 from tumble.calibration.equations.causes import FORCE_WANDER, RATE_WANDER
 from tumble.calibration.outcome import estimate

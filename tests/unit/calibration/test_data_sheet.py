@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from tests.unit.adjusted import adjusted
 
-from tumble.attitude.directions import twenty_six_directions
+from tumble.attitude.rotations import twenty_six_directions
 from tumble.calibration import Estimate
 from tumble.calibration.prior import FleetSheet, StableKnowledge, TriadFleet, about_sheet, triad_sheets
 from tumble.earth import Site

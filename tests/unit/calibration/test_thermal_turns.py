@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tumble.attitude.directions import twenty_six_directions
+from tumble.attitude.rotations import twenty_six_directions
 from tumble.calibration.estimate import Estimate
 from tumble.calibration.thermal.procedure import calibrate_thermal
 from tumble.earth import Site

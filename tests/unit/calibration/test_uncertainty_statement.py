@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tumble.calibration.evidence import chi_square_probability, coverage_factors, effective_degrees
-from tumble.calibration.outcome.draws import numerical_tolerance, shortest_intervals
+from tumble.calibration.outcome.budget import numerical_tolerance, shortest_intervals
 from tumble.estimation.reliability import noncentrality, undetected
 
 

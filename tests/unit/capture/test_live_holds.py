@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from tests.unit.capture.recordings import by_hand, channels_of, pieces_of
 
-from tumble.attitude.directions import twenty_six_directions
+from tumble.attitude.rotations import twenty_six_directions
 from tumble.capture.live_holds import LiveBlocks, LiveHolds
 from tumble.capture.machine import Capture
 from tumble.capture.source import Channels

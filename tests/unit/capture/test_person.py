@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tumble.attitude.directions import twenty_six_directions
+from tumble.attitude.rotations import twenty_six_directions
 from tumble.capture.run import CaptureOrder, run_capture
 from tumble.capture.source import Source, SourceOptions, find_source
 from tumble.capture.sources.simulated import Flaws, SimulatedPerson

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tumble.attitude.directions import twenty_six_directions
+from tumble.attitude.rotations import twenty_six_directions
 from tumble.design.hold_noise import hold_covariance, predict_covariance
 from tumble.design.pose_plan import (
     PoseTask,

@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 import pytest
 
-from tumble.attitude.directions import twenty_six_directions
+from tumble.attitude.rotations import twenty_six_directions
 from tumble.design.pose_plan import pose_rows
 from tumble.design.selection import find_visits
 from tumble.protocol.library import NINE

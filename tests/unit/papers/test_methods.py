@@ -18,7 +18,7 @@ import pytest
 from scipy import stats
 from scipy.spatial.transform import Rotation
 
-from tumble.attitude.directions import twenty_six_directions
+from tumble.attitude.rotations import twenty_six_directions
 from tumble.calibration import Estimate
 from tumble.calibration.session import Session
 from tumble.document import calibration_from_estimate

@@ -10,7 +10,7 @@ import pytest
 from numpy import cos, sin
 from scipy.optimize import least_squares
 
-from tumble.attitude.directions import twenty_six_directions
+from tumble.attitude.rotations import twenty_six_directions
 from tumble.calibration.equations.triad_unknowns import NormConditions
 from tumble.errors import UsageError
 from tumble.estimation import adjust

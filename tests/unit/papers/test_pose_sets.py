@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from tumble.attitude.directions import twenty_six_directions
+from tumble.attitude.rotations import twenty_six_directions
 from tumble.calibration.poses import find_two_planes, find_untold, norm_rows
 from tumble.errors import ObservabilityError
 from tumble.sensor.conventions.zhang import matrix_from_zhang

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tumble.attitude.directions import twenty_six_directions
+from tumble.attitude.rotations import twenty_six_directions
 from tumble.earth.site import EARTH_RATE
 from tumble.errors import UsageError
 from tumble.sensor.conventions.shin import matrix_from_shin

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tumble.attitude.directions import twenty_six_directions
+from tumble.attitude.rotations import twenty_six_directions
 from tumble.earth.site import EARTH_RATE
 from tumble.errors import ProtocolError
 from tumble.protocol import HoldStep, SpinStep, TurnStep, named_protocol

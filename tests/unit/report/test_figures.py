@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tumble.attitude.directions import twenty_six_directions
+from tumble.attitude.rotations import twenty_six_directions
 from tumble.calibration.evidence import Turns
 from tumble.report.evidence.residuals import nominal_hold_norms, nominal_turn_angles, turns
 from tumble.report.figures.on_page import packed

@@ -7,9 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tumble.attitude.directions import twenty_six_directions
-from tumble.segmentation.alignment import align, signed_permutations
-from tumble.segmentation.events import scale_of_poses, scale_of_sphere, scale_of_units
+from tumble.attitude.rotations import twenty_six_directions
+from tumble.segmentation.alignment import (
+    align,
+    scale_of_poses,
+    scale_of_sphere,
+    scale_of_units,
+    signed_permutations,
+)
 
 GAP, AGAIN = 6.0, 3.0
 

@@ -5,13 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tumble.attitude.directions import twenty_six_directions
-from tumble.simulation import (
-    TriadNoise,
-    convert_to_digital,
-    poses_26,
-    simulate_noise,
-)
+from tumble.attitude.rotations import twenty_six_directions
+from tumble.simulation import TriadNoise, convert_to_digital, poses_26, simulate_noise
 
 
 def allan_variance(signal: np.ndarray, length: int) -> float:

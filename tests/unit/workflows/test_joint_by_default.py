@@ -15,7 +15,7 @@ import tumble
 from tumble.calibration import Estimate, Session, calibrate, find_procedure
 from tumble.calibration.equations.believed_poses import believed_poses
 from tumble.calibration.estimate import Beside
-from tumble.calibration.procedure import Estimator
+from tumble.calibration.session import Estimator
 from tumble.document import read_calibration
 from tumble.earth import Site
 from tumble.errors import UsageError

@@ -8,13 +8,8 @@ from dataclasses import field, replace
 import numpy as np
 
 from tumble.arrays import Matrix, Series, Square
-from tumble.calibration.checks.bias_course import BiasCourse, find_courses, with_courses
-from tumble.calibration.checks.scores import (
-    angle_off,
-    hold_norm_errors,
-    hold_norm_variances,
-    score_turns,
-)
+from tumble.calibration.checks.scores import angle_off, hold_norm_errors, hold_norm_variances, score_turns
+from tumble.calibration.checks.suspicions import BiasCourse, find_courses, with_courses
 from tumble.calibration.equations.adjustment import JointAdjustment, rest_noise
 from tumble.calibration.equations.causes import FORCE_WANDER, RATE_WANDER
 from tumble.calibration.equations.imu_unknowns import LAYOUT

@@ -18,7 +18,7 @@ from tumble.calibration.terms import lever_arms
 from tumble.calibration.terms.term import KINDS, PAIRS_OF_AXES, Parameters, Term
 from tumble.estimation.unknowns import Block
 from tumble.parameters.family import FAMILIES, LAG
-from tumble.sensor.triad import CURVES
+from tumble.sensor.imu import CURVES
 
 LAG_NAME = LAG.name
 # One and several of each curve's terms.

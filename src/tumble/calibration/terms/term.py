@@ -12,7 +12,7 @@ from tumble.arrays import Series, Vector
 from tumble.estimation.unknowns import Block
 from tumble.parameters.family import FAMILIES
 from tumble.records import dataclass
-from tumble.sensor.triad import CURVES, Curve
+from tumble.sensor.imu import CURVES, Curve
 
 Complex = npt.NDArray[Any]
 Label = tuple[str, str]
@@ -57,7 +57,7 @@ class Term:
     columns : which of the block's unknowns are adjusted; None for all.
     in_part : it is worth having where only a part is determined; the name plate, in SI whatever the triad, holds the
         rest.
-    curve : the sensor's own curve that it is, a name of `tumble.sensor.triad.CURVES`; empty for none.
+    curve : the sensor's own curve that it is, a name of `tumble.sensor.imu.CURVES`; empty for none.
     parameters : of the result; None where the triads' own parameters have it.
     """
 

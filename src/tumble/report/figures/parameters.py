@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from tumble.arrays import AnyArray, Table, Vectors
-from tumble.attitude.directions import twenty_six_directions
+from tumble.attitude.rotations import twenty_six_directions
 from tumble.calibration.poses import distinct_poses
 from tumble.parameters.family import ACCELEROMETER, GYRO, OPTIONAL
 from tumble.parameters.measures import fixed

@@ -22,8 +22,7 @@ import numpy as np
 from tumble.arrays import Matrix, Series, Vector
 from tumble.records import dataclass
 from tumble.sensor.gauge import mean_gyro_rotation
-from tumble.sensor.imu import ImuModel
-from tumble.sensor.triad import Triad
+from tumble.sensor.imu import ImuModel, Triad
 
 PAIRS = ((1, 2), (2, 0), (0, 1))
 """Axes of υ in order: yz, zx, xy."""

@@ -334,7 +334,7 @@ def check_request(asked: CalibrateRequest, reports: str) -> None:
     UsageError, ProtocolError, CalibrationFileError
         If one of them is wrong; the sentence says which.
     """
-    from tumble.calibration.procedure import find_procedure
+    from tumble.calibration.session import find_procedure
     from tumble.limits import read_limits
     from tumble.recording.units import read_units_option
     from tumble.workflows.given.prior import find_sheet

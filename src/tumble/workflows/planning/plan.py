@@ -130,7 +130,7 @@ def search_poses(
 
 def _levelled(request: PlanRequest, task: PoseTask, grade: Grade, dwell: float) -> tuple[PoseTask, PosePlan]:
     """The six faces, in their best order: scale factors and biases alone, and what levelling adds to each."""
-    from tumble.attitude.directions import twenty_six_directions
+    from tumble.attitude.rotations import twenty_six_directions
     from tumble.design.pose_plan import GROUPS as OF_NORMS
     from tumble.design.pose_plan import best_order, plan_of
 

@@ -22,7 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tumble.arrays import Matrix, Series, Vector, Vectors, inverted
-from tumble.attitude.quaternions import matrix_from_angles
+from tumble.attitude.rotations import matrix_from_angles
 from tumble.errors import RecordingError
 from tumble.recording.columns import NAMES
 from tumble.recording.samples import Remark, Samples
