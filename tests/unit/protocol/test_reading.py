@@ -41,7 +41,7 @@ def test_only_what_is_needed_has_to_be_written(tmp_path: Path) -> None:
     assert protocol.name == "test of the plate"
     assert protocol.procedure == "multi-position"
     assert protocol.site == Site.from_gravity(9.81)
-    assert protocol.steps == (HoldStep(9.0, None, "rest", None, None),)
+    assert protocol.steps == (HoldStep(9.0, None, "rest"),)
     assert (protocol.description, protocol.recordings) == ("", ())
     assert (protocol.units, protocol.columns, protocol.rate) == (None, None, None)
 
@@ -208,7 +208,7 @@ def test_a_spin_s_length_is_seconds_or_revolutions_and_its_axis_is_vertical(tmp_
 
 def test_a_step_lasts_as_long_as_its_interval_unless_it_says(tmp_path: Path) -> None:
     step = step_of(tmp_path, "  - hold: h\n    interval_s: [12.5, 15]\n    file: a.csv\n")
-    assert step == HoldStep(2.5, None, "h", "a.csv", (12.5, 15.0))
+    assert step == HoldStep(2.5, None, "h", file="a.csv", interval=(12.5, 15.0))
 
 
 def test_words_that_yaml_takes_for_something_else_are_words(tmp_path: Path) -> None:

@@ -34,12 +34,13 @@ def renamed(protocol: Protocol, number: int, **changes: object) -> Protocol:
 
 
 def test_every_row_starts_as_table_1_says_which_axis_is_down_and_which_along_the_outer_axis() -> None:
-    for row in SEQUENCES:
+    starts = "zy zx xy zy zx xy zy zx xy yx zx xy yx zy xy zy zx"
+    for row, (down, along) in zip(SEQUENCES, starts.split(), strict=True):
         C_tb = fixture_rotation(row.inner, row.outer).as_matrix()
         # 1e-15: rounding of sines and cosines
-        np.testing.assert_allclose(C_tb[:, "xyz".index(row.down)], Z, atol=1e-15)
-        np.testing.assert_allclose(C_tb[:, "xyz".index(row.along_outer)], Y, atol=1e-15)
-        np.testing.assert_allclose(start_down(row), np.eye(3)["xyz".index(row.down)], atol=1e-15)
+        np.testing.assert_allclose(C_tb[:, "xyz".index(down)], Z, atol=1e-15)
+        np.testing.assert_allclose(C_tb[:, "xyz".index(along)], Y, atol=1e-15)
+        np.testing.assert_allclose(start_down(row), np.eye(3)["xyz".index(down)], atol=1e-15)
 
 
 def test_the_poses_are_those_of_the_fixture_whose_outer_axis_points_east() -> None:

@@ -38,7 +38,7 @@ def test_a_file_reads_like_the_hand_of_a_person() -> None:
         text_of(
             HoldStep(30.0, Pose(-X, 45.0 * DEGREE, 0.5 * DEGREE), "x down"),
             TurnStep(3.0, edge, -1.5 * np.pi, 0.1 * DEGREE),
-            HoldStep(30.0, None, "#2: on its side", "b.csv", (1.0, 31.0)),
+            HoldStep(30.0, None, "#2: on its side", file="b.csv", interval=(1.0, 31.0)),
             SpinStep(4.0 * np.pi / (50.0 * DEGREE), 50.0 * DEGREE),
             TurnStep(9.0, X, 5.0 * np.pi),
         )
