@@ -699,17 +699,15 @@ def plan_from_content(
     signs = [vector_signs(triad, _rough_rate(columns, time, rate or _GUESS_RATE)) for triad in triads]
     if len(groups) == 1:
         return _plan_of_one(ColumnPlan(time, {"a": groups[0]}, said_by="content"), signs[0], name, said)
-    roles = _roles(columns, groups, signs, name, said)
-    found = {"a": roles.accelerometer, "g": roles.gyro, "m": roles.magnetometer}
-    places = {kind: place for kind, place in found.items() if place is not None}
+    places, reason = _roles(columns, groups, signs, name, said)
     plan = ColumnPlan(time, {kind: groups[place] for kind, place in places.items()}, said_by="content")
     used = max(places.values())
     after = values[3 * used + 3 :]
     if len(after) == 1 and _could_be_temperature(columns[after[0]]):
         plan, after = replace(plan, temperature=after[0]), []
-    remarks = [Remark("assumed", _column_words(plan, roles.reason, name, len(columns)))]
-    if roles.magnetometer is None:
-        plan, more = _not_a_magnetometer(plan, signs[roles.accelerometer], name, said)
+    remarks = [Remark("assumed", _column_words(plan, reason, name, len(columns)))]
+    if "m" not in places:
+        plan, more = _not_a_magnetometer(plan, signs[places["a"]], name, said)
         remarks = [*(remarks if "a" in plan.triads else []), *more]
     if after:
         which = "two triads" if used == 1 else "triads"
@@ -756,52 +754,35 @@ def _rough_rate(columns: list[Series], time: int | None, stated: float) -> float
 # -- which triad is which ----------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class _Roles:
-    """Which group of columns is what, and why."""
-
-    accelerometer: int
-    gyro: int | None
-    magnetometer: int | None
-    reason: str
-
-
 def _roles(
-    columns: list[Series],
-    groups: list[Axes],
-    signs: list[VectorSigns],
-    name: str,
-    said: DeclaredUnits,
-) -> _Roles:
-    """Tell the triads apart: two that keep their norm are accelerometer and magnetometer, the other is the gyro."""
+    columns: list[Series], groups: list[Axes], signs: list[VectorSigns], name: str, said: DeclaredUnits
+) -> tuple[dict[str, int], str]:
+    """Tell the triads apart: two that keep their norm are accelerometer and magnetometer, the other is the gyro.
+
+    Returned is which of the groups each triad is, by its letter, and why.
+    """
     cuts = sample_pieces(columns[0].size)
     rows = np.column_stack([np.concatenate([columns[i][c] for c in cuts]) for g in groups[:2] for i, _ in g])
     rows = rows[np.isfinite(rows).all(axis=1)]
     order = find_accelerometer(rows[:, :3], rows[:, 3:])
     vectors = [i for i, one in enumerate(signs) if one.is_vector]
     if len(vectors) == 2:
-        first, second = vectors
-        force, reason = _accelerometer_of(first, second, signs, groups, name, said)
-        field = second if force == first else first
-        gyro = next((i for i in range(len(groups)) if i not in vectors), None)
-        return _Roles(force, gyro, field, reason)
+        force, reason = _accelerometer_of(vectors, signs, groups, name, said)
+        places = {"a": force, "m": sum(vectors) - force}
+        if len(groups) == 3:
+            places["g"] = 3 - sum(vectors)
+        return places, reason
     if len(groups) == 3 and not vectors and (static := _static_roles(signs, said)) is not None:
         return static
-    return _Roles(int(order.swapped), 1 - int(order.swapped), None, order.reason)
+    return {"a": int(order.swapped), "g": 1 - int(order.swapped)}, order.reason
 
 
 def _accelerometer_of(
-    first: int,
-    second: int,
-    signs: list[VectorSigns],
-    groups: list[Axes],
-    name: str,
-    said: DeclaredUnits,
+    pair: list[int], signs: list[VectorSigns], groups: list[Axes], name: str, said: DeclaredUnits
 ) -> tuple[int, str]:
     """Return which of two triads that keep their norm is the accelerometer, and why."""
-    pair = (first, second)
     shaken = [i for i in pair if signs[i].motion == "shaken"]
-    if len(shaken) == 1 and signs[first + second - shaken[0]].motion == "steady":
+    if len(shaken) == 1 and signs[sum(pair) - shaken[0]].motion == "steady":
         return shaken[0], "motion changes its norm, and does not change that of the magnetometer"
     heavy = [i for i in pair if signs[i].gravity_unit(said.specific_force) is not None]
     if len(heavy) == 1:
@@ -815,15 +796,15 @@ def _accelerometer_of(
     )
 
 
-def _static_roles(signs: list[VectorSigns], said: DeclaredUnits) -> _Roles | None:
+def _static_roles(signs: list[VectorSigns], said: DeclaredUnits) -> tuple[dict[str, int], str] | None:
     """Of three triads that do not turn, the accelerometer is the only one with the norm of gravity; None if none is."""
     heavy = [i for i, one in enumerate(signs) if one.gravity_unit(said.specific_force) is not None]
     magnetic = [i for i, one in enumerate(signs) if i not in heavy and one.field_unit is not None]
     if len(heavy) != 1 or len(magnetic) != 1:
         return None
-    gyro = next(i for i in range(3) if i not in (heavy[0], magnetic[0]))
+    places = {"a": heavy[0], "g": 3 - heavy[0] - magnetic[0], "m": magnetic[0]}
     unit = signs[heavy[0]].gravity_unit(said.specific_force)
-    return _Roles(heavy[0], gyro, magnetic[0], f"it alone has the norm of gravity, in {unit}")
+    return places, f"it alone has the norm of gravity, in {unit}"
 
 
 def _plan_of_one(
