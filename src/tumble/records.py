@@ -31,8 +31,6 @@ def _record(kind: type[Any] | None = None, /, *, frozen: bool = False, **how: bo
     methods: dict[str, Any] = {"__repr__": _repr, "__eq__": _equal, "__hash__": _hash if frozen else None}
     if frozen:
         methods |= {"__setattr__": _refuse_setting, "__delattr__": _refuse_deleting}
-    if frozen and how.get("slots"):
-        methods |= {"__getstate__": _state, "__setstate__": _restore}
     methods = {name: method for name, method in methods.items() if not _defines(own, name)}
     made: Any = dataclasses.dataclass(kind, init=False, repr=False, eq=False, **how)
     for name, method in methods.items():
@@ -142,15 +140,6 @@ def _refuse_setting(self: Any, name: str, value: object) -> None:
 
 def _refuse_deleting(self: Any, name: str) -> None:
     raise dataclasses.FrozenInstanceError(f"cannot delete field {name!r}")
-
-
-def _state(self: Any) -> tuple[Any, ...]:
-    return _values(self.__class__)(self)
-
-
-def _restore(self: Any, state: tuple[Any, ...]) -> None:
-    for name, value in zip(_names(self.__class__), state, strict=True):
-        object.__setattr__(self, name, value)
 
 
 def as_document(value: Any) -> Any:

@@ -46,7 +46,7 @@ def savage() -> dict[str, Any]:
     return _printed("savage-2018")
 
 
-@dataclass(slots=True)
+@dataclass
 class Found:
     """What a study finds: claims with their verdicts, figures, sentences, and what stands in the declared ones.
 
@@ -72,7 +72,7 @@ def _declared() -> dict[str, dict[str, Any]]:
     return read_yaml(Path(str(files("tumble_papers") / "studies.yaml")))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Study:
     """How one item is made anew: its setting is in what makes it, its words are declared in `studies.yaml`.
 

@@ -15,7 +15,7 @@ from tumble.arrays import AnyArray, Matrices, Matrix, Series, Vector, Vectors
 from tumble.records import dataclass
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class IntegratedTurns:
     """Rotations over a set of turns and what moves them.
 

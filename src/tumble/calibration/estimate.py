@@ -17,7 +17,7 @@ Kind: TypeAlias = Literal["remark", "caution", "objection", "not determined"]
 _E = TypeVar("_E", bound=Evidence)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Said:
     """A sentence on an estimate.
 
@@ -32,7 +32,7 @@ class Said:
     text: str
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class NamedValue:
     """One parameter in the procedure's own convention, SI or raw units as `unit` says."""
 
@@ -52,7 +52,7 @@ class Described(NamedTuple):
     correlations: Table
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class LeftOut:
     """A hold, a turn or a spin that took no part, with the reason as a sentence."""
 
@@ -61,7 +61,7 @@ class LeftOut:
     reason: str
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class TermTest:
     """The test of an optional term: kept if `probability` (of chance) is below `limit`, or if it was sought."""
 
@@ -120,7 +120,7 @@ class Figures(NamedTuple):
     variance_components: dict[str, float]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class OverTemperature:
     """How the triads change with temperature, about the model at the reference temperature.
 
@@ -134,7 +134,7 @@ class OverTemperature:
     covariance: Table
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Unseen:
     """What all scale factors of a triad follow, and no residual shows.
 
@@ -154,7 +154,7 @@ class Unseen:
     nominal_rate: float | None = None
 
 
-@dataclass(slots=True)
+@dataclass
 class Estimate:
     """The outcome of a procedure, before it becomes a document.
 
@@ -258,7 +258,7 @@ class Estimate:
         return tuple(self.sentences("not determined"))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Beside(Evidence):
     """What a paper's own estimator made of the same recording, for comparison.
 

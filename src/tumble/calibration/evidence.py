@@ -16,7 +16,7 @@ from tumble.arrays import Series, Square, Table, Vectors
 from tumble.records import dataclass
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class GlobalTest:
     """The square sum of all residuals against chi-square.
 
@@ -35,7 +35,7 @@ class GlobalTest:
     components: int
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Detectable:
     """One observation, and the largest error in it that may go unnoticed.
 
@@ -60,7 +60,7 @@ class Detectable:
     effect: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class ModelChoice:
     """An optional term whose test is near its limit, and what taking the other model would change.
 
@@ -79,7 +79,7 @@ class ModelChoice:
     change: Series
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class DrawnDistributions:
     """What propagation of distributions gave (JCGM 101), beside the intervals of the GUM.
 
@@ -139,7 +139,7 @@ class DrawnDistributions:
         return said
 
 
-@dataclass(slots=True)
+@dataclass
 class UncertaintyStatement:
     """Everything beside the standard uncertainties, in the order of an estimate's parameters.
 
@@ -214,14 +214,12 @@ def chi_square_probability(statistic: float, degrees: float) -> float:
 class Evidence:
     """A kind of evidence: at most one record of each kind stands in an estimate."""
 
-    __slots__ = ()
-
 
 def _nothing() -> Series:
     return np.zeros(0)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class RestlessHold:
     """A hold that sways more than the others.
 
@@ -240,7 +238,7 @@ class RestlessHold:
     others: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Holds(Evidence):
     """How well the corrected specific force of each hold has the norm of gravity.
 
@@ -256,7 +254,7 @@ class Holds(Evidence):
     restless: tuple[RestlessHold, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Turns(Evidence):
     """How well the corrected gyros carry gravity over the turn after each hold.
 
@@ -277,7 +275,7 @@ class Turns(Evidence):
         return self.angles[np.isfinite(self.angles)]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Spins(Evidence):
     """How well the corrected gyros show the rates of a table.
 
@@ -294,7 +292,7 @@ class Spins(Evidence):
     names: tuple[str, ...] = ()
 
 
-@dataclass(slots=True)
+@dataclass
 class Budget(Evidence):
     """Where the standard uncertainties come from.
 
@@ -308,7 +306,7 @@ class Budget(Evidence):
     statement: UncertaintyStatement | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class BiasCurve:
     """A triad's bias against the sensor's temperature.
 
@@ -326,7 +324,7 @@ class BiasCurve:
     cooling: Vectors
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Candidate:
     """A basis that was tried.
 
@@ -346,7 +344,7 @@ class Candidate:
     chosen: bool = False
 
 
-@dataclass(slots=True)
+@dataclass
 class ThermalCurves(Evidence):
     """Behind a thermal model.
 
@@ -394,7 +392,7 @@ FALSE_ALARM = 0.01
 BIAS_CHANCE = 0.05
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Agreement:
     """Whether a parameter that should be stable agrees between the recordings.
 
@@ -441,7 +439,7 @@ class Agreement:
         return float(told.max() - told.min()) if told.size else 0.0
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class BiasScatter:
     """A bias from turn-on to turn-on.
 
@@ -495,7 +493,7 @@ class BiasScatter:
         return max(self.scatter, self.measurement) * float(np.sqrt(1.0 + 1.0 / (self.degrees + 1)))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class RecordingOfUnit:
     """One of the recordings that were adjusted together.
 
@@ -518,7 +516,7 @@ class RecordingOfUnit:
     rate: float
 
 
-@dataclass(slots=True)
+@dataclass
 class TurnOns(Evidence):
     """What several recordings of one unit tell about it.
 

@@ -38,7 +38,7 @@ _ENTRIES = (
 )
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Predicted:
     """A predicted error of three components, in b.
 
@@ -63,7 +63,7 @@ class Predicted:
         return {name: float(np.trace(plane @ part @ plane)) / whole for name, part in self.parts.items()}
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class CalibratedUnit:
     """A sensor model with the covariance of its parameters.
 

@@ -128,7 +128,7 @@ def calibrate(session: Session, procedure: Procedure, *, clocked: bool = True) -
     return estimate
 
 
-@dataclass(slots=True)
+@dataclass
 class Begun:
     """An adjustment that begins: what is free without any term, what is not told, and what may be wrong alike."""
 

@@ -34,7 +34,7 @@ AXES = ("x", "y", "z")
 LEVEL, PITCHED = "level", "pitched"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class MountAlignment:
     """The rotation from a unit's axes b to its mount's M, and how well it is known.
 

@@ -78,7 +78,7 @@ def term_limits(names: list[str]) -> dict[str, float]:
     return {**dict.fromkeys(others, share), "time_lag": LAG_LIMIT}
 
 
-@dataclass(slots=True)
+@dataclass
 class TermSearch:
     """The search for the terms that the data want, from where an adjustment has settled without them.
 

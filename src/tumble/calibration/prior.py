@@ -69,7 +69,7 @@ def sheet_prior(spread: TriadGrade, factor: float) -> Prior:
     return Prior(mean, np.diag(sigma**-2))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class TriadFleet:
     """How triads of a fleet differ.
 
@@ -100,7 +100,7 @@ class TriadFleet:
         return TriadFleet(unit, np.real(mean), spread)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class FleetSheet:
     """What a fleet's own calibrations say of its next unit; a triad that they know nothing of is None."""
 
@@ -213,7 +213,7 @@ def about_sheet(
     return remarks, objections
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class StableKnowledge:
     """Accelerometer angles yz, zx, zy (rad) with their covariance (3, 3)."""
 
@@ -269,7 +269,7 @@ TOLD = 0.5
 MOST_COMBINATIONS = 6
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Untold:
     """What the motion does not tell.
 

@@ -44,7 +44,7 @@ class Suits(NamedTuple):
     why: str
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Procedure:
     """What is known of a recording that was made for it: the estimate of all of them is the joint adjustment.
 
@@ -279,7 +279,7 @@ def find_procedure(name: str) -> Procedure:
     return PROCEDURES[name]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Estimator:
     """A paper's own way from a recording to an estimate.
 
@@ -299,7 +299,7 @@ class Estimator:
     needs_protocol: bool = False
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Options:
     """What a user says of the estimate.
 

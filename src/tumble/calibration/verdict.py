@@ -91,7 +91,7 @@ EXPECTED_TO, MISFIT_FALSE_ALARM = 1.6, 1e-3
 LARGEST_SIGMA0 = 30.0
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Judgement:
     """`fit` for use or not, with reasons as sentences (against first)."""
 

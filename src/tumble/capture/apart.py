@@ -37,7 +37,7 @@ _LARGEST_IN_G = 4.0
 _NO_FIELD = Samples(np.zeros(0), magnetic_field=np.zeros((0, 3)))
 
 
-@dataclass(slots=True)
+@dataclass
 class _Kept:
     """One sensor: what came since it was last taken, and its newest stamp."""
 

@@ -17,7 +17,7 @@ from tumble.records import dataclass
 from tumble.segmentation.activity import Activity
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Advice:
     """What a person is to do next.
 
@@ -35,7 +35,7 @@ class Advice:
     facts: Mapping[str, Any] = field(default_factory=dict[str, Any])
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Progress:
     """What is known by now.
 
@@ -87,7 +87,7 @@ class Coach(Protocol):
 BELLS = {"hold_accepted": 1, "hold_refused": 2, "hold_complete": 1, "enough": 3}
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Event:
     """One thing that happened.
 

@@ -30,7 +30,7 @@ SEARCHED_WHOLE = 90.0
 GROWTH = 0.02
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class LiveHold:
     """A hold of a recording that goes on.
 
@@ -54,7 +54,7 @@ class LiveHold:
         return self.stop - self.start
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Change:
     """Something that the search sees now and did not see before.
 

@@ -94,7 +94,7 @@ def _of_rate(live: LiveBlocks) -> str:
 EARLY = 2.0
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class HoldTold:
     """A hold as people are told of it.
 

@@ -46,7 +46,7 @@ AT_ONCE = 60.0
 Listener = Callable[[Sequence[Event], Capture], None]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class CaptureOrder:
     """What is to be captured.
 
@@ -79,7 +79,7 @@ class CaptureOrder:
     notes: Mapping[str, str] = field(default_factory=dict[str, str])
 
 
-@dataclass(slots=True)
+@dataclass
 class CaptureRun:
     """What came of a capture.
 

@@ -13,7 +13,7 @@ from tumble.recording.samples import Samples
 from tumble.records import dataclass
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Channels:
     """What a source sends.
 
@@ -35,7 +35,7 @@ class Channels:
     magnetic_field_unit: str | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Notice:
     """Something about the stream itself that a person is told.
 
@@ -53,7 +53,7 @@ Piece: TypeAlias = Channels | Samples | Notice | None
 """What a source yields: first its channels, then samples; a notice; None when nothing came for a moment."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class SourceOptions:
     """What is said of a source on the command line.
 
@@ -67,7 +67,7 @@ class SourceOptions:
     rate: float | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Source:
     """A kind of source.
 

@@ -69,7 +69,7 @@ _MOST_NAMED = 6
 _GROUPS = ("accelerometer", "gyro", "magnetometer", "other")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class CertificateContent:
     """All texts of a certificate.
 

@@ -115,7 +115,7 @@ def parameter_sizes(grade: Grade) -> Series:
     return np.maximum(np.concatenate([np.repeat(threes, 3), np.full(9, least)]), 1e-12)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class JointInformation:
     """What is known of the thirty parameters, and of clock and table.
 
@@ -183,7 +183,7 @@ def _symmetric(matrix: Square) -> Square:
     return np.ascontiguousarray(0.5 * (matrix + matrix.T), dtype=np.float64)
 
 
-@dataclass(slots=True)
+@dataclass
 class PlannedProblem:
     """A planned test at its true state: linearised again and again with other holds or noise.
 

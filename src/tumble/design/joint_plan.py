@@ -50,7 +50,7 @@ DRAWS_BY_HAND, DRAWS_ON_TABLE = 8, 2
 LONGER = 0.25
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class PlanTask:
     """What is planned, with what, and where.
 
@@ -140,7 +140,7 @@ class PlanTask:
         return session, planned_problem(session, g_sensitivity=self.g_sensitivity, start=exact_sensors())
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Weakness:
     """A combination of parameters that the test does not tell.
 
@@ -156,7 +156,7 @@ class Weakness:
     direction: Series
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Foretold:
     """A parameter as `calibrate` will state it.
 
@@ -177,7 +177,7 @@ class Foretold:
     told: bool
 
 
-@dataclass(slots=True)
+@dataclass
 class JointPlan:
     """What a protocol is worth.
 
@@ -329,7 +329,7 @@ def mean_log_sigma(task: PlanTask, covariance: Square, at: np.ndarray | None = N
     return float(np.linalg.slogdet(scaled)[1]) / (2.0 * at.size)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class StepWorth:
     """What a step contributes.
 

@@ -53,7 +53,7 @@ _AXES = (
 )
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class StepCandidate:
     """Something that may be added to a test.
 
@@ -71,7 +71,7 @@ class StepCandidate:
     steps: tuple[Step, ...]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Aim:
     """What is to be reached, and what a pose like any other brings towards it.
 
@@ -128,7 +128,7 @@ class Aim:
         return JointInformation(known.matrix + poses * self.usual.matrix)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class NextStep:
     """A step to add, with what is known after it.
 

@@ -35,7 +35,7 @@ FASTEST = 200.0  # Hz
 LONGEST = 6 * 3600.0  # s
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class PlannedNoise:
     """The noise of a unit as a plan counts with it.
 

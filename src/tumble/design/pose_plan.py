@@ -67,7 +67,7 @@ def pose_rows(directions: Vectors) -> Table:
     return rows
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class PoseTask:
     """What a plan is made for.
 
@@ -140,7 +140,7 @@ class PoseTask:
         return covariance
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class PosePlan:
     """Poses in order, with what they will be worth.
 

@@ -42,7 +42,7 @@ _OPTIONAL = ("asymmetry", "quadratic", "g_sensitivity")
 _PLAIN = (ACCELEROMETER, GYRO, BETWEEN)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class ParameterChange:
     """A parameter in both calibrations; `sigmas` is the change over its standard uncertainty, NaN without one.
 
@@ -57,7 +57,7 @@ class ParameterChange:
     unit: str
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class GroupChange:
     """Several parameters together: chi-square of their change with its probability by chance.
 
@@ -70,7 +70,7 @@ class GroupChange:
     probability: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Effect:
     """How far apart corrected numbers of one raw sample are, SI, at the worst place, with its standard uncertainty."""
 
@@ -79,7 +79,7 @@ class Effect:
     standard_uncertainty: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Difference:
     """Two calibrations compared.
 

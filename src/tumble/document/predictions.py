@@ -22,7 +22,7 @@ LOST = 0.5
 """rad of attitude error beyond which the first order says nothing."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Answer:
     """One predicted error.
 

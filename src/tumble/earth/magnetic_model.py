@@ -15,7 +15,7 @@ from tumble.records import dataclass
 FIRST, LAST = 2015, 2030
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class EarthField:
     """The field of a model, with the standard uncertainties that its report states: of the model and of the crust.
 

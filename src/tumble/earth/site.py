@@ -49,7 +49,7 @@ _BETTER = {
 }
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Site:
     """A place on the Earth.
 

@@ -35,7 +35,7 @@ SEEN = 1e-9
 _SHARES = np.append(0.0, np.geomspace(0.03, 300.0, 9))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Suspect:
     """What may be otherwise than was believed, an amplitude for each place and axis.
 
@@ -58,7 +58,7 @@ class Suspect:
     telling: float = 0.03
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Alternative:
     """A suspicion.
 
@@ -80,7 +80,7 @@ class Alternative:
     all_axes: bool = False
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Found:
     """An alternative that is believed.
 
@@ -143,7 +143,7 @@ def find(trials: Sequence[Adjustable], alternatives: Sequence[Alternative]) -> l
 _rarity = attrgetter("rarity")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class _Scores:
     """Of a suspect's amplitudes: (places, axes), and their covariance."""
 
@@ -224,7 +224,7 @@ def _likeliest(scores: _Scores, alternative: Alternative, axes: np.ndarray, trie
     return Found(alternative, at, named, size, sigma, min(1.0, chance))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class _Fits:
     """How numbers are explained by each shape beside each kind of wander.
 

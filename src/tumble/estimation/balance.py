@@ -48,7 +48,7 @@ ASTRAY = 1e5
 LEAST_REDUNDANCY = 0.1
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Outlier:
     """A group of conditions found to be no noise: `normalised` is in standard deviations."""
 
@@ -57,7 +57,7 @@ class Outlier:
     normalised: float
 
 
-@dataclass(slots=True)
+@dataclass
 class Noise:
     """Variances beyond what is seen at rest.
 
@@ -98,7 +98,7 @@ class Noise:
         return Noise(dict(self.added), {name: dict(of) for name, of in self.factors.items()})
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Component:
     """A variance that is added to one kind of observation.
 
@@ -120,7 +120,7 @@ class Component:
     single: bool = False
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class ChainFactor:
     """A factor on the variance of one kind in one chain, raised where that chain scatters more.
 
@@ -147,7 +147,7 @@ class ChainFactor:
         return mean if mean > self.limit else 1.0
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Screen:
     """How gross errors of one test are looked for.
 
@@ -193,7 +193,7 @@ class Balanceable(Adjustable, Protocol):
         ...
 
 
-@dataclass(slots=True)
+@dataclass
 class Balanced:
     """A settled estimate, what was left out of it, and the tests of its residuals."""
 

@@ -21,7 +21,7 @@ from tumble.estimation.sums import Rows, Sums, Whitened
 from tumble.records import dataclass
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Place:
     """Where a chain stands in the one around it: between a node and the next one, or nowhere along it.
 
@@ -90,7 +90,7 @@ class Stretch(Protocol):
         ...
 
 
-@dataclass(slots=True)
+@dataclass
 class Chain:
     """Normal equations ``H x = -g`` of a stretch, gathered term by term.
 
@@ -319,7 +319,7 @@ def _undetermined(chains: Sequence[Chain], node: int) -> str:
     return nameless if chain.stretch is None else chain.stretch.undetermined(node)
 
 
-@dataclass(slots=True)
+@dataclass
 class Eliminated:
     """A chain whose nodes and own unknowns are eliminated: factors, and what is left of the outside's equations.
 
@@ -406,7 +406,7 @@ def move_all(
                 chain.stretch.move(share * steps, share * border[: chain.own])
 
 
-@dataclass(slots=True)
+@dataclass
 class Spread:
     """Covariances of an eliminated chain.
 

@@ -23,7 +23,7 @@ LEFT_OUT = 1e10
 CHECKED = 0.05
 
 
-@dataclass(slots=True)
+@dataclass
 class Linear:
     """Residuals at a state, with their derivatives: all of one kind of one chain, as arrays.
 
@@ -108,7 +108,7 @@ class Linear:
         )
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class View:
     """One way to test the residuals of a kind.
 
@@ -135,7 +135,7 @@ class View:
         return replace(self, projection=self.projection[terms])
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Drift:
     """How terms show what a bias wanders by.
 
@@ -224,7 +224,7 @@ class Equations:
         return None
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Tests:
     """Tests of every observation of one kind against what noise and redundancy make of it.
 
@@ -264,7 +264,7 @@ class Tests:
         return Tests(*(np.concatenate([getattr(t, f.name) for t in parts]) for f in fields(Tests)))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Look:
     """Adjusted residuals as one view has them.
 

@@ -23,7 +23,7 @@ from tumble.errors import ConvergenceError, ObservabilityError
 from tumble.records import dataclass
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Linearisation:
     """Conditions in linear form, in groups that have no noise in common.
 
@@ -68,7 +68,7 @@ class Conditions(Protocol):
         """
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Prior:
     """Knowledge of parameters before the adjustment: a mean and a precision (zero: nothing known)."""
 
@@ -85,7 +85,7 @@ class Prior:
         return int(np.linalg.matrix_rank(scaled, hermitian=True)) if known.size else 0
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Adjustment:
     """The result of an adjustment.
 

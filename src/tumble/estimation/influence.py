@@ -25,7 +25,7 @@ from tumble.records import dataclass
 PRIOR, OUTLYING, BENT = "prior", "observations left out", "attitudes to second order"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Influence:
     """One kind of observations of one chain.
 
@@ -60,7 +60,7 @@ class Influence:
         return carried(self.gain, part)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Influences:
     """All of them, and the covariance (unknowns, unknowns) of the free unknowns that their shares add up to.
 

@@ -113,7 +113,7 @@ def undetected(left: Square, directions: Table, gain: Table, sigma: Series) -> U
     return Undetected(float(np.linalg.norm(error)), worst, float(effects[worst]))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class WeakDirection:
     """A combination of parameters and its standard uncertainty.
 

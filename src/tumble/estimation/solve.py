@@ -20,7 +20,7 @@ from tumble.estimation.unknowns import Unknowns
 from tumble.records import dataclass
 
 
-@dataclass(slots=True)
+@dataclass
 class Settled:
     """The solution of any adjustment.
 
@@ -231,7 +231,7 @@ def solve(task: Adjustable, *, once: bool = False, tolerance: float = TOLERANCE)
     raise ConvergenceError("The adjustment did not settle.")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class _Made:
     """The equations at a state: chain, covariance and gradient of the free unknowns, and the square sum."""
 
@@ -256,7 +256,7 @@ def _equations(task: Adjustable, *, final: bool) -> _Made | None:
     return None
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class _Step:
     """A step: from where, the square sum there, the way back, its parts in sigmas as a whole, and the share taken."""
 

@@ -17,7 +17,7 @@ from tumble.estimation.equations import Equations, Linear
 from tumble.records import dataclass
 
 
-@dataclass(slots=True)
+@dataclass
 class Whitened:
     """Residuals and derivatives in units of their standard deviations, with where they come from.
 
@@ -84,7 +84,7 @@ NONE = Equations()
 """Of a chain along which nothing of a kind is observed."""
 
 
-@dataclass(slots=True)
+@dataclass
 class Rows:
     """What is observed of one kind along chains side by side, whitened together.
 
@@ -126,7 +126,7 @@ class Rows:
         term.residual = term.residual + moved
 
 
-@dataclass(slots=True)
+@dataclass
 class Sums:
     """Normal equations ``H x = -g`` of chains side by side, gathered term by term: see `Chain`.
 

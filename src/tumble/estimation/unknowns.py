@@ -16,7 +16,7 @@ from tumble.estimation.gauss_helmert import Prior
 from tumble.records import dataclass
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Block:
     """Unknowns that belong together.
 
@@ -85,7 +85,7 @@ class Layout:
         return Prior(values.copy(), precision)
 
 
-@dataclass(slots=True)
+@dataclass
 class Unknowns:
     """Values of all unknowns of a layout, and which of them are adjusted; the others are held.
 

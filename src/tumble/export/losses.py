@@ -18,7 +18,7 @@ _ROUND_OFF = 1e-9  # m/s² and rad/s, of a correction and its inverse
 _DEG_PER_H = 180.0 / np.pi * 3600.0
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Loss:
     """Something that is not written.
 

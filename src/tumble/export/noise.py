@@ -20,7 +20,7 @@ _FORMAT = "tumble noise"
 _TRIADS = {"accelerometer": "a", "gyroscope": "g"}
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class TriadNoise:
     """White noise and random walk of a triad, SI: N two-sided per √Hz, K per second and √Hz.
 
@@ -40,7 +40,7 @@ class TriadNoise:
     missed: dict[tuple[str, str], float] = field(default_factory=dict[tuple[str, str], float])
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class SensorNoise:
     """Noise of a unit.
 

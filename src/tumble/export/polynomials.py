@@ -22,7 +22,7 @@ _NAMES = ("accelerometer", "gyroscope")
 _ORDER = 3
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Polynomials:
     """Both biases about a temperature.
 
@@ -127,7 +127,7 @@ def _rest(thermal: ThermalModel) -> list[Loss]:
     return lost
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Curve:
     """A triad's bias as a polynomial of temperature.
 

@@ -350,7 +350,7 @@ _LARGEST_BIAS = 1e3
 _LARGEST_NUMBER = 1e60
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Imported:
     """What a target's file says of a unit.
 

@@ -31,7 +31,7 @@ LARGEST_LOSS = 0.02
 """Of the true vector's length: a target that would lose more is not written without being told to."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Wishes:
     """What the user wants of a conversion.
 
@@ -60,7 +60,7 @@ class Wishes:
             raise UsageError(f"--largest-loss {1e6 * self.largest_loss:g}: give ppm, 0 or more.")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Subject:
     """What a target writes.
 
@@ -365,7 +365,7 @@ def _refuse_large(subject: Subject, target: Target) -> None:
 LOCAL = "local field"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class FieldCorrection:
     """What corrects a magnetometer: ``x = soft_iron @ (u - hard_iron)``.
 

@@ -32,7 +32,7 @@ FOLDER = files("tumble") / "export" / "targets"
 _FENCE = "---\n"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Target:
     """A form that calibrations are written in, and perhaps read from: the record of a template.
 

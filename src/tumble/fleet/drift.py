@@ -27,7 +27,7 @@ _ENOUGH = 500
 """Units that tell the scatter between calibrations well enough, to a few per cent."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Drift:
     """Lines of all units; a time is in years.
 
@@ -194,7 +194,7 @@ def due_after(drift: Drift, tolerance: Series) -> Table:
     return np.where(np.isfinite(limit), after, np.inf)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Chart:
     """EWMA chart of a unit.
 

@@ -126,7 +126,7 @@ _ROUNDS = 400
 _SETTLED = 1e-5
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Between:
     """Mean and spread of units.
 

@@ -11,7 +11,7 @@ from tumble.records import dataclass
 ACCELEROMETER, GYRO = "accelerometer", "gyro"
 
 
-@dataclass(slots=True)
+@dataclass
 class UnitOutcome:
     """What came of a unit.
 
@@ -52,7 +52,7 @@ class UnitOutcome:
         return self.verdict == "fit" and self.limits in ("", "passed")
 
 
-@dataclass(slots=True)
+@dataclass
 class Batch:
     """A batch that is done.
 

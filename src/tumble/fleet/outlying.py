@@ -33,7 +33,7 @@ _ROUNDS = 20
 _MAD = 1.4826022185056018
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Outlying:
     """A unit that stands out.
 

@@ -19,7 +19,7 @@ FRAME = "accelerometer-x"
 HELD = 1e-24
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class UnitVector:
     """Parameters of one unit.
 
@@ -36,7 +36,7 @@ class UnitVector:
     covariance: Square
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Units:
     """Units that can be compared.
 

@@ -43,7 +43,7 @@ _SHEET = {
 }
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Amount:
     """A number with its unit as the file has them."""
 
@@ -66,7 +66,7 @@ class Amount:
         return self.number if self.unit == unit else None
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Limit:
     """The limits of a parameter or group; a side that is None is free.
 
@@ -103,7 +103,7 @@ class Limit:
         return None if lower is None or upper is None else (lower, upper, largest)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Limits:
     """A file of limits: its rule, and the limits by name."""
 

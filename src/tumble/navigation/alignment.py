@@ -29,7 +29,7 @@ _MOTION = 10.0
 _COMPARED, _TILT = 60.0, 0.02
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Alignment:
     """An attitude found at rest or from motion, and how well.
 

@@ -8,7 +8,7 @@ from tumble.arrays import Series
 from tumble.records import dataclass
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Statistic:
     """A number with its standard uncertainty; NaN where there are too few errors to tell it.
 

@@ -46,7 +46,7 @@ _FLOAT = 3.0
 _REST = 10.0
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Drive:
     """An IMU's samples and a track on one clock, with a start.
 

@@ -21,7 +21,7 @@ from tumble.records import dataclass
 _AFTER_MISSING = 30.0
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class OutageErrors:
     """Errors of position at the ends of outages of one length.
 
@@ -201,7 +201,7 @@ def _by_sensors(setup: FilterSetup, estimates: Table) -> Table:
     return parameters
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class FreeDrift:
     """Errors of position of free navigation from known starts.
 

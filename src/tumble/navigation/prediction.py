@@ -23,7 +23,7 @@ _SHARE = 0.01
 _JUDGED = ([0, 1], [2], [6, 7], [8])
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class StateAdvice:
     """Whether a filter should carry a sensor state.
 
@@ -47,7 +47,7 @@ class StateAdvice:
     carry: bool
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class PredictedErrors:
     """Covariances of errors of free navigation; nine of them are position (m), velocity (m/s), attitude (rad), in n.
 

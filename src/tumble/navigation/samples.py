@@ -15,7 +15,7 @@ from tumble.units import angular_rate_factor, specific_force_factor
 _MISSING = 3.5
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class InertialSamples:
     """Samples of an IMU in SI, along the body frame b.
 

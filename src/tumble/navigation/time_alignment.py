@@ -152,7 +152,7 @@ _FURTHEST = 5.0
 _LEAST_OVERLAP = 20.0
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class TimeAlignment:
     """The offset between two clocks.
 

@@ -21,7 +21,7 @@ from tumble.records import dataclass
 HIGHEST_LATITUDE = float(np.radians(89.9))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class NavigationState:
     """Position, velocity and attitude at one instant.
 
@@ -80,7 +80,7 @@ class NavigationState:
         return angles_from_matrices(self.C_nb[None])[0]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Trajectory:
     """Position, velocity and attitude over time.
 

@@ -29,7 +29,7 @@ Ranges: TypeAlias = Sequence[tuple[int, int]]
 _LEAST_BEYOND = 8  # samples that a piece must have beyond the order
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Autoregression:
     """A stationary autoregressive model, in the signal's unit u.
 

@@ -25,7 +25,7 @@ _TOLD = ("assumed", "doubtful", "mended")  # remarks of the reader that noise de
 _COLUMNS = ": time "  # in the reader's remark on what the columns are
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Averages:
     """What is averaged of a recording."""
 

@@ -22,7 +22,7 @@ FLOOR = sqrt(2.0 * log(2.0) / pi)
 _WELL_KNOWN = 10.0
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Channel:
     """One sensor of the recording.
 

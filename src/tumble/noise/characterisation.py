@@ -25,7 +25,7 @@ from tumble.records import dataclass
 _LEAST_SAMPLES = 16
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Characterisation:
     """Noise of all channels of a recording.
 

@@ -46,7 +46,7 @@ _LONGEST = 1 << 48  # samples: longer than any recording
 _LEAST_CLUSTERS = 12  # with fewer, a slope is chance
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Deviation:
     """The overlapping Allan deviation over averaging times, of all channels of a signal.
 
@@ -157,7 +157,7 @@ def allan_deviation(
     return collector.deviation()
 
 
-@dataclass(slots=True)
+@dataclass
 class _Floor:
     """One level of averaging: the last rows before the next block, and the sums so far."""
 
@@ -168,7 +168,7 @@ class _Floor:
     counts: Integers
 
 
-@dataclass(slots=True)
+@dataclass
 class StreamedDeviation:
     """Collects blocks of a signal and gives the deviation at octaves of the sampling interval, or as wanted.
 

@@ -25,7 +25,7 @@ Piece = tuple[int, int]
 Integers = npt.NDArray[np.int64]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Blocks:
     """Statistics of consecutive blocks of one piece of a recording.
 

@@ -30,7 +30,7 @@ _LEAST_STUCK = 8
 Integers = npt.NDArray[np.int64]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Held:
     """How often a recording's values were written.
 

@@ -43,7 +43,7 @@ _TOGETHER = 1 << 15  # samples that are transformed at once, so that they stay i
 _ENOUGH = 16  # segments, for their scatter to say how well their mean is known
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class FoundLine:
     """A line that stands out of the spectrum.
 
@@ -71,7 +71,7 @@ class FoundLine:
         return Line(self.amplitude, self.frequency)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class _Spectrum:
     """Hann periodograms of a signal's segments, averaged."""
 

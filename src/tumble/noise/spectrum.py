@@ -26,7 +26,7 @@ _LEAST_SEGMENT = 8
 _NEIGHBOURS = 1.0 / 36.0
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class PowerSpectrum:
     """One-sided density of all channels of a signal.
 

@@ -37,7 +37,7 @@ _MOST_SAID = 3  # steps that are told one by one
 Ranges = tuple[Piece, ...]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Suitability:
     """What of a recording may be taken for noise.
 
@@ -100,7 +100,7 @@ def judge_rest(evidence: RestEvidence) -> Suitability:
     return Suitability(tuple(pieces), task.names, tuple(remarks), shortest)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class _Judgement:
     """The evidence on the channels that live, and what was said of it so far."""
 

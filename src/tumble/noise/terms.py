@@ -40,7 +40,7 @@ from tumble.records import dataclass
 _BEYOND = 16
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class GaussMarkov:
     """A first-order Gauss-Markov process (exponentially correlated noise).
 
@@ -54,7 +54,7 @@ class GaussMarkov:
     correlation_time: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Line:
     """A sine of any phase, such as a vibration.
 
@@ -68,7 +68,7 @@ class Line:
     frequency: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class NoiseModel:
     """Noise of one sensor, a sum of independent terms, in its SI unit u (rad/s or m/s²).
 

@@ -24,7 +24,7 @@ COLLAPSE = (
 _LETTERS = "QNBKR"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class TriadTerm:
     """A coefficient of a triad, in the unit of its axes.
 

@@ -15,7 +15,7 @@ _ROOT_HOUR = 60.0  # √s in √h
 GYRO, ACCELEROMETER = "angular rate", "specific force"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class NoiseUnit:
     """A unit that a coefficient of noise is stated in.
 

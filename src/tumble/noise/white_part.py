@@ -30,7 +30,7 @@ _BEYOND = (
 _NORMAL = 1.959964  # 95 % of a normal number
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class WhitePart:
     """N of a channel as it is over times longer than that of its processes.
 

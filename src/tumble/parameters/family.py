@@ -24,7 +24,7 @@ ANGLES = ("non-orthogonality", "misalignment", "rotation")
 _LEANS = tuple(a + b for a in "xyz" for b in "xyz" if a != b)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Family:
     """Parameters that differ by their axes alone: limits, fleets and figures take them together.
 
@@ -66,7 +66,7 @@ class Family:
         return [(self.named(one), unit) for one in axes or self.axes]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Parameter:
     """One parameter: its name, its family, and its axes, such as "x", "yz" or "x to force y"; empty for none."""
 

@@ -44,7 +44,7 @@ _SIGNS = {"^2": "²", "deg": "°", "uT": "µT", "ugauss": "µgauss", "(local fie
 _LENGTHS = {"m": 1.0, "mm": 1e-3}
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Measure:
     """A value with its standard uncertainty in a unit; a value of nan gives the uncertainty alone."""
 

@@ -45,7 +45,7 @@ STEPS: dict[str, type[Any]] = {
 """The kinds of steps, by the key that has a step's name."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Key:
     """One key of a protocol file.
 

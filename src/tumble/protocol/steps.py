@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 UP_N = np.array([0.0, 0.0, -1.0])
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Pose:
     """What is known of b's attitude during a hold.
 
@@ -68,7 +68,7 @@ def _turn_up(up_b: Vector) -> Matrix:
     return np.diag([1.0, -1.0, -1.0]) if up_b[2] > 1.0 - 1e-12 else rotation_between(up_b, UP_N)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class _Placed:
     """Where a step is in what was recorded: a file, and from where to where on its clock, s; None for anywhere."""
 
@@ -76,7 +76,7 @@ class _Placed:
     interval: tuple[float, float] | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class HoldStep(_Placed):
     """The unit rests.
 
@@ -94,7 +94,7 @@ class HoldStep(_Placed):
     name: str = ""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class TurnStep(_Placed):
     """The unit is brought from one pose to another, it does not matter how fast.
 
@@ -119,7 +119,7 @@ ASSUMED_RATE = 1e-3
 no crystal times. A laboratory's rate table is ten to a hundred times better, and its data sheet says so."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class SpinStep(_Placed):
     """A table turns the unit at a constant rate.
 
@@ -158,7 +158,7 @@ class SpinStep(_Placed):
         return ASSUMED_RATE if self.sigma is None else self.sigma
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class SoakStep(_Placed):
     """The unit lies as it lies while its surroundings come to a temperature and stay there.
 
@@ -178,7 +178,7 @@ class SoakStep(_Placed):
     name: str = ""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class RampStep(_Placed):
     """The temperature of the surroundings goes slowly from one to another.
 
@@ -206,7 +206,7 @@ class RampStep(_Placed):
 Step = HoldStep | TurnStep | SpinStep | SoakStep | RampStep
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Protocol:
     """The steps of a test in order, and what else its evaluation needs.
 

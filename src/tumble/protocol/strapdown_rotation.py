@@ -34,7 +34,7 @@ SAME_ROTATION = 1e-3
 ROUNDING = 1e-9
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class RotationSequence:
     """One row of table 1.
 

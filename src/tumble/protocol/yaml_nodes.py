@@ -18,7 +18,7 @@ _TEXT = Key("")
 _SAID = 1 << 18  # characters that the slow loader, of some 100 kB/s, is asked of
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Entry:
     """One value of a file, and what it is called in a message.
 

@@ -66,7 +66,7 @@ _FIELD_STAMPS = "mag_time [s]"  # as tumble writes it; see `tumble.recording.for
 _BRACKETS = re.compile(r"[\[(]([^\])]*)[\])]")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class DeclaredUnits:
     """Units by quantity, None where nothing was declared."""
 
@@ -88,7 +88,7 @@ Axes: TypeAlias = tuple[tuple[int, float], ...]
 """Index of the column and sign of the three axes of a triad."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class ColumnPlan:
     """Which column is what.
 
@@ -450,7 +450,7 @@ _AROUND = (0.5, 2.0)  # of the norm, in which a vector stays all these times
 _THINNED = 6000  # points whose directions are compared
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class VectorSigns:
     """What shows whether a triad sees gravity, the Earth's field or neither.
 
@@ -610,7 +610,7 @@ def triad_alone(columns: list[Series]) -> ColumnPlan | None:
     return ColumnPlan(time, {"a": values}, said_by="content") if len(values) == 3 else None
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class TriadOrder:
     """Which of two triads is the accelerometer: `swapped` if the second; `sure` if the content shows it."""
 
@@ -895,7 +895,7 @@ def is_pair(tables: list[RawTable]) -> bool:
     return len(tables) == 2 and all(_own_plan(t) is not None for t in tables)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Pairing:
     """How two tables become one: what each has, and what the merged columns are.
 

@@ -58,7 +58,7 @@ _DIP_SCATTER = 0.1  # rad
 _SHORT = 0.5  # of the recording, that the magnetometer covers
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class FieldFindings:
     """What the doctor found of the magnetometer.
 
@@ -174,7 +174,7 @@ def _about_norm(norm: float, unit: str) -> list[str]:
     return [sentence[0].upper() + sentence[1:]]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class _Angle:
     """The angle between field and gravity over rests, with the magnetometer's axes as they are and as fits best."""
 
@@ -327,7 +327,7 @@ _DISTANT = 1e6  # s: stamps beyond count from a day of the calendar
 _TEMPERATURE_SPAN = 10.0  # degrees Celsius that make a temperature dependence visible
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Gap:
     """Missing samples: before sample `index`, from `time` on for `duration` seconds, about `samples`."""
 
@@ -337,7 +337,7 @@ class Gap:
     samples: int
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Findings:
     """What the doctor found.
 

@@ -110,7 +110,7 @@ for _i, _l, _j in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
     _E[_i, _l, _j], _E[_i, _j, _l] = 1.0, -1.0
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class AxisAgreement:
     """How the gyro's axes agree with gravity as the accelerometers see it turn.
 
@@ -149,7 +149,7 @@ class AxisAgreement:
         )
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class GyroScale:
     """Scale of the gyro in rad/s per raw unit, and whether gravity determines it."""
 
@@ -158,7 +158,7 @@ class GyroScale:
     determined: bool
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class _Windows:
     change: Vectors  # of f over each window
     products: Table  # (windows, 9): integrals of f_l omega_k

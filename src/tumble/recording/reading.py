@@ -122,7 +122,7 @@ def _bad_column(table: RawTable, plan: ColumnPlan, row: int) -> str:
 _DISCIPLINED = ("gps", "gnss", "tow", "utc", "unix", "host")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Asked:
     """What is said of files beside what they hold, as `read_recording` takes it."""
 

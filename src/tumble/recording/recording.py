@@ -40,7 +40,7 @@ def recording_html(recording: Recording) -> str:
     return notebook_html((), rows, notes=[remark.text for remark in recording.remarks])
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Triad:
     """One triad of a recording: letter of its channels, what it measures, raw numbers (samples, 3), their unit."""
 
@@ -50,7 +50,7 @@ class Triad:
     unit: str
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Recording:
     """Samples of one IMU in time order.
 

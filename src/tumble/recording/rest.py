@@ -24,7 +24,7 @@ _PIECE = 16_384  # samples of one piece of a long recording that is judged by sa
 Indices = npt.NDArray[np.intp]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class QuietStretches:
     """Stretches in which the unit seems at rest.
 
@@ -163,7 +163,7 @@ _LEAST_RUN = 3
 _LEFT = 0.05
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Saturation:
     """A channel that sticks at its extreme: `samples` at `value`, the longest run and where it begins."""
 

@@ -45,7 +45,7 @@ _TABLE = "tumble_corrections"
 _BATCH = 4096
 
 
-@dataclass(slots=True)
+@dataclass
 class Exchange:
     """What is exchanged in a bag.
 

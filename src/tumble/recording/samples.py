@@ -15,7 +15,7 @@ from tumble.records import dataclass
 _OTHERS = ("specific_force", "angular_rate", "temperature", "magnetic_field")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Source:
     """One file that a recording was read from, and the topic where it is a bag and one topic has both triads."""
 
@@ -24,7 +24,7 @@ class Source:
     topic: str | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Remark:
     """Something that the reader noticed, assumed or mended, as a sentence for the user.
 
@@ -37,7 +37,7 @@ class Remark:
     text: str
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Samples:
     """Some samples of one stream in time order, raw.
 
@@ -120,7 +120,7 @@ NOTHING_MADE = "so nothing is made of it."
 """Ends the remark on a magnetometer that lacks a column."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class MagneticField:
     """What a magnetometer measured, on the time axis of the recording that it belongs to.
 

@@ -60,7 +60,7 @@ AGREES, AGREES_AT_LEAST = 4.0, 1e-4
 CONTRADICTS = 2.0
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Clock:
     """What is known of the rate of a recording's clock.
 
@@ -254,7 +254,7 @@ _LEAST_PART = (
 )
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Stamps:
     """Stamps put in order.
 
@@ -329,7 +329,7 @@ def _median(values: Series) -> float:
     return float(np.median(_thinned(values)))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Told:
     """What is known of a column of stamps, whatever stands in it.
 
@@ -411,7 +411,7 @@ def order_stamps(raw: Series, told: Told) -> Stamps:
     return Stamps(time, keep, gaps, found, unit, clock_of_stamps(time, rate, told.known), remarks)
 
 
-@dataclass(slots=True)
+@dataclass
 class BlockState:
     """What is carried from block to block.
 

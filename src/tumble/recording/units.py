@@ -56,7 +56,7 @@ from tumble.units import (
 _Ranges = dict[float, float]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Chip:
     """A chip's counts by range.
 
@@ -207,7 +207,7 @@ _DROWNED = 3.0  # times the noise: gravity is some hundred times it
 _EXCHANGED = {a + axis: b + axis for a, b in ("ag", "ga") for axis in "xyz"}
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Level:
     """Norm of the accelerometer at rest: its median and relative spread, motion in it, noise, where rest was seen."""
 
@@ -671,7 +671,7 @@ def _jump(values: Series, tolerance: float) -> tuple[int, float] | None:
 _PLAIN_NAMES = ("ax", "ay", "az", "gx", "gy", "gz")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Interpretation:
     """What the columns of a table mean.
 

@@ -22,7 +22,7 @@ from tumble.registry import schema
 from tumble.registry.opening import Registry, RegistryError
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Entry:
     """A calibration in a registry, without its document.
 
@@ -43,7 +43,7 @@ class Entry:
     temperature: float | None
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class ParameterSeries:
     """Calibrations with the same parameters, in the order of units and time.
 
@@ -138,7 +138,7 @@ def _insert(connection: Connection, entry: Entry, calibration: Calibration, text
         [[p.value for p in calibration.parameters], [p.standard_uncertainty for p in calibration.parameters]],
         dtype="<f8",
     )
-    told = {key: getattr(entry, key) for key in Entry.__slots__ if key != "unit"} | {
+    told = {key: getattr(entry, key) for key in vars(entry) if key != "unit"} | {
         "unit_id": unit_id,
         "layout_id": layout_id,
         "numbers": numbers.tobytes(),
@@ -200,7 +200,7 @@ def entries(
         If the database fails.
     """
     table = schema.calibrations
-    columns = [schema.units.c.name, *(table.c[key] for key in Entry.__slots__ if key != "unit")]
+    columns = [schema.units.c.name, *(table.c[key] for key in Entry.__match_args__ if key != "unit")]
     query = select(*columns).join(schema.units, table.c.unit_id == schema.units.c.id)
     if unit is not None:
         query = query.where(schema.units.c.name == unit)

@@ -206,7 +206,7 @@ def _log_axis(title: str, values: Any) -> Axis:
     return Axis(title, "log", every=1 if span >= _WIDE else "D2" if span > _NARROW else "D1")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class NoiseRow:
     """One coefficient of one channel for people.
 

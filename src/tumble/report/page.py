@@ -19,21 +19,21 @@ if TYPE_CHECKING:
     from rich.text import Text
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Heading:
     """The title of what follows."""
 
     text: str
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Facts:
     """Names with what they are."""
 
     pairs: Sequence[tuple[str, str]]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Sentences:
     """Sentences as a list, as a paragraph each, or as notes to what stands above."""
 
@@ -41,7 +41,7 @@ class Sentences:
     look: Literal["list", "paragraphs", "notes"] = "list"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Table:
     """Rows of text under heads.
 
@@ -65,7 +65,7 @@ class Table:
     spare: int = 0
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Figures:
     """Figures that stand together, with one caption that says what to look for."""
 
@@ -73,14 +73,14 @@ class Figures:
     caption: str
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Code:
     """Lines to be copied as they are."""
 
     text: str
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Verdict:
     """The judgement in a few words, and its reasons."""
 
@@ -89,21 +89,21 @@ class Verdict:
     reasons: Sequence[str]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Footer:
     """The last line of a page."""
 
     text: str
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Blanks:
     """Names of what is written by hand on a printed sheet, a line of them at a time."""
 
     lines: Sequence[Sequence[str]]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Card:
     """One step on a printed sheet, with a box to tick.
 
@@ -124,7 +124,7 @@ class Card:
     blanks: Sequence[tuple[str, str]] = ()
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Cards:
     """Steps in their order."""
 
@@ -134,7 +134,7 @@ class Cards:
 Block = Heading | Facts | Sentences | Table | Figures | Code | Verdict | Footer | Blanks | Cards
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Page:
     """A title, and blocks from top to bottom; `wide` for tables of many columns."""
 

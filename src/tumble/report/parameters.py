@@ -25,7 +25,7 @@ from tumble.units import DEGREE, STANDARD_GRAVITY, unit_factor
 _LARGEST_BIAS = {"accelerometer": 0.5 * STANDARD_GRAVITY, "gyro": 1.0}
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class ParameterRow:
     """One parameter for a reader.
 

@@ -19,7 +19,7 @@ from tumble.reproduction.outcome import Outcome
 GROUP = "tumble.reproduction"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Item:
     """One table or figure.
 

@@ -12,7 +12,7 @@ INSIDE, OUTSIDE, UNJUDGED = "inside", "outside", ""
 Value = float | str | None
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Row:
     """One line of a table.
 
@@ -32,7 +32,7 @@ class Row:
     reason: str = ""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Curve:
     """A line of a figure with its band: the mean `y` over `x`, between `low` (5 % of the runs) and `high` (95 %).
 
@@ -46,7 +46,7 @@ class Curve:
     high: Series
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Marks:
     """The paper's own numbers in a figure: points without a line."""
 
@@ -55,7 +55,7 @@ class Marks:
     y: Series
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Plot:
     """A figure with logarithmic or linear axes.
 
@@ -80,7 +80,7 @@ class Plot:
     band: str = "5 % to 95 %"
 
 
-@dataclass(slots=True)
+@dataclass
 class Outcome:
     """A table or figure of a paper, made anew.
 

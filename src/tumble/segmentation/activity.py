@@ -36,7 +36,7 @@ PIECE_SAMPLES = 100
 TYPICAL_TURN_RATE = 1.0
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Activity:
     """Motion per block as an approximate angular rate in rad/s, and what it was made with.
 

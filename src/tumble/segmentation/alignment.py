@@ -33,7 +33,7 @@ GAP, REPETITION, NO_POSE, WRONG_WAY = 6.0, 3.0, 0.5, 8.0
 SAME_DIRECTION = np.radians(5.0)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Event:
     """A hold or a spin that was found: samples `start` up to `stop`.
 
@@ -103,7 +103,7 @@ def _spin_event(recording: Recording, timeline: Timeline, means: HoldMeans, spin
     return Event(spin.start, spin.stop, None, spin, beside, np.asarray(rate, dtype=np.float64))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class RoughScale:
     """One centre and one scale for a triad: ``raw = centre + scale * direction``, raw units.
 
@@ -162,7 +162,7 @@ def pose_of(step: Step) -> Pose | None:
     return step.pose if isinstance(step, HoldStep) else None
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Reading:
     """How raw numbers are taken: turned axes, a rough scale of the accelerometer, and one of the gyro.
 
@@ -444,7 +444,7 @@ def signed_permutations() -> list[np.ndarray]:
     return sorted(matrices, key=lambda m: (float(np.trace(np.abs(m))) != 3.0, int(np.sum(m < 0))))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Fit:
     """Which event is which step, in order.
 
@@ -461,7 +461,7 @@ class Fit:
         return {step for step, _ in self.pairs}
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Case:
     """A protocol beside what was found: what every question about their likeness needs.
 

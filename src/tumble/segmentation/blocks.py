@@ -15,7 +15,7 @@ BLOCK_SECONDS = 0.05
 SMOOTHING_SECONDS = 0.15
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class TriadBlocks:
     """One triad's blocks, (blocks, 3): smoothed means, raw units, and roughness, raw units squared."""
 
@@ -23,7 +23,7 @@ class TriadBlocks:
     roughness: np.ndarray
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Blocks:
     """A recording cut into blocks of `size` samples; a triad that is missing is None.
 
@@ -43,7 +43,7 @@ class Blocks:
         return 0 if triad is None else int(triad.smooth.shape[0])
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class BlockCut:
     """How samples at a rate are cut into blocks and smoothed.
 

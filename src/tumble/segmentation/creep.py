@@ -164,7 +164,7 @@ def _expected(table: Vectors, stretches: list[Stretch], rate_scale: float) -> Ve
     return np.where(np.repeat(plausible & nearer, 3).reshape(-1, 3), line, middle)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class OtherRests:
     """Stretches in which gravity stands still while the gyros show one rate, in poses in which no axis can be one.
 

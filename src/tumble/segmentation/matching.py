@@ -42,7 +42,7 @@ FIXTURE_PROCEDURE = "strapdown-rotation"
 MOST_SENTENCES = 8
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class MatchedHold:
     """Hold number `hold` of the timeline is step number `step` of the protocol, both from 0."""
 
@@ -50,7 +50,7 @@ class MatchedHold:
     hold: int
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class MatchedSpin:
     """Samples `start` up to `stop` are step number `step` of the protocol: whole revolutions, if one is."""
 
@@ -59,7 +59,7 @@ class MatchedSpin:
     stop: int
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Matching:
     """Which hold and spin is which step.
 

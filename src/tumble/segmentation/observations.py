@@ -15,7 +15,7 @@ from tumble.segmentation.rest_wander import RestParts, observe_parts
 from tumble.segmentation.timeline import Hold, Timeline
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class HoldMeans:
     """One row per hold; raw units.
 

@@ -31,7 +31,7 @@ _GRID = USUAL * np.exp(np.linspace(-5.0, 5.0, 31))
 DISTURBED = 10.0
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class RestParts:
     """Means of the parts of all rests; raw.
 

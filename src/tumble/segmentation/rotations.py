@@ -25,7 +25,7 @@ from tumble.segmentation.turns import LONGEST_GAP
 INTO_REST = 0.4  # s
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Rotation:
     """One spin of the table, from rest to rest or at its constant rate.
 
@@ -101,7 +101,7 @@ def observe_rotations(
     return [observer.rotation(row) for row in range(len(matching.spins))]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class _Observer:
     """What was to be done and what was found, for one spin after the other."""
 

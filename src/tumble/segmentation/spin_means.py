@@ -36,14 +36,14 @@ LEAST_REVOLUTION = 0.5
 PHASE_SIGMAS = 4.0
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class SpinMeans(HoldMeans):
     """One row per spin; raw units. `period` (spins,) is s per revolution as it was used; NaN in too short a spin."""
 
     period: Series = field(default_factory=lambda: np.zeros(0))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class _Window:
     """Samples that are averaged, seconds a revolution takes (NaN if not modelled), and the model's columns.
 

@@ -30,7 +30,7 @@ SHORTEST_PIECE_SECONDS = 0.5
 LARGEST_LOSS_SECONDS = 0.8
 
 
-@dataclass(slots=True)
+@dataclass
 class Stretch:
     """Blocks `first` up to `last` at rest; `start` and `stop` are the refined ends in blocks."""
 

@@ -6,7 +6,7 @@ from tumble.arrays import Vector
 from tumble.records import dataclass
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Hold:
     """A stretch at rest: samples `start` up to `stop` without those in `excluded`.
 
@@ -31,7 +31,7 @@ class Hold:
         return ranges
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Turn:
     """The motion from hold number `before` to hold number `after`: samples `start` up to `stop`.
 
@@ -47,7 +47,7 @@ class Turn:
     reason: str = ""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Rejection:
     """A stretch that is neither hold nor turn, with the reason as a phrase for the user."""
 
@@ -56,7 +56,7 @@ class Rejection:
     reason: str
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class NoiseFloor:
     """Per-sample standard deviations at rest, raw units, and what separates rest from motion.
 
@@ -69,7 +69,7 @@ class NoiseFloor:
     statistic: str
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Timeline:
     """Holds and turns of one recording, in time order, with every rejected stretch."""
 

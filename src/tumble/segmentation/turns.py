@@ -163,7 +163,7 @@ LEAST_HOLDS = 8
 CLEARLY = 0.5
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class FoundSpin:
     """The constant-rate part of a motion: samples `start` up to `stop`, without its ramps.
 
@@ -225,7 +225,7 @@ def judge_spin(recording: Recording, timeline: Timeline, spin: FoundSpin) -> Fou
     )
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class SpinSearch:
     """What the search for plateaus looks at.
 

@@ -14,7 +14,7 @@ from tumble.arrays import AnyArray, Matrix, Vector, Vectors
 from tumble.records import dataclass
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Curve:
     """What a sensor shows beside a straight line: a coefficient times a function of its own input.
 
@@ -33,7 +33,7 @@ CURVES = {"asymmetry": Curve(np.abs, np.sign, 0), "quadratic": Curve(np.square, 
 """The curves that a triad may have, by the names of its attributes."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Triad:
     """Three accelerometers or three gyros: how true values become raw ones.
 
@@ -111,7 +111,7 @@ class Triad:
         return 2.0 * output / (slope + root)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class ImuModel:
     """Accelerometer, gyro and magnetometer triads in one body frame b.
 

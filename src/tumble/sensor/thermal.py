@@ -24,7 +24,7 @@ def _no_nodes() -> Series:
     return np.zeros(0)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class TemperatureBasis:
     """Functions of the temperature T (°C), every one zero at the reference temperature.
 
@@ -156,7 +156,7 @@ class ThermalState(NamedTuple):
     hysteresis: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class TemperaturePath:
     """The sensor's own temperature over a recording.
 
@@ -274,7 +274,7 @@ SHAPES: dict[str, tuple[int, ...]] = {
 BIASES = ("accelerometer.bias", "gyroscope.bias")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class ThermalModel:
     """Both triads as functions of the sensor's temperature T, its rate dT/dt and a hysteresis state s.
 

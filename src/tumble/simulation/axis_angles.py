@@ -18,7 +18,7 @@ _QUARTER = 0.5 * np.pi
 _Z = np.array([0.0, 0.0, 1.0])
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class FixtureAngles:
     """Where a fixture has to stand for a protocol.
 

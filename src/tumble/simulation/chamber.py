@@ -19,7 +19,7 @@ from tumble.simulation.sampling import Imperfections
 from tumble.simulation.thermal_steps import has_chamber
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Chamber:
     """The surroundings and the thermometer.
 
@@ -87,7 +87,7 @@ class Chamber:
         return shown
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class ChamberTruth:
     """What was true of the temperatures.
 

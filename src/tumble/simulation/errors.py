@@ -25,7 +25,7 @@ AXES = ("unit", "case")
 EARTHS_FIELD = (49e-6, 65.0 * DEGREE, 4.0 * DEGREE)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class SessionErrors:
     """What is wrong with a session beyond what is drawn from the grade of its unit.
 

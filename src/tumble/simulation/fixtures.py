@@ -45,7 +45,7 @@ HAND_TURN, TABLE_REST = 3.0, 1.0  # s
 HAND_PACE, HAND_DETOUR = 0.1, 0.03
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class TrueSpin:
     """A spin as it was.
 
@@ -72,7 +72,7 @@ class TrueSpin:
     ramps: tuple[float, float] = (np.nan, np.nan)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class TrueRotation:
     """A rotation of one axis of a two-axis fixture as it was.
 
@@ -94,7 +94,7 @@ class TrueRotation:
     axis_b: Vector
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class PlayedProtocol:
     """The motion that a protocol became.
 
@@ -202,7 +202,7 @@ def _with_chamber(protocol: Protocol, plain: PlainSteps, played: PlayedProtocol)
     )
 
 
-@dataclass(slots=True)
+@dataclass
 class _Move:
     """A turn or spin: s, rotation vector in b, its step, how a table drives it, its axis, a hand's swing in b."""
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 _RMS_OF_QUADRATIC = float(np.sqrt(4.0 / 45.0))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class TriadGrade:
     """What units of a grade have in common: noise, and the spread of their constant errors (one sigma).
 
@@ -58,7 +58,7 @@ class TriadGrade:
         return self.linearity / (_RMS_OF_QUADRATIC * self.noise.full_scale)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Grade:
     """A grade of IMU.
 
@@ -175,7 +175,7 @@ RATE_KELVINS, LOOP_SHARE = 0.5, 0.01
 REFERENCE_CELSIUS = 25.0
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class TriadDrift:
     """One sigma of a triad's changes with temperature.
 
@@ -191,7 +191,7 @@ class TriadDrift:
     misalignment: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class ThermalGrade:
     """What temperature does to units of a grade.
 

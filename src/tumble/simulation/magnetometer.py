@@ -16,7 +16,7 @@ from tumble.simulation.motion import Motion
 _MICRO = 1e-6
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class MagnetometerGrade:
     """What kind of magnetometer, SI.
 
@@ -75,7 +75,7 @@ MAGNETOMETER_GRADES: dict[str, MagnetometerGrade] = {
 }
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class SimulatedMagnetometer:
     """A magnetometer on a simulated unit, in the field of the place.
 

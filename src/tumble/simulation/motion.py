@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Detours:
     """A hand does not turn about one fixed axis: during each of some turns the attitude leaves the path.
 
@@ -266,7 +266,7 @@ class Motion:
         return path, step, progress
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class _Steps:
     """Holds and turns in one row: edges in s, rotation vector, how spins run, first attitude."""
 

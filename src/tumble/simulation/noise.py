@@ -15,7 +15,7 @@ from tumble.noise.flicker import flicker_recursions
 from tumble.records import dataclass
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class TriadNoise:
     """Noise coefficients of a triad, in its SI unit u (m/s² or rad/s); the axes are independent.
 

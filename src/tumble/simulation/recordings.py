@@ -40,7 +40,7 @@ Distort = Callable[[Vectors, Vectors], tuple[Vectors, Vectors]]
 BLOCK = 100_000
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Truth:
     """What was simulated.
 

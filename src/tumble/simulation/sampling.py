@@ -17,7 +17,7 @@ from tumble.records import dataclass
 LARGEST_SHIFT = 0.45
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Imperfections:
     """What the chain from the sensor to the file does beside the sensor's own errors.
 

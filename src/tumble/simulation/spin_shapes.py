@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class SpinShapes:
     """One row for each turn; a turn that is no spin has NaN for its ramps and zeros.
 

@@ -22,7 +22,7 @@ SHORTEST_RAMP = 0.1
 SAME_DURATION = 1e-9
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class TableErrors:
     """What is wrong with a turntable; without arguments nothing.
 
@@ -59,7 +59,7 @@ class TableErrors:
     stops_early: tuple[tuple[int, float], ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Drive:
     """One spin as the table makes it.
 

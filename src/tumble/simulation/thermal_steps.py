@@ -15,7 +15,7 @@ from tumble.records import dataclass
 TUMBLED, BY_HAND, TURN = 18, np.radians(5.0), 3.0
 
 
-@dataclass(slots=True)
+@dataclass
 class PlainSteps:
     """Holds, turns and spins that a protocol with soaks and ramps comes to.
 

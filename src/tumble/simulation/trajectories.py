@@ -28,7 +28,7 @@ _DEGREE = 5
 _BLOCK = 20_000
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class TravelledStates:
     """Where a travelling body is, and what is measured there, at some instants.
 
@@ -52,7 +52,7 @@ class TravelledStates:
     angular_rate_ib_b: Vectors
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class SplineTrajectory:
     """A trajectory by splines; build it with one of its constructors.
 
@@ -115,7 +115,7 @@ class SplineTrajectory:
         self._refuse_outside(time)
         parts = [self._states(time[i : i + _BLOCK]) for i in range(0, len(time), _BLOCK)]
         return TravelledStates(
-            *(np.concatenate([getattr(part, name) for part in parts]) for name in TravelledStates.__slots__)
+            *(np.concatenate([getattr(part, name) for part in parts]) for name in vars(parts[0]))
         )
 
     def increments(self, edges: Series, nodes: int = 4) -> tuple[Vectors, Vectors]:

@@ -38,7 +38,7 @@ AXES = ("inner", "outer")
 """Of the fixture, in the order in which they move between sequences."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class FixtureErrors:
     """What is wrong with a two-axis fixture, and how it turns; without arguments nothing is wrong.
 
@@ -173,7 +173,7 @@ def play_sequences(
     return player.finish(np.zeros(3) if lever_arm_b is None else lever_arm_b)
 
 
-@dataclass(slots=True)
+@dataclass
 class _Move:
     """A rotation of one axis, 0 the inner and 1 the outer: its step, rotation vector in b, s, s."""
 

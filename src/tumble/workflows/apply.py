@@ -51,7 +51,7 @@ from tumble.workflows.corrected import (
 from tumble.workflows.request import ApplyRequest, asked, silent
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Applied:
     """What `apply` wrote: the file, how many samples, and sentences for the user."""
 
@@ -113,7 +113,7 @@ def apply(request: ApplyRequest) -> Applied:
     return Applied(goal.path, work.done, [*remarks, *work.remarks()])
 
 
-@dataclass(slots=True)
+@dataclass
 class _Blocks:
     """The blocks of a recording on their way, and what is learnt of them meanwhile."""
 
@@ -355,7 +355,7 @@ def _write_folder(bag: ros.Bag, target: Path, exchange: Exchange) -> None:
         raise OutputError(f"{target} could not be written: {error.strerror or error}.") from error
 
 
-@dataclass(slots=True)
+@dataclass
 class _Line:
     """One topic on its way: what of it is corrected, and how far it is."""
 

@@ -46,7 +46,7 @@ GYRO_BIASES = "gyro biases only"
 WHOLE = "all"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class CorrectedBy:
     """The samples as a part of a calibration makes them.
 

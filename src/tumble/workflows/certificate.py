@@ -17,7 +17,7 @@ from tumble.workflows.request import CertificateRequest
 NOBODY = "–"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Certificate:
     """A certificate that was written: its number, the document's hash, its files, and what it lacks, in sentences."""
 

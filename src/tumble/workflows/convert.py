@@ -26,7 +26,7 @@ from tumble.units import angular_rate_factor, find_unit, specific_force_factor
 from tumble.workflows.request import ConvertRequest, asked
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Converted:
     """What was written, and sentences on what it does not hold."""
 

@@ -42,7 +42,7 @@ from tumble.sensor.thermal import SPAN_MARGIN, Outside
 from tumble.units import COUNTS, MICROTESLA, magnetic_field_factor
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Correction:
     """How a recording is corrected.
 
@@ -369,7 +369,7 @@ def corrects_field(document: Calibration, recording: Recording) -> bool:
     return recording.magnetic_field is not None and block is not None and block.triad is not None
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class CorrectedField:
     """How the magnetometer's samples are corrected: in µT, or in units of the local field.
 
@@ -460,7 +460,7 @@ _LOGS = {
 }
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Destination:
     """Where a corrected recording goes, and in which form."""
 

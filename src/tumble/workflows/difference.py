@@ -101,7 +101,7 @@ FALSE_ALARM = 0.01
 """Chance of calling right uncertainties too small."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Recovery:
     """What is stated against what is true.
 

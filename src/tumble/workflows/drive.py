@@ -69,7 +69,7 @@ _TRIADS = ("accelerometer", "gyroscope")
 _GRAVITY, _EARTH_RADIUS = 9.81, 6.371e6
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class DriftAfter:
     """Free inertial drift after one length: rms over so many known starts, m, and over that without calibration."""
 
@@ -79,7 +79,7 @@ class DriftAfter:
     ratio_to_uncalibrated: Statistic
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class ErrorAfter:
     """The error at the ends of outages of one length: rms, m, and over that without calibration."""
 
@@ -89,7 +89,7 @@ class ErrorAfter:
     ratio_to_uncalibrated: Statistic
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Variant:
     """What navigation is with a part of the calibration.
 
@@ -118,7 +118,7 @@ class Variant:
     positions: int
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class TimeOffset:
     """s to add to the track's times, with its standard uncertainty, and what was done in words."""
 
@@ -128,7 +128,7 @@ class TimeOffset:
     words: str
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Departure:
     """What the drive finds of a sensor state (SI), and of how many of its standard uncertainties that is."""
 
@@ -136,7 +136,7 @@ class Departure:
     normalised: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class FreeToFind:
     """What a filter of the calibrated samples says that may find the biases itself.
 
@@ -159,7 +159,7 @@ class FreeToFind:
 UNITS = {"drift": "m", "outage": "m", "drift_over_an_hour": "km", "sensor_states": "SI"}
 
 
-@dataclass(slots=True)
+@dataclass
 class DriveVerification:
     """A calibration's worth on a drive, as ``verify.json`` has it.
 
@@ -541,7 +541,7 @@ def verify_drive(request: DriveRequest) -> DriveVerification:
     return found
 
 
-@dataclass(slots=True)
+@dataclass
 class _Task:
     """What every part of a calibration has in common: the drive, the filter, and how far biases may have moved."""
 

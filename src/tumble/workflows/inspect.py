@@ -16,7 +16,7 @@ from tumble.records import dataclass
 from tumble.workflows.request import InspectRequest, asked
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Inspection:
     """A recording, what the doctor found in it, and where it was saved, if it was."""
 

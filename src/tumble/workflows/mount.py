@@ -40,7 +40,7 @@ _SAID = ("assumed", "mended")
 _TEST_VECTOR = np.array([1.0, -2.0, 3.0])
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Mounted:
     """A unit on its mount.
 
@@ -60,7 +60,7 @@ class Mounted:
     file: Path
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class _Rest:
     """The rest found in a recording, and what the file was.
 

@@ -38,7 +38,7 @@ _COMPRESSED = 4
 _COMPRESSED_STARTS = (b"\x1f\x8b", b"BZh", b"\xfd7zXZ", b"PAR1")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class NoiseAnalysis:
     """The noise of a recording, the document that says so, and the files that were written."""
 
@@ -139,7 +139,7 @@ def _write(folder: Path, found: NoiseAnalysis) -> tuple[Path, ...]:
 _SAME_RATE = 0.02
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class NoiseModels:
     """Models of a unit's channels.
 
@@ -244,7 +244,7 @@ def triad_models(
     return found
 
 
-@dataclass(slots=True)
+@dataclass
 class NoiseOfHolds:
     """Models in a recording's raw units, and what was said when they were used."""
 

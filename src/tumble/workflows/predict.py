@@ -38,7 +38,7 @@ COURSE = "straight"
 _TINY = TriadSpread(1e-9, 1e-9, misalignment=1e-9)  # every entry a state; how uncertain, the calibration says
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Prediction:
     """What a calibration is worth.
 

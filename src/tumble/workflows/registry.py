@@ -115,7 +115,7 @@ def require_registry(name: str, serial: str | None) -> None:
         pass
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Signal:
     """Where the chart of a unit is beyond its limit, in standard deviations of a calibration; `time` : s since 1970."""
 
@@ -125,7 +125,7 @@ class Signal:
     limit: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class History:
     """A unit over time: its parameters at each calibration, their drift, and where the chart signals.
 
@@ -188,7 +188,7 @@ def _signals(registry: Registry, unit: str, parameters: ParameterSeries) -> list
     ]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Due:
     """When a unit is due.
 

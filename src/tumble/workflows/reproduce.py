@@ -60,7 +60,7 @@ def reproduce(request: ReproduceRequest) -> tuple[list[Outcome], list[Path]]:
     return outcomes, [] if folder is None else _write(folder, outcomes)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class _Task:
     """An item by name, which its worker finds again, with its runs."""
 

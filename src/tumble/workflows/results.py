@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 OF_A_PAPER = "The estimator {} as its paper has it, not tumble's own."
 
 
-@dataclass(slots=True)
+@dataclass
 class CalibrationRun:
     """What `calibrate` made: the calibration, everything behind it, and where the files are.
 

@@ -422,7 +422,7 @@ LEFT_OUT = (SegmentationError, ObservabilityError, ConvergenceError)
 REASON = "Procedure joint: {count} recordings of one unit, each a turn-on of its own, in one adjustment."
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class _Named:
     """A recording as it was named: its files, what was done, and a name for words."""
 
@@ -431,7 +431,7 @@ class _Named:
     name: str
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class _Settled:
     """A recording that was adjusted by itself."""
 

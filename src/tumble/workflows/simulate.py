@@ -46,7 +46,7 @@ UNITS = ("SI", "counts")
 _STREAMS = ("unit", "session", "fixture", "thermal", "turn-on", "magnetometer", "field", "current")
 
 
-@dataclass(slots=True)
+@dataclass
 class Simulated:
     """What `simulate` wrote: the folder, its files, the truth, sentences for the user, seconds by stage."""
 

@@ -47,7 +47,7 @@ _NOISE = {
 }
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Played:
     """What is played on which unit, and how.
 

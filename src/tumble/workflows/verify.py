@@ -41,7 +41,7 @@ from tumble.workflows.given.protocols import given_site
 from tumble.workflows.request import VerifyRequest, asked, silent
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class HoldConditions:
     """What each hold was at: the sensor's temperature (°C), its rate (K/s) and hysteresis state, (holds,)."""
 
@@ -201,7 +201,7 @@ LARGEST_TURN_ANGLE = np.radians(1.0)
 UNITS = {"hold_norm_error": "m/s²", "turn_angle": "rad", "turn_size": "rad"}
 
 
-@dataclass(slots=True)
+@dataclass
 class Verification:
     """Scores of a calibration on other data.
 

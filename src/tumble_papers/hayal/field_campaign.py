@@ -66,7 +66,7 @@ STABILITY_TIME = 3600.0
 STEPS, SETTLED, CHANCE = 8, 0.03, 0.025
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class FieldUnit:
     """A unit of the campaign.
 
@@ -82,7 +82,7 @@ class FieldUnit:
     left: Vectors
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class TriadResult:
     """What an adjustment says of a triad.
 
@@ -253,7 +253,7 @@ EVERY = 10.0  # s between outages of which each is by itself
 _ORDER = (0, 1, 2, 3, 4, 5, 6, 8, 7)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class CartDrive:
     """A recorded drive of the cart.
 
@@ -271,7 +271,7 @@ class CartDrive:
     grade: Grade
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Calibrated:
     """What a filter is told of the sensors: the thesis' initial states and their standard deviations.
 
@@ -434,7 +434,7 @@ GAPS, SLIDING = "gaps", "sliding"
 OUTAGES = (2.0, 10.0, 30.0, 60.0)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Case:
     """A way to start the filter.
 
@@ -468,7 +468,7 @@ SUB_SCENARIOS = {"original": ORIGINAL, "3.0": Case(3, 3, 0), "3.3": Case(3, 3, 3
 UNSCALED = Case(3, 3, 9, scaled=False)
 
 
-@dataclass(slots=True)
+@dataclass
 class Positions:
     """Position errors of many campaigns with one case.
 

@@ -49,7 +49,7 @@ from tumble_papers.hayal.norm import adjust_norm
 Complex = npt.NDArray[Any]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class FoundTriad:
     """What a method finds of one triad.
 

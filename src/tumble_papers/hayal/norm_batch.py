@@ -38,7 +38,7 @@ ESTIMATORS = {
 _NO_ERRORS = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class NormBatch:
     """The outcome of many adjustments.
 
@@ -203,7 +203,7 @@ CASES = (1, 2, 3)
 FASTER = 1e4  # case 3
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Setting:
     """What one study simulates.
 
@@ -237,7 +237,7 @@ class Setting:
         return FORCE_ERRORS if self.triad == "accelerometer" else GYRO_ERRORS
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Runs(NormBatch):
     """The outcome of a study, one row a run; sigmas are sigma0 times the root of the cofactor (3.36).
 

@@ -152,7 +152,7 @@ WANDER = (0.02, 0.5)
 ABSURD = 0.5
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Means:
     """Hold means of many simulated units, for each averaging time.
 

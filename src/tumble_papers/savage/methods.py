@@ -43,7 +43,7 @@ from tumble_papers.savage.strapdown_simulation import composed
 MEASURE = 10.0
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class RecordedSequence:
     """One sequence of a recording.
 
@@ -139,7 +139,7 @@ PASSES = 4
 NAME = "savage-inversion"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class WhiteNoise:
     """What a second of white noise does: rad²/s of an angle, (m/s²)² of a mean over a second."""
 

@@ -25,7 +25,7 @@ COMPONENTS = ("Δa x", "Δa y", "Δa z", "down at the start", "down at the end")
 """The five measurements of a sequence, in m/s², in the frame of its start."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class SequenceModel:
     """The first-order error model of a sequence.
 
@@ -150,7 +150,7 @@ def across_down(down: Vector) -> AnyArray:
 AVERAGING = ("plain", "average-of-averages")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class SequenceMeasurement:
     """What a sequence measured.
 

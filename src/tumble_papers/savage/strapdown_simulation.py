@@ -46,7 +46,7 @@ UNITS_SI[GROUPS["lambda_bias"]] = MICRO_G
 """ppm, µrad and µg, in the order of `savage.NAMES`."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Grade:
     """A kind of unit.
 
@@ -90,7 +90,7 @@ EXACT = Grade("exact", 0.0, 0.0)
 """Navigation grade's errors before the test, and outputs without noise and pulses."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Setting:
     """What one study simulates.
 
@@ -122,7 +122,7 @@ class Setting:
         return round(self.seconds * self.sampling)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Recordings:
     """The raw outputs of one run, sequence by sequence, and what the test knows.
 
@@ -145,7 +145,7 @@ class Recordings:
     setting: Setting
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Variant:
     """A way to evaluate the test.
 
@@ -333,7 +333,7 @@ def _small(angles: AnyArray) -> Matrix:
     return _about(2, float(angles[2])) @ _about(1, float(angles[1])) @ _about(0, float(angles[0]))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class _Fixture:
     azimuth: float
     room: Matrix

@@ -47,7 +47,7 @@ from tumble_papers.zhang.closed_forms import (
 )
 
 
-@dataclass(slots=True)
+@dataclass
 class Placement:
     """The unit as it is placed on the table: its pose, from the first hold that says, and the spins found."""
 
@@ -104,7 +104,7 @@ def _another_pose(one: Pose | None, other: Pose | None, axis_b: Vector | None) -
 SAME_AXIS = np.cos(np.radians(3.0))
 
 
-@dataclass(slots=True)
+@dataclass
 class RotationPair:
     """All rotations of one placement about one axis.
 
@@ -195,7 +195,7 @@ SEEN = 0.2
 NEAR = np.radians(20.0)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class TableObservations:
     """What the closed forms are made from, in raw units, with its noise.
 

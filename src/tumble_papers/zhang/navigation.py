@@ -67,7 +67,7 @@ PLACE = (float(LATITUDE), 0.0, 0.0)
 FIRST = Rotation.from_euler("ZYX", [0.25 * np.pi, 0.0, 0.0])
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class TrueTest:
     """What a perfect unit measures in a test.
 
@@ -186,7 +186,7 @@ _BLOCK = 15.0
 _SHARES = (0.05, 0.95)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class NavigatedUnits:
     """Horizontal errors of position of many units in one test.
 
@@ -340,7 +340,7 @@ EXACT_AXIS = 1e-7  # rad
 NORTH, UP = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, -1.0])
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Piece:
     """One dwell, or an axis turned about both ways.
 
@@ -365,7 +365,7 @@ class Piece:
         return force, backward @ earth_w + speed[:, None] * self.axis_b
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class TruePlan:
     """What does not change from run to run.
 

@@ -62,7 +62,7 @@ LEFT_OUT = (8, 10, 12, 13, 14, 15, 16, 17, 18)
 """The edges that the nine leave: the set of table 5 that is singular."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class PredictedSigma:
     """Standard deviations of the nine unknowns.
 
@@ -184,7 +184,7 @@ def explain_pose_set(directions: Vectors) -> str:
 GROUPS = ("scale", "misalignment", "bias")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class NormSensitivity:
     """Derivatives of the squared norm of the corrected vector, one row a direction.
 

@@ -442,7 +442,7 @@ def _which_is_better_note(own: list[Series]) -> str:
     )
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class _Picture:
     """What figures 3 and 4 differ in: what is printed, SI of the unit, noise density, SI, and ours in the unit."""
 

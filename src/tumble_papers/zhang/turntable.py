@@ -55,7 +55,7 @@ ORIENTATIONS = chatfield_orientations()
 AXES = ORIENTATIONS[[0, 4, 8, 1, 3, 5]]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Unit:
     """A unit, or many of them along the first axis; raw = matrix @ true + bias, true vectors in p.
 
@@ -149,7 +149,7 @@ class Setting:
         return np.concatenate([np.hypot(self.sigma[:3], moved), self.sigma[3:]])
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Statistics:
     """What is evaluated of many runs; raw units.
 
@@ -392,7 +392,7 @@ CHOICES = ("two axes, z then y", "two axes, x then y", "six axes (Wahba)", "(40)
 """How R_p^o is found from the axes: the first is the paper's, the next two are better choices."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Estimates:
     """What was found in many runs: the units by the paper's choice, and (runs, 3, 3) R_p^o by each of `CHOICES`."""
 
@@ -465,7 +465,7 @@ AXIS_ERROR = 2.0 * ARCSECOND
 POSITIONS = 48
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Comparison:
     """Many units calibrated by both methods, then at rest in 48 positions.
 

@@ -16,7 +16,7 @@ from tumble.sensor import ImuModel, Triad
 SMALLEST_TURN = np.radians(5.0)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class TurnScores:
     """Scores of turns, one row a hold (the turn after it); nan where there is none to judge.
 

@@ -57,7 +57,7 @@ def hidden_jumps(up: Vectors) -> list[int]:
     return np.flatnonzero(shown < HIDDEN).tolist() if holds > design.shape[1] + 1 else []
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class BiasCourse:
     """A jump or a drift of biases.
 

@@ -74,7 +74,7 @@ SMALLEST_TURNS = 8
 TRUNCATION = 0.005
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class TimeLag:
     """How much later the accelerometer's samples are than the gyro's, s, and its standard uncertainty."""
 

@@ -61,7 +61,7 @@ TAKING_PART = ("force", "rate", "turn", "pose", "angle", "table rate")
 """Kinds of which single observations may be left out; a swing is left out with its rate, a tilt is a pose."""
 
 
-@dataclass(slots=True)
+@dataclass
 class Section:
     """The state of one unbroken run of holds.
 
@@ -89,7 +89,7 @@ class Section:
         return replace(self, C_wb=self.C_wb.copy(), earth_w=self.earth_w.copy())
 
 
-@dataclass(slots=True)
+@dataclass
 class RotationState:
     """Where a table rotation's own unknowns are.
 
@@ -118,7 +118,7 @@ def rest_noise() -> Noise:
     return Noise({"sway": LEAST_SWAY})
 
 
-@dataclass(slots=True)
+@dataclass
 class JointAdjustment:
     """One recording, adjusted or to be adjusted: a task for `tumble.estimation.solve` and `balance`.
 

@@ -20,7 +20,7 @@ LEAST_SIGMA = 1e-6  # rad
 LOOSEST = 0.05  # rad
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class BelievedPoses:
     """Poses of holds, in the axes of the fixture that the unit was placed with.
 

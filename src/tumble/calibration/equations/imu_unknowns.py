@@ -153,7 +153,7 @@ def g_sensitivity(u: Unknowns) -> Matrix:
     return np.ascontiguousarray(u["gyro.g_sensitivity"].reshape(3, 3))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class RawOutput:
     """Raw output of a triad: (rows, 3), by the true force or rate (rows, 3, 3), by blocks (rows, 3, block)."""
 

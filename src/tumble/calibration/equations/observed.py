@@ -37,7 +37,7 @@ SMALLEST_MIDDLE = 0.05
 FEWEST_MODES, MODES_A_REVOLUTION, MOST_MODES = 8, 6, 32
 
 
-@dataclass(slots=True)
+@dataclass
 class TableRotation:
     """A table's rotation from one hold to the next.
 
@@ -85,7 +85,7 @@ class TableRotation:
     ramp_sampling: Vectors = field(default_factory=lambda: np.zeros((2, 3)))
 
 
-@dataclass(slots=True)
+@dataclass
 class Observed:
     """Everything that is observed, raw.
 
@@ -408,7 +408,7 @@ def mean_backward_rotation(
 _MODES = 8
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Swings:
     """The gyros' own account of each hold's middle.
 

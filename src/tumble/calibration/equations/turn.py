@@ -13,7 +13,7 @@ from tumble.records import dataclass
 from tumble.segmentation.rest_wander import RestParts
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class HoldsAndTurns:
     """What holds and the turns between them offer to the adjustment, in raw units.
 

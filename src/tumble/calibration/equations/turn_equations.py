@@ -27,7 +27,7 @@ from tumble.estimation.unknowns import Unknowns
 from tumble.records import dataclass
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Link:
     """Integrals of the gyros over stretches of samples, from start s to end e.
 
@@ -76,7 +76,7 @@ def integrate_links(data: Observed, u: Unknowns, starts: np.ndarray, stops: np.n
     return Link(made.C_start_end, made.sums, faster * made.duration, magnitudes)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class LinkResiduals:
     """Residuals of links (links, 3), rad in w, with their derivatives.
 

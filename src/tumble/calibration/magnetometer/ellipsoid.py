@@ -27,7 +27,7 @@ LARGEST_LAG = 0.2
 _PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Ellipsoid:
     """The ellipsoid of a magnetometer that was turned about.
 

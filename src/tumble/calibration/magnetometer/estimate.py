@@ -72,7 +72,7 @@ NAMES_ALONE = tuple(NAMES[i] for i in (0, 4, 8, 1, 2, 5, 9, 10, 11))
 """Of what it is where the matrix is taken as symmetric, for nothing tells the axes."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class GivenField:
     """The Earth's field at the site as it is given.
 
@@ -102,7 +102,7 @@ class GivenField:
         return float(dip - self.dip)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class FieldHold:
     """The corrected field of a hold.
 
@@ -122,7 +122,7 @@ class FieldHold:
     left_out: bool
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Magnetometer(Evidence):
     """What a recording tells of its magnetometer.
 
@@ -261,7 +261,7 @@ def _in_frame(frame: str, scale: _Scale) -> Any:
     return evaluate
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class _Scale:
     """How the norm of the field is fixed: given, by the mean scale of the recording's unit, or as one.
 

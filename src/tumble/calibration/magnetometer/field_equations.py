@@ -49,7 +49,7 @@ FIELD_NOISE, FIELD = "field", "field"
 FEWEST_SAMPLES = 3
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class FieldMeans:
     """The magnetometer's mean in each hold.
 
@@ -126,7 +126,7 @@ def _field_layout(sections: int) -> Layout:
     return Layout((*LAYOUT.blocks, *own))
 
 
-@dataclass(slots=True)
+@dataclass
 class FieldAdjustment(JointAdjustment):
     """One recording with its magnetometer: everything of the joint adjustment, and the field in each hold.
 
@@ -424,7 +424,7 @@ MOST_STEPS = 24
 CHANGES = {"room": IN_ROOM, "unit": ON_UNIT}
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Moving:
     """A change of the field while it is recorded.
 

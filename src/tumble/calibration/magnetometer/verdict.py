@@ -39,7 +39,7 @@ SURE_DIP = np.radians(25.0)
 UPRIGHT = np.radians(88.0)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class FieldVerdict:
     """How a magnetometer's calibration may be used.
 

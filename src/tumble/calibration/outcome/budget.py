@@ -167,7 +167,7 @@ DEGREES_OF_A_HOLD = 7.0
 NEAR, LARGEST_PROBABILITY = 100.0, 0.5
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class NamedParameters:
     """The estimate's parameters as a function of the unknowns, at the solution.
 

@@ -69,7 +69,7 @@ LEAST_CHECKED, LEAST_CHECKS = 0.1, 0.5
 CLOCK_FALSE_ALARM = 4.0
 
 
-@dataclass(slots=True)
+@dataclass
 class JointOutcome:
     """A settled joint estimate with everything behind it.
 

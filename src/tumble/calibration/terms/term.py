@@ -21,7 +21,7 @@ KINDS = {"accelerometer": ("force", "accelerometer"), "gyroscope": ("gyro", "gyr
 """Of each triad: what its blocks begin with, and what it is called in labels."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Parameters:
     """What a term's unknowns are in the result.
 
@@ -39,7 +39,7 @@ class Parameters:
     remark: Callable[[dict[str, tuple[float, float]]], str] = lambda _: ""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Term:
     """A term that is kept if the data want it.
 

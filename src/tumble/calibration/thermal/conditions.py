@@ -36,7 +36,7 @@ _SHAPES = np.array([np.outer(np.eye(3)[i], np.eye(3)[j]) for i, j in _ENTRIES])
 _NO_FORCE: Vectors = np.zeros((1, 3))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class ThermalTerms:
     """Which unknowns a thermal model has.
 
@@ -68,7 +68,7 @@ class ThermalTerms:
         return {9: 6, 6: 3, 0: 0}[self.poses]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class ThermalLayout:
     """Where each kind of unknown is: biases b0, b, r, h (of the gyros with a g), matrices M0, M and N0, N, the others.
 
@@ -181,7 +181,7 @@ SAME_POSE = np.radians(10.0)
 LAG_STEP, WIDTH_STEP = 10.0, 0.5
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class ThermalTest:
     """What is adjusted, and what is known beside it.
 

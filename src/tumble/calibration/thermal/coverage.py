@@ -116,7 +116,7 @@ LEAST_SECONDS_PER_KELVIN = 2.0
 LONG_GAP = 5.0  # s
 
 
-@dataclass(slots=True)
+@dataclass
 class Coverage:
     """What the points cover.
 

@@ -51,7 +51,7 @@ NOTHING_MOVES, MOST_STEPS = 0.02, 60
 REFUSED = (ObservabilityError, ConvergenceError)
 
 
-@dataclass(slots=True)
+@dataclass
 class ThermalFit:
     """A settled adjustment.
 

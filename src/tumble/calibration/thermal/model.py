@@ -52,7 +52,7 @@ EASY_ALARM = 0.5
 MOST_FUNCTIONS = 2
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class TurnedMatrix:
     """The gyros' matrix, and what is known of it with the unknowns that the rests share.
 
@@ -69,7 +69,7 @@ class TurnedMatrix:
     turns: int
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class _Turns:
     """Turns of a recording that the rests' model has corrected.
 
@@ -252,7 +252,7 @@ def _noise(
     return np.asarray(sample * (1.0 / tail + 1.0 / head) + walk * duration + steady, dtype=np.float64)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class ThermalSolution:
     """A thermal model and how well everything in it is known.
 
@@ -269,7 +269,7 @@ class ThermalSolution:
     unknowns_covariance: Table
 
 
-@dataclass(slots=True)
+@dataclass
 class ThermalOutcome:
     """All that became of a thermal test.
 

@@ -28,7 +28,7 @@ UNQUIET = 10.0
 TURNED = 5.0
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class ThermalPath:
     """The temperature of the sensor on a grid, and which part of it each point is.
 
@@ -56,7 +56,7 @@ class ThermalPath:
         return (sums[last] - sums[first]) / (last - first)[:, None]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class ThermalPoints:
     """Means over short rests.
 

@@ -34,7 +34,7 @@ SIZES: Series = np.geomspace(1e-5, 1e8, 700)
 JITTER = 1e-9
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Levels:
     """Variance beyond the rests' own noise, by triad ("force", "rate"), in near SI units squared.
 
@@ -119,7 +119,7 @@ class WanderingConditions(Conditions):
         return roots
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Block:
     """Rows that have noise in common.
 
@@ -219,7 +219,7 @@ def _expected(parts: list[_Part]) -> tuple[float, float, float]:
     return float(levels[0]), float(levels[1]), max(2.0 * mean**2 / spread, 1.0)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class _Part:
     """What a block shows beside its unknowns: misclosure, and covariance of each cause (Patterson, Thompson)."""
 

@@ -50,7 +50,7 @@ OWN = LAYOUT.indices("force.bias", "gyro.bias", "fixture")
 NOTHING = 1e-12
 
 
-@dataclass(slots=True)
+@dataclass
 class TurnOn:
     """One recording of the unit, from when it was switched on.
 
@@ -111,7 +111,7 @@ class TurnOn:
         return [*self.outcome.balanced.outliers, *(self.balanced.outliers if self.balanced else [])]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Told:
     """What a recording tells of the stable unknowns, everything of its own eliminated.
 
@@ -385,7 +385,7 @@ def all_told(parts: Sequence[TurnOn]) -> list[Square]:
 ANOTHER_UNIT, LARGEST_CHANGE = 1e-6, 3e-3
 
 
-@dataclass(slots=True)
+@dataclass
 class SeveralOutcome:
     """A settled adjustment of several recordings of one unit.
 

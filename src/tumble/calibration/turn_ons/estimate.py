@@ -48,7 +48,7 @@ FRAME = "accelerometer-x"
 BIASES = {"accelerometer": "force.bias", "gyro": "gyro.bias"}
 
 
-@dataclass(slots=True)
+@dataclass
 class SeveralEstimate:
     """What several recordings make of one unit.
 
@@ -66,7 +66,7 @@ class SeveralEstimate:
     coverage_factors: list[float]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class _Named:
     """The parameters by name, and their derivatives by all unknowns."""
 

@@ -31,7 +31,7 @@ TREMOR, TREMOR_ANGLE = 9.0, 2e-5
 IMPATIENT = 8.0
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Flaws:
     """How often a person errs, as shares of the poses.
 

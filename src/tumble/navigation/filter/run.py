@@ -22,7 +22,7 @@ from tumble.navigation.trajectory import HIGHEST_LATITUDE, NavigationState, Traj
 from tumble.records import dataclass
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class SmoothedRun:
     """A filter's run, smoothed.
 
@@ -91,7 +91,7 @@ def _smoothing_gain(covariance: AnyArray, transition: AnyArray, predicted: AnyAr
 _GAP = 3.5
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class FilterRun:
     """What a filter found, at each fix and at each instant that was asked for.
 

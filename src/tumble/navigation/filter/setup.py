@@ -25,7 +25,7 @@ _PLACES = {
 }
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class SensorState:
     """One state of a filter beside position, velocity and attitude.
 
@@ -61,7 +61,7 @@ class SensorState:
         return of_matrix + 3 * self.row + self.column, output + self.row, by + self.column
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class TriadSpread:
     """How well a triad is known, one sigma an axis; at zero the filter has no such states.
 
@@ -212,7 +212,7 @@ Noise = NoiseModel | tuple[NoiseModel, NoiseModel, NoiseModel]
 """Of all three axes alike, or of each."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class FilterSetup:
     """A filter's states, their covariance at the start, and its noise.
 

@@ -25,7 +25,7 @@ _QUALITY = {1: 5, 2: 4, 3: 6, 4: 1, 5: 2, 6: 0, 7: 0, 8: 0}
 _SPEED_SIGMA = 0.1
 
 
-@dataclass(slots=True)
+@dataclass
 class _Epoch:
     """What the sentences of one instant said; NaN for what none did."""
 

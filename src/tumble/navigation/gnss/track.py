@@ -17,7 +17,7 @@ from tumble.records import dataclass
 QUALITIES = {1: "fixed", 2: "float", 3: "SBAS", 4: "differential", 5: "single", 6: "precise point", 0: "none"}
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class GnssTrack:
     """Fixes of a receiver in time order.
 

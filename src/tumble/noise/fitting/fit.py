@@ -55,7 +55,7 @@ MISSED = 1.5
 _LONGEST_SHARE = 0.25
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Term:
     """A coefficient in the signal's unit u.
 
@@ -75,7 +75,7 @@ class Term:
     high: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class NoiseFit:
     """A noise model of one channel, as far as a recording shows it.
 

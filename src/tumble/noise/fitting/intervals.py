@@ -29,7 +29,7 @@ from tumble.records import dataclass
 _TINY = 1e-300
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class _Profile:
     """Misfit over one coefficient's square, everything else adapting itself."""
 

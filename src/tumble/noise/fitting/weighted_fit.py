@@ -25,7 +25,7 @@ _LEAST_SPREAD = 1e-6  # relative, of an Allan variance
 _LEAST_EIGENVALUE = 1e-9  # of a matrix of correlations, of the largest
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Solution:
     """Coefficients, and the weights that they were found with.
 
@@ -54,7 +54,7 @@ class Solution:
         )
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class AllanTask:
     """Allan variances in units of the first, and how to fit them.
 

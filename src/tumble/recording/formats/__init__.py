@@ -58,7 +58,7 @@ def _is_text(head: bytes) -> bool:
     return head.startswith(_MARKS) or plain
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Format:
     """A format of files.
 

@@ -85,7 +85,7 @@ def _refuse_topics(path: Path, topics: Sequence[str]) -> None:
         )
 
 
-@dataclass(slots=True)
+@dataclass
 class _Gathered:
     """Rows of lines, and what was no row.
 

@@ -40,7 +40,7 @@ _MOTIONCAL = {
 _MOST_NUMBERS = 64
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Row:
     """What one line says.
 

@@ -56,7 +56,7 @@ def table_of_samples(path: Path, samples: Samples, units: Units, remarks: Iterab
     return RawTable(path, tuple(names), columns, list(remarks), clock="device")
 
 
-@dataclass(slots=True)
+@dataclass
 class Merging:
     """Two streams on their way to one: the accelerometer's samples are interpolated at the gyro's stamps.
 
@@ -208,7 +208,7 @@ _LISTED = 16
 _LEAST_RATE = 20.0  # Hz; most logs of PX4 have the raw sensors once a second only
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Stream:
     """A named stream of a log.
 

@@ -32,7 +32,7 @@ def row_words(row: int) -> str:
     return f"row {row + 1}"
 
 
-@dataclass(slots=True)
+@dataclass
 class RawTable:
     """Columns of equal length as a file holds them.
 

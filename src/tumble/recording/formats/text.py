@@ -85,7 +85,7 @@ _PADDED = 3  # columns of whole numbers that begin with a zero; one may be the t
 _NO_UNIT = ("", "-", "1", "na", "n/a")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class TextLayout:
     """Where the numbers of a text file are.
 

@@ -245,7 +245,7 @@ def _probability(p: float) -> str:
 FAR = 3.0
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Compared:
     """One parameter as both ways have it, in the joint one's unit for readers.
 

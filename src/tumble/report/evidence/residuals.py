@@ -233,7 +233,7 @@ def spins(told: Spins, subject: Subject) -> list[Block]:
     return section("Spins: residual against the rate", Figures([figure], caption))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Uncalibrated:
     """Residuals with nominal values: one per hold (nan where there is none), and what "nominal" is."""
 

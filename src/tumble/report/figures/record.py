@@ -31,7 +31,7 @@ def plain(values: Any, digits: int = 5) -> list[float | None]:
     ]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Axis:
     """What a figure has along one side.
 
@@ -60,7 +60,7 @@ class Axis:
     share: tuple[float, float] = (0.0, 1.0)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Mark:
     """What stands in a figure.
 
@@ -87,7 +87,7 @@ class Mark:
     words: Sequence[str] = ()
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Points(Mark):
     """Points with their standard uncertainties.
 
@@ -107,7 +107,7 @@ class Points(Mark):
     z: Any = None
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Curve(Points):
     """A line through points, which it shows if it has a symbol; None breaks it.
 
@@ -125,7 +125,7 @@ class Curve(Points):
     step: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Band(Mark):
     """An area between two lines, which are `y`: the lower one and the upper one."""
 
@@ -134,7 +134,7 @@ class Band(Mark):
     steps: Literal["", "post", "mid"] = ""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Bars(Mark):
     """Bars up, or to the right where `lying`: then `y` has their places.
 
@@ -151,14 +151,14 @@ class Bars(Mark):
     sigma: Any = ()
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Map(Mark):
     """Numbers from −1 to 1 between the names `x` and `y`, as colours: `values`, a row for each of `y`."""
 
     values: Sequence[Sequence[float | None]] = ()
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Spans(Mark):
     """Stretches from `x` to `y` behind the rest, through all panels, or through one where they are `lying`.
 
@@ -168,7 +168,7 @@ class Spans(Mark):
     lying: bool = False
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Figure:
     """One figure.
 

@@ -25,7 +25,7 @@ _MOST_SHADED = 250
 _NARROWEST = 1.0 / 400.0
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Envelope:
     """Smallest and largest value in equal bins of time, one after the other; nan where no sample is.
 

@@ -52,7 +52,7 @@ GROUPS = {
 }
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class SavageErrors:
     """The errors of a unit in the mean-gyro frame.
 

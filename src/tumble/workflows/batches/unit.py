@@ -59,7 +59,7 @@ _NAME = re.compile(r"[\\/:*?\"<>|]")
 _LONGEST = 120
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class UnitTask:
     """What is known of one unit before its calibration.
 
@@ -309,7 +309,7 @@ LIBRARY = "../../plotly.min.js"
 """Where a unit's report finds the plotting library, which its folder shares."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Job:
     """A unit, what is asked of all units, and the key of the result that an earlier run left, None for none.
 

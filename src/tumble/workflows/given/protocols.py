@@ -75,7 +75,7 @@ def given_site(site: object) -> Site | None:
 Span = tuple[float, float]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class GivenProtocol:
     """A protocol and the folder that its files are relative to; None for a named one."""
 

@@ -43,7 +43,7 @@ DEFAULTS = {"multi-position": (30.0, 3.0, 9), "hand-held": (4.0, 2.0, 26), "six-
 MOST_POSES = 200
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class PoseSearch:
     """Poses that were searched.
 
@@ -283,7 +283,7 @@ _TARGETS: dict[str, tuple[str, str, float]] = {
 }
 
 
-@dataclass(slots=True)
+@dataclass
 class Planned:
     """What `plan` found.
 

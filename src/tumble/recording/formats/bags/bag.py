@@ -52,7 +52,7 @@ def plain_type(name: str) -> str:
     return name.replace("/msg/", "/").replace("::msg::dds_::", "/").rstrip("_")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Decoded:
     """Messages of one topic as arrays.
 
@@ -138,7 +138,7 @@ def holds(decoded: Decoded, kind: str, topic: str) -> tuple[bool, bool]:
     return bool(decoded.force.any()), bool(decoded.rate.any())
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Substitute:
     """What takes the place of numbers in messages of one topic.
 
@@ -238,7 +238,7 @@ _BATCH = 4096  # messages that are decoded together
 _LISTED = 12
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Topic:
     """A topic of a bag.
 
@@ -286,7 +286,7 @@ class Bag(Protocol):
         ...
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Choice:
     """Which topics are read: of the accelerometer, of the gyro; the same, or one of them None."""
 
@@ -396,7 +396,7 @@ def _peek(bag: Bag, known: dict[str, Topic], names: list[str]) -> dict[str, tupl
     return found
 
 
-@dataclass(slots=True)
+@dataclass
 class _Batches:
     """Messages on their way to arrays, topic by topic."""
 

@@ -96,7 +96,7 @@ def rosbags_library(path: Path) -> Any:
     return needed("rosbags.rosbag1", f"{path.name} is a {_NAME}")
 
 
-@dataclass(slots=True)
+@dataclass
 class Rosbag1:
     """An opened bag.
 
@@ -186,7 +186,7 @@ def mcap_library(part: str, path: Path) -> Any:
     return needed(f"mcap.{part}", f"{path.name} is an MCAP file")
 
 
-@dataclass(slots=True)
+@dataclass
 class _Whole:
     """An open file whose reads are as long as was asked for, or end the reading."""
 
@@ -199,7 +199,7 @@ class _Whole:
         return self.file.read(length)
 
 
-@dataclass(slots=True)
+@dataclass
 class McapFile:
     """An MCAP file and its topics; the compression is that of the chunks that were read so far."""
 
@@ -457,7 +457,7 @@ def damage_as_sentence(path: Path) -> Generator[None]:
         ) from error
 
 
-@dataclass(slots=True)
+@dataclass
 class Database:
     """One database with its topics."""
 
@@ -511,7 +511,7 @@ def unpacked_message(data: bytes, path: Path) -> bytes:
     return decompress_zstd(data, path.name) if data[:4] == ZSTD_MAGIC else data  # no beginning of CDR
 
 
-@dataclass(slots=True)
+@dataclass
 class Chain:
     """The files of a bag that was recorded in parts, one after another."""
 

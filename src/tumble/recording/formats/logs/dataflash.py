@@ -77,7 +77,7 @@ def read_tables(path: Path, topics: Sequence[str] = ()) -> Iterator[RawTable]:
     yield table_of_streams(path, streams, topics, automatic(streams, [("ACC", "GYR")]), remarks)
 
 
-@dataclass(slots=True)
+@dataclass
 class _Log:
     """The messages of a log: their descriptions, and where those that are read begin.
 

@@ -39,7 +39,7 @@ _LARGEST_SCALE = 1.5  # of a compass; ArduPilot leaves out what is larger, or sm
 Columns = Mapping[str, npt.NDArray[Any]]
 
 
-@dataclass(slots=True)
+@dataclass
 class Asked:
     """Parameters that hold at a time, which of those that were asked for change numbers, and which are missing."""
 
@@ -69,7 +69,7 @@ class Asked:
         return np.where(np.isin(found, idle), default, found)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class OwnParameters:
     """What an autopilot did to the numbers of a stream.
 
@@ -150,7 +150,7 @@ def _symmetric(diagonal: Vector, beside: Vector) -> Matrix:
     return np.diag(diagonal) + np.array([[0.0, x, y], [x, 0.0, z], [y, z, 0.0]])
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Px4:
     """PX4's formula.
 
@@ -225,7 +225,7 @@ class Px4:
         return np.zeros((1, 3))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class ArduPilot:
     """ArduPilot's formula.
 
