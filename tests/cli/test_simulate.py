@@ -61,7 +61,7 @@ def test_it_prints_the_truth_with_units_and_every_file(tumble: Any, tmp_path: Pa
         "No site was given",
         "grade hg1700 (seed 0)",
         "accelerometer bias x y z",
-        "m/s^2",
+        "µg",
         "gyro scale factor error x y z",
         "ppm",
         "frame fixture",

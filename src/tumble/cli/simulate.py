@@ -12,9 +12,6 @@ from tumble.workflows.request import SimulateRequest
 if TYPE_CHECKING:
     from tumble.workflows.simulate import Simulated
 
-# What ratios and angles are shown in.
-_PRACTICAL = {"1": (1e6, "ppm"), "rad": (1e3, "mrad")}
-
 
 def simulate_command(asked: SimulateRequest, site: SiteOptions, printed: PrintOptions) -> None:
     """Play a protocol on a simulated unit: try a test before you do it, or check what a calibration finds.
@@ -77,20 +74,21 @@ def _true_noise(truth: dict[str, Any]) -> list[str]:
 def _true_lines(truth: dict[str, Any]) -> list[str]:
     """The true parameters, three to a line, in the convention and frame of the table of `tumble calibrate`."""
     from tumble.calibration.session import find_procedure
+    from tumble.parameters.measures import said_unit
 
     procedure = str(truth["procedure"])
     frame = find_procedure(procedure).frame
     other = "" if frame == "accelerometer-x" else f"_in_{frame.replace('-', '_')}"
     parameters: list[dict[str, object]] = truth[f"parameters{other}"]
-    named = f"True parameters, as the procedure {procedure} of `tumble calibrate` names them in the frame {frame}:"
-    lines = ["", named]
+    lines = ["", f"True parameters, as `tumble calibrate` names them ({procedure}, in the frame {frame}):"]
     for first in range(0, len(parameters), 3):
         three = parameters[first : first + 3]
         names = [str(parameter["name"]) for parameter in three]
         stem = names[0].rsplit(" ", 1)[0]
         tails = " ".join(name.rsplit(" ", 1)[1] for name in names)
-        factor, unit = _PRACTICAL.get(str(three[0]["unit"]), (1.0, str(three[0]["unit"])))
-        values = "".join(f"{factor * float(str(parameter['value'])):>14.6g}" for parameter in three)
+        numbers = [float(str(parameter["value"])) for parameter in three]
+        factor, unit = said_unit(str(three[0]["unit"]), map(abs, numbers))
+        values = "".join(f"{factor * number:>14.6g}" for number in numbers)
         lines.append(f"  {stem + ' ' + tails:<44}{values} {unit}")
         if "session_value" in three[0]:
             session = "".join(f"{factor * float(str(p['session_value'])):>14.6g}" for p in three)
