@@ -192,12 +192,11 @@ def begin(
     adjusted, plain = _with_alike(task, alike, plain)
     sheets = triad_sheets(session.options.data_sheet, session.recording)
     task.prior = together(task.prior, sheets_prior(task.unknowns, sheets))
-    untold = find_untold(linearise(task)[1], task.unknowns)
+    untold = find_untold(linearise(task)[1], task.unknowns) if start is None else None
     unsaid = np.setdiff1d(plain, np.concatenate([plain[:0], *(one.place for one in sheets)]))
     task.prior = together(task.prior, name_plate_prior(u.with_free(unsaid), session.recording))
     if untold is not None:
-        if start is None:
-            _refuse_nothing_told(untold, session.recording)
+        _refuse_nothing_told(untold, session.recording)
         task.noise = rough_variances(base, u, has_gyro=has_gyro)
     return Begun(offered, task, plain, untold, alike, adjusted, broken, _unlike_angle(rotations, u), sheets)
 

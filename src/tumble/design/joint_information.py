@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -28,7 +29,7 @@ from tumble.calibration.equations.observed import Observed, observe
 from tumble.calibration.equations.reference_equations import Heading
 from tumble.calibration.equations.stretches import RecordingStretch, SectionStretch
 from tumble.calibration.equations.turn_equations import Link, Turn
-from tumble.calibration.joint import begin
+from tumble.calibration.joint import CLOCK_TOLD, begin
 from tumble.calibration.optional_terms import unknowns_with
 from tumble.calibration.outcome.budget import recording_influences
 from tumble.calibration.outcome.description import named_function
@@ -39,8 +40,9 @@ from tumble.design.planned_motion import PlannedNoise
 from tumble.estimation import Prior
 from tumble.estimation.balance import Noise
 from tumble.estimation.chain import Chain, Eliminated
+from tumble.estimation.gauss_helmert import invert_normal_matrix
 from tumble.estimation.reliability import WeakDirection, find_weak_directions
-from tumble.estimation.solve import settled_at, solve
+from tumble.estimation.solve import Settled, linearise, solve
 from tumble.estimation.unknowns import Unknowns
 from tumble.records import dataclass
 from tumble.sensor import ImuModel
@@ -193,7 +195,6 @@ class PlannedProblem:
     frame : of the calibration's result.
     terms : optional terms that it estimates.
     slope : (32, wanted) derivatives of the parameters, clock and table by their unknowns, of scale factors relative.
-    rotations : what each rotation says, by the hold before it, once it has been asked for.
     links : what the gyros carry over all turns of a section, by its first hold, once it has been asked for.
     """
 
@@ -201,16 +202,28 @@ class PlannedProblem:
     frame: str
     terms: frozenset[str]
     slope: Square
-    rotations: dict[int, Eliminated] = field(default_factory=dict[int, Eliminated])
     links: dict[int, Link] = field(default_factory=dict[int, Link])
 
-    def information(
+    @cached_property
+    def whole(self) -> Eliminated:
+        """The equations of everything."""
+        return linearise(self.task)[0]
+
+    def information(self) -> JointInformation:
+        """Return what it determines."""
+        return self._named(self.whole.matrix)
+
+    def sections(self) -> list[JointInformation]:
+        """Return what each section determines by itself."""
+        return [self._named(inner.matrix) for _, inner in self.whole.within]
+
+    def changed(
         self,
         taking_part: dict[str, np.ndarray] | None = None,
         data: Observed | None = None,
         without: int | None = None,
     ) -> JointInformation:
-        """Return what it determines.
+        """Return what it determines if something is otherwise.
 
         Parameters
         ----------
@@ -224,15 +237,13 @@ class PlannedProblem:
             data=data or self.task.data,
         )
         recording = RecordingStretch(task)
-        for (_, stretch), section in zip(recording.within, task.sections, strict=True):
+        parts = zip(recording.within, self.whole.within, task.sections, strict=True)
+        for (_, stretch), (_, whole), section in parts:
             assert isinstance(stretch, SectionStretch)
+            # Rotations, which are most of the work, say what they said.
+            stretch.within = [(p, inner) for p, inner in whole.within if p.node + section.first != without]
             self._prepare(task, stretch, section, without)
         return self._named(Chain.of(recording, task, task.unknowns.free.size).eliminated().matrix)
-
-    def sections(self) -> list[JointInformation]:
-        """Return what each section determines by itself."""
-        chain = Chain.of(RecordingStretch(self.task), self.task, self.task.unknowns.free.size)
-        return [self._named(inner.matrix) for _, inner in chain.within]
 
     def _named(self, normal: Square) -> JointInformation:
         """In names, with everything eliminated that is neither a parameter nor shared by all tests."""
@@ -257,15 +268,18 @@ class PlannedProblem:
         wanted, values = _wanted(), self.task.unknowns.values
         precision = np.zeros((values.size, values.size))
         precision[np.ix_(wanted, wanted)] = self.slope.T @ known.matrix @ self.slope
-        task = replace(self.task, prior=together(self.task.prior, Prior(values.copy(), precision)))
-        settled = settled_at(task)
+        prior = together(self.task.prior, Prior(values.copy(), precision))
+        assert prior is not None
+        task, free = replace(self.task, prior=prior), self.task.unknowns.free
+        cofactor = invert_normal_matrix(self.whole.matrix + prior.precision[np.ix_(free, free)])
+        settled = Settled(task.state, task.unknowns, self.whole, cofactor, 0.0, 0, 0)
         own = settled.cofactor + recording_influences(task, settled).shared
         return task.unknowns.expanded(own) + np.outer(gravity, gravity)
 
     def _prepare(
         self, task: JointAdjustment, stretch: SectionStretch, section: Section, without: int | None
     ) -> None:
-        """Take rotations, which are most of the work, as they were eliminated before, and one of them out."""
+        """Take what gyros carry over turns as it was found before, and close the gap of a rotation that is left out."""
         # What keeps a step finite is no knowledge.
         stretch.equations = [e for e in stretch.equations if e.kind != "loose"]
         for turns in stretch.equations:
@@ -273,13 +287,6 @@ class PlannedProblem:
                 if section.first not in self.links:
                     self.links[section.first] = turns.integrated(task)
                 turns.given = self.links[section.first]
-        outside = 9 + task.unknowns.free.size
-        for place, inner in stretch.within:
-            k = place.node + section.first
-            if k not in self.rotations and not isinstance(inner, Eliminated):
-                self.rotations[k] = Chain.of(inner, task, outside).eliminated()
-        kept = [(p, self.rotations[p.node + section.first]) for p, _ in stretch.within]
-        stretch.within = [(p, inner) for p, inner in kept if p.node + section.first != without]
         if without is not None and section.first <= without < section.last - 1:
             # Across the gap the heading is not carried: the rest of the section has one of its own.
             stretch.equations.append(Heading(without + 1 - section.first, UNKNOWN_HEADING))
@@ -340,22 +347,27 @@ def planned_problem(
     settle : take one step, which finds whether the gyros see north.
     """
     record = find_procedure("joint" if session.protocol is None else session.protocol.procedure)
-    begun = begin(session, record, start=start)
+    begun = begin(session, record, clocked=False, start=start)
     task, gyro = begun.task, begun.offered.has_gyro
     terms = [*record.seeks, *(["g_sensitivity"] if g_sensitivity and gyro else [])]
-    alike = {name: sigma for name, sigma in begun.alike.items() if name not in begun.adjusted}
+    alike = {name: sigma for name, sigma in session.alike.items() if gyro and sigma > 0.0}
     free = np.union1d(unknowns_with(begun.plain, terms), LAYOUT.indices(*alike))
     task.unknowns = task.unknowns.with_free(free)
     priors = terms_prior(task.unknowns), LAYOUT.sparse_prior(task.unknowns.values, alike)
     task.prior = together(together(task.prior, priors[0]), priors[1])
-    if "clock" in alike and task.prior is not None and session.options.data_sheet is None:
-        # A calibration adds such a clock afterwards: three name plates do not tell it.
-        at = LAYOUT.indices("gyro.matrix")
-        task.prior.precision[at, at] *= NO_PLATE
     # No smaller than what counts as none: a stiffer hold leaves weak directions to round-off.
     task.noise = Noise({"sway": still_sway(task)})
     if settle:
-        solve(task, once=True)
+        before = task.copy()
+        settled = solve(task, once=True)
+        if "clock" in alike and task.prior is not None and session.options.data_sheet is None:
+            (clock,) = task.unknowns.places(["clock"])
+            if np.sqrt(settled.cofactor[clock, clock]) >= CLOCK_TOLD * alike["clock"]:
+                # A calibration adds such a clock afterwards: three name plates do not tell it.
+                at = LAYOUT.indices("gyro.matrix")
+                task.prior.precision[at, at] *= NO_PLATE
+                task = before
+                solve(task, once=True)
     return PlannedProblem(task, record.frame, frozenset(terms), _slope(task.unknowns))
 
 

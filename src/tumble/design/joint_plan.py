@@ -40,7 +40,7 @@ from tumble.design.planned_motion import PlannedNoise, planned_session, require_
 from tumble.earth import Site
 from tumble.protocol.steps import HoldStep, Protocol, SpinStep
 from tumble.records import dataclass
-from tumble.sensor.propagation import propagate
+from tumble.sensor.propagation import jacobian
 from tumble.simulation import Grade
 
 UNITS_SI = "m/s²", "rad/s"
@@ -285,16 +285,17 @@ def _foretold(task: PlanTask, problem: PlannedProblem) -> list[Series]:
     (at,) = LAYOUT.indices("clock")
     clock = covariance[:, at] / np.sqrt(max(float(covariance[at, at]), 1e-300))
     perfect = covariance - np.outer(clock, clock)
-    made: list[Series] = []
-    for frame in (problem.frame, "accelerometer-x"):
-        function = named_function(problem.terms, "full", frame, UNITS_SI)[1]
-        made += [np.diag(propagate(function, u.values, one)[1]) for one in (covariance, perfect)]
+
+    def variances(frame: str, *covariances: Square) -> list[Series]:
+        slope = jacobian(named_function(problem.terms, "full", frame, UNITS_SI)[1], u.values)
+        return [np.sum((slope @ one) * slope, axis=1) for one in covariances]
+
+    *own, sizes = variances(problem.frame, covariance, perfect, spread_of_sizes(u, task.sizes))
     # Of `NAMES`: what follows is of other terms, and g-sensitivity may not be estimated.
-    for k in (2, 3):
-        own, made[k] = made[k][task.estimated], np.full(PARAMETERS, np.nan)
-        made[k][task.estimated] = own
-    function = named_function(problem.terms, "full", problem.frame, UNITS_SI)[1]
-    return [*made, np.sqrt(np.diag(propagate(function, u.values, spread_of_sizes(u, task.sizes))[1]))]
+    named = np.full((2, PARAMETERS), np.nan)
+    for row, one in zip(named, variances("accelerometer-x", covariance, perfect), strict=True):
+        row[task.estimated] = one[task.estimated]
+    return [*own, *named, np.sqrt(sizes)]
 
 
 def find_weaknesses(task: PlanTask, information: JointInformation) -> list[Weakness]:
@@ -380,8 +381,8 @@ def find_step_worths(plan: JointPlan, say: Callable[[str], None] | None = None) 
         left = problem.task.copy().taking_part
         for kind in ("force", "rate", "pose"):
             left[kind][hold.hold] = False
-        longer = problem.information(data=with_longer_hold(data, hold.hold, 1.0 + LONGER))
-        found.append((hold.step, problem.information(left), _gain(task, base, longer)))
+        longer = problem.changed(data=with_longer_hold(data, hold.hold, 1.0 + LONGER))
+        found.append((hold.step, problem.changed(left), _gain(task, base, longer)))
     longer_gain: dict[tuple[float, float], float] = {}
     for before, spin in counted(data.rotations.items(), len(data.rotations)):
         step = matching.spins[spin.row].step
@@ -392,7 +393,7 @@ def find_step_worths(plan: JointPlan, say: Callable[[str], None] | None = None) 
         if alike not in longer_gain:
             _, played = task.problem(0, with_longer_step(task.protocol, step, 1.0 + LONGER))
             longer_gain[alike] = _gain(task, base, played.information())
-        found.append((step, problem.information(without=before), longer_gain[alike]))
+        found.append((step, problem.changed(without=before), longer_gain[alike]))
     return _worths(plan, sorted(found, key=lambda one: one[0]))
 
 

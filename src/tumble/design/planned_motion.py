@@ -8,7 +8,7 @@ is a calibration: the same equations, the same weights, the same beliefs.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -19,9 +19,10 @@ from tumble.design.hold_noise import wander_sigma, white_density
 from tumble.earth import Site
 from tumble.errors import UsageError
 from tumble.protocol.steps import HoldStep, Protocol, RampStep, SoakStep, SpinStep
+from tumble.recording.recording import Recording
 from tumble.recording.stamps import Clock
 from tumble.records import dataclass
-from tumble.segmentation import Hold, HoldMeans, NoiseFloor, Timeline, Turn
+from tumble.segmentation import Hold, NoiseFloor, SpinMeans, Timeline, Turn
 from tumble.segmentation.matching import MatchedHold, MatchedSpin, Matching
 from tumble.segmentation.spin_means import whole_revolutions
 from tumble.sensor import ImuModel
@@ -119,15 +120,18 @@ def planned_session(
     force, angular = (np.full(3, one * np.sqrt(rate)) for one in white)
     session = Session(recording, replace(protocol, steps=truth.steps), site, options=options or Options())
     session.timeline = Timeline(tuple(holds), tuple(turns), (), NoiseFloor(force, angular, 0.0, ""))
-    session.means = _means(session, noise, recording.duration if span is None else span)
-    session.matching = _matching(session, truth)
+    session.matching, span = _matching(session, truth), recording.duration if span is None else span
+    session.means = _means(recording, holds, noise, span)
+    if session.matching.spins:
+        session.spins = _means(recording, session.matching.spins, noise, span)
     return session
 
 
-def _means(session: Session, noise: PlannedNoise, span: float) -> HoldMeans:
-    """Means of holds as a noise model knows them: white noise of each, and biases that wander."""
-    recording = session.recording
-    at: np.ndarray = np.array([(hold.start, hold.stop) for hold in session.timeline.holds])
+def _means(
+    recording: Recording, stretches: Sequence[Hold | MatchedSpin], noise: PlannedNoise, span: float
+) -> SpinMeans:
+    """Means of holds or spins as a noise model knows them: white noise of each, and biases that wander."""
+    at: np.ndarray = np.array([(one.start, one.stop) for one in stretches])
     count = (at[:, 1] - at[:, 0]).astype(float)
     duration = count / recording.rate
     dwell = float(np.median(duration))
@@ -138,7 +142,7 @@ def _means(session: Session, noise: PlannedNoise, span: float) -> HoldMeans:
         variance = white + wander_sigma(triad, dwell, max(span, dwell)) ** 2
         return range_means(signal, at), variance[:, None, None] * np.eye(3)
 
-    return HoldMeans(
+    return SpinMeans(
         *of(recording.specific_force, noise.accelerometer),
         *of(recording.angular_rate, noise.gyroscope),
         *(duration, np.mean(recording.time[at - np.array([0, 1])], axis=1), count, None),

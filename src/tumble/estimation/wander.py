@@ -80,8 +80,11 @@ def _mean_of_minus_logarithm(starts: Series, stops: Series) -> Square:
         size = np.abs(x)
         return 0.5 * size**2 * np.log(np.maximum(size, 1e-300)) - 0.75 * size**2
 
-    across = twice(stops[:, None] - starts)
-    total = across + across.T - twice(stops[:, None] - stops) - twice(starts[:, None] - starts)
+    # Windows meet: of most edges the one is another's.
+    edges, at = np.unique(np.concatenate([starts, stops]), return_inverse=True)
+    whole, (first, last) = twice(edges[:, None] - edges), np.split(at, 2)
+    across = whole[last][:, first]
+    total = across + across.T - whole[last][:, last] - whole[first][:, first]
     return -total / ((stops - starts)[:, None] * (stops - starts))
 
 

@@ -5,6 +5,8 @@ Frames: s is the body frame at the last sample of hold k, e that at the first sa
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrices, Matrix, Series, Vector, Vectors, inverted
@@ -65,7 +67,7 @@ class HoldsAndTurns:
         """Their time, raw rate and raw specific force."""
         return self.time, self.raw_rate, self.raw_force
 
-    @property
+    @cached_property
     def step(self) -> float:
         """Usual time between samples, s: the median of some hundred thousand of them."""
         return float(np.median(np.diff(self.time)[:: max(1, self.time.size // 200_000)]))
