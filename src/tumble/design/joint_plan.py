@@ -11,7 +11,7 @@ the gain of a quarter more time shows.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import field, replace
 
 import numpy as np
@@ -46,6 +46,8 @@ from tumble.simulation import Grade
 UNITS_SI = "m/s²", "rad/s"
 # How often a protocol is played: by hand each time differs, on a table hardly.
 DRAWS_BY_HAND, DRAWS_ON_TABLE = 8, 2
+# Of a frame that is not the accelerometers': what both triads' angles to it are.
+OTHERWISE = {"rotation between the triads": "gyro misalignment"}
 # A step that lasts longer: by this share of itself.
 LONGER = 0.25
 
@@ -210,6 +212,14 @@ class JointPlan:
         """(30,) of bool: whether it is known better than from the data sheet."""
         return self.without_clock < TOLD * self.task.sizes
 
+    @property
+    def names(self) -> list[str]:
+        """What the table's frame calls `NAMES`: angles that it has no row of are among its misalignments."""
+        rows, group_of = {one.name for one in self.foretold}, list[str]()
+        for group, part in GROUPS.items():
+            group_of += [OTHERWISE.get(group, group)] * (part.stop - part.start)
+        return [name if name in rows else group for name, group in zip(NAMES, group_of, strict=True)]
+
     def beyond(self, limits: Series) -> list[str]:
         """Return the rows of the table whose standard uncertainty is beyond its target.
 
@@ -218,12 +228,9 @@ class JointPlan:
         limits : (30,) wished-for sigmas, SI, infinite where nothing is wished.
         """
 
-        def limit(name: str) -> float:
-            if name in NAMES:
-                return float(limits[NAMES.index(name)])
-            # Another frame's angles between axes, and those to the frame, are misalignments.
-            group = GROUPS.get(name.rpartition(" ")[0].replace("non-orthogonality", "misalignment"))
-            return np.inf if group is None else float(limits[group.start])
+        def limit(row: str) -> float:
+            of = (one for one, name in zip(limits.tolist(), self.names, strict=True) if row.startswith(name))
+            return min(of, default=np.inf)
 
         return [one.name for one in self.foretold if one.sigma > limit(one.name)]
 
@@ -272,7 +279,7 @@ def plan_protocol(task: PlanTask, say: Callable[[str], None] | None = None) -> J
     plan = JointPlan(task, *made[0], foretold, sigmas[2], sigmas[3])
     # Of several performances the one that determines least says what may stay open.
     worst = [float(np.nanmax(one[3] / task.sizes**2)) for one in found]
-    plan.weak = find_weaknesses(task, made[int(np.argmax(worst))][2])
+    plan.weak = find_weaknesses(task, made[int(np.argmax(worst))][2], plan.names)
     return plan
 
 
@@ -298,17 +305,20 @@ def _foretold(task: PlanTask, problem: PlannedProblem) -> list[Series]:
     return [*own, *named, np.sqrt(sizes)]
 
 
-def find_weaknesses(task: PlanTask, information: JointInformation) -> list[Weakness]:
+def find_weaknesses(
+    task: PlanTask, information: JointInformation, names: Sequence[str] = NAMES
+) -> list[Weakness]:
     """Return what this information, with what is there already, does not tell better than the data sheet.
 
     Parameters
     ----------
     task : with what is known already.
     information : of the planned test.
+    names : (30,) what the reader calls `NAMES`.
     """
     total = information if task.known is None else information.plus(task.known)
     return [
-        Weakness(tuple(NAMES[i] for i in weak.leading()), weak.sigma, weak.direction)
+        Weakness(tuple(dict.fromkeys(names[i] for i in weak.leading())), weak.sigma, weak.direction)
         for weak in total.weak_directions(task.sizes, task.parameters(), (0.0, task.common[1]))
     ]
 
@@ -398,7 +408,7 @@ def find_step_worths(plan: JointPlan, say: Callable[[str], None] | None = None) 
 
 
 def _worths(plan: JointPlan, found: list[tuple[int, JointInformation, float]]) -> list[StepWorth]:
-    task, at = plan.task, plan.task.parameters()
+    task, at, names = plan.task, plan.task.parameters(), plan.names
     covariance = task.covariance(plan.information)
     part = slice(PARAMETERS)
     seconds = np.array([_step_seconds(task.protocol, step) for step, *_ in found])
@@ -416,7 +426,7 @@ def _worths(plan: JointPlan, found: list[tuple[int, JointInformation, float]]) -
                 *(step, "rotation" if isinstance(one, SpinStep) else "hold", one.name or f"step {step + 1}"),
                 *(time, time / float(seconds.sum()), share),
                 float(np.expm1(mean_log_sigma(task, left) - mean_log_sigma(task, covariance))),
-                *(NAMES[int(at[worst])], float(growth[worst]), longer),
+                *(names[int(at[worst])], float(growth[worst]), longer),
             )
         )
     return made

@@ -300,6 +300,7 @@ def find_next_steps(
     candidates: Sequence[StepCandidate],
     count: int = 3,
     aim: Aim | None = None,
+    names: Sequence[str] = NAMES,
 ) -> list[NextStep]:
     """Return the steps that tell most for their time, one after the other.
 
@@ -313,6 +314,7 @@ def find_next_steps(
     candidates : to choose from.
     count : how many.
     aim : limits to reach; None makes all parameters better known alike.
+    names : (30,) what the reader calls `NAMES`.
     """
     found, task = list[NextStep](), task.with_perfect_clock
     seconds = np.array([one.seconds for one in candidates])
@@ -338,7 +340,7 @@ def find_next_steps(
                 candidates[best],
                 sigmas,
                 -float(np.expm1(-gain)),
-                NAMES[int(at[most])],
+                names[int(at[most])],
                 float(falls[most]),
                 int(np.count_nonzero(sigmas[at] >= TOLD * task.sizes[at])),
             )
@@ -382,6 +384,7 @@ def judge_stop(
     limits: Series | None,
     sigmas: tuple[Series, Series] | None = None,
     plan: JointPlan | None = None,
+    names: Sequence[str] = NAMES,
 ) -> tuple[bool, list[str]]:
     """Return whether to stop, and why, in sentences.
 
@@ -392,7 +395,8 @@ def judge_stop(
     limits : (30,) wished-for sigmas, SI, infinite where nothing is wished; None for none at all.
     sigmas : (30,) what is known, and that without the clock's part, as far as it is better known than by the
         information: of a plan, whose biases wander from hold to hold alike.
-    plan : what is judged by the table that the reader has, its sigmas and names; None for `sigmas` alone.
+    plan : what is judged by the table that the reader has, its sigmas and rows; None for `sigmas` alone.
+    names : (30,) what the reader calls `NAMES`.
     """
     at: list[int] = task.parameters().tolist()
     if plan is not None:
@@ -400,13 +404,13 @@ def judge_stop(
     sigma, perfect = sigmas or [
         np.sqrt(np.diag(one.covariance(known))) for one in (task, task.with_perfect_clock)
     ]
-    untold = [NAMES[i] for i in at if perfect[i] >= TOLD * task.sizes[i]]
+    untold = dict.fromkeys(names[i] for i in at if perfect[i] >= TOLD * task.sizes[i])
     if untold:
         return False, [f"Not determined yet: {', '.join(untold)}."]
     words: list[str] = []
     if limits is not None:
-        off = [NAMES[i] for i in np.flatnonzero(sigma > limits).tolist()]
-        off = off if plan is None else plan.beyond(limits)
+        beyond = dict.fromkeys(names[i] for i in np.flatnonzero(sigma > limits).tolist())
+        off = beyond if plan is None else plan.beyond(limits)
         if not off:
             return True, ["All targets are reached: stop here."]
         words.append(f"The target is not reached by {', '.join(off)}.")

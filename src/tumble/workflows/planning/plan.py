@@ -512,9 +512,9 @@ def _advise(done: Planned, limits: Series | None, say: Callable[[str], None], *,
     say("trying what may be added")
     candidates = step_candidates(task, table=task.has_table, span=plan.duration)
     start: JointInformation = plan.information if known is None else known
-    done.following = find_next_steps(base, start, candidates)
+    done.following = find_next_steps(base, start, candidates, names=plan.names)
     own = plan if known is None else None
-    done.stop, words = judge_stop(base, start, done.following, limits, plan=own)
+    done.stop, words = judge_stop(base, start, done.following, limits, plan=own, names=plan.names)
     if known is not None or limits is not None:
         done.given = [*done.given, *words]
     # What a plan of nothing recorded should do next is its own business, unless it misses its targets.
