@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tumble.arrays import Series, Square, inverted
-from tumble.calibration.equations.adjustment import JointAdjustment, Section, still_sway
+from tumble.calibration.equations.adjustment import JointAdjustment, still_sway
 from tumble.calibration.equations.imu_unknowns import (
     LAYOUT,
     PLAIN,
@@ -242,7 +242,15 @@ class PlannedProblem:
             assert isinstance(stretch, SectionStretch)
             # Rotations, which are most of the work, say what they said.
             stretch.within = [(p, inner) for p, inner in whole.within if p.node + section.first != without]
-            self._prepare(task, stretch, section, without)
+            # What keeps a step finite is no knowledge.
+            stretch.equations = [e for e in stretch.equations if e.kind != "loose"]
+            for turns in stretch.equations:
+                if isinstance(turns, Turn):
+                    turns.given = self.links.get(section.first) or turns.integrated(task)
+                    self.links[section.first] = turns.given
+            if without is not None and section.first <= without < section.last - 1:
+                # Across the gap the heading is not carried: the rest of the section has one of its own.
+                stretch.equations.append(Heading(without + 1 - section.first, UNKNOWN_HEADING))
         return self._named(Chain.of(recording, task, task.unknowns.free.size).eliminated().matrix)
 
     def _named(self, normal: Square) -> JointInformation:
@@ -275,21 +283,6 @@ class PlannedProblem:
         settled = Settled(task.state, task.unknowns, self.whole, cofactor, 0.0, 0, 0)
         own = settled.cofactor + recording_influences(task, settled).shared
         return task.unknowns.expanded(own) + np.outer(gravity, gravity)
-
-    def _prepare(
-        self, task: JointAdjustment, stretch: SectionStretch, section: Section, without: int | None
-    ) -> None:
-        """Take what gyros carry over turns as it was found before, and close the gap of a rotation that is left out."""
-        # What keeps a step finite is no knowledge.
-        stretch.equations = [e for e in stretch.equations if e.kind != "loose"]
-        for turns in stretch.equations:
-            if isinstance(turns, Turn):
-                if section.first not in self.links:
-                    self.links[section.first] = turns.integrated(task)
-                turns.given = self.links[section.first]
-        if without is not None and section.first <= without < section.last - 1:
-            # Across the gap the heading is not carried: the rest of the section has one of its own.
-            stretch.equations.append(Heading(without + 1 - section.first, UNKNOWN_HEADING))
 
 
 def _wanted() -> np.ndarray:

@@ -208,11 +208,6 @@ class JointPlan:
         return self.task.protocol.duration
 
     @property
-    def told(self) -> np.ndarray:
-        """(30,) of bool: whether it is known better than from the data sheet."""
-        return self.without_clock < TOLD * self.task.sizes
-
-    @property
     def names(self) -> list[str]:
         """What the table's frame calls `NAMES`: angles that it has no row of are among its misalignments."""
         rows, group_of = {one.name for one in self.foretold}, list[str]()
@@ -233,16 +228,6 @@ class JointPlan:
             return min(of, default=np.inf)
 
         return [one.name for one in self.foretold if one.sigma > limit(one.name)]
-
-    def group_rms(self, group: str) -> float:
-        """Return the root mean square sigma of a group, SI; NaN if any of it is not told.
-
-        Parameters
-        ----------
-        group : one of `GROUPS`.
-        """
-        part = GROUPS[group]
-        return float(np.sqrt(np.mean(self.sigmas[part] ** 2))) if np.all(self.told[part]) else float("nan")
 
 
 def plan_protocol(task: PlanTask, say: Callable[[str], None] | None = None) -> JointPlan:

@@ -74,15 +74,11 @@ def covariance_about_the_mean(starts: Series, stops: Series, span: tuple[float, 
 
 def _mean_of_minus_logarithm(starts: Series, stops: Series) -> Square:
     """Return the mean of ``-ln |t - s|`` over t of one stretch and s of another, of any two."""
-
-    def twice(x: AnyArray) -> AnyArray:
-        """Integral, twice, of the logarithm."""
-        size = np.abs(x)
-        return 0.5 * size**2 * np.log(np.maximum(size, 1e-300)) - 0.75 * size**2
-
     # Windows meet: of most edges the one is another's.
     edges, at = np.unique(np.concatenate([starts, stops]), return_inverse=True)
-    whole, (first, last) = twice(edges[:, None] - edges), np.split(at, 2)
+    size, (first, last) = np.abs(edges[:, None] - edges), np.split(at, 2)
+    # Integral, twice, of the logarithm.
+    whole = 0.5 * size**2 * np.log(np.maximum(size, 1e-300)) - 0.75 * size**2
     across = whole[last][:, first]
     total = across + across.T - whole[last][:, last] - whole[first][:, first]
     return -total / ((stops - starts)[:, None] * (stops - starts))

@@ -50,11 +50,8 @@ class Chamber:
                 now = step.temperature_celsius if np.isnan(celsius[-1]) else celsius[-1]
                 there = start + abs(step.temperature_celsius - now) / self.rate
                 at += [start, min(there, stop)]
-                celsius += [
-                    now,
-                    now
-                    + (step.temperature_celsius - now) * min(1.0, (stop - start) / max(there - start, 1e-9)),
-                ]
+                share = min(1.0, (stop - start) / max(there - start, 1e-9))
+                celsius += [now, now + (step.temperature_celsius - now) * share]
             elif isinstance(step, RampStep):
                 now = step.start_celsius if np.isnan(celsius[-1]) else celsius[-1]
                 at += [start, stop]
@@ -77,11 +74,9 @@ class Chamber:
 
     def read(self, unit: Series, rng: np.random.Generator) -> Series:
         """Return (samples,) °C as the thermometer shows them."""
-        shown = (
-            unit + rng.normal(0.0, self.thermometer_noise, unit.size)
-            if self.thermometer_noise
-            else unit.copy()
-        )
+        shown = unit.copy()
+        if self.thermometer_noise:
+            shown += rng.normal(0.0, self.thermometer_noise, unit.size)
         if self.thermometer_resolution:
             shown = np.round(shown / self.thermometer_resolution) * self.thermometer_resolution
         return shown
@@ -149,11 +144,8 @@ def simulate_chamber(
     # Lost samples have no temperature either: stamps are the middles of the samples, jitter less than one.
     kept = np.clip(np.floor(recording.time * rate).astype(int), 0, time.size - 1)
     recording = replace(recording, temperature=shown[kept])
-    return (
-        recording,
-        truth.of_played(played, thermal.reference),
-        ChamberTruth(thermal, chamber, time, around, unit),
-    )
+    of_chamber = ChamberTruth(thermal, chamber, time, around, unit)
+    return recording, truth.of_played(played, thermal.reference), of_chamber
 
 
 def _temperatures(

@@ -158,10 +158,8 @@ def _errors(said: dict[object, object]) -> SessionErrors:
         of[group][field] = _checked(str(key), value)
     own, fixture, field, change = of[""], of["fixture"], of["magnetic"], of["change"]
     if field:
-        norm, dip, declination = EARTHS_FIELD
-        own["magnetic_field"] = tuple(
-            ({"norm": norm, "dip": dip, "declination": declination} | field).values()
-        )
+        usual = dict(zip(("norm", "dip", "declination"), EARTHS_FIELD, strict=True))
+        own["magnetic_field"] = tuple((usual | field).values())
     if change:
         own["field_change"] = change.get("size", 0.0), change.get("since", 0.0)
     return SessionErrors(

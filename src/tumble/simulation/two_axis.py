@@ -12,6 +12,7 @@ so that motions stay closed formulas. Both axes meet in one point, from which th
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -76,19 +77,13 @@ class FixtureErrors:
         ----------
         rng : source of all numbers.
         """
-
-        def draw(sigma: float) -> float:
-            return float(sigma * rng.standard_normal()) + 0.0  # no minus zero in a file
-
-        return replace(
-            self,
-            heading=draw(self.heading),
-            tilt=(draw(self.tilt[0]), draw(self.tilt[1])),
-            orthogonality=draw(self.orthogonality),
-            inner_zero=draw(self.inner_zero),
-            outer_zero=draw(self.outer_zero),
-            mounting=(draw(self.mounting[0]), draw(self.mounting[1]), draw(self.mounting[2])),
-        )
+        made: dict[str, Any] = {}
+        for name in ("heading", "tilt", "orthogonality", "inner_zero", "outer_zero", "mounting"):
+            sigma = np.array(getattr(self, name))
+            # No minus zero in a file.
+            drawn = sigma * rng.standard_normal(sigma.shape) + 0.0
+            made[name] = tuple(drawn.tolist()) if sigma.ndim else float(drawn)
+        return replace(self, **made)
 
     def C_nb(self, inner: float, outer: float, azimuth: float = _QUARTER) -> Matrix:
         """Return (3, 3) the unit's attitude at angles of the fixture as displayed, without errors of execution.

@@ -169,13 +169,13 @@ def test_turns_about_the_vertical_tell_no_gyro_and_a_level_turn_does() -> None:
     task = PlanTask.of_grade(Protocol("vertical", "hand-held", steps), TACTICAL, SITE, draws=1)
     plan = plan_protocol(task)
     scale = GROUPS["gyro scale"]
-    assert not plan.told[scale][2]
+    assert not plan.foretold[scale][2].told
     assert plan.weak
     candidates = step_candidates(task, table=False, span=plan.duration)
     following = find_next_steps(task, plan.information, candidates, count=8)
     left = [one.open_left for one in following]
     assert left == sorted(left, reverse=True)
-    assert left[-1] < 21 - int(plan.told[:21].sum())
+    assert left[-1] < 21 - sum(one.told for one in plan.foretold[:21])
     stop, words = judge_stop(task, plan.information, following, None)
     assert not stop
     assert "Not determined yet" in words[0]
