@@ -46,14 +46,7 @@ def rms_of(squares: Series, block: int, rng: np.random.Generator) -> Statistic:
     block : errors that go together.
     rng : source of all numbers.
     """
-    if not squares.size:
-        return Statistic(float("nan"), float("nan"))
-    rows = _drawn_blocks(squares.size, block, rng)
-    value = float(np.sqrt(squares.mean()))
-    if rows is None:
-        return Statistic(value, float("nan"))
-    spread = np.sqrt(squares[rows].mean(axis=1))
-    return Statistic(value, float(np.std(spread, ddof=1)))
+    return ratio_of(squares, np.ones(squares.size), block, rng)
 
 
 def ratio_of(squares: Series, reference: Series, block: int, rng: np.random.Generator) -> Statistic:

@@ -10,6 +10,33 @@ from tumble.navigation.samples import InertialSamples
 from tumble.navigation.trajectory import HIGHEST_LATITUDE, NavigationState, Trajectory
 
 
+def samples_from(samples: InertialSamples, start: NavigationState) -> InertialSamples:
+    """Return the samples from a start on.
+
+    Parameters
+    ----------
+    samples, start : as for `navigate`.
+
+    Raises
+    ------
+    UsageError
+        If the start is within 0.1° of a pole.
+    RecordingError
+        If the samples do not reach over the start.
+    """
+    if abs(start.latitude) > HIGHEST_LATITUDE:
+        raise UsageError(
+            f"At a latitude of {np.degrees(start.latitude):.3f} degrees the local level has no north to hold: there is "
+            "no way to navigate in it at a pole."
+        )
+    if not samples.time[0] <= start.time < samples.time[-1]:
+        raise RecordingError(
+            f"The start at {start.time:.3f} s is not inside the IMU's samples, which run from "
+            f"{samples.time[0]:.3f} to {samples.time[-1]:.3f} s."
+        )
+    return samples if start.time == samples.time[0] else samples.between(start.time, float(samples.time[-1]))
+
+
 def navigate(
     samples: InertialSamples,
     start: NavigationState,
@@ -38,16 +65,7 @@ def navigate(
 
     if every < 1:
         raise UsageError(f"Every {every}-th sample cannot be kept: give 1 or more.")
-    if abs(start.latitude) > HIGHEST_LATITUDE:
-        raise UsageError(
-            f"At a latitude of {np.degrees(start.latitude):.3f} degrees the local level has no north to hold."
-        )
-    if not samples.time[0] <= start.time < samples.time[-1]:
-        raise RecordingError(
-            f"The start at {start.time:.3f} s is not inside the IMU's samples, which run from "
-            f"{samples.time[0]:.3f} to {samples.time[-1]:.3f} s."
-        )
-    part = samples if start.time == samples.time[0] else samples.between(start.time, float(samples.time[-1]))
+    part = samples_from(samples, start)
     state = start.packed
     steps = len(part) - 1
     count = -(-steps // every) + 1

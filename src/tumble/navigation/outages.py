@@ -262,9 +262,8 @@ def free_drift(
             f"The drive's reference lasts {last - float(reference.time[0]):.0f} s, which is too short for "
             f"{lengths[0]:g} s of free navigation."
         )
-    return FreeDrift(
-        lengths, reference.time[rows].copy(), _errors(samples, reference, rows, lengths, last, gaps)
-    )
+    errors = _errors(samples, reference, rows, lengths, last, gaps)
+    return FreeDrift(lengths, reference.time[rows].copy(), errors)
 
 
 def _errors(

@@ -105,9 +105,8 @@ def _propagated(
 ) -> tuple[AnyArray, AnyArray]:
     """(lengths, 9, 9) covariances of what noise does, and (lengths, 9, states) what sensor states do."""
     count = len(setup.states)
-    own = replace(
-        setup.with_sensor_covariance(np.zeros((count, count))), navigation_covariance=np.zeros((9, 9))
-    )
+    known = setup.with_sensor_covariance(np.zeros((count, count)))
+    own = replace(known, navigation_covariance=np.zeros((9, 9)))
     instants = start.time + seconds
     far = np.array([float(samples.time[-1])])
     here = (np.array([start.latitude]), np.array([start.longitude]), np.array([start.height]))

@@ -16,9 +16,10 @@ from tumble.attitude.rotations import matrix_from_angles
 from tumble.errors import RecordingError, UsageError
 from tumble.navigation.filter.setup import FilterSetup
 from tumble.navigation.gnss.track import GnssTrack
+from tumble.navigation.mechanisation import samples_from
 from tumble.navigation.samples import InertialSamples
 from tumble.navigation.time_alignment import track_velocities
-from tumble.navigation.trajectory import HIGHEST_LATITUDE, NavigationState, Trajectory, position_differences
+from tumble.navigation.trajectory import NavigationState, Trajectory, position_differences
 from tumble.records import dataclass
 
 
@@ -168,7 +169,7 @@ def _run_stretch(
     """Run over samples of which none are missing for long, and return the covariance after the last event, too."""
     from tumble.navigation.filter.kernels import run
 
-    part = _from_start(samples, start)
+    part = samples_from(samples, start)
     inside = np.flatnonzero((track.time > start.time) & (track.time <= part.time[-1]))
     _refuse_no_overlap(samples, track, inside, start.time)
     _refuse_no_covariance(track, inside)
@@ -226,22 +227,6 @@ def unpacked(time: Series, navs: Table) -> Trajectory:
     """Return the trajectory of packed local-level states, (instants, 10)."""
     position, velocity_n, quaternion = map(np.ascontiguousarray, np.split(navs, [3, 6], axis=1))
     return Trajectory(time, position[:, 0], position[:, 1], position[:, 2], velocity_n, quaternion)
-
-
-def _from_start(samples: InertialSamples, start: NavigationState) -> InertialSamples:
-    if abs(start.latitude) > HIGHEST_LATITUDE:
-        raise UsageError(
-            f"At a latitude of {np.degrees(start.latitude):.3f} degrees the local level has no north to hold, and "
-            "the filter works in it: there is no way to run it at a pole."
-        )
-    if not samples.time[0] <= start.time < samples.time[-1]:
-        raise RecordingError(
-            f"The start at {start.time:.3f} s is not inside the IMU's samples, which run from "
-            f"{samples.time[0]:.3f} to {samples.time[-1]:.3f} s."
-        )
-    if start.time == samples.time[0]:
-        return samples
-    return samples.between(start.time, float(samples.time[-1]))
 
 
 def _refuse_no_overlap(samples: InertialSamples, track: GnssTrack, inside: np.ndarray, begin: float) -> None:
@@ -362,9 +347,8 @@ def run_filter(
         seconds = state.time - float(whole.time[-1])
         carried = np.exp(-np.array([own.decay for own in setup.states]) * seconds)
         sigmas = _sigmas_after(whole, guide, state)
-        known = replace(
-            setup, whole_covariance=_covariance_after(covariance, sigmas, carried, seconds, setup)
-        )
+        there = _covariance_after(covariance, sigmas, carried, seconds, setup)
+        known = replace(setup, whole_covariance=there)
         part, covariance = run(samples.between(state.time, end), state, known, carried * whole.sensors[-1])
         whole = _joined(whole, part, carried)
     return replace(whole, setup=setup)

@@ -178,9 +178,7 @@ def _entries_of(state: SensorState, model: ImuModel) -> list[tuple[str, float]]:
     if triad is None:
         return []
     inverse = inverted(triad.matrix)
-    word = {"accelerometer": "accelerometer", "gyroscope": "gyroscope", "g-sensitivity": "gyroscope"}[
-        state.kind
-    ]
+    word = "accelerometer" if state.kind == "accelerometer" else "gyroscope"
     what = "g_sensitivity" if state.kind == "g-sensitivity" else "matrix"
     slopes = inverse[state.row]
     if state.column < 0:
