@@ -229,11 +229,9 @@ def estimate_time_offset(samples: InertialSamples, track: GnssTrack) -> TimeAlig
 
 def _least_by_chance(course_rate: Series) -> float:
     """The correlation that a motion with as many independent parts of its spectrum has with another one by chance."""
-    power = (
-        np.abs(np.fft.rfft(course_rate - course_rate.mean())[1:]) ** 2
-        if len(course_rate) > 2
-        else np.zeros(1)
-    )
+    if len(course_rate) <= 2:
+        return float(np.sqrt(1.0 - _CHANCE**2))
+    power = np.abs(np.fft.rfft(course_rate - course_rate.mean())[1:]) ** 2
     parts = float(np.sum(power) ** 2 / (np.sum(power**2) + 1e-300))
     return float(np.sqrt(1.0 - _CHANCE ** (2.0 / max(parts, 1.0))))
 

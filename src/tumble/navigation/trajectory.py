@@ -126,14 +126,9 @@ class Trajectory:
 
     def state(self, index: int) -> NavigationState:
         """Return the state at an index, negative ones from the end."""
-        return NavigationState(
-            float(self.time[index]),
-            float(self.latitude[index]),
-            float(self.longitude[index]),
-            float(self.height[index]),
-            self.velocity_n[index].copy(),
-            matrices_from_quaternions(self.quaternion_nb[index][None])[0],
-        )
+        time, latitude, longitude, height = (float(x[index]) for x in (self.time, *self.position))
+        C_nb = matrices_from_quaternions(self.quaternion_nb[index][None])[0]
+        return NavigationState(time, latitude, longitude, height, self.velocity_n[index].copy(), C_nb)
 
     def rows(self, index: np.ndarray) -> Trajectory:
         """Return the instants of an index array."""

@@ -103,24 +103,12 @@ def read_table(path: Path) -> GnssTrack:
         return in_order(_in_earth_frame(time[good], value, tuple(remarks), name))
     words = [header[columns[what]] for what in ("latitude", "longitude")]
     _refuse_radians(value, words, name)
-    latitude, longitude = _radians(value["latitude"], words[0]), _radians(value["longitude"], words[1])
+    place = _radians(value["latitude"], words[0]), _radians(value["longitude"], words[1]), value["height"]
     covariance, assumed = _position_covariance(value)
     if assumed:
         remarks.append(Remark("assumed", assumed))
-    velocity, speeds = _velocity(value, solution)
-    track = GnssTrack(
-        time[good],
-        latitude,
-        longitude,
-        value["height"],
-        covariance,
-        velocity,
-        speeds,
-        _quality(value),
-        tuple(remarks),
-        name,
-    )
-    return in_order(track)
+    measured = time[good], *place, covariance, *_velocity(value, solution)
+    return in_order(GnssTrack(*measured, _quality(value), tuple(remarks), name))
 
 
 def _plain(lines: Sequence[str]) -> tuple[list[str], list[list[str]]]:
@@ -202,11 +190,8 @@ def _refuse_radians(value: _Values, words: Sequence[str], name: str) -> None:
     if any(re.search(r"rad|deg|°", word.lower()) for word in words):
         return
     latitude, longitude = value["latitude"], value["longitude"]
-    if (
-        np.all(np.abs(latitude) <= 0.5 * np.pi)
-        and np.all(np.abs(longitude) <= np.pi)
-        and np.any(latitude != 0.0)
-    ):
+    small = (np.abs(latitude) <= 0.5 * np.pi) & (np.abs(longitude) <= np.pi)
+    if np.all(small) and np.any(latitude != 0.0):
         raise RecordingError(
             f"The positions of {name} lie at {latitude[0]:.4f}, {longitude[0]:.4f}: as degrees that is in the Gulf of "
             "Guinea, so they look like radians. Name the columns latitude_rad and longitude_rad, or latitude_deg and "
