@@ -307,12 +307,10 @@ class Options:
     ----------
     optional_terms : try g-sensitivity, quadratic terms and the like.
     data_sheet : grade or fleet whose spreads are a prior; None for none.
-    confirm_scale : the user knows that the scale factors are beyond what units have.
     """
 
     optional_terms: bool = True
     data_sheet: Grade | FleetSheet | None = None
-    confirm_scale: bool = False
 
 
 def _silent(_: str) -> None:

@@ -122,7 +122,7 @@ def _calibrate_one(request: CalibrateRequest, known: Known, clock: Clock) -> tup
         request.site,
         by_temperature=chosen is not None and find_procedure(chosen).by_temperature,
         prior=known.angles,
-        options=Options(request.optional_terms, known.sheet, request.confirm_scale),
+        options=Options(request.optional_terms, known.sheet),
         say=request.say,
     )
     modelled = None if request.noise is None else NoiseOfHolds.read(request.noise, recording)

@@ -477,7 +477,7 @@ def calibrate_turn_ons(
     read = [(one, *read_as_told(replace(request, paths=one.files), one.given)[:2]) for one in named]
     require_one_unit([recording for _, recording, _ in read])
     clock.lap("reading")
-    options = Options(optional_terms=request.optional_terms, confirm_scale=request.confirm_scale)
+    options = Options(optional_terms=request.optional_terms)
     sessions = [
         (
             one.name,
