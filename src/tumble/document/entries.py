@@ -27,19 +27,16 @@ from tumble.units import angular_rate_factor, specific_force_factor
 
 Complex = npt.NDArray[Any]
 
+_SHAPES: dict[str, tuple[int, ...]] = {"matrix": (3, 3), "bias": (3,)} | dict.fromkeys(CURVES, (3,))
+_TERMS = {f"{of}.{term}": shape for of in ("accelerometer", "gyroscope") for term, shape in _SHAPES.items()}
+_TERMS["gyroscope.g_sensitivity"] = (3, 3)
+_ENDS = np.cumsum([3 ** len(shape) for shape in _TERMS.values()]).tolist()
 # Where each term stands in the vector, and its shape.
-PLACES: dict[str, tuple[slice, tuple[int, ...]]] = {
-    "accelerometer.matrix": (slice(0, 9), (3, 3)),
-    "accelerometer.bias": (slice(9, 12), (3,)),
-    "accelerometer.asymmetry": (slice(12, 15), (3,)),
-    "accelerometer.quadratic": (slice(15, 18), (3,)),
-    "gyroscope.matrix": (slice(18, 27), (3, 3)),
-    "gyroscope.bias": (slice(27, 30), (3,)),
-    "gyroscope.asymmetry": (slice(30, 33), (3,)),
-    "gyroscope.quadratic": (slice(33, 36), (3,)),
-    "gyroscope.g_sensitivity": (slice(36, 45), (3, 3)),
+PLACES = {
+    name: (slice(end - 3 ** len(shape), end), shape)
+    for (name, shape), end in zip(_TERMS.items(), _ENDS, strict=True)
 }
-SIZE = 45
+SIZE: int = _ENDS[-1]
 
 
 def entry_names() -> list[str]:

@@ -123,11 +123,8 @@ def of_g_sensitivity(gyroscope: Triad, sensitivity: Matrix) -> Loss:
 def of_nonlinearity(triad: Triad, name: str) -> list[Loss]:
     """Return the loss of asymmetry and quadratic terms, at 1 g or 1 rad/s."""
     at = STANDARD_GRAVITY if name == "accelerometers" else 1.0
-    size = 0.0
-    if triad.asymmetry is not None:
-        size += float(np.max(np.abs(triad.asymmetry)))
-    if triad.quadratic is not None:
-        size += float(np.max(np.abs(triad.quadratic) * np.linalg.norm(triad.matrix, axis=1))) * at
+    own = at * np.linalg.norm(triad.matrix, axis=1)
+    size = sum(float(np.max(np.abs(by) * own**curve.power)) for _, curve, by in triad.curves())
     if size == 0.0:
         return []
     where = "1 g" if name == "accelerometers" else "1 rad/s"
