@@ -208,10 +208,10 @@ def led_holds(task: PlanTask, span: float, start_b: Vector) -> list[StepCandidat
         if led.angle is not None and led.angle >= SAME_POSE:
             plans.append((_hold_words(up, hold), (rest, led, HoldStep(hold, Pose(up, None, BY_HAND)))))
     known, *made = _played(task, plans, span)
-    # The rest before is known already.
+    # The rest before is known already, and the turn is whatever leads to the hold.
     less = JointInformation(-known.information.matrix)
     return [
-        replace(one, seconds=sum(s.duration for s in one.steps[1:]), information=one.information.plus(less))
+        StepCandidate(one.name, _seconds(one.steps[1:]), one.information.plus(less), one.steps[-1:])
         for one in made
     ]
 
