@@ -190,10 +190,10 @@ def two_digits(value: float) -> str:
 
     Examples
     --------
-    >>> two_digits(193.4), two_digits(2.06), two_digits(0.0123)
-    ('193', '2.1', '0.012')
+    >>> two_digits(193.4), two_digits(99.7), two_digits(0.0123)
+    ('193', '100', '0.012')
     """
-    return f"{value:.0f}" if value >= 100.0 else f"{value:.2g}"
+    return f"{value:.0f}" if value >= 99.5 else f"{value:.2g}"
 
 
 def _known_triads(estimate: Estimate, recording: Recording) -> list[tuple[str, Triad, float | None]]:

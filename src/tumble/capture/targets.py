@@ -129,7 +129,7 @@ def groups_of(sigmas: Mapping[str, float | None], targets: Mapping[str, float]) 
             GroupProgress(
                 group,
                 unit,
-                None if worst is None else float(f"{worst / size:.3g}"),
+                None if worst is None else float(f"{worst / size:.2g}"),
                 len(told),
                 len(names),
                 None if target is None else float(f"{target / size:.3g}"),

@@ -154,7 +154,7 @@ def _facts(
 ) -> list[tuple[str, str]]:
     item, customer, site = profile.item, profile.customer, calibration.site
     known = 2.0 * site.gravity_standard_uncertainty
-    digits = max(decimals_of(known), 5) if known > 0.0 else 5
+    digits = max(decimals_of(known), 0) if known > 0.0 else 5
     gravity = _number(site.gravity, digits, comma=comma)
     spread = f"({gravity} ± {_number(known, digits, comma=comma)}) m/s² (k = 2)"
     gravity = spread if known > 0.0 else f"{gravity} m/s²"

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Sequence
 from functools import cache
 from typing import TypeVar
 
+from tumble.parameters.measures import plain_unit
 from tumble.records import dataclass
 
 T = TypeVar("T")
@@ -174,8 +175,8 @@ def thermal_family(triad: str, words: str, unit: str = "") -> Family:
     [('thermal gyro bias by dT x', 'rad/s/K')]
     """
     said = f"{triad} {words}".lstrip()
-    short = f"thermal {said}".replace("accelerometer", "acc")
-    return Family(f"thermal {said}", triad, "thermal", TEMPERATURE, said.replace("^2", "²"), short, (), unit)
+    short = plain_unit(f"thermal {said}").replace("accelerometer", "acc")
+    return Family(f"thermal {said}", triad, "thermal", TEMPERATURE, plain_unit(said), short, (), unit)
 
 
 @cache

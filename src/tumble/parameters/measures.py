@@ -40,7 +40,8 @@ _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _MOST_DECIMALS = 6
 _LARGEST_ROUNDED = 1e6
 _DIGITS = 2
-_SIGNS = {"^2": "²", "deg": "°", "uT": "µT", "ugauss": "µgauss", "(local field)": "local field"}
+_POWERS = {f"^{n}": str(n).translate(_SUPERSCRIPTS) for n in range(2, 6)}
+_SIGNS = _POWERS | {"deg": "°", "uT": "µT", "ugauss": "µgauss", "(local field)": "local field"}
 _LENGTHS = {"m": 1.0, "mm": 1e-3}
 
 
@@ -163,11 +164,9 @@ def si_of(unit: str) -> tuple[str, float]:
 
 def plain_unit(unit: str) -> str:
     """Return a unit as people write it: m/s² for m/s^2, °/s for deg/s, µT for uT, nothing for 1."""
-    if unit == "1":
-        return ""
     for written, said in _SIGNS.items():
         unit = unit.replace(written, said)
-    return unit
+    return "" if unit == "1" else unit
 
 
 def decimals_of(sigma: float) -> int:

@@ -73,17 +73,17 @@ def verdict(found: Difference, allowed: tuple[float, float] | None) -> tuple[boo
 
 
 def _force_text(value: float, sigma: float) -> str:
-    metres = 0.5 * value * 60.0**2
+    metres = float(f"{0.5 * value * 60.0**2:.2g}")
     return (
         f"Corrected specific forces of 1 g differ by up to {_said(value, sigma, 'm/s^2')}, a tilt of "
-        f"{amount(value / STANDARD_GRAVITY, 'rad')} or {metres:.2g} m after a minute of dead reckoning"
+        f"{amount(value / STANDARD_GRAVITY, 'rad')} or {metres:.10g} m after a minute of dead reckoning"
     )
 
 
 def _rate_text(value: float, sigma: float) -> str:
     return (
         f"Corrected rates at rest differ by up to {_said(value, sigma, 'rad/s')}, "
-        f"{np.degrees(value) * 60.0:.2g}° a minute"
+        f"{float(f'{np.degrees(value) * 60.0:.2g}'):.10g}° a minute"
     )
 
 

@@ -71,14 +71,14 @@ def _biases(evidence: ThermalCurves, triad: str, unit: str, factor: float) -> li
         panels = _panel(evidence, triad, axis, factor * seen[:, axis], factor, unit)
         whole += panels[0]
         beside += panels[1]
-    title = _TITLES[triad]
+    title, shown = _TITLES[triad], record.in_brackets(unit)
     figures = [
         record.Figure(
             f"{triad}-{name}",
             f"{title}: bias {label}",
             marks,
             record.Axis(_CELSIUS),
-            [record.Axis(f"{'xyz'[k]}: {word} / {unit}", share=_SHARES[k]) for k in range(3)],
+            [record.Axis(f"{'xyz'[k]}: {word} / {shown}", share=_SHARES[k]) for k in range(3)],
             640,
         )
         for name, label, marks, word in (
@@ -132,7 +132,8 @@ def _sigmas(evidence: ThermalCurves, units: dict[str, tuple[str, float]]) -> lis
             for k, axis in enumerate("xyz")
         ]
         highest = 1.05 * factor * float(np.nanmax(curve.sigma))
-        upright = record.Axis(f"σ of the {triad} bias / ({unit})", span=(0.0, highest or 1.0))
+        words = f"σ of the {triad} bias / {record.in_brackets(unit)}"
+        upright = record.Axis(words, span=(0.0, highest or 1.0))
         label = f"Standard uncertainty of the {triad} bias"
         figures.append(record.Figure(f"{triad}-sigma", label, marks, record.Axis(_CELSIUS), upright, 300))
     caption = (

@@ -26,6 +26,7 @@ from tumble.report.figures.record import (
     Mark,
     Points,
     Spans,
+    in_brackets,
     plain,
 )
 from tumble.report.page import Block, Figures, Sentences, section
@@ -61,7 +62,7 @@ def _intervals(name: str, rows: list[ParameterRow], factor: float) -> Figure:
     title = _title(rows[0])
     points = Points(
         plain([row.drawn.value for row in rows], 7),
-        [_axis_label(row) for row in rows],
+        [row.parameter.axes.replace(" to force ", "←") for row in rows],
         sigma=plain([row.factor(factor) * row.drawn.sigma for row in rows]),
         hover="%{y}: %{text}<extra></extra>",
         words=[row.drawn.text for row in rows],
@@ -73,7 +74,7 @@ def _intervals(name: str, rows: list[ParameterRow], factor: float) -> Figure:
         Axis(zero=False),
         Axis(kind="names", downwards=True),
         96 + 26 * len(rows),
-        title=f"{title} / {_in_brackets(rows[0].drawn.unit)}",
+        title=f"{title} / {in_brackets(rows[0].drawn.unit)}",
     )
 
 
@@ -83,16 +84,8 @@ def _title(row: ParameterRow) -> str:
         return f"{family.triad} scale"
     if row.group in (ACCELEROMETER, GYRO):
         return family.name.replace("accelerometer non", "acc. non")
-    return row.parameter.short if row.group == OPTIONAL and row.kind != "g-sensitivity" else row.kind
-
-
-def _axis_label(row: ParameterRow) -> str:
-    axes = row.parameter.axes
-    return axes.replace(" to force ", "←") if "force" in axes or axes in (*"xyz", "yz", "zx", "zy") else ""
-
-
-def _in_brackets(unit: str) -> str:
-    return f"({unit})" if "/" in unit or " " in unit else unit
+    # Of gyros alone, and so without their name.
+    return family.words if row.group != OPTIONAL else family.short.replace("g-sens.", "g-sensitivity")
 
 
 def correlations(rows: list[ParameterRow], matrix: Table) -> list[Block]:
@@ -154,10 +147,10 @@ def poses(up_b: Vectors, left_out: set[int], *, by_hand: bool = True) -> list[Bl
     by_hand : the test wants poses all over the sphere: name those that are missing.
     """
     units = up_b / np.linalg.norm(up_b, axis=1, keepdims=True)
-    missing = missing_directions(units)
+    missing, distinct = missing_directions(units), len(distinct_poses(units))
     notes = [
         (
-            f"{len(units)} holds in {len(distinct_poses(units))} poses that differ by more than 10°; "
+            f"{len(units)} holds in {distinct} pose{'s that differ by more than 10°' if distinct > 1 else ''}; "
             f"{26 - len(missing)} of the 26 standard attitudes (faces, edges and corners up) are covered."
         )
     ]

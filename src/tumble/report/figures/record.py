@@ -17,7 +17,7 @@ Look = dict[str, Any]
 
 BLUE, RED, GREEN, ORANGE, GREY, PURPLE = "#3b82d6", "#d6485b", "#2f9e6e", "#dd8a21", "#8b919c", "#8f63c9"
 TEAL = "#12a5ad"
-PALETTE = (BLUE, TEAL, GREEN, ORANGE, RED, PURPLE, GREY)
+PALETTE = (BLUE, TEAL, GREEN, ORANGE, RED, PURPLE, GREY, "#9a6238", "#d678b4", "#b3a125")
 AXIS_COLOURS = {"x": RED, "y": GREEN, "z": BLUE}
 # Of a map: least, nothing, most; what is nothing lets the page through.
 LEAST, NOTHING, MOST = "#c8394d", (GREY, 0.1), "#2f6fc2"
@@ -29,6 +29,11 @@ def plain(values: Any, digits: int = 5) -> list[float | None]:
         float(f"{value:.{digits}g}") if np.isfinite(value) else None
         for value in np.asarray(values, dtype=float)
     ]
+
+
+def in_brackets(unit: str) -> str:
+    """Return a unit as an axis divides by it: one that is a quotient itself stands in brackets."""
+    return f"({unit})" if "/" in unit or " " in unit else unit
 
 
 @dataclass(frozen=True)

@@ -70,7 +70,8 @@ function now() {
   const wanted = state.hold_seconds ?? Infinity;
   $("held").max = state.hold_seconds ?? 1; $("held").value = rest ? Math.min(rest.seconds, $("held").max) : 0;
   show("held-words", rest ? `${rest.seconds.toFixed(1)}${wanted < Infinity ? ` of ${wanted}` : ""} s` : "");
-  show("force-unit", `(${state.units[0] ?? "none"})`); show("rate-unit", `(${state.units[1] ?? "none"})`);
+  const [force, rate] = state.units.map((one) => (one ?? "none").replace("^2", "²").replace("deg", "°"));
+  show("force-unit", `(${force})`); show("rate-unit", `(${rate})`);
   if (performance.now() < until || over) return;
   $("now").className = rest && rest.seconds >= wanted ? "good" : "";
   show("now", rest ? (rest.seconds >= wanted ? "Long enough: turn to the next pose." : `Hold ${rest.hold}: keep it still.`) : still < 1 ? "Keep it still." : "Turn, then keep it still.");
