@@ -85,7 +85,7 @@ def test_reports_of_those_that_are_not_accepted_share_the_plotting_library(done:
     assert (out / "table.html").stat().st_size < 500_000
     page = (out / "table.html").read_text(encoding="utf-8")
     assert '<script src="plotly.min.js">' in page
-    for title in ("accelerometer bias / mg", "gyro bias / °/s", "gyro scale factor error / "):
+    for title in ("accelerometer bias / mg", "gyro bias / (°/s)", "gyro scale factor error / "):
         assert title in page
 
 

@@ -9,14 +9,14 @@ import numpy as np
 from tumble.fleet.outcome import Batch, UnitOutcome
 from tumble.parameters.family import in_families, parameter_of
 from tumble.parameters.measures import said_unit
-from tumble.report.figures.record import AXIS_COLOURS, BLUE, Axis, Bars, Figure
+from tumble.report.figures.record import AXIS_COLOURS, PALETTE, Axis, Bars, Figure, in_brackets
 from tumble.report.page import Block, Facts, Figures, Page, Sentences, Table, section
 
 MOST_ROWS = 2000
 """Units that the page lists; the table's other forms have them all."""
 _BINS = 30
-# Three angles between axes, three colours.
-_COLOURS = AXIS_COLOURS | dict(zip(("yz", "zx", "zy"), AXIS_COLOURS.values(), strict=True))
+# Of three axes or angles the axes' own; of nine each another.
+_COLOURS = (*AXIS_COLOURS.values(), *(one for one in PALETTE if one not in AXIS_COLOURS.values()))
 
 
 def batch_page(batch: Batch) -> Page:
@@ -86,14 +86,14 @@ def _histogram(
         Bars(
             middles,
             np.histogram(factor * np.array(columns[member]), edges)[0].tolist(),
-            parameter_of(member).axes,
-            _COLOURS.get(parameter_of(member).axes, BLUE),
+            parameter_of(member).axes.replace(" to force ", "←"),
+            _COLOURS[at % len(_COLOURS)],
             opacity=0.75,
             width=0.95 * float(edges[1] - edges[0]),
         )
-        for member in members
+        for at, member in enumerate(members)
     ]
-    across = Axis(f"{group} / {unit}" if unit else group)
+    across = Axis(f"{group} / {in_brackets(unit)}" if unit else group)
     label = f"Histogram of {group} over the units"
     return Figure(name, label, bars, across, Axis("units"), 220, stacked=True)
 

@@ -206,7 +206,7 @@ def _candidates(evidence: ThermalCurves) -> list[Block]:
         lying=True,
         sigma=record.plain([c.spread for c in evidence.candidates]),
     )
-    across = record.Axis("mean square of what was predicted wrongly / σ²", "log")
+    across = record.Axis("mean squared error / σ²", "log")
     upright = record.Axis(kind="names", downwards=True)
     left = "soaks" if evidence.kind == "soak" else "bands of temperature"
     caption = (
