@@ -186,7 +186,6 @@ def components(graph: dict[str, set[str]]) -> list[list[str]]:
             found.append(stack[at:])
             del stack[at:]
 
-    sys.setrecursionlimit(100_000)
     for name in graph:
         if name not in order:
             visit(name)
