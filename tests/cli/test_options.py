@@ -179,10 +179,10 @@ def test_a_help_text_flows_and_its_examples_stay() -> None:
 
 
 def test_numbers_that_are_none_are_refused() -> None:
-    assert numbers("1,2.5", "--x") == (1.0, 2.5)
+    assert numbers("1,2.5", "--x", 2) == (1.0, 2.5)
     for wrong in ("", "1,,2", "nan", "1,inf", "a"):
-        with pytest.raises(UsageError, match="--x takes numbers"):
-            numbers(wrong, "--x")
+        with pytest.raises(UsageError, match="--x takes 2 numbers"):
+            numbers(wrong, "--x", 2)
     with pytest.raises(UsageError, match="3 numbers"):
         numbers("1,2", "--x", 3)
 

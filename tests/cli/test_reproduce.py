@@ -25,8 +25,8 @@ def contents(folder: Path) -> dict[str, bytes]:
 def test_without_an_item_it_lists_what_there_is(tumble: Any) -> None:
     answer = tumble("reproduce")
     assert answer.status == 0
-    names = re.findall(r"^((?:hayal|zhang|savage)-\S+)  ", answer.out, re.M)
-    assert names == list(ITEMS)
+    listed = json.loads(tumble("reproduce", "--json").out)
+    assert [one["name"] for one in listed] == list(ITEMS)
     efforts = re.findall(
         r"^(?:hayal|zhang|savage)-\S+ .*  ((?:\d+ runs?|no runs): (?:at once|[\d.]+ (?:s|min|h))(?:; 500: .*)?)$",
         answer.out,
@@ -123,6 +123,7 @@ def test_what_else_is_in_the_folder_stays_and_earlier_results_are_replaced(
 def test_an_unknown_item_is_refused_with_a_hint(tumble: Any, tmp_path: Path) -> None:
     answer = tumble("reproduce", "hayal-44", "-o", tmp_path / "out")
     answer.is_told(2, "'hayal-44'", "Did you mean hayal-4.4?", "`tumble reproduce` lists")
+    tumble("reproduce", "-o", tmp_path / "out").is_told(2, "--output says nothing to the list")
     assert not (tmp_path / "out").exists()
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, cast
 from tumble.cli.options import PrintOptions
 from tumble.cli.terminal import console, results_stand, say, say_json, say_written, table
 from tumble.errors import UsageError
-from tumble.workflows.request import FIRST, ConvertRequest, option
+from tumble.workflows.request import FIRST, ConvertRequest, option, refuse
 
 if TYPE_CHECKING:
     from tumble.workflows.convert import Converted
@@ -40,7 +40,11 @@ def convert_command(
     to, calibration = asked.target, cast("Path | None", asked.calibration)
     from tumble.workflows.convert import Converted, convert_from, convert_to, list_targets, turn
 
-    if to is not None and source is not None:
+    if to is None:
+        of_targets = ["rate", "temperature", "largest_loss", "topic", "noise"]
+        turned = calibration is not None and source is None
+        refuse(asked, of_targets if turned else [*of_targets, "frame"], "{} goes with --to TARGET alone.")
+    elif source is not None:
         raise UsageError(
             "--to and --from exclude each other: read into calibration.json first, then write from it."
         )

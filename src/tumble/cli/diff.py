@@ -12,7 +12,7 @@ import typer
 from tumble.cli.options import PrintOptions
 from tumble.cli.terminal import console, say_json
 from tumble.errors import UsageError
-from tumble.workflows.request import FIRST, argument, option
+from tumble.workflows.request import FIRST, argument, numbers, option
 
 if TYPE_CHECKING:
     from tumble.document.difference import Difference
@@ -64,15 +64,8 @@ def _say_recovery(truth: Path, calibration: Path, printed: PrintOptions) -> NoRe
 
     found = recovery(truth, calibration)
     if printed.as_json:
-        parameters = [dataclasses.asdict(change) for change in found.parameters]
-        say_json(
-            {
-                "recovered": found.recovered,
-                "limit": found.limit,
-                "parameters": parameters,
-                "remarks": found.remarks,
-            }
-        )
+        told = ("recovered", "limit", "parameters", "remarks")
+        say_json({name: getattr(found, name) for name in told})
     else:
         screen = console()
         for sentence in (found.sentence, *found.remarks):
@@ -84,11 +77,8 @@ def _say_recovery(truth: Path, calibration: Path, printed: PrintOptions) -> NoRe
 
 
 def _allowed(text: str) -> tuple[float, float]:
-    try:
-        ug, per_hour = (float(part) for part in text.split(","))
-    except ValueError:
-        raise UsageError(f"--allowed {text} is no pair of numbers: give µg and deg/h, as 500,20.") from None
-    if not (0.0 <= ug < math.inf and 0.0 <= per_hour < math.inf):
+    ug, per_hour = numbers(text, "--allowed", 2)
+    if min(ug, per_hour) < 0.0:
         raise UsageError(f"--allowed {text}: both numbers must be zero or more.")
     from tumble.units import STANDARD_GRAVITY
 

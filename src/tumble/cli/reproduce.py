@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from tumble.cli.options import PrintOptions
 from tumble.cli.terminal import progress, results_stand, say, say_json, say_written
-from tumble.workflows.request import ReproduceRequest
+from tumble.workflows.request import ReproduceRequest, refuse
 
 
 def reproduce_command(asked: ReproduceRequest, printed: PrintOptions) -> None:
@@ -19,7 +19,8 @@ def reproduce_command(asked: ReproduceRequest, printed: PrintOptions) -> None:
     from tumble.workflows.reproduce import reproduce
 
     if asked.name is None:
-        _print_list()
+        refuse(asked, ("output", "repetitions"), "{} says nothing to the list of items: name one.")
+        _print_list(printed.as_json)
         return
     with progress(printed.silent) as tell:
         outcomes, files = reproduce(**vars(replace(asked, progress=tell)))
@@ -40,10 +41,13 @@ def reproduce_command(asked: ReproduceRequest, printed: PrintOptions) -> None:
     say_written(files)
 
 
-def _print_list() -> None:
+def _print_list(as_json: bool) -> None:
     from tumble.reproduction.items import all_items
 
     items = all_items()
+    if as_json:
+        say_json([{"name": name, "title": one.title, "effort": one.effort} for name, one in items.items()])
+        return
     width = max(len(name) for name in items)
     title = max(len(entry.title) for entry in items.values())
     for name, entry in items.items():

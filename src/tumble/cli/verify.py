@@ -123,8 +123,10 @@ def verify_command(
         refuse(site, ("site", "gravity"), OF_NO_DRIVE)
         if limits is not None:
             raise UsageError(OF_NO_DRIVE.format("--limits"))
+        from tumble.files import results_folder
         from tumble.workflows.drive import verify_drive
 
+        results_folder(output)
         with progress(printed.silent) as tell:
             found = verify_drive(**vars(replace(asked, progress=tell)))
         show_drive(found, output, printed)

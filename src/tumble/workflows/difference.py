@@ -65,7 +65,8 @@ def verdict(found: Difference, allowed: tuple[float, float] | None) -> tuple[boo
         else:
             said = "more than its uncertainty" if seen else "not more than its uncertainty explains"
         allowance = "" if limit is None else f", {'above' if large else 'within'} what is allowed"
-        sentences.append(f"{text(effect.value, effect.standard_uncertainty)}: {said}{allowance}.")
+        size = effect.value if effect.value > rounding else 0.0
+        sentences.append(f"{text(size, effect.standard_uncertainty)}: {said}{allowance}.")
     if found.groups:
         chance = "more" if found.significant else "no more"
         sentences.insert(0, f"The parameters differ by {chance} than chance (5 %, all groups together).")

@@ -51,7 +51,7 @@ from tumble.workflows.calibration_parts import (
     without_rest_rate,
 )
 from tumble.workflows.corrected import corrections_of, refuse_twice
-from tumble.workflows.request import OF_NO_DRIVE, DriveRequest, asked, refuse, silent
+from tumble.workflows.request import OF_NO_DRIVE, DriveRequest, asked, check_turn_on, refuse, silent
 from tumble.workflows.verify import made_from
 
 FORMAT = "tumble verify drive"
@@ -501,7 +501,7 @@ def verify_drive(request: DriveRequest) -> DriveVerification:
     grade = find_grade(request.data_sheet or "consumer-mems")
     known = request.lever_arm_b is not None
     arm = np.array(request.lever_arm_b if known else (0.0, 0.0, 0.0), dtype=float)
-    _refuse_bad_numbers(arm.tolist(), request.turn_on)
+    _refuse_bad_numbers(arm.tolist(), request.turn_on or ())
     files = recording_inputs(request.paths)
     for file in files:
         refuse_twice(document, corrections_of([file], request.topics))
@@ -717,10 +717,9 @@ def _gap_words(gaps: Sequence[tuple[float, float]]) -> str:
     )
 
 
-def _refuse_bad_numbers(lever_arm_b: Sequence[float], turn_on: tuple[float, float] | None) -> None:
+def _refuse_bad_numbers(lever_arm_b: Sequence[float], turn_on: Sequence[float]) -> None:
     if len(lever_arm_b) != 3 or not np.all(np.abs(lever_arm_b) < 100.0):
         raise UsageError(
             "--lever-arm takes three numbers X,Y,Z in metres, below 100 each, from the IMU to the antenna."
         )
-    if turn_on is not None and not (turn_on[0] >= 0.0 and turn_on[1] >= 0.0):
-        raise UsageError("--turn-on-bias takes two numbers that are not negative: mg and °/h.")
+    check_turn_on(turn_on)

@@ -28,7 +28,7 @@ from tumble.workflows.calibration_parts import (
     start_covariance,
     walking,
 )
-from tumble.workflows.request import PredictRequest, asked
+from tumble.workflows.request import PredictRequest, asked, check_turn_on
 
 _SHORTEST = 0.1  # s
 _RATE = 50.0  # Hz
@@ -72,6 +72,7 @@ def predict(request: PredictRequest) -> Prediction:
                 f"--seconds {t:g} is out of bounds: give at least {_SHORTEST:g} and at most {LONGEST:g}, as far as "
                 "the closed forms hold."
             )
+    check_turn_on(turn_on)
     grade = None if request.data_sheet is None else find_grade(request.data_sheet)
     calibration = request.calibration
     document = calibration if isinstance(calibration, Calibration) else read_calibration(calibration)

@@ -246,13 +246,13 @@ def refuse(request: Any, names: Collection[str], sentence: str) -> None:
             raise UsageError(sentence.format((spelled or [f"--{one.name.replace('_', '-')}"])[0]))
 
 
-def numbers(text: str, option: str, count: int | None = None) -> tuple[float, ...]:
+def numbers(text: str, option: str, count: int) -> tuple[float, ...]:
     """Return numbers with commas between them.
 
     Parameters
     ----------
     text, option : as typed, and where.
-    count : how many there must be; None for any.
+    count : how many there must be.
 
     Raises
     ------
@@ -263,10 +263,8 @@ def numbers(text: str, option: str, count: int | None = None) -> tuple[float, ..
         values = tuple(float(part) for part in text.split(","))
     except ValueError:
         values = ()
-    wrong = not values or not all(math.isfinite(value) for value in values)
-    if wrong or (count is not None and len(values) != count):
-        many = "numbers" if count is None else f"{count} numbers"
-        raise UsageError(f"{option} takes {many} apart by commas, and {text!r} is not.")
+    if len(values) != count or not all(map(math.isfinite, values)):
+        raise UsageError(f"{option} takes {count} numbers apart by commas, and {text!r} is not.")
     return values
 
 
@@ -306,6 +304,22 @@ def moved(text: str) -> tuple[float, float]:
     """
     force, rate = numbers(text, "--turn-on-bias", 2)
     return force * 9.80665e-3, math.radians(rate) / 3600.0
+
+
+def check_turn_on(turn_on: Sequence[float]) -> None:
+    """Refuse biases that move by less than nothing from one power cycle to the next.
+
+    Parameters
+    ----------
+    turn_on : of the accelerometers and the gyros, one sigma.
+
+    Raises
+    ------
+    UsageError
+        If one is negative, or endless.
+    """
+    if not all(0.0 <= sigma < math.inf for sigma in turn_on):
+        raise UsageError("--turn-on-bias takes two numbers that are not negative: mg and °/h.")
 
 
 def lever_arm(text: str) -> tuple[float, ...]:
@@ -853,7 +867,7 @@ def notes_of(given: Notes) -> dict[str, str]:
         return {}
     if isinstance(given, str):
         given = [given]
-    pairs = list(given.items()) if isinstance(given, Mapping) else [_parted(text) for text in given]
+    pairs = given.items() if isinstance(given, Mapping) else [text.partition("=")[::2] for text in given]
     notes: dict[str, str] = {}
     for key, value in pairs:
         name, said = str(key).strip().lower(), str(value).strip()
@@ -867,10 +881,3 @@ def notes_of(given: Notes) -> dict[str, str]:
             raise UsageError(f"--note {name} is given twice: give it once.")
         notes[name] = said
     return notes
-
-
-def _parted(text: str) -> tuple[str, str]:
-    key, equals, value = text.partition("=")
-    if not equals:
-        raise UsageError(f"--note {text}: give a name and a value, as --note operator='A. Smith'.")
-    return key, value

@@ -17,7 +17,7 @@ from tumble.records import dataclass
 from tumble.sample_rates import SampleRate
 from tumble.simulation.errors import EARTHS_FIELD, SessionErrors, read_errors
 from tumble.workflows.given.protocols import given_site, read_played
-from tumble.workflows.request import SimulateRequest, asked, silent
+from tumble.workflows.request import SimulateRequest, asked, check_turn_on, silent
 from tumble.workflows.simulated import (
     Played,
     case_columns,
@@ -266,8 +266,7 @@ def _drawn_unit(played: Played, turn_on: tuple[float, float]) -> ImuModel:
         case_axes=errors.axes == "case",
         asymmetry=errors.asymmetry,
     )
-    if not all(0.0 <= sigma < math.inf for sigma in turn_on):
-        raise UsageError("--turn-on-bias takes two numbers that are not negative: mg and °/h.")
+    check_turn_on(turn_on)
     if turn_on == (0.0, 0.0):
         return model
     rng, force, rate = _generator(played.seed, "turn-on"), model.accelerometer, model.gyroscope
