@@ -80,21 +80,23 @@ def chance(term: TermBlock) -> str:
 def left_out_sentences(calibration: Calibration) -> list[str]:
     """Return what took no part, and why."""
     left = calibration.quality.left_out
-    if not left:
-        return ["Nothing was left out as an outlier."]
-    return [f"Left out: {item.kind} {item.number}: {item.reason}." for item in left]
+    said = [f"Left out: {item.kind} {item.number}: {item.reason}." for item in left]
+    return said or ["Nothing was left out as an outlier."]
 
 
 def component_words(name: str, sigma: float) -> str:
-    """Return a variance component (name with SI unit after a comma, standard deviation) in words.
+    """Return a variance component in words.
+
+    Its name has the SI unit after a comma, and then in brackets the recording if there are several.
 
     Examples
     --------
-    >>> component_words("accelerometer bias from hold to hold, m/s²", 0.00981)
-    'Accelerometer bias from hold to hold: 1 mg.'
+    >>> component_words("accelerometer bias from hold to hold, m/s² (a.csv)", 0.00981)
+    'Accelerometer bias from hold to hold (a.csv): 1 mg.'
     """
+    name, bracket, whose = name.partition(" (")
     what, _, unit = name.rpartition(", ")
-    what = (what or name)[:1].upper() + (what or name)[1:]
+    what = f"{what[:1].upper()}{what[1:]}{bracket}{whose}"
     return f"{what}: {amount(sigma, unit)}." if sigma else f"{what}: none found beyond the noise."
 
 
