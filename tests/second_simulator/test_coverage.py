@@ -89,7 +89,7 @@ def test_accelerometers_that_wander_on_a_table_are_found_by_every_rest_and_not_b
 
     def noted(task: object) -> dict[str, np.ndarray]:
         made = between(task)  # pyright: ignore[reportArgumentType]
-        densities.append(made[influences.FORCE_WANDER])
+        densities.append(made[influences.causes.FORCE_WANDER])
         return made
 
     monkeypatch.setattr(influences, "_between", noted)

@@ -28,6 +28,7 @@ from tumble.workflows.corrected import (
     refuse_twice,
 )
 from tumble.workflows.request import MountRequest, silent
+from tumble.workflows.verify import force_wander
 
 FORMAT = "tumble mount"
 # Rests of one recording whose gravity is farther apart are of different poses, rad.
@@ -125,7 +126,7 @@ def mount(request: MountRequest) -> Mounted:
         [rest.covariance for rest in rests],
         document.covariance_parameters,
         document.covariance_matrix,
-        _wander(document),
+        force_wander(document),
     )
     found = align_to_mount(first.force, second.force, covariance)
     found = replace(found, covariance=found.covariance + mount_sigma**2 * np.eye(3))
@@ -185,12 +186,6 @@ def _rest(
     spread = np.asarray(means.specific_force_covariance[longest], dtype=np.float64)
     seconds, source = float(means.duration[longest]), recording.sources[0]
     return _Rest(name, source.sha256, seconds, np.asarray(force[longest], dtype=np.float64), norm, spread)
-
-
-def _wander(document: Calibration) -> float:
-    """How far the accelerometers' biases moved from hold to hold when they were calibrated, m/s²."""
-    components = document.quality.variance_components
-    return float(np.sqrt(sum(v**2 for name, v in components.items() if name.startswith("accelerometer"))))
 
 
 def _remarks(found: MountAlignment, mount_sigma: float) -> list[str]:

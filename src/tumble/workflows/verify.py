@@ -145,12 +145,17 @@ def norm_covariance(
         thermal_covariance = np.array(document.thermal.covariance, dtype=float)
         if thermal_covariance.size:
             covariance += by_parameter @ thermal_covariance @ by_parameter.T
-    for name, value in document.quality.variance_components.items():
-        if name.startswith("accelerometer"):
-            covariance += value**2 * np.eye(len(noise))
+    covariance += force_wander(document) ** 2 * np.eye(len(noise))
     if not same_gravity:
         covariance += place.gravity_sigma**2
     return covariance
+
+
+def force_wander(document: Calibration) -> float:
+    """How far accelerometer biases moved from hold to hold in the calibration, m/s²; of turn-ons, the mean."""
+    parts = document.quality.variance_components.items()
+    found = sum(value**2 for name, value in parts if name.startswith("accelerometer"))
+    return float(np.sqrt(found / (1 if document.turn_ons is None else len(document.turn_ons.recordings))))
 
 
 def _weights(document: Calibration, force: Vectors, at: HoldConditions | None) -> Vectors:

@@ -173,8 +173,8 @@ def test_apply_by_blocks_is_apply_of_the_whole(tmp_path: Path, monkeypatch: pyte
     assert RAW.temperature is not None
     table = np.column_stack([RAW.time, RAW.specific_force, RAW.angular_rate, RAW.temperature])
     np.save(tmp_path / "raw.npy", table)
-    real = arrays.read_npy_blocks
-    monkeypatch.setattr(arrays, "read_npy_blocks", lambda path, rows=1700: real(path, rows))
+    real = arrays.read_npy
+    monkeypatch.setattr(arrays, "read_npy", lambda path: real(path, 1700))
     apply(DOCUMENT, tmp_path / "raw.npy", output=tmp_path / "out.parquet", **OPTIONS)
     corrected = pl.read_parquet(tmp_path / "out.parquet")
     np.testing.assert_allclose(corrected[:, 1:4].to_numpy(), TRUE.specific_force, atol=1e-12)
