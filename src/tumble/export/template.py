@@ -216,7 +216,7 @@ def escaped(text: str, mark: str) -> str:
     Parameters
     ----------
     text : one line; a line break or another hidden character in it is written as its number.
-    mark : ``#`` of Python, YAML and parameters, ``//`` of C++, `` *`` of C, ``%`` of MATLAB.
+    mark : ``#`` of Python, YAML and parameters, ``//`` of C++, an asterisk of C, ``%`` of MATLAB.
     """
     line = shown(text).rstrip()
     if mark in ("//", " *"):
