@@ -36,10 +36,7 @@ def model_of(name: str, **options: float) -> SequenceModel:
     return sequence_model(ROWS[name].rotations, start_down(ROWS[name]), GRAVITY, **options)
 
 
-def test_down_at_the_start_is_the_axis_that_table_1_names_and_a_half_turn_turns_it_up() -> None:
-    for row in SEQUENCES:
-        down = np.eye(3)["xyz".index(row.down)]
-        np.testing.assert_allclose(start_down(row), down, rtol=0, atol=1e-15)
+def test_a_half_turn_turns_down_up() -> None:
     np.testing.assert_allclose(model_of("7").down_end, [0.0, -1.0, 0.0], rtol=0, atol=1e-15)
     np.testing.assert_allclose(model_of("10").down_end, [0.0, -1.0, 0.0], rtol=0, atol=1e-15)
     np.testing.assert_allclose(model_of("3").down_end, [1.0, 0.0, 0.0], rtol=0, atol=1e-15)
