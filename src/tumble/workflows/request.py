@@ -11,7 +11,6 @@ import math
 import os
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
-from concurrent.futures import Executor
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import MISSING, field, fields, replace
 from functools import wraps
@@ -25,6 +24,8 @@ from tumble.procedure_names import KNOWN_PROCEDURES
 from tumble.records import dataclass
 
 if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
     from tumble.document import Calibration
     from tumble.earth import Site
     from tumble.recording import Recording
