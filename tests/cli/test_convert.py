@@ -68,7 +68,8 @@ def test_a_change_of_frame_is_said(tumble: Any, calibration: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("calibration.json",), ("--to TARGET",)),
+        (("calibration.json",), ("--from TARGET",)),
+        (("calibration.json", "--frame", "accelerometer-x", "--units", "g"), ("about reading",)),
         (("calibration.json", "--to", "kalibur"), ("kalibur", "choose one of")),
         (("calibration.json", "--to", "px4", "--from", "px4"), ("exclude",)),
         (("calibration.json", "--to", "px4", "--largest-loss", "10"), ("ppm", "--largest-loss")),

@@ -108,6 +108,7 @@ def test_units_over_years_are_due_and_differ(
     nobody = tumble(*asked, "--before", "2001-01-01")
     assert nobody.status == 0
     assert "U0" not in nobody.out
+    assert "leave --unit and --most out" in tumble(*asked, "--unit", "U1").err
     assert "--before soon: give a day" in tumble(*asked, "--before", "soon").err
     fleet = tumble("registry", "fleet", "--registry", registry, "-o", tmp_path / "fleet.json")
     assert fleet.status == 0, fleet

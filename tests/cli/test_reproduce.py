@@ -123,7 +123,7 @@ def test_what_else_is_in_the_folder_stays_and_earlier_results_are_replaced(
 def test_an_unknown_item_is_refused_with_a_hint(tumble: Any, tmp_path: Path) -> None:
     answer = tumble("reproduce", "hayal-44", "-o", tmp_path / "out")
     answer.is_told(2, "'hayal-44'", "Did you mean hayal-4.4?", "`tumble reproduce` lists")
-    tumble("reproduce", "-o", tmp_path / "out").is_told(2, "--output says nothing to the list")
+    tumble("reproduce", "-o", tmp_path / "out").is_told(2, "--output goes with an ITEM")
     assert not (tmp_path / "out").exists()
 
 

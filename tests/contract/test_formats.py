@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import hashlib
 import json
+import re
 import struct
 import tempfile
 import zipfile
@@ -19,7 +20,7 @@ import pytest
 from contract.test_flight_logs import FMT, described, write_ulog
 from tumble.errors import RecordingError
 from tumble.recording import read_blocks, read_recording
-from tumble.recording.formats import FORMATS, find_format, frames, read_table, read_table_blocks
+from tumble.recording.formats import FORMATS, find_format, frames, read_table, read_table_blocks, text
 
 NAMES = ("t", "ax", "ay", "az", "gx", "gy", "gz")
 
@@ -311,11 +312,25 @@ def test_an_array_that_is_no_table_is_refused(tmp_path: Path, shape) -> None:
         read_table(tmp_path / "a.npy")
 
 
-def test_a_zip_archive_of_something_else_is_refused(tmp_path: Path) -> None:
-    with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
-        archive.writestr("letter.txt", "Dear all")
-    with pytest.raises(RecordingError):
-        read_table(tmp_path / "a.zip")
+def test_a_zip_archive_of_something_else_or_of_no_rows_is_refused(tmp_path: Path) -> None:
+    write_parquet(tmp_path / "a.parquet", example()[:0])
+    (tmp_path / "letter.txt").write_text("Dear all")
+    for name, words in (("letter.txt", "letter"), ("a.parquet", "no rows")):
+        with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
+            archive.write(tmp_path / name, name)
+        with pytest.raises(RecordingError, match=words):
+            read_recording(tmp_path / "a.zip")
+
+
+def test_one_clock_serves_all_pieces_of_an_xsens_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(text, "_CHUNK", 4096)
+    write_xsens(tmp_path / "a.txt", example())
+    lines = (tmp_path / "a.txt").read_text().splitlines()
+    lines[-2] = re.sub(r"\t\S+", "\t", lines[-2], count=1)
+    (tmp_path / "a.txt").write_text("\n".join(lines) + "\n")
+    assert len(read_recording(tmp_path / "a.txt").time) == len(example()) - 1
 
 
 def test_parquet_is_read_slice_by_slice(tmp_path: Path) -> None:

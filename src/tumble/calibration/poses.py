@@ -109,7 +109,7 @@ def missing_poses(
     up = _directions(means, force_unknowns, factor)
     held = up[distinct_poses(up)]
     if held.shape[0] < needed:
-        return _too_few(held, needed, has_prior)
+        return _too_few(held, needed)
     untold = describe_untold(held, needed)
     mending = f"hold the unit also with {describe_mending(held, needed)}{_serves(held, needed)}"
     return untold and f"The {held.shape[0]} different poses {untold}. Record again and {mending}."
@@ -129,7 +129,7 @@ def _directions(means: Vectors, force_unknowns: Series, factor: float | None) ->
     return up / np.maximum(np.linalg.norm(up, axis=1, keepdims=True), 1e-300)
 
 
-def _too_few(held: Vectors, needed: int, has_prior: bool) -> str:
+def _too_few(held: Vectors, needed: int) -> str:
     found = held.shape[0]
     poses = "1 different pose was" if found == 1 else f"{found} different poses were"
     text = (

@@ -122,9 +122,7 @@ def judge(estimate: Estimate, recording: Recording, *, confirm_scale: bool = Fal
         *_too_uncertain(estimate),
         *_too_much_left_out(estimate),
     ]
-    return Judgement(
-        not against, [*against, *estimate.cautions, *unusual, *_in_plain_words(estimate, recording)]
-    )
+    return Judgement(not against, [*against, *estimate.cautions, *unusual, *_in_plain_words(estimate)])
 
 
 def misfit(estimate: Estimate) -> list[str]:
@@ -354,7 +352,7 @@ def _without_gyro_matrix(estimate: Estimate) -> str:
     )
 
 
-def _in_plain_words(estimate: Estimate, recording: Recording) -> list[str]:
+def _in_plain_words(estimate: Estimate) -> list[str]:
     """Return what can be said for the calibration, in numbers."""
     words: list[str] = []
     holds = estimate.holds.norms.size

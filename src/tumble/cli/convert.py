@@ -48,9 +48,9 @@ def convert_command(
         raise UsageError(
             "--to and --from exclude each other: read into calibration.json first, then write from it."
         )
+    if units is not None and source is None:
+        raise UsageError("--units is about reading: it goes with --from TARGET alone.")
     if to is not None:
-        if units is not None:
-            raise UsageError("--units is about reading: leave it out with --to.")
         done = convert_to(**vars(replace(asked, output=output)))
     elif calibration is None:
         if source is not None:
@@ -63,9 +63,7 @@ def convert_command(
         file, document = turn(calibration, asked.frame, output or Path("turned.json"))
         done = Converted([file], document.remarks[-1:])
     else:
-        raise UsageError(
-            "Say where to: --to TARGET or --from TARGET; `tumble convert` alone lists the targets."
-        )
+        raise UsageError("Say where to: --to or --from TARGET; `tumble convert` alone lists the targets.")
     results_stand()
     _say(done, printed)
 

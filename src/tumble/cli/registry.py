@@ -79,6 +79,8 @@ def list_command(
     if most < 1:
         raise UsageError(f"--most {most}: give one or more.")
     if due is not None:
+        if unit is not None or most != 50:
+            raise UsageError("--due lists every unit: leave --unit and --most out.")
         _list_due(registry, due, before, as_json=as_json)
     if before is not None:
         raise UsageError("--before goes with --due TOLERANCES.YAML: it says by which change a unit is due.")

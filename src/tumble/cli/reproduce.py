@@ -19,7 +19,7 @@ def reproduce_command(asked: ReproduceRequest, printed: PrintOptions) -> None:
     from tumble.workflows.reproduce import reproduce
 
     if asked.name is None:
-        refuse(asked, ("output", "repetitions"), "{} says nothing to the list of items: name one.")
+        refuse(asked, ("output", "repetitions", "seed", "workers", "scheduler"), "{} goes with an ITEM.")
         _print_list(printed.as_json)
         return
     with progress(printed.silent) as tell:
@@ -34,8 +34,7 @@ def reproduce_command(asked: ReproduceRequest, printed: PrintOptions) -> None:
     for outcome in outcomes:
         inside, judged = outcome.counts
         if printed.quiet:
-            told = f"{inside} of {judged} rows inside" if judged else "not judged"
-            say(f"{outcome.item}: {told}")
+            say(f"{outcome.item}: {f'{inside} of {judged} rows inside' if judged else 'not judged'}")
         else:
             say(*outcome_lines(outcome), "")
     say_written(files)

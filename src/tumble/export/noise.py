@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import field
 from pathlib import Path
-from typing import Any, cast
+from typing import Annotated, Any, cast
 
 import msgspec
 import numpy as np
@@ -104,7 +104,7 @@ def read_noise(path: str | Path, *, rate: float | None = None) -> SensorNoise:
 
 
 class _Value(DocumentPart):
-    value: float
+    value: Annotated[float, msgspec.Meta(ge=0.0)]
     curve_missed_by: float | None = None
 
 
@@ -118,7 +118,7 @@ class _Channel(DocumentPart):
 class _Document(DocumentPart):
     """Of a noise.json what is taken from it."""
 
-    rate_hz: float
+    rate_hz: Annotated[float, msgspec.Meta(gt=0.0)]
     channels: dict[str, _Channel]
 
 

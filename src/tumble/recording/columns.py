@@ -29,7 +29,6 @@ from tumble.errors import RecordingError, UsageError
 from tumble.recording.formats.table import RawTable
 from tumble.recording.rest import (
     QuietStretches,
-    count_poses,
     find_quiet_stretches,
     fit_sphere,
     one_a_direction,
@@ -548,7 +547,7 @@ def _sphere(means: Vectors) -> tuple[Vector, Series]:
         return np.zeros(3), around_zero
     kept = one_a_direction(thinned - fitted[0])
     again = fit_sphere(kept + fitted[0])
-    if again is None or count_poses(kept) < _SPHERE_DIRECTIONS:
+    if again is None or len(one_a_direction(kept)) < _SPHERE_DIRECTIONS:
         return np.zeros(3), around_zero
     norms = np.linalg.norm(one_a_direction(thinned - again[0]), axis=1)
     best = _relative_scatter(around_zero) if around_zero.size >= _FEWEST_DIRECTIONS else np.inf

@@ -35,10 +35,10 @@ from tumble.recording.rest import (
     QuietStretches,
     Saturation,
     block_statistics,
-    count_poses,
     find_quiet_stretches,
     find_saturation,
     fit_sphere,
+    one_a_direction,
     smallest_step,
 )
 from tumble.recording.samples import MagneticField
@@ -201,7 +201,7 @@ def _angle_to_gravity(recording: Recording, field: MagneticField, rests: QuietSt
         return None
     sphere = fit_sphere(force)
     force = force - sphere[0] if sphere is not None else force
-    if count_poses(force) < _FEWEST_POSES:
+    if len(one_a_direction(force)) < _FEWEST_POSES:
         return None
     up = force / np.linalg.norm(force, axis=1)[:, None]
     # One of each pair P, -P: those that keep the handedness.
@@ -488,7 +488,7 @@ def _poses(recording: Recording, means: Vectors) -> tuple[int, Series]:
         sphere = fit_sphere(means)
         means = means - sphere[0] if sphere is not None else means
         factor = 1.0
-    return count_poses(means), factor * np.linalg.norm(means, axis=1)
+    return len(one_a_direction(means)), factor * np.linalg.norm(means, axis=1)
 
 
 def _warnings(recording: Recording, found: Findings) -> list[str]:

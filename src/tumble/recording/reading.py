@@ -695,11 +695,10 @@ def _blocks(
 
 
 def _hashed(listed: Sequence[Path | Frame], table: RawTable) -> tuple[Source, ...]:
-    """Return names and SHA-256 of inputs; of one, also the topic that it was read of."""
+    """Return names and SHA-256 of inputs; of the one that has topics, also that which was read."""
     sources = [source_of(p) if isinstance(p, Path) else frame_source(p) for p in listed]
-    if len(sources) == 1:
-        sources = [replace(sources[0], topic=table.topic)]
-    return tuple(sources)
+    own = sources[0].name if len(sources) == 1 else table.path.name
+    return tuple(replace(one, topic=table.topic) if one.name == own else one for one in sources)
 
 
 def _share(block: Recording, begin: float, end: float) -> Recording:

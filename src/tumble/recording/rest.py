@@ -130,11 +130,6 @@ def one_a_direction(vectors: Vectors) -> Vectors:
     return vectors[kept]
 
 
-def count_poses(directions: Vectors) -> int:
-    """Return how many directions there are, see `one_a_direction`."""
-    return len(one_a_direction(directions))
-
-
 def fit_sphere(points: Vectors, fewest: int = 5, spread: float = 0.1) -> tuple[Vector, float] | None:
     """Return centre and radius of the sphere through points (least squares), or None if undetermined.
 

@@ -27,7 +27,8 @@ def read_intervals(path: str | Path) -> list[tuple[float, float]]:
     Raises
     ------
     SegmentationError
-        If the file cannot be read or is empty, or a line is not two numbers; the message names the line.
+        If the file cannot be read or is empty, or a line is not two numbers, stops before it starts,
+        or overlaps or precedes the line before it; the message names the line.
     """
     with reading(Path(path), "a list of intervals", SegmentationError):
         lines = lines_of(read_text(Path(path)))
@@ -47,7 +48,15 @@ def read_intervals(path: str | Path) -> list[tuple[float, float]]:
             raise SegmentationError(
                 f"{where}: {line.strip()[:40]!r} is not two numbers, start and stop in seconds."
             )
-        intervals.append((values[0], values[1]))
+        start, stop = values
+        if stop <= start:
+            raise SegmentationError(f"{where}: the interval ends at {stop:g} s, not after {start:g} s.")
+        if intervals and start < intervals[-1][1]:
+            raise SegmentationError(
+                f"{where}: the interval starts at {start:g} s, before the one above it "
+                f"stops ({intervals[-1][1]:g} s); put the holds in order and apart."
+            )
+        intervals.append((start, stop))
     if not intervals:
         raise SegmentationError(
             f"{path}: the interval file holds no intervals; write start and stop in seconds, one hold a line."

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tumble.arrays import Matrix, Series, Vector
+from tumble.arrays import Matrix, Vector
 from tumble.errors import SegmentationError
 from tumble.protocol.steps import Protocol, SpinStep
 from tumble.recording.recording import Recording
@@ -36,9 +36,6 @@ class Rotation:
     integral : (3,) raw·s, of the angular rate; with the bias and the Earth rate in it.
     covariance : (3, 3) of it.
     seconds : s, how long it took.
-    middle : s, on the recording's clock.
-    cosine, sine : s, the integrals of cos φ and sin φ over it, φ the angle turned since its beginning:
-        what fixed directions across the axis add up to in b.
     angle : rad, the table's, with the sign of the protocol's rate about the protocol's axis.
     angle_sigma : rad.
     before, after : the holds beside it; None where it is not from rest to rest.
@@ -51,9 +48,6 @@ class Rotation:
     integral: Vector
     covariance: Matrix
     seconds: float
-    middle: float
-    cosine: float
-    sine: float
     angle: float
     angle_sigma: float
     before: int | None
@@ -93,7 +87,7 @@ def observe_rotations(
     -----
     Zhang et al. 2010, (15) to (17): the integral, not the rate, is what the table's angle determines. The
     Earth rate's part goes out of the difference of two directions only if both took the same time and
-    turned through whole revolutions; `seconds`, `cosine` and `sine` take it out of any.
+    turned through whole revolutions; a calibration knows the attitude and takes it out of any.
     """
     if recording.angular_rate is None or spins.angular_rate is None or means.angular_rate is None:
         raise SegmentationError("The recording has no gyro: rotations have nothing to add up.")
@@ -134,9 +128,7 @@ class _Observer:
         assert self.recording.angular_rate is not None
         time, rate = self.recording.time[cut], np.asarray(self.recording.angular_rate[cut], dtype=np.float64)
         dt = np.diff(time)
-        summed = np.zeros_like(rate)
-        np.cumsum(0.5 * (rate[1:] + rate[:-1]) * dt[:, None], axis=0, out=summed[1:])
-        phase = _phase(summed, time - time[0], self.means, beside, angle)
+        summed = np.cumsum(0.5 * (rate[1:] + rate[:-1]) * dt[:, None], axis=0)
         spin, seconds = self.matching.spins[row], float(time[-1] - time[0])
         return Rotation(
             row=row,
@@ -144,9 +136,6 @@ class _Observer:
             integral=summed[-1].copy(),
             covariance=self._density(row, beside) * seconds,
             seconds=seconds,
-            middle=0.5 * float(time[0] + time[-1]),
-            cosine=_integral(np.cos(phase), dt),
-            sine=_integral(np.sin(phase), dt),
             angle=angle,
             angle_sigma=angle_sigma,
             before=beside[0],
@@ -176,9 +165,6 @@ class _Observer:
             integral=np.asarray(self.spins.angular_rate[row] * seconds, dtype=np.float64),
             covariance=np.asarray(self.spins.angular_rate_covariance[row] * seconds**2, dtype=np.float64),
             seconds=seconds,
-            middle=float(self.spins.time[row]),
-            cosine=0.0,
-            sine=0.0,
             angle=step.rate * seconds,
             angle_sigma=abs(step.rate) * seconds * step.rate_sigma,
             before=None,
@@ -218,18 +204,3 @@ def _edges(holds: tuple[Hold, ...], beside: tuple[int, int], rate: float) -> tup
 def _has_gap(recording: Recording, start: int, stop: int) -> bool:
     steps = np.diff(recording.time[start : stop + 1])
     return bool(np.any(steps > max(LONGEST_GAP, 1.5 / recording.rate)))
-
-
-def _phase(
-    summed: np.ndarray, elapsed: Series, means: HoldMeans, beside: tuple[int, int], angle: float
-) -> Series:
-    """The table's angle at each sample: the gyros' sum along its own direction, scaled to the whole."""
-    assert means.angular_rate is not None
-    rest = 0.5 * (means.angular_rate[beside[0]] + means.angular_rate[beside[1]])
-    turned = summed - elapsed[:, None] * rest
-    along = turned @ turned[-1]
-    return angle * along / along[-1]
-
-
-def _integral(values: Series, dt: Series) -> float:
-    return float(0.5 * np.sum((values[1:] + values[:-1]) * dt))

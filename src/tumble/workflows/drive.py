@@ -501,7 +501,7 @@ def verify_drive(request: DriveRequest) -> DriveVerification:
     grade = find_grade(request.data_sheet or "consumer-mems")
     known = request.lever_arm_b is not None
     arm = np.array(request.lever_arm_b if known else (0.0, 0.0, 0.0), dtype=float)
-    _refuse_bad_numbers(arm.tolist(), request.turn_on or ())
+    _refuse_bad_numbers(arm.tolist(), request.turn_on or (0.0, 0.0))
     files = recording_inputs(request.paths)
     for file in files:
         refuse_twice(document, corrections_of([file], request.topics))

@@ -238,7 +238,7 @@ def triad_models(
         expected = "counts" if factor is None else si
         if given != expected:
             raise UsageError(
-                f"--noise {models.source} has {name} in {given}, and {unit} is wanted: read both with the same --units."
+                f"--noise {models.source} has {name} in {given}, not {unit}: run `tumble noise` with --units as here."
             )
         found.append(model if factor is None else model.scaled(1.0 / factor))
     return found

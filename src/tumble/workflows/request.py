@@ -317,9 +317,9 @@ def check_turn_on(turn_on: Sequence[float]) -> None:
     Raises
     ------
     UsageError
-        If one is negative, or endless.
+        If they are no two numbers, or one is negative or endless.
     """
-    if not all(0.0 <= sigma < math.inf for sigma in turn_on):
+    if len(turn_on) != 2 or not all(0.0 <= sigma < math.inf for sigma in turn_on):
         raise UsageError("--turn-on-bias takes two numbers that are not negative: mg and °/h.")
 
 

@@ -17,6 +17,7 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Matrix, Series, Square, Table, Vector, Vectors
 from tumble.attitude import matrix_from_rotation_vector, skew
+from tumble.attitude.rotations import left_jacobian
 from tumble.errors import ObservabilityError
 from tumble.records import dataclass
 from tumble.sensor.conventions.savage import GROUPS, OFF_DIAGONAL, PAIRS
@@ -77,7 +78,8 @@ def sequence_model(
     for axis, angle in rotations:
         unit = np.eye(3)[axis]
         tilt += C_start @ _rotation_errors(axis, angle)
-        bias += C_start @ _bias_integral(unit, angle) * (abs(angle) / rate)
+        # The mean of the attitude over one rotation: (20) divided by its time.
+        bias += C_start @ left_jacobian(angle * unit) * (abs(angle) / rate)
         C_start = C_start @ matrix_from_rotation_vector(angle * unit)
     down_end = C_start.T @ down_start
     horizontal = np.eye(3) - np.outer(down_start, down_start)
@@ -111,14 +113,6 @@ def _rotation_errors(axis: int, angle: float) -> Table:
         column = 0.5 * (np.eye(3)[i] * unit[j] + np.eye(3)[j] * unit[i])
         found[:, GROUPS["upsilon"].start + number] = across @ column
     return found
-
-
-def _bias_integral(unit: Vector, angle: float) -> Matrix:
-    """The mean of the attitude over one rotation: (20) divided by its time."""
-    if angle == 0.0:
-        return np.eye(3)
-    cross = skew(unit)
-    return np.eye(3) + (1.0 - np.cos(angle)) / angle * cross + (1.0 - np.sin(angle) / angle) * (cross @ cross)
 
 
 def _force_errors(down: Vector, gravity: float) -> Table:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tumble.recording import Recording, find_saturated_channels, inspect_recording
-from tumble.recording.rest import count_poses, find_quiet_stretches, fit_sphere
+from tumble.recording.rest import find_quiet_stretches, fit_sphere, one_a_direction
 
 
 def recording_of(tumbled, **changes) -> Recording:
@@ -135,4 +135,4 @@ def test_a_sphere_through_five_points_and_more_has_their_centre_and_radius() -> 
 def test_directions_closer_than_fifteen_degrees_are_one_pose() -> None:
     angles = np.radians([0.0, 10.0, 20.0, 90.0, 95.0])
     directions = 9.8 * np.column_stack([np.cos(angles), np.sin(angles), 0 * angles])
-    assert count_poses(directions) == 3  # 0, 20 and 90 degrees
+    assert len(one_a_direction(directions)) == 3  # 0, 20 and 90 degrees

@@ -47,9 +47,11 @@ def test_two_columns_of_any_usual_layout_are_read(tmp_path: Path, text: str) -> 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
+        ("11 13\n12 14\n", "line 2: the interval starts at 12 s"),
         ("11 13\n14 x\n", "line 2: '14 x' is not two numbers"),
         ("11 13\nstart stop\n", "line 2: 'start stop' is not two numbers"),
         ("11 13 15\n", "line 1: '11 13 15' is not two numbers"),
+        ("13 11\n", "line 1: the interval ends at 11 s, not after 13 s"),
         ("11 nan\n", "line 1: '11 nan' is not two numbers"),
         ("# nothing\n", "holds no intervals"),
     ],

@@ -61,7 +61,7 @@ def test_a_models_terms_are_read_in_raw_units(tmp_path: Path) -> None:
         (document(channels={"ax": {"unit": "m/s²", "terms": {"N": {"value": 1.0}}}}), "no channel ay"),
         (
             document(channels={f"a{x}": {"unit": "counts", "terms": {"N": {"value": 1.0}}} for x in "xyz"}),
-            "same --units",
+            "--units as here",
         ),
     ],
 )

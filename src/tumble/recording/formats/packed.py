@@ -22,7 +22,7 @@ from tumble.errors import OutputError, RecordingError, UsageError, install
 from tumble.files import opened, temporary_folder
 from tumble.recording import formats
 from tumble.recording.formats import folder
-from tumble.recording.formats.table import RawTable, foreign, joined_tables, row_words
+from tumble.recording.formats.table import RawTable, foreign, row_words
 from tumble.recording.samples import Remark
 
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
@@ -222,11 +222,12 @@ def read_zip(path: Path, topics: Sequence[str] = ()) -> Iterator[RawTable]:
         with foreign(path, "zip archive"), opened(path) as file, zipfile.ZipFile(file) as archive:
             archive.extractall(inside)
         try:
-            table = joined_tables(list(folder.read_tables(inside, topics)))
+            tables = list(folder.read_tables(inside, topics))
         except RecordingError as error:
             raise RecordingError(
                 str(error).replace(str(inside), path.name).replace("is a folder", "is an archive")
             ) from error
     # The file inside is gone when somebody asks for the place of a row.
-    table.path, table.place = path, row_words
-    yield table
+    for table in tables:
+        table.path, table.place = path, row_words
+        yield table

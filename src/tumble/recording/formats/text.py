@@ -676,16 +676,19 @@ def read_xsens(path: Path) -> Iterator[RawTable]:
     """
     with opened(path) as file:
         head = file.read(_XSENS_HEAD)
+    scale: float | None = None
     for table in read_tables(path):
-        yield _interpreted(table, head)
+        scale = _clock(table) if scale is None else scale  # one clock, or none, for all pieces
+        yield _interpreted(table, head, scale)
 
 
-def _interpreted(table: RawTable, head: bytes) -> RawTable:
+def _interpreted(table: RawTable, head: bytes, scale: float) -> RawTable:
     """Return the table with the columns of the clock and the triads named with their units."""
     if table.names is None:
         return table
     columns = dict(zip(table.names, table.columns, strict=True))
-    found = _clock(columns) | _triads(columns, is_dot=b"DeviceTag" in head or b"OutputRate" in head)
+    found = {"t [us]": scale * columns["SampleTimeFine"]} if scale else {}
+    found |= _triads(columns, is_dot=b"DeviceTag" in head or b"OutputRate" in head)
     if (temperature := columns.get("Temperature")) is not None:
         found["temperature"] = temperature
     rate = table.rate
@@ -696,14 +699,14 @@ def _interpreted(table: RawTable, head: bytes) -> RawTable:
     return replace(table, names=tuple(found), columns=list(found.values()), rate=rate, clock=CRYSTAL)
 
 
-def _clock(columns: dict[str, Series]) -> dict[str, Series]:
-    """Return the stamps in µs: ticks of 0.1 ms with MT units, µs with DOT."""
-    stamps = columns.get("SampleTimeFine")
+def _clock(table: RawTable) -> float:
+    """Return the stamps' unit in µs: ticks of 0.1 ms with MT units, µs with DOT; zero without stamps."""
+    stamps = dict(zip(table.names or (), table.columns, strict=False)).get("SampleTimeFine")
     if stamps is None or not np.all(np.isfinite(stamps)) or stamps.size < 2 or not np.ptp(stamps):
-        return {}
+        return 0.0
     step = float(np.median(np.abs(np.diff(stamps))))
     are_ticks = 1e6 / (_TICK * max(step, 1.0)) >= 1.0 and 1e6 / max(step, 1.0) > _MOST_HERTZ_OF_TICKS
-    return {"t [us]": stamps * _TICK if are_ticks else stamps}
+    return _TICK if are_ticks else 1.0
 
 
 def _triads(columns: dict[str, Series], *, is_dot: bool) -> dict[str, Series]:
