@@ -130,7 +130,6 @@ def _timeline(
             rotations.append(
                 Rotation(
                     len(rotations), at, mean * (stop - start), np.eye(3), stop - start,
-                    0.5 * (start + stop), 0.0, 0.0,
                     step.angle, SIGMA, len(holds) - 1, len(holds), first, last,
                 )
             )  # fmt: skip
