@@ -237,13 +237,12 @@ def _there(
         return [], ""
     assert model.accelerometer is not None
     assert whole.accelerometer is not None
-    turned = np.linalg.solve(model.accelerometer.matrix, whole.accelerometer.matrix)
-    turn: Matrix = np.asarray(turned.T, dtype=np.float64)
+    turn = np.linalg.solve(model.accelerometer.matrix, whole.accelerometer.matrix).T
     low, high = thermal.span_celsius
     found: list[tuple[float, ImuModel]] = []
     for celsius, state in product(np.linspace(low, high, 9).tolist(), (-1.0, 1.0)):
         true = _both_triads(scaled(thermal.at(celsius, 0.0, state), scale), units, [])
-        found.append((celsius, true.turned(turn)))
+        found.append((celsius, true.turned(np.asarray(turn, dtype=np.float64))))
     return found, f", from {low:g} to {high:g} °C"
 
 
@@ -252,6 +251,8 @@ def _at_temperature(
 ) -> tuple[ImuModel, ThermalModel | None, float | None]:
     """The model; what changes with temperature for targets that hold it, else the one temperature."""
     thermal = calibration.thermal_model
+    if thermal is None and wishes.temperature is not None:
+        raise UsageError("The calibration does not know its temperature: leave --at-temperature out.")
     if thermal is None or (target.temperature and wishes.temperature is None):
         return calibration.model, thermal, None
     celsius = thermal.basis.reference_celsius if wishes.temperature is None else wishes.temperature
@@ -347,9 +348,8 @@ def _with_zeros(model: ImuModel, frame: str) -> ImuModel:
     triangle = {"accelerometer-x": np.tril, "accelerometer-z": np.triu}.get(frame)
     if triangle is None or model.accelerometer is None:
         return model
-    return replace(
-        model, accelerometer=replace(model.accelerometer, matrix=triangle(model.accelerometer.matrix))
-    )
+    triad = replace(model.accelerometer, matrix=triangle(model.accelerometer.matrix))
+    return replace(model, accelerometer=triad)
 
 
 def _refuse_large(subject: Subject, target: Target) -> None:
