@@ -99,7 +99,8 @@ class Site:
 
         Without `sigma`, its standard uncertainty, gravity is good to half of its last digit, evenly spread: 9.81 is
         9.81 ± 0.0029, and standard gravity, 9.80665, is as good as none. A number has the digits of its shortest
-        decimal text. Exact is what has a sigma of 0. No `sigma` is above ± 0.015, by which all places differ.
+        decimal text. Exact is what has a sigma of 0. No `sigma` is above what all places differ from the value by: ± 0.015
+        of 9.807, ± 0.028 of 9.83.
 
         Raises
         ------
@@ -117,7 +118,7 @@ class Site:
         if sigma is None and abs(value - STANDARD_GRAVITY) < _LIKE_STANDARD:
             return Site(value, _UNKNOWN_SITE_SIGMA, source=_STANDARD)
         known, source = (rounding(gravity), _ROUNDED) if sigma is None else (sigma, _SAID)
-        return Site(value, min(known, _UNKNOWN_SITE_SIGMA), source=source)
+        return Site(value, min(known, math.hypot(_UNKNOWN_SITE_SIGMA, value - STANDARD_GRAVITY)), source=source)
 
     def with_gravity(self, given: Site) -> Site:
         """Return this place with the gravity of `given`; with its own where that is known better than to given digits.
