@@ -9,10 +9,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 from tumble.document import read_calibration
 from tumble.earth import Site
 from tumble.workflows.calibrate import calibrate
+from tumble.workflows.verify import force_wander
 
 GRAVITY = 9.81
 
@@ -59,7 +61,10 @@ def test_two_turn_ons_give_one_calibration_and_the_biases_of_each(answer: Any, f
     # Student's factor of a scatter that two turn-ons tell.
     assert bias.coverage_factor == pytest.approx(12.706, abs=1e-3)
     assert bias.standard_uncertainty == pytest.approx(told.biases[5].next_sigma)
-    assert len(document.recordings) == 2
+    # Each states how far biases move from hold to hold: another recording's move as in the mean of them, no sum.
+    moved_by = {f"accelerometer bias from hold to hold, m/s² ({r.name})": 3e-3 for r in document.recordings}
+    wandering = structs.replace(document.quality, variance_components=moved_by)
+    assert force_wander(structs.replace(document, quality=wandering)) == pytest.approx(3e-3)
 
 
 def test_the_report_shows_each_turn_on(answer: Any, folder: Path) -> None:
@@ -150,19 +155,8 @@ def test_a_simulated_unit_that_is_switched_on_anew_has_other_biases_and_else_is_
     truths: list[dict[str, Any]] = []
     for seed in (1, 2):
         folder = tmp_path / f"day{seed}"
-        options = (
-            "--unit-seed",
-            5,
-            "--seed",
-            seed,
-            "--sample-rate",
-            10,
-            "--turn-on-bias",
-            "2,60",
-            "-o",
-            folder,
-        )
-        assert tumble("simulate", "six-position", *options, "-q").status == 0
+        options = f"--unit-seed 5 --seed {seed} --sample-rate 10 --turn-on-bias 2,60 -q".split()
+        assert tumble("simulate", "six-position", *options, "-o", folder).status == 0
         truths.append(json.loads((folder / "truth.json").read_text(encoding="utf-8")))
     first, second = truths
     for triad, sigma in (("accelerometer", 2e-3 * 9.80665), ("gyroscope", np.radians(60.0) / 3600.0)):

@@ -121,19 +121,16 @@ def of_g_sensitivity(gyroscope: Triad, sensitivity: Matrix) -> Loss:
 
 
 def of_nonlinearity(triad: Triad, name: str) -> list[Loss]:
-    """Return the loss of asymmetry and quadratic terms, at 1 g or 1 rad/s."""
+    """Return the loss of the curves that a triad has, at 1 g or 1 rad/s."""
     at = STANDARD_GRAVITY if name == "accelerometers" else 1.0
     own = at * np.linalg.norm(triad.matrix, axis=1)
-    size = sum(float(np.max(np.abs(by) * own**curve.power)) for _, curve, by in triad.curves())
+    sizes = {one: float(np.max(np.abs(by) * own**curve.power)) for one, curve, by in triad.curves()}
+    size = sum(sizes.values())
     if size == 0.0:
         return []
     where = "1 g" if name == "accelerometers" else "1 rad/s"
-    return [
-        Loss(
-            f"the {name}' asymmetry and quadratic terms are left out: up to {1e6 * size:.0f} ppm at {where}",
-            size,
-        )
-    ]
+    what = " and ".join(sizes)
+    return [Loss(f"the {name}' {what} terms are left out: up to {1e6 * size:.0f} ppm at {where}", size)]
 
 
 def of_lever_arms(lever_arms: Matrix) -> Loss:

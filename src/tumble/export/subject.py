@@ -15,7 +15,7 @@ from tumble.export import losses
 from tumble.export.losses import Loss
 from tumble.export.noise import SensorNoise
 from tumble.export.polynomials import NO_CURVES, Polynomials, polynomials_of
-from tumble.export.target import BIAS, G_SENSITIVITY, MATRIX, NONLINEAR, SCALE, Target
+from tumble.export.target import BIAS, CURVED, G_SENSITIVITY, MATRIX, NONLINEAR, SCALE, Target
 from tumble.records import dataclass
 from tumble.sensor import FRAMES, ImuModel, Triad, change_frame, polar_rotation
 from tumble.sensor.thermal import ThermalModel
@@ -208,9 +208,9 @@ def _projected(model: ImuModel, target: Target, units: tuple[str, str], found: l
         ("gyros", model.gyroscope, target.gyroscope, angular_rate_factor(units[1])),
     ):
         assert triad is not None
-        if NONLINEAR not in holds:
-            found += losses.of_nonlinearity(triad, name)
-            triad = Triad(triad.matrix, triad.bias)
+        lost = replace(triad, **dict.fromkeys(CURVED if NONLINEAR in holds else ()))
+        found += losses.of_nonlinearity(lost, name)
+        triad = replace(triad, **dict.fromkeys(curve for curve, *_ in lost.curves()))
         if sensitivity is not None and name == "gyros" and G_SENSITIVITY not in holds:
             found.append(losses.of_g_sensitivity(triad, sensitivity))
             sensitivity = None

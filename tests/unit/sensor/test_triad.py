@@ -31,11 +31,6 @@ def test_asymmetry_and_quadratic_terms_act_on_each_sensor_s_own_input() -> None:
     np.testing.assert_allclose(raw, [expected], rtol=1e-15)
     np.testing.assert_allclose(triad.own_input(raw), [[88.0, -209.0, 278.0]], rtol=1e-14)
     np.testing.assert_allclose(triad.correct(raw), [[1.0, -2.0, 3.0]], rtol=1e-14)
-
-
-def test_zero_input_gives_the_bias_and_the_bias_gives_zero() -> None:
-    triad = Triad(MATRIX, BIAS, np.array([0.01, -0.02, 0.03]), np.array([1e-4, 2e-4, -3e-4]))
-    assert np.array_equal(triad.distort(np.zeros((1, 3))), BIAS[None, :])
     assert np.array_equal(triad.correct(BIAS[None, :]), np.zeros((1, 3)))
 
 
