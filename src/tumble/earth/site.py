@@ -99,8 +99,8 @@ class Site:
 
         Without `sigma`, its standard uncertainty, gravity is good to half of its last digit, evenly spread: 9.81 is
         9.81 ± 0.0029, and standard gravity, 9.80665, is as good as none. A number has the digits of its shortest
-        decimal text. Exact is what has a sigma of 0. No `sigma` is above what all places differ from the value by: ± 0.015
-        of 9.807, ± 0.028 of 9.83.
+        decimal text. Exact is what has a sigma of 0. No `sigma` is above what all places differ from the value by:
+        ± 0.015 from 9.807, ± 0.028 from 9.83.
 
         Raises
         ------
