@@ -19,7 +19,7 @@ EARTH_RATE = 7.292115e-5  # rad/s, WGS 84 (NGA.STND.0036, table 3.1)
 
 # Normal gravity runs from 9.780 at the equator to 9.832 m/s² at the poles; an unknown site is
 # given the middle and an even spread over that range, as the GUM (4.3.7) does with limits.
-_UNKNOWN_SITE_SIGMA = (9.832 - 9.780) / math.sqrt(12.0)
+_ANY_PLACE = (9.832 - 9.780) / math.sqrt(12.0)
 # Real gravity differs from normal gravity by 30 mGal rms where the land is flat. What stands above the land around it
 # pulls besides, 2 pi G rho = 0.1119 mGal a metre (Hofmann-Wellenhof and Moritz, Physical Geodesy, 2006, 3.4); of a
 # place's height that is about half, the other half is balanced below (isostasy): 95 mGal at 1,600 m, 116 at 2,000 m.
@@ -116,9 +116,9 @@ class Site:
                 f"Gravity of {gravity} m/s² is nowhere on the Earth's surface (9.76 to 9.84): {_GIVE}"
             )
         if sigma is None and abs(value - STANDARD_GRAVITY) < _LIKE_STANDARD:
-            return Site(value, _UNKNOWN_SITE_SIGMA, source=_STANDARD)
+            return Site(value, _ANY_PLACE, source=_STANDARD)
         known, source = (rounding(gravity), _ROUNDED) if sigma is None else (sigma, _SAID)
-        return Site(value, min(known, math.hypot(_UNKNOWN_SITE_SIGMA, value - STANDARD_GRAVITY)), source=source)
+        return Site(value, min(known, math.hypot(_ANY_PLACE, value - STANDARD_GRAVITY)), source=source)
 
     def with_gravity(self, given: Site) -> Site:
         """Return this place with the gravity of `given`; with its own where that is known better than to given digits.
@@ -147,7 +147,7 @@ class Site:
     @staticmethod
     def unknown() -> Site:
         """Return the site of a user who did not say: standard gravity, ±0.015 m/s²."""
-        return Site(STANDARD_GRAVITY, _UNKNOWN_SITE_SIGMA, source=_ASSUMED)
+        return Site(STANDARD_GRAVITY, _ANY_PLACE, source=_ASSUMED)
 
     @property
     def mend(self) -> str:
