@@ -262,7 +262,7 @@ def test_blocks_of_any_size_give_the_same_bag(tmp_path: Path, monkeypatch: pytes
     apply(UNIT, path, output=tmp_path / "b.bag")
     whole, _ = read_back(tmp_path / "b.bag")
     for size in (1, 7, 599):
-        monkeypatch.setattr("tumble.workflows.apply._BATCH", size)
+        monkeypatch.setattr("tumble.recording.formats.bags.bag._BATCH", size)
         apply(UNIT, path, output=tmp_path / "c.bag")
         found, _ = read_back(tmp_path / "c.bag")
         assert found["/words"] == whole["/words"]
@@ -328,7 +328,7 @@ def test_a_lag_is_taken_out_of_the_specific_force(
     true = np.linalg.solve(M_A, (force - B_A).T).T
     expected = np.column_stack([np.interp(time + lag, time, true[:, i]) for i in range(3)])
     for size in (4096, 13):
-        monkeypatch.setattr("tumble.workflows.apply._BATCH", size)
+        monkeypatch.setattr("tumble.recording.formats.bags.bag._BATCH", size)
         done = apply(lagging(lag), path, output=tmp_path / "b.bag", shift_lag=True)
         found = read_back(tmp_path / "b.bag")[0]["/imu"]
         made, kept, messages = numbers(found, 1)

@@ -19,7 +19,7 @@ from tumble.recording.columns import ColumnPlan, plan_from_names
 from tumble.recording.formats.lines import COMMENTS, LONGEST_LINE, Row, row_of, without_clock, words_of
 from tumble.recording.formats.table import RawTable
 from tumble.recording.formats.text import names_of_sentence
-from tumble.recording.reading import Asked, Interpretation, choose_columns, interpret
+from tumble.recording.reading import Asked, BlockState, Interpretation, choose_columns, interpret
 from tumble.recording.recording import Remark
 from tumble.recording.samples import Samples
 from tumble.recording.units import DeclaredUnits, read_units_option
@@ -217,7 +217,7 @@ class Rows:
             plan = replace(plan, time=len(table.columns) - 1, units=plan.units | {"t": "s"})
             # Stamps of arrival are as late as the line is: the rate is checked later, over two seconds.
             asked = replace(asked, rate=None)
-        decided, _ = interpret(table, plan, asked, remarks)
+        decided, _ = interpret(table, plan, asked, remarks, BlockState())
         self._plan = plan
         decided = _without_guesses(decided, asked.units)
         channels = Channels(

@@ -216,7 +216,9 @@ def _header_words(table: RawTable, plan: ColumnPlan) -> str:
     return f"{table.path.name}: {'; '.join(parts)}."
 
 
-def _ordered(table: RawTable, plan: ColumnPlan, samples: Samples, rows: Rows, asked: Asked) -> stamps.Stamps:
+def _ordered(
+    table: RawTable, plan: ColumnPlan, samples: Samples, rows: Rows, asked: Asked, state: BlockState
+) -> stamps.Stamps:
     """Put the rows in time: by their stamps, or by the declared rate where there are none."""
     good_to, name = stated_clock(asked.rate), table.path.name
     rate = _declared_rate(table, plan, asked.rate if good_to is None else None)
@@ -226,15 +228,14 @@ def _ordered(table: RawTable, plan: ColumnPlan, samples: Samples, rows: Rows, as
         known = _reader(table, plan) if good_to is None else good_to
         unit = asked.units.time or plan.units.get("t")
         told = stamps.Told(name, _places(table, rows), unit, rate, asked.parted, known)
-        return stamps.order_stamps(samples.time, told)
+        return stamps.order_stamps(samples.time, told, state)
     if rate is None:
         raise RecordingError(
             f"{name} has no column of time stamps; give the sampling rate with --rate HZ "
             "(100±50ppm where a crystal keeps it), or name the time column with --columns."
         )
-    gaps = tuple(int(i) + 1 for i in np.flatnonzero(np.diff(rows) > 1))
-    every, clock = np.ones(rows.size, bool), clock_without_stamps(rate)
-    return stamps.Stamps(rows / rate, every, gaps, float(rate), "s", clock)
+    time, every, clock = rows / rate, np.ones(rows.size, bool), clock_without_stamps(rate)
+    return stamps.Stamps(time, every, stamps.find_gaps(time, rate), float(rate), "s", clock)
 
 
 def _places(table: RawTable, rows: Rows) -> Callable[[int], str]:
@@ -249,7 +250,7 @@ def _reader(table: RawTable, plan: ColumnPlan) -> Known:
 
 
 def interpret(
-    table: RawTable, plan: ColumnPlan, asked: Asked, remarks: Sequence[Remark]
+    table: RawTable, plan: ColumnPlan, asked: Asked, remarks: Sequence[Remark], state: BlockState
 ) -> tuple[Interpretation, Recording]:
     """Decide units and rate from a whole table (or a first block) and return the recording it makes.
 
@@ -258,6 +259,7 @@ def interpret(
     table, plan : as read, and which column is what.
     asked : what is said of it.
     remarks : what was found so far.
+    state : made what the next block goes on from, see `interpret_block`.
 
     Raises
     ------
@@ -270,14 +272,13 @@ def interpret(
     if units.temperature is not None:
         plan = replace(plan, units=plan.units | {"temperature": units.temperature})
     samples, rows, left_out = _pick(table, plan, parted=asked.parted)
-    ordered = _ordered(table, plan, samples, rows, asked)
+    ordered = _ordered(table, plan, samples, rows, asked, state)
     remarks += [*left_out, *ordered.remarks]
     samples, rows = samples.cut(ordered.keep), rows[ordered.keep]
     hold = 1 if samples.magnetic_field is None else hold_length(samples.magnetic_field)
     time_unit = {} if plan.time is None else {"t": ordered.unit}
-    decided = Interpretation(plan, time_unit, ordered.rate, field_hold=hold)
+    decided = Interpretation(plan, time_unit, ordered.rate, ordered.clock, field_hold=hold)
     recording = _recording(table, samples, rows, ordered.time, decided, remarks, ordered.gaps)
-    recording = replace(recording, said_clock=ordered.clock, columns=option_of(plan, len(table.columns)))
     if recording.temperature is not None and plan.units.get("temperature", "degC") != "degC":
         text = f"The temperature is said to be in {plan.units['temperature']}, and is converted to °C."
         remarks.append(Remark("found", text))
@@ -285,8 +286,7 @@ def interpret(
     unit, about_field = _about_field(field, table, decided, units)
     decided, about_triads = _judged(recording, decided.told("m", unit), units, table)
     every = (*remarks, *about_field, *about_triads, *_unchecked(recording))
-    decided = replace(decided, remarks=every)
-    return decided, replace(
+    return replace(decided, remarks=every), replace(
         recording,
         specific_force=decided.scaled("a", recording.specific_force),
         angular_rate=decided.scaled("g", recording.angular_rate),
@@ -318,6 +318,8 @@ def _recording(
         remarks=tuple(remarks),
         gaps=gaps,
         temperature_unit=decided.plan.units.get("temperature"),
+        said_clock=decided.clock,
+        columns=option_of(decided.plan, len(table.columns)),
         magnetic_field=_field(table, samples, rows, time, decided),
     )
 
@@ -401,37 +403,32 @@ def _unchecked(recording: Recording) -> list[Remark]:
 
 
 def interpret_block(
-    table: RawTable, decided: Interpretation, state: BlockState, *, parted: bool = False
+    table: RawTable, decided: Interpretation, asked: Asked, state: BlockState
 ) -> Recording | None:
-    """Return a block as a recording, read as `decided` says; None if nothing is left of it.
+    """Return a block that follows as a recording, read as `decided` says; None if nothing is left of it.
 
     Parameters
     ----------
     table : the block.
     decided, state : as decided on the first block; what is carried from block to block.
-    parted : whether a clock that begins anew, and rows without numbers, part the recording.
+    asked : what is said of it.
 
     Raises
     ------
     RecordingError
         If the block's rows or stamps are unusable.
     """
-    samples, rows, remarks = _pick(table, decided.plan, parted=parted)
-    begins, before = state.last is None and state.rows == 0, state.rows
-    state.rows += len(table)
+    samples, rows, left_out = _pick(table, decided.plan, parted=asked.parted)
     if not rows.size:
         return None
-    if "t" not in decided.units:
-        time = (before + rows) / decided.rate
-    else:
+    remarks, time = [*table.remarks, *left_out], (state.rows + rows) / decided.rate
+    if "t" in decided.units:
         place, unit = _places(table, rows), decided.units["t"]
-        told = stamps.Told(table.path.name, place, unit, decided.rate, parted)
-        time, keep, missing = stamps.continue_stamps(samples.time, told, state, remarks)
+        told = stamps.Told(table.path.name, place, unit, decided.rate, asked.parted)
+        time, keep, said = stamps.continue_stamps(samples.time, told, state)
         if not time.size:
             return None
-        if missing > 0.6 / decided.rate and not begins:
-            text = f"Samples are missing for {missing:.3g} s before t = {time[0]:.6g} s."
-            remarks.append(Remark("found", text))
+        remarks += said
         samples, rows = samples.cut(keep), rows[keep]
     gaps = stamps.find_gaps(time, decided.rate)
     return _recording(table, samples, rows, time, decided, remarks, gaps)
@@ -662,8 +659,8 @@ def _blocks(
 ) -> Iterator[Recording]:
     """Yield what tables make: one of each reader, the whole; or their blocks."""
     decided: Interpretation | None = None
-    sources = tuple[Source, ...]()
-    state, said_first = BlockState(), tuple[Remark, ...]()
+    sources, said = tuple[Source, ...](), set[Remark]()
+    state = BlockState()
     held: Recording | None = None
     begin = -np.inf
     readers, fields = _without_field(readers)
@@ -673,21 +670,20 @@ def _blocks(
             table = replace(table, field=field, remarks=[*table.remarks, *([] if decided else [remark])])
         if decided is None:
             sources = _hashed(listed, table)
-            decided, recording = interpret(table, plan, asked, remarks)
-            if whole:
-                yield replace(recording, sources=sources)
-                return
-            said_first = decided.remarks
-        block = interpret_block(table, decided, state, parted=asked.parted)
+            decided, block = interpret(table, plan, asked, remarks, state)
+        else:
+            block = interpret_block(table, decided, asked, state)
+        state.rows += len(table)
         if block is not None:
-            block = replace(block, sources=sources, remarks=said_first or block.remarks)
+            new = tuple(remark for remark in block.remarks if remark not in said)
+            said.update(new)
+            block = replace(block, sources=sources, remarks=new)
             if table.field is None:
                 yield block
             elif held is not None:
                 yield _share(held, begin, float(block.time[0]))
                 begin = float(block.time[0])
             held = None if table.field is None else block
-        said_first = ()
     if held is not None:
         yield _share(held, begin, np.inf)
     if decided is None:

@@ -304,10 +304,9 @@ def find_gaps(time: Series, rate: float) -> tuple[int, ...]:
     A step counts as a gap above 1.6 nominal steps, or above the median plus eight median absolute
     deviations where the stamps jitter more than that.
     """
-    return _gaps_of(np.diff(time), rate) if time.size > 2 else ()
-
-
-def _gaps_of(steps: Series, rate: float) -> tuple[int, ...]:
+    if time.size < 3:
+        return ()
+    steps = np.diff(time)
     middle = _median(steps)
     jitter = 1.4826 * _median(np.abs(_thinned(steps) - middle))
     limit = max(_GAP_FACTOR * max(middle, 0.8 / rate), middle + 8.0 * jitter)
@@ -351,7 +350,26 @@ class Told:
     known: Known = None
 
 
-def order_stamps(raw: Series, told: Told) -> Stamps:
+@dataclass
+class BlockState:
+    """What is carried from block to block.
+
+    Attributes
+    ----------
+    rows : rows of the file so far.
+    last : the last stamp as it stands in the file.
+    added : what wraps of the counter have added so far, in the file's unit.
+    between, even : of samples that arrive in bursts, the step from burst to burst and the last sample's time, s.
+    """
+
+    rows: int = 0
+    last: float = 0.0
+    added: float = 0.0
+    between: float | None = None
+    even: float = 0.0
+
+
+def order_stamps(raw: Series, told: Told, state: BlockState) -> Stamps:
     """Turn raw stamps into strictly increasing seconds.
 
     Counters that wrap (at 2^16, 2^24, 2^31, 2^32, or a week, day or minute) are carried on; rows with
@@ -362,6 +380,7 @@ def order_stamps(raw: Series, told: Told) -> Stamps:
     ----------
     raw : (rows,) stamps as in the file, finite.
     told : what is known of them.
+    state : made what the next block goes on from.
 
     Raises
     ------
@@ -369,7 +388,9 @@ def order_stamps(raw: Series, told: Told) -> Stamps:
         If the stamps are constant, go back, repeat too often, or contradict the declared rate.
     """
     name, rate = told.name, told.rate
+    state.last = float(raw[-1])
     raw, remarks = _straightened(raw, told)
+    state.added = float(raw[-1]) - state.last
     steps = np.diff(raw)
     if raw.size < 2 or not np.any(steps):
         raise RecordingError(
@@ -387,7 +408,7 @@ def order_stamps(raw: Series, told: Told) -> Stamps:
     if doubles:
         remarks.append(_say_doubles(keep, told))
         raw, steps = raw[keep], steps[steps > 0.0]
-    evened = _even_out(raw, steps, told)
+    evened = _even_out(raw, steps, told, state)
     if evened is not None:
         _check_rate(evened.rate, rate, name, evened.unit)
         return replace(evened, keep=keep, remarks=[*remarks, *evened.remarks])
@@ -407,36 +428,20 @@ def order_stamps(raw: Series, told: Told) -> Stamps:
         other = _in_usual(found, unit)
         text = f"A rate of {found:.3g} Hz is unusual for an IMU{other}; check the unit of time ({unit}, --units)."
         remarks.append(Remark("doubtful" if other and found > _USUAL_RATE[1] else "unchecked", text))
-    gaps = _gaps_of(steps, found) if time.size > 2 else ()
+    gaps = find_gaps(time, found)
     return Stamps(time, keep, gaps, found, unit, clock_of_stamps(time, rate, told.known), remarks)
 
 
-@dataclass
-class BlockState:
-    """What is carried from block to block.
-
-    Attributes
-    ----------
-    rows : rows of the file so far.
-    last : the last stamp as it stands in the file, or None before the first block.
-    added : what wraps of the counter have added so far, in the file's unit.
-    """
-
-    rows: int = 0
-    last: float | None = None
-    added: float = 0.0
-
-
 def continue_stamps(
-    raw: Series, told: Told, state: BlockState, said: list[Remark]
-) -> tuple[Series, npt.NDArray[np.bool_], float]:
-    """Return the stamps of a block in s, carried on from the one before, which rows are kept, and s missing before it.
+    raw: Series, told: Told, state: BlockState
+) -> tuple[Series, npt.NDArray[np.bool_], list[Remark]]:
+    """Return the stamps of a block in s, carried on from the one before, which rows are kept, and what is said of it.
 
     Parameters
     ----------
     raw : (rows,) stamps as in the file, finite.
     told : what is known of them, unit and rate as decided on the first block.
-    state, said : what is carried from block to block, and what is said of this one: both are added to.
+    state : what is carried from block to block, and is carried on.
 
     Raises
     ------
@@ -444,18 +449,29 @@ def continue_stamps(
         If the stamps go back.
     """
     factor, step = time_factor(told.unit or "s"), 1.0 / (told.rate or 1.0)
-    before = raw[0] - step / factor if state.last is None else state.last
-    chain = np.concatenate([[before], raw])
+    chain = np.concatenate([[state.last], raw])
 
     def place(row: int) -> str:
         return told.place(row - 1)
 
-    straight, more = _straightened(chain, replace(told, place=place))
+    straight, said = _straightened(chain, replace(told, place=place))
     steps = np.diff(straight)
-    time, keep = (straight[1:] + state.added) * factor, steps > 0.0
+    time, keep, missing = (straight[1:] + state.added) * factor, steps > 0.0, float(steps[0]) * factor - step
     state.last, state.added = float(raw[-1]), state.added + float(straight[-1] - chain[-1])
-    said += more if keep.all() else [*more, _say_doubles(keep, told)]
-    return time[keep], keep, float(steps[0]) * factor - step
+    said += [] if keep.all() else [_say_doubles(keep, told)]
+    time = time[keep]
+    if state.between is not None and time.size:
+        # Laid evenly as the first block is, each piece between gaps as its stamps lie on average.
+        gaps = np.flatnonzero(steps[keep] * factor > _BURST_FACTOR * state.between)
+        for start, stop in itertools.pairwise(sorted({0, *gaps.tolist(), time.size})):
+            even = step * np.arange(stop - start)
+            first = np.mean(time[start:stop] - even) if start in gaps else state.even + step
+            time[start:stop] = first + even
+        missing, state.even = float(time[0]) - state.even - step, float(time[-1])
+    if time.size and missing > (_GAP_FACTOR - 1.0) * step:
+        text = f"Samples are missing for {missing:.3g} s before t = {time[0]:.6g} s."
+        said.append(Remark("found", text))
+    return time, keep, said
 
 
 def _say_doubles(keep: npt.NDArray[np.bool_], told: Told) -> Remark:
@@ -482,7 +498,7 @@ def _straightened(raw: Series, told: Told) -> tuple[Series, list[Remark]]:
     return raw, remarks
 
 
-def _even_out(raw: Series, steps: Series, told: Told) -> Stamps | None:
+def _even_out(raw: Series, steps: Series, told: Told, state: BlockState) -> Stamps | None:
     """Stamps of samples that arrive in bursts, laid evenly; None where they do not.
 
     Such stamps are of the arrival: within a burst they are as near as a computer reads, and between bursts far apart,
@@ -518,6 +534,7 @@ def _even_out(raw: Series, steps: Series, told: Told) -> Stamps | None:
     )
     said.append(Remark("assumed", text))
     arrival = factor * between / float(even[-1] - even[0])
+    state.between, state.even = factor * between, float(even[-1])
     clock = clock_read_off(found, arrival, float(even[0]), told.known)
     return Stamps(even, np.ones(raw.size, bool), tuple(edges[1:-1]), found, unit, clock, said)
 

@@ -39,6 +39,7 @@ from tumble.recording.gravity_check import gyro_scale_from_gravity, gyro_step_wo
 from tumble.recording.recording import Recording
 from tumble.recording.rest import QuietStretches, block_statistics, find_quiet_stretches, sample_pieces
 from tumble.recording.samples import MagneticField, Remark
+from tumble.recording.stamps import Clock
 from tumble.records import dataclass
 from tumble.units import (
     COUNTS,
@@ -680,6 +681,7 @@ class Interpretation:
     plan : which column is what.
     units : of the stamps ("t", not without stamps) and of the triads, by letter.
     rate : nominal sampling rate in Hz.
+    clock : that the stamps are from.
     factors : what the columns of a triad are multiplied with where it is not 1: for increments the factor that turns
         them into SI rates.
     remarks : how all this was found.
@@ -689,6 +691,7 @@ class Interpretation:
     plan: ColumnPlan
     units: dict[str, str]
     rate: float
+    clock: Clock
     factors: dict[str, float] = field(default_factory=dict[str, float])
     remarks: tuple[Remark, ...] = ()
     field_hold: int = 1

@@ -131,6 +131,8 @@ class _Blocks:
             scaled = in_calibration_units(block, task.factors)
             made = corrected_block(self.corrector, scaled, task.temperature)
             yield replace(made, magnetic_field=self.magnetometer.of_block(block))
+            if self.done:  # what is said of the first one is said already
+                self.told += [f"{r.kind}: {r.text}" for r in block.remarks if r.kind == "mended"]
             self.done += len(block)
             if block.temperature is not None and task.temperature is None:
                 self.column.add(block.time, block.temperature)
@@ -277,8 +279,6 @@ def _same_file(one: Path, other: Path) -> bool:
     return one.exists() and other.exists() and one.samefile(other)
 
 
-_BATCH = 4096  # messages that are corrected together
-_Message = tuple[str, int, bytes]
 _Pair = tuple[str, bytes, bytes]
 
 
@@ -407,12 +407,12 @@ class _Work:
         return told
 
     def _plain(self) -> Iterator[list[_Pair]]:
-        for batch in _batches(self._messages(self._names)):
+        for batch in ros.batches(self._messages(self._names)):
             made: dict[str, Iterator[bytes]] = {}
             for name in dict.fromkeys(n for n, _, _ in batch):
-                line = self._lines[name]
-                messages, decoded = _decoded(line.topic, [m for m in batch if m[0] == name])
-                made[name] = iter(self._put(line, messages, *self._corrected(line, decoded)))
+                line, own = self._lines[name], [m for m in batch if m[0] == name]
+                corrected = self._corrected(line, ros.decode(line.topic, own))
+                made[name] = iter(self._put(line, [data for _, _, data in own], *corrected))
             yield [(n, data, next(made[n])) for n, _, data in batch]
 
     def _shifted(self, shift: ForceShift) -> Iterator[list[_Pair]]:
@@ -421,9 +421,9 @@ class _Work:
         waiting: list[bytes] = []
 
         def blocks() -> Iterator[Recording]:
-            for batch in _batches(self._messages(self._names)):
-                messages, decoded = _decoded(line.topic, batch)
-                waiting.extend(messages)
+            for batch in ros.batches(self._messages(self._names)):
+                decoded = ros.decode(line.topic, batch)
+                waiting.extend(data for _, _, data in batch)
                 yield Recording(decoded.time, *self._corrected(line, decoded), "m/s^2", "rad/s", rate=np.nan)
 
         for block in shifted(blocks(), shift):
@@ -446,26 +446,10 @@ class _Work:
         self, line: _Line, messages: list[bytes], force: Vectors | None, rate: Vectors | None
     ) -> list[bytes]:
         put = ros.Substitute(force, rate, shift=self._stamps_shift(line))
-        return ros.substituted(line.topic.kind, messages, put, cdr=line.topic.cdr)
+        return ros.substituted(line.topic, messages, put)
 
     def _stamps_shift(self, line: _Line) -> int:
         """Return by how many ns stamps move: those of an accelerometer with a topic of its own."""
         if self._task.lag is None or self._shift is not None or not line.force:
             return 0
         return -round(1e9 * self._task.lag)
-
-
-def _batches(messages: Iterator[_Message]) -> Iterator[list[_Message]]:
-    batch: list[_Message] = []
-    for message in messages:
-        batch.append(message)
-        if len(batch) >= _BATCH:
-            yield batch
-            batch = []
-    if batch:
-        yield batch
-
-
-def _decoded(topic: ros.Topic, batch: list[_Message]) -> tuple[list[bytes], ros.Decoded]:
-    messages = [data for _, _, data in batch]
-    return messages, ros.decode(topic.kind, messages, [t for _, t, _ in batch], topic.name, cdr=topic.cdr)

@@ -16,8 +16,9 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import field, replace
+from itertools import islice
 from pathlib import Path
-from typing import Protocol, runtime_checkable
+from typing import Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
@@ -69,36 +70,33 @@ class Decoded:
     unstamped: bool
 
 
-def decode(kind: str, messages: list[bytes], log_times: list[int], topic: str, *, cdr: bool) -> Decoded:
-    """Decode messages of one topic.
+Message: TypeAlias = tuple[str, int, bytes]
+"""Topic, time of recording in ns, and bytes."""
 
-    Parameters
-    ----------
-    kind : type of the messages, as `plain_type` gives it.
-    messages, log_times : their bytes, and when they were recorded, in ns.
-    topic : its name, for messages.
-    cdr : whether they are serialised as CDR (ROS 2) and not as ROS 1 does it.
+
+def decode(topic: Topic, batch: Sequence[Message]) -> Decoded:
+    """Decode messages of one topic.
 
     Raises
     ------
     RecordingError
         If a message is too short to be of that type.
     """
-    numbers, stamps = np.empty((len(messages), _LAYOUTS[kind][0])), np.empty((len(messages), 2))
-    size = 8 * numbers.shape[1]
-    for index, rows, begin, order in _alike(messages, cdr=cdr):
+    size, force, rate = _LAYOUTS[topic.kind]
+    numbers, stamps, size = np.empty((len(batch), size)), np.empty((len(batch), 2)), 8 * size
+    for index, rows, begin, order in _alike([data for _, _, data in batch], cdr=topic.cdr):
         length = rows.shape[1]
         if length < 16 or begin + size > length:
             raise RecordingError(
-                f"A message of {topic} has {length} bytes, too few for {kind}, which the file says that it "
+                f"A message of {topic.name} has {length} bytes, too few for {topic.kind}, which the file says that it "
                 "is. The file is damaged, or the topic was recorded with another definition of the type."
             )
         numbers[index] = rows[:, begin : begin + size].copy().view(order + "f8")
         stamps[index] = rows[:, 4:12].copy().view(order + "u4")
     unstamped = not stamps.any()
     if unstamped:
-        stamps = np.column_stack(np.divmod(np.array(log_times, np.int64), 1_000_000_000)).astype(np.float64)
-    _, force, rate = _LAYOUTS[kind]
+        logged = np.array([time for _, time, _ in batch], np.int64)
+        stamps = np.column_stack(np.divmod(logged, 1_000_000_000)).astype(np.float64)
     # Seconds and the rest apart: nanoseconds since 1970 have more digits than a float64 holds.
     return Decoded(
         stamps[:, 0] + stamps[:, 1] / 1e9,
@@ -126,18 +124,6 @@ def _alike(
         yield numbers, rows, 4 + (begin - 4 + 7) // 8 * 8 if cdr else begin, order
 
 
-def holds(decoded: Decoded, kind: str, topic: str) -> tuple[bool, bool]:
-    """Say whether messages hold specific force, and whether angular rate.
-
-    A driver with one topic a sensor leaves the other's numbers zero. A lone vector is what its topic's
-    name says.
-    """
-    if kind == _VECTOR:
-        said = kind_of_file(topic)
-        return said == "a", said == "g"
-    return bool(decoded.force.any()), bool(decoded.rate.any())
-
-
 @dataclass(frozen=True)
 class Substitute:
     """What takes the place of numbers in messages of one topic.
@@ -162,18 +148,18 @@ class Substitute:
         ]
 
 
-def substituted(kind: str, messages: list[bytes], put: Substitute, *, cdr: bool) -> list[bytes]:
+def substituted(topic: Topic, messages: list[bytes], put: Substitute) -> list[bytes]:
     """Return messages with other numbers in them; every other byte stays.
 
     Parameters
     ----------
-    kind, messages, cdr : as for `decode`, which has read them.
+    topic, messages : that `decode` has read.
     put : one row a message.
     """
     made: list[bytes] = [b""] * len(messages)
-    for numbers, seen, begin, order in _alike(messages, cdr=cdr):
+    for numbers, seen, begin, order in _alike(messages, cdr=topic.cdr):
         rows = seen.copy()
-        for place, values in put.fields(kind):
+        for place, values in put.fields(topic.kind):
             some = values[numbers]
             size = 8 * some.shape[1]
             packed = np.ascontiguousarray(some, dtype=order + "f8").view(np.uint8)
@@ -192,11 +178,6 @@ def _moved(stamps: npt.NDArray[np.uint8], shift: int, order: str) -> npt.NDArray
     moved = np.where(total > 0, np.maximum(total + shift, 0), 0)
     both = np.column_stack(np.divmod(moved, 1_000_000_000))
     return np.ascontiguousarray(both, dtype=order + "u4").view(np.uint8)
-
-
-def samples_of(decoded: Decoded, force: bool, rate: bool) -> Samples:
-    """Return decoded messages as samples of what is wanted of them."""
-    return Samples(decoded.time, decoded.force if force else None, decoded.rate if rate else None)
 
 
 def is_field_topic(topic: Topic) -> bool:
@@ -281,7 +262,7 @@ class Bag(Protocol):
         """What was noticed, left out or mended so far."""
         ...
 
-    def messages(self, names: Iterable[str]) -> Iterator[tuple[str, int, bytes]]:
+    def messages(self, names: Iterable[str]) -> Iterator[Message]:
         """Yield topic, time of recording in ns, and bytes of the messages of some topics."""
         ...
 
@@ -380,64 +361,54 @@ def _chosen(bag: Bag, known: dict[str, Topic], names: list[str], *, asked: bool)
 
 
 def _peek(bag: Bag, known: dict[str, Topic], names: list[str]) -> dict[str, tuple[bool, bool]]:
-    """Return for each topic with messages whether it holds specific force, and whether angular rate."""
-    heads: dict[str, list[bytes]] = {n: [] for n in names}
-    for seen, (name, _, data) in enumerate(bag.messages(names)):
-        if len(heads[name]) < _PEEKED:
-            heads[name].append(data)
+    """Return for each topic with messages whether it holds specific force, and whether angular rate.
+
+    A driver with one topic a sensor leaves the other's numbers zero. A lone vector is what its topic's name says.
+    """
+    heads: dict[str, list[Message]] = {n: [] for n in names}
+    for seen, message in enumerate(bag.messages(names)):
+        if len(head := heads[message[0]]) < _PEEKED:
+            head.append(message)
         if seen > _MOST_PEEKED or all(len(h) >= _PEEKED for h in heads.values()):
             break
     found: dict[str, tuple[bool, bool]] = {}
-    for name, messages in heads.items():
-        if messages:
-            topic = known[name]
-            decoded = decode(topic.kind, messages, [0] * len(messages), name, cdr=topic.cdr)
-            found[name] = holds(decoded, topic.kind, name)
+    for name, head in heads.items():
+        if head:
+            decoded, said = decode(known[name], head), kind_of_file(name)
+            here = bool(decoded.force.any()), bool(decoded.rate.any())
+            found[name] = (said == "a", said == "g") if known[name].kind == _VECTOR else here
     return found
 
 
-@dataclass
-class _Batches:
-    """Messages on their way to arrays, topic by topic."""
+def batches(messages: Iterator[Message]) -> Iterator[list[Message]]:
+    """Return messages some thousands at a time."""
+    return iter(lambda: list(islice(messages, _BATCH)), [])
 
-    topics: dict[str, Topic]
+
+@dataclass
+class _Decoding:
+    """Messages of the chosen topics on their way to arrays, and what is learnt of them meanwhile."""
+
+    bag: Bag
     choice: Choice
     unstamped: set[str] = field(default_factory=set[str])
     counts: Counter[str] = field(default_factory=Counter[str])
-    _messages: dict[str, list[bytes]] = field(default_factory=dict[str, list[bytes]])
-    _times: dict[str, list[int]] = field(default_factory=dict[str, list[int]])
 
-    def add(self, name: str, time: int, data: bytes) -> bool:
-        """Take in a message; returns whether a batch is full."""
-        messages = self._messages.setdefault(name, [])
-        messages.append(data)
-        self._times.setdefault(name, []).append(time)
-        return len(messages) >= _BATCH
+    def pieces(self) -> Iterator[dict[str, Samples]]:
+        """Yield samples by topic, those of some thousands of messages at a time."""
+        topics = {t.name: t for t in self.bag.topics if t.name in self.choice.names()}
+        messages, total = self.bag.messages([*topics]), sum(t.count for t in topics.values())
+        for batch in batches(counted(messages, total) if total else messages):
+            of_topics = {name: [m for m in batch if m[0] == name] for name in topics}
+            yield {name: self._samples(topics[name], own) for name, own in of_topics.items() if own}
 
-    def drain(self) -> dict[str, Samples]:
-        """Return what has come in as samples by topic."""
-        drained: dict[str, Samples] = {}
-        for name, messages in self._messages.items():
-            if messages:
-                topic = self.topics[name]
-                self.counts[name] += len(messages)
-                decoded = decode(topic.kind, messages, self._times[name], name, cdr=topic.cdr)
-                if decoded.unstamped:
-                    self.unstamped.add(name)
-                drained[name] = samples_of(decoded, name == self.choice.force, name == self.choice.rates)
-        self._messages.clear()
-        self._times.clear()
-        return drained
-
-    def pieces(self, bag: Bag) -> Iterator[dict[str, Samples]]:
-        """Yield all messages of the chosen topics, some thousands at a time."""
-        names = self.choice.names()
-        messages, total = bag.messages(names), sum(self.topics[name].count for name in names)
-        for name, time, data in counted(messages, total) if total else messages:
-            if self.add(name, time, data):
-                yield self.drain()
-        if rest := self.drain():
-            yield rest
+    def _samples(self, topic: Topic, batch: list[Message]) -> Samples:
+        self.counts[topic.name] += len(batch)
+        decoded = decode(topic, batch)
+        if decoded.unstamped:
+            self.unstamped.add(topic.name)
+        force = decoded.force if topic.name == self.choice.force else None
+        return Samples(decoded.time, force, decoded.rate if topic.name == self.choice.rates else None)
 
 
 def bag_tables(bag: Bag, wanted: Sequence[str]) -> Iterator[RawTable]:
@@ -457,26 +428,23 @@ def bag_tables(bag: Bag, wanted: Sequence[str]) -> Iterator[RawTable]:
     """
     rest, name, said = split_wanted(bag, wanted)
     field = None if name is None else _read_field(bag, name)
-    first = [Remark("found", f"{bag.path.name} holds {_list_topics(bag.topics)}.")]
+    first = [Remark("found", f"{bag.path.name} holds {_list_topics(bag.topics)}."), *said]
     if (
         field is not None
         and not rest
         and all(is_field_topic(t) or t.kind not in READABLE for t in bag.topics)
     ):
-        samples, units = (
-            Samples(field.time, magnetic_field=field.values),
-            {"m": field.unit or None},
-        )
-        yield table_of_samples(bag.path, samples, units, [*first, *said])
+        samples = Samples(field.time, magnetic_field=field.values)
+        yield table_of_samples(bag.path, samples, {"m": field.unit or None}, first)
         return
     choice = choose_topics(bag, rest)
-    batches = _Batches({t.name: t for t in bag.topics}, choice)
+    decoding = _Decoding(bag, choice)
     first += [_choice_remark(bag, choice), *_misnamed(bag, choice)]
     split = choice.force is not None and choice.rates is not None and choice.force != choice.rates
     merging = Merging(bag.path.name, choice.force or "", choice.rates or "") if split else None
     topic = None if split else choice.names()[0]
     held: Samples | None = None
-    for samples in _merged(batches.pieces(bag), merging) if merging else _single(batches.pieces(bag)):
+    for samples in _merged(decoding.pieces(), merging) if merging else _single(decoding.pieces()):
         if held is not None:
             yield replace(table_of_samples(bag.path, held, SI, first), topic=topic, field=field)
             first = []
@@ -485,9 +453,9 @@ def bag_tables(bag: Bag, wanted: Sequence[str]) -> Iterator[RawTable]:
         raise RecordingError(
             f"{bag.path.name}: {' and '.join(choice.names())} hold(s) no message that could be read."
         )
-    first += [*bag.remarks, *_lost(bag, choice, batches.counts), *(merging.remarks() if merging else [])]
-    first += [_unstamped_remark(bag, name) for name in sorted(batches.unstamped)]
-    yield replace(table_of_samples(bag.path, held, SI, [*first, *said]), topic=topic, field=field)
+    first += [*bag.remarks, *_lost(bag, choice, decoding.counts), *(merging.remarks() if merging else [])]
+    first += [_unstamped_remark(bag, name) for name in sorted(decoding.unstamped)]
+    yield replace(table_of_samples(bag.path, held, SI, first), topic=topic, field=field)
 
 
 def _single(pieces: Iterator[dict[str, Samples]]) -> Iterator[Samples]:
@@ -512,11 +480,10 @@ def _merged(pieces: Iterator[dict[str, Samples]], merging: Merging) -> Iterator[
 
 def _read_field(bag: Bag, name: str) -> MagneticField | None:
     """Return the messages of a magnetometer's topic as samples in time order, None if there are none."""
-    batches = _Batches({t.name: t for t in bag.topics}, Choice(name, None))
-    pieces = [samples for piece in batches.pieces(bag) for samples in piece.values()]
+    pieces = [samples for piece in _Decoding(bag, Choice(name, None)).pieces() for samples in piece.values()]
     if not pieces:
         return None
-    samples, tesla = joined(pieces), batches.topics[name].kind == FIELD
+    samples, tesla = joined(pieces), any(t.name == name and t.kind == FIELD for t in bag.topics)
     assert samples.specific_force is not None
     note = "" if tesla else "has no unit in its type (--units uT)"
     unit = "T" if tesla else None
