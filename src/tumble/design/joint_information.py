@@ -231,11 +231,8 @@ class PlannedProblem:
         data : the same motion with other noise of its holds; the problem's own by default.
         without : the hold after which a rotation is left out.
         """
-        task = replace(
-            self.task,
-            taking_part=dict(taking_part or self.task.taking_part),
-            data=data or self.task.data,
-        )
+        part = taking_part or self.task.taking_part
+        task = replace(self.task, taking_part=part, data=data or self.task.data)
         recording = RecordingStretch(task)
         parts = zip(recording.within, self.whole.within, task.sections, strict=True)
         for (_, stretch), (_, whole), section in parts:

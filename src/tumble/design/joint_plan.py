@@ -46,8 +46,8 @@ from tumble.simulation import Grade
 UNITS_SI = "m/s²", "rad/s"
 # How often a protocol is played: by hand each time differs, on a table hardly.
 DRAWS_BY_HAND, DRAWS_ON_TABLE = 8, 2
-# Of a frame that is not the accelerometers': what both triads' angles to it are.
-OTHERWISE = {"rotation between the triads": "gyro misalignment"}
+# What a table's rows may be called beside a group: in the fixture's frame, and in the gyros' own.
+OTHERWISE = {"rotation between the triads": ("gyro misalignment", "accelerometer misalignment")}
 # A step that lasts longer: by this share of itself.
 LONGER = 0.25
 
@@ -209,11 +209,13 @@ class JointPlan:
 
     @property
     def names(self) -> list[str]:
-        """What the table's frame calls `NAMES`: angles that it has no row of are among its misalignments."""
-        rows, group_of = {one.name for one in self.foretold}, list[str]()
+        """What the table's frame calls `NAMES`, as rows begin: angles without a row are among those of their group."""
+        rows, made = [one.name for one in self.foretold], list[str]()
         for group, part in GROUPS.items():
-            group_of += [OTHERWISE.get(group, group)] * (part.stop - part.start)
-        return [name if name in rows else group for name, group in zip(NAMES, group_of, strict=True)]
+            for name in NAMES[part]:
+                ways = name, name.rpartition(" ")[0], group, *OTHERWISE.get(group, ())
+                made.append(next((one for one in ways if any(row.startswith(one) for row in rows)), group))
+        return made
 
     def beyond(self, limits: Series) -> list[str]:
         """Return the rows of the table whose standard uncertainty is beyond its target.

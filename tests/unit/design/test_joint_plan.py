@@ -275,10 +275,15 @@ def test_targets_are_held_against_what_is_foretold(hand_held: JointPlan) -> None
         stop, words = judge_stop(task, hand_held.information, [], limits, (foretold, hand_held.without_clock))
         assert stop == reached
         assert ("All targets are reached" in words[0]) == reached
-    plan = plan_protocol(PlanTask.of_grade(named_protocol("six-position"), TACTICAL, SITE, draws=1))
-    near = np.full(PARAMETERS, np.inf)
-    near[GROUPS["accelerometer misalignment"]] = 1e-6
-    assert plan.beyond(near) == [one.name for one in plan.foretold if "accelerometer mis" in one.name]
+    for name, group, rows in (
+        ("six-position", "accelerometer misalignment", "accelerometer mis"),
+        ("strapdown-rotation", "gyro misalignment", "gyro non"),
+        ("strapdown-rotation", "rotation between the triads", "accelerometer mis"),
+    ):
+        plan = plan_protocol(PlanTask.of_grade(named_protocol(name), TACTICAL, SITE, draws=1))
+        near = np.full(PARAMETERS, np.inf)
+        near[GROUPS[group]] = 1e-6
+        assert plan.beyond(near) == [one.name for one in plan.foretold if rows in one.name]
 
 
 def test_one_clock_is_in_all_gyro_scale_factors_and_a_table_before_determines_it(

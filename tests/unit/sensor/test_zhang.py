@@ -46,8 +46,3 @@ def test_inter_triad_angles_turn_p_into_o_and_come_back() -> None:
     printed = np.array([[1.0, -z, y], [z, 1.0, -x], [-y, x, 1.0]])
     assert np.max(np.abs(R - printed)) < 0.51 * float(INTER_TRIAD @ INTER_TRIAD)
     np.testing.assert_allclose(inter_triad_angles(R), INTER_TRIAD, atol=1e-15)
-
-
-def test_a_reading_that_there_is_not_is_refused() -> None:
-    with pytest.raises(ValueError, match="'large-angle' is none of exact, small-angle"):
-        matrix_from_zhang(SCALE, ANGLES, "large-angle")

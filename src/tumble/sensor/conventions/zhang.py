@@ -21,33 +21,25 @@ reading takes the diagonal of K T for it, which understates the scale by half th
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
 Complex = npt.NDArray[Any]
 
-READINGS = ("exact", "small-angle")
-"""How T is read: axes of unit length, or as printed."""
 
-
-def matrix_from_zhang(scale: Complex, angles: Complex, reading: str = "exact") -> Complex:
+def matrix_from_zhang(
+    scale: Complex, angles: Complex, reading: Literal["exact", "small-angle"] = "exact"
+) -> Complex:
     """Return K T, lower triangular.
 
     Parameters
     ----------
     scale : (3,) raw per SI unit.
     angles : (3,) yz, zy, zx, rad.
-    reading : one of `READINGS`.
-
-    Raises
-    ------
-    ValueError
-        If there is no such reading.
+    reading : of T, with axes of unit length or as printed.
     """
-    if reading not in READINGS:
-        raise ValueError(f"{reading!r} is none of {', '.join(READINGS)}")
     yz, zy, zx = angles if reading == "small-angle" else np.sin(angles)
     one, zero = yz * 0.0 + 1.0, yz * 0.0
     diagonal = (one, one)
