@@ -504,6 +504,12 @@ def is_earth_field(norm: float) -> bool:
     return EARTH_FIELD[0] / _FIELD_MARGIN < norm < EARTH_FIELD[1] * _FIELD_MARGIN
 
 
+def whole_numbers(values: Vectors) -> bool:
+    """Say whether all values are whole numbers (of a long recording, those at its beginning)."""
+    head = values[:50_000]
+    return bool(np.all(head == np.round(head)))
+
+
 def vector_signs(values: Vectors, rate: float) -> VectorSigns:
     """Return what a triad's numbers show of its kind, of a long recording a dozen pieces of it.
 
@@ -515,7 +521,7 @@ def vector_signs(values: Vectors, rate: float) -> VectorSigns:
     size = max(_LEAST_BLOCK, round(_BLOCK_SECONDS * rate))
     pieces = [values[cut] for cut in sample_pieces(values.shape[0])]
     blocks = np.concatenate([p[: len(p) // size * size].reshape(-1, size, 3) for p in pieces])
-    whole = bool(np.all(values[:50_000] == np.round(values[:50_000])))
+    whole = whole_numbers(values)
     if len(blocks) < _FEWEST:
         norm = float(np.median(np.linalg.norm(values, axis=1))) if len(values) else 0.0
         return VectorSigns(norm, 0.0, None, None, whole)

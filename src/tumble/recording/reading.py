@@ -78,11 +78,13 @@ def _triad(table: RawTable, triad: Axes) -> Vectors | None:
     return np.column_stack(columns) if columns else None
 
 
-def _pick(table: RawTable, plan: ColumnPlan, *, parted: bool) -> tuple[Samples, Rows, list[Remark]]:
+def _pick(
+    table: RawTable, plan: ColumnPlan, asked: Asked, state: BlockState
+) -> tuple[Samples, Rows, list[Remark]]:
     """Return the samples of a table by a plan, the rows that they stand in, and what is said of those left out.
 
-    Left out are rows that hold no finite number somewhere: one in a hundred at most, or half of all where runs of
-    them may part the recording. The time is as the file has it, in row numbers where there are no stamps.
+    Left out are rows that hold no finite number somewhere: one in a hundred of those so far at most, or half of them
+    where runs may part the recording. The time is as the file has it, in row numbers where there are no stamps.
     """
     rows = np.arange(len(table))
     force, rates, magnetic = (_triad(table, plan.triads.get(kind, ())) for kind in "agm")
@@ -100,7 +102,8 @@ def _pick(table: RawTable, plan: ColumnPlan, *, parted: bool) -> tuple[Samples, 
         return samples, rows, []
     row = int(np.argmin(good))
     where = _bad_column(table, plan, row)
-    if bad > max(1.0, (_MOST_PARTED_ROWS if parted else _MOST_BAD_ROWS) * good.size):
+    most = _MOST_PARTED_ROWS if asked.parted else _MOST_BAD_ROWS
+    if bad > max(1.0, most * (state.rows + good.size)):
         raise RecordingError(
             f"{table.path.name}: {bad} of {good.size} rows hold no finite number somewhere, the first at "
             f"{table.place(row)}, {where}; mend the file or skip that column with --columns."
@@ -271,7 +274,7 @@ def interpret(
     units, remarks = asked.units, [*table.remarks, *remarks, *about_units(table, plan, asked.units)]
     if units.temperature is not None:
         plan = replace(plan, units=plan.units | {"temperature": units.temperature})
-    samples, rows, left_out = _pick(table, plan, parted=asked.parted)
+    samples, rows, left_out = _pick(table, plan, asked, state)
     ordered = _ordered(table, plan, samples, rows, asked, state)
     remarks += [*left_out, *ordered.remarks]
     samples, rows = samples.cut(ordered.keep), rows[ordered.keep]
@@ -418,7 +421,7 @@ def interpret_block(
     RecordingError
         If the block's rows or stamps are unusable.
     """
-    samples, rows, left_out = _pick(table, decided.plan, parted=asked.parted)
+    samples, rows, left_out = _pick(table, decided.plan, asked, state)
     if not rows.size:
         return None
     remarks, time = [*table.remarks, *left_out], (state.rows + rows) / decided.rate

@@ -33,6 +33,7 @@ from tumble.recording.columns import (
     renamed,
     says_free_of_gravity,
     vector_signs,
+    whole_numbers,
 )
 from tumble.recording.formats.table import RawTable
 from tumble.recording.gravity_check import gyro_scale_from_gravity, gyro_step_words, unit_of_scale
@@ -136,7 +137,8 @@ def with_chip(words: list[str]) -> list[str]:
 
 
 def _sensitivity(chip: Chip, ranges: _Ranges, full: float | None, unit: str) -> str:
-    listed = ", ".join(f"{each:g}{'g' if unit == 'g' else 'dps'}" for each in ranges)
+    word = "g" if unit == "g" else "dps"
+    listed = ", ".join(f"{each:g}{word}" for each in ranges)
     if full is None and len(ranges) > 1:
         raise UsageError(
             f"--units {chip.title}: the range that it was set to is missing; give one of {listed}. The driver's "
@@ -416,9 +418,7 @@ def check_angular_rate_unit(recording: Recording, unit: str, name: str) -> list[
     scale = gyro_scale_from_gravity(recording)
     if scale is None or not scale.determined:
         fastest = np.degrees(factor * float(np.max(np.abs(extremes(recording.angular_rate)))))
-        text = (
-            f"The gyro's unit ({unit}) could not be checked against gravity; it reaches {fastest:.4g} deg/s."
-        )
+        text = f"The gyro's unit ({unit}) could not be checked against gravity; it reaches {fastest:.4g} deg/s."
         return [Remark("unchecked", text)]
     ratio = scale.scale / factor
     if 1.0 / _REFUSE_FACTOR < ratio < _REFUSE_FACTOR:
@@ -489,12 +489,6 @@ def _in_gravities(norm: float, unit: str | None) -> list[float]:
     """Return a norm in times gravity, in the unit that is declared or else in m/s² and in g; counts are none."""
     factors = [specific_force_factor(name) for name in (("m/s^2", "g") if unit is None else (unit,))]
     return [factor * norm / STANDARD_GRAVITY for factor in factors if factor is not None]
-
-
-def whole_numbers(values: Vectors) -> bool:
-    """Say whether all values are whole numbers (of a long recording, those at its beginning)."""
-    head = values[:50_000]
-    return bool(np.all(head == np.round(head)))
 
 
 _TOLERANCE = 0.15  # of a ratio of units, as a logarithm; an uncalibrated MEMS is off by a few per cent
@@ -911,7 +905,8 @@ def decide_field_unit(
     units, header : as the user declares, and as the file's header says; None where nobody does.
     name : of the file.
     """
-    norm = vector_signs(field.values, field.rate or 100.0).norm
+    signs = vector_signs(field.values, field.rate or 100.0)
+    norm, whole, guess = signs.norm, signs.whole, signs.field_unit
     unit = units.magnetic_field or header
     if unit is not None:
         factor = magnetic_field_factor(unit)
@@ -919,8 +914,6 @@ def decide_field_unit(
             return unit, []
         return unit, [Remark("found", f"{name}: {not_the_earths(norm, unit)}")]
     said = f"its norm is {norm:.4g}"
-    whole = bool(np.all(field.values[:50_000] == np.round(field.values[:50_000])))
-    guess = field_unit_of(norm)
     if guess is not None and not whole:
         text = f"Magnetic field is taken as {guess}: {said}, the Earth's in that unit; say another one with --units."
         return guess, [Remark("assumed", text)]

@@ -445,11 +445,7 @@ class _Work:
     def _put(
         self, line: _Line, messages: list[bytes], force: Vectors | None, rate: Vectors | None
     ) -> list[bytes]:
-        put = ros.Substitute(force, rate, shift=self._stamps_shift(line))
-        return ros.substituted(line.topic, messages, put)
-
-    def _stamps_shift(self, line: _Line) -> int:
-        """Return by how many ns stamps move: those of an accelerometer with a topic of its own."""
-        if self._task.lag is None or self._shift is not None or not line.force:
-            return 0
-        return -round(1e9 * self._task.lag)
+        # A lag moves the stamps of an accelerometer with a topic of its own.
+        moves = self._task.lag is not None and self._shift is None and line.force
+        shift = -round(1e9 * (self._task.lag or 0.0)) if moves else 0
+        return ros.substituted(line.topic, messages, force, rate, shift)

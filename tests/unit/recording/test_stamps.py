@@ -91,7 +91,7 @@ def test_blocks_are_the_recording_cut_in_pieces(tumbled, csv, monkeypatch) -> No
     time = (np.arange(len(tumbled.time)) * 10 + 2**16 - 9000) % 2**16
     rows = with_time(tumbled, time)
     rows[1500, 0] = rows[1499, 0]
-    rows[1600, 2] = np.nan
+    rows[1600:1605, 2] = np.nan
     rows = np.delete(rows, slice(2000, 2100), axis=0)
     path = csv(rows)
     path.write_text(path.read_text() + "9,9")

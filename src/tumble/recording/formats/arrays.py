@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -196,7 +197,7 @@ def read_npy(path: Path, rows: int = BLOCK_ROWS) -> Iterator[RawTable]:
         else:
             with foreign(path, "NPY file"):
                 columns = [np.asarray(part[n], dtype=np.float64).reshape(len(part)) for n in names]
-        yield RawTable(path, names, columns, place=lambda row, at=start: row_words(at + row))
+        yield RawTable(path, names, columns, place=partial(row_words, start=start))
 
 
 def read_npz(path: Path) -> Iterator[RawTable]:

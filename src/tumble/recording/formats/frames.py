@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -75,10 +76,6 @@ def read_names(path: Path) -> list[str]:
         return []
 
 
-def _with_units(names: tuple[str, ...], units: dict[str, str]) -> tuple[str, ...]:
-    return tuple(f"{name} [{units[name]}]" if name in units and "[" not in name else name for name in names)
-
-
 def read_tables(path: Path, rows: int = BLOCK_ROWS) -> Iterator[RawTable]:
     """Read a Parquet file `rows` rows at a time.
 
@@ -97,26 +94,15 @@ def read_tables(path: Path, rows: int = BLOCK_ROWS) -> Iterator[RawTable]:
         total = int(lazy.select(pl.len()).collect().item())
         while start < total:
             names, columns = numeric_columns(lazy.slice(start, rows).collect())
-            _need_columns(path, columns)
-            yield RawTable(
-                path,
-                _with_units(names, units),
-                columns,
-                place=lambda row, at=start: row_words(at + row),
-                judged=bool(units),
-            )
+            if not columns:
+                raise RecordingError(f"{path.name} has no column of numbers.")
+            noted = tuple(f"{n} [{units[n]}]" if n in units and "[" not in n else n for n in names)
+            words = partial(row_words, start=start)
+            yield RawTable(path, noted, columns, place=words, judged=bool(units))
             start += rows
     except (pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
-        raise _damaged(path, error) from error
-
-
-def _damaged(path: Path, error: Exception) -> RecordingError:
-    return RecordingError(f"{path.name} is a damaged Parquet file ({str(error).splitlines()[0][:120]}).")
-
-
-def _need_columns(path: Path, columns: list[Series]) -> None:
-    if not columns:
-        raise RecordingError(f"{path.name} has no column of numbers.")
+        words = str(error).splitlines()[0][:120]
+        raise RecordingError(f"{path.name} is a damaged Parquet file ({words}).") from error
 
 
 NANOSECONDS = 1e-9

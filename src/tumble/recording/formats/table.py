@@ -27,9 +27,9 @@ BLOCK_ROWS = 500_000
 """Rows of a block of a recording that is read in bounded memory."""
 
 
-def row_words(row: int) -> str:
-    """Return a row's number, from 1, in words."""
-    return f"row {row + 1}"
+def row_words(row: int, start: int = 0) -> str:
+    """Return a row's number, from 1, in words; the rows of a later piece begin with `start`."""
+    return f"row {start + row + 1}"
 
 
 @dataclass

@@ -665,15 +665,7 @@ _XSENS_HEAD = 8192
 
 
 def read_xsens(path: Path) -> Iterator[RawTable]:
-    """Read an export piece by piece.
-
-    Raises
-    ------
-    RecordingError
-        If the file holds no rows of numbers.
-    OSError
-        If the file cannot be read.
-    """
+    """Read an export of Xsens piece by piece."""
     with opened(path) as file:
         head = file.read(_XSENS_HEAD)
     scale: float | None = None

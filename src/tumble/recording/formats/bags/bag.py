@@ -23,7 +23,7 @@ from typing import Protocol, TypeAlias, runtime_checkable
 import numpy as np
 import numpy.typing as npt
 
-from tumble.arrays import Series
+from tumble.arrays import Series, Vectors
 from tumble.counting import counted
 from tumble.errors import RecordingError, UsageError
 from tumble.recording.columns import kind_of_file
@@ -65,8 +65,8 @@ class Decoded:
     """
 
     time: Series
-    force: npt.NDArray[np.float64]
-    rate: npt.NDArray[np.float64]
+    force: Vectors
+    rate: Vectors
     unstamped: bool
 
 
@@ -124,48 +124,27 @@ def _alike(
         yield numbers, rows, 4 + (begin - 4 + 7) // 8 * 8 if cdr else begin, order
 
 
-@dataclass(frozen=True)
-class Substitute:
-    """What takes the place of numbers in messages of one topic.
-
-    Attributes
-    ----------
-    force, rate : (n, 3) m/s² and rad/s; None leaves what is there.
-    shift : ns that stamps of headers are moved by; those of zero, which are none, stay.
-    """
-
-    force: npt.NDArray[np.float64] | None = None
-    rate: npt.NDArray[np.float64] | None = None
-    shift: int = 0
-
-    def fields(self, kind: str) -> list[tuple[int, npt.NDArray[np.float64]]]:
-        """Return where among the numbers of a message of this type which others go."""
-        _, force, rate = _LAYOUTS[kind]
-        return [
-            (place, values)
-            for place, values in ((force, self.force), (rate, self.rate))
-            if values is not None
-        ]
-
-
-def substituted(topic: Topic, messages: list[bytes], put: Substitute) -> list[bytes]:
+def substituted(
+    topic: Topic, messages: list[bytes], force: Vectors | None, rate: Vectors | None, shift: int
+) -> list[bytes]:
     """Return messages with other numbers in them; every other byte stays.
 
     Parameters
     ----------
     topic, messages : that `decode` has read.
-    put : one row a message.
+    force, rate : (messages, 3) m/s² and rad/s; None leaves what is there.
+    shift : ns that stamps of headers are moved by; those of zero, which are none, stay.
     """
+    _, *places = _LAYOUTS[topic.kind]
     made: list[bytes] = [b""] * len(messages)
     for numbers, seen, begin, order in _alike(messages, cdr=topic.cdr):
         rows = seen.copy()
-        for place, values in put.fields(topic.kind):
-            some = values[numbers]
-            size = 8 * some.shape[1]
-            packed = np.ascontiguousarray(some, dtype=order + "f8").view(np.uint8)
-            rows[:, begin + 8 * place : begin + 8 * place + size] = packed
-        if put.shift:
-            rows[:, 4:12] = _moved(rows[:, 4:12], put.shift, order)
+        for place, values in zip(places, (force, rate), strict=True):
+            if values is not None:
+                packed = np.ascontiguousarray(values[numbers], dtype=order + "f8").view(np.uint8)
+                rows[:, begin + 8 * place :][:, : packed.shape[1]] = packed
+        if shift:
+            rows[:, 4:12] = _moved(rows[:, 4:12], shift, order)
         for row, number in enumerate(numbers):
             made[number] = rows[row].tobytes()
     return made
@@ -412,20 +391,7 @@ class _Decoding:
 
 
 def bag_tables(bag: Bag, wanted: Sequence[str]) -> Iterator[RawTable]:
-    """Yield the table of a bag in blocks of half a million rows; what is noticed on the way stands on the last one.
-
-    Parameters
-    ----------
-    bag : opened.
-    wanted : one topic, or one of each triad; none where it holds one IMU.
-
-    Raises
-    ------
-    RecordingError
-        If it is damaged or holds no IMU, or several.
-    UsageError
-        If a topic is not there.
-    """
+    """Yield the table of a bag in blocks of half a million rows; what is noticed on the way stands on the last one."""
     rest, name, said = split_wanted(bag, wanted)
     field = None if name is None else _read_field(bag, name)
     first = [Remark("found", f"{bag.path.name} holds {_list_topics(bag.topics)}."), *said]
@@ -454,7 +420,9 @@ def bag_tables(bag: Bag, wanted: Sequence[str]) -> Iterator[RawTable]:
             f"{bag.path.name}: {' and '.join(choice.names())} hold(s) no message that could be read."
         )
     first += [*bag.remarks, *_lost(bag, choice, decoding.counts), *(merging.remarks() if merging else [])]
-    first += [_unstamped_remark(bag, name) for name in sorted(decoding.unstamped)]
+    text = "have no stamps; the times at which the messages were recorded are taken, which jitter"
+    unstamped = [f"{bag.path.name}: the headers of {name} {text}." for name in sorted(decoding.unstamped)]
+    first += [Remark("assumed", one) for one in unstamped]
     yield replace(table_of_samples(bag.path, held, SI, first), topic=topic, field=field)
 
 
@@ -527,11 +495,3 @@ def _lost(bag: Bag, choice: Choice, counts: Counter[str]) -> list[Remark]:
             text = f"{bag.path.name}: {lost} of {promised} messages of {name} could not be read."
             said.append(Remark("mended", text))
     return said
-
-
-def _unstamped_remark(bag: Bag, name: str) -> Remark:
-    return Remark(
-        "assumed",
-        f"{bag.path.name}: the headers of {name} have no stamps; the times at which the messages were recorded are "
-        "taken, which jitter.",
-    )

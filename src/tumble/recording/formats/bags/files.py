@@ -146,17 +146,7 @@ def _mend_rosbag1(path: Path) -> str:
 
 @contextmanager
 def opened_rosbag1(path: Path) -> Generator[Rosbag1]:
-    """Open a bag.
-
-    Raises
-    ------
-    RecordingError
-        If it is cut short, was not closed, or is damaged.
-    UsageError
-        If a library is missing.
-    OSError
-        If the file cannot be read.
-    """
+    """Open a bag; one that is cut short, was not closed, or is damaged is refused."""
     made = rosbags_library(path)
     with foreign(path, _NAME, _mend_rosbag1(path)):
         reader = made.Reader(path)
