@@ -146,7 +146,7 @@ def _sensitivity(chip: Chip, ranges: _Ranges, full: float | None, unit: str) -> 
         )
     full = next(iter(ranges)) if full is None else full
     if full not in ranges:
-        raise UsageError(f"--units {chip.title}: it has no range of {full:g} {unit}; it has {listed}.")
+        raise UsageError(f"--units {chip.title}: it has no range of {full:g}{word}; it has {listed}.")
     return f"{ranges[full]:.8g} LSB/{unit if unit == 'g' else f'({unit})'}"
 
 
@@ -396,9 +396,9 @@ def _unit_by_size(rates: Vectors, rate: float, header_is_plain: bool) -> tuple[s
     if np.all(sample == np.round(sample)) and float(np.ptp(sample)) > 20.0:
         return COUNTS, "it is in whole numbers"
     if extreme > 40.0:
-        return "deg/s", f"it reaches {extreme:.3g}, which in rad/s would be {np.degrees(extreme):.0f} deg/s"
+        return "deg/s", f"it reaches {extreme:.3g}, which in rad/s would be {np.degrees(extreme):.0f} °/s"
     if floor > 0.02:
-        return "deg/s", f"its noise of {floor:.2g} would be {np.degrees(floor):.1f} deg/s if it were in rad/s"
+        return "deg/s", f"its noise of {floor:.2g} would be {np.degrees(floor):.1f} °/s if it were in rad/s"
     if header_is_plain:
         return "rad/s", "plain CSV is in rad/s unless --units says otherwise"
     return "rad/s", "nothing in the numbers contradicts it; declare it with --units if it is another"
@@ -418,7 +418,7 @@ def check_angular_rate_unit(recording: Recording, unit: str, name: str) -> list[
     scale = gyro_scale_from_gravity(recording)
     if scale is None or not scale.determined:
         fastest = np.degrees(factor * float(np.max(np.abs(extremes(recording.angular_rate)))))
-        text = f"The gyro's unit ({unit}) could not be checked against gravity; it reaches {fastest:.4g} deg/s."
+        text = f"The gyro's unit ({unit}) could not be checked against gravity; it reaches {fastest:.4g} °/s."
         return [Remark("unchecked", text)]
     ratio = scale.scale / factor
     if 1.0 / _REFUSE_FACTOR < ratio < _REFUSE_FACTOR:
@@ -431,7 +431,7 @@ def check_angular_rate_unit(recording: Recording, unit: str, name: str) -> list[
     if LSB in unit and other is None and doubled is None:
         raise RecordingError(
             f"{name}: the gyro is declared to be in {unit}, but gravity turning in body axes shows about "
-            f"{np.radians(1.0) / scale.scale:.3g} LSB/(deg/s): another measuring range was set, so give that one."
+            f"{np.radians(1.0) / scale.scale:.3g} LSB/(°/s): another measuring range was set, so give that one."
         )
     raise RecordingError(
         f"{name}: the gyro is declared to be in {unit}, but gravity turning in body axes shows "

@@ -289,7 +289,7 @@ def test_counts_with_a_chip_are_checked_against_gravity(tmp_path: Path) -> None:
     ("chip", "words"),
     [
         ("mpu6050,250dps", "the range that it was set to is missing; give one of 2g, 4g"),
-        ("mpu6050,3g,250dps", "it has no range of 3 g; it has 2g, 4g, 8g, 16g"),
+        ("mpu6050,3g,250dps", "it has no range of 3g; it has 2g, 4g, 8g, 16g"),
         ("mpu6050,2g,250x", "'250x' is no range"),
         ("l3gd20,2g,250dps", "has no accelerometer"),
     ],
