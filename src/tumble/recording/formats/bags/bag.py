@@ -391,7 +391,15 @@ class _Decoding:
 
 
 def bag_tables(bag: Bag, wanted: Sequence[str]) -> Iterator[RawTable]:
-    """Yield the table of a bag in blocks of half a million rows; what is noticed on the way stands on the last one."""
+    """Yield the table of a bag in blocks of half a million rows; what is noticed on the way stands on the last one.
+
+    Raises
+    ------
+    RecordingError
+        If it is damaged or holds no IMU, or several.
+    UsageError
+        If a topic is not there.
+    """
     rest, name, said = split_wanted(bag, wanted)
     field = None if name is None else _read_field(bag, name)
     first = [Remark("found", f"{bag.path.name} holds {_list_topics(bag.topics)}."), *said]
