@@ -97,6 +97,7 @@ class ColumnPlan:
     triads : those that there are, by letter: "a" of the accelerometer, "g" of the gyro, "m" of the magnetometer.
     units : as declared in the names, by letter, "t" of the time, or "temperature".
     magnetic_field_time : index of the column of the magnetometer's own stamps, s, or None.
+    of_pair : whether the columns are those of two files side by side.
     said_by : "option", "header" or "content": who says so.
     unknown_units : quantity, name of a column, and the unit in it that nobody knows.
     """
@@ -108,6 +109,7 @@ class ColumnPlan:
     said_by: str = "header"
     unknown_units: tuple[tuple[str, str, str], ...] = ()
     magnetic_field_time: int | None = None
+    of_pair: bool = False
 
     def renamed(self, **letters: str) -> ColumnPlan:
         """Return the plan with some triads as others: ``a="m"`` takes the accelerometer as the magnetometer."""
@@ -161,8 +163,8 @@ def plan_from_option(option: str, count: int, name: str) -> ColumnPlan:
     return ColumnPlan(time, whole, temperature, said_by="option")
 
 
-def option_of(plan: ColumnPlan, count: int) -> str:
-    """Return what ``--columns`` would have to be for a plan.
+def option_of(plan: ColumnPlan, count: int) -> str | None:
+    """Return what ``--columns`` would have to be for a plan; None of two files, whose columns are two lists.
 
     Parameters
     ----------
@@ -176,7 +178,7 @@ def option_of(plan: ColumnPlan, count: int) -> str:
     for name, index in (("t", plan.time), ("temperature", plan.temperature)):
         if index is not None:
             words[index] = name
-    return ",".join(words)
+    return None if plan.of_pair else ",".join(words)
 
 
 def renamed(option: str | None, names: Mapping[str, str]) -> str:
@@ -942,7 +944,7 @@ def find_pairing(first: RawTable, second: RawTable, columns: str | None = None) 
     }
     by = "header" if other.said_by == "header" else own.said_by
     units = {kind: unit for kind, unit in (other.units | own.units).items() if kind in "tag"}
-    plan = ColumnPlan(0 if start else None, triads, units=units, said_by=by)
+    plan = ColumnPlan(0 if start else None, triads, units=units, said_by=by, of_pair=True)
     pairing = Pairing((own, other), plan)
     if columns is not None:
         return pairing if "a" in own.triads else replace(pairing, plan=plan.swapped())

@@ -245,13 +245,11 @@ _MOST_DUPLICATES = 0.05
 _BREAK = 2.0  # s that a clock which begins anew is taken to have been away
 _SAME_STEP = 0.05
 _LEAST_BURSTS = 100
-_BURST_FACTOR = (
-    4.0  # from which on steps between bursts are so many times those within, lost samples being few
-)
+# From which on steps between bursts are so many times those within, lost samples being few.
+_BURST_FACTOR = 4.0
 _LONGEST_BURST = 0.5  # s that samples wait to be sent; a logger that sleeps on purpose waits longer
-_LEAST_PART = (
-    3  # samples between two resets of a clock; before the first and after the last there may be fewer
-)
+# Samples between two resets of a clock; before the first and after the last there may be fewer.
+_LEAST_PART = 3
 
 
 @dataclass(frozen=True)
@@ -489,10 +487,10 @@ def _straightened(raw: Series, told: Told) -> tuple[Series, list[Remark]]:
         remarks += resets
     back = np.flatnonzero(raw[1:] < raw[:-1])
     if back.size:
-        row = int(back[0]) + 1
+        row, more = int(back[0]) + 1, f" (and {back.size - 1} more times)" if back.size > 1 else ""
         raise RecordingError(
             f"{told.name}, {told.place(row)}: time steps back from {raw[row - 1]:.10g} to {raw[row]:.10g}"
-            f"{_more(back.size)}; the order of the samples is unknown. Split the file there, or leave the "
+            f"{more}; the order of the samples is unknown. Split the file there, or leave the "
             "time column out with --columns and give --rate HZ."
         )
     return raw, remarks
@@ -537,10 +535,6 @@ def _even_out(raw: Series, steps: Series, told: Told, state: BlockState) -> Stam
     state.between, state.even = factor * between, float(even[-1])
     clock = clock_read_off(found, arrival, float(even[0]), told.known)
     return Stamps(even, np.ones(raw.size, bool), tuple(edges[1:-1]), found, unit, clock, said)
-
-
-def _more(count: int) -> str:
-    return f" (and {count - 1} more times)" if count > 1 else ""
 
 
 def carry_on(raw: Series) -> tuple[Series, int]:

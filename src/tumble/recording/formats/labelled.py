@@ -166,7 +166,8 @@ def _table(path: Path, gathered: _Gathered) -> RawTable:
         )
     most = max(counts.values())
     # MotionCal's lines come in pairs of the same sample: `Uni:` has the finer steps.
-    key = next((k for k in counts if counts[k] >= 0.9 * most and _in_si(k)), counts.most_common(1)[0][0])
+    finer = (k for k in counts if isinstance(k, tuple) and k[0] == "ax [m/s^2]" and counts[k] >= 0.9 * most)
+    key = next(finer, counts.most_common(1)[0][0])
     chosen = [(number, clock, values) for number, clock, form, values in gathered.rows if form == key]
     remarks = _remarks(path, gathered, key, counts)
     columns = list(np.array([values for _, _, values in chosen], dtype=np.float64).T)
@@ -178,10 +179,6 @@ def _table(path: Path, gathered: _Gathered) -> RawTable:
     numbers = [number for number, _, _ in chosen]
     made = RawTable(path, names, columns, remarks, lambda row: f"line {numbers[row]}")
     return made if stamps is None else replace(made, clock="host")
-
-
-def _in_si(key: _Key) -> bool:
-    return isinstance(key, tuple) and key[0] == "ax [m/s^2]"
 
 
 def _grows(column: Series) -> bool:

@@ -403,11 +403,8 @@ def bag_tables(bag: Bag, wanted: Sequence[str]) -> Iterator[RawTable]:
     rest, name, said = split_wanted(bag, wanted)
     field = None if name is None else _read_field(bag, name)
     first = [Remark("found", f"{bag.path.name} holds {_list_topics(bag.topics)}."), *said]
-    if (
-        field is not None
-        and not rest
-        and all(is_field_topic(t) or t.kind not in READABLE for t in bag.topics)
-    ):
+    others = [t for t in bag.topics if t.kind in READABLE and not is_field_topic(t)]
+    if field is not None and not rest and not others:
         samples = Samples(field.time, magnetic_field=field.values)
         yield table_of_samples(bag.path, samples, {"m": field.unit or None}, first)
         return
