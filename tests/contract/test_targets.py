@@ -28,6 +28,7 @@ from tumble.errors import CalibrationFileError, UsageError
 from tumble.export.noise import SensorNoise, TriadNoise
 from tumble.export.subject import Subject, Wishes, prepare
 from tumble.export.target import G_SENSITIVITY, MATRIX, NOISE, READ, Target, targets
+from tumble.parameters.measures import amount, si_of
 from tumble.sensor import ImuModel, Triad
 from tumble.sensor.thermal import TemperatureBasis, ThermalModel
 from tumble.workflows.convert import convert_from, convert_to
@@ -522,12 +523,10 @@ class TestLoss:
             size = [np.linalg.norm(a - b, axis=1).max() for a, b in zip(off, (force, rate), strict=True)]
             worst = np.maximum(worst, size)
         subject = prepared(name)
-        stated = re.search(
-            r"off by up to (\S+) m/s² and (\S+) deg/s, over 26 directions", subject.losses[0].text
-        )
+        stated = re.search(r"off by up to (.+) and (.+), over 26 directions", subject.losses[0].text)
         assert stated
-        assert float(stated[1]) == pytest.approx(worst[0], rel=0.1)
-        assert float(stated[2]) == pytest.approx(np.degrees(worst[1]), rel=0.1)
+        numbers = [float(size) * si_of(unit)[1] for size, unit in map(str.split, stated.groups())]
+        assert numbers == pytest.approx(worst, rel=0.1)
         assert subject.losses[0].text.endswith("from -20 to 60 °C")
         if TARGETS[name].comment:
             assert f"loss: {subject.losses[0].text}" in "".join(TARGETS[name].write(subject).values())
@@ -544,7 +543,8 @@ class TestLoss:
             size = np.abs(bent).max() + np.abs(square * np.linalg.norm(M, axis=1)).max()
             bends = f"the {who} asymmetry and quadratic terms are left out: up to {1e6 * size:.0f} ppm"
             assert (bends in told) == ("asymmetry and quadratic terms" not in holds)
-            bias = f"the {who} biases are left out: {np.linalg.norm(np.linalg.solve(M, b)):.3g} "
+            unit, size = ("rad/s" if M is M_G else "m/s^2"), np.linalg.norm(np.linalg.solve(M, b))
+            bias = f"the {who} biases are left out: {amount(size, unit)}"
             assert (bias in told) == ("biases" not in holds)
             diagonal = np.diag(np.diag(M))
             for what, kept in (
@@ -558,8 +558,8 @@ class TestLoss:
                     else not {"scale factors", "full matrix"} & {*holds}
                 )
                 assert (f"the {who}{what} are left out: up to {1e6 * size:.0f} ppm" in told) == lost
-        pull = np.degrees(np.linalg.norm(np.linalg.solve(M_G, G), 2)) * 3600 * GRAVITY_UNIT
-        assert (f"g-sensitivity is left out: up to {pull:.3g} deg/h" in told) == (
+        pull = amount(GRAVITY_UNIT * float(np.linalg.norm(np.linalg.solve(M_G, G), 2)), "rad/s")
+        assert (f"g-sensitivity is left out: up to {pull} in 1 g" in told) == (
             G_SENSITIVITY not in target.gyroscope
         )
         assert ("lever arms are left out: they are up to 13 mm apart" in told) == bool(target.accelerometer)

@@ -13,7 +13,7 @@ from tumble.arrays import Series
 from tumble.calibration.estimate import Estimate, NamedValue
 from tumble.calibration.session import PROCEDURES
 from tumble.parameters.family import parameter_of
-from tumble.parameters.measures import amount
+from tumble.parameters.measures import amount, decimals_of, fixed
 from tumble.recording.recording import Recording
 from tumble.records import dataclass
 from tumble.sensor import Triad
@@ -188,10 +188,10 @@ def two_digits(value: float) -> str:
 
     Examples
     --------
-    >>> two_digits(193.4), two_digits(99.7), two_digits(0.0123)
-    ('193', '100', '0.012')
+    >>> two_digits(193.4), two_digits(99.7), two_digits(0.1)
+    ('193', '100', '0.10')
     """
-    return f"{value:.0f}" if value >= 99.5 else f"{value:.2g}"
+    return fixed(value, decimals_of(value)) if 0.0 < value < 99.5 else f"{value:.0f}"
 
 
 def _known_triads(estimate: Estimate, recording: Recording) -> list[tuple[str, Triad, float | None]]:

@@ -13,26 +13,26 @@ from tumble.errors import UsageError
 from tumble.parameters.measures import si_of
 from tumble.records import dataclass
 
-# Name of a target, the group of parameters of `tumble.design.joint_information` that it means, what its unit is of.
+# Name of a target, the group of parameters of `tumble.design.joint_information` that it means, and its family.
 _TARGETS = {
-    "accelerometer.bias": ("accelerometer bias", "specific force"),
-    "accelerometer.scale": ("accelerometer scale", "ratio"),
-    "accelerometer.misalignment": ("accelerometer misalignment", "angle increment"),
-    "gyro.bias": ("gyro bias", "angular rate"),
-    "gyro.scale": ("gyro scale", "ratio"),
-    "gyro.misalignment": ("gyro misalignment", "angle increment"),
-    "gyro.rotation": ("rotation between the triads", "angle increment"),
-    "gyro.g-sensitivity": ("g-sensitivity", "rate per force"),
+    "accelerometer.bias": ("accelerometer bias", "accelerometer bias"),
+    "accelerometer.scale": ("accelerometer scale", "scale"),
+    "accelerometer.misalignment": ("accelerometer misalignment", "angle"),
+    "gyro.bias": ("gyro bias", "gyro bias"),
+    "gyro.scale": ("gyro scale", "scale"),
+    "gyro.misalignment": ("gyro misalignment", "angle"),
+    "gyro.rotation": ("rotation between the triads", "angle"),
+    "gyro.g-sensitivity": ("g-sensitivity", "g-sensitivity"),
 }
-# The unit that a group is shown in while it shrinks, and what people give a target in.
-_SHOWN = {
-    "specific force": ("mg", "mg, ug, m/s^2"),
-    "angular rate": ("°/h", "deg/h, deg/s, mdeg/s, rad/s"),
-    "ratio": ("ppm", "ppm, %, no unit"),
-    "angle increment": ("mrad", "mrad, deg, arcsec, rad"),
-    "rate per force": ("(°/h)/g", "deg/h/g, deg/s/g, mdeg/s/g"),
+# What a family's unit is of, and what people give a target in.
+_GIVEN = {
+    "accelerometer bias": ("specific force", "mg, ug, m/s^2"),
+    "gyro bias": ("angular rate", "deg/h, deg/s, mdeg/s, rad/s"),
+    "scale": ("ratio", "ppm, %, no unit"),
+    "angle": ("angle increment", "mrad, deg, arcsec, rad"),
+    "g-sensitivity": ("rate per force", "deg/h/g, deg/s/g, mdeg/s/g"),
 }
-_KINDS = dict(_TARGETS.values())
+_FAMILIES = dict(_TARGETS.values())
 
 
 def read_targets(texts: Sequence[str]) -> dict[str, float]:
@@ -55,14 +55,13 @@ def read_targets(texts: Sequence[str]) -> dict[str, float]:
         name = name.strip().lower().replace("gyroscope", "gyro").replace("accel.", "accelerometer.")
         if name not in _TARGETS:
             raise UsageError(f"--target {part}: {name!r} is no parameter; known are {', '.join(_TARGETS)}.")
-        group, kind = _TARGETS[name]
+        group, family = _TARGETS[name]
+        kind, units = _GIVEN[family]
         number = re.fullmatch(r"\s*((?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)\s*(.*?)\s*", wish.lower())
         value, unit = number.groups() if number else ("nan", "")
         of, size = si_of(unit)
         if of != kind or not 0.0 < float(value) < math.inf:
-            raise UsageError(
-                f"--target {part}: give a positive number with its unit, one of {_SHOWN[kind][1]}."
-            )
+            raise UsageError(f"--target {part}: give a positive number with its unit, one of {units}.")
         found[group] = float(value) * size
     return found
 
@@ -86,23 +85,19 @@ def limits_of(targets: dict[str, float]) -> Series | None:
 
 @dataclass(frozen=True)
 class GroupProgress:
-    """The worst standard uncertainty of a group of parameters, in the unit that it is shown in, beside its target.
+    """The worst standard uncertainty of a group of parameters beside its target, in the unit that people say.
 
     Attributes
     ----------
-    group, unit : their names.
-    sigma : None while not all of the group are determined.
-    told, of : how many are determined, of how many.
-    target : None where none is wished for.
+    group : its name.
+    sigma : how many are determined, while not all are.
+    target : empty where none is wished for.
     reached : whether the worst is below it.
     """
 
     group: str
-    unit: str
-    sigma: float | None
-    told: int
-    of: int
-    target: float | None
+    sigma: str
+    target: str
     reached: bool
 
 
@@ -115,25 +110,23 @@ def groups_of(sigmas: Mapping[str, float | None], targets: Mapping[str, float]) 
     targets : wished-for ones, SI, by group.
     """
     from tumble.design.joint_information import GROUPS, NAMES
+    from tumble.report.parameters import practical_uncertainties
 
     rows: list[GroupProgress] = []
     for group, part in GROUPS.items():
         names = [name for name in NAMES[part] if name in sigmas]
         if not names:
             continue
-        unit = _SHOWN[_KINDS[group]][0]
-        size = si_of(unit)[1]
         told = [sigma for name in names if (sigma := sigmas[name]) is not None]
-        worst, target = max(told) if len(told) == len(names) else None, targets.get(group)
+        known = len(told) == len(names)
+        worst, target = max(told) if known else math.nan, targets.get(group, math.nan)
+        sigma, wish = (one.text for one in practical_uncertainties(_FAMILIES[group], [worst, target]))
         rows.append(
             GroupProgress(
                 group,
-                unit,
-                None if worst is None else float(f"{worst / size:.2g}"),
-                len(told),
-                len(names),
-                None if target is None else float(f"{target / size:.3g}"),
-                target is not None and worst is not None and worst <= target,
+                sigma if known else f"{len(told)} of {len(names)} determined",
+                wish if group in targets else "",
+                worst <= target,
             )
         )
     return rows

@@ -93,7 +93,7 @@ def read_profile(path: Path) -> tuple[Profile, bytes | None]:
     try:
         profile = read_part(Profile, _words(cast("dict[Any, Any]", document)))
     except msgspec.ValidationError as error:
-        raise UsageError(f"{path}: {refusal(error)}.") from None
+        raise UsageError(f"{path}: {refusal(error)}; see docs/certificate.md for what it says.") from None
     return profile, None if not profile.logo else _logo(path.parent / profile.logo)
 
 

@@ -117,15 +117,7 @@ class LiveView:
         """The worst uncertainty of each group of parameters, against its target."""
         rows: list[list[str]] = []
         for one in groups_of(capture.progress.sigmas, self._targets):
-            worst = (
-                f"{one.told} of {one.of} determined" if one.sigma is None else f"{one.sigma:.3g} {one.unit}"
-            )
-            wish = (
-                ""
-                if one.target is None
-                else f"{one.target:.3g} {one.unit}{' reached' if one.reached else ''}"
-            )
-            rows.append([one.group, worst, wish])
+            rows.append([one.group, one.sigma, f"{one.target} reached" if one.reached else one.target])
         return table(("parameters", "uncertainty", "target"), rows, right=(1, 2), box=None)
 
 
@@ -312,8 +304,6 @@ class _Lines:
         self._bell = sys.stdout.isatty() and not as_json
 
     def __call__(self, events: Sequence[Event], capture: Capture) -> None:
-        from tumble.capture.coach import BELLS
-
         for event in events:
             if self._as_json:
                 say_json_text(event.to_json() + "\n")

@@ -91,7 +91,7 @@ def _errors_table(variants: list[dict[str, Any]], title: str, key: str) -> objec
     rows = [[one for one in variant[key] if one["seconds"] in chosen] for variant in variants]
     heads = ["corrected by", *(f"{one['seconds']:g} s" for one in rows[0])]
     cells = [
-        [variant["name"], *(metres(one["horizontal_rms"], "") for one in row)]
+        [variant["name"], *(metres(one["horizontal_rms"]) for one in row)]
         for variant, row in zip(variants, rows, strict=True)
     ]
     return table(heads, cells, right=range(1, len(heads)), title=title, box=None)

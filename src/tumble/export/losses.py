@@ -1,4 +1,4 @@
-"""What a target cannot hold, as sentences with sizes in ppm, µg and deg/h."""
+"""What a target cannot hold, as sentences with sizes in the units that people say."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 
 from tumble.arrays import Matrix, Vectors
 from tumble.attitude.rotations import twenty_six_directions
+from tumble.parameters.measures import amount
 from tumble.records import dataclass
 from tumble.sensor import ImuModel, Triad
 from tumble.units import STANDARD_GRAVITY
@@ -15,7 +16,6 @@ from tumble.units import STANDARD_GRAVITY
 Pairs = Sequence[tuple[ImuModel, ImuModel]]
 """True models, and what stands in their place."""
 _ROUND_OFF = 1e-9  # m/s² and rad/s, of a correction and its inverse
-_DEG_PER_H = 180.0 / np.pi * 3600.0
 
 
 @dataclass(frozen=True)
@@ -55,8 +55,8 @@ def of_bias(triad: Triad, name: str) -> list[Loss]:
     size = float(np.linalg.norm(np.linalg.solve(triad.matrix, triad.bias)))
     if size == 0.0:
         return []
-    unit = "m/s²" if name == "accelerometers" else "rad/s"
-    return [Loss(f"the {name}' biases are left out: {size:.3g} {unit}")]
+    unit = "m/s^2" if name == "accelerometers" else "rad/s"
+    return [Loss(f"the {name}' biases are left out: {amount(size, unit)}")]
 
 
 def of_temperature(pairs: Pairs, celsius: float, span: str) -> Loss:
@@ -71,7 +71,7 @@ def of_temperature(pairs: Pairs, celsius: float, span: str) -> Loss:
     force, rate = _worst(pairs)
     return Loss(
         f"what changes with temperature is left out, the numbers hold at {celsius:g} °C: up to "
-        f"{1e6 * force / STANDARD_GRAVITY:.0f} µg and {_DEG_PER_H * rate:.3g} deg/h{span}"
+        f"{amount(force, 'm/s^2')} and {amount(rate, 'rad/s')}{span}"
     )
 
 
@@ -90,7 +90,7 @@ def in_all(pairs: Pairs, span: str, *, corrects: bool) -> list[Loss]:
     what = "in all, what this file corrects is" if corrects else "this file corrects nothing: raw numbers are"
     return [
         Loss(
-            f"{what} off by up to {force:.3g} m/s² and {np.degrees(rate):.3g} deg/s, over 26 directions each of 1 g "
+            f"{what} off by up to {amount(force, 'm/s^2')} and {amount(rate, 'rad/s')}, over 26 directions each of 1 g "
             f"and of 1 rad/s{span}"
         )
     ]
@@ -115,9 +115,7 @@ def _worst(pairs: Pairs) -> tuple[float, float]:
 def of_g_sensitivity(gyroscope: Triad, sensitivity: Matrix) -> Loss:
     """Return the loss of a g-sensitivity."""
     size = float(np.linalg.norm(np.linalg.solve(gyroscope.matrix, sensitivity), 2)) * STANDARD_GRAVITY
-    return Loss(
-        f"the gyros' g-sensitivity is left out: up to {_DEG_PER_H * size:.3g} deg/h ({size:.2g} rad/s) in 1 g"
-    )
+    return Loss(f"the gyros' g-sensitivity is left out: up to {amount(size, 'rad/s')} in 1 g")
 
 
 def of_nonlinearity(triad: Triad, name: str) -> list[Loss]:

@@ -11,10 +11,10 @@ import numpy as np
 from tumble.arrays import AnyArray, Matrix
 from tumble.errors import CalibrationFileError
 from tumble.export.losses import Loss
+from tumble.parameters.measures import amount
 from tumble.records import dataclass
 from tumble.sensor import ImuModel
 from tumble.sensor.thermal import TemperatureBasis, ThermalModel
-from tumble.units import STANDARD_GRAVITY
 
 _NAMES = ("accelerometer", "gyroscope")
 
@@ -91,7 +91,7 @@ def polynomials_of(thermal: ThermalModel) -> tuple[Polynomials, list[Loss]]:
     made = Polynomials((first, second), (used[0], used[1]), within, span)
     lost = _rest(thermal)
     if any(wrong):
-        off = f"{1e6 * wrong[0] / STANDARD_GRAVITY:.0f} µg and {np.degrees(wrong[1]) * 3600:.3g} deg/h"
+        off = f"{amount(wrong[0], 'm/s^2')} and {amount(wrong[1], 'rad/s')}"
         lost.insert(0, Loss(f"the curves of temperature are cubic polynomials here: off by up to {off}"))
     return made, lost
 
@@ -119,7 +119,7 @@ def _rest(thermal: ThermalModel) -> list[Loss]:
         lost.append(
             Loss(
                 "hysteresis of temperature is left out: up to "
-                f"{sizes[0] * 1e6 / STANDARD_GRAVITY:.0f} µg and {np.degrees(sizes[1]) * 3600:.3g} deg/h"
+                f"{amount(sizes[0], 'm/s^2')} and {amount(sizes[1], 'rad/s')}"
             )
         )
     if thermal.rate_coefficients or thermal.lag > 0.0:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -9,7 +10,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Matrix, Vector
+from tumble.arrays import AnyArray, Matrix
 from tumble.document.soundness import is_invertible
 from tumble.errors import CalibrationFileError
 from tumble.export.polynomials import Curve, thermal_of
@@ -61,8 +62,8 @@ def read_kalibr(path: Path) -> Imported:
         )
     M_a = invertible(entry(document, "imu0.accelerometers.M", path), "accelerometers.M", path)
     M_g = invertible(entry(document, "imu0.gyroscopes.M", path), "gyroscopes.M", path)
-    A = matrix_of(entry(document, "imu0.gyroscopes.A", path), "gyroscopes.A", path)
-    C = matrix_of(entry(document, "imu0.gyroscopes.C_gyro_i", path), "gyroscopes.C_gyro_i", path)
+    A = _numbers(entry(document, "imu0.gyroscopes.A", path), "gyroscopes.A", path, 3, 3)
+    C = _numbers(entry(document, "imu0.gyroscopes.C_gyro_i", path), "gyroscopes.C_gyro_i", path, 3, 3)
     check_rotation(C, path)
     remarks: list[str] = []
     biases: list[np.ndarray] = []
@@ -70,7 +71,7 @@ def read_kalibr(path: Path) -> Imported:
         given: Any = document["imu0"][name].get("bias")
         if given is None:
             remarks.append(f"Kalibr's file has no bias of the {name}: it is taken as zero")
-        biases.append(np.zeros(3) if given is None else vector_of(given, f"{name}.bias", path))
+        biases.append(np.zeros(3) if given is None else _numbers(given, f"{name}.bias", path, 3))
     if model == "scale-misalignment-size-effect":
         remarks.append("Kalibr's lever arms of the accelerometers are left out")
     sensitivity = np.asarray(A @ C)
@@ -159,7 +160,7 @@ def _triad_of(T: Any, K: Any, B: Any, file: Path) -> Triad:
     scale = invertible(K, "the scale matrix", file)
     if np.any(scale - np.diag(np.diag(scale))):
         raise CalibrationFileError(f"The scale matrix in {file} is not diagonal: it is no file of imu_tk.")
-    return Triad(inverse(misalignment @ scale), vector_of(B, "the bias", file))
+    return Triad(inverse(misalignment @ scale), _numbers(B, "the bias", file, 3))
 
 
 _REFERENCE = 35.0  # °C that ArduPilot's polynomials are about
@@ -416,17 +417,6 @@ def entry(document: Any, keys: str, path: Path) -> Any:
     return value
 
 
-def matrix_of(value: Any, name: str, path: Path) -> Matrix:
-    """Return nine numbers, in rows or one after another by rows, as a matrix.
-
-    Raises
-    ------
-    CalibrationFileError
-        If they are no nine finite numbers.
-    """
-    return _numbers(value, name, path, 9).reshape(3, 3)
-
-
 def invertible(value: Any, name: str, path: Path) -> Matrix:
     """Return nine numbers as a matrix that can be inverted.
 
@@ -435,25 +425,15 @@ def invertible(value: Any, name: str, path: Path) -> Matrix:
     CalibrationFileError
         If they are not.
     """
-    matrix = matrix_of(value, name, path)
+    matrix = _numbers(value, name, path, 3, 3)
     if not is_invertible(matrix):
         raise CalibrationFileError(f"{name} in {path} cannot be inverted: it is no calibration's matrix.")
     return matrix
 
 
-def vector_of(value: Any, name: str, path: Path) -> Vector:
-    """Return three numbers.
-
-    Raises
-    ------
-    CalibrationFileError
-        If they are not three finite numbers.
-    """
-    return _numbers(value, name, path, 3)
-
-
-def _numbers(value: Any, name: str, path: Path, size: int) -> Any:
-    entries = _flat(value.tolist() if isinstance(value, np.ndarray) else value)
+def _numbers(value: Any, name: str, path: Path, *shape: int) -> AnyArray:
+    """Return finite numbers, in rows or one after another by rows, as an array of a shape."""
+    entries, size = _flat(value.tolist() if isinstance(value, np.ndarray) else value), math.prod(shape)
     if len(entries) != size:
         raise CalibrationFileError(f"{name} in {path} is {len(entries)} numbers, not {size}.")
     try:
@@ -464,7 +444,7 @@ def _numbers(value: Any, name: str, path: Path, size: int) -> Any:
         raise CalibrationFileError(
             f"{name} in {path} is {np.abs(numbers).max():g}: it is no calibration's number."
         )
-    return numbers
+    return numbers.reshape(shape)
 
 
 def _flat(value: Any) -> list[Any]:

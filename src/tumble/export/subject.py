@@ -472,7 +472,7 @@ def without_rotation(made: FieldCorrection, title: str, own: Matrix) -> tuple[Fi
     # The largest difference of a vector and the turned one, of its length.
     size = float(2.0 * np.sin(0.5 * np.radians(angle)))
     text = (
-        f"the magnetometer is turned by {angle:.3g} deg against the accelerometers' axes ({1e6 * size:.0f} ppm). "
+        f"the magnetometer is turned by {angle:.3g}° against the accelerometers' axes ({1e6 * size:.0f} ppm). "
         f"{title} has a symmetric matrix without that rotation: headings are off by up to as much"
     )
     return symmetric, [Loss(text, size)]

@@ -39,7 +39,6 @@ _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 # Beyond this many decimals, or with fewer than none, a power of ten reads better than zeros.
 _MOST_DECIMALS = 6
 _LARGEST_ROUNDED = 1e6
-_DIGITS = 2
 _POWERS = {f"^{n}": str(n).translate(_SUPERSCRIPTS) for n in range(2, 6)}
 _SIGNS = _POWERS | {"deg": "°", "uT": "µT", "ugauss": "µgauss", "(local field)": "local field"}
 _LENGTHS = {"m": 1.0, "mm": 1e-3}
@@ -61,11 +60,22 @@ class Measure:
     @property
     def text(self) -> str:
         """Value, standard uncertainty and unit."""
-        return f"{self.number} {self.unit}".rstrip()
+        return f"{self.number}{spaced(self.unit)}"
 
     def interval(self, factor: float) -> str:
-        """Return the interval of `factor` standard uncertainties, without the unit."""
-        return interval(self.value, self.sigma, factor)
+        """Return the interval of `factor` standard uncertainties, to the decimals of sigma, without the unit.
+
+        Examples
+        --------
+        >>> Measure(1.0, 0.1, "mg").interval(2.0)
+        '[0.80, 1.20]'
+        """
+        if not (math.isfinite(self.value) and math.isfinite(self.sigma) and self.sigma > 0):
+            return ""
+        exponent = _common_exponent(self.sigma)
+        decimals = decimals_of(self.sigma / 10.0**exponent)
+        ends = (fixed((self.value + k * self.sigma) / 10.0**exponent, decimals) for k in (-factor, factor))
+        return f"[{', '.join(ends)}]{_power(exponent)}"
 
     def times(self, factor: float, unit: str) -> Measure:
         """Return the same in another unit."""
@@ -127,7 +137,7 @@ def amount(size: float, unit: str) -> str:
     ('1.3 mg', '200 ppm', '3 mrad')
     """
     factor, word = said_unit(unit, [size])
-    return f"{float(f'{factor * size:.2g}'):.10g} {word}".rstrip()
+    return f"{float(f'{factor * size:.2g}'):.10g}{spaced(word)}"
 
 
 # Before and after a unit, of which quantity that is, what the whole is of, its power and a factor.
@@ -169,8 +179,13 @@ def plain_unit(unit: str) -> str:
     return "" if unit == "1" else unit
 
 
+def spaced(unit: str) -> str:
+    """Return a unit as it follows a number: degrees and seconds of arc without a space."""
+    return unit if unit in "°″" else f" {unit}"
+
+
 def decimals_of(sigma: float) -> int:
-    """Return how many decimals `sigma` has when it is rounded to `digits` significant digits.
+    """Return how many decimals `sigma` has when it is rounded to two significant digits.
 
     Negative for tens, hundreds and so on.
 
@@ -186,9 +201,9 @@ def decimals_of(sigma: float) -> int:
     """
     if not (math.isfinite(sigma) and sigma > 0):
         raise ValueError(f"a standard uncertainty of {sigma} has no digits")
-    decimals = _DIGITS - 1 - math.floor(math.log10(sigma))
+    decimals = 1 - math.floor(math.log10(sigma))
     # 0.0996 becomes 0.100, which has a digit more than it should: 0.10.
-    return _DIGITS - 1 - math.floor(math.log10(round(sigma, decimals)))
+    return 1 - math.floor(math.log10(round(sigma, decimals)))
 
 
 def fixed(value: float, decimals: int) -> str:
@@ -218,32 +233,19 @@ def with_uncertainty(value: float, sigma: float) -> str:
     """
     if not (math.isfinite(sigma) and sigma > 0):
         return f"{value:.6g} (no uncertainty)" if math.isfinite(value) else "not known"
-    exponent = _common_exponent(value, sigma)
+    exponent = _common_exponent(sigma)
     scaled = sigma / 10.0**exponent
     decimals = decimals_of(scaled)
     spread = fixed(scaled, decimals)
     text = f"± {spread}" if math.isnan(value) else f"{fixed(value / 10.0**exponent, decimals)} ± {spread}"
-    return text if exponent == 0 else f"({text}) × 10{str(exponent).translate(_SUPERSCRIPTS)}"
+    return f"({text}){_power(exponent)}" if exponent else text
 
 
-def interval(value: float, sigma: float, factor: float) -> str:
-    """Return the interval of `factor` standard uncertainties, to the decimals of sigma.
-
-    Examples
-    --------
-    >>> interval(1.0, 0.1, 2.0)
-    '[0.80, 1.20]'
-    """
-    if not (math.isfinite(value) and math.isfinite(sigma) and sigma > 0):
-        return ""
-    exponent = _common_exponent(value, sigma)
-    decimals = decimals_of(sigma / 10.0**exponent)
-    low, high = (fixed((value + k * sigma) / 10.0**exponent, decimals) for k in (-factor, factor))
-    text = f"[{low}, {high}]"
-    return text if exponent == 0 else f"{text} × 10{str(exponent).translate(_SUPERSCRIPTS)}"
+def _power(exponent: int) -> str:
+    return f" × 10{str(exponent).translate(_SUPERSCRIPTS)}" if exponent else ""
 
 
-def _common_exponent(value: float, sigma: float) -> int:
+def _common_exponent(sigma: float) -> int:
     """Return the power of ten to factor out: 0 unless zeros would fill the number."""
     if decimals_of(sigma) <= _MOST_DECIMALS and sigma < _LARGEST_ROUNDED:
         return 0

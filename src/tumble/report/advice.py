@@ -31,7 +31,7 @@ def next_steps(subject: Subject) -> list[str]:
     steps: list[str] = []
     if not calibration.verdict.fit:
         steps.append("The calibration is not fit for use: mend what the verdict names, and record again.")
-    procedure = PROCEDURES.get(calibration.procedure if protocol is None else protocol.procedure)
+    procedure = None if protocol is None else PROCEDURES.get(protocol.procedure)
     if procedure is not None and procedure.placement:
         steps.append(procedure.placement)
     elif up_b is not None:
@@ -171,7 +171,7 @@ def _turned_about_horizontal(subject: Subject, up_b: Vectors) -> Vector | None:
 
 def _gravity(calibration: Calibration) -> list[str]:
     # Only turns tell the Earth rate from the gyros' own errors.
-    if calibration.site.latitude_deg is None and calibration.procedure == "hand-held":
+    if calibration.site.latitude_deg is None and calibration.quality.turns:
         return [
             (
                 "With `--site LATITUDE,HEIGHT` instead of `--gravity` the Earth's rotation is known too, which helps "

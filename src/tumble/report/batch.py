@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections import Counter
+from itertools import groupby
 
 import numpy as np
 
+from tumble.document.result import ParameterBlock
 from tumble.fleet.outcome import Batch, UnitOutcome
-from tumble.parameters.family import in_families, parameter_of
-from tumble.parameters.measures import said_unit
+from tumble.parameters.family import in_families
 from tumble.report.figures.record import AXIS_COLOURS, PALETTE, Axis, Bars, Figure, in_brackets
 from tumble.report.page import Block, Facts, Figures, Page, Sentences, Table, section
+from tumble.report.parameters import ParameterRow, rows_of
 
 MOST_ROWS = 2000
 """Units that the page lists; the table's other forms have them all."""
@@ -58,15 +60,17 @@ def _not_as_the_others(batch: Batch) -> list[Block]:
 
 
 def _histograms(batch: Batch) -> list[Block]:
-    columns: dict[str, list[float]] = {}
     units: dict[str, str] = {}
+    found: list[ParameterBlock] = []
     for unit in batch.units:
-        for name, value, _, word in unit.parameters:
+        for name, value, sigma, word in unit.parameters:
             if units.setdefault(name, word) == word:
-                columns.setdefault(name, []).append(value)
+                found.append(ParameterBlock(name=name, value=value, standard_uncertainty=sigma, unit=word))
+    families = in_families([one.name for one in found])
+    rows = rows_of([found[at] for places in families.values() for at in places])
     figures = [
-        _histogram(f"group-{number}", group, [list(columns)[at] for at in places], columns, units)
-        for number, (group, places) in enumerate(in_families(list(columns)).items())
+        _histogram(f"group-{number}", group, list(members))
+        for number, (group, members) in enumerate(groupby(rows, key=lambda row: row.parameter.family.name))
     ]
     if not figures:
         return []
@@ -74,24 +78,24 @@ def _histograms(batch: Batch) -> list[Block]:
     return section("How the units spread", Figures(figures, words))
 
 
-def _histogram(
-    name: str, group: str, members: list[str], columns: dict[str, list[float]], units: dict[str, str]
-) -> Figure:
-    every = np.concatenate([columns[member] for member in members])
-    factor, unit = said_unit(units[members[0]], [float(np.max(np.abs(every)))])
-    low, high = factor * float(np.min(every)), factor * float(np.max(every))
+def _histogram(name: str, group: str, rows: list[ParameterRow]) -> Figure:
+    columns: dict[str, list[float]] = {}
+    for row in rows:
+        columns.setdefault(row.parameter.axes, []).append(row.drawn.value)
+    every, unit = [row.drawn.value for row in rows], rows[0].drawn.unit
+    low, high = min(every), max(every)
     edges = np.linspace(low, high if high > low else low + 1.0, _BINS + 1)
     middles = [float(f"{x:.6g}") for x in 0.5 * (edges[1:] + edges[:-1])]
     bars = [
         Bars(
             middles,
-            np.histogram(factor * np.array(columns[member]), edges)[0].tolist(),
-            parameter_of(member).axes.replace(" to force ", "←"),
+            np.histogram(column, edges)[0].tolist(),
+            axes.replace(" to force ", "←"),
             _COLOURS[at % len(_COLOURS)],
             opacity=0.75,
             width=0.95 * float(edges[1] - edges[0]),
         )
-        for at, member in enumerate(members)
+        for at, (axes, column) in enumerate(columns.items())
     ]
     across = Axis(f"{group} / {in_brackets(unit)}" if unit else group)
     label = f"Histogram of {group} over the units"

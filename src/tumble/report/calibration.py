@@ -96,8 +96,7 @@ def calibration_page(subject: Subject) -> Page:
     ]
     if subject.up_b is not None:
         # Where poses were asked for, others are not missing.
-        free = subject.protocol is None and not calibration.procedure.endswith("six-position")
-        blocks += poses(subject.up_b, subject.holds_left_out, by_hand=free)
+        blocks += poses(subject.up_b, subject.holds_left_out, by_hand=subject.protocol is None)
     blocks += render_evidence(subject, *(kind for kind in RENDERERS if kind not in FIRST))
     blocks += intervals(subject.rows, calibration.quality.coverage_factor)
     blocks += correlations(subject.rows[: len(correlation)], correlation)
@@ -141,7 +140,6 @@ def _facts(subject: Subject) -> list[tuple[str, str]]:
         ("Recording", _file_names(calibration) or "not from a file"),
         ("Samples", samples),
         *([] if celsius is None else [("Temperature", f"{celsius:.1f} °C")]),
-        ("Procedure", calibration.procedure),
         ("Site", where),
         *_notes(calibration),
         ("Frame", calibration.frame.description),
@@ -194,7 +192,7 @@ def _terms(calibration: Calibration) -> list[Block]:
         return []
     rows = [
         [
-            term_words(term.name, calibration.procedure),
+            term_words(term.name),
             f"{term.f_statistic:.3g}",
             str(term.degrees_of_freedom),
             chance(term),

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
+from tumble.calibration.verdict import two_digits
+from tumble.parameters.measures import with_uncertainty
 from tumble.report.figures import record
 from tumble.report.html import render_page
 from tumble.report.page import Block, Figures, Page, Sentences, Table, Verdict, section
@@ -82,21 +83,17 @@ def _drive_page(document: dict[str, Any], command: str) -> Page:
     return Page(f"Verification of a calibration by the drive {document['recording']}", blocks)
 
 
-def metres(number: dict[str, float | None], unit: str = " m") -> str:
+def metres(number: dict[str, float | None]) -> str:
     """Return a number with its standard uncertainty, to two digits of that.
 
     Parameters
     ----------
     number : value and standard_uncertainty, or nulls.
-    unit : to stand behind.
     """
     value, sigma = number["value"], number["standard_uncertainty"]
     if value is None:
         return "–"
-    if sigma is None or sigma <= 0.0:
-        return f"{value:.2g}{unit}"
-    digits = max(0, 1 - math.floor(math.log10(sigma)))
-    return f"{value:,.{digits}f} ± {sigma:,.{digits}f}{unit}"
+    return with_uncertainty(value, sigma) if sigma else two_digits(value)
 
 
 def _drift_table(variants: list[dict[str, Any]]) -> Table:
@@ -105,8 +102,8 @@ def _drift_table(variants: list[dict[str, Any]]) -> Table:
     rows = [
         [
             variant["name"],
-            metres(variant["drift"][-1]["horizontal_rms"], ""),
-            metres(variant["drift"][-1]["ratio_to_uncalibrated"], ""),
+            metres(variant["drift"][-1]["horizontal_rms"]),
+            metres(variant["drift"][-1]["ratio_to_uncalibrated"]),
             variant["accuracy_class"].partition(" ")[0],
             "–" if variant["innovations"] is None else f"{variant['innovations']:.2f}",
         ]
@@ -119,7 +116,7 @@ def _outage_table(variants: list[dict[str, Any]]) -> Table:
     """Both kinds of outages in metres, a row for each variant and kind."""
     heads = ["outages, m", *(f"{one['seconds']:g} s" for one in variants[0]["outages_sliding"])]
     rows = [
-        [f"{variant['name']}, {word}", *(metres(one["horizontal_rms"], "") for one in variant[key])]
+        [f"{variant['name']}, {word}", *(metres(one["horizontal_rms"]) for one in variant[key])]
         for key, word in _OUTAGES
         for variant in variants
     ]

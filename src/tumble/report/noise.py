@@ -12,9 +12,10 @@ from tumble.noise.channel import Channel
 from tumble.noise.characterisation import Characterisation
 from tumble.noise.triads import triad_terms
 from tumble.noise.units import ACCELEROMETER, GYRO, practical_noise_unit, si_noise_unit
-from tumble.parameters.measures import decimals_of, fixed
+from tumble.parameters.measures import with_uncertainty
 from tumble.records import dataclass
-from tumble.report.figures.record import AXIS_COLOURS, Axis, Band, Curve, Figure, Look, Mark, Points, plain
+from tumble.report.figures import record
+from tumble.report.figures.record import Axis, Band, Curve, Figure, Look, Mark, Points, plain
 from tumble.report.page import Block, Figures, Page, Sentences, Table, aligned, section
 
 NAMES = {
@@ -129,7 +130,7 @@ def _figures(noise: Characterisation) -> list[Block]:
 def _curves(name: str, label: str, channels: list[Channel], factor: float, unit: str) -> Figure:
     marks: list[Mark] = []
     for channel in channels:
-        curve, colour = channel.curve, AXIS_COLOURS[channel.name[1]]
+        curve, colour = channel.curve, record.AXIS_COLOURS[channel.name[1]]
         deviation, group = curve.deviation[:, 0], channel.name
         # An upper limit at infinity has no place in a drawing.
         known = np.isfinite(curve.high[:, 0]) & (deviation > 0.0)
@@ -145,8 +146,10 @@ def _curves(name: str, label: str, channels: list[Channel], factor: float, unit:
             look = {"legend": False, "group": group, "hover": "", "width": 1, "dash": "dash"}
             marks.append(Curve(curve.tau, fitted, f"{group} fitted", colour, **look))
     shown = np.concatenate([factor * channel.curve.deviation[:, 0] for channel in channels])
-    across = _log_axis("averaging time τ, s", channels[0].curve.tau)
-    return Figure(name, label, marks, across, _log_axis(f"Allan deviation, {unit}", shown), 430)
+    across = _log_axis("averaging time τ / s", channels[0].curve.tau)
+    return Figure(
+        name, label, marks, across, _log_axis(f"Allan deviation / {record.in_brackets(unit)}", shown), 430
+    )
 
 
 def _spectrum(
@@ -155,12 +158,12 @@ def _spectrum(
     spectrum = noise.spectra[letter]
     root = factor * np.sqrt(spectrum.density)
     marks: list[Mark] = [
-        Curve(spectrum.frequency, root[:, k], c.name, AXIS_COLOURS[c.name[1]], hover=_HOVER, width=1.5)
+        Curve(spectrum.frequency, root[:, k], c.name, record.AXIS_COLOURS[c.name[1]], hover=_HOVER, width=1.5)
         for k, c in enumerate(channels)
     ]
     marks += [_lines(c, spectrum.frequency, root[:, k]) for k, c in enumerate(channels) if c.lines]
-    across = _log_axis("frequency, Hz", spectrum.frequency)
-    upright = _log_axis(f"root of the density, {unit}/√Hz", root)
+    across = _log_axis("frequency / Hz", spectrum.frequency)
+    upright = _log_axis(f"root of the density / ({unit}/√Hz)", root)
     return Figure(
         f"spectrum-{letter}", f"Spectral density, {_TRIADS[letter][1]}s", marks, across, upright, 340
     )
@@ -174,7 +177,7 @@ def _lines(channel: Channel, frequency: Series, root: Series) -> Points:
         at,
         1.15 * np.interp(at, frequency, root),
         f"{channel.name}, line",
-        AXIS_COLOURS[channel.name[1]],
+        record.AXIS_COLOURS[channel.name[1]],
         hover=_HOVER,
         words=[f"{x.frequency:.5g} Hz, amplitude {factor * x.amplitude:.3g} {unit}" for x in channel.lines],
         symbol="triangle-down",
@@ -192,10 +195,17 @@ def _levels(
     marks: list[Mark] = []
     for channel in channels:
         level = noise.levels[:, index[channel.name]]
-        y, colour = factor * (level - np.nanmean(level)), AXIS_COLOURS[channel.name[1]]
+        y, colour = factor * (level - np.nanmean(level)), record.AXIS_COLOURS[channel.name[1]]
         marks.append(Curve(plain(elapsed / scale, 7), y, channel.name, colour, hover=_HOVER, width=1))
     label = f"Level over time, {_TRIADS[letter][1]}s"
-    return Figure(f"level-{letter}", label, marks, Axis(f"time, {word}"), Axis(f"level, {unit}"), 280)
+    return Figure(
+        f"level-{letter}",
+        label,
+        marks,
+        Axis(f"time / {word}"),
+        Axis(f"level / {record.in_brackets(unit)}"),
+        280,
+    )
 
 
 def _log_axis(title: str, values: Any) -> Axis:
@@ -289,8 +299,8 @@ def triad_lines(channels: tuple[Channel, ...]) -> list[str]:
         parts: list[str] = []
         for term in triad_terms(axes) if len(axes) > 1 else ():
             factor, unit = practical_unit(axes[0], term.letter)
-            mean = _rounded(factor * term.mean, factor * term.mean_sigma)
-            worst = _rounded(factor * term.worst, factor * term.worst_sigma)
+            mean = with_uncertainty(factor * term.mean, factor * term.mean_sigma)
+            worst = with_uncertainty(factor * term.worst, factor * term.worst_sigma)
             parts.append(f"{term.letter} {mean} {unit} (worst axis {term.worst_axis}: {worst})")
         if parts:
             lines.append(f"{title}, mean of variances: {'; '.join(parts)}")
@@ -356,7 +366,7 @@ def noise_rows(channel: Channel) -> list[NoiseRow]:
             si = f"< {_upwards(limit)} {si_unit(channel, letter)}"
             rows.append(NoiseRow(channel.name, key, label, text, si, False))
     for line in channel.lines[:_MOST_LINES]:
-        name = f"line at {_rounded(line.frequency, line.frequency_sigma)} Hz, amplitude"
+        name = f"line at {with_uncertainty(line.frequency, line.frequency_sigma)} Hz, amplitude"
         rows.append(_row(channel, "B", "line", name, line.amplitude, line.amplitude_sigma))
     return rows
 
@@ -364,8 +374,8 @@ def noise_rows(channel: Channel) -> list[NoiseRow]:
 def _row(channel: Channel, letter: str, key: str, name: str, value: float, sigma: float) -> NoiseRow:
     """A coefficient that is seen, in the units of a letter."""
     factor, unit = practical_unit(channel, letter)
-    text = f"{_rounded(factor * value, factor * sigma)} {unit}"
-    si = f"{_rounded(value, sigma)} {si_unit(channel, letter)}"
+    text = f"{with_uncertainty(factor * value, factor * sigma)} {unit}"
+    si = f"{with_uncertainty(value, sigma)} {si_unit(channel, letter)}"
     return NoiseRow(channel.name, key, name, text, si, True)
 
 
@@ -400,15 +410,3 @@ def _upwards(limit: float) -> str:
     # A last digit that is only rounding is none.
     up = unit * math.ceil(limit / unit * (1.0 - 1e-9))
     return f"{float(f'{up:.2g}'):g}"
-
-
-def _rounded(value: float, spread: float) -> str:
-    """Value and uncertainty to two digits of the uncertainty, with a power of ten where that reads better."""
-    if not (math.isfinite(spread) and spread > 0.0 and value != 0.0):
-        return f"{value:.3g}"
-    if 1e-2 <= abs(value) < 1e5:
-        decimals = decimals_of(spread)
-        return f"{fixed(value, decimals)} ± {fixed(spread, decimals)}"
-    power = math.floor(math.log10(abs(value)))
-    decimals = decimals_of(spread * 10.0**-power)
-    return f"({fixed(value * 10.0**-power, decimals)} ± {fixed(spread * 10.0**-power, decimals)})e{power}"

@@ -140,7 +140,7 @@ def _measures(
     if family.kind in ANGLES:
         degrees = _in_degrees(raw)
         # A heading is in degrees.
-        return (degrees, shown, shown) if family.triad == "magnetometer" else (shown, degrees, shown)
+        return (degrees, shown, degrees) if family.triad == "magnetometer" else (shown, degrees, shown)
     if family.triad == "magnetometer" or calibration is None:
         return shown, nothing, shown
     if family.kind == "scale factor":
@@ -220,7 +220,7 @@ def practical_uncertainties(family: str, sigmas: Sequence[float]) -> list[Measur
     Parameters
     ----------
     family : "accelerometer bias", "gyro bias", "scale", "angle" or "g-sensitivity".
-    sigmas : SI (of a g-sensitivity rad/s a g).
+    sigmas : SI; nan of what is not known.
 
     Examples
     --------
@@ -228,9 +228,8 @@ def practical_uncertainties(family: str, sigmas: Sequence[float]) -> list[Measur
     ['± 31 ppm', '± 29 ppm']
     """
     unit, times = _PREDICTED[family]
-    si = 1.0 / STANDARD_GRAVITY if family == "g-sensitivity" else 1.0
-    factor, word = said_unit(unit, (times * si * sigma for sigma in sigmas))
-    return [Measure(math.nan, factor * si * sigma, word) for sigma in sigmas]
+    factor, word = said_unit(unit, (times * sigma for sigma in sigmas))
+    return [Measure(math.nan, factor * sigma, word) for sigma in sigmas]
 
 
 def achieved_beside(

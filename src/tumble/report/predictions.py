@@ -9,7 +9,7 @@ from msgspec import Meta
 
 from tumble.document.part import DocumentPart
 from tumble.document.predictions import Answer, answers, practical
-from tumble.parameters.measures import with_uncertainty
+from tumble.parameters.measures import spaced, with_uncertainty
 from tumble.report.page import Block, Sentences, Table, section
 from tumble.report.subject import Subject
 
@@ -133,7 +133,7 @@ def _about_zero(kind: str, error: float | None) -> str:
     if error is None or not math.isfinite(error):
         return "–" if error is None else "attitude lost"
     value, unit = practical(kind, error)
-    return f"{with_uncertainty(0.0, value)}{_spaced(unit)}"
+    return f"{with_uncertainty(0.0, value)}{spaced(unit)}"
 
 
 def _before(answer: Answer) -> str:
@@ -141,12 +141,7 @@ def _before(answer: Answer) -> str:
         return _about_zero(answer.kind, answer.before)
     value, unit = practical(answer.kind, answer.before)
     scale = value / answer.before if answer.before > 0.0 else 1.0
-    return f"{with_uncertainty(value, scale * answer.after)}{_spaced(unit)}"
-
-
-def _spaced(unit: str) -> str:
-    """Return a unit as it follows a number: degrees and seconds of arc without a space."""
-    return unit if unit in "°″" else f" {unit}"
+    return f"{with_uncertainty(value, scale * answer.after)}{spaced(unit)}"
 
 
 def _causes(answer: Answer) -> str:

@@ -16,14 +16,14 @@ def verdict_words(fit: bool) -> str:
     return "Fit for use" if fit else "Not fit for use"
 
 
-def term_words(name: str, procedure: str = "") -> str:
-    """Return an optional term's name in words; on a rate table curves are the gyros'.
+def term_words(name: str) -> str:
+    """Return an optional term's name in words.
 
     Parameters
     ----------
-    name, procedure : as the document has them.
+    name : as the document has it.
     """
-    term = TERMS.get(f"gyro_{name}" if procedure == "rate-table" else name)
+    term = TERMS.get(name)
     return name.replace("_", " ") if term is None else term.words
 
 
@@ -65,7 +65,7 @@ def terms_sentences(calibration: Calibration) -> list[str]:
     """Return what became of each optional term."""
     return [
         (
-            f"Optional term {term_words(term.name, calibration.procedure)}: {'kept' if term.kept else 'left out'} "
+            f"Optional term {term_words(term.name)}: {'kept' if term.kept else 'left out'} "
             f"(probability of chance {chance(term)}, limit {term.limit:.2g})."
         )
         for term in calibration.quality.optional_terms

@@ -141,7 +141,7 @@ def _calibrate_one(request: CalibrateRequest, known: Known, clock: Clock) -> tup
     made = _document(session, estimate, reason, request)
     run = CalibrationRun(made, estimate, recording, session.timeline, session.means, reason)
     run.papers = {} if paper is None else _papers(session, estimate, paper, request)
-    run.protocol, run.matching = told, session.matching
+    run.protocol, run.matching = session.protocol, session.matching
     run.predicted = {} if given is None else given.predicted()
     return run, before
 

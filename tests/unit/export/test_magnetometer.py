@@ -174,7 +174,7 @@ def test_its_own_formula_gives_the_corrected_field(name: str) -> None:
     np.testing.assert_allclose(found, TRUE @ turn, rtol=0, atol=2e-4)
     angle = np.degrees(np.arccos(0.5 * (np.trace(turn) - 1.0)))
     assert angle > 1.0
-    stated = re.search(r"turned by ([\d.]+) deg", written(name))
+    stated = re.search(r"turned by ([\d.]+)°", written(name))
     assert stated
     assert float(stated[1]) == pytest.approx(angle, rel=0.03)
 
@@ -267,7 +267,7 @@ def test_the_rotation_that_is_lost_counts_against_the_limit(name: str) -> None:
     made = document(matrix=1e6 * np.diag([1.07, 0.94, 1.12]) @ turn)
     for limit in (0.05, 0.1028):
         if name == "motioncal":
-            with pytest.raises(UsageError, match=r"the magnetometer is turned by 5\.9 deg"):
+            with pytest.raises(UsageError, match=r"the magnetometer is turned by 5\.9°"):
                 prepare(made, TARGETS[name], Wishes(largest_loss=limit))
             continue
         strict = prepare(made, TARGETS[name], Wishes(largest_loss=limit))
@@ -277,7 +277,7 @@ def test_the_rotation_that_is_lost_counts_against_the_limit(name: str) -> None:
         assert not any(word in text for word in ("CAL_MAG0_XOFF", "COMPASS_OFS_X"))
         assert any(word in text for word in ("CAL_ACC0_XOFF", "INS_ACCOFFS_X"))
     text = "".join(TARGETS[name].write(prepare(made, TARGETS[name], Wishes(largest_loss=0.1031))).values())
-    assert "turned by 5.9 deg" in text
+    assert "turned by 5.9°" in text
     assert "(102929 ppm)" in text
 
 

@@ -132,11 +132,11 @@ def test_lines_are_fitted_by_a_cubic_whose_misfit_is_said(name: str, evaluate: A
     terms = {"accelerometer.bias": lines, "gyroscope.bias": 1e-3 * lines}
     calibration = document(ThermalModel(REFERENCE, basis, terms, span_celsius=(-20.0, 60.0)))
     text = "".join(TARGETS[name].write(prepare(calibration, TARGETS[name])).values())
-    found = text.partition("cubic polynomials here: off by up to ")[2].partition(" µg")[0]
+    found = text.partition("cubic polynomials here: off by up to ")[2].partition(" mg")[0]
     # |t| on [-1, 1] by a parabola in least squares: 15/16 t² + 3/16, off by 3/16 at the kink.
-    assert abs(float(found) - 0.1 * 3 / 16 / 9.80665 * 1e6) < 60
+    assert abs(float(found) - 0.1 * 3 / 16 / 9.80665 * 1e3) < 0.06
     off = max(abs(evaluate(text, c)[0] - truth(calibration, c)[0]).max() for c in np.linspace(-20, 60, 81))
-    assert 1.01 * off * 1e6 / 9.80665 == pytest.approx(float(found), abs=1.0)  # in whole µg
+    assert 1.01 * off * 1e3 / 9.80665 == pytest.approx(float(found), abs=0.05)  # two digits
     raw, true = (
         json.loads(text.partition(f" {what} ")[2].partition("],")[0] + "]")
         for what in ("raw specific force", "corrected to")

@@ -189,7 +189,8 @@ def test_on_a_table_nobody_is_told_to_hold_the_unit_with_a_corner_up(run: dict[s
     from tumble.protocol import named_protocol
     from tumble.report.advice import next_steps
 
-    calibration = structs.replace(run["calibration"], procedure="joint")
+    site = structs.replace(run["calibration"].site, latitude_deg=None)
+    calibration = structs.replace(run["calibration"], site=site)
     up_b = 9.81 * np.eye(3)[np.arange(len(run["means"])) % 3]
     free, placed = (
         Subject(**(run | {"calibration": calibration, "protocol": told}))
@@ -197,6 +198,7 @@ def test_on_a_table_nobody_is_told_to_hold_the_unit_with_a_corner_up(run: dict[s
     )
     vars(free)["up_b"] = vars(placed)["up_b"] = up_b
     assert any("Hold the unit with" in step for step in next_steps(free))
+    assert ("--site" in "".join(next_steps(free))) == (calibration.quality.turns > 0)
     steps = next_steps(placed)
     assert not any("Hold the unit with" in step for step in steps)
     assert any("placement" in step for step in steps)

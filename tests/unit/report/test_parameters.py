@@ -24,12 +24,12 @@ def rows(calibration: Calibration) -> dict[str, ParameterRow]:
         ("accelerometer bias x", "0.09807 ± 0.00098 m/s²", "10.00 ± 0.10 mg"),
         ("accelerometer scale factor error x", "0.310 ± 0.015 %", None),
         # 0.00354 rad · 180/π = 0.20283 deg.
-        ("accelerometer non-orthogonality yz", "3.54 ± 0.13 mrad", "0.2028 ± 0.0074 °"),
+        ("accelerometer non-orthogonality yz", "3.54 ± 0.13 mrad", "0.2028 ± 0.0074°"),
         # The converter's zero is no bias: 0.25 / 1000 rad/s = 0.0143 °/s, below 0.1 even tenfold.
         # Its family's largest is 0.5 counts over |(-7, 31, 990)|: ten times 0.029 °/s is above 0.1 °/s.
         ("gyro bias x", "33000.00 ± 0.25 counts", "± 0.014 °/s"),
         ("gyro scale factor y", "1010.00 ± 0.50 counts/(rad/s)", "± 0.050 %"),
-        ("rotation between the triads x", "31.50 ± 0.50 mrad", "1.805 ± 0.029 °"),
+        ("rotation between the triads x", "31.50 ± 0.50 mrad", "1.805 ± 0.029°"),
         # k u² at 1 g: 2e-4 · 9.80665² m/s² = 0.019234 m/s² = 1.9613 mg, over g².
         ("accelerometer quadratic z", "0.000200 ± 0.000010 1/(m/s²)", "1.961 ± 0.098 mg/g²"),
         # 0.5 counts/(m/s²) / 1000 · 9.80665 · 180/π = 0.28094 (°/s)/g.
@@ -64,7 +64,7 @@ def test_small_values_take_the_small_unit(write_calibration: Callable[..., Calib
     assert scale.shown.text == "50.0 ± 5.0 ppm"
     assert angle.shown.text == "20.0 ± 2.0 µrad"
     assert angle.other is not None
-    assert angle.other.text == "4.13 ± 0.41 ″"
+    assert angle.other.text == "4.13 ± 0.41″"
 
 
 def test_rows_keep_the_calibrations_order_for_the_correlations(calibration: Calibration) -> None:

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tumble.parameters.measures import decimals_of, fixed, interval, with_uncertainty
+from tumble.parameters.measures import Measure, decimals_of, fixed, with_uncertainty
 
 
 @pytest.mark.parametrize(
@@ -48,7 +48,7 @@ def test_two_digits_of_the_uncertainty_round_the_value(value: float, sigma: floa
 def test_interval_has_the_decimals_of_the_uncertainty(
     value: float, sigma: float, factor: float, text: str
 ) -> None:
-    assert interval(value, sigma, factor) == text
+    assert Measure(value, sigma, "").interval(factor) == text
 
 
 @given(st.floats(1e-12, 1e12), st.floats(-1e3, 1e3))

@@ -100,10 +100,12 @@ def test_turns_about_one_axis_leave_the_gyro_to_the_multi_position_procedure(tmp
     assert "turns between holds can be used" in run.reason
 
 
-@pytest.mark.parametrize("procedure", ["hand-held", "multi-position"])
+@pytest.mark.parametrize("procedure", ["hand-held", "multi-position", "six-position"])
 def test_a_procedure_that_is_asked_for_is_taken(whole: Path, procedure: str) -> None:
     run = calibrate(whole, site=SITE, procedure=procedure)
     assert f"Procedure {procedure}, as asked for" in run.reason
+    poses = run.page().blocks if procedure == "six-position" else []
+    assert "Missing" not in str(poses)
 
 
 def test_the_hand_held_procedure_is_not_replaced_when_it_is_asked_for(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from tumble.calibration.evidence import (
     UncertaintyStatement,
 )
 from tumble.calibration.verdict import two_digits
-from tumble.parameters.measures import fixed, with_uncertainty
+from tumble.parameters.measures import Measure, fixed, spaced
 from tumble.records import dataclass
 from tumble.report.figures.record import PALETTE, Axis, Bars, Figure, Mark, plain
 from tumble.report.page import Block, Figures, Sentences, Table, section
@@ -93,12 +93,12 @@ def _sources(told: Budget, estimate: Estimate, rows: list[ParameterRow]) -> list
     lines: list[list[str]] = []
     for k, row in enumerate(rows):
         whole = estimate.parameters[k].standard_uncertainty
-        factor = row.shown.sigma / whole if whole > 0.0 else 0.0
+        factor = row.said.sigma / whole if whole > 0.0 else 0.0
         parts = [float(part[k]) for part in told.shares.values()]
         lines.append(
             [
                 f"{row.group}: {row.label}",
-                f"{two_digits(row.shown.sigma)} {row.shown.unit}",
+                f"{two_digits(row.said.sigma)}{spaced(row.said.unit)}",
                 *([] if stated is None else _expanded(stated, k, row)),
                 *(two_digits(part * factor) if part > _NOTHING * whole else "–" for part in parts),
             ]
@@ -107,7 +107,7 @@ def _sources(told: Budget, estimate: Estimate, rows: list[ParameterRow]) -> list
         ", with that of gravity and of a rotation that was not determined besides" if stated is None else ""
     )
     words = (
-        "What each source adds to a parameter's standard uncertainty, in that parameter's unit; the squares add up"
+        "What each source adds to a parameter's standard uncertainty, in its unit; the squares add up"
         f"{besides}. A dash is less than a hundredth of the whole.{_about_expanded(stated)}"
     )
     table = Table(("parameter", "standard uncertainty", *expanded, *told.shares), lines)
@@ -129,7 +129,7 @@ def _about_expanded(told: UncertaintyStatement | None) -> str:
 def _expanded(told: UncertaintyStatement, k: int, row: ParameterRow) -> list[str]:
     degrees, factor = float(told.effective_degrees[k]), float(told.coverage_factors[k])
     many = "∞" if degrees > 1e4 else f"{math.floor(degrees)}"
-    return [two_digits(factor * row.shown.sigma), f"{factor:.2f}", many]
+    return [two_digits(factor * row.said.sigma), f"{factor:.2f}", many]
 
 
 def _statement(told: UncertaintyStatement | None, estimate: Estimate, rows: list[ParameterRow]) -> list[str]:
@@ -180,7 +180,7 @@ def _detectable_row(found: Detectable, rows: list[ParameterRow]) -> list[str]:
     return [
         f"{words} {found.index + 1}",
         f"{found.redundancy:.2f} of {found.count}",
-        f"{two_digits(factor * found.size)} {unit}" if math.isfinite(found.size) else "any",
+        f"{two_digits(factor * found.size)}{spaced(unit)}" if math.isfinite(found.size) else "any",
         f"{row.group}: {row.label}",
         two_digits(found.effect) if math.isfinite(found.effect) else "any",
     ]
@@ -197,7 +197,7 @@ def _reliability_sentences(told: UncertaintyStatement, rows: list[ParameterRow])
         parameter = f"{rows[found.parameter].group}: {rows[found.parameter].label}"
         size, end = "any size", f" ({parameter})"
         if math.isfinite(found.effect):
-            size = f"{two_digits(factor * found.size)}{unit if unit == '°' else f' {unit}'}"
+            size = f"{two_digits(factor * found.size)}{spaced(unit)}"
             end = f", and would move {parameter} by {two_digits(found.effect)} of its standard uncertainties"
         said.append(f"An error of {size} of the {words} {found.index + 1} would go unnoticed{end}.")
     return said
@@ -281,7 +281,7 @@ def beside(told: Beside, subject: Subject) -> list[Block]:
         [
             f"{one.row.group}: {one.row.label}",
             one.row.shown.text,
-            f"{with_uncertainty(one.value, one.sigma)} {one.row.shown.unit}".rstrip(),
+            Measure(one.value, one.sigma, one.row.shown.unit).text,
             _signed(one.difference),
             fixed(one.ratio, 2),
         ]

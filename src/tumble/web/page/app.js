@@ -83,9 +83,9 @@ function table() {
   tabled = key;
   $("groups").replaceChildren(...(state.groups ?? []).map((row) => {
     const line = document.createElement("tr");
-    const cells = [row.group, row.sigma === null ? `${row.told} of ${row.of} known` : `${row.sigma} ${row.unit}`, row.target === null ? "" : `${row.target} ${row.unit}`, row.target === null ? "" : row.reached ? "✓" : "…"];
+    const cells = [row.group, row.sigma, row.target, !row.target ? "" : row.reached ? "✓" : "…"];
     cells.forEach((words) => { const cell = document.createElement("td"); cell.textContent = words; line.append(cell); });
-    line.lastChild.className = row.reached ? "reached" : "open"; line.lastChild.title = row.target === null ? "" : row.reached ? "reached" : "not yet";
+    line.lastChild.className = row.reached ? "reached" : "open"; line.lastChild.title = !row.target ? "" : row.reached ? "reached" : "not yet";
     return line;
   }));
 }

@@ -59,9 +59,7 @@ def _prediction_row(stem: str, three: list[Foretold]) -> list[str]:
     family = stem if stem.endswith("bias") else "g-sensitivity" if stem.startswith("g-") else "scale"
     family = "angle" if three[0].unit == "rad" else family
     sigmas = [one.sigma if one.told else math.nan for one in three]
-    measures = practical_uncertainties(
-        family, [9.80665 * s for s in sigmas] if family == "g-sensitivity" else sigmas
-    )
+    measures = practical_uncertainties(family, sigmas)
     shown = [
         with_uncertainty(math.nan, one.sigma).removeprefix("± ")
         if math.isfinite(one.sigma)
