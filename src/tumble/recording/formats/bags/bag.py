@@ -207,18 +207,18 @@ class Topic:
     name, kind : its name, and the type of its messages as ROS 1 writes it.
     count : number of its messages.
     cdr : whether the messages are serialised as CDR (ROS 2).
-    rate : messages a second, or None.
+    span : ns from the first to the last of them; 0 where it is not known.
     """
 
     name: str
     kind: str
     count: int
     cdr: bool
-    rate: float | None = None
+    span: int = 0
 
     def words(self) -> str:
         """Return name, type, count and rate in words."""
-        rate = "" if self.rate is None else f", {self.rate:.4g} Hz"
+        rate = f", {1e9 * (self.count - 1) / self.span:.4g} Hz" if self.count > 1 and self.span > 0 else ""
         return f"{self.name} ({self.kind}, {self.count} messages{rate})"
 
 

@@ -118,10 +118,8 @@ class Rosbag1:
         counts: Counter[tuple[str, str]] = Counter()
         for connection in self.reader.connections:
             counts[connection.topic, plain_type(connection.msgtype)] += connection.msgcount
-        span = 1e-9 * (self.reader.duration - 1)
-        for (name, kind), count in counts.items():
-            rate = (count - 1) / span if span > 0.0 and count > 1 else None
-            self.topics.append(Topic(name, kind, count, cdr=False, rate=rate))
+        span = self.reader.duration - 1
+        self.topics += [Topic(name, kind, count, False, span) for (name, kind), count in counts.items()]
         known = {d: n for n, d in needed("rosbags.rosbag1.reader", "").decompressors.items()}
         packed = (known[chunk.decompressor] for chunk in self.reader.chunks.values())
         self.compression = next((name for name in packed if name != "none"), None)
@@ -240,9 +238,8 @@ class McapFile:
             kind = schemas.get(channel.schema_id) or encoding
             if encoding not in ("cdr", "ros1") and kind.startswith(("sensor_msgs/", "geometry_msgs/")):
                 kind = f"{kind} as {encoding}"
-            rate = (count - 1) / (1e-9 * (high - low)) if high > low and count > 1 else None
             self._named[number] = channel.topic
-            self.topics.append(Topic(channel.topic, kind, count, cdr=encoding == "cdr", rate=rate))
+            self.topics.append(Topic(channel.topic, kind, count, encoding == "cdr", high - low))
 
     def _summary(self) -> list[Any]:
         """Return the records of the summary; none where it is missing or damaged, for it only repeats the others."""
@@ -464,9 +461,8 @@ class Database:
         found = {number: spans for number, *spans in counts}
         for number, name, kind, form in rows:
             count, low, high = found.get(number, (0, 0, 0))
-            rate = (count - 1) / (1e-9 * (high - low)) if count > 1 and high > low else None
             kind = plain_type(str(kind)) if form == "cdr" else f"{plain_type(str(kind))} as {form}"
-            self.topics.append(Topic(str(name), kind, count, cdr=True, rate=rate))
+            self.topics.append(Topic(str(name), kind, count, True, high - low))
 
     def messages(self, names: Iterable[str]) -> Iterator[tuple[str, int, bytes]]:
         """Yield topic, time of recording in ns, and bytes of the messages of some topics.
@@ -511,13 +507,12 @@ class Chain:
     topics: list[Topic] = field(default_factory=list[Topic])
 
     def __post_init__(self) -> None:
-        counts: dict[tuple[str, str, bool], int] = {}
+        counts: Counter[tuple[str, str, bool]] = Counter()
         for topic in (t for part in self.parts for t in part.topics):
-            kind = topic.name, topic.kind, topic.cdr
-            counts[kind] = counts.get(kind, 0) + topic.count
+            counts[topic.name, topic.kind, topic.cdr] += topic.count
         self.topics = [Topic(name, kind, count, cdr) for (name, kind, cdr), count in counts.items()]
         if len(self.parts) == 1:
-            self.topics = [replace(t) for t in self.parts[0].topics]
+            self.topics = self.parts[0].topics
 
     @property
     def remarks(self) -> list[Remark]:
