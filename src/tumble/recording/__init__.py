@@ -11,8 +11,6 @@ from __future__ import annotations
 from tumble.recording.doctor import Findings, find_dead_channels, find_saturated_channels, inspect_recording
 from tumble.recording.formats.output import write_recording
 from tumble.recording.gravity_check import (
-    AxisAgreement,
-    GyroScale,
     axis_agreement,
     describe_axis_contradiction,
     find_axis_contradiction,
@@ -24,9 +22,7 @@ from tumble.recording.recording import Recording
 from tumble.recording.samples import MagneticField, Remark, Source
 
 __all__ = [
-    "AxisAgreement",
     "Findings",
-    "GyroScale",
     "MagneticField",
     "Recording",
     "Remark",

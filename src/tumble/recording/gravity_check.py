@@ -119,7 +119,6 @@ class AxisAgreement:
     matrix : 3x3, rad/s per raw unit: true rate = matrix @ raw rate, in the accelerometers' axes.
     standard_uncertainty : 3x3, of the matrix's elements, same unit.
     scale : rad/s per raw unit, the size of the matrix (geometric mean of its singular values).
-    scale_uncertainty : standard uncertainty of `scale`.
     explained : share of the change of gravity that the gyro explains, 0 to 1.
     windows : number of windows used.
     """
@@ -127,7 +126,6 @@ class AxisAgreement:
     matrix: Matrix
     standard_uncertainty: Matrix
     scale: float
-    scale_uncertainty: float
     explained: float
     windows: int
 
@@ -154,7 +152,6 @@ class GyroScale:
     """Scale of the gyro in rad/s per raw unit, and whether gravity determines it."""
 
     scale: float
-    standard_uncertainty: float
     determined: bool
 
 
@@ -276,7 +273,7 @@ def _agreement(windows: _Windows) -> AxisAgreement:
     sigma = np.sqrt(np.maximum(np.diag(covariance), 0.0)).reshape(3, 3) / size
     singular = np.linalg.svd(matrix, compute_uv=False)
     scale = float(np.exp(np.mean(np.log(np.maximum(singular, 1e-300)))))
-    return AxisAgreement(matrix, sigma, scale, float(sigma.mean()), explained, windows.change.shape[0])
+    return AxisAgreement(matrix, sigma, scale, explained, windows.change.shape[0])
 
 
 def gyro_scale_from_gravity(recording: Recording) -> GyroScale | None:
@@ -299,9 +296,9 @@ def gyro_scale_from_gravity(recording: Recording) -> GyroScale | None:
         return None
     agreement = _agreement(windows)
     if agreement.determined:
-        return GyroScale(agreement.scale, agreement.scale_uncertainty, True)
+        return GyroScale(agreement.scale, True)
     single = _single_factor(windows)
-    return GyroScale(abs(single.scale), single.standard_uncertainty, single.determined)
+    return GyroScale(abs(single.scale), single.determined)
 
 
 def _single_factor(windows: _Windows) -> GyroScale:
@@ -311,7 +308,7 @@ def _single_factor(windows: _Windows) -> GyroScale:
     sigma = float(np.sqrt(covariance[0, 0]))
     scale = float(solution[0])
     determined = explained > _LEAST_EXPLAINED and sigma < 0.1 * abs(scale)
-    return GyroScale(scale, sigma, bool(determined))
+    return GyroScale(scale, bool(determined))
 
 
 def find_axis_contradiction(recording: Recording) -> str | None:
