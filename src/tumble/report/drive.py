@@ -129,7 +129,7 @@ def _drift_figure(variants: list[dict[str, Any]]) -> record.Figure:
         for at, variant in enumerate(variants)
     ]
     across = record.Axis("s since the start", "log", ticks=_SECONDS)
-    upright = record.Axis("horizontal rms, m", "log", every=1)
+    upright = record.Axis("horizontal rms / m", "log", every=1)
     label = "Free inertial drift with and without the calibration"
     return record.Figure("drift", label, marks, across, upright, 400)
 

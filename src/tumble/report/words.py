@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from tumble.calibration.terms import TERMS
+from tumble.calibration.verdict import two_digits
 from tumble.document.result import Calibration, LimitBlock, LimitsBlock, TermBlock
 from tumble.limits.conformity import rule_words
 from tumble.parameters.measures import Measure, amount, said_unit
@@ -23,8 +24,7 @@ def term_words(name: str) -> str:
     ----------
     name : as the document has it.
     """
-    term = TERMS.get(name)
-    return name.replace("_", " ") if term is None else term.words
+    return TERMS[name].words if name in TERMS else name.replace("_", " ")
 
 
 def quality_sentences(calibration: Calibration) -> list[str]:
@@ -41,9 +41,9 @@ def quality_sentences(calibration: Calibration) -> list[str]:
     words = [", ".join([*counts, f"{quality.degrees_of_freedom} degrees of freedom."])]
     # Without a degree of freedom it is round-off, and not a quality.
     if quality.rms_hold_norm is not None and quality.degrees_of_freedom > 0:
-        text = f"Rms of the corrected holds' norm against gravity {1e3 * quality.rms_hold_norm:.2g} mm/s²"
+        text = f"Rms of the corrected holds' norm against gravity {two_digits(1e3 * quality.rms_hold_norm)} mm/s²"
         if quality.rms_turn_angle is not None:
-            text += f", of gravity carried over the turns {math.degrees(quality.rms_turn_angle):.2g}°"
+            text += f", of gravity carried over the turns {two_digits(math.degrees(quality.rms_turn_angle))}°"
         words.append(text + ".")
     if quality.sigma0 is not None:
         text = f"Residuals over what the noise inside the holds explains (sigma0): {quality.sigma0:.2f}"

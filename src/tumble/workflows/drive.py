@@ -33,7 +33,7 @@ from tumble.navigation.filter.run import LONGEST_BRIDGED
 from tumble.navigation.gnss.track import fit_velocities
 from tumble.navigation.outages import FreeDrift, free_drift
 from tumble.navigation.time_alignment import spans_in_words
-from tumble.parameters.measures import amount
+from tumble.parameters.measures import Measure, amount
 from tumble.recording import Recording, read_recordings
 from tumble.recording.reading import recording_inputs
 from tumble.records import as_document, dataclass
@@ -438,13 +438,11 @@ def said(number: Statistic, unit: str = "") -> str:
     ----------
     number, unit : what is said.
     """
-    tail = f" {unit}" if unit else ""
     if not np.isfinite(number.value):
         return "unknown"
     if not (number.standard_uncertainty > 0.0):
-        return f"{number.value:.2g}{tail} (too few for an uncertainty)"
-    digits = max(0, 1 - int(np.floor(np.log10(number.standard_uncertainty))))
-    return f"{number.value:,.{digits}f} ± {number.standard_uncertainty:,.{digits}f}{tail}"
+        return f"{two_digits(number.value)} {unit}".rstrip() + " (too few for an uncertainty)"
+    return Measure(number.value, number.standard_uncertainty, unit).text
 
 
 def far(number: Statistic) -> str:

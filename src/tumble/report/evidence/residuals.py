@@ -41,7 +41,7 @@ def holds(told: Holds, subject: Subject) -> list[Block]:
 
 def _caption(told: Holds, subject: Subject, before: Uncalibrated | None) -> str:
     caption = (
-        f"After calibration the norm of each hold differs from gravity by {rms(1e3 * told.norms):.2g} mm/s² "
+        f"After calibration the norm of each hold differs from gravity by {two_digits(rms(1e3 * told.norms))} mm/s² "
         "rms; the points should scatter within the band (one and two expected standard deviations) without a trend"
     )
     if subject.estimate.degrees_of_freedom <= 0:
@@ -127,8 +127,8 @@ def restless(told: Holds) -> list[Block]:
         [
             str(one.hold + 1),
             f"{one.start:.1f} to {one.stop:.1f}",
-            f"{1e3 * one.sway:.2g}",
-            f"{1e3 * one.others:.2g}",
+            two_digits(1e3 * one.sway),
+            two_digits(1e3 * one.others),
         ]
         for one in told.restless
     ]
@@ -162,14 +162,14 @@ def turns(told: Turns, subject: Subject) -> list[Block]:
     x, expected = (at + 1).tolist(), np.degrees(told.sigmas[at])
     marks: list[record.Mark] = []
     caption = (
-        f"Gravity carried over a turn by the corrected gyro ends {rms(after):.2g}° rms from where it "
+        f"Gravity carried over a turn by the corrected gyro ends {two_digits(rms(after))}° rms from where it "
         "is seen afterwards. The blue points should lie around the grey line of expected standard "
         "deviations, not above"
     )
     if before is not None:
         earlier = np.degrees(before.residuals[at])
         marks.append(record.Points(x, earlier, "before", record.GREY, symbol="circle-open", **shown))
-        caption += f". Before it was {rms(earlier):.2g}° rms, with {before.words}"
+        caption += f". Before it was {two_digits(rms(earlier))}° rms, with {before.words}"
     gone = {int(np.searchsorted(at, left.index)) for left in estimate.left_out if left.kind == "turn"}
     colours = [record.RED if k in gone else record.BLUE for k in range(at.size)]
     marks.append(record.Points(x, after, "after", colours, size=8, **shown))
