@@ -74,12 +74,7 @@ def small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("small_blocks")
 @pytest.mark.parametrize(
-    ("kind", "option"),
-    [
-        ("csv", []),
-        ("parquet", []),
-        ("npy", ["--remove-temperature"]),
-    ],
+    ("kind", "option"), [("csv", []), ("parquet", []), ("npy", ["--remove-temperature"])]
 )
 def test_block_by_block_is_what_it_is_whole(
     tumble: Any, files: dict[str, Path], kind: str, option: list[str]

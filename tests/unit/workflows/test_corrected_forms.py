@@ -94,12 +94,15 @@ def test_euroc_s_other_sensors_stay_where_the_folder_has_them(tmp_path: Path) ->
     assert read_recording(copy).specific_force == pytest.approx(expected()[0])
 
 
-def test_a_csv_becomes_a_folder_like_euroc_s(tmp_path: Path) -> None:
+def test_a_csv_becomes_a_folder_like_euroc_s(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     frame = {"t": 12.5 + 0.005 * np.arange(400)}
     frame |= {f"a{a}": FORCE[:, i] for i, a in enumerate("xyz")}
     frame |= {f"g{a}": RATE[:, i] for i, a in enumerate("xyz")}
     pl.DataFrame(frame).write_csv(tmp_path / "raw.csv")
-    apply(UNIT, tmp_path / "raw.csv", output=tmp_path / "folder")
+    (tmp_path / "raw.csv").write_text((tmp_path / "raw.csv").read_text() + "14.5,1")
+    monkeypatch.setattr("tumble.recording.formats.text._CHUNK", 20_000)  # several pieces
+    done = apply(UNIT, tmp_path / "raw.csv", output=tmp_path / "folder")
+    assert any("the last line is cut short" in remark for remark in done.remarks)
     again = read_recording(tmp_path / "folder")
     np.testing.assert_allclose(again.time, frame["t"], atol=1e-9)
     assert again.angular_rate == pytest.approx(expected()[1])
