@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -9,9 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from tumble.arrays import Matrices, Series, Square, Table, Vectors
-from tumble.calibration.checks.scores import hold_norm_errors, score_turns
+from tumble.arrays import Series, Square, Table, Vectors
+from tumble.calibration.checks.scores import hold_norm_errors, hold_norm_variances, score_turns
 from tumble.calibration.equations.gathering import gather
+from tumble.calibration.free_inertial import triad_errors
 from tumble.calibration.poses import distinct_poses
 from tumble.calibration.verdict import two_digits
 from tumble.counting import part
@@ -100,13 +102,6 @@ def conditions(
     return HoldConditions(means(path.temperature), means(path.rate), means(path.hysteresis))
 
 
-def hold_noise(triad: Triad, means: Vectors, covariances: Matrices) -> Series:
-    """Return (holds,) the variance of each corrected norm from the noise of the hold's mean, (m/s²)²."""
-    force = triad.correct(means)
-    weight = force / np.linalg.norm(force, axis=1, keepdims=True) @ np.linalg.inv(triad.matrix)
-    return np.asarray(np.einsum("ka,kab,kb->k", weight, covariances, weight), dtype=np.float64)
-
-
 def norm_covariance(
     document: Calibration, force: Vectors, noise: Series, place: Site, at: HoldConditions | None
 ) -> Square:
@@ -114,34 +109,25 @@ def norm_covariance(
 
     Gravity's uncertainty is in the calibration's. It cancels where the same gravity is taken for both.
 
-    The norm's derivative by matrix entry (i, j) is -w_i f_j and by bias -w_i, with w = inv(M)' f / norm(f); a
-    coefficient of temperature multiplies it by its function there.
-
     Parameters
     ----------
     force : (holds, 3) corrected means, m/s².
-    noise : (holds,) from `hold_noise`.
+    noise : (holds,) (m/s²)², from `hold_norm_variances`.
     at : conditions of the holds, for a thermal calibration.
     """
     thermal_names = [] if document.thermal is None else document.thermal.covariance_parameters
     joint = any("[" in name and name.count(".") < 2 for name in thermal_names)
     covariance = np.diag(noise)
-    weight = _weights(document, force, at)
     own = document.site.gravity_standard_uncertainty
     same_gravity = abs(place.gravity - document.site.gravity) <= 1e-9
     if not joint:
-        names = document.covariance_parameters
-        by_parameter = _by_parameter(names, weight, force, None, at)
+        by_parameter = _by_parameter(document, document.covariance_parameters, force, at)
         covariance += by_parameter @ document.covariance_matrix @ by_parameter.T
         if same_gravity:
             # the scale factors went with this gravity, and so do the norms
             covariance -= min(own**2, float(np.min(np.diag(covariance) - noise)))
     if document.thermal is not None:
-        thermal = document.thermal_model
-        assert thermal is not None
-        assert at is not None
-        functions = thermal.basis.values(at.temperature)
-        by_parameter = _by_parameter(thermal_names, weight, force, functions, at)
+        by_parameter = _by_parameter(document, thermal_names, force, at)
         thermal_covariance = np.array(document.thermal.covariance, dtype=float)
         if thermal_covariance.size:
             covariance += by_parameter @ thermal_covariance @ by_parameter.T
@@ -158,36 +144,32 @@ def force_wander(document: Calibration) -> float:
     return float(np.sqrt(found / (1 if document.turn_ons is None else len(document.turn_ons.recordings))))
 
 
-def _weights(document: Calibration, force: Vectors, at: HoldConditions | None) -> Vectors:
-    """Return (holds, 3) the derivative of each norm by the raw output, at the hold's own temperature."""
-    unit = force / np.linalg.norm(force, axis=1, keepdims=True)
-    thermal = document.thermal_model
-    weights = np.empty_like(unit)
-    for k in range(unit.shape[0]):
-        model = document.model if thermal is None or at is None else thermal.at(float(at.temperature[k]))
-        assert model.accelerometer is not None
-        weights[k] = unit[k] @ np.linalg.inv(model.accelerometer.matrix)
-    return weights
+_OF_TEMPERATURE = re.compile(r"\.(temperature|rate|hysteresis)\[(?:(\d+),(?=\d))?")
+"""What follows a parameter's name in that of its coefficient: of which quantity it is, and which function of it."""
 
 
 def _by_parameter(
-    names: Sequence[str], weight: Vectors, force: Vectors, functions: Table | None, at: HoldConditions | None
+    document: Calibration, names: Sequence[str], force: Vectors, at: HoldConditions | None
 ) -> Table:
-    """Return (holds, parameters) derivatives of the norm; of what is not the accelerometer's they are zero."""
-    table = np.zeros((force.shape[0], len(names)))
-    for column, name in enumerate(names):
-        if not name.startswith(("accelerometer.matrix", "accelerometer.bias")) or "[" not in name:
-            continue
-        place = [int(digit) for digit in name[name.index("[") + 1 : -1].split(",")]
-        factor = np.ones(force.shape[0])
-        if ".temperature[" in name and functions is not None:
-            factor = functions[:, place.pop(0)]
-        elif ".rate[" in name and at is not None:
-            factor = at.rate
-        elif ".hysteresis[" in name and at is not None:
-            factor = at.hysteresis
-        slope = -weight[:, place[0]] * factor
-        table[:, column] = slope * force[:, place[1]] if name.startswith("accelerometer.matrix") else slope
+    """Return (holds, parameters) derivatives of the norm; of what is not the accelerometer's they are zero.
+
+    A coefficient of temperature moves the norm as its parameter does at the hold, times its function there.
+    """
+    thermal = document.thermal_model
+    of_what = [_OF_TEMPERATURE.sub("[", name) for name in names]
+    rows: list[Series] = []
+    for k, one in enumerate(force):
+        model = document.model if thermal is None or at is None else thermal.at(float(at.temperature[k]))
+        rows.append(
+            one / np.linalg.norm(one) @ triad_errors("accelerometer", model.accelerometer, of_what, one)
+        )
+    table = np.array(rows)
+    if thermal is not None and at is not None:
+        functions = thermal.basis.values(at.temperature)
+        for column, found in enumerate(map(_OF_TEMPERATURE.search, names)):
+            if found is not None:
+                kind, number = found.groups()
+                table[:, column] *= functions[:, int(number)] if kind == "temperature" else getattr(at, kind)
     return table
 
 
@@ -313,7 +295,7 @@ def _verification(
         raise RecordingError("The recording has no accelerometer: there is nothing to verify by.")
     assert model.accelerometer is not None
     norms = hold_norm_errors(model, means.specific_force, place.gravity)
-    noise = hold_noise(model.accelerometer, means.specific_force, means.specific_force_covariance)
+    noise = hold_norm_variances(model.accelerometer, means.specific_force, means.specific_force_covariance)
     force = model.accelerometer.correct(means.specific_force)
     expected = norm_covariance(
         document, force, noise, place, conditions(document, recording, timeline, temperature)

@@ -50,12 +50,6 @@ def test_calls_beside_each_other_leave_no_limit_behind(two_threads: list[int]) -
     assert threads() == two_threads
 
 
-def test_a_fault_gives_the_threads_back(two_threads: list[int]) -> None:
-    with pytest.raises(ZeroDivisionError), one_thread():
-        raise ZeroDivisionError
-    assert threads() == two_threads
-
-
 def test_a_setting_of_the_user_stands(two_threads: list[int], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("OPENBLAS_NUM_THREADS", "2")
     with one_thread():

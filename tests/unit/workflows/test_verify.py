@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 from tumble.document import Calibration, read_calibration
+from tumble.earth import Site
 from tumble.workflows.calibrate import calibrate
 from tumble.workflows.simulate import simulate
-from tumble.workflows.verify import Verification, verify
+from tumble.workflows.verify import Verification, norm_covariance, verify
 
 UNITS = "m/s^2,rad/s,s"
 
 
-@dataclass(frozen=True)
-class Unit:
-    calibration: Calibration
-    other: Path
+Unit = tuple[Calibration, Path]
 
 
 @pytest.fixture(scope="module")
@@ -29,16 +27,16 @@ def unit(tmp_path_factory: pytest.TempPathFactory) -> Unit:
     for seed in (1, 2):
         simulate("hand-held", output=folder / f"{seed}", unit=3, seed=seed, rate=50.0)
     calibrate(folder / "1" / "recording.csv", units=UNITS, output=folder / "calibrated")
-    return Unit(read_calibration(folder / "calibrated"), folder / "2" / "recording.csv")
+    return read_calibration(folder / "calibrated"), folder / "2" / "recording.csv"
 
 
 def shifted(unit: Unit, bias: float, folder: Path) -> Verification:
-    rows = np.loadtxt(unit.other, delimiter=",", skiprows=1)
+    calibration, other = unit
+    rows = np.loadtxt(other, delimiter=",", skiprows=1)
     rows[:, 1:4] += bias
-    header = unit.other.read_text().splitlines()[0]
     path = folder / "shifted.csv"
-    np.savetxt(path, rows, delimiter=",", header=header, comments="")
-    (result,) = verify(unit.calibration, path, units=UNITS)
+    np.savetxt(path, rows, delimiter=",", header=other.read_text().splitlines()[0], comments="")
+    (result,) = verify(calibration, path, units=UNITS)
     return result
 
 
@@ -53,3 +51,12 @@ def test_residuals_three_times_what_is_explained_do_not_serve(unit: Unit, tmp_pa
     assert 2.0 < excess < 4.0
     assert not result.fit
     assert f"{excess:.1f} times what the calibration's own uncertainty" in result.reasons[0]
+
+
+def test_the_expected_norm_counts_quadratic_terms(unit: Unit) -> None:
+    """q u² more of an axis's raw output puts the norm off by as much along it."""
+    names, force, place = ["accelerometer.quadratic[0]"], np.array([[9.8, 0.0, 0.0]]), Site.from_gravity(9.79)
+    known = structs.replace(unit[0], covariance_parameters=names, covariance=[[1e-8]])
+    without = structs.replace(known, covariance=[[0.0]])
+    found = [float(norm_covariance(one, force, np.zeros(1), place, None)[0, 0]) for one in (known, without)]
+    assert np.sqrt(found[0] - found[1]) == pytest.approx(1e-4 * 9.8**2, rel=0.05)
