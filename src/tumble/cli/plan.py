@@ -13,7 +13,7 @@ from tumble.cli.terminal import console, progress, results_stand, say, say_json,
 from tumble.workflows.request import PlanRequest, refuse
 
 if TYPE_CHECKING:
-    from tumble.workflows.planning.plan import Planned
+    from tumble.workflows.planning.words import Planned
 
 
 def plan_command(asked: PlanRequest, site: SiteOptions, printed: LongPrintOptions) -> None:

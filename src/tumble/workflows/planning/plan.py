@@ -11,7 +11,7 @@ import json
 import math
 import os
 from collections.abc import Callable
-from dataclasses import field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,13 +22,12 @@ from tumble.design.joint_information import GROUPS, PARAMETERS, JointInformation
 from tumble.earth import Site
 from tumble.errors import UsageError
 from tumble.files import results_folder
-from tumble.records import dataclass
+from tumble.workflows.planning.words import Planned, PoseSearch, describe_plan, document_of
 from tumble.workflows.request import PlanRequest
 
 if TYPE_CHECKING:
     from tumble.arrays import Series
-    from tumble.design.joint_plan import JointPlan, PlanTask, StepWorth
-    from tumble.design.next_step import NextStep, StepCandidate
+    from tumble.design.joint_plan import JointPlan, PlanTask
     from tumble.design.planned_motion import PlannedNoise
     from tumble.design.pose_plan import PosePlan, PoseTask
     from tumble.document import Calibration
@@ -41,23 +40,6 @@ LEVELLED, BY_HAND = math.radians(0.5), math.radians(5.0)
 # Seconds of a pose and of a turn, and the fewest poses that are planned without being asked.
 DEFAULTS = {"multi-position": (30.0, 3.0, 9), "hand-held": (4.0, 2.0, 26), "six-position": (30.0, 3.0, 6)}
 MOST_POSES = 200
-
-
-@dataclass(frozen=True)
-class PoseSearch:
-    """Poses that were searched.
-
-    Attributes
-    ----------
-    task, plan : the design room's.
-    schemes : the papers', in the same time, or in words why not.
-    protocol : the plan to do.
-    """
-
-    task: PoseTask
-    plan: PosePlan
-    schemes: dict[str, PosePlan | str]
-    protocol: Protocol
 
 
 def check_search(request: PlanRequest) -> None:
@@ -283,35 +265,6 @@ _TARGETS: dict[str, tuple[str, str, float]] = {
 }
 
 
-@dataclass
-class Planned:
-    """What `plan` found.
-
-    Attributes
-    ----------
-    plan : the prediction.
-    imu : name of the grade.
-    search : the poses that were searched, beside the papers'; None for a protocol as it is.
-    worths : of every step.
-    following : steps that may be added.
-    helping : what would tell each of the plan's weaknesses, or None.
-    given, stop : sentences about what is there already and about targets, and whether to stop.
-    remarks : what was assumed.
-    files : what was written.
-    """
-
-    plan: JointPlan
-    imu: str
-    search: PoseSearch | None = None
-    worths: list[StepWorth] = field(default_factory=list[Any])
-    following: list[NextStep] = field(default_factory=list[Any])
-    helping: list[tuple[StepCandidate, float] | None] = field(default_factory=list[Any])
-    given: list[str] = field(default_factory=list[str])
-    stop: bool = False
-    remarks: list[str] = field(default_factory=list[str])
-    files: list[Path] = field(default_factory=list[Path])
-
-
 def plan(request: PlanRequest) -> Planned:
     """Foretell what a test determines of both triads, and say what would be better.
 
@@ -344,8 +297,6 @@ def plan(request: PlanRequest) -> Planned:
     task = replace(task, protocol=as_assumed(task, request.rate))
     done = Planned(plan_protocol(task, progress), grade.name, search, given=said, remarks=remarks)
     _advise(done, limits, progress, steps=request.steps)
-    from tumble.workflows.planning.words import describe_plan, document_of
-
     done.remarks = [*describe_plan(done), *remarks, *_remarks(done)]
     if folder is not None:
         progress("writing")

@@ -1,20 +1,70 @@
-"""What a plan is worth, in words, rows, and as a document."""
+"""What `plan` found, and what it is worth, in words, rows, and as a document."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import asdict
+from dataclasses import asdict, field
 from itertools import groupby
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tumble.design.joint_plan import Foretold, StepWorth
+from tumble.records import dataclass
 from tumble.units import MICRO_G
 
 if TYPE_CHECKING:
-    from tumble.design.pose_plan import PosePlan
-    from tumble.workflows.planning.plan import Planned, PoseSearch
+    from tumble.design.joint_plan import Foretold, JointPlan, StepWorth
+    from tumble.design.next_step import NextStep, StepCandidate
+    from tumble.design.pose_plan import PosePlan, PoseTask
+    from tumble.protocol import Protocol
+
+
+@dataclass(frozen=True)
+class PoseSearch:
+    """Poses that were searched.
+
+    Attributes
+    ----------
+    task, plan : the design room's.
+    schemes : the papers', in the same time, or in words why not.
+    protocol : the plan to do.
+    """
+
+    task: PoseTask
+    plan: PosePlan
+    schemes: dict[str, PosePlan | str]
+    protocol: Protocol
+
+
+@dataclass
+class Planned:
+    """What `plan` found.
+
+    Attributes
+    ----------
+    plan : the prediction.
+    imu : name of the grade.
+    search : the poses that were searched, beside the papers'; None for a protocol as it is.
+    worths : of every step.
+    following : steps that may be added.
+    helping : what would tell each of the plan's weaknesses, or None.
+    given, stop : sentences about what is there already and about targets, and whether to stop.
+    remarks : what was assumed.
+    files : what was written.
+    """
+
+    plan: JointPlan
+    imu: str
+    search: PoseSearch | None = None
+    worths: list[StepWorth] = field(default_factory=list[Any])
+    following: list[NextStep] = field(default_factory=list[Any])
+    helping: list[tuple[StepCandidate, float] | None] = field(default_factory=list[Any])
+    given: list[str] = field(default_factory=list[str])
+    stop: bool = False
+    remarks: list[str] = field(default_factory=list[str])
+    files: list[Path] = field(default_factory=list[Path])
+
 
 # Shares of one, rad: what norms of holds leave so uncertain they do not determine.
 OPEN = 0.3
