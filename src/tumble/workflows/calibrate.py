@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import fields, replace
 from importlib.resources import as_file, files
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -70,14 +70,17 @@ def calibrate(request: CalibrateRequest) -> CalibrationRun:
         require_registry(request.registry, request.imu[1])
     request = replace(request, site=given_site(request.site))
     known = Known() if request.prior is None else known_beforehand(request.prior, request.imu[1])
+    # What a user says of the estimate has one name there and in the request.
+    told = {one.name: getattr(request, one.name) for one in fields(Options) if one.name != "data_sheet"}
+    options = Options(**told, data_sheet=known.sheet)
     folder = results_folder(request.output)
     acceptance = None if request.limits is None else read_limits(Path(request.limits))
     if request.turn_ons:
         from tumble.workflows.several import calibrate_turn_ons
 
-        run, before = calibrate_turn_ons(request, known, clock)
+        run, before = calibrate_turn_ons(request, known, options, clock)
     else:
-        run, before = _calibrate_one(request, known, clock)
+        run, before = _calibrate_one(request, known, options, clock)
 
     def completed(made: Calibration) -> Calibration:
         return structs.replace(made, notes=noted, input_corrected_by=before)
@@ -98,7 +101,9 @@ def calibrate(request: CalibrateRequest) -> CalibrationRun:
     return run
 
 
-def _calibrate_one(request: CalibrateRequest, known: Known, clock: Clock) -> tuple[CalibrationRun, list[str]]:
+def _calibrate_one(
+    request: CalibrateRequest, known: Known, options: Options, clock: Clock
+) -> tuple[CalibrationRun, list[str]]:
     """What one recording gives, or several as one; and what it was corrected by before."""
     has_protocol = request.protocol is not None
     paper = (
@@ -122,7 +127,7 @@ def _calibrate_one(request: CalibrateRequest, known: Known, clock: Clock) -> tup
         request.site,
         by_temperature=chosen is not None and find_procedure(chosen).by_temperature,
         prior=known.angles,
-        options=Options(request.optional_terms, known.sheet),
+        options=options,
         say=request.say,
     )
     modelled = None if request.noise is None else NoiseOfHolds.read(request.noise, recording)

@@ -442,7 +442,7 @@ class _Settled:
 
 
 def calibrate_turn_ons(
-    request: CalibrateRequest, known: Known, clock: Clock
+    request: CalibrateRequest, known: Known, options: Options, clock: Clock
 ) -> tuple[CalibrationRun, list[str]]:
     """Calibrate one unit from several recordings of it, by the joint estimator.
 
@@ -454,6 +454,7 @@ def calibrate_turn_ons(
     request : two or more recordings; each a file, two files with one triad each (``acc.csv,gyro.csv``), or a protocol
         file that names its recording. Its protocol is that of the recordings that are no protocol files themselves.
     known : of the angles, which count once, as if the first recording told them, too.
+    options : of the estimate.
     clock : of the stages.
 
     Raises
@@ -477,7 +478,6 @@ def calibrate_turn_ons(
     read = [(one, *read_as_told(replace(request, paths=one.files), one.given)[:2]) for one in named]
     require_one_unit([recording for _, recording, _ in read])
     clock.lap("reading")
-    options = Options(optional_terms=request.optional_terms)
     sessions = [
         (
             one.name,
@@ -493,7 +493,7 @@ def calibrate_turn_ons(
     ]
     settled, absent = _settle_all(sessions, known.angles, clock)
     request.say("all recordings together")
-    several, settled, strange = _together(settled, known.angles, optional_terms=request.optional_terms)
+    several, settled, strange = _together(settled, known.angles, options)
     sessions, taken = [own.session for own in settled], {own.name for own in settled}
     several.estimate.say("caution", *absent, *strange)
     # One unit samples all its recordings.
@@ -566,20 +566,20 @@ def _settle(name: str, session: Session) -> _Settled:
 
 
 def _together(
-    settled: list[_Settled], knowledge: StableKnowledge | None, *, optional_terms: bool
+    settled: list[_Settled], knowledge: StableKnowledge | None, options: Options
 ) -> tuple[SeveralEstimate, list[_Settled], list[str]]:
     """Adjust those that can be adjusted together; the others are named."""
     from tumble.calibration.turn_ons.adjustment import adjust_several, find_strangers
     from tumble.calibration.turn_ons.estimate import several_estimate
 
     names, outcomes = [own.name for own in settled], [own.outcome for own in settled]
-    strangers = find_strangers(names, outcomes, optional_terms=optional_terms)
+    strangers = find_strangers(names, outcomes, optional_terms=options.optional_terms)
     said = [f"{names[k]} takes no part: {why}" for k, why in strangers.items()]
     kept = [k for k in range(len(names)) if k not in strangers]
     # An earlier calibration counts once, with the first that takes part.
     outcomes[kept[0]] = replace(outcomes[kept[0]], knowledge=knowledge)
     outcome = adjust_several(
-        [names[k] for k in kept], [outcomes[k] for k in kept], optional_terms=optional_terms
+        [names[k] for k in kept], [outcomes[k] for k in kept], optional_terms=options.optional_terms
     )
     settled = [settled[k] for k in kept]
     site = _one_site([own.session for own in settled])
