@@ -102,8 +102,8 @@ def test_diff_says_what_changed_and_whether_it_matters(
     other = written(tmp_path / "other.json", 0.12)
     answer = tumble("diff", calibration, other)
     assert answer.status == 1
-    assert "+14.1" in answer.out
-    assert "more than its uncertainty" in answer.out
+    for words in ("+14.1", "more than its uncertainty", "less than 0.001 %"):
+        assert words in answer.out
     assert tumble("diff", calibration, other, "--allowed", "5000,5000").status == 0
     told = json.loads(tumble("diff", calibration, other, "--json").out)
     assert told["matters"]
@@ -140,7 +140,6 @@ def test_diff_with_the_truth_says_whether_it_is_recovered(tumble: Any, tmp_path:
     answer = tumble("diff", truth, made)
     assert answer.status == 0
     assert answer.out.startswith("Recovered: all ")
-    assert "truth" in answer.out
     other = tumble("diff", tmp_path / "4" / "truth.json", made, "-q")
     assert other.status == 1
     assert other.out.startswith("Not recovered: ")

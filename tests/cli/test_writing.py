@@ -37,14 +37,14 @@ def test_a_folder_that_the_system_does_not_allow(tumble: Any) -> None:
 
 @pytest.mark.parametrize(
     "call",
-    ["calibrate {} --gravity 9.81", "demo", "simulate six-position --sample-rate 5", "reproduce hayal-4.2"],
+    ["calibrate {0} --gravity 9.81", "simulate six-position --sample-rate 5", "predict {1}", "apply {1} {0}"],
 )
 def test_a_folder_that_is_a_file_or_under_one(
-    tumble: Any, recording: Path, tmp_path: Path, call: str
+    tumble: Any, recording: Path, calibrated: Path, tmp_path: Path, call: str
 ) -> None:
     file = tmp_path / "file"
     file.write_text("precious")
-    arguments = call.format(recording).split()
+    arguments = call.format(recording, calibrated).split()
     tumble(*arguments, "-o", file).is_told(2, "is a file: give a folder")
     tumble(*arguments, "-o", file / "results").is_told(
         3, f"{file / 'results'} cannot be made: {file} is no folder"

@@ -30,9 +30,8 @@ from tumble.sample_rates import sample_rate
 from tumble.workflows.request import ADVANCED, FIRST, StreamRequest, UnitRequest, argument, option, shared
 
 if TYPE_CHECKING:
-    from collections.abc import Generator, Sequence
+    from collections.abc import Generator
 
-    from tumble.capture.coach import Event
     from tumble.capture.machine import Capture
     from tumble.capture.run import CaptureOrder, CaptureRun, Listener
     from tumble.web.server import Hub
@@ -332,7 +331,7 @@ def _print_end(run: CaptureRun, printed: PrintOptions) -> int:
         return 1
     fit = done.calibration.verdict.fit
     if not printed.as_json:
-        verdict = done.calibration.verdict
-        say("Fit for use." if fit else "Not fit for use.", *(f"- {words}" for words in verdict.reasons))
+        reasons = [] if printed.quiet else [f"- {words}" for words in done.calibration.verdict.reasons]
+        say("Fit for use." if fit else "Not fit for use.", *reasons)
         say_written([*done.files, run.folder / "recording.csv", run.folder / "session.jsonl"])
     return 0 if fit else 1

@@ -111,4 +111,6 @@ def _print(first: Path, found: Difference, sentences: list[str], quiet: bool) ->
 
 
 def _percent(share: float) -> str:
+    if share < 1e-5:
+        return "less than 0.001 %"
     return f"{100 * share:.0f} %" if share >= 0.1 else f"{100 * share:.2g} %"

@@ -10,7 +10,7 @@ from tumble.certificate import Profile, certificate_content, certificate_pdf, re
 from tumble.certificate.profile import Laboratory
 from tumble.document import Calibration, read_calibration
 from tumble.errors import UsageError
-from tumble.files import check_target, make_folder, read_text, shown, written_beside
+from tumble.files import check_target, read_text, results_folder, shown, write_texts
 from tumble.records import dataclass
 from tumble.workflows.request import CertificateRequest
 
@@ -51,6 +51,7 @@ def make_certificate(request: CertificateRequest) -> Certificate:
     if shown(number) != number or len(number) > 80 or not number.strip():
         raise UsageError(f"--number {shown(number)[:40]!r}: give up to 80 visible characters.")
     check_target(output)
+    results_folder(output.parent)
     if output.suffix.lower() not in (".pdf", ".xml"):
         raise UsageError(f"-o {output}: a certificate is a .pdf for people or a .xml for machines.")
     # The file itself is attached, so that its hash is the certificate's.
@@ -68,10 +69,7 @@ def make_certificate(request: CertificateRequest) -> Certificate:
 
         with registry_at(request.registry) as kept:
             add_certificate(kept, document_hash(document.to_json()), number)
-    make_folder(output.parent)
-    with written_beside(output) as beside:
-        beside.write_bytes(made)
-    return Certificate(number, content.sha256, [output], _lacking(told))
+    return Certificate(number, content.sha256, write_texts({output: made}), _lacking(told))
 
 
 def _day_of(date: str | None) -> str:

@@ -27,6 +27,7 @@ from tumble.arrays import Series, Vectors
 from tumble.document import Calibration
 from tumble.document.corrector import NO_TEMPERATURE, Corrector
 from tumble.errors import RecordingError, UsageError
+from tumble.files import results_folder
 from tumble.recording import Recording, rewriting
 from tumble.recording.columns import role_of
 from tumble.recording.formats import header_names, output
@@ -494,6 +495,7 @@ def destination(output: str | os.PathLike[str] | None, files: Sequence[Path]) ->
     if len(files) == 1 and ending_of(files[0]) == "":
         return Destination("bag", target)
     if not ending or target.is_dir():
+        results_folder(target)
         return Destination("euroc", target)
     raise UsageError(
         f"{target.name}: a corrected recording is written as .csv or .parquet. A bag is written as a bag of "

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from tumble.errors import UsageError
+from tumble.errors import RecordingError, UsageError
 from tumble.files import number_of, opened, read_json, reading, results_folder
 from tumble.noise.terms import GaussMarkov, Line, NoiseModel
 from tumble.noise.variances import LETTERS
@@ -87,6 +87,9 @@ def analyse_noise(request: NoiseRequest) -> NoiseAnalysis:
         noise = characterise_blocks(lambda: read_blocks(listed, **how), **asked_for, progress=say)
     else:
         recording = paths if isinstance(paths, Recording) else read_recording(listed, **how)
+        if request.skip > recording.duration:
+            lasts = f"which lasts {recording.duration:.4g} s"
+            raise RecordingError(f"--skip {request.skip:g} leaves nothing of the recording, {lasts}.")
         say("averaging")
         noise = characterise(recording, **asked_for)
     from tumble.report.noise_document import noise_document
@@ -196,6 +199,8 @@ def read_noise_models(path: str | os.PathLike[str]) -> NoiseModels:
 def _model(channel: dict[str, Any]) -> NoiseModel:
     """The model of one channel in its unit."""
     values = {str(name): number_of(term["value"]) for name, term in channel["terms"].items()}
+    if min(values.values(), default=0.0) < 0.0:
+        raise ValueError("a coefficient is negative")
     # Short processes are in the N that a filter takes; as states they would be of no use.
     whole: dict[str, Any] = channel.get("random_walk") or {}
     white = [number_of(time) for time in whole.get("correlation_times_s", ())]

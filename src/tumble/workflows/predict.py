@@ -171,14 +171,19 @@ def write_states(found: Prediction, path: Path) -> Path:
     ------
     CalibrationFileError
         If there is none, for want of a triad.
+    UsageError
+        If a file stands where the folder is to be.
     OutputError
         If it cannot be written; what was there is intact.
     """
-    from tumble.files import write_text
+    from tumble.files import results_folder, write_text
 
     if found.course is None:
         raise CalibrationFileError(f"There are no states to write. {found.remarks[0]}")
-    file = path if path.suffix == ".json" else path / "filter.json"
+    file = path
+    if path.suffix != ".json":
+        results_folder(path)
+        file = path / "filter.json"
     text = json.dumps(states_document(found.course, found.remarks), indent=1, ensure_ascii=False)
     write_text(file, f"{text}\n")
     return file

@@ -53,7 +53,7 @@ def test_a_models_terms_are_read_in_raw_units(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        ("not json", "it is no JSON"),
+        (document(channels={"ax": {"unit": "m/s²", "terms": {"N": {"value": -1.0}}}}), "is negative"),
         ({"format": "tumble calibration"}, "no noise document"),
         ({"format": "tumble noise"}, "lacks"),
         (document(rate_hz=200.0), "200 Hz"),
