@@ -9,7 +9,7 @@ import signal
 import sys
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
@@ -30,8 +30,6 @@ from tumble.sample_rates import sample_rate
 from tumble.workflows.request import ADVANCED, FIRST, StreamRequest, UnitRequest, argument, option, shared
 
 if TYPE_CHECKING:
-    from collections.abc import Generator
-
     from tumble.capture.machine import Capture
     from tumble.capture.run import CaptureOrder, CaptureRun, Listener
     from tumble.web.server import Hub
