@@ -10,15 +10,13 @@ import numpy as np
 from tumble.document.result import ParameterBlock
 from tumble.fleet.outcome import Batch, UnitOutcome
 from tumble.parameters.family import in_families
-from tumble.report.figures.record import AXIS_COLOURS, PALETTE, Axis, Bars, Figure, in_brackets
+from tumble.report.figures.record import OF_FAMILY, Axis, Bars, Figure, in_brackets
 from tumble.report.page import Block, Facts, Figures, Page, Sentences, Table, section
 from tumble.report.parameters import ParameterRow, rows_of
 
 MOST_ROWS = 2000
 """Units that the page lists; the table's other forms have them all."""
 _BINS = 30
-# Of three axes or angles the axes' own; of nine each another.
-_COLOURS = (*AXIS_COLOURS.values(), *(one for one in PALETTE if one not in AXIS_COLOURS.values()))
 
 
 def batch_page(batch: Batch) -> Page:
@@ -91,7 +89,7 @@ def _histogram(name: str, group: str, rows: list[ParameterRow]) -> Figure:
             middles,
             np.histogram(column, edges)[0].tolist(),
             axes.replace(" to force ", "←"),
-            _COLOURS[at % len(_COLOURS)],
+            OF_FAMILY[at % len(OF_FAMILY)],
             opacity=0.75,
             width=0.95 * float(edges[1] - edges[0]),
         )

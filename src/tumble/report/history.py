@@ -13,7 +13,7 @@ from tumble.document.difference import ParameterChange
 from tumble.document.result import Calibration, ParameterBlock
 from tumble.parameters.family import in_families, parameter_of
 from tumble.parameters.measures import decimals_of, fixed, said_unit, with_uncertainty
-from tumble.report.figures.record import AXIS_COLOURS, BLUE, Axis, Curve, Figure, Look, plain
+from tumble.report.figures.record import OF_FAMILY, Axis, Curve, Figure, Look, in_brackets, plain
 from tumble.report.page import Figures, Page, Table, section
 from tumble.report.parameters import ParameterRow, headed_table, rows_of
 
@@ -86,14 +86,14 @@ def _figure(
 ) -> Figure:
     curves: list[Curve] = []
     factor, unit = said_unit(units[places[0]], np.abs(numbers[0][:, places]).ravel().tolist())
-    for k in places:
+    for at, k in enumerate(places):
         values: Series = factor * numbers[0][:, k]
         expanded: Series = 2.0 * factor * numbers[1][:, k]
-        axis = parameter_of(names[k]).axes
-        look: Look = {"colour": AXIS_COLOURS.get(axis, BLUE), "sigma": expanded, "symbol": "circle"}
+        axis = parameter_of(names[k]).axes.replace(" to force ", "←")
+        look: Look = {"colour": OF_FAMILY[at % len(OF_FAMILY)], "sigma": expanded, "symbol": "circle"}
         curves.append(Curve(days, plain(values, 8), axis, **look))
-    title = f"{group} / {unit}" if unit else group
-    return Figure(name, f"{group} over time", curves, Axis(kind="date"), Axis(title), 240)
+    title = f"{group} / {in_brackets(unit)}" if unit else group
+    return Figure(name, f"{group} over time", curves, Axis(kind="date"), Axis(title), 380)
 
 
 def change_table(

@@ -19,6 +19,8 @@ BLUE, RED, GREEN, ORANGE, GREY, PURPLE = "#3b82d6", "#d6485b", "#2f9e6e", "#dd8a
 TEAL = "#12a5ad"
 PALETTE = (BLUE, TEAL, GREEN, ORANGE, RED, PURPLE, GREY, "#9a6238", "#d678b4", "#b3a125")
 AXIS_COLOURS = {"x": RED, "y": GREEN, "z": BLUE}
+# Of three axes or angles the axes' own; of nine each another.
+OF_FAMILY = (*AXIS_COLOURS.values(), *(one for one in PALETTE if one not in AXIS_COLOURS.values()))
 # Of a map: least, nothing, most; what is nothing lets the page through.
 LEAST, NOTHING, MOST = "#c8394d", (GREY, 0.1), "#2f6fc2"
 
