@@ -218,18 +218,19 @@ class JointPlan:
         return made
 
     def beyond(self, limits: Series) -> list[str]:
-        """Return the rows of the table whose standard uncertainty is beyond its target.
+        """Return the rows of the table whose standard uncertainty is beyond its target, and what has a target and no row.
 
         Parameters
         ----------
         limits : (30,) wished-for sigmas, SI, infinite where nothing is wished.
         """
 
-        def limit(row: str) -> float:
-            of = (one for one, name in zip(limits.tolist(), self.names, strict=True) if row.startswith(name))
-            return min(of, default=np.inf)
-
-        return [one.name for one in self.foretold if one.sigma > limit(one.name)]
+        off: dict[str, None] = {}
+        for limit, name in zip(limits.tolist(), self.names, strict=True):
+            rows = {one.name: one.sigma for one in self.foretold if one.name.startswith(name)}
+            rows = rows or {f"{name}, which this plan does not determine": np.inf}
+            off |= dict.fromkeys(row for row, sigma in rows.items() if sigma > limit)
+        return list(off)
 
 
 def plan_protocol(task: PlanTask, say: Callable[[str], None] | None = None) -> JointPlan:

@@ -398,13 +398,12 @@ def judge_stop(
     plan : what is judged by the table that the reader has, its sigmas and rows; None for `sigmas` alone.
     names : (30,) what the reader calls `NAMES`.
     """
-    at: list[int] = task.parameters().tolist()
     if plan is not None:
         sigmas = plan.sigmas, plan.without_clock
     sigma, perfect = sigmas or [
         np.sqrt(np.diag(one.covariance(known))) for one in (task, task.with_perfect_clock)
     ]
-    untold = dict.fromkeys(names[i] for i in at if perfect[i] >= TOLD * task.sizes[i])
+    untold = dict.fromkeys(names[int(i)] for i in task.parameters() if perfect[i] >= TOLD * task.sizes[i])
     if untold:
         return False, [f"Not determined yet: {', '.join(untold)}."]
     words: list[str] = []
