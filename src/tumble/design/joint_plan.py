@@ -218,13 +218,12 @@ class JointPlan:
         return made
 
     def beyond(self, limits: Series) -> list[str]:
-        """Return the rows of the table whose standard uncertainty is beyond its target, and what has a target and no row.
+        """Return the table's rows whose standard uncertainty is beyond its target, and what has a target and no row.
 
         Parameters
         ----------
         limits : (30,) wished-for sigmas, SI, infinite where nothing is wished.
         """
-
         off: dict[str, None] = {}
         for limit, name in zip(limits.tolist(), self.names, strict=True):
             rows = {one.name: one.sigma for one in self.foretold if one.name.startswith(name)}
