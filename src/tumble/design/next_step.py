@@ -398,11 +398,10 @@ def judge_stop(
     plan : what is judged by the table that the reader has, its sigmas and rows; None for `sigmas` alone.
     names : (30,) what the reader calls `NAMES`.
     """
-    if plan is not None:
-        sigmas = plan.sigmas, plan.without_clock
-    sigma, perfect = sigmas or [
-        np.sqrt(np.diag(one.covariance(known))) for one in (task, task.with_perfect_clock)
-    ]
+    own = None if plan is None else (plan.sigmas, plan.without_clock)
+    sigma, perfect = (
+        own or sigmas or [np.sqrt(np.diag(one.covariance(known))) for one in (task, task.with_perfect_clock)]
+    )
     untold = dict.fromkeys(names[int(i)] for i in task.parameters() if perfect[i] >= TOLD * task.sizes[i])
     if untold:
         return False, [f"Not determined yet: {', '.join(untold)}."]
