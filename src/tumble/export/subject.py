@@ -252,7 +252,7 @@ def _at_temperature(
     """The model; what changes with temperature for targets that hold it, else the one temperature."""
     thermal = calibration.thermal_model
     if thermal is None and wishes.temperature is not None:
-        raise UsageError("The calibration does not know its temperature: leave --at-temperature out.")
+        raise UsageError("The calibration has no thermal model: leave --at-temperature out.")
     if thermal is None or (target.temperature and wishes.temperature is None):
         return calibration.model, thermal, None
     celsius = thermal.basis.reference_celsius if wishes.temperature is None else wishes.temperature

@@ -273,9 +273,9 @@ def _say_leaning(task: _Judgement, pieces: list[Piece]) -> None:
     leans = float(np.quantile(angles, 0.9))
     if leans > _LEANS:
         task.remarks.append(
-            f"Gravity goes to and fro in the unit's axes by {np.degrees(leans):.2g}° (a tenth of the time by more): "
-            "the unit turns slowly, it is not at rest. What is slower than a second below is that motion, not the "
-            "sensors' noise; record again on something firm."
+            f"Gravity goes to and fro in the unit's axes by {float(f'{np.degrees(leans):.2g}'):g}° (a tenth of the "
+            "time by more): the unit turns slowly, it is not at rest. What is slower than a second below is that "
+            "motion, not the sensors' noise; record again on something firm."
         )
 
 

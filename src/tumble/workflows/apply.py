@@ -44,7 +44,6 @@ from tumble.workflows.corrected import (
     corrects_field,
     destination,
     lag_of,
-    needs_temperature,
     refuse_twice,
     shifted,
 )
@@ -88,8 +87,7 @@ def apply(request: ApplyRequest) -> Applied:
     refuse_twice(document, done_before)
     blocks = iter(read_blocks(paths, **request.how()))
     first = next(blocks)
-    if needs_temperature(document):
-        check_temperature(document, first, files, temperature, beyond)
+    check_temperature(document, first, files, temperature, beyond)
     factors = raw_factors(document, first)
     remarks = [f"{r.kind}: {r.text}" for r in first.remarks if r.kind in ("assumed", "doubtful", "mended")]
     remarks += _about_missing_triads(document, goal)
@@ -137,7 +135,7 @@ class _Blocks:
             if block.temperature is not None and task.temperature is None:
                 self.column.add(block.time, block.temperature)
             task.progress(self.done)
-        if needs_temperature(task.calibration):
+        if task.calibration.thermal is not None:
             self.told += check_column(self.column)
 
     def remarks(self) -> list[str]:

@@ -36,7 +36,6 @@ from tumble.records import dataclass
 from tumble.sensor import ImuModel, Triad
 from tumble.simulation.grades import Grade, TriadGrade
 from tumble.units import angular_rate_factor, specific_force_factor
-from tumble.workflows.corrected import needs_temperature
 from tumble.workflows.verify import corrected_whole
 
 UNCALIBRATED = "uncalibrated"
@@ -138,7 +137,7 @@ def corrected_by_parts(
             "Of the gyros the calibration knows the bias alone: their axes and scale are nominal in every variant."
         )
     wholes = full.correct(force, rate)
-    if needs_temperature(document):
+    if document.thermal is not None or temperature is not None:
         corrected, words = corrected_whole(document, recording, files, temperature)
         remarks += words
         assert corrected.specific_force is not None

@@ -127,11 +127,6 @@ HOTTEST = 200.0  # °C
 LONGEST_GAP = 600.0  # s
 
 
-def needs_temperature(calibration: Calibration) -> bool:
-    """Return whether a calibration changes with temperature."""
-    return calibration.thermal is not None
-
-
 def check_outside(outside: str) -> Outside:
     """Return what to do beyond the calibrated span, from the word for it.
 
@@ -185,7 +180,7 @@ def check_temperature(
     stated: float | None,
     outside: Outside,
 ) -> None:
-    """Refuse a recording without temperature, or with one that cannot be in degrees Celsius.
+    """Refuse a recording without temperature, or with one that cannot be in °C, if the calibration knows its own.
 
     Parameters
     ----------
@@ -197,10 +192,14 @@ def check_temperature(
     Raises
     ------
     UsageError
-        If there is no temperature.
+        If there is no temperature, or one is stated beside a calibration that knows none.
     RecordingError
         If it is in kelvin, degrees Fahrenheit or counts.
     """
+    if calibration.thermal is None:
+        if stated is not None and calibration.temperature_celsius is None:
+            raise UsageError("The calibration does not know its temperature: leave --temperature out.")
+        return
     own = recording.temperature
     if stated is not None and own is not None and np.isfinite(own).any():
         raise UsageError(
@@ -276,19 +275,19 @@ def check_column(column: TemperatureColumn) -> list[str]:
 
 
 def about_temperature(
-    calibration: Calibration, corrector: Corrector | None, recorded: tuple[float, float]
+    calibration: Calibration, corrector: Corrector, recorded: tuple[float, float]
 ) -> list[str]:
     """Return sentences for the user on what temperature does to the corrected recording.
 
     Parameters
     ----------
-    corrector : that has corrected the recording, None where there was no thermal model to follow.
+    corrector : that has corrected the recording.
     recorded : °C, lowest and highest of the recording; NaN for not known.
     """
     words: list[str] = []
     low, high = recorded
     made_at = calibration.temperature_celsius
-    if not needs_temperature(calibration):
+    if calibration.thermal is None:
         if made_at is None or not np.isfinite(low):
             return []
         away = max(high - made_at, made_at - low)
@@ -301,8 +300,6 @@ def about_temperature(
             )
         return words
     thermal = calibration.thermal
-    if corrector is None or thermal is None:
-        return []
     first, last = thermal.span_celsius
     if corrector.coldest < first - SPAN_MARGIN or corrector.warmest > last + SPAN_MARGIN:
         done = "held at the span's ends" if corrector.outside == "hold" else "extrapolated"

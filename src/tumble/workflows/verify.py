@@ -35,7 +35,6 @@ from tumble.workflows.corrected import (
     check_column,
     check_temperature,
     corrections_of,
-    needs_temperature,
     recorded_span,
     refuse_twice,
 )
@@ -73,12 +72,11 @@ def corrected_whole(
         If it leaves the calibrated span.
     """
     told: list[str] = []
-    if needs_temperature(document):
-        check_temperature(document, scaled, files, temperature, "refuse")
-        if temperature is None and scaled.temperature is not None:
-            column = TemperatureColumn()
-            column.add(scaled.time, scaled.temperature)
-            told = check_column(column)
+    check_temperature(document, scaled, files, temperature, "refuse")
+    if document.thermal is not None and temperature is None and scaled.temperature is not None:
+        column = TemperatureColumn()
+        column.add(scaled.time, scaled.temperature)
+        told = check_column(column)
     corrector = Corrector(document, "refuse")
     corrected = corrected_block(corrector, scaled, temperature)
     return corrected, [*told, *about_temperature(document, corrector, recorded_span(scaled, temperature))]
@@ -265,7 +263,7 @@ def verify(request: VerifyRequest) -> list[Verification]:
         scaled = in_calibration_units(recording, raw_factors(document, recording))
         model = document.model
         corrected, words = corrected_whole(document, scaled, own_files, temperature)
-        if needs_temperature(document):
+        if document.thermal is not None:
             ideal = Triad(np.eye(3), np.zeros(3))
             scaled, model = corrected, ImuModel(ideal, None if corrected.angular_rate is None else ideal)
         say("finding holds and turns")

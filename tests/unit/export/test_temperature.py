@@ -112,7 +112,7 @@ def test_other_targets_take_one_temperature_of_those_that_were_calibrated() -> N
     subject = prepare(cubic(), TARGETS["matlab"], Wishes(temperature=40.0))
     force, rate = subject.model.correct(RAW_A[None], RAW_G[None])
     assert np.allclose((force[0], rate[0]), truth(cubic(), 40.0), rtol=0, atol=1e-13)
-    for taken, why in ((cubic(), "taken at 90"), (structs.replace(cubic(), thermal=None), "does not know")):
+    for taken, why in ((cubic(), "taken at 90"), (structs.replace(cubic(), thermal=None), "no thermal")):
         with pytest.raises(UsageError, match=why):
             prepare(taken, TARGETS["matlab"], Wishes(temperature=90.0))
 

@@ -307,8 +307,6 @@ def test_a_stated_temperature_serves_a_recording_without_one(tmp_path: Path) -> 
     file = saved(with_temperature(RAW, None), tmp_path)
     apply(DOCUMENT, file, output=tmp_path / "out.csv", units=OPTIONS["units"], temperature=40.0)
     model = thermal_unit().at(40.0)
-    assert RAW.specific_force is not None
-    assert RAW.angular_rate is not None
     force, rate = model.correct(RAW.specific_force, RAW.angular_rate)
     corrected = pl.read_csv(tmp_path / "out.csv")
     np.testing.assert_allclose(corrected[:, 1:4].to_numpy(), force, atol=1e-12)
@@ -322,6 +320,8 @@ def test_a_calibration_of_one_temperature_used_at_another_is_told(tmp_path: Path
     near = saved(with_temperature(RAW, np.full(len(RAW), 24.0)), tmp_path, "near.csv")
     done = apply(plain, near, output=tmp_path / "out.csv", **OPTIONS)
     assert not any("thermal" in remark for remark in done.remarks)
+    with pytest.raises(UsageError, match="does not know its temperature: leave --temperature out"):
+        apply(structs.replace(plain, temperature_celsius=None), near, temperature=20.0, **OPTIONS)
 
 
 def test_apply_after_apply_takes_out_both_calibrations(tmp_path: Path) -> None:
