@@ -248,6 +248,8 @@ _LEAST_BURSTS = 100
 # From which on steps between bursts are so many times those within, lost samples being few.
 _BURST_FACTOR = 4.0
 _LONGEST_BURST = 0.5  # s that samples wait to be sent; a logger that sleeps on purpose waits longer
+# Of a sensor's own oscillator from its rate in the first block on, warming up: MEMS are trimmed to some per cent.
+_LARGEST_DRIFT = 0.01
 # Samples between two resets of a clock; before the first and after the last there may be fewer.
 _LEAST_PART = 3
 
@@ -306,7 +308,7 @@ def find_gaps(time: Series, rate: float) -> tuple[int, ...]:
         return ()
     steps = np.diff(time)
     middle = _median(steps)
-    jitter = 1.4826 * _median(np.abs(_thinned(steps) - middle))
+    jitter = 1.4826 * _median(np.abs(steps - middle))
     limit = max(_GAP_FACTOR * max(middle, 0.8 / rate), middle + 8.0 * jitter)
     return tuple(int(i) + 1 for i in np.flatnonzero(steps > limit))
 
@@ -317,13 +319,9 @@ def _nominal_rate(steps: Series, duration: float) -> float:
     return float((steps.size - long.size) / (duration - long.sum()))
 
 
-def _thinned(values: Series) -> Series:
-    return values[:: max(1, values.size // 200_000)]
-
-
 def _median(values: Series) -> float:
     """Median, of a long series that of every so manieth value."""
-    return float(np.median(_thinned(values)))
+    return float(np.median(values[:: max(1, values.size // 200_000)]))
 
 
 @dataclass(frozen=True)
@@ -459,12 +457,14 @@ def continue_stamps(
     said += [] if keep.all() else [_say_doubles(keep, told)]
     time = time[keep]
     if state.between is not None and time.size:
-        # Laid evenly as the first block is, each piece between gaps as its stamps lie on average.
+        # Laid evenly on from the sample before, towards where the stamps lie on average, for a clock drifts.
         gaps = np.flatnonzero(steps[keep] * factor > _BURST_FACTOR * state.between)
         for start, stop in itertools.pairwise(sorted({0, *gaps.tolist(), time.size})):
             even = step * np.arange(stop - start)
-            first = np.mean(time[start:stop] - even) if start in gaps else state.even + step
-            time[start:stop] = first + even
+            average = float(np.mean(time[start:stop] - even))
+            first = average if start in gaps else state.even + step
+            drift = np.clip((average - first) / (step * even.size), -_LARGEST_DRIFT, _LARGEST_DRIFT)
+            time[start:stop] = first + even * (1.0 + drift)
         missing, state.even = float(time[0]) - state.even - step, float(time[-1])
     if time.size and missing > (_GAP_FACTOR - 1.0) * step:
         text = f"Samples are missing for {missing:.3g} s before t = {time[0]:.6g} s."
@@ -576,10 +576,9 @@ def _join_resets(raw: Series, told: Told) -> tuple[Series, list[Remark]]:
                 return raw, []
         elif abs(_median(np.diff(raw[start:stop])) - step) > _SAME_STEP * step:
             return raw, []
-    unit = time_factor(told.unit or guess_time_unit(step))
-    away = _BREAK / unit if told.rate is None else _BREAK * told.rate * step
+    unit = 1.0 / (told.rate * step) if told.rate else time_factor(told.unit or guess_time_unit(step))
     added = np.zeros(raw.size)
-    added[back + 1] = away - steps[back]
+    added[back + 1] = _BREAK / unit - steps[back]
     several = f" and in {back.size - 1} more place(s)" if back.size > 1 else ""
     text = (
         f"{told.name}: the clock steps back at {told.place(int(back[0]) + 1)}{several}, with the same steps before and "

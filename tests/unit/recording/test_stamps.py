@@ -7,7 +7,7 @@ import pytest
 
 from tumble.errors import RecordingError
 from tumble.recording import read_blocks, read_recording
-from tumble.recording.stamps import find_gaps, guess_time_unit
+from tumble.recording.stamps import BlockState, Told, continue_stamps, find_gaps, guess_time_unit
 
 
 def with_time(tumbled, time: np.ndarray) -> np.ndarray:
@@ -42,18 +42,17 @@ def test_repeated_stamps_are_left_out(tumbled, csv) -> None:
     time[[100, 500]] = time[[99, 499]]
     recording = read_recording(csv(with_time(tumbled, time)))
     assert len(recording) == len(time) - 2
-    assert any(
-        "2 row(s) with a repeated stamp left out (first: line 102)" in r.text for r in recording.remarks
-    )
+    said = "2 row(s) with a repeated stamp left out (first: line 102)"
+    assert any(said in remark.text for remark in recording.remarks)
     assert np.all(np.diff(recording.time) > 0.0)
 
 
-def test_stamps_coarser_than_the_sampling_are_refused(tumbled, csv) -> None:
+def test_stamps_that_are_coarse_or_go_back_or_contradict_the_rate_are_refused(tumbled, csv) -> None:
+    with pytest.raises(RecordingError, match="give 100 Hz, but 130 Hz was declared"):
+        read_recording(csv(tumbled.rows()), rate=130.0)
     with pytest.raises(RecordingError, match="coarser than the sampling"):
         read_recording(csv(with_time(tumbled, np.floor(tumbled.time * 25) / 25)))
-
-
-def test_time_that_steps_back_is_refused_with_its_line(tumbled, csv) -> None:
+    # going back is, with its line
     time = tumbled.time.copy()
     time[800:] -= 3.0
     with pytest.raises(RecordingError, match=r"line 802: time steps back from 7\.99 to 5; .* Split the file"):
@@ -71,17 +70,10 @@ def test_gaps_are_found_where_samples_are_missing(tumbled, csv) -> None:
     recording = read_recording(csv(rows))
     assert recording.gaps == (300, 550)
     assert recording.rate == pytest.approx(100.0, rel=1e-6)
-
-
-def test_jitter_is_no_gap() -> None:
+    # jitter is none
     rng = np.random.default_rng(2)
     time = np.arange(5000) / 100 + 0.0015 * rng.uniform(-1, 1, 5000)
     assert find_gaps(time, 100.0) == ()
-
-
-def test_a_rate_that_the_stamps_contradict_is_refused(tumbled, csv) -> None:
-    with pytest.raises(RecordingError, match="give 100 Hz, but 130 Hz was declared"):
-        read_recording(csv(tumbled.rows()), rate=130.0)
 
 
 def test_blocks_are_the_recording_cut_in_pieces(tumbled, csv, monkeypatch) -> None:
@@ -128,6 +120,14 @@ def test_stamps_of_samples_that_arrive_in_bursts_are_laid_evenly(tumbled, csv, m
     monkeypatch.setattr(text, "_CHUNK", 90_000)
     blocks = list(read_blocks(path))
     np.testing.assert_allclose(np.concatenate([b.time for b in blocks]), recording.time, atol=0.01)
+
+
+def test_bursts_are_followed_from_block_to_block_though_the_clock_drifts() -> None:
+    told, state = Told("x", str, "s", 100.0), BlockState(0, -0.01, 0.0, 0.05, -0.01)
+    for at in np.arange(200_000).reshape(20, -1):
+        true = 0.01 * at * (1.0 + 1e-9 * at)  # 200 ppm at the end
+        time, *_ = continue_stamps(true[at % 5 == 4].repeat(5) + 1e-4 * (at % 5), told, state)
+        assert np.abs(time - true).max() < 0.06
 
 
 def test_lost_samples_are_no_bursts(tumbled, csv) -> None:
