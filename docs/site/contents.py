@@ -42,6 +42,7 @@ CONTENTS = {
     "Explanation": [
         *(
             "joint",
+            "science",
             "uncertainty",
             "poses",
             "segmentation",

@@ -15,11 +15,16 @@ from map_page import page_with_floors, pages_with_tables  # noqa: E402  (a scrip
 
 PAGE = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
 QUESTIONS = PAGE[PAGE.index("## Where is") : PAGE.index("## How do I add")]
-ADDING = PAGE[PAGE.index("## How do I add") : PAGE.index("## Which way")]
+ADDING = PAGE[PAGE.index("## How do I add") : PAGE.index("## Rules")]
 
 
 def test_the_floors_are_those_of_the_contract() -> None:
     assert page_with_floors(PAGE) == PAGE, "the floors are behind the contract: run `make map`"
+
+
+def test_the_map_fits_two_screens() -> None:
+    assert len(PAGE.splitlines()) <= 110
+    assert len(PAGE.split()) <= 700
 
 
 def test_tables_of_records_have_the_records_rows() -> None:
@@ -36,3 +41,15 @@ def test_an_answer_names_a_module_that_is_there(room: str, modules: str) -> None
 @pytest.mark.parametrize("place", re.findall(r"`([a-z_]+/[a-z_/.]+)`", ADDING))
 def test_where_something_is_added_is_there(place: str) -> None:
     assert (ROOT / "src" / "tumble" / place).exists()
+
+
+SCIENCE = (ROOT / "docs" / "science.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("place", sorted(set(re.findall(r"`((?:\w+/)*\w+\.\w+)`", SCIENCE))))
+def test_an_equation_stands_where_the_page_of_science_says(place: str) -> None:
+    module, _, name = place.rpartition(".")
+    files = [*(ROOT / "src" / "tumble").rglob(f"{module}.py")]
+    assert files
+    defined = re.compile(rf"^ *(?:def|class) {name}\b", re.M)
+    assert name == "py" or any(defined.search(path.read_text(encoding="utf-8")) for path in files)
