@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import importlib.util
+import sys
 from pathlib import Path
-from typing import Any
-
-import pytest
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
+sys.path.insert(0, str(DOCS / "site"))
+
+import contents  # noqa: E402  (a script of the documentation, in no package)
+
 # `make docs` writes more into docs/reference.
 PAGES = sorted(
     page.relative_to(DOCS).with_suffix("").as_posix()
@@ -17,27 +18,17 @@ PAGES = sorted(
 )
 
 
-@pytest.fixture(scope="module")
-def contents() -> Any:
-    spec = importlib.util.spec_from_file_location("contents_of_the_docs", DOCS / "site" / "contents.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-def test_every_page_stands_in_one_section(contents: Any) -> None:
+def test_every_page_stands_in_one_section() -> None:
     assert {page: contents.sections_of(page) for page in PAGES if len(contents.sections_of(page)) != 1} == {}
     assert set(contents.READERS) == set(contents.CONTENTS)
 
 
-def test_every_entry_leads_to_a_page(contents: Any) -> None:
+def test_every_entry_leads_to_a_page() -> None:
     named = {one for pages in contents.CONTENTS.values() for one in pages if "*" not in one}
     assert {one for one in named if not one.startswith("reference/")} <= set(PAGES)
 
 
-def test_a_page_says_for_whom_it_is(contents: Any) -> None:
+def test_a_page_says_for_whom_it_is() -> None:
     for page in PAGES:
         text = (DOCS / f"{page}.md").read_text(encoding="utf-8")
         title, empty, said = contents.with_reader(page, text).splitlines()[:3]

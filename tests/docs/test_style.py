@@ -2,40 +2,28 @@
 
 from __future__ import annotations
 
-import importlib.util
 import sys
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "docs" / "site"))
+
+import words
 
 
-@pytest.fixture(scope="module")
-def words() -> Any:
-    path = ROOT / "docs" / "site" / "words.py"
-    spec = importlib.util.spec_from_file_location("words_of_the_docs", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-def test_every_message_keeps_the_rules(words: Any) -> None:
+def test_every_message_keeps_the_rules() -> None:
     assert [str(one) for one in words.judge_messages()] == []
 
 
-def test_every_page_keeps_the_rules(words: Any) -> None:
+def test_every_page_keeps_the_rules() -> None:
     assert [str(one) for one in words.judge_pages()] == []
     measured = words.readability()
     assert measured["long sentences, %"] <= 100.0 * words.LONG_SHARE
     assert measured["words a page"] <= words.WORDS_A_PAGE
 
 
-def test_messages_are_read_whole_whatever_way_they_are_written(words: Any) -> None:
+def test_messages_are_read_whole_whatever_way_they_are_written() -> None:
     source = (
         '"""A docstring tells."""\n'
         "x = (\n"
@@ -60,7 +48,7 @@ def test_messages_are_read_whole_whatever_way_they_are_written(words: Any) -> No
         (" ".join(["word"] * 31) + ".", "31 words, 30 at most"),
     ],
 )
-def test_what_breaks_a_rule_is_found(words: Any, text: str, rule: str) -> None:
+def test_what_breaks_a_rule_is_found(text: str, rule: str) -> None:
     (finding,) = words.judge(text, "here")
     assert finding.rule.startswith(rule)
 
@@ -74,10 +62,10 @@ def test_what_breaks_a_rule_is_found(words: Any, text: str, rule: str) -> None:
         "See [a page](../with-a/path-of.md#seven-words-that-do-not-count).",
     ],
 )
-def test_what_keeps_the_rules_is_left_alone(words: Any, text: str) -> None:
+def test_what_keeps_the_rules_is_left_alone(text: str) -> None:
     assert words.judge(text, "here") == []
 
 
-def test_code_formulas_and_links_are_no_prose(words: Any) -> None:
+def test_code_formulas_and_links_are_no_prose() -> None:
     page = "# A head\n\n```python\ntold = 1\n```\n\n    tumble tell\n\n$$told$$\n\n| a | b c |\n|---|---|\n| d | e |\n"
     assert words.prose_of(page) == ["A head", "a", "b c", "d", "e"]
