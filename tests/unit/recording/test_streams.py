@@ -1,77 +1,107 @@
-"""Two streams with stamps of their own become one, whole or piece by piece."""
+"""Two files or two arrays with one triad each become one recording on the gyro's stamps, or a sentence."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+import scipy.io
+from tests.unit.recording.by_hand import ROUNDED, said
 
-from tumble.errors import RecordingError
-from tumble.recording.formats.streams import Merging, merge_streams
-from tumble.recording.samples import Samples, joined
-
-SLOPES = np.array([[0.3, -2.0, 9.0], [0.7, 0.1, -0.4]])  # at t = 0, and per second
-
-
-def force_at(time: np.ndarray) -> np.ndarray:
-    return SLOPES[0] + time[:, None] * SLOPES[1]
+from tumble.errors import RecordingError, UsageError
+from tumble.recording import read_blocks, read_recording, read_recordings
 
 
-def streams(step: float = 0.02, offset: float = 0.0031) -> tuple[Samples, Samples]:
-    """A specific force that grows linearly, and a gyro at twice the rate."""
-    slow, fast = offset + step * np.arange(200), 0.01 * np.arange(400)
-    return Samples(slow, force_at(slow)), Samples(fast, None, np.column_stack([fast, -fast, 2.0 * fast]))
+@pytest.fixture
+def halves(tumbled, csv):
+    def write(first: str, second: str, other=None):
+        rows = tumbled.rows()
+        layout = {"header": None, "delimiter": "   "}
+        second_rows = (rows if other is None else other)[:, [0, 4, 5, 6]]
+        return [csv(rows[:, :4], name=first, **layout), csv(second_rows, name=second, **layout)]
+
+    return write
 
 
-def test_a_line_is_interpolated_exactly_at_the_gyro_s_stamps() -> None:
-    force, rates = streams()
-    merged, remarks = merge_streams("a.bag", ("/acc", force), ("/gyr", rates))
-    # Only rounding is left of a linear interpolation of a line.
-    np.testing.assert_allclose(merged.specific_force, force_at(merged.time), rtol=0, atol=1e-13)
-    assert np.array_equal(merged.angular_rate[:, 0], merged.time)
-    assert merged.time[0] == 0.01  # 0.00 s is before the accelerometer's first sample
-    assert any("interpolated" in r.text and r.kind == "mended" for r in remarks)
+@pytest.mark.parametrize(
+    ("first", "second"), [("xsens_acc.mat", "xsens_gyro.mat"), ("one.txt", "two.txt"), ("a.txt", "omega.txt")]
+)
+def test_names_or_content_tell_the_triads_in_either_order(tumbled, halves, first, second) -> None:
+    files = halves(first, second)
+    for order in (files, files[::-1]):
+        recording = read_recording(order)
+        assert tumbled.seen_in(recording)
+        assert len(recording.sources) == 2
+        assert sum(len(b) for b in read_blocks(order)) == len(recording)
+    assert len(read_recordings(files)) == 1
 
 
-def test_the_same_stamps_give_the_same_numbers() -> None:
-    time = 0.01 * np.arange(50)
-    force = np.random.default_rng(1).normal(size=(50, 3))
-    merged, remarks = merge_streams("a", ("f", Samples(time, force)), ("w", Samples(time, None, force + 1.0)))
-    assert np.array_equal(merged.specific_force, force)
-    assert remarks[0].kind == "found"
+def test_what_is_no_pair_is_refused(tumbled, halves, csv) -> None:
+    whole, late = csv(tumbled.rows()), tumbled.rows()
+    late[300:, 0] += 0.004
+    assert len(read_recordings([whole, whole])) == 2
+    for files, words in (
+        ([whole, whole], "no pair of triads"),
+        (halves("gyro.txt", "acc.txt"), r"seem exchanged.* the other way round with --columns\.$"),
+        (halves("1_acc.txt", "gyr.txt", late[:-10]), r"1_acc\.txt has 4050 rows and gyr\.txt has 4040"),
+        (halves("a.txt", "omega.txt", late), r"different stamps from line 301 on \(3 and 3\.004\)"),
+    ):
+        with pytest.raises(RecordingError, match=words):
+            read_recording(files)
 
 
-def test_piece_by_piece_is_as_whole() -> None:
-    force, rates = streams()
-    whole, _ = merge_streams("a", ("f", force), ("w", rates))
-    merging, pieces = Merging("a", "f", "w"), []
-    for start in range(0, 400, 37):
-        merging.add(force.cut(slice(start // 2, (start + 37) // 2)), rates.cut(slice(start, start + 37)))
-        pieces.append(merging.take())
-    pieces.append(merging.take(last=True))
-    whole_again = joined([p for p in pieces if p is not None])
-    assert np.array_equal(whole_again.time, whole.time)
-    assert np.array_equal(whole_again.specific_force, whole.specific_force)
-    assert merging.left_out == 400 - len(whole)
+def test_the_option_gives_two_lists(tumbled, halves) -> None:
+    alone = [read_recording(file) for file in halves("acc.txt", "gyro.txt")]
+    assert (alone[0].angular_rate, alone[1].specific_force) == (None, None)
+    files = halves("b.txt", "a.txt")
+    recording = read_recording(files, columns="t,ax,-ay,az;t,gx,gy,-gz")
+    assert np.abs(recording.specific_force[:, 1] + tumbled.specific_force[:, 1]).max() < ROUNDED
+    assert np.abs(recording.angular_rate[:, 2] + tumbled.angular_rate[:, 2]).max() < ROUNDED
+    with pytest.raises(UsageError, match="two lists"):
+        read_recording(files, columns="t,ax,ay,az")
 
 
-def test_nothing_is_interpolated_over_a_gap() -> None:
-    force, rates = streams()
-    keep = (force.time < 1.0) | (force.time > 2.0)
-    merged, remarks = merge_streams("a", ("f", force.cut(keep)), ("w", rates))
-    assert not np.any((merged.time > 1.01) & (merged.time < 1.99))
-    assert np.any(merged.time > 2.1)
-    assert any("gap" in r.text for r in remarks)
+@pytest.fixture
+def arrays(tumbled, tmp_path):
+    """A file of two arrays with a stamp column each, of which some rows are kept."""
+
+    def write(*, late=0.0, force=slice(None), rate=slice(None), last=False, tall=True):
+        made = {
+            "acc": np.column_stack([tumbled.time, tumbled.specific_force])[force],
+            "gyro": np.column_stack([tumbled.time + late, tumbled.angular_rate])[rate],
+        }
+        made = {name: np.roll(a, -1, axis=1) if last else a for name, a in made.items()}
+        path = tmp_path / "pair.mat"
+        scipy.io.savemat(path, {"data": {name: a if tall else a.T for name, a in made.items()}})
+        return path
+
+    return write
 
 
-def test_an_accelerometer_that_steps_back_is_refused() -> None:
-    force, rates = streams()
-    force.time[100] = force.time[98]
-    with pytest.raises(RecordingError, match=r"/acc step back from .* cut the recording there"):
-        merge_streams("a.bag", ("/acc", force), ("/gyr", rates))
+@pytest.mark.parametrize("layout", [{}, {"last": True}, {"tall": False}, {"force": slice(-100)}])
+def test_two_arrays_with_stamps_of_their_own_are_one_recording(tumbled, arrays, layout) -> None:
+    recording = read_recording(arrays(**layout))
+    count = len(tumbled.time) - 100 * ("force" in layout)
+    assert recording.rate == pytest.approx(100.0)
+    assert np.array_equal(recording.specific_force, tumbled.specific_force[:count])
+    assert np.array_equal(recording.angular_rate, tumbled.angular_rate[:count])
 
 
-def test_streams_of_two_times_are_refused() -> None:
-    force, rates = streams()
-    late = Samples(rates.time + 1000.0, None, rates.angular_rate)
-    with pytest.raises(RecordingError, match="no time in common"):
-        merge_streams("a", ("f", force), ("w", late))
+def test_other_stamps_are_brought_together_and_not_over_a_gap(tumbled, arrays) -> None:
+    """Nothing is extrapolated either: no rate before the first force or after the last."""
+    keep = (tumbled.time < 1.0) | (tumbled.time > 2.0)
+    between = 0.5 * (tumbled.specific_force[1:] + tumbled.specific_force[:-1])
+    for late, rows in ((0.005, slice(-1)), (-0.005, slice(1, None))):
+        whole, cut = (read_recording(arrays(late=late, force=part)) for part in (slice(None), keep))
+        assert np.allclose(whole.specific_force, between, rtol=0, atol=1e-12)
+        assert np.array_equal(whole.angular_rate, tumbled.angular_rate[rows])
+        assert "interpolated at the gyro's stamps" in said(whole, "mended")
+        assert not np.any((cut.time > 1.0) & (cut.time < 2.0))
+        assert len(cut) == len(whole) - 102
+        assert "gap" in said(cut)
+
+
+def test_streams_that_step_back_or_share_no_time_are_refused(arrays) -> None:
+    back = np.r_[0:100, 98, 101:4050]
+    for made, words in (({"force": back}, "step back from"), ({"late": 1000.0}, "no time in common")):
+        with pytest.raises(RecordingError, match=words):
+            read_recording(arrays(**made))
