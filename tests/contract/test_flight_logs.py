@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.unit.recording.by_hand import said
 
 from tumble.errors import RecordingError, UsageError
 from tumble.recording import read_recording
@@ -19,28 +20,25 @@ RATE = (np.array([0.01, 0.02, -0.03]) + 0.001 * RNG.normal(size=(200, 3))).astyp
 STAMPS = 5_000_000 + 4000 * np.arange(200)  # µs
 
 
-def texts(recording: Any) -> str:
-    return " ".join(r.text for r in recording.remarks)
-
-
 # -- PX4 ---------------------------------------------------------------------------------------------
 
 Message = tuple[str, int, str, str, list[tuple[Any, ...]]]
 
 
+def ulog_part(kind: bytes, body: bytes) -> bytes:
+    return struct.pack("<H", len(body)) + kind + body
+
+
 def write_ulog(path: Path, *messages: Message) -> None:
     """Each message: name, instance, fields, format of struct, rows."""
 
-    def part(kind: bytes, body: bytes) -> bytes:
-        return struct.pack("<H", len(body)) + kind + body
-
-    parts = [b"ULog\x01\x12\x35\x01" + bytes(8), part(b"B", bytes(40))]
+    parts = [b"ULog\x01\x12\x35\x01" + bytes(8), ulog_part(b"B", bytes(40))]
     for name in dict.fromkeys(m[0] for m in messages):
         fields = next(m[2] for m in messages if m[0] == name)
-        parts.append(part(b"F", f"{name}:uint64_t timestamp;{fields}".encode()))
+        parts.append(ulog_part(b"F", f"{name}:uint64_t timestamp;{fields}".encode()))
     for number, (name, instance, _, form, rows) in enumerate(messages):
-        parts.append(part(b"A", struct.pack("<BH", instance, number) + name.encode()))
-        parts += [part(b"D", struct.pack("<H", number) + struct.pack("<Q" + form, *row)) for row in rows]
+        parts.append(ulog_part(b"A", struct.pack("<BH", instance, number) + name.encode()))
+        parts += [ulog_part(b"D", struct.pack("<H", number) + struct.pack("<Q" + form, *row)) for row in rows]
     path.write_bytes(b"".join(parts))
 
 
@@ -69,7 +67,7 @@ def test_ulog_raw_sensors_are_read_where_they_are_fast(tmp_path: Path) -> None:
     assert np.array_equal(recording.angular_rate, RATE)
     assert np.array_equal(recording.time, STAMPS / 1e6)  # of the sample, not of its publication
     assert np.all(recording.temperature == 31.5)
-    assert "does not state" not in texts(recording)
+    assert "does not state" not in said(recording)
 
 
 def test_ulog_slow_raw_sensors_are_passed_over(tmp_path: Path) -> None:
@@ -78,8 +76,8 @@ def test_ulog_slow_raw_sensors_are_passed_over(tmp_path: Path) -> None:
     write_ulog(tmp_path / "a.ulg", *slow, combined())
     recording = read_recording(tmp_path / "a.ulg")
     assert len(recording) == 200
-    assert "sensor_combined:0 is read" in texts(recording)
-    assert "does not state CAL_ACC*, SENS_BOARD_*_OFF" in texts(recording)
+    assert "sensor_combined:0 is read" in said(recording)
+    assert "does not state CAL_ACC*, SENS_BOARD_*_OFF" in said(recording)
 
 
 def test_ulog_an_instance_is_named_after_a_colon(tmp_path: Path) -> None:
@@ -144,39 +142,35 @@ def test_ulog_fifo_messages_hold_many_samples(tmp_path: Path) -> None:
     np.testing.assert_allclose(recording.specific_force, 0.0005 * counts[:198], rtol=1e-7)
 
 
-def test_ulog_without_inertial_messages_is_refused(tmp_path: Path) -> None:
+def test_logs_without_inertial_messages_or_without_their_library_are_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     write_ulog(tmp_path / "a.ulg", ("battery_status", 0, "float voltage;", "f", [(1, 12.0), (2, 12.0)]))
-    with pytest.raises(RecordingError, match=r"holds none of the messages .* It knows battery_status"):
-        read_recording(tmp_path / "a.ulg")
-
-
-def test_the_extra_of_a_ulog_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "a.bin").write_bytes(FMT + described(10, 11, b"MODE", b"Q", b"TimeUS") + bytes(20))
+    for name, words in (
+        ("a.ulg", r"holds none of the messages .* It knows battery_status"),
+        ("a.bin", r"holds no message IMU, ACC, GYR or IMT; .* It describes FMT, MODE"),
+    ):
+        with pytest.raises(RecordingError, match=words):
+            read_recording(tmp_path / name)
     monkeypatch.setitem(sys.modules, "pyulog", None)
-    write_ulog(tmp_path / "a.ulg", combined())
     with pytest.raises(UsageError, match=r"pip install pyulog"):
         read_recording(tmp_path / "a.ulg")
 
 
-MAG = (
-    (np.array([0.21, -0.03, 0.43]) + 0.004 * RNG.normal(size=(200, 3))).astype(np.float32).astype(float)
-)  # gauss
-
-
-def field_of(recording: Any) -> Any:
-    assert recording.magnetic_field is not None
-    return recording.magnetic_field
+MAG = np.array([0.21, -0.03, 0.43]) + 0.004 * RNG.normal(size=(200, 3))
+MAG = MAG.astype(np.float32).astype(float)  # gauss
 
 
 def test_ulog_the_raw_magnetometer_has_its_own_rate_and_axes(tmp_path: Path) -> None:
     sensors = raw_sensor("accel", 0, FORCE), raw_sensor("gyro", 0, RATE), raw_sensor("mag", 0, MAG, 10)
     write_ulog(tmp_path / "a.ulg", *sensors)
     recording = read_recording(tmp_path / "a.ulg")
-    field = field_of(recording)
-    assert field.unit == "gauss"
-    assert np.array_equal(field.values, MAG[::10])
-    assert np.array_equal(field.time, STAMPS[::10] / 1e6)
+    assert recording.magnetic_field.unit == "gauss"
+    assert np.array_equal(recording.magnetic_field.values, MAG[::10])
+    assert np.array_equal(recording.magnetic_field.time, STAMPS[::10] / 1e6)
     assert np.array_equal(recording.specific_force, FORCE)
-    assert "own axes" in texts(recording)
+    assert "own axes" in said(recording)
 
 
 # -- ArduPilot ---------------------------------------------------------------------------------------
@@ -205,7 +199,7 @@ def test_dataflash_the_first_unit_is_read_and_the_others_are_listed(tmp_path: Pa
     write_dataflash(tmp_path / "a.bin")
     recording = read_recording(tmp_path / "a.bin")
     assert np.array_equal(recording.angular_rate, RATE)
-    assert "IMU:0 (200 samples, 250 Hz), IMU:1 (200 samples, 250 Hz)" in texts(recording)
+    assert "IMU:0 (200 samples, 250 Hz), IMU:1 (200 samples, 250 Hz)" in said(recording)
     second = read_recording(tmp_path / "a.bin", topics=["IMU[1]"])
     np.testing.assert_allclose(second.angular_rate, RATE + 1, rtol=1e-6)  # float32
 
@@ -214,10 +208,8 @@ def test_dataflash_is_read_as_pymavlink_reads_it(tmp_path: Path) -> None:
     reader = pytest.importorskip("pymavlink.DFReader", reason="pymavlink is not installed")
     write_dataflash(tmp_path / "a.bin")
     log = reader.DFReader_binary(str(tmp_path / "a.bin"))
-    rows = []
-    while (message := log.recv_match(type="IMU")) is not None:
-        if message.I == 0:
-            rows.append([message.AccX, message.AccY, message.AccZ])
+    read = iter(lambda: log.recv_match(type="IMU"), None)
+    rows = [[message.AccX, message.AccY, message.AccZ] for message in read if message.I == 0]
     log.close()
     assert np.array_equal(read_recording(tmp_path / "a.bin").specific_force, rows)
 
@@ -226,7 +218,7 @@ def test_dataflash_bytes_between_messages_are_left_out(tmp_path: Path) -> None:
     write_dataflash(tmp_path / "a.bin", middle=b"\x00\xa3\x95\xee\x00")
     recording = read_recording(tmp_path / "a.bin")
     assert np.array_equal(recording.specific_force, FORCE)
-    assert "5 bytes that are no message" in texts(recording)
+    assert "5 bytes that are no message" in said(recording)
 
 
 def test_dataflash_raw_sensors_and_increments(tmp_path: Path) -> None:
@@ -265,17 +257,9 @@ def test_dataflash_the_magnetometer(tmp_path: Path) -> None:
         file.write(b"".join(parts))
     recording = read_recording(tmp_path / "a.bin")
     assert np.array_equal(recording.specific_force, FORCE)
-    assert field_of(recording).unit == "mgauss"
-    assert np.array_equal(field_of(recording).values, whole)
-    assert np.array_equal(field_of(recording).time, STAMPS[::25] / 1e6)
-    assert "COMPASS_OFS" in texts(recording)
+    assert recording.magnetic_field.unit == "mgauss"
+    assert np.array_equal(recording.magnetic_field.values, whole)
+    assert np.array_equal(recording.magnetic_field.time, STAMPS[::25] / 1e6)
+    assert "COMPASS_OFS" in said(recording)
     second = read_recording(tmp_path / "a.bin", topics=["IMU:0", "MAG:1"])
-    assert np.array_equal(field_of(second).values, whole + 1)
-
-
-def test_dataflash_without_inertial_messages_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "a.bin").write_bytes(FMT + described(10, 11, b"MODE", b"Q", b"TimeUS") + bytes(20))
-    with pytest.raises(
-        RecordingError, match=r"holds no message IMU, ACC, GYR or IMT; .* It describes FMT, MODE"
-    ):
-        read_recording(tmp_path / "a.bin")
+    assert np.array_equal(second.magnetic_field.values, whole + 1)

@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 from msgspec import structs
 from scipy.spatial.transform import Rotation
+from tests.unit.recording.by_hand import said
 
-from contract.test_flight_logs import FMT, described
+from contract.test_flight_logs import FMT, described, ulog_part
 from tumble.document.imported import calibration_from_model
 from tumble.document.magnetometer_block import MagnetometerBlock
 from tumble.document.result import Calibration
@@ -21,8 +22,6 @@ from tumble.earth import Site
 from tumble.errors import RecordingError, UsageError
 from tumble.recording import Recording, read_recording
 from tumble.recording.doctor import inspect_recording
-from tumble.recording.formats.logs.own_parameters import ArduPilot, OwnParameters, Px4
-from tumble.recording.samples import Samples
 from tumble.sensor import ImuModel, Triad
 from tumble.simulation import Motion, find_grade, poses_26, simulate_recording
 from tumble.workflows.calibrate import calibrate
@@ -123,14 +122,10 @@ def ardupilot(kind: str, u: np.ndarray, p: Parameters, celsius: np.ndarray) -> n
     return np.array(made) @ TURNS[int(p.get("AHRS_ORIENTATION", 0))].T
 
 
-def part(kind: bytes, body: bytes) -> bytes:
-    return struct.pack("<H", len(body)) + kind + body
-
-
 def parameter(name: str, value: float) -> bytes:
     whole = isinstance(value, int)
     key = f"{'int32_t' if whole else 'float'} {name}".encode()
-    return part(b"P", bytes([len(key)]) + key + struct.pack("<i" if whole else "<f", value))
+    return ulog_part(b"P", bytes([len(key)]) + key + struct.pack("<i" if whole else "<f", value))
 
 
 TEMPERED = [
@@ -187,13 +182,13 @@ def ulog(
     }  # fmt: skip
     names = [n for n in LAYOUTS if n.startswith((message, "sensor_selection", "sensor_correction"))]
     names += ["vehicle_magnetometer"]
-    parts = [b"ULog\x01\x12\x35\x01" + bytes(8), part(b"B", bytes(40))]
-    parts += [part(b"F", f"{name}:uint64_t timestamp;{LAYOUTS[name]}".encode()) for name in names]
+    parts = [b"ULog\x01\x12\x35\x01" + bytes(8), ulog_part(b"B", bytes(40))]
+    parts += [ulog_part(b"F", f"{name}:uint64_t timestamp;{LAYOUTS[name]}".encode()) for name in names]
     parts += [parameter(*pair) for pair in p.items()]
-    parts += [part(b"A", struct.pack("<BH", 0, n) + name.encode()) for n, name in enumerate(names)]
+    parts += [ulog_part(b"A", struct.pack("<BH", 0, n) + name.encode()) for n, name in enumerate(names)]
 
     def data(name: str, row: bytes) -> bytes:
-        return part(b"D", struct.pack("<H", names.index(name)) + row)
+        return ulog_part(b"D", struct.pack("<H", names.index(name)) + row)
 
     for device in selected:
         parts.append(data("sensor_selection", struct.pack("<QII", int(stamps[0]), device, 2310988)))
@@ -260,10 +255,6 @@ def dataflash(
     return path
 
 
-def texts(recording: Any) -> str:
-    return " ".join(r.text for r in recording.remarks)
-
-
 def assert_raw(recording: Recording, tolerance: float = 2e-6) -> None:
     """Both triads are what the sensors gave; logs are of single precision."""
     np.testing.assert_allclose(recording.specific_force, FORCE, atol=10.0 * tolerance)
@@ -282,7 +273,7 @@ def test_a_px4_log_with_parameters_is_the_recording_without_them(tmp_path: Path,
         recording = read_recording(ulog(tmp_path / f"{name}.ulg", p, message=message), topics=[message])
         assert_raw(recording)
         np.testing.assert_allclose(recording.magnetic_field.values, 1e-3 * FIELD, atol=2e-7)
-        assert ("parameters are undone" in texts(recording)) == (name == "active")
+        assert ("parameters are undone" in said(recording)) == (name == "active")
         assert not [r for r in recording.remarks if r.kind == "corrected"]
 
 
@@ -298,7 +289,7 @@ def test_an_ardupilot_log_with_parameters_is_the_recording_without_them(
         assert_raw(recording)
         assert recording.magnetic_field is not None
         np.testing.assert_allclose(recording.magnetic_field.values, FIELD, atol=2e-4)
-        assert ("parameters are undone" in texts(recording)) == (name == "active")
+        assert ("parameters are undone" in said(recording)) == (name == "active")
 
 
 def test_px4_thermal_offsets_are_those_that_the_log_says_were_applied(tmp_path: Path) -> None:
@@ -315,33 +306,37 @@ def test_parameters_that_change_in_a_log_hold_from_then_on_px4_and_ardupilot(tmp
     later = {"CAL_GYRO0_XOFF": 0.05, "CAL_GYRO0_ZOFF": -0.04}
     recording = read_recording(ulog(tmp_path / "a.ulg", PX4, later=later))
     assert_raw(recording)
-    assert "CAL_GYRO0_XOFF = 0.01, then 0.05" in texts(recording)
+    assert "CAL_GYRO0_XOFF = 0.01, then 0.05" in said(recording)
     path = dataflash(tmp_path / "a.bin", ARDUPILOT, later={"INS_GYR2OFFS_Z": -0.07})
-    recording = read_recording(path)
+    first, last = (
+        b"\xa3\x95\x40" + struct.pack("<Q16sff", STAMPS[150] - 1, b"INS_GYR2OFFS_Z", value, 7.0)
+        for value in (5.0, -0.07)
+    )
+    recording = read_recording(
+        changed(path, (last, first + last))
+    )  # of two changes at one time the last holds
     assert_raw(recording)
-    assert "INS_GYR2OFFS_Z = 0.03, then -0.07" in texts(recording)
+    assert re.search("INS_GYR2OFFS_Z = 0.03, .*then -0.07", said(recording))
 
 
 def test_parameters_are_said_with_their_values_px4_and_ardupilot(tmp_path: Path) -> None:
-    recording = read_recording(ulog(tmp_path / "a.ulg", PX4))
-    said = [r.text for r in recording.remarks if r.kind == "mended"]
-    assert len(said) == 2  # of the IMU and of the magnetometer
-    told = ["CAL_ACC1_XOFF = 0.12", "CAL_ACC1_YSCALE = 0.97", "CAL_GYRO0_YOFF = -0.02", "SENS_BOARD_ROT = 2"]
-    assert all(name in said[0] for name in told)
-    assert "CAL_ACC0" not in said[0]  # of another sensor
-    assert "CAL_MAG0_ROT = 6" in said[1]
-    path = dataflash(tmp_path / "a.bin", ARDUPILOT)
-    said = [r.text for r in read_recording(path).remarks if r.kind == "mended"]
-    told = [
-        "INS_ACC2OFFS_X = 0.21",
-        "INS_ACC2SCAL_Y = 0.97",
-        "INS_GYR2OFFS_Z = 0.03",
-        "AHRS_ORIENTATION = 16",
-    ]
-    assert all(name in said[0] for name in told)
-    assert "COMPASS_OFS2_X = -41" in said[1]
-    assert "INS_ACCOFFS_X" not in " ".join(said)
-    assert corrections_of([path]) == ()  # it is raw, for `apply`, `calibrate` and `verify`
+    logs = ulog(tmp_path / "a.ulg", PX4), dataflash(tmp_path / "a.bin", ARDUPILOT)
+    px4_told = (
+        "CAL_ACC1_XOFF = 0.12",
+        "CAL_ACC1_YSCALE = 0.97",
+        "CAL_GYRO0_YOFF = -0.02",
+        "SENS_BOARD_ROT = 2",
+    )
+    told = "INS_ACC2OFFS_X = 0.21", "INS_ACC2SCAL_Y = 0.97", "INS_GYR2OFFS_Z = 0.03", "AHRS_ORIENTATION = 16"
+    for path, names, compass, another in (
+        (logs[0], px4_told, "CAL_MAG0_ROT = 6", "CAL_ACC0"),
+        (logs[1], told, "COMPASS_OFS2_X = -41", "INS_ACCOFFS_X"),
+    ):
+        imu, field = (r.text for r in read_recording(path).remarks if r.kind == "mended")
+        assert all(name in imu for name in names)
+        assert compass in field
+        assert another not in imu + field  # of another sensor
+    assert corrections_of([logs[1]]) == ()  # it is raw, for `apply`, `calibrate` and `verify`
 
 
 def test_px4_raw_sensors_are_not_touched(tmp_path: Path) -> None:
@@ -349,68 +344,76 @@ def test_px4_raw_sensors_are_not_touched(tmp_path: Path) -> None:
         ulog(tmp_path / "a.ulg", PX4, message="sensor_"), topics=["sensor_accel", "sensor_gyro"]
     )
     assert_raw(recording)
-    assert "CAL_ACC" not in texts(recording)
+    assert "CAL_ACC" not in said(recording)
 
 
-def test_px4_numbers_of_two_sensors_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(
-        RecordingError, match=r"does not state which of the sensors with CAL_ACCn_ID 77, 1310988"
+def test_what_cannot_be_undone_is_refused_px4_and_ardupilot(tmp_path: Path) -> None:
+    board = (struct.pack("<16sf", b"AHRS_ORIENTATION", number) for number in (0.0, 101.0))
+    scale = (b"CAL_ACC1_XSCALE" + struct.pack("<f", number) for number in (1.02, 0.0))
+    for path, words in (
+        (
+            ulog(tmp_path / "a", PX4, selected=(1310988, 77)),
+            "which of the sensors with CAL_ACCn_ID 77, 1310988",
+        ),
+        (
+            changed(dataflash(tmp_path / "b", at_defaults(ARDUPILOT)), tuple(board)),
+            "AHRS_ORIENTATION is 101, a rot",
+        ),
+        (changed(ulog(tmp_path / "c", PX4), tuple(scale)), "scale factor of ACC in the log is 0"),
     ):
-        read_recording(ulog(tmp_path / "a.ulg", PX4, selected=(1310988, 77)))
-
-
-def test_a_rotation_of_its_own_is_refused(tmp_path: Path) -> None:
-    path = dataflash(tmp_path / "a.bin", at_defaults(ARDUPILOT))
-    before, after = (struct.pack("<16sf", b"AHRS_ORIENTATION", number) for number in (0.0, 101.0))
-    path.write_bytes(path.read_bytes().replace(before, after))
-    with pytest.raises(RecordingError, match="AHRS_ORIENTATION is 101, a rotation of its own"):
-        read_recording(path)
+        with pytest.raises(RecordingError, match=words):
+            read_recording(path)
 
 
 def test_what_a_log_does_not_state_is_said_by_its_names_px4_and_ardupilot(tmp_path: Path) -> None:
     lacking = ulog(tmp_path / "a.ulg", {}), dataflash(tmp_path / "a.bin", {})
-    told = (
-        "CAL_ACC*, SENS_BOARD_*_OFF, SENS_BOARD_ROT, CAL_GYRO*",
-        "AHRS_ORIENTATION, INS_ACC2SCAL_*, INS_ACC2OFFS_*, INS_GYR2OFFS_*",
-    )
-    for path, names in zip(lacking, told, strict=True):
+    told = "CAL_ACC*, SENS_BOARD_*_OFF, SENS_BOARD_ROT", "AHRS_ORIENTATION, INS_ACC2SCAL_*, INS_ACC2OFFS_*"
+    for path, names, gyro in zip(lacking, told, ("CAL_GYRO*", "INS_GYR2OFFS_*"), strict=True):
         recording = read_recording(path)
         remark = next(r.text for r in recording.remarks if r.kind == "corrected")
-        assert f"does not state {names}," in remark
-        assert "own axes" not in texts(recording)  # vehicle_magnetometer's are those of the autopilot
+        assert f"does not state {names}, {gyro}," in remark
+        assert "own axes" not in said(recording)  # vehicle_magnetometer's are those of the autopilot
         made = structs.replace(document(), remarks=[remark])
         done = convert_to(made, "ardupilot", output=tmp_path / "out", largest_loss=0.1)
         assert sum("had their defaults while it was recorded" in text for text in done.remarks) == 1
 
 
-def test_what_a_temperature_s_compensation_lacks_is_said() -> None:
-    made = OwnParameters({"INS_TCAL1_ENABLE": 1.0}, [], ArduPilot(0, (np.zeros(1), np.full(1, 20.0))))
-    _, said = made.undone(Samples(np.zeros(2), angular_rate=np.ones((2, 3))), "log")
-    names = "INS_TCAL1_GYR1_*, INS_TCAL1_GYR2_*, INS_TCAL1_GYR3_*, INS_TCAL1_TMIN, INS_TCAL1_TMAX, INS_GYR1_CALTEMP,"
-    assert names in said[-1].text
+def changed(path: Path, *changes: tuple[bytes, bytes]) -> Path:
+    """The log with some bytes of its parameters replaced."""
+    for before, after in changes:
+        assert before in path.read_bytes()
+        path.write_bytes(path.read_bytes().replace(before, after))
+    return path
 
 
-def test_a_sensor_without_a_curve_has_no_thermal_offset_in_px4() -> None:
-    columns = {"timestamp": np.zeros(1), "accel_device_ids[0]": np.array([5])}
-    columns |= {f"accel_offset_0[{axis}]": np.ones(1) for axis in range(3)}
-    made = OwnParameters({"CAL_ACC0_ID": 7.0, "TC_A_ENABLE": 1.0}, [], Px4({"ACC": [7]}, columns))
-    samples, _ = made.undone(Samples(np.zeros(2), specific_force=np.ones((2, 3))), "log")
-    np.testing.assert_array_equal(samples.specific_force, np.ones((2, 3)))
-    older = OwnParameters(made.first, [], Px4({"ACC": [7]}, {"timestamp": np.zeros(1)}))
+def test_what_a_temperature_s_compensation_lacks_is_said(tmp_path: Path) -> None:
+    on, off = (struct.pack("<16sf", b"INS_TCAL2_ENABLE", value) for value in (1.0, 0.0))
+    path = changed(dataflash(tmp_path / "a.bin", {"INS_TCAL2_ENABLE": 0.0}), (off, on))
+    told = said(read_recording(path))
+    lacking = [f"INS_TCAL2_GYR{power}_*" for power in (1, 2, 3)]
+    lacking += ["INS_TCAL2_TMIN", "INS_TCAL2_TMAX", "INS_GYR2_CALTEMP"]
+    assert not [name for name in lacking if name not in told]
+
+
+def test_a_sensor_without_a_curve_has_no_thermal_offset_in_px4(tmp_path: Path) -> None:
+    path = ulog(tmp_path / "a.ulg", {**PX4, "TC_A_ENABLE": 1}, thermal=True)
+    other = struct.pack("<4I", 5, 1310988, 0, 0), struct.pack("<4I", 5, 6, 0, 0)
+    recording = read_recording(changed(path, other))
+    applied = np.where(np.arange(300)[:, None] < 150, 0.0, [0.3, 0.2, -0.1])
+    np.testing.assert_allclose(recording.specific_force, FORCE - applied, atol=2e-5)
     with pytest.raises(RecordingError, match="lacks sensor_correction with device_ids"):
-        older.undone(samples, "log")
+        read_recording(changed(path, (b"accel_device_ids", b"accel_device_idz")))
 
 
 def test_a_magnetometer_of_px4_that_cannot_be_undone_is_left_out_unless_it_is_asked_for(
     tmp_path: Path,
 ) -> None:
-    path = ulog(tmp_path / "a.ulg", PX4)
-    before, after = (b"CAL_MAG0_ROT" + struct.pack("<i", number) for number in (6, 100))
-    path.write_bytes(path.read_bytes().replace(before, after))
+    turned = (b"CAL_MAG0_ROT" + struct.pack("<i", number) for number in (6, 100))
+    path = changed(ulog(tmp_path / "a.ulg", PX4), tuple(turned))
     recording = read_recording(path)
     assert_raw(recording)
     assert recording.magnetic_field is None
-    assert "the magnetometer is left out. The log's CAL_MAG0_ROT is 100" in texts(recording)
+    assert "the magnetometer is left out. The log's CAL_MAG0_ROT is 100" in said(recording)
     with pytest.raises(RecordingError, match="CAL_MAG0_ROT is 100, a rotation of its own"):
         read_recording(path, topics=["sensor_combined", "vehicle_magnetometer"])
 
@@ -521,17 +524,3 @@ def test_a_magnetometer_that_an_earlier_version_calibrated_on_top_is_left_out(tm
         text = "".join(file.read_text("utf-8") for file in found.files)
         assert ("COMPASS_OFS_X" in text) == written
         assert any("on top of the autopilot's own parameters" in r for r in found.remarks) != written
-
-
-def test_of_two_changes_at_one_time_the_last_holds() -> None:
-    time = np.array([0.0, 1.0])
-    made = OwnParameters({}, [(0.5, "INS_GYROFFS_X", 2.0), (0.5, "INS_GYROFFS_X", 1.0)], ArduPilot(0, None))
-    samples, _ = made.undone(Samples(time, angular_rate=np.zeros((2, 3))), "log")
-    np.testing.assert_allclose(samples.angular_rate, [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
-
-
-def test_what_a_scale_factor_of_zero_made_zero_is_refused() -> None:
-    stated = {f"CAL_ACC0_{axis}SCALE": 0.0 for axis in "XYZ"} | {"CAL_ACC0_ID": 7.0}
-    made = OwnParameters(stated, [], Px4({"ACC": [7]}, None))
-    with pytest.raises(RecordingError, match="scale factor of ACC in the log is 0"):
-        made.undone(Samples(np.zeros(2), specific_force=np.ones((2, 3))), "log")
