@@ -1,26 +1,36 @@
-"""The stored numbers are those that the thesis prints: shapes, and cells typed over a second time."""
+"""The stored numbers are those that the papers print, typed over a second time; and how they are judged."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
 
+from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED
+from tumble_papers.hayal.chapter_4 import _judged
 from tumble_papers.hayal.norm_batch import FORCE_ERRORS, FORCE_NOISE, GYRO_ERRORS, RATE_NOISE
+from tumble_papers.hayal.scenarios import (
+    FAR,
+    ONE_RUN,
+    TABLES,
+    criterion,
+    judge_estimate,
+    judge_sigma,
+    one_run_factor,
+)
 from tumble_papers.study import hayal, zhang
+from tumble_papers.zhang.tables import (
+    error_factor,
+    judge_error,
+    judge_scatter,
+    scatter_factors,
+    standard_deviation,
+)
 
-FIELD = {"5.2": 3, "5.3": 9, "5.4": 9, "A.1": 3, "A.2": 9, "A.3": 3, "A.4": 9, "A.5": 3, "A.6": 9} | {
-    "B.1": 9,
-    "B.2": 9,
-    "B.3": 9,
-}
-
-
-def cell(table: str, imu: str, parameter: str, minutes: str) -> dict[str, Any]:
-    rows = hayal()["tables"][table]["rows"]
-    (row,) = [r for r in rows if (r["imu"], r["parameter"]) == (imu, parameter)]
-    return row["minutes"][minutes]
+FIELD = dict.fromkeys(("5.2", "A.1", "A.3", "A.5"), 3)
+FIELD |= dict.fromkeys(("5.3", "5.4", "A.2", "A.4", "A.6", "B.1", "B.2", "B.3"), 9)
 
 
 @pytest.mark.parametrize(
@@ -39,15 +49,19 @@ def test_differences_are_estimates_minus_truth(table: str, true: float) -> None:
 @pytest.mark.parametrize(("table", "parameters"), FIELD.items())
 def test_a_field_table_has_both_units_and_three_times(table: str, parameters: int) -> None:
     rows = hayal()["tables"][table]["rows"]
-    assert len(rows) == 2 * parameters
-    assert [row["imu"] for row in rows] == parameters * ["HG1700"] + parameters * ["HG1900"]
     names = ["b x", "b y", "b z", "s x", "s y", "s z", "θ yz", "θ zx", "θ zy"][:parameters]
-    assert [row["parameter"] for row in rows] == 2 * names
+    assert [(row["imu"], row["parameter"]) for row in rows] == [
+        (imu, name) for imu in ("HG1700", "HG1900") for name in names
+    ]
     for row in rows:
         assert set(row["minutes"]) == {"1", "3", "5"}
         for entry in row["minutes"].values():
             assert np.isfinite(entry["estimate"])
             assert entry["sigma"] > 0.0
+
+
+def test_every_field_table_is_simulated() -> None:
+    assert set(FIELD) == set(TABLES) == {t for t in hayal()["tables"] if not t.startswith("4.")}
 
 
 # Typed from the thesis' pages, apart from the stored file.
@@ -72,23 +86,24 @@ SPOTS = [
 def test_cells_are_as_printed(
     table: str, imu: str, parameter: str, minutes: str, estimate: float, sigma: float
 ) -> None:
-    assert cell(table, imu, parameter, minutes) == {"estimate": estimate, "sigma": sigma}
+    rows = hayal()["tables"][table]["rows"]
+    (row,) = [r for r in rows if (r["imu"], r["parameter"]) == (imu, parameter)]
+    assert row["minutes"][minutes] == {"estimate": estimate, "sigma": sigma}
 
 
-def test_cells_of_the_simulated_tables_are_as_printed() -> None:
-    tables = hayal()["tables"]
-    assert tables["4.2"]["rows"][1]["cases"][2] == {
-        "estimate": 4.06e-5,
-        "sigma": 4.27e-5,
-        "difference": 3.57e-5,
-    }
-    assert tables["4.3"]["rows"][4]["cases"][1]["estimate"] == 25467.152
-    assert tables["4.4"]["rows"][7]["cases"][1]["sigma"] == 70860.251
-    assert tables["4.5"]["rows"][6]["cases"][1] == {
-        "estimate": 127.802,
-        "sigma": 32.018,
-        "difference": 27.802,
-    }
+@pytest.mark.parametrize(
+    ("table", "row", "case", "printed"),
+    [
+        ("4.2", 1, 2, {"estimate": 4.06e-5, "sigma": 4.27e-5, "difference": 3.57e-5}),
+        ("4.3", 4, 1, {"estimate": 25467.152}),
+        ("4.4", 7, 1, {"sigma": 70860.251}),
+        ("4.5", 6, 1, {"estimate": 127.802, "sigma": 32.018, "difference": 27.802}),
+    ],
+)
+def test_cells_of_the_simulated_tables_are_as_printed(
+    table: str, row: int, case: int, printed: dict[str, float]
+) -> None:
+    assert printed.items() <= hayal()["tables"][table]["rows"][row]["cases"][case].items()
 
 
 def test_positions_are_as_printed() -> None:
@@ -99,9 +114,8 @@ def test_positions_are_as_printed() -> None:
     assert last["1"] == {"mean": 21.72845, "sigma": 31.48215}
     assert last["3"] == {"mean": 0.01861, "sigma": 0.25578}
     outages = tables["5.7"]["outages"]
-    assert set(outages) == {"HG1700", "HG1900"}
-    for imu in outages.values():
-        assert {gap: len(cells) for gap, cells in imu.items()} == {"2": 4, "10": 4, "30": 4, "60": 4}
+    counts = {imu: {gap: len(cells) for gap, cells in gaps.items()} for imu, gaps in outages.items()}
+    assert counts == dict.fromkeys(("HG1700", "HG1900"), dict.fromkeys(("2", "10", "30", "60"), 4))
     assert outages["HG1700"]["60"][2] == {"mean": 23.9707, "sigma": 147.8637}
     assert outages["HG1900"]["30"][3] == {"mean": 2.8572, "sigma": 24.6951}
 
@@ -110,12 +124,13 @@ def test_what_is_simulated_is_what_the_thesis_prints() -> None:
     """Table 4.1 in the simulation; table 2.1 in table 3.1, for samples of one second."""
     tables = hayal()["sheet_tables"]
     printed = {row["parameter"]: row for row in tables["4.1"]["rows"]}
+    names = ("bias", "scale factor error", "non-orthogonality")
     for triad, errors, noise in (
         ("gyro", GYRO_ERRORS, RATE_NOISE),
         ("accelerometer", FORCE_ERRORS, FORCE_NOISE),
     ):
-        bias, scale, angle = (printed[p][triad] for p in ("bias", "scale factor error", "non-orthogonality"))
-        np.testing.assert_allclose(errors, np.repeat([bias, 1e-6 * scale, 1e-6 * angle], 3), rtol=1e-12)
+        values = [printed[name][triad] * (1.0 if name == "bias" else 1e-6) for name in names]
+        np.testing.assert_allclose(errors, np.repeat(values, 3), rtol=1e-12)
         assert noise == printed["noise"][triad]
     sheet = {row["parameter"]: row for row in tables["2.1"]["rows"]}
     force, rate = tables["3.1"]["rows"]
@@ -175,3 +190,79 @@ def test_zhang_s_last_column_is_the_difference_of_the_others(
         scale = 1e6 / before if "scale" in row["group"] else 1.0
         digits = 1.1e-4 if row["group"] == "gyro bias" else 0.016
         np.testing.assert_allclose((after - before) * scale, said, atol=digits)
+
+
+# Verdicts --------------------------------------------------------------------------------------------
+
+OURS, ONE, ROW = np.array([1.0, 2.0, 3.0, 8.0]), np.array([1.0]), np.ones((1, 3))
+ZERO_AWAY = "its estimate is 15 times sheet and sigma together from zero"
+
+
+@pytest.mark.parametrize(
+    ("judge", "told", "fits", "words"),
+    [
+        # a sigma between the lowest and the highest is one of ours; beyond it is not, and it is said why
+        *((judge_sigma, (printed, OURS, 2.0, 17), True, []) for printed in (1.0, 2.5, 8.0)),
+        # 10 / median 2.5; sigma0 10 / 2
+        (judge_sigma, (10.0, OURS, 2.0, 17), False, ["4 times the median", "about 5:", "wandered more"]),
+        # sigma0 0.5 / 2: less than white noise of the sheet's size leaves
+        (
+            judge_sigma,
+            (0.5, OURS, 2.0, 17),
+            False,
+            ["0.2 times the median", "about 0.25:", "quieter than the sheet"],
+        ),
+        (judge_sigma, (0.5, OURS, 0.25, 17), False, ["wandered less"]),
+        # one unit is compared by the F distribution
+        (judge_sigma, (9.0, ONE, 1.0, 17), True, [""]),
+        (judge_sigma, (1 / 9.0, ONE, 1.0, 17), True, [""]),
+        (judge_sigma, (11.0, ONE, 1.0, 17), False, [""]),
+        (judge_sigma, (1 / 11.0, ONE, 1.0, 17), False, [""]),
+        (judge_sigma, (600.0, ONE, 1.0, 1), True, [""]),
+        # an estimate far from zero is plausible if ours are as far off; few units cannot tell that it is rare
+        (judge_estimate, (15.0, 0.03, 500), True, [f"{ZERO_AWAY}; so far off are 3 % of ours"]),
+        (judge_estimate, (3.5, 0.002, 500), False, ["0.2 % of ours"]),
+        (judge_estimate, (15.0, 0.0, 200), True, [""]),
+        (judge_estimate, (15.0, 0.0, 400), False, [""]),
+        (judge_estimate, (15.0, 0.0, 1), True, [ZERO_AWAY]),
+        # of one run sigma and difference are judged roughly; five of its own sigmas are no chance
+        (_judged, (2.9, 2.0, ROW, ROW, 100.0), INSIDE, []),
+        (_judged, (3.1, 2.0, ROW, ROW, 100.0), OUTSIDE, [""]),
+        (_judged, (0.32, 0.1, ROW, ROW, 100.0), OUTSIDE, [""]),
+        (_judged, (1.0, 5.0, ROW, ROW, 100.0), OUTSIDE, ["5 times its own sigma"]),
+        (judge_scatter, (1.0, 0.9, 1.1, 1.05, 500), INSIDE, []),
+        (judge_scatter, (2.0, 0.9, 1.1, 1.0, 500), OUTSIDE, ["2.00 times ours"]),
+        (judge_scatter, (1.0, 0.0, 2.0, 1.0, 19), UNJUDGED, [""]),
+        # with 499 degrees of freedom 99.9 % lie within 3.31
+        (judge_error, (-3.3, 1.0, 500), INSIDE, []),
+        (judge_error, (-3.4, 1.0, 500), OUTSIDE, ["3.4 standard deviations"]),
+        (judge_error, (-3.4, 1.0, 500, 0.1), INSIDE, []),
+    ],
+)
+def test_printed_numbers_are_judged(
+    judge: Callable[..., tuple[Any, str]], told: tuple[Any, ...], fits: object, words: list[str]
+) -> None:
+    verdict, reason = judge(*told)
+    assert verdict == fits
+    assert [word for word in words if word not in reason] == []
+    # no words at all where nothing needs to be said
+    assert (reason == "") or words
+
+
+def test_factors_of_chance_are_those_of_tables() -> None:
+    """F of (1, 1) at 99.5 % is 16211, of (17, 17) 3.71; Student's t of 99.9 % is 637 and 3.31."""
+    assert judge_estimate(FAR, 0.0, 500) == (True, "")
+    assert one_run_factor(1) == pytest.approx(ONE_RUN * np.sqrt(16211.0), rel=1e-4)
+    assert one_run_factor(17) == pytest.approx(ONE_RUN * np.sqrt(3.707), rel=1e-3)
+    assert error_factor(1) == pytest.approx(636.6, rel=1e-3)
+    assert error_factor(500) == pytest.approx(3.31, abs=0.01)
+    low, high = scatter_factors(500)
+    assert low == pytest.approx(1.0 / high, rel=1e-9)
+    # two standard deviations of 500 runs differ by 4.5 %: 3.29 of it
+    assert high == pytest.approx(1.0 + 3.29 * 0.045, abs=0.02)
+    assert scatter_factors(20)[1] > 1.5
+    assert standard_deviation(np.array([[1.0, -2.0]])) == pytest.approx([1.0, 2.0])
+    assert standard_deviation(np.array([[1.0], [3.0]])) == pytest.approx([np.sqrt(2.0)])
+    assert "500 simulated units" in criterion(500, 17)
+    assert "factor of 9.6" in criterion(1, 17)
+    assert "1 degree of freedom" in criterion(1, 1)

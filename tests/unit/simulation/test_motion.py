@@ -1,109 +1,213 @@
-"""Motion: closed formulas against one another and against integration."""
+"""Motions and what is recorded of them: one motion in rate, attitude and force; the chain to a file; the chamber."""
 
 from __future__ import annotations
-
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from tumble.earth import Site
-from tumble.errors import UsageError
-from tumble.simulation import Motion, poses_26
-from tumble.simulation.motion import Detours
-from tumble.simulation.spin_shapes import SpinShapes
+from tumble.protocol import HoldStep, Pose, Protocol, RampStep, SoakStep, TurnStep
+from tumble.recording import Recording
+from tumble.simulation import (
+    Chamber,
+    Imperfections,
+    Motion,
+    find_grade,
+    find_thermal_grade,
+    play_protocol,
+    poses_26,
+    simulate_chamber,
+    simulate_recording,
+)
+from unit.given import given, signals
 
 SITE = Site.from_latitude(np.radians(-33.0))
 STILL = Site.from_gravity(9.79)
+X_UP, Y_UP, Z_UP = (Pose(axis) for axis in np.eye(3))
 
 
-@pytest.fixture
-def motion() -> Motion:
-    poses = poses_26(0.7)[[0, 9, 22, 4]]
-    return replace(
-        Motion.between_poses(poses, np.array([1.0, 2.0, 1.5, 1.0]), np.array([0.8, 1.2, 2.0])),
-        lever_arm_b=np.array([0.1, -0.05, 0.2]),
-        detours=Detours(
-            np.array([1.0, 3.8, 6.5]),
-            np.array([0.8, 1.2, 2.0]),
-            np.array([[0.2, 0.0, -0.5], [0.0, 0.1, 0.3], [-0.2, 0.3, 0.0]]),
-        ),
+def by_hand(*, placement: bool = True) -> Motion:
+    """Three turns between poses, off the shortest way where they are made by hand."""
+    steps = [HoldStep(1.0, pose) for pose in (Z_UP, X_UP, Y_UP, Z_UP)]
+    turns = [TurnStep(0.8), TurnStep(1.2), TurnStep(2.0)]
+    protocol = Protocol(
+        "p", "multi-position", (*(s for p in zip(steps, turns, strict=False) for s in p), steps[3])
     )
+    arm = np.array([0.1, -0.05, 0.2])
+    return play_protocol(protocol, np.random.default_rng(1), placement=placement, lever_arm_b=arm).motion
 
 
-def test_holds_and_turns_follow_one_another(motion: Motion) -> None:
-    np.testing.assert_allclose(motion.hold_edges, [[0, 1], [1.8, 3.8], [5, 6.5], [8.5, 9.5]], rtol=1e-14)
-    assert motion.duration == pytest.approx(9.5)
-
-
-def test_increments_chain_to_the_attitude(motion: Motion) -> None:
+def test_rates_and_increments_by_hand_are_those_of_the_attitude() -> None:
+    motion = by_hand()
     edges = np.linspace(0.0, motion.duration, 951)
-    rate = motion.mean_angular_rate_ib_b(edges, STILL)
     attitude = motion.rotation_nb(edges[:1])[0]
-    for step in Rotation.from_rotvec(rate * np.diff(edges)[:, None]):
+    mean = motion.mean_angular_rate_ib_b(edges, STILL)
+    for step in Rotation.from_rotvec(mean * np.diff(edges)[:, None]):
         attitude = attitude * step
-    end = motion.rotation_nb(edges[-1:])[0]
     # 950 products of rotations, each good to one unit in the last place
-    assert (attitude.inv() * end).magnitude() < 1e-12
-
-
-def test_the_instantaneous_rate_is_the_limit_of_the_increments(motion: Motion) -> None:
-    time = np.array([0.4, 1.3, 2.3, 2.67, 4.6, 5.7, 7.77, 9.1])
-    step = 1e-4
-    for t, exact in zip(time, motion.angular_rate_ib_b(time, SITE), strict=True):
-        mean = motion.mean_angular_rate_ib_b(np.array([t - step, t + step]), SITE)[0]
+    assert (attitude.inv() * motion.rotation_nb(edges[-1:])[0]).magnitude() < 1e-12
+    for t in np.linspace(0.2, motion.duration - 0.2, 23).tolist():
+        mean = motion.mean_angular_rate_ib_b(np.array([t - 1e-4, t + 1e-4]), SITE)
         # truncation: third derivative of the attitude (some 1e3 /s³ in a detour) times step²
-        np.testing.assert_allclose(mean, exact, atol=3e-5)
+        np.testing.assert_allclose(motion.angular_rate_ib_b(np.array([t]), SITE), mean, atol=3e-5)
 
 
-def test_a_lever_arm_feels_the_centripetal_acceleration() -> None:
-    """At the middle of a half turn of 1 s about z the rate is 1.875 π rad/s and changes not."""
-    motion = Motion(
-        Rotation.identity().as_quat(),
-        np.array([1.0, 1.0]),
-        np.array([1.0]),
-        np.array([[0.0, 0.0, np.pi]]),
-        np.array([0.2, 0.0, 0.0]),
-    )
-    force = motion.specific_force_b(np.array([1.5]), STILL)[0]
-    np.testing.assert_allclose(force, [-((1.875 * np.pi) ** 2) * 0.2, 0.0, -9.79], atol=1e-12)
-
-
-def test_acceleration_is_the_second_derivative_of_the_lever_arm_s_end(motion: Motion) -> None:
-    calm = replace(motion, detours=None)
-    h = 1e-4
-    for t in (1.25, 4.3, 7.9):
-        before, now, after = calm.rotation_nb(np.array([t - h, t, t + h])).apply(motion.lever_arm_b)
+def test_acceleration_is_the_second_derivative_of_the_lever_arm_s_end() -> None:
+    motion, h = by_hand(placement=False), 1e-4
+    for t in (1.25, 3.3, 5.9):
+        before, now, after = motion.rotation_nb(np.array([t - h, t, t + h])).apply(motion.lever_arm_b)
         acceleration = (before - 2 * now + after) / h**2
-        expected = calm.rotation_nb(np.array([t])).inv().apply(acceleration - [0.0, 0.0, 9.79])
+        assert np.linalg.norm(acceleration) > 0.05
+        expected = motion.rotation_nb(np.array([t])).inv().apply(acceleration - [0.0, 0.0, 9.79])
         # rounding: 1e-16 / h²; truncation: fourth derivative times h² / 12
-        np.testing.assert_allclose(calm.specific_force_b(np.array([t]), STILL), expected, atol=1e-5)
+        np.testing.assert_allclose(motion.specific_force_b(np.array([t]), STILL), expected, atol=1e-5)
 
 
-def test_a_detour_s_rate_is_the_derivative_of_its_rotation_and_holds_are_free_of_it() -> None:
-    detours = Detours(
-        np.array([1.0, 5.0]), np.array([2.0, 0.5]), np.array([[0.1, -0.2, 0.05], [-0.03, 0.0, 0.2]])
+# Recordings ------------------------------------------------------------------------------------------
+
+
+def between(first: float, second: float, *turns: float) -> Motion:
+    return Motion.between_poses(poses_26(0.2)[[1, 8, 20]], np.array([first, second, 2.0]), np.array(turns))
+
+
+def record(motion: Motion, rate: float, seed: int = 1, site: Site = SITE, **chain: float) -> Recording:
+    imperfections = Imperfections(**chain) if chain else None
+    return simulate_recording(
+        motion, rate, np.random.default_rng(seed), site=site, imperfections=imperfections
+    )[0]
+
+
+def at_rest(seconds: float) -> Motion:
+    return Motion.between_poses(poses_26(0.2)[[9]], np.array([seconds]), np.zeros(0))
+
+
+def test_stamps_are_the_middle_of_each_interval_and_holds_have_no_sample_of_a_turn() -> None:
+    recording, truth = simulate_recording(
+        between(2.0, 1.5, 1.0, 1.0), 10.0, np.random.default_rng(1), site=SITE
     )
-    time = np.array([1.3, 1.9, 2.6, 5.1, 5.33])
-    difference = (detours.rotation(time + 1e-5) - detours.rotation(time - 1e-5)) / 2e-5
-    # truncation: third derivative (8 π³/T³ times the swing) times 1e-10 / 6; rounding 1e-17 / 1e-5
-    np.testing.assert_allclose(detours.rotation_rate(time), difference, atol=1e-8)
-    np.testing.assert_allclose(detours.rotation(np.array([2.0]))[0], [0.1, -0.2, 0.05], rtol=1e-14)
-    resting = np.array([0.0, 0.99, 3.0, 4.2, 5.5, 9.0])
-    assert not detours.rotation(resting).any()
-    assert not detours.rotation_rate(resting).any()
+    np.testing.assert_allclose(recording.time[:3], [0.05, 0.15, 0.25], rtol=1e-12)
+    np.testing.assert_allclose(truth.hold_edges, [[0.0, 2.0], [3.0, 4.5], [5.5, 7.5]], rtol=1e-12)
+    uneven = between(2.003, 1.511, 1.017, 0.991)
+    _, truth = simulate_recording(uneven, 20.0, np.random.default_rng(1), site=SITE)
+    # round-off: a sample in which a turn takes part would show some 1e-3 rad/s
+    exact = truth.rotations_nb.inv().apply(SITE.earth_rate_n)
+    np.testing.assert_allclose(truth.angular_rate_ib_b, exact, atol=1e-16)
 
 
-def test_half_a_turn_between_two_samples_is_refused() -> None:
-    motion = Motion(
-        Rotation.identity().as_quat(),
-        np.array([1.0, 1.0]),
-        np.array([4.0]),
-        np.array([[0.0, 0.0, 20.0]]),
-        np.zeros(3),
-        spin_shapes=SpinShapes.even(np.array([0.5])),
+def test_a_long_recording_is_made_in_blocks_that_nobody_sees() -> None:
+    """100,000 samples are a block: there and elsewhere it is the motion's own mean rate and force."""
+    motion = between(40.0, 9.7, 1.0, 1.5)
+    force, rate = signals(record(motion, 2000.0))
+    edges = np.arange(len(rate) + 1) / 2000.0
+    assert len(rate) > 100_000
+    # vector instructions may round the last of a block otherwise than the middle of one
+    np.testing.assert_allclose(rate, motion.mean_angular_rate_ib_b(edges, SITE), rtol=1e-13, atol=1e-12)
+    expected = motion.specific_force_b(0.5 * (edges[1:] + edges[:-1]), SITE)
+    np.testing.assert_allclose(force, expected, rtol=1e-13, atol=1e-13)
+
+
+def test_a_sampling_clock_that_scatters_loses_no_angle_and_stamps_tell_the_regular_instants() -> None:
+    spin = Motion.between_poses(poses_26(0.2)[[1, 8]], np.array([1.0, 1.0]), np.array([1.0]))
+    recording = record(spin, 100.0, 2, STILL, sampling_jitter=1e-3)
+    # the first interval begins where the recording does; no instant of these is cut at 0.45 of an interval
+    edges = np.arange(301) / 100.0 + 1e-3 * np.random.default_rng(2).standard_normal(301)
+    edges[0] = 0.0
+    expected = spin.mean_angular_rate_ib_b(edges, STILL)
+    np.testing.assert_allclose(signals(recording)[1], expected, rtol=1e-12, atol=1e-15)
+    np.testing.assert_allclose(recording.time, (np.arange(300) + 0.5) / 100.0, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("motion", "angle", "velocity"),
+    [(between(2.0, 1.5, 1.0, 1.0), 1e-3, 0.07), (at_rest(3600.0), 2.0**-33, 0.3048 * 2.0**-27)],
+    ids=["turned", "an hour"],
+)
+def test_whole_increments_carry_over_what_is_left(motion: Motion, angle: float, velocity: float) -> None:
+    """No sum is off by more than half a step: not even after an hour of 2⁻³³ rad."""
+    exact = signals(record(motion, 20.0))
+    counted = signals(record(motion, 20.0, angle_increment=angle, velocity_increment=velocity))
+    for true, found, step in zip(exact, counted, (velocity, angle), strict=True):
+        whole = found / (step * 20.0)
+        # arithmetic: a product of a whole number and its step, divided by the step again
+        np.testing.assert_allclose(whole, np.round(whole), rtol=1e-15, atol=1e-9)
+        off = np.cumsum(found - true, axis=0) / 20.0
+        # and the round-off of sums of 72,000 numbers
+        assert np.max(np.abs(off)) <= 0.5 * step + 1e-9
+    assert np.any(counted[1] != 0.0)
+
+
+def test_in_counts_the_increments_are_counts_times_seconds() -> None:
+    chain = Imperfections(jitter=0.1, angle_increment=2e-6, velocity_increment=3e-3).in_raw_unit(1000.0, 5e5)
+    assert chain == Imperfections(jitter=0.1, angle_increment=1.0, velocity_increment=3.0)
+
+
+def test_stamps_scatter_about_the_instants_and_stay_in_order() -> None:
+    regular = record(at_rest(1000.0), 20.0).time
+    # 20,000 numbers: 0.5 %, four and a half of them
+    assert np.std(record(at_rest(1000.0), 20.0, jitter=0.001).time - regular) == pytest.approx(
+        0.001, rel=0.023
     )
-    motion.mean_angular_rate_ib_b(np.arange(0.0, 6.01, 0.5), STILL)
-    with pytest.raises(UsageError, match="Between 2 s and 3 s the unit turns by 327 degrees"):
-        motion.mean_angular_rate_ib_b(np.arange(0.0, 6.1, 1.0), STILL)
+    assert np.all(np.diff(record(at_rest(1000.0), 20.0, jitter=10.0).time) > 0.0)
+
+
+def test_samples_are_lost_in_bursts_but_for_the_first_and_the_last() -> None:
+    for seed in range(50):
+        kept = record(at_rest(0.6), 20.0, seed, dropped=0.5, burst=3.0)
+        assert kept.time[[0, -1]] == pytest.approx([0.025, 0.575])
+    kept = record(at_rest(1000.0), 20.0, dropped=0.2, burst=4.0)
+    # some 1,000 bursts: their number and their mean length to 3 % each, four of them
+    assert 1.0 - len(kept) / 20_000 == pytest.approx(0.2, rel=0.2)
+    jumps = np.flatnonzero(np.diff(kept.time) > 0.06)
+    assert kept.gaps == tuple(jumps + 1)
+    assert (20_000 - len(kept)) / len(jumps) == pytest.approx(4.0, rel=0.15)
+
+
+# The chamber: surroundings, the unit's own temperature, and the thermometer --------------------------
+
+TIME = np.asarray((np.arange(4000) + 0.5) * 0.5, dtype=np.float64)
+
+
+def test_a_unit_follows_a_step_exponentially_and_a_ramp_by_its_time_constant() -> None:
+    # From the middle of the first sample the straight line between two samples is the step.
+    around = np.where(TIME < 100.0, 5.0, 25.0)
+    unit = Chamber(time_constant=60.0).unit(TIME, around)
+    late = TIME > 101.0
+    # A step between the samples at 99.75 and 100.25 s acts as one in their middle, to (0.5 / 60)² / 24.
+    expected = 5.0 + 20.0 * (1.0 - np.exp(-(TIME[late] - 100.0) / 60.0))
+    np.testing.assert_allclose(unit[late], expected, atol=1e-4)
+    np.testing.assert_allclose(unit[TIME < 99.0], 5.0, rtol=1e-12)
+    unit = Chamber(time_constant=60.0).unit(TIME, 0.01 * TIME)
+    late = TIME > 1500.0  # exp(-1500 / 60) = 1e-11 of the start is left
+    np.testing.assert_allclose(unit[late], 0.01 * (TIME[late] - 60.0), atol=1e-8)
+
+
+def test_soaks_and_ramps_make_the_surroundings() -> None:
+    protocol = Protocol(
+        "p", "thermal", (SoakStep(100.0, 10.0), RampStep(200.0, 10.0, 30.0), SoakStep(100.0, 20.0))
+    )
+    edges = np.array([[0.0, 100.0], [100.0, 300.0], [300.0, 400.0]])
+    found = Chamber(rate=0.5).surroundings(protocol, edges, np.array([50.0, 150.0, 200.0, 310.0, 399.0]))
+    np.testing.assert_allclose(found, [10.0, 15.0, 20.0, 25.0, 20.0], rtol=1e-12)
+
+
+def test_soaks_prolong_the_hold_beside_them_and_keep_their_place() -> None:
+    holds = HoldStep(10.0, X_UP), TurnStep(3.0), HoldStep(10.0, Y_UP)
+    protocol = Protocol("p", "thermal", (SoakStep(60.0, 20.0), *holds, SoakStep(60.0, 40.0)))
+    played = play_protocol(protocol, np.random.default_rng(1), placement=False)
+    expected = [[0, 60], [60, 70], [70, 73], [73, 83], [83, 143]]
+    np.testing.assert_allclose(played.step_edges, expected, rtol=1e-12)
+    assert played.hold_steps == (1, 3)
+
+
+def test_the_thermometer_has_steps_and_the_recording_its_temperature() -> None:
+    rng = np.random.default_rng(3)
+    reference = find_grade("consumer-mems").simulate_model(rng)
+    thermal = find_thermal_grade("consumer-mems").simulate_model(reference, rng)
+    chamber = Chamber(thermometer_noise=0.05, thermometer_resolution=0.25)
+    protocol = Protocol("p", "thermal", (HoldStep(20.0, Z_UP), SoakStep(20.0, 30.0)))
+    recording, _, truth = simulate_chamber(protocol, 10.0, rng, site=SITE, thermal=thermal, chamber=chamber)
+    shown = given(recording.temperature)
+    assert len(shown) == len(recording)
+    np.testing.assert_allclose(shown / 0.25, np.round(shown / 0.25), atol=1e-9)
+    assert np.max(np.abs(shown - truth.unit)) < 0.125 + 6.0 * 0.05

@@ -1,0 +1,482 @@
+"""Savage's rotation test: what errors do over a sequence, the way back, on recordings and in his simulated test.
+
+(12) and (22) are held by the papers' items.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from second_simulator.calibrating import played
+from tumble.calibration.session import Session
+from tumble.earth import Site
+from tumble.errors import ObservabilityError
+from tumble.protocol import HoldStep, Protocol, Step, named_protocol
+from tumble.protocol.strapdown_rotation import SEQUENCES, sequence_steps, start_down
+from tumble.sensor import ImuModel
+from tumble.sensor.conventions.savage import GROUPS, NAMES, SavageErrors, savage_from_model
+from tumble.simulation import simulate_protocol
+from tumble.simulation.two_axis import FixtureErrors
+from tumble_papers.savage.methods import ESTIMATORS, inversion_covariance
+from tumble_papers.savage.section_9 import changes_by_kind, expected_by_kind, unit
+from tumble_papers.savage.sequences import (
+    AVERAGING,
+    SequenceMeasurement,
+    SequenceModel,
+    invert_measurements,
+    measure_sequence,
+    sequence_model,
+    solve_measurements,
+    window_weights,
+)
+from tumble_papers.savage.strapdown_simulation import (
+    AS_PRINTED,
+    GRADES,
+    START_NORM,
+    VARIANTS,
+    Setting,
+    composed,
+    matched_weights,
+    measure_run,
+    run_study,
+    simulate_run,
+)
+from unit.given import given, signals
+from unit.papers.recovered import assert_within_statement, session_of, square_sum, white
+
+GRAVITY = 9.81
+ROWS = {row.name: row for row in SEQUENCES}
+
+
+# Against exact rotations -----------------------------------------------------------------------------
+
+OWN = ((2, 0.7), (0, -1.3), (1, 2.4), (0, 0.5))
+OBLIQUE = np.array([0.48, -0.6, 0.64])
+SLOW, PAUSE = 0.05, 40
+
+
+def exact(
+    rotations: tuple[tuple[int, float], ...], down: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, tuple[int, int], float]:
+    """True rates and forces of a sequence, the range of its last rest, and the mean rate of its rotations."""
+    rates, attitude, still = [], Rotation.identity(), np.zeros((PAUSE, 3))
+    for axis, angle in rotations:
+        count = max(int(np.ceil(abs(angle) / SLOW)), 1)
+        rates.append(np.tile(np.eye(3)[axis] * angle / (count * SLOW), (count, 1)))
+        attitude *= Rotation.from_rotvec(np.eye(3)[axis] * angle)
+    rate = np.concatenate([still, *rates, still])
+    force = np.zeros(rate.shape)
+    force[:PAUSE] = -GRAVITY * down
+    force[-PAUSE:] = -GRAVITY * attitude.inv().apply(down)
+    turning = SLOW * sum(map(len, rates))
+    return rate, force, (len(rate) - PAUSE, len(rate)), sum(abs(angle) for _, angle in rotations) / turning
+
+
+def shown(
+    errors: SavageErrors, rate: np.ndarray, force: np.ndarray, end: tuple[int, int], down
+) -> np.ndarray:
+    distorted = errors.model().distort(force, rate)
+    measured = measure_sequence(
+        distorted[1], distorted[0], SLOW, np.zeros(3), (0, PAUSE), end, GRAVITY, down, start_bias=False
+    )
+    return measured.vector
+
+
+@pytest.mark.parametrize(
+    ("rotations", "down"),
+    [
+        *((ROWS[n].rotations, start_down(ROWS[n])) for n in ("6", "13", "2a")),
+        (OWN, np.eye(3)[2]),
+        (OWN, OBLIQUE),
+    ],
+)
+def test_all_120_coefficients_of_any_sequence_are_those_of_exact_rotations(rotations, down) -> None:
+    rate, force, end, _ = exact(rotations, down)
+    model = sequence_model(rotations, down, GRAVITY)
+    size = 1e-5
+    for column, name in enumerate(NAMES):
+        change = np.zeros(24)
+        change[column] = size
+        plus, minus = (shown(SavageErrors.from_vector(s * change), rate, force, end, down) for s in (1, -1))
+        # Central differences: third order, and a down that is 10 m/s² less its own size to 1e-15.
+        found, expected = (plus - minus) / (2 * size), model.coefficients[:, column]
+        np.testing.assert_allclose(found, expected, rtol=0, atol=2e-8 * GRAVITY, err_msg=name)
+
+
+@pytest.mark.parametrize("rotations", [ROWS["4"].rotations, ROWS["14"].rotations, OWN])
+def test_the_bias_coefficients_of_any_sequence_are_those_of_exact_rotations(rotations) -> None:
+    down = np.array([0.0, 0.0, 1.0])
+    rate, force, end, mean = exact(rotations, down)
+    model = sequence_model(rotations, down, GRAVITY, rate=mean, seconds=PAUSE * SLOW)
+    # The attitude is that of the end of each sample: half a sample more of the mean of both rests.
+    late = GRAVITY * np.cross(down, 0.5 * SLOW * (model.C_start_end - np.eye(3)), axisb=0, axisc=0)
+    for axis in range(3):
+        bias = 1e-7 * np.eye(3)[axis]
+        found = shown(SavageErrors.from_vector(np.zeros(24), bias), rate, force, end, down) / 1e-7
+        expected = model.bias_coefficients[:, axis] + np.append(late[:, axis], [0.0, 0.0])
+        # 1e-7 rad/s over ten seconds is 1e-6 rad, and its square a millionth of that in 100
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-3)
+
+
+STEP, REST, TURN = 0.02, 200, 80
+EARTH = 7.2921e-5
+DOWN_Z = np.array([0.0, 0.0, 1.0])
+
+
+def turned(
+    rotations: tuple[tuple[int, float], ...], earth_b: np.ndarray, down: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Exact rates (rotation vector of each sample over its time) and forces of a unit on the turning Earth."""
+    still = np.zeros((REST, 3))
+    vectors = [np.tile(np.eye(3)[axis] * angle / TURN, (TURN, 1)) for axis, angle in rotations]
+    # Attitude against the Earth at the edges of the samples, in the frame of the start.
+    edges = [Rotation.identity()]
+    for vector in np.concatenate([still, *vectors, still]):
+        edges.append(edges[-1] * Rotation.from_rotvec(vector))
+    against_inertial = [Rotation.from_rotvec(earth_b * k * STEP) * edge for k, edge in enumerate(edges)]
+    rate = np.array([(one.inv() * other).as_rotvec() / STEP for one, other in pairwise(against_inertial)])
+    return rate, np.array([edge.inv().apply(-GRAVITY * down) for edge in edges[1:]])
+
+
+def measured(
+    rate: np.ndarray, force: np.ndarray, earth: np.ndarray, down: np.ndarray = DOWN_Z, **options
+) -> SequenceMeasurement:
+    end = (len(rate) - REST, len(rate))
+    return measure_sequence(rate, force, STEP, earth, (0, REST), end, GRAVITY, down, **options)
+
+
+@pytest.mark.parametrize("averaging", AVERAGING)
+@pytest.mark.parametrize("start_bias", [True, False])
+@pytest.mark.parametrize("name", ["1", "6", "7", "10", "14"])
+def test_an_ideal_unit_measures_nothing_on_the_turning_earth(
+    name: str, start_bias: bool, averaging: str
+) -> None:
+    row = ROWS[name]
+    down = start_down(row)
+    earth = EARTH * np.array([0.52, -0.41, 0.75])
+    rate, force = turned(row.rotations, earth, down)
+    found = measured(rate, force, earth, down, start_bias=start_bias, averaging=averaging)
+    # Half a sample of the Earth's turn is 0.7 µrad in both windows, and does not stand in their difference to first
+    # order; its square of 5e-13 does, and rounding of 10 m/s².
+    np.testing.assert_allclose(found.vector, 0.0, rtol=0, atol=3e-11)
+    np.testing.assert_allclose(found.gyro_bias, 0.0, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("averaging", AVERAGING)
+@pytest.mark.parametrize("count", [1, 2, 3, 9, 10, 500])
+def test_weights_of_a_window_add_up_to_one_and_lie_even(averaging: str, count: int) -> None:
+    weights = window_weights(count, averaging)
+    assert weights.shape == (count,)
+    assert np.sum(weights) == pytest.approx(1.0, abs=1e-14)
+    np.testing.assert_allclose(weights, weights[::-1], rtol=0, atol=1e-15)
+    assert np.all(weights > 0.0)
+    if count == 9:
+        running = [np.arange(k, k + 5) for k in range(5)] if averaging != "plain" else [np.arange(9)]
+        mean = np.mean([np.isin(np.arange(9), part) / len(part) for part in running], axis=0)
+        np.testing.assert_allclose(weights, mean, rtol=1e-14)
+
+
+@pytest.mark.parametrize("angle", [1e-3, 5e-3])
+def test_a_fixture_that_leans_by_an_angle_shortens_the_projection_by_half_its_square_and_not_the_norm(
+    angle: float,
+) -> None:
+    leaning = Rotation.from_rotvec([angle, 0.0, 0.0]).apply(DOWN_Z)
+    rate, force = turned(((1, np.pi),), np.zeros(3), leaning)
+    by_norm = measured(rate, force, np.zeros(3))
+    by_projection = measured(rate, force, np.zeros(3), norm=False)
+    np.testing.assert_allclose(by_norm.vector[3:], 0.0, rtol=0, atol=1e-12)
+    expected = GRAVITY * (1.0 - np.cos(angle))
+    assert expected == pytest.approx(GRAVITY * angle**2 / 2.0, rel=angle)
+    np.testing.assert_allclose(by_projection.vector[3:], expected, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(by_norm.horizontal, by_projection.horizontal, rtol=0, atol=1e-14)
+
+
+def test_the_bias_that_the_start_shows_is_taken_out_and_told() -> None:
+    earth, bias = EARTH * np.array([0.3, 0.5, -0.8]), np.array([2e-3, -1e-3, 5e-4])
+    rate, force = turned(ROWS["13"].rotations, earth, DOWN_Z)
+    plain, biased = measured(rate, force, earth), measured(rate + bias, force, earth)
+    np.testing.assert_allclose(biased.vector, plain.vector, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(biased.gyro_bias - plain.gyro_bias, bias, rtol=0, atol=1e-16)
+    kept = measured(rate + bias, force, earth, start_bias=False)
+    assert np.linalg.norm(kept.horizontal) > 0.05  # 1 mrad/s for some seconds of 10 m/s²
+
+
+@pytest.mark.parametrize("start", [(5, 5), (-1, 4), (0, 1001), (20, 10)])
+def test_ranges_and_averages_that_are_none_are_refused(start: tuple[int, int]) -> None:
+    nothing = np.zeros((1000, 3))
+    for ranges in ((start, (900, 1000)), ((0, 10), start)):
+        with pytest.raises(
+            ValueError, match=f"samples {start[0]} to {start[1]} are no range of 1000 samples"
+        ):
+            measure_sequence(nothing, nothing, STEP, np.zeros(3), *ranges, GRAVITY, DOWN_Z)
+    with pytest.raises(ValueError, match="'median' is none of plain, average-of-averages"):
+        window_weights(10, "median")
+
+
+MODELS: dict[str, SequenceModel] = {
+    row.name: sequence_model(row.rotations, start_down(row), GRAVITY) for row in SEQUENCES
+}
+# ppm, µrad and some µm/s²: no two alike
+ERRORS = np.arange(1.0, 25.0) * np.where(np.arange(24) % 3 == 1, -1.0, 1.0) * 1e-4
+
+
+def spread(name: str) -> np.ndarray:
+    """Some covariance with correlations, another one for each sequence."""
+    rng = np.random.default_rng(sum(name.encode()))
+    root = 1e-5 * (np.eye(5) + 0.2 * rng.normal(size=(5, 5)))
+    return root @ root.T
+
+
+@pytest.mark.parametrize("asymmetry", [True, False])
+def test_13_and_14_and_least_squares_give_back_every_error_of_the_linear_model(asymmetry: bool) -> None:
+    """Without asymmetry of the gyros, (14), no sequence is turned back."""
+    models = {name: model for name, model in MODELS.items() if asymmetry or not name.endswith("a")}
+    errors = ERRORS if asymmetry else np.where(np.isin(np.arange(24), [3, 4, 5]), 0.0, ERRORS)
+    told = {name: model.coefficients @ errors for name, model in models.items()}
+    found = invert_measurements(told, GRAVITY, asymmetry=asymmetry)
+    # rounding of a division of numbers of 1e-2 by 40
+    np.testing.assert_allclose(found, errors, rtol=0, atol=1e-14)
+    spreads = [spread(name) for name in models]
+    found = solve_measurements(list(models.values()), list(told.values()), spreads, asymmetry=asymmetry)
+    # 24 unknowns of a condition of some hundreds
+    np.testing.assert_allclose(found, errors, rtol=0, atol=1e-12)
+
+
+def test_least_squares_weighs_each_component_by_its_noise() -> None:
+    rng = np.random.default_rng(8)
+    told = [m.coefficients @ ERRORS + 1e-5 * rng.normal(size=5) for m in MODELS.values()]
+    variances = np.array([1.0, 1.0, 1.0, 2.0, 3.0])
+    found = solve_measurements(list(MODELS.values()), told, [1e-10 * np.diag(variances) for _ in MODELS])
+    design, right = [], []
+    for model, value in zip(MODELS.values(), told, strict=True):
+        down = int(np.argmax(np.abs(model.down_start)))
+        keep = [(down + 1) % 3, (down + 2) % 3, 3, 4]
+        weight = 1.0 / np.sqrt(variances[keep])
+        design.append(weight[:, None] * model.coefficients[keep])
+        right.append(weight * value[keep])
+    expected = np.linalg.lstsq(np.concatenate(design), np.concatenate(right), rcond=None)[0]
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-14)
+
+
+# Savage's inversion on recordings of rotation sequences: the truth, the stated uncertainty, and what is refused.
+
+SITE = replace(Site.from_latitude(np.radians(40.0), 300.0), gravity_sigma=0.0)
+PROTOCOL = replace(named_protocol("strapdown-rotation"), site=SITE)
+# 1 mrad in everything that a fixture may be off by.
+FIXTURE = FixtureErrors(
+    tilt=(1e-3, -7e-4), orthogonality=8e-4, inner_zero=-1e-3, outer_zero=6e-4, mounting=(5e-4, -9e-4, 1e-3),
+    execution=3e-4,
+)  # fmt: skip
+# No two alike: one that shows as another is seen.
+TRUTH = 1e-3 * np.array(
+    [1.1, -0.7, 0.4, 0.2, -0.3, 0.15, 1.3, -0.9, 0.6, 20.0, -30.0, 50.0,
+     0.8, -1.2, 1.7, -0.1, 0.25, 0.35, 2.1, -1.6, 0.3, 1.9, -2.4, 0.75]
+)  # fmt: skip
+GYRO_BIAS = np.array([2e-5, -3e-5, 1e-5])
+# Biases count against gravity.
+SCALE = np.where(np.isin(np.arange(24), np.arange(24)[GROUPS["lambda_bias"]]), SITE.gravity, 1.0)
+ESTIMATE = ESTIMATORS["savage-inversion"].estimate
+RUNS = 24
+
+
+def recorded(
+    fixture: FixtureErrors, protocol: Protocol = PROTOCOL, units: str = "SI", errors: np.ndarray = TRUTH
+) -> Session:
+    model = SavageErrors.from_vector(errors, GYRO_BIAS).model()
+    recording, _ = simulate_protocol(
+        protocol, 50.0, np.random.default_rng(5), site=SITE, model=model, fixture=fixture, units=units
+    )
+    return Session(recording, protocol)
+
+
+def off(model: ImuModel, units: str = "SI") -> np.ndarray:
+    """Of the 24 errors, each by itself, in the frame mean-gyro."""
+    force, rate = (1e4, 1e6) if units == "counts" else (1.0, 1.0)
+    in_si = ImuModel(
+        given(model.accelerometer).in_raw_unit(1.0 / force), given(model.gyroscope).in_raw_unit(1.0 / rate)
+    )
+    found, U = savage_from_model(in_si)
+    np.testing.assert_allclose(U, np.eye(3), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(found.gyro_bias, GYRO_BIAS, rtol=0, atol=1e-7)
+    return (found.vector - TRUTH) / SCALE
+
+
+def without(*gone: str) -> Protocol:
+    sequences = [s for s in sequence_steps(PROTOCOL) if s.name not in gone]
+    kept = {k for s in sequences for k in range(s.start, s.end + 1)}
+    ends = {s.end for s in sequences}
+    steps = tuple(s for k, s in enumerate(PROTOCOL.steps) if k in kept or k - 1 in ends)
+    return replace(PROTOCOL, steps=steps)
+
+
+@pytest.mark.parametrize("units", ["SI", "counts"])
+def test_without_noise_all_errors_come_back(units: str) -> None:
+    """To 5e-8: the Earth's turn of 2 mrad over a sequence meets errors of 1e-3 and angles of samples."""
+    estimate = ESTIMATE(recorded(FixtureErrors(), units=units))
+    np.testing.assert_allclose(off(estimate.model, units), 0.0, rtol=0, atol=5e-8)
+    assert estimate.frame == "mean-gyro"
+
+
+def test_a_fixture_off_by_a_milliradian_everywhere_moves_no_error_by_a_millionth() -> None:
+    """What is left is the Earth rate taken out 1 mrad beside: 7e-5 rad/s for 27 s times 1 mrad is 2 µrad at most."""
+    left = np.abs(off(ESTIMATE(recorded(FIXTURE)).model))
+    assert 1e-8 < np.max(left) < 1e-6
+
+
+def test_without_the_sequences_turned_back_the_gyros_have_no_asymmetry() -> None:
+    """(14): of a gyro that has one, the scale factor is off by it."""
+    estimate = ESTIMATE(recorded(FixtureErrors(), without("1a", "2a", "3a")))
+    left = off(estimate.model)
+    kappa, asymmetry = GROUPS["kappa_lin"], GROUPS["kappa_asym"]
+    np.testing.assert_allclose(left[asymmetry], -TRUTH[asymmetry], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(left[kappa], TRUTH[asymmetry], rtol=0, atol=1e-6)
+    assert not any(name.startswith("gyroscope.asymmetry") for name in estimate.names)
+
+
+def test_the_covariance_is_that_of_13_by_hand() -> None:
+    """Sequences of independent components of sizes of their own; of each group one error."""
+    g, names = 9.81, [s.name for s in sequence_steps(PROTOCOL)]
+    sigma = {name: 1e-5 * np.arange(1.0, 6.0) * (k + 1) for k, name in enumerate(names)}
+    found = inversion_covariance({n: np.diag(s**2) for n, s in sigma.items()}, g, asymmetry=True)
+    variance = dict(zip(NAMES, np.diag(found), strict=True))
+    full = 4.0 * np.pi * g
+    expected = {
+        "kappa xx": (sigma["2"][1] ** 2 + sigma["2a"][1] ** 2) / full**2,
+        "upsilon yz": (sigma["4"][1] / (4.0 * g)) ** 2,
+        "lambda x": (0.5 * sigma["14"][0]) ** 2 + (0.25 * sigma["5"][0]) ** 2,
+        "lambda xx": (sigma["9"][3] ** 2 + sigma["9"][4] ** 2) / (2.0 * g) ** 2,
+        "mu xy": (sigma["7"][0] / (2.0 * g)) ** 2 + (sigma["6"][1] / (8.0 * g)) ** 2,
+    }
+    for name, value in expected.items():
+        assert variance[name] == pytest.approx(value, rel=1e-9)
+
+
+def test_the_truth_is_within_the_stated_uncertainty_over_many_units() -> None:
+    """On a fixture off by 0.1 mrad, which makes 0.2 µrad of the Earth rate, a hundredth of the noise."""
+    found: list[tuple[float, int]] = []
+    for seed in range(RUNS):
+        made = played("strapdown-rotation", white(asymmetry=True), seed, error=1e-4, azimuth=1e-5, rate=50.0)
+        found.append(square_sum(ESTIMATE(session_of(made)), made))
+    assert {degrees for _, degrees in found} == {27}
+    assert_within_statement(found)
+
+
+# What is refused -----------------------------------------------------------------------------------
+
+
+def test_a_sequence_that_is_missing_is_named() -> None:
+    with pytest.raises(ObservabilityError, match="need all sequences, and 9 are missing"):
+        ESTIMATE(recorded(FixtureErrors(), without("9")))
+
+
+@pytest.mark.parametrize("unknown", ["latitude", "heading"])
+def test_an_earth_rate_that_nobody_knows_is_asked_for(unknown: str) -> None:
+    def headless(step: Step) -> Step:
+        known = isinstance(step, HoldStep) and step.pose is not None
+        return replace(step, pose=replace(step.pose, heading=None)) if known else step
+
+    session = recorded(FixtureErrors())
+    headings = tuple(headless(step) for step in PROTOCOL.steps)
+    session.protocol = (
+        replace(PROTOCOL, site=None) if unknown == "latitude" else replace(PROTOCOL, steps=headings)
+    )
+    with pytest.raises(ObservabilityError, match=r"a latitude \(--site\) and for .*`heading_deg`"):
+        ESTIMATE(session)
+
+
+def test_samples_that_are_missing_in_a_sequence_are_refused() -> None:
+    session = recorded(FixtureErrors())
+    whole, stop = session.recording, session.timeline.holds[0].stop
+    kept = np.delete(np.arange(len(whole.time)), slice(stop + 10, stop + 13))
+    force, rate = (part[kept] for part in signals(whole))
+    told = replace(whole, time=whole.time[kept], specific_force=force, angular_rate=rate)
+    with pytest.raises(ObservabilityError, match="Samples are missing in sequence 1"):
+        ESTIMATE(Session(told, PROTOCOL))
+
+
+# The simulated test: exact where it has to be, and as noisy as it is said to be.
+
+ZERO = SavageErrors.from_vector(np.zeros(24))
+BRIEF = 1.0  # s; without noise as good as ten
+
+
+def test_an_EXACT_on_a_fixture_that_is_off_measures_nothing_level() -> None:
+    """Whatever the fixture does, exact gyros know it: no first-order effect of α, and none of any order."""
+    setting = Setting(unit(), fixture=5e-3, earth=False, seconds=BRIEF)
+    recordings = simulate_run(setting, np.random.default_rng(1), truth=ZERO)
+    measured = measure_run(recordings, ImuModel.ideal(), replace(AS_PRINTED, norm=True))
+    for name, vector in measured.items():
+        # the change has a part along the nominal down only, which is left out; round-off of 1e4 samples
+        np.testing.assert_allclose(vector, 0.0, atol=1e-9, err_msg=name)
+
+
+def test_the_earth_rate_is_in_the_increments_as_the_test_takes_it_out() -> None:
+    setting = Setting(unit(), fixture=0.0, seconds=BRIEF)
+    recordings = simulate_run(setting, np.random.default_rng(2), truth=ZERO)
+    measured = measure_run(recordings, ImuModel.ideal(), AS_PRINTED)
+    # steps of 10 ms about a turning Earth axis: ω e dt²/12 a sample, some 1e-9 rad at the end
+    for vector in measured.values():
+        np.testing.assert_allclose(vector, 0.0, atol=3e-8)
+    still = measure_run(replace(recordings, earth=0.0 * recordings.earth), ImuModel.ideal(), AS_PRINTED)
+    assert max(np.max(np.abs(vector)) for vector in still.values()) > 1e-3
+
+
+@pytest.mark.parametrize("variant", [AS_PRINTED, START_NORM, VARIANTS[4], VARIANTS[-1]], ids=lambda v: v.name)
+def test_measurements_are_as_noisy_as_their_models_say(variant: object) -> None:
+    """Random walks of both triads; the models' variances against those of 60 runs."""
+    grade = unit(angle_random_walk=1e-5, velocity_random_walk=1e-4)
+    setting = Setting(grade, fixture=0.0, earth=False, sampling=50.0)
+    # a mean over all windows adds 17 times less than one each, which its model leaves out
+    found = changes_by_kind(setting, variant, 60, np.random.Generator(np.random.SFC64(3)))
+    expected = expected_by_kind(setting, variant)
+    for kind, values in found.items():
+        # 180 numbers or more: 5 %; four times that
+        assert np.sqrt(np.mean(values**2)) == pytest.approx(expected[kind], rel=0.2), kind
+
+
+def test_matched_weights_are_one_together_and_largest_next_to_the_rotations() -> None:
+    weights = matched_weights(Setting(GRADES["MEMS"]))
+    assert weights.sum() == pytest.approx(1.0)
+    assert np.all(np.diff(weights) > 0.0)
+    # cosh(t/τ) with τ = 100 µg/√Hz over g times 0.3 °/√h: 1.146 s, a tenth of the window
+    assert weights[-1] / weights[-116] == pytest.approx(np.e, rel=0.02)
+    even = matched_weights(Setting(unit(velocity_random_walk=1.0)))
+    assert np.ptp(even) < 1e-5 * even.mean()
+
+
+def test_the_same_seed_gives_the_same_errors_with_any_number_of_threads() -> None:
+    setting = Setting(GRADES["nav"], seconds=BRIEF)
+    one, two = (
+        run_study(setting, (START_NORM,), 4, np.random.Generator(np.random.SFC64(8)), iterations=2, threads=t)
+        for t in (1, 2)
+    )
+    np.testing.assert_array_equal(one, two)
+
+
+def test_a_composed_model_undoes_a_unit_whose_rest_is_known() -> None:
+    """raw = A(B(x)) for compensation A and rest B without asymmetry: the composed model is exact."""
+    rng = np.random.default_rng(9)
+    known, rest = (
+        SavageErrors.from_vector(np.where(np.isin(np.arange(24), [3, 4, 5, 15, 16, 17]), 0.0, v), gyro_bias=b)
+        for v, b in zip(1e-2 * rng.standard_normal((2, 24)), 1e-3 * rng.standard_normal((2, 3)), strict=True)
+    )
+    whole = composed(known.model(), rest)
+    force, rate = rng.standard_normal((2, 5, 3))
+    inner = rest.model().distort(force, rate)
+    expected = known.model().distort(*inner)
+    for a, b in zip(whole.distort(force, rate), expected, strict=True):
+        np.testing.assert_allclose(a, b, atol=1e-14)
+    assert savage_from_model(whole)[0].kappa[0] != known.kappa[0]
+
+
+def test_without_asymmetry_a_unit_has_none_and_fourteen_sequences_tell_it() -> None:
+    setting = Setting(GRADES["nav"], seconds=BRIEF)
+    variant = next(v for v in VARIANTS if not v.asymmetry)
+    errors = run_study(setting, (variant,), 5, np.random.Generator(np.random.SFC64(2)), iterations=2)
+    assert np.all(errors[..., 3:6] == 0.0)
+    assert 0.0 < np.max(np.abs(errors[0, :, 1, :3])) < 1e-4
