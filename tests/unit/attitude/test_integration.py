@@ -1,8 +1,8 @@
-"""Integration of raw rates to attitude, against closed forms."""
+"""Raw rates integrated to attitude, and means carried along, against closed forms and scipy."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -17,6 +17,8 @@ from tumble.attitude import (
     rotation_vector_from_matrix,
     skew,
 )
+from tumble.attitude.integration import average_at_edge
+from tumble.attitude.kernels import transform_sequence
 
 Array = npt.NDArray[np.float64]
 
@@ -26,7 +28,6 @@ GYRO_BIAS = np.array([40.0, -70.0, 25.0])
 FORCE_INVERSE = np.array([[1.2, -0.02, 0.04], [0.05, 0.9, 0.01], [-0.03, 0.06, 1.1]]) * 1e-2
 FORCE_BIAS = np.array([-11.0, 5.0, 8.0])
 G_SENSITIVITY = np.array([[0.5, -0.2, 0.1], [0.3, 0.4, -0.6], [-0.1, 0.2, 0.7]])
-
 BOTH = Inverse(GYRO_INVERSE, GYRO_BIAS, FORCE_INVERSE, FORCE_BIAS)
 
 
@@ -43,11 +44,10 @@ def integrated(
     force: Array | None = None,
     starts: Any = None,
     stops: Any = None,
-    **changed: Any,
 ) -> IntegratedTurns:
     force = np.tile([1.0, -2.0, 9.0], (time.size, 1)) if force is None else force
     raw_rate, raw_force = raw_of(rate, force)
-    inverse = BOTH._replace(g_sensitivity=G_SENSITIVITY)._replace(**changed)
+    inverse = BOTH._replace(g_sensitivity=G_SENSITIVITY)
     starts = np.array([0]) if starts is None else starts
     stops = np.array([time.size]) if stops is None else stops
     return integrate_turns(time, raw_rate, raw_force, starts, stops, inverse)
@@ -140,67 +140,6 @@ def test_the_sums_of_a_constant_rate_are_the_integral_of_the_rotation() -> None:
         )
 
 
-def perturbed(kind: str, row: int, column: int, by: float) -> dict[str, Array]:
-    value = {"gyro": GYRO_INVERSE, "gyro_bias": GYRO_BIAS, "g_sensitivity": G_SENSITIVITY}[kind].copy()
-    value[(row,) if kind == "gyro_bias" else (row, column)] += by
-    return {kind: value}
-
-
-def predicted(turns: IntegratedTurns, kind: str, row: int, column: int) -> Array:
-    """Rotation vector per unit of one parameter: sums[..., j] @ E[:, j], E the rate error by regressor."""
-    E = np.zeros((3, 7))
-    if kind == "gyro":
-        change = np.zeros((3, 3))
-        change[row, column] = 1.0
-        E[:, :3] = change @ np.linalg.inv(GYRO_INVERSE)
-    elif kind == "gyro_bias":
-        E[:, 3] = -GYRO_INVERSE[:, row]
-    else:
-        E[:, 4 + column] = -GYRO_INVERSE[:, row]
-    return np.einsum("abj,bj->a", turns.sums[0], E)
-
-
-PARAMETERS = [
-    *[("gyro", i, j, 1e-8) for i in range(3) for j in range(3)],
-    *[("gyro_bias", i, 0, 1e-2) for i in range(3)],
-    *[("g_sensitivity", i, j, 1e-3) for i in range(3) for j in range(3)],
-]
-
-
-@pytest.mark.parametrize(("kind", "row", "column", "step"), PARAMETERS)
-def test_the_sums_are_the_derivatives_by_every_parameter_of_the_gyro(
-    kind: str, row: int, column: int, step: float
-) -> None:
-    time = np.linspace(0.0, 2.0, 8001)
-    rate, force = wobble(time)
-    turns = integrated(time, rate, force)
-    plus = integrated(time, rate, force, **perturbed(kind, row, column, step)).C_start_end[0]
-    minus = integrated(time, rate, force, **perturbed(kind, row, column, -step)).C_start_end[0]
-    difference = rotation_vector_from_matrix(plus @ minus.T) / (2 * step)
-    expected = predicted(turns, kind, row, column)
-    # central differences of 1e-5 rad keep ten digits; the sums' middle of the step leaves
-    # (rate * step)² / 24 and the curvature of rate and force, step² / 12: some 1e-7
-    np.testing.assert_allclose(difference, expected, atol=2e-6 * np.linalg.norm(expected))
-    # not by the transpose: the start frame it is, not the end's
-    wrong = turns.C_start_end[0].T @ expected
-    assert np.linalg.norm(wrong - difference) > 1e-3 * np.linalg.norm(expected)
-
-
-def test_without_g_sensitivity_the_force_does_not_turn_anything() -> None:
-    time = np.linspace(0.0, 1.0, 101)
-    rate, force = wobble(time)
-    raw_rate = rate @ np.linalg.inv(GYRO_INVERSE).T + GYRO_BIAS
-
-    def turned(raw_force: Array) -> Array:
-        return integrate_turns(time, raw_rate, raw_force, np.array([0]), np.array([101]), BOTH).C_start_end[0]
-
-    assert np.array_equal(turned(force), turned(-5.0 * force))
-    expected = Rotation.identity()
-    for i in range(100):  # the same without coning terms, which are step²/12 of the cross product
-        expected = expected * Rotation.from_rotvec(0.005 * (rate[i] + rate[i + 1]))
-    np.testing.assert_allclose(turned(force), expected.as_matrix(), atol=1e-4)
-
-
 @pytest.mark.parametrize("small", [1e-12, 0.9e-2, 1.1e-2, 3.0])
 def test_both_branches_of_the_step_are_exact_at_its_end_and_at_its_middle(small: float) -> None:
     # the series is used below a hundredth of a radian a step
@@ -215,26 +154,91 @@ def test_both_branches_of_the_step_are_exact_at_its_end_and_at_its_middle(small:
     np.testing.assert_allclose(turns.sums[0, :, :, 3], middle, atol=1e-15)
 
 
+STEP = 0.02
+EARTH = np.array([4.1e-5, -2.3e-5, 5.5e-5])
+
+
+def by_scipy(
+    rate: np.ndarray,
+    force: np.ndarray,
+    earth: np.ndarray,
+    windows: tuple[tuple[np.ndarray, int], tuple[np.ndarray, int]],
+) -> tuple[np.ndarray, np.ndarray]:
+    """The same sample by sample; the frame of the start has turned by the Earth until each one's middle."""
+    averages, attitude = np.zeros((2, 3)), Rotation.identity()
+    for k in range(len(rate)):
+        attitude *= Rotation.from_rotvec(rate[k] * STEP)
+        back = Rotation.from_rotvec(-earth * (k + 0.5) * STEP)
+        for number, (weights, start) in enumerate(windows):
+            if start <= k < start + len(weights):
+                averages[number] += weights[k - start] * (back * attitude).apply(force[k])
+    return averages, attitude.as_matrix()
+
+
+RATES = {
+    "still": np.zeros((600, 3)),
+    "constant": np.tile([0.7, -1.1, 0.4], (600, 1)),
+    "fast": np.tile([31.0, -20.0, 12.0], (600, 1)),  # beyond the series: 0.5 rad a sample and more
+    "changing": wobble(np.arange(600) * STEP)[0] * np.where(np.arange(600) > 300, 3.0, -1.0)[:, None],
+}
+
+
+@pytest.mark.parametrize("rate", RATES.values(), ids=RATES)
+def test_what_a_rotation_sequence_carries_is_scipy_s(rate: Array) -> None:
+    """600 products of unit quaternions round by 1e-13 at most, and forces are of 10 m/s²."""
+    rng = np.random.default_rng(1)
+    force = rng.normal(0.0, 6.0, (600, 3))
+    windows = ((rng.uniform(0.0, 0.02, 100), 3), (rng.uniform(0.0, 0.02, 50), 550))
+    averages, C = np.full((2, 3), np.nan), np.full((3, 3), np.nan)
+    (first, at), (last, then) = windows
+    transform_sequence(rate, force, STEP, EARTH, first, at, last, then, averages, C)
+    expected = by_scipy(rate, force, EARTH, windows)
+    np.testing.assert_allclose(C, expected[1], rtol=0, atol=1e-12)
+    # the Earth's turn is a series to the fourth power of 1e-3
+    np.testing.assert_allclose(averages, expected[0], rtol=0, atol=1e-11)
+
+
+@pytest.mark.parametrize("edge", ["first", "last"])
+def test_a_mean_at_the_edge_of_a_hold_turns_every_sample_there_by_its_window_s_own_bias(
+    edge: Literal["first", "last"],
+) -> None:
+    windows, time, omega = (
+        np.array([(0, 200), (200, 400)]),
+        np.arange(400) / 100.0,
+        np.array([0.02, -0.05, 0.03]),
+    )
+    biases = np.array([[300.0, -100.0, 200.0], [-200.0, 400.0, 100.0]])
+    force = Rotation.from_rotvec(time[:, None] * omega).inv().apply([2.0, -3.0, 9.0])
+    raw_force = force @ np.linalg.inv(FORCE_INVERSE).T + FORCE_BIAS
+    raw_rate = np.tile(omega, (400, 1)) @ np.linalg.inv(GYRO_INVERSE).T + np.repeat(biases, 200, axis=0)
+    index = windows[:, 0] if edge == "first" else windows[:, 1] - 1
+
+    def averaged(biases: Array, windows: npt.NDArray[np.int64] = windows) -> Array:
+        inverse = Inverse(GYRO_INVERSE, biases, FORCE_INVERSE, FORCE_BIAS)
+        return average_at_edge(time, raw_rate, raw_force, windows, inverse, edge)
+
+    np.testing.assert_allclose(averaged(biases), force[index], atol=1e-12)
+    assert np.all(np.linalg.norm(averaged(biases[::-1].copy()) - force[index], axis=1) > 0.1)
+    for window in [(-1, 5), (390, 401), (5, 5)]:
+        with pytest.raises(IndexError, match="inside 0 to 400"):
+            averaged(biases[:1], np.array([window]))
+    with pytest.raises(ValueError, match="2 windows want as many gyro biases"):
+        averaged(biases[:1])
+
+
 @pytest.mark.parametrize(
-    ("starts", "stops"), [([-1], [3]), ([0], [6]), ([3], [3]), ([4], [2]), ([0, 2], [5, 2]), ([5], [6])]
+    ("starts", "stops", "rates", "said"),
+    [
+        *(([start], [stop], 5, "inside 0 to 5") for start, stop in [(-1, 3), (0, 6), (3, 3), (4, 2), (5, 6)]),
+        ([0, 2], [5, 2], 5, "inside 0 to 5"),
+        ([0], [5], 4, "5 stamps want as many rates and forces"),
+        ([0, 1], [5], 5, "2 starts and 1 stops"),
+    ],
 )
-def test_ranges_outside_the_samples_are_refused(starts: list[int], stops: list[int]) -> None:
-    time = np.arange(5.0)
-    with pytest.raises(IndexError, match="inside 0 to 5"):
-        integrated(time, np.zeros((5, 3)), None, np.array(starts), np.array(stops))
-
-
-def test_lengths_that_differ_are_refused_before_the_compiled_loop() -> None:
-    with pytest.raises(ValueError, match="5 stamps want as many rates and forces"):
+def test_ranges_outside_the_samples_and_lengths_that_differ_are_refused(
+    starts: list[int], stops: list[int], rates: int, said: str
+) -> None:
+    with pytest.raises((IndexError, ValueError), match=said):
         integrate_turns(
-            np.arange(5.0), np.zeros((4, 3)), np.zeros((5, 3)), np.array([0]), np.array([5]), BOTH
+            np.arange(5.0), np.zeros((rates, 3)), np.zeros((5, 3)), np.array(starts), np.array(stops), BOTH
         )
-    with pytest.raises(ValueError, match="2 starts and 1 stops"):
-        integrated(np.arange(5.0), np.zeros((5, 3)), None, np.array([0, 1]), np.array([5]))
-
-
-def test_no_turns_at_all_are_no_error() -> None:
-    none = np.array([], dtype=np.int64)
-    turns = integrated(np.arange(5.0), np.zeros((5, 3)), None, none, none)
-    assert turns.C_start_end.shape == (0, 3, 3)
-    assert turns.sums.shape == (0, 3, 3, 7)

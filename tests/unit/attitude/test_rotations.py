@@ -1,4 +1,4 @@
-"""Rotation matrices and vectors, against scipy and closed forms."""
+"""Rotation matrices, vectors, quaternions and angles, against scipy and closed forms."""
 
 from __future__ import annotations
 
@@ -17,7 +17,15 @@ from tumble.attitude import (
     skew,
     tangent_basis,
 )
-from tumble.attitude.rotations import matrix_from_turn, rotation_angle, rotation_vectors_from_matrices
+from tumble.attitude.rotations import (
+    angles_from_matrices,
+    matrices_from_quaternions,
+    matrix_from_angles,
+    matrix_from_turn,
+    quaternion_from_matrix,
+    rotation_angle,
+    rotation_vectors_from_matrices,
+)
 
 # A few units in the last place of numbers near one.
 ROUND_OFF = 4e-15
@@ -35,14 +43,11 @@ def test_the_exponential_agrees_with_scipy_on_both_sides_of_the_series(angle: fl
     np.testing.assert_allclose(matrix_from_rotation_vector(vector), expected, atol=ROUND_OFF)
 
 
-@pytest.mark.parametrize("short_of", [1e-3, 1e-6, 1e-9])
-def test_the_logarithm_keeps_the_axis_near_a_half_turn(short_of: float) -> None:
-    vector = (np.pi - short_of) * np.array([2.0, -3.0, 6.0]) / 7.0
-    again = rotation_vector_from_matrix(Rotation.from_rotvec(vector).as_matrix())
-    np.testing.assert_allclose(again, vector, atol=2e-14)
-
-
-def test_tiny_rotations_keep_all_their_digits() -> None:
+def test_the_logarithm_keeps_the_axis_near_a_half_turn_and_all_digits_of_a_tiny_one() -> None:
+    for short_of in (1e-3, 1e-6, 1e-9):
+        vector = (np.pi - short_of) * np.array([2.0, -3.0, 6.0]) / 7.0
+        again = rotation_vector_from_matrix(Rotation.from_rotvec(vector).as_matrix())
+        np.testing.assert_allclose(again, vector, atol=2e-14)
     vector = np.array([1e-10, -3e-11, 7e-12])
     again = rotation_vector_from_matrix(matrix_from_rotation_vector(vector))
     # off-diagonal elements are the vector itself: relative round-off survives
@@ -98,3 +103,34 @@ def test_a_turn_about_an_axis_of_any_length_is_scipy_s(angle: float) -> None:
     C = matrix_from_turn(axis, angle)
     np.testing.assert_allclose(C, expected.as_matrix(), rtol=0.0, atol=ROUND_OFF)
     assert rotation_angle(C) == pytest.approx(expected.magnitude(), rel=1e-12, abs=ROUND_OFF)
+
+
+ANYHOW = Rotation.from_quat(np.random.default_rng(1).standard_normal((300, 4)))
+HALF_TURNS = Rotation.from_rotvec(np.pi * np.vstack([np.eye(3), -np.eye(3), np.full((1, 3), 3.0**-0.5)]))
+
+
+def test_quaternions_are_scipy_s_up_to_their_sign_and_lead_back_whatever_their_length() -> None:
+    every = Rotation.concatenate([ANYHOW, HALF_TURNS, Rotation.identity()])
+    for matrix, expected in zip(every.as_matrix(), every.as_quat(), strict=True):
+        found = quaternion_from_matrix(matrix)
+        # round-off of numbers of order one
+        assert found * np.sign(found @ expected) == pytest.approx(expected, abs=1e-14)
+    np.testing.assert_allclose(
+        matrices_from_quaternions(3.0 * every.as_quat()), every.as_matrix(), atol=1e-15
+    )
+
+
+def test_angles_are_scipy_s_and_lead_back() -> None:
+    angles = angles_from_matrices(ANYHOW.as_matrix())
+    np.testing.assert_allclose(angles, ANYHOW.as_euler("ZYX")[:, ::-1], atol=1e-12)
+    for matrix, three in zip(ANYHOW.as_matrix(), angles, strict=True):
+        np.testing.assert_allclose(matrix_from_angles(three), matrix, atol=1e-15)
+
+
+@pytest.mark.parametrize("pitch", [0.5 * np.pi, -0.5 * np.pi])
+def test_upright_roll_is_zero_and_yaw_has_all_of_the_turn(pitch: float) -> None:
+    matrix = matrix_from_angles(np.array([0.4, pitch, 1.1]))
+    (three,) = angles_from_matrices(matrix[None])
+    assert three[0] == 0.0
+    assert three[1] == pytest.approx(pitch, abs=1e-12)
+    np.testing.assert_allclose(matrix_from_angles(three), matrix, atol=1e-12)
