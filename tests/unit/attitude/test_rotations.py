@@ -79,6 +79,13 @@ def test_the_nearest_rotation_is_the_polar_factor_and_never_a_reflection() -> No
     np.testing.assert_allclose(mirrored, C, atol=ROUND_OFF)
 
 
+def test_the_rotation_between_two_directions_is_the_shortest_and_takes_one_to_the_other() -> None:
+    one, other = np.array([1.0, -2.0, 2.0]) / 3.0, np.array([0.0, 0.6, 0.8])
+    C = rotation_between(2.0 * one, other)
+    np.testing.assert_allclose(C @ one, other, atol=ROUND_OFF)
+    assert rotation_angle(C) == pytest.approx(angle_between(one, other), abs=ROUND_OFF)
+
+
 @pytest.mark.parametrize("function", [rotation_between, angle_between])
 def test_a_zero_vector_has_no_direction(function: Callable[..., object]) -> None:
     with pytest.raises(ValueError, match="a zero vector has no direction"):

@@ -1,12 +1,16 @@
-"""Recordings by hand whose truth is known, made with numpy alone, and their pieces."""
+"""Recordings by hand whose truth is known, made with numpy alone, their pieces, and captures of them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import json
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from tumble.capture.source import Channels
+from tumble.capture.run import CaptureOrder, CaptureRun, run_capture
+from tumble.capture.source import Channels, Piece, Source, SourceOptions, sources
 from tumble.recording import Recording
 from tumble.recording.samples import Samples
 
@@ -67,3 +71,36 @@ def pieces_of(recording: Recording, seconds: float) -> Iterator[Samples]:
     for start in range(0, len(recording), step):
         part = recording.between(start, min(start + step, len(recording)))
         yield Samples(part.time, part.specific_force, part.angular_rate)
+
+
+def triads(recording: Recording) -> tuple[np.ndarray, np.ndarray]:
+    """Specific force and angular rate, which are there."""
+    assert recording.specific_force is not None
+    assert recording.angular_rate is not None
+    return recording.specific_force, recording.angular_rate
+
+
+def captured(pieces: Iterable[Piece], folder: Path, **order: Any) -> CaptureRun:
+    """A capture of these pieces, as of a live source."""
+    source = Source("test", "a test", "test:", lambda address, options: iter(pieces))
+    return run_capture(CaptureOrder(source, "", SourceOptions(), folder, **{"imu": None, **order}))
+
+
+def replay_of(file: Path, folder: Path, **order: Any) -> CaptureOrder:
+    """An order to replay a file without waiting."""
+    return CaptureOrder(sources()["replay"], f"{file}@0", SourceOptions(), folder, **{"imu": None, **order})
+
+
+def live(recording: Recording, seconds: float = 0.1) -> list[Piece]:
+    """All that a source says of a recording."""
+    return [channels_of(recording), *pieces_of(recording, seconds)]
+
+
+def events_of(folder: Path) -> list[dict[str, Any]]:
+    """What the session's log holds."""
+    return [json.loads(line) for line in (folder / "session.jsonl").read_text().splitlines()]
+
+
+def kinds(folder: Path) -> list[str]:
+    """The kinds of the log's events, in order."""
+    return [event["event"] for event in events_of(folder)]

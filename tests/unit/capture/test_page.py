@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.unit.capture.recordings import by_hand, channels_of, pieces_of
+from tests.unit.capture.recordings import by_hand, channels_of, events_of, live, pieces_of, triads
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
@@ -100,10 +100,9 @@ def test_traces_are_the_least_and_greatest_sample_of_each_thirtieth(served: tupl
             message = viewer.recv(timeout=10.0)
             frame = message if isinstance(message, bytes) else b""
     columns = [struct.unpack_from("<d12f", frame, at) for at in range(0, len(frame), 56)]
-    assert recording.specific_force is not None
     for time_of, *values in columns[3:10]:
         inside = np.floor(recording.time * 30.0) == round(time_of * 30.0)
-        part = recording.specific_force[inside]
+        part = triads(recording)[0][inside]
         assert values[0:6:2] == pytest.approx(part.min(axis=0), abs=1e-5)
         assert values[1:6:2] == pytest.approx(part.max(axis=0), abs=1e-5)
 
@@ -135,17 +134,15 @@ def test_events_reach_who_comes_late_and_the_first_leads(served: tuple[Hub, Page
 def test_a_dropped_hold_does_not_count_in_the_calibration(tmp_path: Path) -> None:
     hub, recording = Hub({}), by_hand(14, seed=11)
 
-    def pieces(address: str, options: SourceOptions) -> Iterator[Piece]:
-        yield channels_of(recording)
-        for number, piece in enumerate(pieces_of(recording, 0.1)):
+    def pieces() -> Iterator[Piece]:
+        for number, piece in enumerate(live(recording)):
             if number == 200:
                 hub.wish({"do": "drop", "hold": 2})
                 hub.wish({"do": "drop", "hold": 99})
             yield piece
 
-    order = CaptureOrder(Source("test", "", "", pieces), "", SourceOptions(), tmp_path / "out", imu=None)
-    run = run_capture(order, [hub], taps=[hub.tap])
+    source = Source("test", "", "", lambda address, options: pieces())
+    run = run_capture(CaptureOrder(source, "", SourceOptions(), tmp_path, imu=None), [hub], taps=[hub.tap])
     assert run.calibration is not None
     assert run.calibration.calibration.quality.holds == 13
-    lines = (tmp_path / "out" / "session.jsonl").read_text().splitlines()
-    assert [json.loads(line)["hold"] for line in lines if '"hold_dropped"' in line] == [2]
+    assert [event["hold"] for event in events_of(tmp_path) if event["event"] == "hold_dropped"] == [2]

@@ -1,58 +1,54 @@
-"""A capture from its source to its files: what is written, what is kept, what is refused."""
+"""A capture from its source to its files and its page: what is written, kept, refused and shown."""
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from tests.unit.capture.recordings import by_hand, channels_of, pieces_of
+from tests.unit.capture.recordings import (
+    by_hand,
+    captured,
+    channels_of,
+    events_of,
+    kinds,
+    live,
+    pieces_of,
+    replay_of,
+    triads,
+)
 
 from tumble.capture.coach import Progress
 from tumble.capture.folder import CaptureFolder
 from tumble.capture.guide import Guide
 from tumble.capture.machine import Capture
-from tumble.capture.run import CaptureOrder, run_capture
-from tumble.capture.source import Channels, Piece, Source, SourceOptions
-from tumble.capture.source import sources as all_sources
+from tumble.capture.run import run_capture
+from tumble.capture.source import Channels, Piece
 from tumble.capture.targets import read_targets
 from tumble.earth import Site
 from tumble.errors import UsageError
-from tumble.recording import read_recording
+from tumble.recording import Recording, read_recording
 from tumble.recording.formats.output import write_recording
+from tumble.recording.samples import Samples
 from tumble.sample_rates import sample_rate
 from tumble.simulation.grades import find_grade
 
 RUN = "import sys; from tumble.cli import program; program()"
 
 
-def events_of(folder: Path) -> list[dict[str, object]]:
-    return [json.loads(line) for line in (folder / "session.jsonl").read_text().splitlines()]
-
-
-def kinds(folder: Path) -> list[str]:
-    return [str(event["event"]) for event in events_of(folder)]
-
-
 def rows_in(folder: Path) -> int:
     """Whole rows of samples that are on the disk."""
     file = folder / "recording.csv"
     return file.read_bytes().count(b"\n") - 1 if file.is_file() else 0
-
-
-def replayed(file: Path, folder: Path, **more: object) -> CaptureOrder:
-    more = {"imu": None, **more}
-    return CaptureOrder(all_sources()["replay"], f"{file}@0", SourceOptions(), folder, **more)  # type: ignore[arg-type]  # named by the tests
 
 
 @pytest.fixture(scope="module")
@@ -64,15 +60,13 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_replay_leaves_all_four_files_and_the_same_samples(recorded: Path, tmp_path: Path) -> None:
-    run = run_capture(replayed(recorded, tmp_path / "out"))
+    run = run_capture(replay_of(recorded, tmp_path / "out"))
     folder = tmp_path / "out"
     names = {"recording.csv", "session.jsonl", "calibration.json", "report.html"}
     assert {file.name for file in folder.iterdir()} == names
     before, after = read_recording(recorded), read_recording(folder / "recording.csv")
     assert np.array_equal(before.time, after.time)
-    assert before.angular_rate is not None
-    assert after.angular_rate is not None
-    assert np.array_equal(before.angular_rate, after.angular_rate)
+    assert np.array_equal(triads(before), triads(after))
     assert kinds(folder).count("hold_accepted") == 14
     assert kinds(folder)[-1] == "calibrated"
     assert run.calibration is not None
@@ -81,14 +75,14 @@ def test_a_replay_leaves_all_four_files_and_the_same_samples(recorded: Path, tmp
 
 @pytest.mark.slow
 def test_sigma_falls_and_ends_near_what_calibrate_states(recorded: Path, tmp_path: Path) -> None:
-    run_capture(replayed(recorded, tmp_path / "out", imu="consumer-mems"))
+    run_capture(replay_of(recorded, tmp_path / "out", imu="consumer-mems"))
     events = events_of(tmp_path / "out")
     told = [event["sigma"] for event in events if event["event"] == "sigma"]
-    biases = [one["accelerometer bias x"] for one in told if one["accelerometer bias x"] is not None]  # type: ignore[index]  # from JSON
+    biases = [one["accelerometer bias x"] for one in told if one["accelerometer bias x"] is not None]
     assert len(biases) > 3
     assert biases[-1] < biases[0]
-    assert all(one.get("pose", "turn") in one["do"] for one in events if one["event"] == "next_pose")  # type: ignore[operator]  # from JSON
-    end: dict[str, Any] = dict(events[-1])
+    assert all(one.get("pose", "turn") in one["do"] for one in events if one["event"] == "next_pose")
+    end = events[-1]
     for axis in "xyz":
         # Stamps that are regular are of a nominal rate, 1 % over the root of three: no pose mends it.
         name = f"gyro scale factor error {axis}"
@@ -108,22 +102,6 @@ def test_a_rate_that_is_stated_with_its_uncertainty_is_believed() -> None:
         assert guide.clock_sigma == pytest.approx(sigma, rel=1e-3)
 
 
-def test_a_folder_with_results_is_refused_and_untouched(recorded: Path, tmp_path: Path) -> None:
-    folder = tmp_path / "out"
-    folder.mkdir()
-    (folder / "calibration.json").write_text("mine")
-    with pytest.raises(UsageError, match=r"--resume"):
-        run_capture(replayed(recorded, folder))
-    assert [file.name for file in folder.iterdir()] == ["calibration.json"]
-    assert (folder / "calibration.json").read_text() == "mine"
-
-
-def test_a_replay_of_what_it_writes_to_is_refused(recorded: Path, tmp_path: Path) -> None:
-    copy = Path(shutil.copy(recorded, tmp_path / "recording.csv"))
-    with pytest.raises(UsageError, match="written to"):
-        run_capture(replayed(copy, tmp_path, resume=True))
-
-
 def test_after_a_kill_only_the_last_second_is_lost_and_it_can_be_resumed(
     recorded: Path, tmp_path: Path
 ) -> None:
@@ -140,7 +118,7 @@ def test_after_a_kill_only_the_last_second_is_lost_and_it_can_be_resumed(
     assert rows_in(folder) >= 600
     with (folder / "recording.csv").open("ab") as file:
         file.write(b"3.14,0.1,")  # as a kill in the middle of a line leaves it
-    run = run_capture(replayed(recorded, folder, resume=True))
+    run = run_capture(replay_of(recorded, folder, resume=True))
     assert "resumed" in kinds(folder)
     before, after = read_recording(recorded), read_recording(folder / "recording.csv")
     assert np.array_equal(before.time, after.time)
@@ -154,35 +132,17 @@ def test_samples_are_handed_to_the_disk_each_second(tmp_path: Path, monkeypatch:
     now, recording, folder = [0.0], by_hand(3, seed=2), tmp_path / "out"
     monkeypatch.setattr(run.time, "monotonic", lambda: now[0])
 
-    def pieces(address: str, options: SourceOptions) -> Iterator[Piece]:
+    def pieces() -> Iterator[Piece]:
         yield channels_of(recording)
         for piece in pieces_of(recording, 0.1):
             now[0] += 0.1
             yield piece
             assert rows_in(folder) >= 100.0 * (float(piece.time[-1]) - 1.2)
 
-    run_capture(CaptureOrder(Source("test", "", "", pieces), "", SourceOptions(), folder, imu=None))
+    captured(pieces(), folder)
     assert rows_in(folder) == len(recording)
     # What the stamps of a live unit are good to, it is told by this computer's clock.
     assert any("say --rate ±50ppm" in str(event["words"]) for event in events_of(folder))
-
-
-def test_two_captures_into_one_folder_are_refused(tmp_path: Path) -> None:
-    channels = channels_of(by_hand(2, seed=1))
-    first = CaptureFolder(tmp_path, channels)
-    with pytest.raises(UsageError, match="another tumble"):
-        CaptureFolder(tmp_path, channels, resume=True)
-    first.close_recording()
-    first.close()
-
-
-def test_other_columns_are_not_appended(tmp_path: Path) -> None:
-    recording = by_hand(2, seed=1)
-    first = CaptureFolder(tmp_path, channels_of(recording))
-    first.close_recording()
-    first.close()
-    with pytest.raises(UsageError, match="columns"):
-        CaptureFolder(tmp_path, replace(channels_of(recording), angular_rate_unit=None), resume=True)
 
 
 def test_a_full_disk_ends_a_capture_with_a_sentence_and_whole_lines(recorded: Path, tmp_path: Path) -> None:
@@ -209,7 +169,7 @@ def test_ten_seconds_of_silence_are_told_and_the_capture_goes_on(
     now, recording = [0.0], by_hand(6, seed=12)
     monkeypatch.setattr(run.time, "monotonic", lambda: now[0])
 
-    def pieces(address: str, options: SourceOptions) -> Iterator[Piece]:
+    def pieces() -> Iterator[Piece]:
         yield channels_of(recording)
         for number, piece in enumerate(pieces_of(recording, 0.1)):
             for _ in range(100 if number == 200 else 1):
@@ -218,8 +178,7 @@ def test_ten_seconds_of_silence_are_told_and_the_capture_goes_on(
             # The unit measured on while its line was silent, and nobody heard it.
             yield piece if number < 200 else piece.at(piece.time + 10.0)
 
-    source = Source("test", "", "", pieces)
-    run_capture(CaptureOrder(source, "", SourceOptions(), tmp_path / "out", imu=None))
+    captured(pieces(), tmp_path / "out")
     said = kinds(tmp_path / "out")
     assert said.count("silence") == said.count("back") == 1
     assert "clock_jumped" not in said
@@ -227,111 +186,102 @@ def test_ten_seconds_of_silence_are_told_and_the_capture_goes_on(
     assert said.count("hold_accepted") >= 5
 
 
-def live_source(pieces: list[Piece]) -> Source:
-    return Source("test", "a test", "test:", lambda address, options: iter(pieces))
+def test_where_a_capture_must_not_write_it_writes_nothing(recorded: Path, tmp_path: Path) -> None:
+    results, locked = tmp_path / "results", tmp_path / "locked"
+    results.mkdir()
+    (results / "calibration.json").write_text("mine")
+    with pytest.raises(UsageError, match=r"--resume"):
+        run_capture(replay_of(recorded, results))
+    assert [file.name for file in results.iterdir()] == ["calibration.json"]
+    assert (results / "calibration.json").read_text() == "mine"
+    copy = Path(shutil.copy(recorded, tmp_path / "recording.csv"))
+    with pytest.raises(UsageError, match="written to"):
+        run_capture(replay_of(copy, tmp_path, resume=True))
+    channels = channels_of(by_hand(2, seed=1))
+    first = CaptureFolder(locked, channels)
+    with pytest.raises(UsageError, match="another tumble"):
+        CaptureFolder(locked, channels, resume=True)
+    first.close_recording()
+    first.close()
+    with pytest.raises(UsageError, match="columns"):
+        CaptureFolder(locked, replace(channels, angular_rate_unit=None), resume=True)
 
 
 def test_a_clock_that_begins_anew_is_told_and_carried_on(tmp_path: Path) -> None:
     recording = by_hand(6, seed=12)
-    pieces: list[Piece] = [channels_of(recording)]
-    for number, piece in enumerate(pieces_of(recording, 0.1)):
-        pieces.append(piece.at(piece.time - 10.0) if number > 120 else piece)
-    run_capture(CaptureOrder(live_source(pieces), "", SourceOptions(), tmp_path / "out", imu=None))
-    assert kinds(tmp_path / "out").count("clock_jumped") == 1
-    time_read = read_recording(tmp_path / "out" / "recording.csv").time
+    channels, *pieces = live(recording)
+    moved = [piece.at(piece.time - 10.0) for piece in pieces[121:] if isinstance(piece, Samples)]
+    captured([channels, *pieces[:121], *moved], tmp_path)
+    assert kinds(tmp_path).count("clock_jumped") == 1
+    time_read = read_recording(tmp_path / "recording.csv").time
     assert np.all(np.diff(time_read) > 0.0)
     assert time_read.shape[0] == len(recording)
 
 
-def test_numbers_that_are_none_are_left_out(tmp_path: Path) -> None:
-    recording = by_hand(6, seed=13)
-    assert recording.specific_force is not None
-    recording.specific_force[500:503, 1] = np.nan
-    recording.specific_force[700, 2] = np.inf
-    pieces: list[Piece] = [channels_of(recording), *pieces_of(recording, 0.1)]
-    run_capture(CaptureOrder(live_source(pieces), "", SourceOptions(), tmp_path / "out", imu=None))
-    assert len(read_recording(tmp_path / "out" / "recording.csv")) == len(recording) - 4
-
-
-def test_a_recording_that_tells_too_little_is_kept_and_says_so(tmp_path: Path) -> None:
+def test_numbers_that_are_none_are_left_out_and_what_tells_too_little_is_kept_and_says_so(
+    tmp_path: Path,
+) -> None:
     recording = by_hand(2, seed=14)
-    pieces: list[Piece] = [channels_of(recording), *pieces_of(recording, 0.1)]
-    run = run_capture(CaptureOrder(live_source(pieces), "", SourceOptions(), tmp_path / "out", imu=None))
+    force, _ = triads(recording)
+    force[500:503, 1] = np.nan
+    force[700, 2] = np.inf
+    run = captured(live(recording), tmp_path)
     assert run.calibration is None
     assert run.refusal
-    assert kinds(tmp_path / "out")[-1] == "not_calibrated"
-    assert len(read_recording(tmp_path / "out" / "recording.csv")) == len(recording)
+    assert kinds(tmp_path)[-1] == "not_calibrated"
+    assert len(read_recording(tmp_path / "recording.csv")) == len(recording) - 4
 
 
-@pytest.mark.parametrize(
-    ("change", "word"),
-    [
-        ("no gyro", "No gyro"),
-        ("zero gyro", "exactly zero"),
-        ("no gravity", "takes gravity out"),
-        ("in g", "cannot be in"),
-        ("slow", "Hz"),
-    ],
-)
-def test_what_is_wrong_is_said_within_two_seconds(change: str, word: str) -> None:
-    recording = by_hand(1, seed=15)
-    assert recording.specific_force is not None
-    assert recording.angular_rate is not None
-    if change == "no gyro":
-        recording = replace(recording, angular_rate=None)
-    if change == "zero gyro":
-        recording = replace(recording, angular_rate=0.0 * recording.angular_rate)
-    if change == "no gravity":
-        force = recording.specific_force - recording.specific_force.mean(axis=0)
-        recording = replace(recording, specific_force=0.01 * force)
-    if change == "in g":
-        recording = replace(recording, specific_force=recording.specific_force * 10.0)
-    channels = channels_of(recording)
-    capture = Capture(replace(channels, rate=250.0) if change == "slow" else channels, None, 3.0)
-    events = [event for piece in pieces_of(recording, 0.1) for event in capture.feed(piece)]
-    said = [event for event in events if event.kind == "caution"]
+def test_a_unit_whose_numbers_never_change_does_not_end_the_capture(tmp_path: Path) -> None:
+    whole = Samples(
+        np.arange(1000) / 100.0, *(np.tile(one, (1000, 1)) for one in ([0.1, -0.2, 9.8], [1e-3, 2e-3, 3e-3]))
+    )
+    pieces: list[Piece] = [Channels("m/s^2", "rad/s", 100.0), *whole.parts(0.1)]
+    run = captured(pieces, tmp_path, imu="consumer-mems", hold=2.0)
+    assert rows_in(tmp_path) == 1000
+    assert run.calibration is None
+    assert run.refusal
+    assert {"hold_complete", "not_calibrated"} <= set(kinds(tmp_path))
+
+
+WRONG: dict[str, Callable[[Recording], Recording]] = {
+    "No gyro": lambda one: replace(one, angular_rate=None),
+    "exactly zero": lambda one: replace(one, angular_rate=0.0 * triads(one)[1]),
+    "takes gravity out": lambda one: replace(
+        one, specific_force=0.01 * (triads(one)[0] - triads(one)[0].mean(axis=0))
+    ),
+    "cannot be in": lambda one: replace(one, specific_force=10.0 * triads(one)[0]),
+    "Hz": lambda one: replace(one, rate=250.0),
+}
+
+
+@pytest.mark.parametrize("word", WRONG)
+def test_what_is_wrong_is_said_within_two_seconds(word: str) -> None:
+    recording = WRONG[word](by_hand(1, seed=15))
+    capture = Capture(channels_of(recording), None, 3.0)
+    pieces = pieces_of(replace(recording, rate=100.0), 0.1)
+    said = [event for piece in pieces for event in capture.feed(piece) if event.kind == "caution"]
     assert any(word in event.words for event in said)
     assert all(event.time < 2.05 for event in said)
 
 
-def test_targets_are_read_in_their_units() -> None:
+def test_targets_are_read_in_their_units_and_what_is_none_is_refused() -> None:
     found = read_targets(["accelerometer.bias=2mg", "gyro.scale=500PPM,gyro.bias=3.6DEG/H"])
     assert found["accelerometer bias"] == pytest.approx(2e-3 * 9.80665)
     assert found["gyro scale"] == pytest.approx(5e-4)
     assert found["gyro bias"] == pytest.approx(np.radians(1e-3))
-
-
-@pytest.mark.parametrize(
-    "text", ["bias=2mg", "accelerometer.bias=2ppm", "accelerometer.bias=-2mg", "gyro.bias="]
-)
-def test_a_target_that_is_none_is_refused(text: str) -> None:
-    with pytest.raises(UsageError, match="--target"):
-        read_targets([text])
-
-
-def test_a_unit_whose_numbers_never_change_does_not_end_the_capture(tmp_path: Path) -> None:
-    from tumble.recording.samples import Samples
-
-    time_of = np.arange(1000) / 100.0
-    force, rate = np.tile([0.1, -0.2, 9.8], (1000, 1)), np.tile([0.001, 0.002, 0.003], (1000, 1))
-    whole = Samples(time_of, force, rate)
-    pieces: list[Piece] = [Channels("m/s^2", "rad/s", 100.0), *whole.parts(0.1)]
-    run = run_capture(CaptureOrder(live_source(pieces), "", SourceOptions(), tmp_path / "out", hold=2.0))
-    assert rows_in(tmp_path / "out") == 1000
-    assert run.calibration is None
-    assert run.refusal
-    assert {"hold_complete", "not_calibrated"} <= set(kinds(tmp_path / "out"))
+    for text in ("bias=2mg", "accelerometer.bias=2ppm", "accelerometer.bias=-2mg", "gyro.bias="):
+        with pytest.raises(UsageError, match="--target"):
+            read_targets([text])
 
 
 def test_a_capture_ends_by_saying_whether_the_guide_had_enough() -> None:
     capture: Any = Capture.__new__(Capture)
-    capture.guide, capture.progress, capture._enough_said = (
-        object(),
-        Progress(words=("Gyro x is open.",)),
-        False,
-    )
-    assert capture.outlook() == "The guide had not enough yet. Gyro x is open."
-    capture._enough_said = True
-    assert capture.outlook() == "The guide had enough."
-    capture._enough_said, capture.guide = False, None
-    assert capture.outlook() == ""
+    capture.progress = Progress(words=("Gyro x is open.",))
+    for guide, enough, said in (
+        (object(), False, "The guide had not enough yet. Gyro x is open."),
+        (object(), True, "The guide had enough."),
+        (None, False, ""),
+    ):
+        capture.guide, capture._enough_said = guide, enough
+        assert capture.outlook() == said
