@@ -72,12 +72,6 @@ def page(text: str) -> Page:
     return Page(text)
 
 
-def test_every_parameter_stands_there_with_its_unit_and_uncertainty(run: dict[str, Any], page: Page) -> None:
-    for row in parameter_rows(run["calibration"]):
-        assert row.label in page.text
-        assert row.shown.text.replace("-", "−") in page.text
-
-
 def test_the_page_fetches_nothing(page: Page, text: str) -> None:
     """No element names an address, the policy forbids what a script could try, and no address stands in our own."""
     for _, attributes in page.tags:
@@ -97,50 +91,38 @@ def test_names_that_would_break_the_page_are_escaped(run: dict[str, Any], page: 
     assert [tag for tag, _ in page.tags].count("script") == 4
 
 
-def test_the_page_carries_the_calibration_as_it_is(run: dict[str, Any], page: Page) -> None:
-    assert page.json("calibration") == json.loads(run["calibration"].to_json())
-
-
-def test_every_figure_has_its_place_and_every_place_its_figure(page: Page) -> None:
+def test_every_figure_has_its_place_its_caption_and_its_words_for_screen_readers(page: Page) -> None:
     places = [attributes["id"] for tag, attributes in page.tags if tag == "div" and "id" in attributes]
     figures = page.json("figures")
     assert [figure["name"] for figure in figures] == places
     assert len(set(places)) == len(places)
     assert all(figure["data"] and figure["layout"]["height"] > 0 for figure in figures)
-
-
-def test_every_figure_is_introduced_by_a_caption_and_told_to_screen_readers(page: Page) -> None:
     tags = [tag for tag, _ in page.tags]
     assert tags.count("figure") == tags.count("figcaption")
     assert all(a.get("aria-label") for tag, a in page.tags if tag == "div" and "id" in a)
     assert tags.count("noscript") == 1
 
 
-def test_sections_stand_in_reading_order(run: dict[str, Any], page: Page) -> None:
-    order = ["Fit for use" if run["calibration"].verdict.fit else "Not fit for use", "Parameters", "Timeline"]
+def test_the_page_says_all_that_the_calibration_says_in_reading_order(
+    run: dict[str, Any], page: Page
+) -> None:
+    calibration = run["calibration"]
+    assert page.json("calibration") == json.loads(calibration.to_json())
+    order = ["Fit for use" if calibration.verdict.fit else "Not fit for use", "Parameters", "Timeline"]
     order += ["Poses", "Holds: norm against gravity", "Parameters with 95 % intervals", "Correlations"]
     order += ["The formula, both ways", "What to do next"]
     places = [page.text.index(title) for title in order]
     assert places == sorted(places)
-
-
-def test_turns_are_shown_where_there_are_any(run: dict[str, Any], page: Page) -> None:
     has_turns = bool(np.any(np.isfinite(run["estimate"].turns.angles)))
     assert ("Turns: gravity carried by the gyro" in page.text) == has_turns
-
-
-def test_verdict_reasons_and_remarks_are_there(run: dict[str, Any], page: Page) -> None:
-    calibration = run["calibration"]
     plain = page.text.replace("`", "")
     for sentence in [*calibration.verdict.reasons, *calibration.not_determined, *calibration.remarks]:
         assert sentence.replace("`", "") in plain
-
-
-def test_numbers_of_the_formula_are_the_calibrations(run: dict[str, Any], page: Page) -> None:
-    """Nine digits of every entry of the matrix stand in the text."""
-    for row in run["calibration"].accelerometer.matrix:
-        for value in row:
-            assert f"{value + 0.0:.9g}" in page.text
+    for row in parameter_rows(calibration):
+        assert row.label in page.text
+        assert row.shown.text.replace("-", "−") in page.text
+    for value in np.ravel(calibration.accelerometer.matrix):
+        assert f"{value + 0.0:.9g}" in page.text  # nine digits of every entry of the matrix
 
 
 def test_the_formula_names_the_terms_of_each_sensor(calibration: Any) -> None:
@@ -148,9 +130,6 @@ def test_the_formula_names_the_terms_of_each_sensor(calibration: Any) -> None:
     text = formula_text(structs.replace(calibration, gyroscope=gyro))
     assert "f = inverse(M_a) u,   u + q u² = raw_a - b_a\n" in text
     assert "w = inverse(M_g) u,   u + a |u| + q u² = raw_g - b_g - G f\n" in text
-
-
-def test_a_gyro_without_matrix_keeps_its_bias_and_g_sensitivity_in_the_formula(calibration: Any) -> None:
     gyro = structs.replace(calibration.gyroscope, matrix=None)
     text = formula_text(structs.replace(calibration, gyroscope=gyro))
     assert "only the bias and g-sensitivity can be removed: raw_g - b_g - G f" in text
@@ -176,12 +155,11 @@ def test_variance_components_are_told_in_words(name: str, sigma: float, words: s
 
 
 def test_of_many_recordings_the_title_names_the_first_and_the_last(calibration: Calibration) -> None:
-    one = calibration
-    many = structs.replace(
-        one, recordings=[structs.replace(one.recordings[0], name=f"step-{k:03d}.csv") for k in range(1, 105)]
-    )
+    (only,) = calibration.recordings
+    names = [structs.replace(only, name=f"step-{k:03d}.csv") for k in range(1, 105)]
+    many = structs.replace(calibration, recordings=names)
     assert title(many) == "Calibration of 104 files, step-001.csv … step-104.csv"
-    few = structs.replace(one, recordings=many.recordings[:3])
+    few = structs.replace(calibration, recordings=many.recordings[:3])
     assert title(few) == "Calibration of step-001.csv, step-002.csv, step-003.csv"
 
 

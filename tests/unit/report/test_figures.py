@@ -1,20 +1,24 @@
-"""What the figures draw: decimation, poses, residuals before the calibration."""
+"""What the figures draw on the page, and as files for a paper: one column wide, fonts embedded, the same numbers."""
 
 from __future__ import annotations
 
 import base64
+import io
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pypdf
 import pytest
 
 from tumble.attitude.rotations import twenty_six_directions
-from tumble.calibration.evidence import Turns
-from tumble.report.evidence.residuals import nominal_hold_norms, nominal_turn_angles, turns
-from tumble.report.figures.on_page import packed
+from tumble.errors import UsageError
+from tumble.report.evidence.residuals import nominal_hold_norms, nominal_turn_angles
+from tumble.report.figures import on_paper
+from tumble.report.figures.on_page import packed, plot
 from tumble.report.figures.parameters import missing_directions, poses
-from tumble.report.figures.record import Bars, plain
+from tumble.report.figures.record import Axis, Bars, Curve, Figure, Map, Points, plain
 from tumble.report.figures.timeline import envelope, timeline
 from tumble.report.page import Figures, Sentences
 from tumble.report.subject import Subject, pose_words
@@ -55,39 +59,6 @@ def test_a_few_samples_are_drawn_too(samples: int) -> None:
     drawn = envelope(np.arange(samples) / 10.0, signal)
     assert np.nanmin(drawn.values) == 0.0
     assert np.nanmax(drawn.values) == 3.0 * samples - 1.0
-
-
-def test_packed_numbers_are_little_endian_float32() -> None:
-    assert packed(np.array([1.5, -2.0])) == {
-        "dtype": "f4",
-        "bdata": base64.b64encode(b"\x00\x00\xc0\x3f\x00\x00\x00\xc0").decode(),
-    }
-
-
-def test_what_is_not_finite_becomes_null() -> None:
-    assert plain([1.23456789, float("nan"), float("inf")], 4) == [1.235, None, None]
-
-
-def test_poses_that_no_hold_is_nearest_to_are_missing() -> None:
-    standard = twenty_six_directions()
-    tilted = standard[[0, 5, 20]] + [0.1, -0.05, 0.02]
-    tilted /= np.linalg.norm(tilted, axis=1, keepdims=True)
-    missing = missing_directions(tilted)
-    assert np.array_equal(missing, np.delete(standard, [0, 5, 20], axis=0))
-
-
-def test_missing_poses_are_named_in_words() -> None:
-    notes = poses(np.delete(twenty_six_directions(), 2, axis=0) * 9.81, set())[-1]
-    assert isinstance(notes, Sentences)
-    assert notes.sentences[-1] == f"Missing: {pose_words(twenty_six_directions()[2])}."
-    assert "−" in pose_words(np.array([-1.0, 0.0, 0.0]))
-
-
-def test_holds_of_one_pose_share_a_label() -> None:
-    up = np.array([[0.0, 0.0, 9.8], [0.0, 9.8, 0.0], [0.1, 0.0, 9.8]])
-    holds: Any = drawn(poses(up, {1})).figures[0].marks[-1]
-    assert holds.labels == ["1, 3", "2", ""]
-    assert len(set(holds.colour)) == 2  # the one left out is marked
 
 
 def test_every_stretch_of_the_timeline_can_be_pointed_at(hand_held: dict[str, Any]) -> None:
@@ -139,10 +110,6 @@ def test_turns_are_worse_before_than_after(hand_held: dict[str, Any]) -> None:
     assert rms_after < rms_before < np.radians(3.0)
 
 
-def test_without_turns_there_is_no_figure_of_turns(in_counts: dict[str, Any]) -> None:
-    assert turns(Turns(), Subject(**in_counts)) == []
-
-
 def test_spins_have_a_colour_and_a_legend_of_their_own(hand_held: dict[str, Any]) -> None:
     first, _, third, *_ = hand_held["timeline"].turns
     spun = tuple(MatchedSpin(step, turn.start, turn.stop) for step, turn in ((1, first), (5, third)))
@@ -155,3 +122,104 @@ def test_spins_have_a_colour_and_a_legend_of_their_own(hand_held: dict[str, Any]
     assert colour not in {c for name in ("holds", "turns") for c in bars[name].colour}
     assert "teal a spin" in shown.caption
     assert "spin" not in drawn(timeline(Subject(**hand_held))).caption
+
+
+TIMES, LEVELS = np.array([0.0, 1.0, 2.5]), np.array([3.0, np.nan, -4.0])
+
+
+def examples() -> list[Figure]:
+    panels = [Axis("a / (m/s²)", share=(0.0, 0.5)), Axis("σ, $ & %", share=(0.6, 1.0))]
+    lines = [
+        Curve(TIMES, LEVELS, "a"),
+        Points(TIMES, LEVELS, "b", panel=1, labels=["1", "2", "3"]),
+    ]
+    names = Axis(kind="names", downwards=True)
+    bars = [Bars(x, ["x", "y"], f"one & {x}", lying=True) for x in ([10.0, 30.0], [90.0, 70.0])]
+    cells = Map(["u", "v"], ["u", "v"], values=[[1.0, -0.5], [None, 1.0]])
+    return [
+        Figure("lines", "lines", lines, Axis("time / s"), panels, 380),
+        Figure("bars", "bars", bars, Axis(), names, 300, stacked=True),
+        Figure("map", "map", [cells], Axis(kind="names"), names, 300),
+    ]
+
+
+def test_pdf_is_one_column_wide_and_has_its_fonts_in_it(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    made = on_paper.write_figures(examples(), tmp_path / "examples", "pdf")
+    assert [file.name for file in made] == ["lines.pdf", "bars.pdf", "map.pdf"]
+    for file in made:
+        (sheet,) = pypdf.PdfReader(io.BytesIO(file.read_bytes())).pages
+        assert float(sheet.mediabox.width) / 72.0 * 25.4 == pytest.approx(88.0, abs=0.5)
+        fonts = [font.get_object() for font in sheet["/Resources"]["/Font"].values()]  # type: ignore[index]
+        assert fonts
+        for font in fonts:
+            assert font["/Subtype"] == "/Type0"
+            (inner,) = font["/DescendantFonts"]
+            assert "/FontFile2" in inner.get_object()["/FontDescriptor"]
+    assert "σ, $ & %" in pypdf.PdfReader(made[0]).pages[0].extract_text()
+
+
+def test_each_form_is_itself_and_twice_the_same_bytes() -> None:
+    pytest.importorskip("matplotlib")
+    for form, head in (("pdf", b"%PDF"), ("svg", b"<?xml"), ("png", b"\x89PNG")):
+        first, second = (on_paper.draw(examples()[1], form) for _ in range(2))
+        assert first == second
+        assert first.startswith(head)
+        # A journal's editor has not the page's fonts: texts are outlines.
+        assert form != "svg" or b"<text" not in first
+
+
+def test_what_is_drawn_is_what_the_page_carries(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("matplotlib")
+    from matplotlib.figure import Figure as Drawn
+
+    seen: list[Any] = []
+    monkeypatch.setattr(Drawn, "savefig", lambda self, *_, **__: seen.append(self))
+    for figure in examples():
+        on_paper.draw(figure, "pdf")
+    above, below = seen[0].axes
+    assert (above.get_ylabel(), below.get_ylabel()) == (r"σ, \$ & %", "a / (m/s²)")
+    drawn = below.lines[0].get_xydata()
+    assert np.array_equal(drawn[:, 0], TIMES)
+    assert np.array_equal(drawn[:, 1], LEVELS, equal_nan=True)
+    ends = [(patch.get_x(), patch.get_width()) for patch in seen[1].axes[0].patches]
+    assert ends == [(0.0, 10.0), (0.0, 30.0), (10.0, 90.0), (30.0, 70.0)]
+    assert seen[2].axes[0].images[0].get_array()[0].tolist() == [1.0, -0.5]
+    lines, bars, cells = (plot(figure) for figure in examples())
+    assert [trace["yaxis"] for trace in lines["data"][1:]] == ["y2"]
+    assert lines["data"][0]["y"] == [3.0, None, -4.0]
+    assert lines["layout"]["xaxis"]["anchor"] == "y"
+    assert [trace["name"] for trace in bars["data"]] == ["one &amp; [10.0, 30.0]", "one &amp; [90.0, 70.0]"]
+    assert bars["layout"]["barmode"] == "stack"
+    assert cells["data"][0]["z"] == [[1.0, -0.5], [None, 1.0]]
+
+
+def test_wrong_forms_and_a_missing_library_are_one_sentence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(UsageError, match="give one of pdf, svg, png"):
+        on_paper.write_figures(examples(), tmp_path, "bmp")
+    monkeypatch.setattr(on_paper, "find_spec", lambda _: None)
+    with pytest.raises(UsageError, match=r"pip install matplotlib"):
+        on_paper.require_library()
+
+
+def test_numbers_are_packed_as_little_endian_float32_and_what_is_not_finite_becomes_null() -> None:
+    bytes_of = base64.b64encode(b"\x00\x00\xc0\x3f\x00\x00\x00\xc0").decode()
+    assert packed(np.array([1.5, -2.0])) == {"dtype": "f4", "bdata": bytes_of}
+    assert plain([1.23456789, float("nan"), float("inf")], 4) == [1.235, None, None]
+
+
+def test_holds_of_one_pose_share_a_label_and_poses_that_no_hold_is_nearest_to_are_named() -> None:
+    standard = twenty_six_directions()
+    tilted = standard[[0, 5, 20]] + [0.1, -0.05, 0.02]
+    tilted /= np.linalg.norm(tilted, axis=1, keepdims=True)
+    assert np.array_equal(missing_directions(tilted), np.delete(standard, [0, 5, 20], axis=0))
+    notes = poses(np.delete(standard, 2, axis=0) * 9.81, set())[-1]
+    assert isinstance(notes, Sentences)
+    assert notes.sentences[-1] == f"Missing: {pose_words(standard[2])}."
+    assert "−" in pose_words(np.array([-1.0, 0.0, 0.0]))
+    up = np.array([[0.0, 0.0, 9.8], [0.0, 9.8, 0.0], [0.1, 0.0, 9.8]])
+    holds: Any = drawn(poses(up, {1})).figures[0].marks[-1]
+    assert holds.labels == ["1, 3", "2", ""]
+    assert len(set(holds.colour)) == 2  # the one left out is marked

@@ -1,15 +1,32 @@
-"""Parameters in the units that people use; conversions are worked by hand."""
+"""Numbers in the units that people use, rounded by their uncertainty; conversions are worked by hand."""
 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
 
+import numpy as np
 import pytest
-from tests.unit.written import parameters
+from hypothesis import given
+from hypothesis import strategies as st
+from msgspec import structs
+from tests.unit.written import parameters, written
 
+from tumble.calibration.estimate import NamedValue
 from tumble.document.result import Calibration
+from tumble.document.thermal_block import ThermalBlock, thermal_block
+from tumble.parameters.family import TEMPERATURE, parameter_of
+from tumble.parameters.measures import Measure, decimals_of, fixed, with_uncertainty
+from tumble.report.evidence.budget import beside, parameters_beside
+from tumble.report.html import render_page
+from tumble.report.page import Page
 from tumble.report.parameters import ParameterRow, parameter_rows
+from tumble.report.summary import thermal_changes, thermal_lines
+from tumble.sensor import ImuModel, Triad
+from tumble.sensor.thermal import TemperatureBasis, ThermalModel
 
 
 @pytest.fixture
@@ -43,10 +60,7 @@ def test_each_quantity_is_told_in_its_own_and_in_practical_units(
     row = rows[name]
     assert row.shown.text == shown
     assert (None if row.other is None else row.other.text) == other
-
-
-def test_axes_of_one_family_share_their_unit(rows: dict[str, ParameterRow]) -> None:
-    """The largest decides: -1.2345e-2 m/s² is given in mg because 0.5 m/s² is."""
+    # The largest of a family decides: -1.2345e-2 m/s² is given in mg because 0.5 m/s² is.
     biases = [rows[f"accelerometer bias {axis}"].other for axis in "xyz"]
     assert [bias.unit for bias in biases if bias is not None] == ["mg"] * 3
 
@@ -67,10 +81,6 @@ def test_small_values_take_the_small_unit(write_calibration: Callable[..., Calib
     assert angle.other.text == "4.13 ± 0.41″"
 
 
-def test_rows_keep_the_calibrations_order_for_the_correlations(calibration: Calibration) -> None:
-    assert [row.name for row in parameter_rows(calibration)] == [p.name for p in calibration.parameters]
-
-
 def test_scale_factors_in_counts_are_drawn_off_their_mean(rows: dict[str, ParameterRow]) -> None:
     """(1000 + 1010 + 990) / 3 = 1000, so that y is 1 % off."""
     drawn = rows["gyro scale factor y"].drawn
@@ -88,3 +98,134 @@ def test_counts_without_a_scale_factor_are_not_converted(
     assert rows["gyro bias x"].other is None
     assert rows["gyro bias x"].drawn.value == pytest.approx(410.0, abs=1e-9)  # arithmetic
     assert rows["g-sensitivity of gyro x to force y"].other is None
+
+
+@pytest.mark.parametrize(
+    ("value", "sigma", "text"),
+    [
+        # GUM H.1.6: l = 50.000 838 mm, u = 32 nm.
+        (50.000838, 0.000032, "50.000838 ± 0.000032"),
+        (0.1025212, 0.00097, "0.10252 ± 0.00097"),
+        # 0.0996 rounds to 0.10, not to 0.100.
+        (1.23456, 0.0996, "1.23 ± 0.10"),
+        (-3.5, 0.25, "-3.50 ± 0.25"),
+        (12345.6, 678.0, "12350 ± 680"),
+        # The value vanishes in its uncertainty without a sign.
+        (-0.0001, 0.5, "0.00 ± 0.50"),
+        (-1.2345e-7, 3.2e-9, "(-12.35 ± 0.32) × 10⁻⁸"),
+        (2.5e8, 1.3e7, "(2.50 ± 0.13) × 10⁸"),
+        (math.nan, 0.0312, "± 0.031"),
+        (2.0, 0.0, "2 (no uncertainty)"),
+        (2.0, math.nan, "2 (no uncertainty)"),
+        (math.nan, math.nan, "not known"),
+    ],
+)
+def test_two_digits_of_the_uncertainty_round_the_value(value: float, sigma: float, text: str) -> None:
+    assert with_uncertainty(value, sigma) == text
+
+
+def test_an_interval_has_the_decimals_of_the_uncertainty() -> None:
+    assert Measure(1.0, 0.1, "").interval(2.0) == "[0.80, 1.20]"
+    assert Measure(-0.5, 0.26, "").interval(1.96) == "[-1.01, 0.01]"
+    # The power of ten is that in which sigma reads 0.10 to 0.99.
+    assert Measure(-1.0e-7, 1.0e-8, "").interval(2.0) == "[-1.20, -0.80] × 10⁻⁷"
+    assert Measure(1.0, 0.0, "").interval(2.0) == ""
+
+
+@given(st.floats(1e-12, 1e12), st.floats(-1e3, 1e3))
+def test_rounding_moves_a_value_by_less_than_a_tenth_of_its_uncertainty(sigma: float, ratio: float) -> None:
+    """Two digits are at least 10, so that half a unit of the last is at most a twentieth of sigma."""
+    value = ratio * sigma
+    shown = float(fixed(value, decimals_of(sigma)))
+    # The last digit of sigma is worth at most sigma / 9.95, and arithmetic adds nothing near it.
+    assert abs(shown - value) <= 0.5 * sigma / 9.9
+    with pytest.raises(ValueError, match="has no digits"):
+        decimals_of(0.0)
+
+
+A, B, C, D = (f"gyro non-orthogonality {axes}" for axes in ("yz", "zx", "zy", "xy"))
+
+
+def row(name: str, value: float, sigma: float) -> ParameterRow:
+    """Shown in thousandths of the parameter's unit."""
+    shown = Measure(1e3 * value, 1e3 * sigma, "mrad")
+    return ParameterRow(parameter_of(name), shown, None, shown)
+
+
+@pytest.fixture
+def joint() -> Any:
+    """Angle A is better known by half, B worse; the procedure has no C, and D is exact."""
+    other = SimpleNamespace(
+        procedure="hand-<held>",
+        parameters=[
+            NamedValue(A, 0.010, 0.002, "rad"),
+            NamedValue(B, 0.020, 0.001, "rad"),
+            NamedValue(D, 0.0, 0.0, "rad"),
+        ],
+    )
+    own = [
+        NamedValue(A, 0.013, 0.001, "rad"),
+        NamedValue(B, 0.016, 0.002, "rad"),
+        NamedValue(C, 0.5, 0.1, "rad"),
+        NamedValue(D, 0.0, 0.0, "rad"),
+    ]
+    return SimpleNamespace(parameters=own, beside=SimpleNamespace(estimate=other, source="a paper"))
+
+
+def rows_of(joint: Any) -> list[ParameterRow]:
+    return [row(p.name, p.value, p.standard_uncertainty) for p in joint.parameters]
+
+
+def subject(joint: Any) -> Any:
+    return SimpleNamespace(estimate=joint, rows_of=rows_of(joint))
+
+
+def test_the_table_names_what_is_far_apart_and_escapes_names(joint: Any) -> None:
+    a, b = parameters_beside(joint.beside, joint, rows_of(joint))
+    assert (a.value, a.sigma) == (pytest.approx(10.0), pytest.approx(2.0))
+    # in the procedure's uncertainties
+    assert (a.difference, a.ratio) == (pytest.approx(1.5), pytest.approx(0.5))
+    assert (b.difference, b.ratio) == (pytest.approx(-4.0), pytest.approx(2.0))
+    subject: Any = SimpleNamespace(estimate=joint, rows=rows_of(joint))
+    page = render_page(Page("Beside", beside(joint.beside, subject)))
+    table = re.sub(r">\s+<", "><", page.split("<h2>")[-1])
+    assert "hand-&lt;held&gt;" in table
+    assert "hand-<held>" not in table
+    assert "Farther apart are gyro non-orthogonality zx:" in table
+    assert "<td>+1.5</td><td>0.50</td>" in table
+    assert "<td>−4.0</td><td>2.00</td>" in table
+    assert "1.00 times" in table  # the root of 0.5 times 2
+    joint.beside.estimate.parameters = []
+    assert beside(joint.beside, subject) == []
+
+
+def thermal_calibration() -> Any:
+    model = ThermalModel(
+        ImuModel(Triad(np.eye(3), np.zeros(3)), Triad(np.eye(3), np.zeros(3))),
+        TemperatureBasis("polynomial", 20.0, order=2),
+        {"accelerometer.bias": np.array([[2e-3, -1e-3, 3e-3], [1e-5, 0.0, 0.0]])},
+        span_celsius=(0.0, 60.0),
+    )
+    covariance = np.zeros((6, 6))
+    covariance[0, 0], covariance[3, 3], covariance[0, 3], covariance[3, 0] = 1e-8, 1e-12, -5e-11, -5e-11
+    block: ThermalBlock = thermal_block(model, model.names, covariance)
+
+    given = parameters(
+        ("thermal accelerometer bias by ΔT x", 2e-3, 0.1, "m/s^2/K"),
+        ("thermal lag of the sensors behind the thermometer", 34.0, 0.1, "s"),
+    )
+    return structs.replace(written(parameters=given), thermal=block)
+
+
+def test_changes_carry_the_correlations_of_their_coefficients() -> None:
+    table = thermal_changes(thermal_calibration(), width=80)
+    assert table is not None
+    columns = list(zip(*table.rows, strict=True))
+    assert list(table.heads) == ["change from 20 °C", "0 °C", "30 °C", "60 °C"]
+    # 40 K: 80 + 16 mm/s², variance (1600 e-8 + 2 * 64000 * -5e-11 + 2.56e6 e-12) = 0.0000122. In mg over 9.80665.
+    assert columns[3][0] == "9.79 ± 0.36"
+    assert columns[0] == ("acc. x / mg", "acc. y / mg", "acc. z / mg")
+    lines = thermal_lines(thermal_calibration())
+    assert lines[0] == "Lag of the sensors behind the thermometer: 34.00 ± 0.10 s."
+    assert lines[1].startswith("1 coefficient of temperature with")
+    assert {row.group for row in parameter_rows(thermal_calibration())} == {TEMPERATURE}

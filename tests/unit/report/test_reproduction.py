@@ -142,21 +142,15 @@ def test_axes_are_linear_where_asked_and_few_places_have_a_tick_each() -> None:
     assert plot(figure_of(near))["layout"]["xaxis"]["tickvals"] == [1, 4, 16]
 
 
-def test_a_page_of_words_brings_no_drawing_program() -> None:
-    page = render_outcome(Outcome("x-1", "X", "Y", ("n",), [Row("a", "", (-1.5,))]))
+def test_an_outcome_of_words_brings_no_drawing_program_and_is_asked_for_without_a_seed() -> None:
+    bare = Outcome("x-1", "X", "Y", ("n",), [Row("a", "", (-1.5,))])
+    page, lines = render_outcome(bare), outcome_lines(bare)
     assert "<script" not in page
+    assert "<figure>" not in page
     assert len(page) < 20_000
     assert ">−1.5</td>" in page
-
-
-def test_what_is_not_simulated_is_asked_for_without_a_seed() -> None:
-    outcome = Outcome("x-1", "X", "Y", ("n",), [Row("a", "", (1,))], simulated=False)
-    assert outcome.command == "tumble reproduce x-1"
-    assert "Nothing is simulated." in outcome_lines(outcome)
-
-
-def test_an_outcome_without_figures_has_none() -> None:
-    bare = Outcome("x-1", "X", "Y", ("n",), [Row("a", "", (1,))])
-    assert "<figure>" not in render_outcome(bare)
-    assert "rows inside" not in "\n".join(outcome_lines(bare))
-    assert "1 run, seed 0" in "\n".join(outcome_lines(bare))
+    assert "rows inside" not in "\n".join(lines)
+    assert "1 run, seed 0" in "\n".join(lines)
+    still = replace(bare, simulated=False)
+    assert still.command == "tumble reproduce x-1"
+    assert "Nothing is simulated." in outcome_lines(still)
