@@ -1,4 +1,4 @@
-"""Spins: what is found of a table's constant rates, and what their means tell."""
+"""Spins and rotations: what is found of a table's rates, what means and integrals tell, however it turned."""
 
 from __future__ import annotations
 
@@ -10,13 +10,22 @@ from scipy.spatial.transform import Rotation
 
 from tumble.earth import Site
 from tumble.errors import SegmentationError
+from tumble.protocol import HoldStep, Pose, Protocol, SpinStep, TurnStep
 from tumble.recording.recording import Recording
-from tumble.segmentation import FoundSpin, find_spins, find_timeline, observe_spins
+from tumble.segmentation import FoundSpin, find_spins, find_timeline, observe_holds, observe_spins
+from tumble.segmentation.matching import match_protocol, observe_matched_spins
+from tumble.segmentation.rotations import Rotation as TableRotation
+from tumble.segmentation.rotations import observe_rotations
 from tumble.segmentation.spin_means import whole_revolutions
+from tumble.sensor import ImuModel, Triad
+from tumble.simulation import TableErrors, simulate_protocol
+from tumble.simulation.recordings import Truth
 
 SITE = Site.from_latitude(np.radians(41.0))
 RATE = np.radians(41.78)  # ten thousand times the Earth's
 PERIOD = 2.0 * np.pi / RATE
+
+
 # x, y, z of the fixture in b: not symmetric, so that a transposed or swapped axis shows
 TILT = Rotation.from_rotvec([np.pi - 0.02, 0.03, 0.0])
 
@@ -148,22 +157,6 @@ def test_some_of_thousands_of_levels_stand_for_all(monkeypatch: pytest.MonkeyPat
     ]
 
 
-def test_ripple_and_counts_do_not_matter() -> None:
-    parts = spun(RATE, -RATE)
-    recording = recorded(parts, ripple=1e-3)
-    assert recording.specific_force is not None
-    assert recording.angular_rate is not None
-    counts = replace(
-        recording,
-        specific_force=np.round(recording.specific_force * 400.0 + 33_000.0),
-        angular_rate=np.round(recording.angular_rate * 3000.0 + 32_000.0),
-        specific_force_unit="counts",
-        angular_rate_unit="counts",
-    )
-    assert_found(recording, parts)
-    assert_found(counts, parts)
-
-
 @pytest.mark.parametrize("seconds", [0.8, 4.0, 20.0])
 def test_a_turn_by_hand_has_no_plateau(seconds: float) -> None:
     parts = [Part(4.0)]
@@ -174,28 +167,6 @@ def test_a_turn_by_hand_has_no_plateau(seconds: float) -> None:
         timeline = find_timeline(recording)
         assert len(timeline.holds) == 7
         assert find_spins(recording, timeline) == []
-
-
-def test_a_saturated_spin_says_so() -> None:
-    parts = spun(RATE, 2.0 * RATE, -RATE)
-    recording = recorded(parts)
-    assert recording.angular_rate is not None
-    clipped = replace(recording, angular_rate=np.clip(recording.angular_rate, -5.0, 1.5 * RATE))
-    spins = find_spins(clipped, find_timeline(clipped))
-    assert [spin.usable for spin in spins] == [True, False, True]
-    assert spins[1].reason == "the gyro's z axis is at its extreme value: saturated"
-
-
-def test_the_fastest_spin_of_a_coarse_gyro_is_not_called_saturated() -> None:
-    recording = recorded(spun(RATE, -RATE), noise=(0.0, 0.0))
-    assert recording.angular_rate is not None
-    coarse = replace(recording, angular_rate=np.round(recording.angular_rate / 0.01) * 0.01)
-    assert all(spin.usable for spin in find_spins(coarse, find_timeline(coarse)))
-
-
-def test_without_a_gyro_there_are_no_spins_to_be_seen() -> None:
-    recording = replace(recorded(spun(RATE)), angular_rate=None)
-    assert find_spins(recording, find_timeline(recording)) == []
 
 
 def ranges(spins: list[FoundSpin]) -> list[tuple[int, int]]:
@@ -222,18 +193,6 @@ def test_without_noise_the_means_are_the_truth_whatever_the_window(first: Rotati
     # arithmetic: a fit of some thousand samples whose condition is below ten
     np.testing.assert_allclose(means.angular_rate, expected, atol=1e-11)
     np.testing.assert_allclose(means.specific_force, np.tile([0.0, 0.0, along[1]], (2, 1)), atol=1e-10)
-
-
-def test_a_plain_mean_keeps_the_horizontal_earth_rate() -> None:
-    """What the harmonics are for: over 1.4 revolutions it leaves some 1e-5 rad/s."""
-    recording = recorded(spun(RATE, seconds=1.4 * PERIOD), noise=(0.0, 0.0))
-    spins = find_spins(recording, find_timeline(recording))
-    plain, fitted = (observe_spins(recording, ranges(spins), [period]) for period in (np.nan, PERIOD))
-    assert plain.angular_rate is not None
-    assert fitted.angular_rate is not None
-    assert np.linalg.norm(plain.angular_rate[0, :2]) > 5e-6
-    assert np.linalg.norm(fitted.angular_rate[0, :2]) < 1e-12
-    assert np.isnan(plain.period[0])
 
 
 def test_a_table_off_its_nominal_rate_is_seen_by_the_phase_of_gravity() -> None:
@@ -280,15 +239,135 @@ def test_half_a_revolution_costs_variance_and_less_is_averaged_plainly() -> None
 
 def test_whole_revolutions_lie_in_the_middle() -> None:
     recording = recorded([Part(30.0)])
+    with pytest.raises(SegmentationError, match="no spins to average"):
+        observe_spins(recording, [], [])
+    with pytest.raises(SegmentationError, match="fewer than two samples"):
+        observe_spins(recording, [(3, 4)], [np.nan])
     start, stop = whole_revolutions(recording, 100, 2000, 6.0)
     assert (stop - start, start - 100, 2000 - stop) == (1800, 50, 50)
     assert whole_revolutions(recording, 100, 2000, 20.0) == (100, 2000)
     assert whole_revolutions(recording, 100, 2000, float("nan")) == (100, 2000)
 
 
-def test_wrong_arguments_are_refused() -> None:
-    recording = recorded([Part(5.0)])
-    with pytest.raises(SegmentationError, match="no spins to average"):
-        observe_spins(recording, [], [])
-    with pytest.raises(SegmentationError, match="fewer than two samples"):
-        observe_spins(recording, [(3, 4)], [np.nan])
+NO_EARTH = Site.from_gravity(9.81)
+MATRIX = np.array([[0.99, 0.021, -0.033], [-0.014, 1.03, 0.026], [0.037, -0.018, 0.97]])
+BIAS = np.array([0.002, -0.003, 0.001])
+MODEL = ImuModel(Triad(np.eye(3), np.zeros(3)), Triad(MATRIX, BIAS))
+TABLE_RATE = np.radians(60.0)
+AXIS = np.array([0.6, 0.8, 0.0])
+ARC_SECOND = np.pi / 648000.0
+
+
+def protocol() -> Protocol:
+    """One axis both ways, and the faces about it, so that the poses are told."""
+    level = Pose(np.array([0.0, 0.0, 1.0]), None, 0.05)
+    rest = HoldStep(6.0, level, "at rest")
+    angle = 2.0 * np.pi
+    ways = [
+        SpinStep(
+            angle / TABLE_RATE - 2.0, s * TABLE_RATE, AXIS, angle=s * angle, angle_sigma=2.0 * ARC_SECOND
+        )
+        for s in (1.0, -1.0)
+    ]
+    faces = [
+        step
+        for up in (np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]))
+        for step in (HoldStep(6.0, Pose(up, None, 0.05)), TurnStep(3.0))
+    ]
+    return Protocol("one axis", "turntable", (*faces, rest, ways[0], rest, ways[1], rest))
+
+
+def played(
+    told: Protocol, *, site: Site = NO_EARTH, table: TableErrors | None = None, model: ImuModel = MODEL
+) -> tuple[Recording, Truth]:
+    return simulate_protocol(
+        told, 50.0, np.random.default_rng(2), site=site, model=model, placement=False, table=table
+    )
+
+
+def observed(told: Protocol, recording: Recording) -> list[TableRotation]:
+    timeline = find_timeline(recording)
+    means = observe_holds(recording, timeline)
+    matching = match_protocol(told, recording, timeline, means)
+    spins = observe_matched_spins(told, recording, matching)
+    return observe_rotations(told, recording, timeline, matching, means, spins)
+
+
+@pytest.mark.parametrize("spread", [0.0, 0.4])
+def test_the_integral_from_rest_to_rest_is_the_angle_whatever_the_ramps(spread: float) -> None:
+    """Samples are means over their intervals: their sum is the integral, to rounding."""
+    told = protocol()
+    stopped, truth = played(told, table=TableErrors(stops_early=((0, 0.6),)))
+    early = observed(replace(told, steps=truth.steps), stopped)[0]
+    assert early.is_from_rest
+    assert early.angle == pytest.approx(0.6 * 2.0 * np.pi, rel=1e-12)
+    expected = MATRIX @ (AXIS * early.angle) + BIAS * early.seconds
+    np.testing.assert_allclose(early.integral, expected, rtol=0, atol=1e-11)
+    recording, truth = played(told, table=TableErrors(ramp_spread=spread))
+    rotations = observed(told, recording)
+    ramps = [spin.ramps for spin in truth.spins]
+    assert (ramps[0][0] != ramps[0][1]) == (spread > 0.0)
+    for rotation, sign in zip(rotations, (1.0, -1.0), strict=True):
+        assert rotation.is_from_rest
+        assert rotation.angle == pytest.approx(sign * 2.0 * np.pi, rel=1e-15)
+        assert rotation.angle_sigma == pytest.approx(2.0 * ARC_SECOND)
+        expected = MATRIX @ (AXIS * rotation.angle) + BIAS * rotation.seconds
+        np.testing.assert_allclose(rotation.integral, expected, rtol=0, atol=1e-11)
+
+
+def test_without_an_angle_the_constant_rate_serves_and_it_is_said() -> None:
+    told = protocol()
+    recording, _ = played(told)
+    bare = replace(
+        told,
+        steps=tuple(replace(s, angle=None) if isinstance(s, SpinStep) else s for s in told.steps),
+    )
+    for rotation, sign in zip(observed(bare, recording), (1.0, -1.0), strict=True):
+        assert not rotation.is_from_rest
+        assert rotation.why == "no angle was read off the table"
+        assert (rotation.before, rotation.after) == (None, None)
+        assert rotation.angle == pytest.approx(sign * TABLE_RATE * rotation.seconds, rel=1e-12)
+        expected = MATRIX @ (AXIS * rotation.angle) + BIAS * rotation.seconds
+        # the spin's mean is a fit over a window whose ends are found to a sample
+        np.testing.assert_allclose(rotation.integral, expected, rtol=0, atol=1e-8)
+
+
+def test_no_rotation_is_integrated_across_a_gap() -> None:
+    told = protocol()
+    recording, _ = played(told)
+    middle = observed(told, recording)[0].start + 60
+    time, force, rate = (
+        np.delete(np.asarray(one), slice(middle, middle + 8), axis=0)
+        for one in (recording.time, recording.specific_force, recording.angular_rate)
+    )
+    torn = replace(recording, time=time, specific_force=force, angular_rate=rate)
+    first, second = observed(told, torn)
+    assert first.why == "samples are missing for more than 0.1 s"
+    assert second.is_from_rest
+    expected = MATRIX @ (AXIS * first.angle) + BIAS * first.seconds
+    np.testing.assert_allclose(first.integral, expected, rtol=0, atol=1e-8)
+
+
+def test_ripple_counts_and_coarse_steps_do_not_matter_and_a_saturated_spin_says_so() -> None:
+    parts = spun(RATE, -RATE)
+    recording = recorded(parts, ripple=1e-3)
+    force, rate = np.asarray(recording.specific_force), np.asarray(recording.angular_rate)
+    counts = replace(
+        recording,
+        specific_force=np.round(force * 400.0 + 33_000.0),
+        angular_rate=np.round(rate * 3000.0 + 32_000.0),
+        specific_force_unit="counts",
+        angular_rate_unit="counts",
+    )
+    assert_found(recording, parts)
+    assert_found(counts, parts)
+    blind = replace(recording, angular_rate=None)
+    assert find_spins(blind, find_timeline(blind)) == []
+    coarse = recorded(parts, noise=(0.0, 0.0))
+    coarse = replace(coarse, angular_rate=np.round(np.asarray(coarse.angular_rate) / 0.01) * 0.01)
+    assert all(spin.usable for spin in find_spins(coarse, find_timeline(coarse)))
+    fast = recorded(spun(RATE, 2.0 * RATE, -RATE))
+    clipped = replace(fast, angular_rate=np.clip(np.asarray(fast.angular_rate), -5.0, 1.5 * RATE))
+    spins = find_spins(clipped, find_timeline(clipped))
+    assert [spin.usable for spin in spins] == [True, False, True]
+    assert spins[1].reason == "the gyro's z axis is at its extreme value: saturated"
