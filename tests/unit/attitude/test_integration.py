@@ -1,4 +1,4 @@
-"""Raw rates integrated to attitude, and means carried along, against closed forms and scipy."""
+"""Raw rates integrated to attitude, and means at the edge of a hold, against closed forms."""
 
 from __future__ import annotations
 
@@ -18,7 +18,6 @@ from tumble.attitude import (
     skew,
 )
 from tumble.attitude.integration import average_at_edge
-from tumble.attitude.kernels import transform_sequence
 
 Array = npt.NDArray[np.float64]
 
@@ -152,50 +151,6 @@ def test_both_branches_of_the_step_are_exact_at_its_end_and_at_its_middle(small:
     # one second of the regressor one, at the middle's attitude
     middle = matrix_from_rotation_vector(0.5 * vector)
     np.testing.assert_allclose(turns.sums[0, :, :, 3], middle, atol=1e-15)
-
-
-STEP = 0.02
-EARTH = np.array([4.1e-5, -2.3e-5, 5.5e-5])
-
-
-def by_scipy(
-    rate: np.ndarray,
-    force: np.ndarray,
-    earth: np.ndarray,
-    windows: tuple[tuple[np.ndarray, int], tuple[np.ndarray, int]],
-) -> tuple[np.ndarray, np.ndarray]:
-    """The same sample by sample; the frame of the start has turned by the Earth until each one's middle."""
-    averages, attitude = np.zeros((2, 3)), Rotation.identity()
-    for k in range(len(rate)):
-        attitude *= Rotation.from_rotvec(rate[k] * STEP)
-        back = Rotation.from_rotvec(-earth * (k + 0.5) * STEP)
-        for number, (weights, start) in enumerate(windows):
-            if start <= k < start + len(weights):
-                averages[number] += weights[k - start] * (back * attitude).apply(force[k])
-    return averages, attitude.as_matrix()
-
-
-RATES = {
-    "still": np.zeros((600, 3)),
-    "constant": np.tile([0.7, -1.1, 0.4], (600, 1)),
-    "fast": np.tile([31.0, -20.0, 12.0], (600, 1)),  # beyond the series: 0.5 rad a sample and more
-    "changing": wobble(np.arange(600) * STEP)[0] * np.where(np.arange(600) > 300, 3.0, -1.0)[:, None],
-}
-
-
-@pytest.mark.parametrize("rate", RATES.values(), ids=RATES)
-def test_what_a_rotation_sequence_carries_is_scipy_s(rate: Array) -> None:
-    """600 products of unit quaternions round by 1e-13 at most, and forces are of 10 m/s²."""
-    rng = np.random.default_rng(1)
-    force = rng.normal(0.0, 6.0, (600, 3))
-    windows = ((rng.uniform(0.0, 0.02, 100), 3), (rng.uniform(0.0, 0.02, 50), 550))
-    averages, C = np.full((2, 3), np.nan), np.full((3, 3), np.nan)
-    (first, at), (last, then) = windows
-    transform_sequence(rate, force, STEP, EARTH, first, at, last, then, averages, C)
-    expected = by_scipy(rate, force, EARTH, windows)
-    np.testing.assert_allclose(C, expected[1], rtol=0, atol=1e-12)
-    # the Earth's turn is a series to the fourth power of 1e-3
-    np.testing.assert_allclose(averages, expected[0], rtol=0, atol=1e-11)
 
 
 @pytest.mark.parametrize("edge", ["first", "last"])

@@ -116,25 +116,6 @@ def test_no_hold_goes_across_missing_samples() -> None:
     assert len(search.holds) == 5
 
 
-@pytest.mark.slow
-def test_a_rest_that_creeps_is_refused_and_not_taken_for_a_hold_again_and_again() -> None:
-    order = np.random.default_rng([5, 5]).permutation(26)
-    flaws = Flaws(creeping=0.4, too_short=0.1)
-    person = SimulatedPerson(
-        find_grade("consumer-mems"), 5, poses=twenty_six_directions()[order], flaws=flaws
-    )
-    capture: Capture | None = None
-    times: list[float] = []
-    for piece in person:
-        if isinstance(piece, Channels):
-            capture = Capture(piece, None, 3.0)
-        elif isinstance(piece, Samples) and capture is not None:
-            times += [float(e.facts["start"]) for e in capture.feed(piece) if e.kind == "hold_accepted"]
-    # A rest may be told twice, because what follows shows more of it; it was told a hundred times.
-    assert len(times) < 1.5 * 26
-    assert max(np.count_nonzero(np.abs(np.array(times) - one) < 0.5) for one in times) <= 3
-
-
 UPS = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 STEPS = (
     HoldStep(3.0, Pose(UPS[0]), "on its feet"),

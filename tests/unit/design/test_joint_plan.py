@@ -64,20 +64,12 @@ def hand_held() -> JointPlan:
 @pytest.fixture(scope="module")
 def table() -> JointPlan:
     """Two holds, and one turn of a table both ways about x."""
-    up = Pose(np.array([0.0, 0.0, 1.0]), None, 0.05)
-    rate, ramp = np.radians(10.0), 1.0
-    spins = [
-        SpinStep(
-            35.0,
-            sign * rate,
-            np.array([1.0, 0.0, 0.0]),
-            ramp=ramp,
-            angle=sign * 36.0 * rate,
-            angle_sigma=1e-5,
-        )
-        for sign in (1.0, -1.0)
-    ]
-    steps = (HoldStep(8.0, up), spins[0], HoldStep(8.0, up), spins[1], HoldStep(8.0, up))
+    hold, about = HoldStep(8.0, Pose(np.array([0.0, 0.0, 1.0]), None, 0.05)), np.array([1.0, 0.0, 0.0])
+    there, back = (
+        SpinStep(35.0, rate, about, ramp=1.0, angle=36.0 * rate, angle_sigma=1e-5)
+        for rate in np.radians([10.0, -10.0])
+    )
+    steps = (hold, there, hold, back, hold)
     return plan_protocol(PlanTask.of_grade(Protocol("both ways", "joint", steps), TACTICAL, SITE, draws=1))
 
 
@@ -145,18 +137,6 @@ def test_what_is_foretold_is_what_drawn_wanders_do_to_the_estimate() -> None:
     told = float(np.sqrt(np.mean(plan_protocol(task).sigmas[GROUPS["gyro bias"]] ** 2)))
     # 600 numbers: 3 % (one sigma); white noise and the span's edges are some per cent of it
     assert drawn == pytest.approx(told, rel=0.12)
-
-
-def test_the_sensors_errors_stand_under_their_names() -> None:
-    force = np.array([[1.01, 0.0, 0.0], [0.002, 0.99, 0.0], [-0.003, 0.004, 1.02]])
-    gyro = np.diag([1.0, 1.1, 0.9])
-    values = np.real(parameters_of(force, np.array([1.0, 2.0, 3.0]), gyro, np.zeros(3), np.eye(3)))
-    found = dict(zip(NAMES, values, strict=True))
-    assert found["accelerometer bias y"] == 2.0
-    assert found["gyro scale factor error y"] == pytest.approx(0.1)
-    assert found["g-sensitivity of gyro x to force x"] == 1.0
-    # a row of the matrix is its scale along a tilted axis: to the second order in the tilt
-    assert found["accelerometer scale factor error x"] == pytest.approx(0.01, abs=1e-9)
 
 
 def test_turns_about_the_vertical_tell_no_gyro_and_a_level_turn_does() -> None:
@@ -239,9 +219,7 @@ def test_leaving_a_step_out_loses_and_lengthening_it_gains(table: JointPlan) -> 
     assert sum(one.share_of_information for one in worths) == pytest.approx(1.0)
     assert all(one.loss > 0.0 and one.most_growth > 1.0 for one in worths)
     assert all(one.longer > 0.0 for one in worths)
-
-
-def test_a_longer_rotation_turns_further_at_its_rate(table: JointPlan) -> None:
+    # A longer rotation turns further at its rate.
     longer = with_longer_step(table.task.protocol, 1, 2.0).steps[1]
     assert isinstance(longer, SpinStep)
     assert longer.angle == pytest.approx(2.0 * 36.0 * np.radians(10.0))
@@ -258,7 +236,16 @@ def test_what_cannot_be_planned_is_said() -> None:
             plan_protocol(PlanTask.of_grade(protocol, TACTICAL, SITE))
 
 
-def test_sizes_are_the_data_sheets_spreads() -> None:
+def test_the_sensors_errors_stand_under_their_names_and_sizes_are_the_data_sheets_spreads() -> None:
+    force = np.array([[1.01, 0.0, 0.0], [0.002, 0.99, 0.0], [-0.003, 0.004, 1.02]])
+    gyro = np.diag([1.0, 1.1, 0.9])
+    values = np.real(parameters_of(force, np.array([1.0, 2.0, 3.0]), gyro, np.zeros(3), np.eye(3)))
+    found = dict(zip(NAMES, values, strict=True))
+    assert found["accelerometer bias y"] == 2.0
+    assert found["gyro scale factor error y"] == pytest.approx(0.1)
+    assert found["g-sensitivity of gyro x to force x"] == 1.0
+    # a row of the matrix is its scale along a tilted axis: to the second order in the tilt
+    assert found["accelerometer scale factor error x"] == pytest.approx(0.01, abs=1e-9)
     sizes = parameter_sizes(TACTICAL)
     assert sizes[GROUPS["gyro bias"]] == pytest.approx(np.full(3, TACTICAL.gyroscope.bias))
     leans = np.full(3, np.sqrt(2.0) * TACTICAL.accelerometer.misalignment)

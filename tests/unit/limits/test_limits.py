@@ -7,35 +7,26 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from msgspec import structs
-from tests.unit.written import written
+from tests.unit.written import parameters, written
 
-from tumble.document.result import Calibration, ParameterBlock
+from tumble.document.result import Calibration
 from tumble.errors import UsageError
-from tumble.limits import decide, read_limits, with_limits
+from tumble.limits import Limits, read_limits, with_limits
 from tumble.limits.conformity import conformance_probability, decision, overall
+from tumble.simulation import find_grade
+
+Row = tuple[str, float, float, str]
 
 
-def file_of(folder: Path, text: str) -> Path:
+def limits_of(folder: Path, text: str) -> Limits:
     path = folder / "limits.yaml"
     path.write_text(text, encoding="utf-8")
-    return path
+    return read_limits(path)
 
 
-@pytest.fixture(scope="module")
-def document() -> Calibration:
-    return written()
-
-
-def with_parameters(document: Calibration, *rows: tuple[str, float, float, str]) -> Calibration:
-    blocks = [
-        ParameterBlock(name=name, value=value, standard_uncertainty=sigma, unit=unit)
-        for name, value, sigma, unit in rows
-    ]
-    return structs.replace(document, parameters=blocks)
-
-
-# --- rules
+def held(folder: Path, limits: str, *rows: Row) -> Calibration:
+    """A document of these parameters held against limits."""
+    return with_limits(written(parameters=parameters(*rows)), limits_of(folder, f"limits:\n  {limits}\n"))
 
 
 def test_the_probability_is_what_drawing_shows() -> None:
@@ -77,97 +68,90 @@ def test_one_failure_fails_and_nothing_at_all_passes_nothing() -> None:
     assert overall([]) == "undecided"
 
 
-# --- documents
+BIAS, RATE = "accelerometer bias", "gyro bias"
+SHEET = 3.0 * find_grade("consumer-mems").gyroscope.bias  # a data sheet gives three of its sigmas
 
 
-def test_limits_in_other_units_are_the_same_limits(document: Calibration, tmp_path: Path) -> None:
-    limits = read_limits(
-        file_of(
-            tmp_path, "limits:\n  accelerometer bias: 50 mg\n  gyro bias y: {from: -1 deg/s, to: 2 deg/s}\n"
-        )
-    )
-    seen = with_parameters(
-        document,
-        ("accelerometer bias x", 0.49, 1e-3, "m/s^2"),
-        ("accelerometer bias y", -0.0501, 1e-4, "g"),
-        ("gyro bias y", 0.03, 1e-4, "rad/s"),
-        ("gyro bias z", 9.0, 1e-4, "rad/s"),
-    )
-    block = decide(seen, limits)
-    assert [one.decision for one in block.parameters] == ["passed", "failed", "passed"]
-    assert block.parameters[0].upper == pytest.approx(0.4903325)
-    assert block.parameters[2].upper == pytest.approx(math.radians(2.0))
-    assert block.decision == "failed"
-    assert "Accelerometer bias y" in block.reasons[0]
+@pytest.mark.parametrize(
+    ("limits", "rows", "found", "bounds"),
+    [
+        (f"{BIAS}: 50 mg", [(f"{BIAS} x", 0.49, 1e-3, "m/s^2")], ["passed"], (-0.4903325, 0.4903325)),
+        (f"{BIAS}: 50 mg", [(f"{BIAS} y", -0.0501, 1e-4, "g")], ["failed"], (-0.05, 0.05)),
+        (
+            f"{RATE} y: {{from: -1 deg/s, to: 2 deg/s}}",
+            [(f"{RATE} y", 0.03, 1e-4, "rad/s"), (f"{RATE} z", 9.0, 1e-4, "rad/s")],
+            ["passed"],
+            (math.radians(-1.0), math.radians(2.0)),
+        ),
+        (
+            "accelerometer scale factor: {nominal: 1670 counts/(m/s²), within: 3 %}",
+            [("accelerometer scale factor x", 1700.0, 0.5, "counts/(m/s²)")],
+            ["passed"],
+            (1619.9, 1720.1),
+        ),
+        (
+            f"{RATE}: {{data sheet: consumer-mems}}",
+            [(f"{RATE} x", 0.0, 0.0, "rad/s")],
+            ["passed"],
+            (-SHEET, SHEET),
+        ),
+        # a parameter's own limit goes before its group's
+        (
+            f"{RATE}: 1 deg/s\n  {RATE} z: 5 deg/s",
+            [(f"{RATE} z", math.radians(3.0), 0.0, "rad/s"), (f"{RATE} x", math.radians(3.0), 0.0, "rad/s")],
+            ["passed", "failed"],
+            (math.radians(-5.0), math.radians(5.0)),
+        ),
+    ],
+)
+def test_limits_in_other_units_are_the_same_limits(
+    tmp_path: Path, limits: str, rows: list[Row], found: list[str], bounds: tuple[float, float]
+) -> None:
+    block = held(tmp_path, limits, *rows).limits
+    assert block is not None
+    assert [one.decision for one in block.parameters] == found
+    assert (block.parameters[0].lower, block.parameters[0].upper) == pytest.approx(bounds)
 
 
-def test_a_parameters_own_limit_goes_before_its_groups(document: Calibration, tmp_path: Path) -> None:
-    limits = read_limits(file_of(tmp_path, "limits:\n  gyro bias: 1 deg/s\n  gyro bias z: 5 deg/s\n"))
-    rate = math.radians(3.0)
-    seen = with_parameters(document, ("gyro bias z", rate, 0.0, "rad/s"), ("gyro bias x", rate, 0.0, "rad/s"))
-    assert [one.decision for one in decide(seen, limits).parameters] == ["passed", "failed"]
-
-
-def test_what_is_not_there_leaves_it_undecided(document: Calibration, tmp_path: Path) -> None:
-    limits = read_limits(file_of(tmp_path, "limits:\n  accelerometer bias: 50 mg\n  gyro bias: 1 deg/s\n"))
-    seen = with_parameters(document, ("accelerometer bias x", 0.01, 1e-3, "m/s^2"))
-    block = decide(seen, limits)
+@pytest.mark.parametrize(
+    ("limits", "row", "said"),
+    [
+        (
+            f"{BIAS}: 50 mg\n  {RATE}: 1 deg/s",
+            (f"{BIAS} x", 0.01, 1e-3, "m/s^2"),
+            "has no gyro bias: nothing was",
+        ),
+        (f"{BIAS}: 50 mg", (f"{BIAS} x", 12.0, 1.0, "counts"), "in another kind of unit"),
+        (f"{RATE}: 1", (f"{RATE} x", 0.1, 0.0, "rad/s"), "in another kind of unit"),
+        (f"{RATE}: 3 %", (f"{RATE} x", 0.1, 0.0, "rad/s"), "in another kind of unit"),
+        (
+            f"{RATE}: {{within: 1 deg/s, largest uncertainty: 0.01 deg/s}}",
+            (f"{RATE} x", 0.0, math.radians(0.006), "rad/s"),
+            "known worse",
+        ),
+    ],
+)
+def test_what_is_not_there_not_comparable_or_known_worse_is_undecided(
+    tmp_path: Path, limits: str, row: Row, said: str
+) -> None:
+    block = held(tmp_path, limits, row).limits
+    assert block is not None
     assert block.decision == "undecided"
-    assert block.reasons == ["The calibration has no gyro bias: nothing was compared with its limits."]
+    assert said in block.reasons[0]
 
 
-def test_counts_are_not_compared_with_milli_g(document: Calibration, tmp_path: Path) -> None:
-    limits = read_limits(file_of(tmp_path, "limits:\n  accelerometer bias: 50 mg\n"))
-    seen = with_parameters(document, ("accelerometer bias x", 12.0, 1.0, "counts"))
-    assert decide(seen, limits).decision == "undecided"
-
-
-def test_a_nominal_scale_factor_in_counts_has_relative_limits(document: Calibration, tmp_path: Path) -> None:
-    text = "limits:\n  accelerometer scale factor: {nominal: 1670 counts/(m/s²), within: 3 %}\n"
-    limits = read_limits(file_of(tmp_path, text))
-    seen = with_parameters(document, ("accelerometer scale factor x", 1700.0, 0.5, "counts/(m/s²)"))
-    block = decide(seen, limits).parameters[0]
-    assert (block.lower, block.upper) == (pytest.approx(1619.9), pytest.approx(1720.1))
-
-
-def test_the_largest_uncertainty_is_asked_for(document: Calibration, tmp_path: Path) -> None:
-    text = "limits:\n  gyro bias: {within: 1 deg/s, largest uncertainty: 0.01 deg/s}\n"
-    limits = read_limits(file_of(tmp_path, text))
-    seen = with_parameters(document, ("gyro bias x", 0.0, math.radians(0.006), "rad/s"))
-    block = decide(seen, limits)
-    assert block.decision == "undecided"
-    assert "known worse" in block.reasons[0]
-
-
-def test_a_data_sheet_gives_three_of_its_sigmas(document: Calibration, tmp_path: Path) -> None:
-    from tumble.simulation import find_grade
-
-    limits = read_limits(file_of(tmp_path, "limits:\n  gyro bias: {data sheet: consumer-mems}\n"))
-    seen = with_parameters(document, ("gyro bias x", 0.0, 0.0, "rad/s"))
-    assert decide(seen, limits).parameters[0].upper == pytest.approx(
-        3 * find_grade("consumer-mems").gyroscope.bias
+def test_a_reason_speaks_in_the_unit_that_people_say_and_the_verdict_is_left_as_it_is(tmp_path: Path) -> None:
+    rows = (
+        (f"{RATE} x", 0.02, 1e-5, "rad/s"),
+        ("g-sensitivity of gyro x to force y", 1.0, 1e-3, "rad/s/(m/s²)"),
     )
-
-
-@pytest.mark.parametrize("share", ["1", "3 %"])
-def test_a_share_of_nothing_is_not_compared(document: Calibration, tmp_path: Path, share: str) -> None:
-    limits = read_limits(file_of(tmp_path, f"limits:\n  gyro bias: {share}\n"))
-    seen = with_limits(with_parameters(document, ("gyro bias x", 0.1, 0.0, "rad/s")), limits)
-    assert seen.limits is not None
-    assert seen.limits.decision == "undecided"
-    assert "in another kind of unit" in seen.limits.reasons[0]
-
-
-def test_the_verdict_is_left_as_it_is(document: Calibration, tmp_path: Path) -> None:
-    limits = read_limits(file_of(tmp_path, "limits:\n  gyro bias: 1 deg/s\n"))
-    seen = with_limits(with_parameters(document, ("gyro bias x", 5.0, 0.0, "rad/s")), limits)
+    seen = held(tmp_path, f"{RATE}: 0.01 rad/s\n  gyro g-sensitivity: 0.1 deg/s/g", *rows)
     assert seen.limits is not None
     assert seen.limits.decision == "failed"
-    assert seen.verdict == document.verdict
-    assert seen.identity == document.identity
-
-
-# --- the file's sentences
+    assert "Gyro bias x of 1.14592 ± 0.00057 °/s is outside -0.573 to 0.573 °/s." in seen.limits.reasons
+    assert len(seen.limits.parameters) == 2
+    before = written(parameters=parameters(*rows))
+    assert (seen.verdict, seen.identity) == (before.verdict, before.identity)
 
 
 @pytest.mark.parametrize(
@@ -198,23 +182,7 @@ def test_the_verdict_is_left_as_it_is(document: Calibration, tmp_path: Path) -> 
 )
 def test_what_is_wrong_is_one_sentence(tmp_path: Path, text: str, said: str) -> None:
     with pytest.raises(UsageError, match=r"^[^\n]+\.$") as caught:
-        read_limits(file_of(tmp_path, text))
+        limits_of(tmp_path, text)
     assert said in str(caught.value)
-
-
-def test_a_file_that_is_not_there_is_said(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="There is no file of limits"):
         read_limits(tmp_path / "none.yaml")
-
-
-def test_a_reason_speaks_in_the_unit_that_people_say(document: Calibration, tmp_path: Path) -> None:
-    limits = read_limits(
-        file_of(tmp_path, "limits:\n  gyro bias: 0.01 rad/s\n  gyro g-sensitivity: 0.1 deg/s/g\n")
-    )
-    rows = (
-        ("gyro bias x", 0.02, 1e-5, "rad/s"),
-        ("g-sensitivity of gyro x to force y", 1.0, 1e-3, "rad/s/(m/s²)"),
-    )
-    seen = decide(with_parameters(document, *rows), limits)
-    assert "Gyro bias x of 1.14592 ± 0.00057 °/s is outside -0.573 to 0.573 °/s." in seen.reasons
-    assert len(seen.parameters) == 2

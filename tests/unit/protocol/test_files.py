@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 import os
+import re
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 
 from tumble.earth import Site
 from tumble.errors import OutputError, ProtocolError
@@ -218,47 +218,26 @@ def test_words_that_yaml_takes_for_something_else_are_words(tmp_path: Path) -> N
 PLACE = Site.from_latitude(np.radians(48.1), 520.0)
 
 
-def text_of(*steps: HoldStep | TurnStep | SpinStep) -> str:
-    return protocol_to_yaml(Protocol("p", "multi-position", steps, PLACE)).partition("steps:\n")[2]
-
-
 def test_a_file_reads_like_the_hand_of_a_person() -> None:
     edge = np.array([1.0, 0.0, -1.0]) / np.sqrt(2.0)
-    assert (
-        text_of(
-            HoldStep(30.0, Pose(-X, 45.0 * DEGREE, 0.5 * DEGREE), "x down"),
-            TurnStep(3.0, edge, -1.5 * np.pi, 0.1 * DEGREE),
-            HoldStep(30.0, None, "#2: on its side", file="b.csv", interval=(1.0, 31.0)),
-            SpinStep(4.0 * np.pi / (50.0 * DEGREE), 50.0 * DEGREE),
-            TurnStep(9.0, X, 5.0 * np.pi),
-        )
-        == """\
-  - hold: x down
-    up: -x
-    heading_deg: 45
-    uncertainty_deg: 0.5
-    seconds: 30
-  - turn:
-    axis: [1, 0, -1]
-    angle_deg: -270
-    uncertainty_deg: 0.1
-    seconds: 3
-  - hold: '#2: on its side'
-    seconds: 30
-    file: b.csv
-    interval_s: [1, 31]
-  - spin:
-    axis: up
-    rate_deg_per_s: 50
-    revolutions: 2
-    ramp_s: 2
-  - turn:
-    axis: x
-    revolutions: 2.5
-    uncertainty_deg: 0
-    seconds: 9
-"""
+    steps = (
+        HoldStep(30.0, Pose(-X, 45.0 * DEGREE, 0.5 * DEGREE), "x down"),
+        TurnStep(3.0, edge, -1.5 * np.pi, 0.1 * DEGREE),
+        HoldStep(30.0, None, "#2: on its side", file="b.csv", interval=(1.0, 31.0)),
+        SpinStep(4.0 * np.pi / (50.0 * DEGREE), 50.0 * DEGREE),
+        TurnStep(9.0, X, 5.0 * np.pi),
     )
+    text = protocol_to_yaml(Protocol("p", "multi-position", steps, PLACE)).partition("steps:\n")[2]
+    parts = [
+        [line.strip(" -") for line in part.splitlines()] for part in re.split(r"^  - ", text, flags=re.M)
+    ]
+    assert parts[1:] == [
+        ["hold: x down", "up: -x", "heading_deg: 45", "uncertainty_deg: 0.5", "seconds: 30"],
+        ["turn:", "axis: [1, 0, -1]", "angle_deg: -270", "uncertainty_deg: 0.1", "seconds: 3"],
+        ["hold: '#2: on its side'", "seconds: 30", "file: b.csv", "interval_s: [1, 31]"],
+        ["spin:", "axis: up", "rate_deg_per_s: 50", "revolutions: 2", "ramp_s: 2"],
+        ["turn:", "axis: x", "revolutions: 2.5", "uncertainty_deg: 0", "seconds: 9"],
+    ]
 
 
 def test_the_file_explains_itself_and_says_its_conventions() -> None:
@@ -302,15 +281,6 @@ def test_an_earlier_file_is_replaced_as_a_whole(tmp_path: Path) -> None:
         write_protocol(replace(named_protocol("six-position"), site=PLACE), tmp_path / "none" / "p.yaml")
 
 
-def test_numbers_that_no_seventeen_digits_mean_have_more_and_are_rounded_once() -> None:
-    """Degrees to radians skips one number in eleven: rounding twice, as the last line shows, loses it."""
-    radians = np.random.default_rng(2).uniform(0.5, 1.0, 2_000).tolist()
-    skipped = [(r, numeral_of(r, DEGREE)) for r in radians if len(numeral_of(r, DEGREE)) > 18]
-    assert 100 < len(skipped) < 300
-    assert all(value_of(text, DEGREE) == r for r, text in skipped)
-    assert all(float(text) * DEGREE != r for r, text in skipped)
-
-
 @pytest.mark.parametrize(
     ("value", "factor", "text"),
     [
@@ -343,13 +313,3 @@ def test_what_people_write_is_the_nearest_number_times_its_unit() -> None:
     for text in ("", "x", "30 s", "0x10", "1:30", "--1"):
         with pytest.raises(ValueError, match="could not convert"):
             value_of(text)
-
-
-def test_ten_thousand_numbers_of_all_sizes_come_back_and_are_numbers_to_yaml() -> None:
-    rng = np.random.default_rng(1)
-    numbers = rng.uniform(-7.0, 7.0, 10_000) * 10.0 ** rng.integers(-8, 5, 10_000)
-    for factor in (1.0, DEGREE, 2.0 * math.pi, PPM):
-        texts = [numeral_of(number, factor) for number in numbers.tolist()]
-        assert [value_of(text, factor) for text in texts] == numbers.tolist()
-        assert max(map(len, texts)) <= 28
-    assert all(isinstance(yaml.safe_load(numeral_of(n, DEGREE)), int | float) for n in numbers[:300].tolist())

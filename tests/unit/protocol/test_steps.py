@@ -247,10 +247,9 @@ def test_soaks_and_ramps_are_read_in_their_units_and_read_back_as_written(tmp_pa
     assert (ramp.duration, ramp.tumbled) == (4800.0, 60.0)
     assert ramp.rate == pytest.approx(-0.5 / 60.0)
     steps = (
-        HoldStep(30.0, None, "anyhow"),
-        SoakStep(1801.3, -19.7, 0.35, "cold"),
-        RampStep(9600.1, -19.7, 61.3, 0.0, "up"),
-        RampStep(960.1, 61.3, 20.0, 45.5, "down", interval=(4.0, 964.1)),
+        HoldStep(30.0),
+        SoakStep(1801.3, -19.7, 0.35),
+        RampStep(960.1, 61.3, 20.0, 45.5, interval=(4.0, 964.1)),
     )
     write_protocol(Protocol("mine", "thermal", steps, Site.from_gravity(9.81)), path)
     assert read_protocol(path).steps == steps

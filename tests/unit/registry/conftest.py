@@ -38,22 +38,29 @@ def document() -> Callable[..., Calibration]:
     return calibration_of
 
 
+def program(name: str, place: str) -> Path | None:
+    """A program on the path, or else in the last of the folders where its package has it."""
+    found = shutil.which(name)
+    elsewhere = sorted(Path("/").glob(f"{place.lstrip('/')}/{name}"))
+    return Path(found) if found else elsewhere[-1] if elsewhere else None
+
+
 @pytest.fixture(scope="session")
 def postgresql() -> Iterator[str]:
     """URL of a server that was started for the tests, with a password."""
-    programs = sorted(Path("/usr/lib/postgresql").glob("*/bin"))
-    found = shutil.which("initdb")
-    folder = Path(found).parent if found else programs[-1] if programs else None
-    if folder is None:
-        if os.environ.get(REQUIRED):
-            pytest.fail("No PostgreSQL server is installed (apt-get install postgresql).")
-        pytest.skip("No PostgreSQL server is installed (apt-get install postgresql).")
+    folder, as_owner = program("initdb", "/usr/lib/postgresql/*/bin"), program("runuser", "/usr/sbin")
+    missing = [] if folder else ["PostgreSQL server (apt-get install postgresql)"]
+    # A server does not run as root: it is started as its own user.
+    missing += ["runuser"] if os.getuid() == 0 and not as_owner else []
+    if folder is None or missing:
+        words = f"Not installed: {', '.join(missing)}."
+        pytest.fail(words) if os.environ.get(REQUIRED) else pytest.skip(words)
     with tempfile.TemporaryDirectory(prefix="tumble-pg-") as place:
         home, user = Path(place), []
         (home / "password").write_text("gehe:im@\n", encoding="utf-8")
         if os.getuid() == 0:
             owner = pwd.getpwnam("postgres")
-            user = ["runuser", "-u", "postgres", "--"]
+            user = [str(as_owner), "-u", "postgres", "--"]
             for path in (home, home / "password"):
                 os.chown(path, owner.pw_uid, owner.pw_gid)
 
@@ -63,13 +70,15 @@ def postgresql() -> Iterator[str]:
 
         data = str(home / "data")
         init = ("-A", "scram-sha-256", "-U", "keeper", f"--pwfile={home / 'password'}", "-N")
-        run(str(folder / "initdb"), "-D", data, *init)
+        run(str(folder), "-D", data, *init)
         options = f"-k {place} -c listen_addresses='' -F"
-        run(str(folder / "pg_ctl"), "-D", data, "-l", str(home / "log"), "-o", options, "-w", "start")
+        run(
+            str(folder.with_name("pg_ctl")), "-D", data, "-l", str(home / "log"), "-o", options, "-w", "start"
+        )
         try:
             yield f"postgresql://keeper:gehe%3Aim%40@/postgres?host={place}"
         finally:
-            run(str(folder / "pg_ctl"), "-D", data, "-m", "immediate", "-w", "stop")
+            run(str(folder.with_name("pg_ctl")), "-D", data, "-m", "immediate", "-w", "stop")
 
 
 @pytest.fixture(params=["sqlite", "postgresql"])

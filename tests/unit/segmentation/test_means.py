@@ -77,16 +77,6 @@ def test_means_over_their_sigma_are_standard_normal() -> None:
     np.testing.assert_allclose(variance, SIGMA**2 / 300, rtol=0.25)
 
 
-def test_items_of_different_length_share_one_level() -> None:
-    signal = np.random.default_rng(15).standard_normal((10_000, 3))
-    items = [[(0, 4000)], [(4000, 4400)], [(4400, 4800)], [(4800, 8000)], [(8000, 8200), (8300, 10_000)]]
-    observed = mean_covariance(signal, items)
-    lengths = np.array([sum(b - a for a, b in item) for item in items])
-    level = np.diagonal(observed.covariance, axis1=1, axis2=2) * lengths[:, None]
-    # few batches: the level is known to 25 % for the longest, which have the longest batches
-    assert np.all((level > 0.35) & (level < 2.5))
-
-
 def test_no_hold_and_a_hold_of_one_sample_are_refused() -> None:
     recording = Recording(np.arange(9.0), np.zeros((9, 3)), None, "m/s^2", "rad/s", 1.0)
     empty = Timeline((), (), (), NoiseFloor(np.ones(3), np.ones(3), 1.0, ""))

@@ -144,19 +144,6 @@ def test_spins_of_every_kind_are_found(parts: list[Part]) -> None:
     assert_found(recorded(parts), parts, lost=0.5)
 
 
-def test_some_of_thousands_of_levels_stand_for_all(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Rests between spins of ever other rates: each second level is rest, and any two spins differ."""
-    parts = [part for k in range(12) for part in (Part(4.0), Part(4.0, RATE * (0.4 + 0.1 * k) * (-1) ** k))]
-    recording = recorded([*parts, Part(4.0)])
-    whole = find_timeline(recording)
-    monkeypatch.setattr("tumble.segmentation.activity.MOST_TRIED", 5)
-    some = find_timeline(recording)
-    assert len(whole.holds) == 13
-    assert [(hold.start, hold.stop) for hold in some.holds] == [
-        (hold.start, hold.stop) for hold in whole.holds
-    ]
-
-
 @pytest.mark.parametrize("seconds", [0.8, 4.0, 20.0])
 def test_a_turn_by_hand_has_no_plateau(seconds: float) -> None:
     parts = [Part(4.0)]
@@ -221,20 +208,6 @@ def test_errors_of_the_means_have_their_stated_size_with_gravity_going_round() -
         squares.append(error**2 / np.diagonal(means.specific_force_covariance, axis1=1, axis2=2)[:, :2])
     # 120 normalised errors: their mean square spreads by sqrt(2 / 120) = 0.13; four of these
     assert abs(np.mean(squares) - 1.0) < 0.52
-
-
-def test_half_a_revolution_costs_variance_and_less_is_averaged_plainly() -> None:
-    recording = recorded(spun(RATE, seconds=5.0))
-    spins = [(700, 700 + int(0.5 * PERIOD * 100) + 1), (700, 1000)]
-    means = observe_spins(recording, spins, [PERIOD, PERIOD])
-    plain = observe_spins(recording, spins[:1], [np.nan])
-    assert means.angular_rate_covariance is not None
-    assert plain.angular_rate_covariance is not None
-    assert np.isnan(means.period[1])
-    # closed form: columns 1, cos, sin over half a turn give 1 / (1 - 8 / pi²) = 5.28; the pools of one
-    # and of two spins differ by their few degrees of freedom (14 and more: 40 %)
-    ratio = means.angular_rate_covariance[0, 2, 2] / plain.angular_rate_covariance[0, 2, 2]
-    assert 2.0 < ratio < 12.0
 
 
 def test_whole_revolutions_lie_in_the_middle() -> None:

@@ -45,17 +45,6 @@ def test_the_corrected_output_is_equation_3_14() -> None:
     np.testing.assert_allclose(TRIAD.correct(np.array([[Y_x, Y_y, Y_z]])), [[a_x, a_y, a_z]], rtol=1e-14)
 
 
-def test_the_axes_are_the_rotated_ones_of_3_5_and_3_8_with_a_plus_on_z_s_first_component() -> None:
-    R_z = np.array([[cos(YZ), -sin(YZ), 0], [sin(YZ), cos(YZ), 0], [0, 0, 1]])  # 3.6
-    R_x = np.array([[1, 0, 0], [0, cos(ZX), -sin(ZX)], [0, sin(ZX), cos(ZX)]])  # 3.8
-    R_y = np.array([[cos(ZY), 0, sin(ZY)], [0, 1, 0], [-sin(ZY), 0, cos(ZY)]])  # 3.8
-    axes = matrix_from_shin(np.ones(3), np.array([YZ, ZX, ZY]))
-    np.testing.assert_allclose(axes[1], R_z @ [0.0, 1.0, 0.0], atol=1e-16)
-    np.testing.assert_allclose(axes[2], R_x @ R_y @ [0.0, 0.0, 1.0], atol=1e-16)
-    assert axes[2, 0] == +sin(ZY)  # 3.7 prints a minus
-    np.testing.assert_allclose(np.linalg.norm(axes, axis=1), 1.0, rtol=1e-15)
-
-
 def test_a_matrix_of_another_frame_is_refused() -> None:
     with pytest.raises(ValueError, match="not lower triangular: change the frame to accelerometer-x"):
         shin_from_matrix(np.array([[1.0, 1e-4, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]))
