@@ -1,12 +1,30 @@
-"""Deviations held against their definitions, written out plainly."""
+"""Curves and spectra of a signal held against their definitions, closed forms and other programs.
+
+Deviations, whole and as a stream; degrees of freedom; power spectra; autoregressive models.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 import pytest
+from scipy.signal import lfilter, welch
+from scipy.stats import chi2
 
+from tumble.arrays import block_means
 from tumble.errors import UsageError
-from tumble.noise.deviation import allan_deviation, choose_averaging, find_pieces
+from tumble.noise.autoregression import (
+    Autoregression,
+    burg,
+    burg_ladder,
+    choose_order,
+    whiteness,
+)
+from tumble.noise.deviation import PLACES, StreamedDeviation, allan_deviation
+from tumble.noise.freedom import chi_square_interval, degrees_of_freedom
+from tumble.noise.spectrum import power_spectrum
 
 
 def signal_of(samples: int, seed: int = 1) -> np.ndarray:
@@ -16,14 +34,9 @@ def signal_of(samples: int, seed: int = 1) -> np.ndarray:
     return (rng.standard_normal((samples, 3)) + 0.03 * walk) * [1.0, 20.0, 0.3] + [9.8, -400.0, 0.01]
 
 
-def means_of(y: np.ndarray, m: int) -> np.ndarray:
-    """The mean of m samples from each sample on."""
-    return np.array([y[i : i + m].mean() for i in range(len(y) - m + 1)])
-
-
 def by_definition(y: np.ndarray, m: int) -> float:
     """The deviation at m samples from means of clusters, as the standards define it."""
-    mean = means_of(y - y.mean(), m)
+    mean = np.array([(y - y.mean())[i : i + m].mean() for i in range(len(y) - m + 1)])
     return float(np.sqrt(0.5 * np.mean((mean[m:] - mean[:-m]) ** 2)))
 
 
@@ -31,12 +44,11 @@ def by_definition(y: np.ndarray, m: int) -> float:
 def test_a_deviation_is_that_of_its_definition(samples: int) -> None:
     signal = signal_of(samples)
     found = allan_deviation(signal, 50.0, taus="log")
-    for k, m in enumerate(found.averaging):
-        for channel in range(3):
-            plain = by_definition(signal[:, channel], int(m))
-            # Both round sums of some thousand terms.
-            assert found.deviation[k, channel] == pytest.approx(plain, rel=1e-9)
+    plain = [[by_definition(signal[:, channel], int(m)) for channel in range(3)] for m in found.averaging]
+    # Both round sums of some thousand terms.
+    assert found.deviation == pytest.approx(np.array(plain), rel=1e-9)
     assert found.tau == pytest.approx(found.averaging / 50.0)
+    assert found.channel(1).low.tolist() == found.low[:, 1:2].tolist()
 
 
 def test_tiles_of_a_long_signal_join_without_a_seam() -> None:
@@ -59,13 +71,6 @@ def test_the_level_of_a_signal_costs_no_digits() -> None:
     assert offset.deviation == pytest.approx(plain.deviation, rel=1e-9)
 
 
-def test_a_ramp_is_a_straight_line() -> None:
-    """Allan deviation of a ramp R is R τ/√2 exactly."""
-    ramp = 0.25 * np.arange(1000.0)
-    allan = allan_deviation(ramp, 10.0)
-    assert allan.deviation[:, 0] == pytest.approx(2.5 * allan.tau / np.sqrt(2.0), rel=1e-9)
-
-
 def test_pieces_between_gaps_are_pooled_by_their_differences() -> None:
     signal = signal_of(3000)
     whole = allan_deviation(signal, 1.0, gaps=[1000, 1900])
@@ -81,63 +86,288 @@ def test_pieces_between_gaps_are_pooled_by_their_differences() -> None:
 def test_rows_that_are_not_finite_part_the_signal() -> None:
     signal = signal_of(2000)
     spoiled = signal.copy()
-    spoiled[500:510, 1] = np.nan
-    assert find_pieces(spoiled) == [(0, 500), (510, 2000)]
-    kept = allan_deviation(np.delete(signal, slice(500, 510), axis=0), 1.0, gaps=[500])
-    assert allan_deviation(spoiled, 1.0).deviation == pytest.approx(kept.deviation, rel=1e-12)
-
-
-def test_infinities_of_both_signs_do_not_hide_each_other() -> None:
-    assert find_pieces(np.array([1.0, np.inf, 2.0, -np.inf, 3.0, 4.0])) == [(0, 1), (2, 3), (4, 6)]
+    # infinities of both signs do not hide each other
+    spoiled[500:510, 1], spoiled[700, 0], spoiled[702, 0] = np.nan, np.inf, -np.inf
+    found = allan_deviation(spoiled, 1.0)
+    assert found.pieces == (500, 190, 1, 1297)
+    kept = allan_deviation(np.delete(signal, [*range(500, 510), 700, 702], axis=0), 1.0, gaps=[500, 690, 691])
+    assert found.deviation == pytest.approx(kept.deviation, rel=1e-12)
 
 
 @pytest.mark.parametrize(
-    ("name", "expected"),
+    ("taus", "expected"),
     [
         ("octave", [1, 2, 4, 8, 16]),
         ("log", [1, 2, 3, 4, 5, 6, 8, 10, 13, 16, 20]),
+        # given ones are taken to whole samples, once
+        (np.array([0.31, 0.1, 0.29, 2.0, 900.0]), [1, 3, 20]),
     ],
 )
-def test_named_averaging_times(name: str, expected: list[int]) -> None:
-    assert choose_averaging(name, 10.0, 23).tolist() == expected  # type: ignore[arg-type]
-
-
-def test_given_averaging_times_are_taken_to_whole_samples_once() -> None:
-    found = allan_deviation(signal_of(100), 10.0, taus=np.array([0.31, 0.1, 0.29, 4.0, 900.0]))
-    assert found.averaging.tolist() == [1, 3, 40]
+def test_averaging_times(taus: Any, expected: list[int]) -> None:
+    assert allan_deviation(signal_of(45), 10.0, taus=taus).averaging.tolist() == expected
 
 
 @pytest.mark.parametrize(
     ("make", "exponent"),
     [(lambda x: x[1:] - x[:-1], 2), (lambda x: x[1:], 0), (lambda x: np.cumsum(x, axis=0)[1:], -2)],
 )
-def test_the_kind_of_noise_is_told_from_the_slope(make, exponent: int) -> None:  # type: ignore[no-untyped-def]
-    white = np.random.default_rng(3).standard_normal((20_001, 2))
-    found = allan_deviation(make(white), 1.0)
+def test_the_kind_of_noise_is_told_from_the_slope(make: Callable[..., Any], exponent: int) -> None:
+    found = allan_deviation(make(np.random.default_rng(3).standard_normal((20_001, 2))), 1.0)
     assert np.all(found.exponent[1:9] == exponent)
 
 
-def test_a_single_channel_is_cut_out_as_it_is() -> None:
-    found = allan_deviation(signal_of(500), 1.0)
-    assert found.channel(1).low.tolist() == found.low[:, 1:2].tolist()
+def streamed(signal: np.ndarray, cuts: list[int]) -> StreamedDeviation:
+    collector = StreamedDeviation(100.0, signal.shape[1])
+    for block in np.split(signal, cuts):
+        collector.add(block)
+    return collector
+
+
+def test_short_averaging_times_are_exact_wherever_the_blocks_are_cut() -> None:
+    signal = signal_of(20_000)
+    whole = allan_deviation(signal, 100.0)
+    found = streamed(signal, [1, 3, 3, 100, 101, 400, 9000, 19_999]).deviation()
+    assert found.tau == pytest.approx(whole.tau)
+    short = found.averaging <= PLACES
+    assert found.count[short].tolist() == whole.count[short].tolist()
+    assert found.deviation[short] == pytest.approx(whole.deviation[short], rel=1e-9)
+
+
+def test_long_averaging_times_are_those_of_the_averaged_signal() -> None:
+    """Means of 2^h samples: no aliasing, the same statistics at fewer places, to rounding."""
+    signal = signal_of(40_000)
+    found = streamed(signal, [777, 20_001]).deviation()
+    for height in (1, 3, 6):
+        m = PLACES << height
+        averaged = allan_deviation(block_means(signal, 1 << height), 1.0, taus=[float(PLACES)])
+        at = list(found.averaging).index(m)
+        assert found.deviation[at] == pytest.approx(averaged.deviation[0], rel=1e-9)
+
+
+def test_no_difference_lies_across_a_gap() -> None:
+    signal = signal_of(9000)
+    collector = StreamedDeviation(100.0, 3)
+    collector.add(signal[:4001])
+    collector.add(signal[4001:5000] + 1e6, after_gap=True)
+    collector.add(signal[5000:] + 1e6)
+    found = collector.deviation()
+    whole = allan_deviation(signal, 100.0, gaps=[4001])
+    assert found.pieces == (4001, 4999)
+    # Rounding against a jump of 1e6.
+    assert found.deviation[:8] == pytest.approx(whole.deviation[:8], rel=1e-6)
+
+
+def exact_for_white(m: int, samples: int) -> float:
+    """2 E[V]²/var V for white noise, from the covariance of the overlapping differences itself."""
+    # Differences of sums of m samples: a filter on white samples.
+    filter_ = np.convolve([1.0] + [0.0] * (m - 1) + [-1.0], np.ones(m))
+    count = samples - filter_.size + 1
+    covariance = np.correlate(filter_, filter_, mode="full")[filter_.size - 1 :]
+    lags = np.arange(min(count, filter_.size))
+    share = (covariance[lags] / covariance[0]) ** 2
+    return count / (1.0 + 2.0 * float(np.sum((1.0 - lags / count)[1:] * share[1:])))
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("m", "samples"), [(1, 1000), (10, 1000), (100, 1000), (300, 1000), (64, 20_000), (700, 9000)]
+)
+def test_white_noise_has_the_degrees_of_freedom_of_its_exact_covariance(m: int, samples: int) -> None:
+    """Within 1 %: beyond some hundred terms the sum is an integral, taken at 256 places."""
+    assert degrees_of_freedom(0, m, samples) == pytest.approx(exact_for_white(m, samples), rel=0.01)
+
+
+@pytest.mark.parametrize("exponent", [2, 0, -1, -2])
+def test_one_difference_has_one_degree_of_freedom_and_none_knows_nothing(exponent: int) -> None:
+    assert degrees_of_freedom(exponent, 40, 80) == 1.0
+    assert degrees_of_freedom(exponent, 40, 79) == 0.0
+    low, high = chi_square_interval(np.array([2.0]), np.array([0.0]), 0.9)
+    assert (low[0], high[0]) == (0.0, np.inf)
+    # differences begun less often lose next to nothing
+    every = degrees_of_freedom(0, 4096, 400_000)
+    assert degrees_of_freedom(0, 4096, 400_000, 128) == pytest.approx(every, rel=1e-3)
+
+
+@pytest.mark.parametrize("exponent", [2, 0, -1, -2])
+def test_degrees_of_freedom_never_jump_where_the_sum_becomes_an_integral(exponent: int) -> None:
+    """Fourteen times as many averaging times as samples in one: what changes between them is smooth."""
+    found = [degrees_of_freedom(exponent, m, 200 * m) / (1 + 198 * m) * m for m in range(60, 110)]
+    scaled = np.array(found) if exponent != 2 else np.array(found) / np.arange(60, 110)
+    assert np.max(np.abs(np.diff(scaled) / scaled[1:])) < 0.02
+
+
+def test_noise_that_second_differences_cannot_tame_is_refused() -> None:
+    with pytest.raises(ValueError, match="exponent -3"):
+        degrees_of_freedom(-3, 10, 1000)
+
+
+def test_the_interval_is_that_of_chi_square() -> None:
+    edf = np.array([1.0, 8.5, 3000.0])
+    low, high = chi_square_interval(np.full(3, 2.0), edf, 0.9)
+    assert low == pytest.approx(2.0 * edf / chi2.ppf(0.95, edf), rel=1e-10)
+    assert high == pytest.approx(2.0 * edf / chi2.ppf(0.05, edf), rel=1e-10)
+
+
+def white(samples: int, seed: int = 5) -> np.ndarray:
+    return np.random.default_rng(seed).standard_normal((samples, 2)) * [1.0, 7.0] + [3.0, -100.0]
+
+
+@pytest.mark.parametrize("segment", [64, 1000, 1001])
+def test_the_spectrum_is_scipys_but_for_zero(segment: int) -> None:
+    signal = white(10_000)
+    frequency, density = welch(signal, 40.0, "hann", segment, axis=0)
+    found = power_spectrum(signal, 40.0, segment=segment)
+    assert found.frequency == pytest.approx(frequency[1:], rel=1e-12)
+    assert found.density == pytest.approx(density[1:], rel=1e-9)
+
+
+def test_bins_keep_the_mean_density() -> None:
+    found = power_spectrum(white(100_000), 40.0, bins_per_decade=10)
+    assert np.all(np.diff(np.log10(found.frequency)) > 0.04)
+    assert found.density[-5:-1, 1] == pytest.approx(49.0 / 20.0, rel=0.05)  # 800 degrees of freedom and more
+
+
+def test_no_segment_lies_across_a_gap() -> None:
+    signal = white(8000)
+    signal[4000:] += 1e5
+    found = power_spectrum(signal, 40.0, segment=500, gaps=[4000])
+    assert found.segments == 2 * 15
+    assert found.density[:, 0].mean() == pytest.approx(1.0 / 20.0, rel=0.1)
+
+
+# R's data set lh: luteinizing hormone in blood, 48 samples (Diggle 1990, table A.1).
+LH = np.array(
+    [2.4, 2.4, 2.4, 2.2, 2.1, 1.5, 2.3, 2.3, 2.5, 2.0, 1.9, 1.7, 2.2, 1.8, 3.2, 3.2, 2.7, 2.2, 2.2, 1.9, 1.9, 1.8,
+     2.7, 3.0, 2.3, 2.0, 2.0, 2.9, 2.9, 2.7, 2.7, 2.3, 2.6, 2.4, 1.8, 1.7, 1.5, 1.4, 2.1, 3.3, 3.5, 3.5, 3.1, 2.6,
+     2.1, 3.4, 3.0, 2.9]
+)  # fmt: skip
+
+
+def drawn(coefficients: list[float], count: int, seed: int) -> np.ndarray:
+    """A stationary series with innovations of unit variance."""
+    noise = np.random.default_rng(seed).standard_normal(count + 4000)
+    return lfilter([1.0], [1.0, *(-a for a in coefficients)], noise)[4000:]
+
+
+def test_the_autocovariances_of_orders_one_and_two_are_the_closed_forms() -> None:
+    """Box, Jenkins and Reinsel, equations 3.2.20 and following."""
+    model = Autoregression(0.0, np.array([-0.8]), 2.0, 100)
+    assert model.autocovariance(5) == pytest.approx(2.0 / (1.0 - 0.64) * (-0.8) ** np.arange(6), rel=1e-13)
+    first, second, power = 1.2, -0.5, 0.7
+    model = Autoregression(0.0, np.array([first, second]), power, 100)
+    variance = power * (1.0 - second) / ((1.0 + second) * ((1.0 - second) ** 2 - first**2))
+    rho = [1.0, first / (1.0 - second)]
+    for _ in range(4):
+        rho.append(first * rho[-1] + second * rho[-2])
+    assert model.autocovariance(5) == pytest.approx(variance * np.array(rho), rel=1e-12)
+
+
+def test_the_covariance_of_the_coefficients_is_the_closed_form() -> None:
+    """Order 1: (1 − a²)/n. Order 2: (1 − a₂²)/n each, −a₁ (1 + a₂)/n between them."""
+    one = Autoregression(0.0, np.array([0.9]), 3.0, 500)
+    assert one.covariance[0, 0] == pytest.approx((1.0 - 0.81) / 500.0, rel=1e-12)
+    two = Autoregression(0.0, np.array([0.5, 0.3]), 3.0, 500)
+    expected = np.array([[0.91, -0.65], [-0.65, 0.91]]) / 500.0
+    assert two.covariance == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_known_series_gives_the_numbers_that_another_program_prints() -> None:
+    """R 4: ar(lh, order.max = 3, method = "burg"); half a unit of the last printed digit."""
+    model = burg(LH, 3)
+    assert model.coefficients == pytest.approx([0.6588, -0.0608, -0.2234], abs=5.1e-5)
+    assert model.innovation_variance == pytest.approx(0.1786, abs=5.1e-5)
+    left = (LH - model.predicted(LH))[3:]
+    assert np.isnan(model.predicted(LH)[:3]).all()
+    # forward residuals of 45 samples; Burg's are forward and backward
+    assert left.var() == pytest.approx(model.innovation_variance, rel=0.1)
+    for order, one in enumerate(burg_ladder(LH, 4)):
+        assert one.coefficients == pytest.approx(burg(LH, order).coefficients, rel=1e-12)
+
+
+def test_estimates_scatter_as_the_asymptotic_covariance_says() -> None:
+    """120 series of 2000: the sum of squared normalised errors is chi-square of 240, inside 99.9 %."""
+    truth = np.array([0.5, -0.3])
+    models = [burg(drawn(list(truth), 2000, seed), 2) for seed in range(120)]
+    off = np.array([m.coefficients - truth for m in models])
+    total = sum(float(e @ np.linalg.solve(m.covariance, e)) for e, m in zip(off, models, strict=True))
+    low, high = chi2.ppf([0.0005, 0.9995], 240)
+    assert low < total < high
+
+
+def test_near_a_unit_root_burg_is_close() -> None:
+    """Poles at 0.995 exp(± 0.3 i), 200 samples: biased autocovariances would lose a tenth of the pole's sharpness."""
+    truth = np.array([2.0 * 0.995 * np.cos(0.3), -(0.995**2)])
+    off = np.array([burg(drawn(list(truth), 200, seed), 2).coefficients - truth for seed in range(40)])
+    assert np.sqrt(np.mean(off**2)) < 0.02
+
+
+def test_pieces_are_pooled_and_nothing_is_taken_across_a_gap() -> None:
+    series = drawn([0.9], 6000, 3)
+    broken = np.concatenate([series[:2000], np.full(50, 1e6), series[2000:]])
+    pieces = [(0, 2000), (2050, 6050)]
+    model = burg(broken, 1, pieces)
+    # (1 − a²)/n is 0.0056²; four of these.
+    assert model.coefficients[0] == pytest.approx(0.9, abs=4 * 0.0056)
+    assert model.samples == 6000
+    assert whiteness(broken, model, pieces) > 0.01
+
+
+def test_bic_finds_the_order_and_the_rest_is_white() -> None:
+    series = drawn([0.6, 0.0, -0.4], 6000, 11)
+    chosen = choose_order(series, 12)
+    assert chosen.order == 3
+    assert whiteness(series, chosen) > 0.01
+    assert whiteness(series, burg(series, 2)) < 1e-6
+
+
+def test_white_noise_has_order_zero_and_an_honest_test() -> None:
+    """Of 200 white series about 5 % fail at 5 %: 10 ± 3.1, four of these."""
+    rng = np.random.default_rng(2)
+    series = rng.standard_normal((200, 800))
+    orders = [choose_order(x, 6).order for x in series[:40]]
+    assert np.mean(np.array(orders) == 0) > 0.9
+    failed = sum(whiteness(x, burg(x, 0)) < 0.05 for x in series)
+    assert 0 < failed < 23
+
+
+def test_the_spectrum_integrates_to_the_variance_and_lies_on_welch() -> None:
+    rate = 200.0
+    series = drawn([1.2, -0.5], 200_000, 4)
+    model = burg(series, 2)
+    fine = (np.arange(20_000) + 0.5) / 20_000 * rate / 2
+    whole = model.power_spectrum(fine, rate).mean() * rate
+    assert whole == pytest.approx(model.autocovariance(0)[0], rel=1e-6)
+    welch = power_spectrum(series, rate, segment=512)
+    ratio = welch.density[2:-2, 0] / (2.0 * model.power_spectrum(welch.frequency[2:-2], rate))
+    # 780 overlapping segments know each line to 4 %; 250 lines the mean to 0.3 %.
+    assert ratio.mean() == pytest.approx(1.0, abs=0.012)
+    assert ratio.std() < 0.06
+
+
+def test_means_over_long_times_scatter_by_the_random_walk() -> None:
+    series = drawn([0.9], 1_000_000, 6)
+    means = series.reshape(2000, 500).mean(axis=1)
+    # 2000 means know their scatter to 1.6 %; 500 samples are 50 correlation times, which makes 1 % less.
+    assert means.std() * np.sqrt(500.0) == pytest.approx(burg(series, 1).random_walk, rel=0.07)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
     [
-        ({"rate": 0.0}, "rate"),
-        ({"noise": 1}, "exponent"),
-        ({"noise": -3}, "exponent"),
-        ({"taus": "weekly"}, "weekly"),
-        ({"taus": [0.001]}, "No averaging time"),
-        ({"taus": [np.nan]}, "finite"),
+        (lambda: allan_deviation(signal_of(50), 0.0), "rate"),
+        (lambda: allan_deviation(signal_of(50), 1.0, noise=1), "exponent"),
+        (lambda: allan_deviation(signal_of(50), 1.0, noise=-3), "exponent"),
+        (lambda: allan_deviation(signal_of(50), 1.0, taus="weekly"), "weekly"),
+        (lambda: allan_deviation(signal_of(50), 1.0, taus=[0.001]), "No averaging time"),
+        (lambda: allan_deviation(signal_of(50), 1.0, taus=[np.nan]), "finite"),
+        (lambda: allan_deviation(np.array([1.0]), 1.0), "too few samples"),
+        (lambda: StreamedDeviation(1.0, 1).deviation(), "too few"),
+        (lambda: power_spectrum(white(100), 40.0, segment=80, gaps=[50]), "without a gap"),
+        (lambda: power_spectrum(white(100), 0.0), "rate"),
+        (lambda: burg(np.ones(100), 2), "never changes"),
+        (lambda: burg(np.arange(5.0), 4), "12 samples"),
+        (lambda: whiteness(LH[:20], burg(LH, 2)), "22 lags"),
     ],
 )
-def test_what_cannot_be_is_refused_in_words(arguments: dict[str, object], words: str) -> None:
+def test_what_cannot_be_is_refused_in_words(call: Callable[[], object], words: str) -> None:
     with pytest.raises(UsageError, match=words):
-        allan_deviation(signal_of(50), **{"rate": 1.0, **arguments})  # type: ignore[arg-type]
-
-
-def test_a_signal_of_one_sample_is_refused() -> None:
-    with pytest.raises(UsageError, match="too few samples"):
-        allan_deviation(np.array([1.0]), 1.0)
+        call()
