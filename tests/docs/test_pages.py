@@ -25,7 +25,7 @@ EXECUTED = {
     "docs/plan.md": 2,
     "docs/noise.md": 3,
     "docs/noise-models.md": 5,
-    "docs/poses.md": 5,
+    "docs/poses.md": 3,
     "docs/python.md": 2,
     "docs/real-recordings.md": 2,
     "docs/simulation.md": 2,

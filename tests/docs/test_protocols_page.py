@@ -1,4 +1,4 @@
-"""The page of protocols: its tables are the reader's keys, the library and today's messages; its examples run.
+"""The page of protocols: its tables are the reader's keys and the library's; its examples run.
 
     python tests/docs/test_protocols_page.py
 
@@ -9,13 +9,11 @@ from __future__ import annotations
 
 import json
 import re
-import tempfile
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from tumble.errors import ProtocolError
 from tumble.protocol import PROTOCOLS, HoldStep, SpinStep, named_protocol, protocol_schema, read_protocol
 from tumble.protocol.keys import STEPS, Key, known_keys
 from tumble.simulation import play_protocol
@@ -24,12 +22,6 @@ KINDS = {kind: known_keys(kind) for kind in STEPS}
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "protocols.md"
 SCHEMA_FILE = ROOT / "docs" / "schema" / "protocol.schema.json"
-
-# What stands in the page's first example, and what is written instead.
-MISTAKES = [
-    ("angle_deg: 90", "angel_deg: 90"),
-    ("name: plate and table", "name: plate: the second"),
-]
 
 
 def blocks(language: str) -> list[re.Match[str]]:
@@ -53,22 +45,6 @@ def key_table(keys: dict[str, Key]) -> str:
     return "\n".join(["| key | is (unit) | without it |", "|---|---|---|", *rows])
 
 
-def mistakes() -> str:
-    rows = ["| instead of | somebody wrote | and reads |", "|---|---|---|"]
-    with tempfile.TemporaryDirectory() as folder:
-        path = examples(Path(folder))[0]
-        good = path.read_text(encoding="utf-8")
-        for found, instead in MISTAKES:
-            assert found in good
-            path.write_text(good.replace(found, instead, 1), encoding="utf-8")
-            with pytest.raises(ProtocolError) as raised:
-                read_protocol(path)
-            said = str(raised.value).removeprefix(folder + "/")
-            written = f"`` {instead} ``" if instead else "nothing"
-            rows.append(f"| `` {found.rstrip()} `` | {written} | `` {said} `` |")
-    return "\n".join(rows)
-
-
 # Keys that every step has stand in one table.
 SHARED = {
     name for name, key in KINDS["hold"].items() if all(keys.get(name) == key for keys in KINDS.values())
@@ -82,7 +58,6 @@ TABLES = {
         kind: lambda kind=kind: key_table({n: key for n, key in KINDS[kind].items() if n not in SHARED})
         for kind in KINDS
     },
-    "mistakes": mistakes,
 }
 
 
