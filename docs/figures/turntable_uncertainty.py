@@ -218,12 +218,10 @@ def write_tables() -> None:
     tables = {
         "turntable": {
             "turntable-9": by_grade("turntable-9"),
-            "turntable-18": by_grade("turntable-18"),
             "turntable-9 by table": by_table("turntable-9"),
         },
         "laboratory": {
             "laboratory": by_grade("laboratory"),
-            "laboratory by table": by_table("laboratory"),
         },
     }
     for page_name, mine in tables.items():
