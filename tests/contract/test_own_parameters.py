@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import re
 import struct
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from msgspec import structs
 from scipy.spatial.transform import Rotation
+from tests.unit.export import a_unit
+from tests.unit.export.a_unit import TURNS, Parameters, parameters, symmetric
 from tests.unit.recording.by_hand import said
 
 from contract.test_flight_logs import FMT, described, ulog_part
-from tumble.document.imported import calibration_from_model
-from tumble.document.magnetometer_block import MagnetometerBlock
 from tumble.document.result import Calibration
 from tumble.earth import Site
 from tumble.errors import RecordingError, UsageError
@@ -35,7 +35,6 @@ RATE = 0.2 * RNG.normal(size=(300, 3))
 FIELD = np.array([210.0, -30.0, 430.0]) + 40.0 * RNG.normal(size=(300, 3))  # mgauss
 CELSIUS = 24.0 + 0.05 * np.arange(300)
 SITE = Site.from_gravity(9.81)
-Parameters = Mapping[str, float]
 Signals = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 PX4: Parameters = {
@@ -72,54 +71,12 @@ def at_defaults(parameters: Parameters) -> Parameters:
     return idle | kept | {name: -1 for name in parameters if name.endswith("_ROT") and "CAL" in name}
 
 
-def three(parameters: Parameters, name: str, default: float) -> np.ndarray:
-    return np.array([parameters.get(name.format(axis), default) for axis in "XYZ"])
+def px4(kind: str, u: np.ndarray, p: Parameters, thermal: np.ndarray | float = 0.0) -> np.ndarray:
+    """What PX4 makes of the numbers of its second accelerometer, and of its first gyro and compass."""
+    return a_unit.px4(kind, u, p, thermal, number=1 if kind == "ACC" else 0)
 
 
-def symmetric(diagonal: np.ndarray, beside: np.ndarray) -> np.ndarray:
-    (a, b, c), (d, e, f) = diagonal, beside
-    return np.array([[a, d, e], [d, b, f], [e, f, c]])
-
-
-# By the firmwares' own assignments to x, y and z: none, yaw by 90° and by 270°, roll by 90°.
-TURNS = {
-    0: np.eye(3),
-    2: np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]]),
-    6: np.array([[0, 1, 0], [-1, 0, 0], [0, 0, 1]]),
-    16: np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]]),
-}
-
-
-def px4(kind: str, u: np.ndarray, p: Parameters, thermal: np.ndarray) -> np.ndarray:
-    """What PX4 makes of (samples, 3) raw numbers: ``Correct`` of its classes, sample by sample."""
-    n = 1 if kind == "ACC" else 0
-    own = p.get(f"CAL_{kind}{n}_ROT", -1)
-    level = Rotation.from_euler("ZYX", three(p, "SENS_BOARD_{}_OFF", 0.0)[::-1], degrees=True).as_matrix()
-    turn = level @ TURNS[int(own if own >= 0 else p.get("SENS_BOARD_ROT", 0))]
-    S = symmetric(three(p, f"CAL_{kind}{n}_{{}}SCALE", 1.0), three(p, f"CAL_{kind}{n}_{{}}ODIAG", 0.0))
-    offset = three(p, f"CAL_{kind}{n}_{{}}OFF", 0.0)
-    return np.array([turn @ S @ (one - o - offset) for one, o in zip(u, thermal, strict=True)])
-
-
-def ardupilot(kind: str, u: np.ndarray, p: Parameters, celsius: np.ndarray) -> np.ndarray:
-    """What ArduPilot makes of (samples, 3) raw numbers of its second unit, before a compass's motors."""
-    if kind == "MAG":
-        S = symmetric(three(p, "COMPASS_DIA2_{}", 1.0), three(p, "COMPASS_ODI2_{}", 0.0))
-        scale = p.get("COMPASS_SCALE2") or 1.0
-        return np.array([S @ (scale * (one + three(p, "COMPASS_OFS2_{}", 0.0))) for one in u])
-
-    def polynomial(temperature: float) -> np.ndarray:
-        d = float(np.clip(temperature, p["INS_TCAL2_TMIN"], p["INS_TCAL2_TMAX"])) - 35.0
-        one, two, cubed = (three(p, f"INS_TCAL2_{kind}{k}_{{}}", 0.0) for k in (1, 2, 3))
-        return 1e-6 * (one * d + two * d**2 + cubed * d**3)
-
-    made: list[np.ndarray] = []
-    for one, temperature in zip(u, celsius, strict=True):
-        if p.get("INS_TCAL2_ENABLE"):
-            one = one - polynomial(temperature) + polynomial(p[f"INS_{kind}2_CALTEMP"])
-        scale = three(p, "INS_ACC2SCAL_{}", 1.0) if kind == "ACC" else np.ones(3)
-        made.append((one - three(p, f"INS_{kind}2OFFS_{{}}", 0.0)) * scale)
-    return np.array(made) @ TURNS[int(p.get("AHRS_ORIENTATION", 0))].T
+ardupilot = partial(a_unit.ardupilot, number=2)
 
 
 def parameter(name: str, value: float) -> bytes:
@@ -163,13 +120,12 @@ def ulog(
     )
     steps = steps if thermal else 0.0 * steps
     now = [p, {**p, **(later or {})}]
+    halves = slice(half), slice(half, None)
     f, w = (
-        np.vstack(
-            [px4(kind, u[s], q, o[s]) for q, s in zip(now, (slice(half), slice(half, None)), strict=True)]
-        )
+        np.vstack([px4(kind, u[s], q, o[s]) for q, s in zip(now, halves, strict=True)])
         for kind, u, o in (("ACC", force, steps[:, :3]), ("GYRO", rate, steps[:, 3:]))
     )
-    m = px4("MAG", 1e-3 * field, p, np.zeros_like(field))
+    m = px4("MAG", 1e-3 * field, p)
     rows: dict[str, Callable[[int, int], bytes]] = {
         "sensor_combined": lambda i, t: struct.pack("<Q3fi3f", t, *w[i], 0, *f[i]),
         "vehicle_imu": lambda i, t: struct.pack(
@@ -433,11 +389,6 @@ def held_in_many_poses(holds: int = 12) -> Signals:
     return np.round(recording.time * 1e6).astype(int), force, rate, field
 
 
-def numbers(path: Path) -> dict[str, float]:
-    lines = [re.split(r"[\t,]", line) for line in path.read_text().splitlines() if line and line[0] != "#"]
-    return {w[-3]: float(w[-2]) for w in lines} if "px4" in path.name else {w[0]: float(w[1]) for w in lines}
-
-
 @pytest.mark.parametrize("firmware", ["px4", "ardupilot"])
 def test_a_calibrated_drone_gets_the_parameters_that_a_new_one_gets(tmp_path: Path, firmware: str) -> None:
     signals = held_in_many_poses()
@@ -448,16 +399,16 @@ def test_a_calibrated_drone_gets_the_parameters_that_a_new_one_gets(tmp_path: Pa
         assert run.calibration.input_corrected_by == []
         target = tmp_path / f"{name}-{firmware}.txt"
         convert_to(run.calibration, firmware, output=target, largest_loss=0.1)
-        found.append(numbers(target))
+        found.append(parameters(target.read_text()))
     assert found[0] == pytest.approx(found[1], abs=2e-5)  # logs of single precision
     # Set into the firmware they correct the raw numbers: |f| is g at rest, and the gyros' offsets are gone.
     new, (stamps, force, rate, _) = found[0], signals
     if firmware == "px4":
         new = {name.replace("CAL_ACC0", "CAL_ACC1"): value for name, value in new.items()}
-        f, w = px4("ACC", force, new, np.zeros_like(force)), px4("GYRO", rate, new, np.zeros_like(rate))
+        f, w = px4("ACC", force, new), px4("GYRO", rate, new)
     else:
         new = {re.sub("(ACC|GYR)", r"\g<1>2", name): value for name, value in new.items()}
-        f, w = (ardupilot(k, u, new, np.zeros(len(u))) for k, u in (("ACC", force), ("GYR", rate)))
+        f, w = (ardupilot(k, u, new) for k, u in (("ACC", force), ("GYR", rate)))
     for k in range(12):
         rest = (stamps > 1e6 * (5.0 * k + 0.5)) & (stamps < 1e6 * (5.0 * k + 2.5))
         assert np.linalg.norm(f[rest].mean(0)) == pytest.approx(9.81, abs=0.01)  # of 0.3 m/s² before
@@ -478,12 +429,12 @@ def test_a_turned_compass_of_px4_or_ardupilot_gets_numbers_that_are_right_in_its
     path = write(tmp_path / "a.log", active, message=message, signals=(stamps, force, rate, raw))
     run = calibrate(path, site=SITE, field=f"{1e-3 * np.linalg.norm(true[0]):.6f}gauss,63.7")
     told = convert_to(run.calibration, firmware, output=tmp_path / f"{firmware}.txt")
-    new = numbers(told.files[0])
+    new = parameters(told.files[0].read_text())
     if firmware == "px4":
-        found = 1e3 * px4("MAG", 1e-3 * raw, {**active, **new}, np.zeros_like(raw))
+        found = 1e3 * px4("MAG", 1e-3 * raw, {**active, **new})
     else:
         new = {re.sub("(OFS|DIA|ODI|SCALE)", r"\g<1>2", name): value for name, value in new.items()}
-        found = ardupilot("MAG", raw, new, np.zeros(len(raw)))
+        found = ardupilot("MAG", raw, new)
     np.testing.assert_allclose(found, true @ board.T, atol=1.0)  # mgauss, of 479: the accelerometer's noise
     other = convert_to(run.calibration, {"px4": "ardupilot"}.get(firmware, "px4"), output=tmp_path / "other")
     assert any(
@@ -497,8 +448,7 @@ def test_a_turned_compass_of_px4_or_ardupilot_gets_numbers_that_are_right_in_its
 
 def document(before: tuple[str, ...] = ()) -> Calibration:
     force = Triad(np.diag([1.01, 0.99, 1.005]), np.array([0.1, 0.2, -0.3]))
-    model, of = ImuModel(force, Triad(np.eye(3), np.full(3, 0.01))), ("fixture", "axes")
-    made = calibration_from_model(model, ("m/s^2", "rad/s"), of, [], procedure="by hand", remarks=[])
+    made = a_unit.document(ImuModel(force, Triad(np.eye(3), np.full(3, 0.01))))
     return structs.replace(made, input_corrected_by=list(before))
 
 
@@ -514,9 +464,8 @@ def test_a_calibration_of_corrected_numbers_does_not_replace_the_autopilots(
 
 
 def test_a_magnetometer_that_an_earlier_version_calibrated_on_top_is_left_out(tmp_path: Path) -> None:
-    matrix = ((1.01e7, 1e5, -2e5), (1e5, 0.99e7, 3e5), (-2e5, 3e5, 1.02e7))
-    words: Any = {"raw_unit": "mgauss", "unit": "T", "frame": "b", "method": "holds and turns"}
-    block = MagnetometerBlock(**words, matrix=matrix, bias=(12.0, -30.0, 7.0))
+    matrix = 1e7 * symmetric(np.array([1.01, 0.99, 1.02]), np.array([0.01, -0.02, 0.03]))
+    block = a_unit.compass(matrix, np.array([12.0, -30.0, 7.0]), raw_unit="mgauss")
     for before, written in (([], True), (["0123456789ab"], False)):
         on_top = structs.replace(block, input_corrected_by=before)
         made = structs.replace(document(), magnetometer=on_top)
