@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -214,29 +215,24 @@ def test_what_the_contract_promises_stands_in_the_file(example: Calibration) -> 
     assert document["quality"]["sigma0_with_variance_components"] is None
 
 
-def damaged(example: Calibration, path: Path, change: Any) -> Path:
-    document = json.loads(example.to_json())
+@pytest.fixture
+def file(example: Calibration, tmp_path: Path) -> Path:
+    example.write(tmp_path / "calibration.json")
+    return tmp_path / "calibration.json"
+
+
+def changed(file: Path, change: Callable[[Any], Any]) -> Path:
+    document = json.loads(file.read_text(encoding="utf-8"))
     change(document)
-    path.write_text(json.dumps(document), encoding="utf-8")
-    return path
-
-
-def test_a_later_version_is_refused_and_an_update_is_asked_for(example: Calibration, tmp_path: Path) -> None:
-    path = damaged(example, tmp_path / "calibration.json", lambda d: d.update(version=2))
-    with pytest.raises(CalibrationFileError, match=r"version 2 and this tumble reads up to 1: update tumble"):
-        read_calibration(path)
-
-
-@pytest.mark.parametrize("version", ["1", None, 0, -3, 1.5, True])
-def test_a_version_that_is_none_is_refused(example: Calibration, tmp_path: Path, version: object) -> None:
-    path = damaged(example, tmp_path / "calibration.json", lambda d: d.update(version=version))
-    with pytest.raises(CalibrationFileError, match="version"):
-        read_calibration(path)
+    file.write_text(json.dumps(document), encoding="utf-8")
+    return file
 
 
 @pytest.mark.parametrize(
     ("change", "where"),
     [
+        (lambda d: d.update(version=2), "version 2 and this tumble reads up to 1: update tumble"),
+        *((lambda d, v=v: d.update(version=v), "version") for v in ("1", None, 0, -3, 1.5, True)),
         (lambda d: d["accelerometer"].pop("bias"), "accelerometer.bias"),
         (lambda d: d["accelerometer"].update(bias=[1.0, 2.0]), "accelerometer.bias"),
         (lambda d: d["gyroscope"].update(matrix=[[1, 0, 0], [0, 1, 0], [0, 0, "x"]]), "gyroscope.matrix"),
@@ -246,16 +242,46 @@ def test_a_version_that_is_none_is_refused(example: Calibration, tmp_path: Path,
         (lambda d: d.update(verdict="fit"), "verdict"),
         (lambda d: d["accelerometer"].update(matrix=[[1, 0, 0], [0, 1, 0], [0, 0, 0]]), "accelerometer.matrix"),
         (lambda d: d["raw_units"].update(specific_force="furlong"), "raw_units"),
+        # Python's json reads NaN, which JSON does not know.
+        (lambda d: d["accelerometer"].update(bias=[1.0, float("nan"), 2.0]), "number NaN"),
+        (lambda d: d.update(composed_with=dict(d)), "no longer read. Apply the two files"),
+        *(
+            (lambda d, name=name: d["imu"].update(model=name), "imu.model: it holds a line break or another control")
+            for name in ("x\nimport os\n#", "a\u2028b", "g\x00h", "\u202egnihton")
+        ),
     ],
 )  # fmt: skip
 def test_a_damaged_document_is_refused_with_the_place_of_the_damage(
-    example: Calibration, tmp_path: Path, change: Any, where: str
+    file: Path, change: Callable[[Any], Any], where: str
 ) -> None:
-    path = damaged(example, tmp_path / "calibration.json", change)
     with pytest.raises(CalibrationFileError, match=re.escape(where)) as caught:
-        read_calibration(path)
+        read_calibration(changed(file, change))
     assert "\n" not in str(caught.value)
-    assert path.name in str(caught.value)
+    assert file.name in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("triad", "key", "at", "factor"),
+    [
+        ("accelerometer", "matrix", (1, 0), 1e6),
+        ("accelerometer", "matrix", (0, 0), 1.001),
+        ("accelerometer", "bias", (2,), 1.01),
+        ("gyroscope", "bias", (0,), -1.0),
+        ("gyroscope", "g_sensitivity", (0, 1), 1e3),
+        ("gyroscope", "matrix", (2, 2), 1e300),
+    ],
+)
+def test_a_number_that_was_changed_contradicts_the_test_vectors(
+    file: Path, triad: str, key: str, at: tuple[int, ...], factor: float
+) -> None:
+    def change(document: Any) -> None:
+        place = document[triad][key]
+        for index in at[:-1]:
+            place = place[index]
+        place[at[-1]] *= factor
+
+    with pytest.raises(CalibrationFileError, match=rf"contradicts the {triad}'s|cannot be inverted"):
+        read_calibration(changed(file, change))
 
 
 @pytest.mark.parametrize(
@@ -265,39 +291,37 @@ def test_a_damaged_document_is_refused_with_the_place_of_the_damage(
         (b"not json", "cannot be read as a calibration"),
         (b'{"format": "tumble calibration", "version": 1', "cannot be read as a calibration"),
         (b"\xff\xfe\x00binary\x80", "cannot be read as a calibration"),
+        (b"[" * 50_000, "cannot be read as a calibration: it "),
+        (b'{"format": "\\ud800"}', "cannot be read as a calibration: it "),
+        (b'{"version": ' + b"1" * 5000 + b"}", "cannot be read as a calibration: it "),
         (b"[1, 2, 3]", "is not a calibration of tumble"),
         (b'{"format": "another"}', "is not a calibration of tumble"),
         (b'{"format": "tumble calibration"}', "version"),
+        (None, "There is no calibration"),
     ],
+    ids=range(11),
 )
-def test_what_is_no_calibration_is_refused(tmp_path: Path, content: bytes, message: str) -> None:
-    path = tmp_path / "calibration.json"
-    path.write_bytes(content)
-    with pytest.raises(CalibrationFileError, match=message) as caught:
-        read_calibration(path)
-    assert "\n" not in str(caught.value)
-
-
-def test_a_document_with_numbers_that_are_none_is_refused(example: Calibration, tmp_path: Path) -> None:
-    """Python's json reads NaN and Infinity, which JSON does not know."""
-    path = damaged(
-        example,
-        tmp_path / "calibration.json",
-        lambda d: d["accelerometer"].update(bias=[1.0, float("nan"), 2.0]),
-    )
-    with pytest.raises(CalibrationFileError, match="number NaN"):
-        read_calibration(path)
-
-
-def test_unknown_keys_of_the_same_version_are_let_through(example: Calibration, tmp_path: Path) -> None:
-    path = damaged(example, tmp_path / "calibration.json", lambda d: d.update(later="kept out"))
-    assert read_calibration(path) == example
-
-
-def test_a_missing_file_and_a_folder_without_one_are_told(tmp_path: Path) -> None:
-    for path in (tmp_path / "absent.json", tmp_path):
-        with pytest.raises(CalibrationFileError, match="There is no calibration"):
+def test_what_is_no_calibration_is_refused(tmp_path: Path, content: bytes | None, message: str) -> None:
+    if content is not None:
+        (tmp_path / "calibration.json").write_bytes(content)
+    for path in (tmp_path / "calibration.json", tmp_path):
+        with pytest.raises(CalibrationFileError, match=message) as caught:
             read_calibration(path)
+        assert "\n" not in str(caught.value)
+
+
+def test_unknown_keys_of_the_same_version_are_let_through(file: Path, example: Calibration) -> None:
+    assert read_calibration(changed(file, lambda d: d.update(later="kept out"))) == example
+
+
+def test_numbers_that_overflow_are_refused_and_a_raw_number_that_is_none_stays_none(
+    example: Calibration,
+) -> None:
+    small = document_of([-0.05] * 30, terms=frozenset())  # its scale factors are 0.95
+    with pytest.raises(CalibrationFileError, match="specific force of sample 2 is not finite"):
+        small.correct(np.array([[1.0, 2.0, 3.0], [1.75e308, 1.75e308, 1.75e308]]), None)
+    force, _ = example.correct(np.array([[1.0, np.nan, 3.0], [1.0, 2.0, 3.0]]), None)
+    assert np.isfinite(force).all(axis=1).tolist() == [False, True]
 
 
 TERMS = frozenset({"g_sensitivity", "quadratic"})
@@ -305,11 +329,10 @@ TERMS = frozenset({"g_sensitivity", "quadratic"})
 
 @pytest.mark.parametrize("part", ["covariance", "names", "model", "parameters"])
 def test_an_estimate_that_can_be_none_becomes_no_document(part: str) -> None:
-    """What is no covariance, `tests/unit/document/test_soundness.py` tries one by one."""
+    """What is no covariance, `tests/unit/document` tries one by one."""
     sound = estimate_of(EXAMPLE, terms=TERMS, counts=False)
     covariance, model = sound.covariance.copy(), sound.model
     covariance[2, 2] = -covariance[2, 2]
-    assert model.accelerometer is not None
     wrong: dict[str, Any] = {
         "covariance": covariance,
         "names": sound.names[:-1],
@@ -320,10 +343,3 @@ def test_an_estimate_that_can_be_none_becomes_no_document(part: str) -> None:
         ConvergenceError, match=r"came to no usable numbers: .* record more poses and longer holds"
     ):
         document_of(EXAMPLE, terms=TERMS, **{part: wrong[part]})
-
-
-def test_a_file_of_two_calibrations_is_refused_in_one_sentence(example: Calibration, tmp_path: Path) -> None:
-    held = json.loads(example.to_json())
-    (tmp_path / "calibration.json").write_text(json.dumps({**held, "composed_with": held}))
-    with pytest.raises(CalibrationFileError, match=r"no longer read\. Apply the two files"):
-        read_calibration(tmp_path)
