@@ -25,12 +25,8 @@ def recordings() -> list[Any]:
     """What ships with the package, and the same from sensors that show a hundredth more, along other axes."""
     first = tumble.read_recording(ROOT / "src" / "tumble" / "data" / "mpu9150-imu0.csv.gz", rate=100.0)
     turned = np.array([[0.0, 1.01, 0.0], [0.0, 0.0, 1.01], [1.01, 0.0, 0.0]])
-    return [
-        first,
-        replace(
-            first, angular_rate=first.angular_rate @ turned.T, specific_force=first.specific_force @ turned.T
-        ),
-    ]
+    signals = {name: getattr(first, name) @ turned.T for name in ("angular_rate", "specific_force")}
+    return [first, replace(first, **signals)]
 
 
 @pytest.fixture(scope="module")

@@ -95,15 +95,11 @@ def is_rotation(step: Any) -> bool:
     return isinstance(step, TurnStep) and step.axis_b is not None and step.angle is not None
 
 
-def test_it_says_what_it_is_for_and_which_procedure_evaluates_it(protocol: Protocol) -> None:
+def test_it_says_what_it_is_for_and_nobody_where_it_is_performed_or_recorded(protocol: Protocol) -> None:
     assert protocol.procedure in KNOWN_PROCEDURES
     assert protocol.description == PROTOCOLS[protocol.name]
     assert protocol.description.endswith(".")
-
-
-def test_nobody_has_said_where_it_is_performed_or_recorded(protocol: Protocol) -> None:
-    assert protocol.site is None
-    assert protocol.recordings == ()
+    assert (protocol.site, protocol.recordings) == (None, ())
     assert all(step.file is None and step.interval is None for step in protocol.steps)
 
 
@@ -147,33 +143,32 @@ def test_its_spins_go_both_ways_alike_in_whole_revolutions(protocol: Protocol) -
     np.testing.assert_allclose(turned, np.round(turned), rtol=1e-9, atol=0.0)
     assert sum(spin.rate for spin in spins) == pytest.approx(0.0, abs=1e-12)
     assert all(abs(spin.rate) * spin.ramp > 0.0 for spin in spins)
+    for spin in spins:
+        if spin.angle is not None:
+            # A ramp turns half of what it does at the full rate. 1e-12: rounding.
+            assert spin.angle == pytest.approx(spin.rate * (spin.duration + spin.ramp), rel=1e-12)
 
 
-def test_its_file_reads_back_to_the_same_protocol(protocol: Protocol, tmp_path: Path) -> None:
-    placed = replace(protocol, site=SITE)
-    write_protocol(placed, tmp_path / "p.yaml")
-    assert same(read_protocol(tmp_path / "p.yaml"), placed)
-
-
-def test_a_file_may_name_it_and_give_the_site_alone(protocol: Protocol, tmp_path: Path) -> None:
-    (tmp_path / "p.yaml").write_text(
-        f"format: tumble protocol\nlike: {protocol.name}\nsite: {{latitude_deg: 48.1, height_m: 520}}\n",
-        encoding="utf-8",
-    )
-    assert same(read_protocol(tmp_path / "p.yaml"), replace(protocol, site=SITE))
+def test_its_file_reads_back_and_one_may_name_it_and_give_the_site_alone(
+    protocol: Protocol, tmp_path: Path
+) -> None:
+    placed, path = replace(protocol, site=SITE), tmp_path / "p.yaml"
+    write_protocol(placed, path)
+    assert same(read_protocol(path), placed)
+    site = "site: {latitude_deg: 48.1, height_m: 520}"
+    path.write_text(f"format: tumble protocol\nlike: {protocol.name}\n{site}\n", encoding="utf-8")
+    assert same(read_protocol(path), placed)
 
 
 def test_its_poses_tell_as_many_unknowns_of_the_accelerometers_as_is_claimed(protocol: Protocol) -> None:
     assert rank(norm_design(ups(protocol))) == OBSERVABLE[protocol.name]
+    assert list(OBSERVABLE) == list(PROTOCOLS)
 
 
-def test_the_ten_poses_miss_the_non_orthogonality_that_the_description_names() -> None:
+def test_ten_poses_miss_one_non_orthogonality_and_nine_leave_nothing_over_as_they_say() -> None:
     missed = np.flatnonzero(~norm_design(ups(named_protocol("multi-position-10"))).any(axis=0))
     assert missed.tolist() == [8]  # the product of y and z
     assert "y and z is not seen" in PROTOCOLS["multi-position-10"]
-
-
-def test_nine_poses_leave_nothing_over() -> None:
     assert norm_design(ups(named_protocol("multi-position-9"))).shape == (9, 9)
     assert "nothing checks the result" in PROTOCOLS["multi-position-9"]
 
@@ -187,13 +182,6 @@ def test_the_rate_table_tells_bias_matrix_and_asymmetry_of_every_gyro() -> None:
     rates = spun(named_protocol("rate-table"))
     for axis in range(3):
         assert rank(np.column_stack((rates, np.ones(len(rates)), np.abs(rates[:, axis])))) == 5
-
-
-def test_an_angle_that_is_stated_is_that_of_the_rate_with_both_ramps(protocol: Protocol) -> None:
-    for spin in protocol.steps:
-        if isinstance(spin, SpinStep) and spin.angle is not None:
-            # A ramp turns half of what it does at the full rate. 1e-12: rounding.
-            assert spin.angle == pytest.approx(spin.rate * (spin.duration + spin.ramp), rel=1e-12)
 
 
 @pytest.mark.parametrize("name", ["turntable-9", "turntable-18"])
@@ -223,7 +211,3 @@ def test_the_laboratory_has_each_axis_up_and_down_with_the_next_one_at_four_head
             assert step.name == f"{'xyz'[axis]} {way}, {'xyz'[(axis + 1) % 3]} {heading}"
             seen.add(step.name)
     assert len(seen) == 24
-
-
-def test_every_named_protocol_is_in_the_table_above() -> None:
-    assert list(OBSERVABLE) == list(PROTOCOLS)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -17,10 +19,8 @@ from tumble.calibration.equations.imu_unknowns import (
 from tumble.calibration.terms import TERMS, Term
 from tumble.sensor.imu import CURVES, Triad
 
-SCALE, MATRIX = (
-    np.array([0.9, 1.1, 1.05]),
-    np.array([[2.0, 0.02, -0.05], [0.07, 1.8, 0.03], [-0.04, 0.06, 2.2]]),
-)
+SCALE = np.array([0.9, 1.1, 1.05])
+MATRIX = np.array([[2.0, 0.02, -0.05], [0.07, 1.8, 0.03], [-0.04, 0.06, 2.2]])
 TRUE = np.array([[3.0, -7.0, 5.0], [-9.0, 2.0, 4.0], [1.0, 6.0, -8.0]])
 
 
@@ -28,14 +28,14 @@ TRUE = np.array([[3.0, -7.0, 5.0], [-9.0, 2.0, 4.0], [1.0, 6.0, -8.0]])
 class TestTerm:
     """The contract."""
 
-    def test_its_unknowns_are_among_all_and_have_words(self, term: Term) -> None:
+    def test_its_unknowns_are_among_all_and_have_words_and_no_other_gives_way_as_soon(
+        self, term: Term
+    ) -> None:
         at = term_unknowns(term.name)
         assert set(at) <= set(LAYOUT.indices(term.block.name))
         assert len(set(term.block.labels)) == len(term.block.labels) == len(term.block.remedies)
         assert term.words
         assert term.row.count("|") == 5
-
-    def test_no_other_gives_way_as_soon(self, term: Term) -> None:
         assert [one.name for one in TERMS.values() if one.gives_way == term.gives_way] == [term.name]
 
     def test_a_name_plate_bounds_it_and_is_its_prior(self, term: Term) -> None:
@@ -44,7 +44,6 @@ class TestTerm:
         sigma = name_plate(u)[u.free]
         assert np.all(sigma > 0.0)
         prior = terms_prior(u)
-        assert prior is not None
         np.testing.assert_allclose(np.diag(prior.precision)[u.free], sigma**-2, rtol=1e-12)
 
     def test_a_sensor_s_curve_has_its_derivatives(self, term: Term) -> None:
@@ -53,16 +52,14 @@ class TestTerm:
         u = imu_unknowns(free=term_unknowns(term.name))
         u["force.scale"][:], u["gyro.matrix"][:] = SCALE, MATRIX.ravel()
         u[term.block.name][:] = (0.003, -0.002, 0.001)
-        shown = raw_force(u, TRUE) if term.of == "accelerometer" else raw_rate(u, TRUE, TRUE)
-        made = shown.by_blocks[term.block.name]
+
+        def shown_of(at: Any) -> Any:
+            return raw_force(at, TRUE) if term.of == "accelerometer" else raw_rate(at, TRUE, TRUE)
+
+        made = shown_of(u).by_blocks[term.block.name]
         for k, index in enumerate(LAYOUT.indices(term.block.name)):
-            ends: list[np.ndarray] = []
-            for step in (1e-6, -1e-6):
-                moved = u.values.copy()
-                moved[index] += step
-                at = u.at(moved)
-                of = raw_force(at, TRUE) if term.of == "accelerometer" else raw_rate(at, TRUE, TRUE)
-                ends.append(of.value)
+            step = 1e-6 * (np.arange(u.values.size) == index)
+            ends = [shown_of(u.at(u.values + moved)).value for moved in (step, -step)]
             np.testing.assert_allclose(made[:, :, k], (ends[0] - ends[1]) / 2e-6, atol=1e-6)
 
 
