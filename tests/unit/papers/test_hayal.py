@@ -8,7 +8,6 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 from numpy import cos, sin
-from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from tumble.attitude.rotations import twenty_six_directions
@@ -82,16 +81,6 @@ def raw(unknowns: Array, true: Array) -> Array:
     return np.stack(rows, axis=-1)
 
 
-def square_of_true(unknowns: Array, observed: Array) -> Array:
-    """|true|² of raw numbers, by solving 3.13 from its first row on."""
-    u = observed - unknowns[:3]
-    s, (yz, zx, zy) = unknowns[3:6], unknowns[6:9]
-    x = u[..., 0] / s[0]
-    y = (u[..., 1] / s[1] + x * sin(yz)) / cos(yz)
-    z = (u[..., 2] / s[2] - x * sin(zy) + y * sin(zx) * cos(zy)) / (cos(zx) * cos(zy))
-    return x * x + y * y + z * z
-
-
 def simulated(sets: int, noise: float = 1.0, holds: int = 26) -> Array:
     """Hold means in jittered poses, with `noise` times the noise that is stated."""
     rng = np.random.default_rng(5)
@@ -130,20 +119,6 @@ def test_without_noise_every_estimator_finds_the_truth() -> None:
         batch = adjusted(observed, estimator=estimator)
         # round-off of numbers of ten, a hundredfold for the solution of nine unknowns
         np.testing.assert_allclose(batch.parameters, np.tile(TRUTH, (3, 1)), atol=1e-12, err_msg=estimator)
-
-
-@pytest.mark.parametrize(("estimator", "power"), [("norm", 1), ("square", 2)])
-def test_least_squares_on_the_norm_and_its_square_are_scipy_s(estimator: str, power: int) -> None:
-    observed = simulated(2, noise=20.0)
-    batch = adjusted(observed, estimator=estimator)
-    for k, means in enumerate(observed):
-
-        def residual(p: Array, means: Array = means) -> Array:
-            return square_of_true(p, means) ** (0.5 * power) - K**power
-
-        found = least_squares(residual, TRUTH, xtol=1e-15, ftol=1e-15, gtol=1e-15)
-        # Gauss-Newton and scipy's end where the gradient is round-off: 1e-7 of a sigma of 1e-2
-        np.testing.assert_allclose(batch.parameters[k], found.x, atol=1e-8)
 
 
 def test_the_mirror_root_fits_as_well_and_is_flagged() -> None:

@@ -8,10 +8,7 @@ test; the seeds are fixed.
 from __future__ import annotations
 
 import math
-import tomllib
 from dataclasses import dataclass, field, replace
-from importlib.metadata import EntryPoint
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -31,8 +28,8 @@ from tumble.segmentation import HoldMeans, SpinMeans
 from tumble.segmentation.matching import MatchedHold, MatchedSpin, Matching
 from tumble.sensor import ImuModel, Triad
 from tumble.simulation import find_grade, simulate_protocol
-from tumble.workflows.procedures import GROUP
 from tumble_papers.hayal.methods import ESTIMATORS
+from unit.given import given
 
 SITE = Site(9.801, 0.0, math.radians(40.0), 0.0, "as simulated")
 NOWHERE = replace(SITE, latitude=None)
@@ -58,10 +55,13 @@ LOWER = ImuModel(
 )
 
 
-def only_diagonal(triad: Triad | None, *, unity: bool = False) -> Triad:
-    """The triad without what a method does not estimate."""
-    assert triad is not None
-    return Triad(np.eye(3) if unity else np.diag(np.diag(triad.matrix)), triad.bias)
+def only_diagonal(model: ImuModel, *, unity: bool = False) -> ImuModel:
+    """The unit without what a method does not estimate."""
+    left = [
+        Triad(np.eye(3) if unity else np.diag(np.diag(triad.matrix)), triad.bias)
+        for triad in (given(model.accelerometer), given(model.gyroscope))
+    ]
+    return ImuModel(*left)
 
 
 @dataclass
@@ -89,28 +89,23 @@ class Bench:
         down = [t * o for t, o in zip(truly, off, strict=True)]
         force = np.array([d.inv().apply([0.0, 0.0, -SITE.gravity]) for d in down])
         rest = np.array([d.inv().apply(SITE.earth_rate_n) for d in down])
-        up_b = force / SITE.gravity
-        spun = np.array([(rate + VERTICAL) * u for u in up_b for rate in self.rates]).reshape(-1, 3)
+        turns = [(rate + VERTICAL) * f / SITE.gravity for f in force for rate in self.rates]
         steps: list[Step] = []
         for pose in poses:
             steps += [TurnStep(2.0), HoldStep(180.0, pose if self.told else None)]
             steps += [SpinStep(180.0, rate) for rate in self.rates]
-        held = tuple(
-            MatchedHold(at, k) for k, at in enumerate(i for i, s in enumerate(steps) if type(s) is HoldStep)
-        )
+        at = [i for i, step in enumerate(steps) if type(step) is HoldStep]
+        held = tuple(MatchedHold(i, k) for k, i in enumerate(at))
         turned = tuple(MatchedSpin(i, 0, 1) for i, s in enumerate(steps) if type(s) is SpinStep)
-        a, g = self.model.accelerometer, self.model.gyroscope
-        assert a is not None
-        assert g is not None
-        shown = [(a, force, 0), (g, rest, 1), (a, np.repeat(force, len(self.rates), axis=0), 0), (g, spun, 1)]
-        means = [self._shown(triad, true, kind, rng) for triad, true, kind in shown]
-        holds, spins = len(force), len(spun)
-        length = np.full(holds, 180.0)
-        recording = Recording(np.arange(holds) * 200.0, means[0][0], means[1][0], *self.units, 1.0)
+        of_force, of_rate = given(self.model.accelerometer), given(self.model.gyroscope)
+        held_force, held_rate = self._shown(of_force, force, 0, rng), self._shown(of_rate, rest, 1, rng)
+        spun_force = self._shown(of_force, np.repeat(force, len(self.rates), axis=0), 0, rng)
+        spun_rate = self._shown(of_rate, np.reshape(turns, (-1, 3)), 1, rng)
+        length, more = np.full(len(force), 180.0), np.full(len(turns), 180.0)
+        recording = Recording(np.arange(len(force)) * 200.0, held_force[0], held_rate[0], *self.units, 1.0)
         session = Session(recording, Protocol("bench", "six-position", tuple(steps)), self.site)
-        session.means = HoldMeans(*means[0], *means[1], length, recording.time, length, None)
-        more = np.full(spins, 180.0)
-        session.spins = SpinMeans(*means[2], *means[3], more, more, more, None, period=more)
+        session.means = HoldMeans(*held_force, *held_rate, length, recording.time, length, None)
+        session.spins = SpinMeans(*spun_force, *spun_rate, more, more, more, None, period=more)
         session.matching = Matching(held, turned, (), ())
         return session
 
@@ -130,10 +125,6 @@ def sigma_of(estimate: Estimate, name: str) -> float:
     return next(p.standard_uncertainty for p in estimate.parameters if p.name == name)
 
 
-def value_of(estimate: Estimate, name: str) -> float:
-    return next(p.value for p in estimate.parameters if p.name == name)
-
-
 def errors(estimate: Estimate, model: ImuModel, kind: str) -> tuple[np.ndarray, np.ndarray]:
     """Errors of a triad's canonical parameters that were estimated, and their covariance."""
     found, true = getattr(estimate.model, kind), getattr(model, kind)
@@ -144,17 +135,7 @@ def errors(estimate: Estimate, model: ImuModel, kind: str) -> tuple[np.ndarray, 
 
 
 MULTI = Bench(LOWER, ALL, jitter=0.05)
-COARSE = replace(
-    LOWER, accelerometer=only_diagonal(LOWER.accelerometer), gyroscope=only_diagonal(LOWER.gyroscope)
-)
-BIASES = replace(
-    LOWER,
-    accelerometer=only_diagonal(LOWER.accelerometer, unity=True),
-    gyroscope=only_diagonal(LOWER.gyroscope, unity=True),
-)
-DIAGONAL = replace(
-    WHOLE, accelerometer=only_diagonal(WHOLE.accelerometer), gyroscope=only_diagonal(WHOLE.gyroscope)
-)
+COARSE, BIASES, DIAGONAL = only_diagonal(LOWER), only_diagonal(LOWER, unity=True), only_diagonal(WHOLE)
 RUNS = 36
 # Against the Earth's own rate the norm's second order shows: as in the thesis' case 3, a rate that is 10,000 times as
 # large, or here noise that is a hundredth.
@@ -169,14 +150,6 @@ CASES = {
     "multi-position-6": (replace(MULTI, model=COARSE, sigma=QUIET), 6, 6, 20),
     "multi-position-3": (replace(MULTI, model=BIASES, sigma=QUIET), 3, 3, 23),
 }
-
-
-def test_the_entry_point_names_them() -> None:
-    root = Path(__file__).parents[3]
-    points = tomllib.loads((root / "pyproject.toml").read_text())["project"]["entry-points"]
-    point = EntryPoint("hayal", points[GROUP]["hayal"], GROUP)
-    assert point.load() is ESTIMATORS
-    assert [one.name for one in ESTIMATORS.values()] == list(ESTIMATORS) == list(CASES)
 
 
 @pytest.mark.parametrize("method", CASES)
@@ -231,24 +204,20 @@ def test_in_counts_it_is_the_same(method: str) -> None:
 def test_two_readings_of_each_axis_are_2_5_and_2_6_by_hand() -> None:
     """x: 9.901 up and -9.701 down make a bias of 0.1 and a scale factor of 9.801; so do the others."""
     session = Bench(up=np.kron(np.eye(3), [[1.0], [-1.0]]), noise=0.0).session()
-    force = session.means.specific_force
-    assert force is not None
+    force = given(session.means.specific_force)
     force[:2] = [[9.901, 0.3, 0.2], [-9.701, 0.1, -0.2]]
     force[2:4] = [[0.4, 9.7, 0.0], [0.0, -9.9, 0.2]]
     force[4:] = [[0.1, 0.2, 10.301], [0.3, 0.2, -9.301]]
     standard = ESTIMATORS["six-position"].estimate(session)
-    assert standard.model.accelerometer is not None
-    np.testing.assert_allclose(standard.model.accelerometer.bias, [0.1, -0.1, 0.5], atol=1e-12)
-    np.testing.assert_allclose(
-        standard.model.accelerometer.matrix, np.diag([1.0, 9.8 / 9.801, 1.0]), atol=1e-12
-    )
+    triad = given(standard.model.accelerometer)
+    np.testing.assert_allclose(triad.bias, [0.1, -0.1, 0.5], atol=1e-12)
+    np.testing.assert_allclose(triad.matrix, np.diag([1.0, 9.8 / 9.801, 1.0]), atol=1e-12)
     assert sigma_of(standard, "accelerometer bias x") == pytest.approx(FORCE_SIGMA / math.sqrt(2.0))
     improved = ESTIMATORS["improved-six-position"].estimate(session)
-    assert improved.model.accelerometer is not None
+    triad = given(improved.model.accelerometer)
     # A A' of (2.12) is diagonal: 2 g² and 6. The biases are the means of six readings.
-    mean, across = force.mean(axis=0), (0.3 - 0.1) / (2.0 * 9.801)
-    np.testing.assert_allclose(improved.model.accelerometer.bias, mean, atol=1e-12)
-    assert improved.model.accelerometer.matrix[1, 0] == pytest.approx(across, abs=1e-12)
+    np.testing.assert_allclose(triad.bias, force.mean(axis=0), atol=1e-12)
+    assert triad.matrix[1, 0] == pytest.approx((0.3 - 0.1) / (2.0 * 9.801), abs=1e-12)
     assert sigma_of(improved, "accelerometer bias x") == pytest.approx(FORCE_SIGMA / math.sqrt(6.0))
 
 
@@ -274,17 +243,16 @@ def test_gyros_on_the_earths_rate_are_tables_4_2_and_4_4(
     unknowns: int, bias: float, scale: float, angle: float
 ) -> None:
     """Mean sigmas of case 2, which vary from run to run by half: 26 headings by chance, and 17 or 23 checks."""
-    bench = replace(MULTI, model=ImuModel(BIASES.accelerometer, BIASES.gyroscope))
+    bench = replace(MULTI, model=BIASES)
     runs = [estimated(f"multi-position-{unknowns}", bench, seed) for seed in range(24)]
-    assert all(one.model.gyroscope is not None for one in runs)
-    sigmas = {p: [sigma_of(one, p) for one in runs] for p in (v.name for v in runs[0].parameters)}
-    assert np.mean([sigmas[f"gyro bias {a}"] for a in "xyz"]) == pytest.approx(bias, rel=0.2)
-    if unknowns == 9:
-        assert np.mean([sigmas[f"gyro scale factor error {a}"] for a in "xyz"]) == pytest.approx(
-            scale, rel=0.2
-        )
-        names = [f"gyro non-orthogonality {a}" for a in ("yz", "zx", "zy")]
-        assert np.mean([sigmas[a] for a in names]) == pytest.approx(angle, rel=0.2)
+    for kind, expected, parts in (
+        ("bias", bias, ("x", "y", "z")),
+        ("scale factor error", scale, ("x", "y", "z")),
+        ("non-orthogonality", angle, ("yz", "zx", "zy")),
+    ):
+        if expected:
+            found = [sigma_of(one, f"gyro {kind} {part}") for one in runs for part in parts]
+            assert np.mean(found) == pytest.approx(expected, rel=0.2)
 
 
 def test_the_earths_rotation_left_out_is_in_the_biases_of_a_rate_test() -> None:
@@ -305,18 +273,14 @@ def test_axes_that_only_the_accelerometers_show_give_scale_factors_and_biases() 
 
 
 def test_an_axis_that_points_down_turns_the_rate_round() -> None:
-    bench = replace(CASES["modified-multi-position"][0], noise=0.0)
-    session = bench.session()
-    assert session.protocol is not None
-    force = session.spins.specific_force
-    assert force is not None
-    assert session.matching is not None
-    row = {spin.step: k for k, spin in enumerate(session.matching.spins)}
+    session = replace(CASES["modified-multi-position"][0], noise=0.0).session()
+    protocol, force = given(session.protocol), given(session.spins.specific_force)
+    row = {spin.step: k for k, spin in enumerate(given(session.matching).spins)}
     steps = tuple(
         replace(step, rate=-step.rate, axis_b=-force[row[i]]) if isinstance(step, SpinStep) else step
-        for i, step in enumerate(session.protocol.steps)
+        for i, step in enumerate(protocol.steps)
     )
-    session.protocol = replace(session.protocol, steps=steps)
+    session.protocol = replace(protocol, steps=steps)
     estimate = ESTIMATORS["modified-multi-position"].estimate(session)
     np.testing.assert_allclose(errors(estimate, LOWER, "gyroscope")[0], 0.0, atol=1e-9)
 
@@ -383,26 +347,19 @@ def test_a_recording_of_the_protocol_gives_the_unit_back(method: str, protocol: 
         replace(t, noise=replace(t.noise, bias_instability=0.0))
         for t in (grade.accelerometer, grade.gyroscope)
     ]
-    played = replace(named_protocol(protocol), site=SITE)
+    grade = replace(grade, accelerometer=quiet[0], gyroscope=quiet[1])
+    played, rng = replace(named_protocol(protocol), site=SITE), np.random.default_rng(4)
     model = DIAGONAL if method == "six-position" else LOWER
-    recording, _ = simulate_protocol(
-        played,
-        20.0,
-        np.random.default_rng(4),
-        site=SITE,
-        grade=replace(grade, accelerometer=quiet[0], gyroscope=quiet[1]),
-        model=model,
-        placement=False,
-    )
+    recording, _ = simulate_protocol(played, 20.0, rng, site=SITE, grade=grade, model=model, placement=False)
     # The faces of a six-position test are found without a protocol, too.
-    session = Session(recording, None if method == "six-position" else played, SITE)
-    estimate = ESTIMATORS[method].estimate(session)
+    estimate = ESTIMATORS[method].estimate(
+        Session(recording, None if method == "six-position" else played, SITE)
+    )
     for kind in ("accelerometer", "gyroscope"):
-        if getattr(estimate.model, kind) is None:
-            continue
-        off, covariance = errors(estimate, model, kind)
-        # Of a method whose noise is estimated Student's tails: 17 checks make 6 sigmas of 1e-5.
-        assert np.all(np.abs(off) < 6.0 * np.sqrt(np.diag(covariance))), kind
+        if getattr(estimate.model, kind) is not None:
+            off, covariance = errors(estimate, model, kind)
+            # Of a method whose noise is estimated Student's tails: 17 checks make 6 sigmas of 1e-5.
+            assert np.all(np.abs(off) < 6.0 * np.sqrt(np.diag(covariance))), kind
     if method in ("six-position", "modified-multi-position"):
         document = calibration_from_estimate(estimate, recording, SITE)
         assert calibration_of(document.to_json()) == document

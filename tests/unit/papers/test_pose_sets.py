@@ -32,7 +32,6 @@ from tumble_papers.zhang.pose_sets import (
     explain_pose_set,
     find_best_on_sphere,
     find_best_subset,
-    information,
     most_sensitive_directions,
     norm_sensitivity,
     paper_nine,
@@ -65,18 +64,6 @@ def test_the_eighteen_are_faces_and_edges_as_the_paper_numbers_them(signs: tuple
     for number, (i, j), sign in zip((2, 4, 6), itertools.combinations(range(3), 2), signs, strict=True):
         assert np.sign(numbered[number][i] * numbered[number][j]) == sign
     np.testing.assert_array_equal(paper_nine(signs), [numbered[n] for n in (1, 2, 3, 4, 5, 6, 7, 9, 11)])
-
-
-def test_information_is_of_the_norm_s_own_derivatives() -> None:
-    """Half the squared norm's over the norm; scale relative: without angles, exact to round-off."""
-    scale, gravity = np.array([95.0, 104.0, 112.0]), 9.8
-    directions = twenty_six_directions()[:20]
-    columns = norm_sensitivity(directions, scale, np.zeros(3), gravity).columns() / (2.0 * gravity)
-    columns[:, :3] *= scale
-    columns[:, 6:] *= scale
-    sigma = np.linspace(1.0, 2.0, 20)
-    expected = (columns / sigma[:, None]).T @ (columns / sigma[:, None])
-    np.testing.assert_allclose(information(directions, sigma, gravity), expected, atol=1e-11)
 
 
 def test_of_the_nine_theory_and_tables_agree() -> None:
@@ -277,20 +264,6 @@ def test_the_formulas_without_small_terms_miss_by_the_order_of_the_angles() -> N
         missed = np.max(np.abs(rough - exact) / unit)
         # The largest neglected term is one angle, and two stand in a row.
         assert 0.1 * np.max(np.abs(small)) < missed < 2.0 * np.max(np.abs(small))
-
-
-def test_without_misalignment_faces_tell_most_of_scale_and_bias_and_edges_of_misalignment() -> None:
-    """The paper's statement below (35)."""
-    none = np.zeros(3)
-    for index in range(3):
-        face = np.eye(3)[index]
-        for group in ("scale", "bias"):
-            found = most_sensitive_directions(SCALE, none, group, index)
-            np.testing.assert_allclose(np.abs(found), [face, face], atol=1e-4)
-        edges = most_sensitive_directions(SCALE, none, "misalignment", index)
-        pair = np.sqrt(0.5) * (1.0 - np.eye(3)[2 - index])
-        assert len(edges) == 4
-        np.testing.assert_allclose(np.abs(edges), np.tile(pair, (4, 1)), atol=1e-4)
 
 
 # The study of sensitivities and sets of poses: what is judged, against what, and that it can fail ---------

@@ -23,7 +23,7 @@ from tumble.sensor.conventions.savage import GROUPS, NAMES, SavageErrors, savage
 from tumble.simulation import simulate_protocol
 from tumble.simulation.two_axis import FixtureErrors
 from tumble_papers.savage.methods import ESTIMATORS, inversion_covariance
-from tumble_papers.savage.section_9 import changes_by_kind, expected_by_kind, unit
+from tumble_papers.savage.section_9 import unit
 from tumble_papers.savage.sequences import (
     AVERAGING,
     SequenceMeasurement,
@@ -38,7 +38,6 @@ from tumble_papers.savage.strapdown_simulation import (
     AS_PRINTED,
     GRADES,
     START_NORM,
-    VARIANTS,
     Setting,
     composed,
     matched_weights,
@@ -405,16 +404,6 @@ ZERO = SavageErrors.from_vector(np.zeros(24))
 BRIEF = 1.0  # s; without noise as good as ten
 
 
-def test_an_EXACT_on_a_fixture_that_is_off_measures_nothing_level() -> None:
-    """Whatever the fixture does, exact gyros know it: no first-order effect of α, and none of any order."""
-    setting = Setting(unit(), fixture=5e-3, earth=False, seconds=BRIEF)
-    recordings = simulate_run(setting, np.random.default_rng(1), truth=ZERO)
-    measured = measure_run(recordings, ImuModel.ideal(), replace(AS_PRINTED, norm=True))
-    for name, vector in measured.items():
-        # the change has a part along the nominal down only, which is left out; round-off of 1e4 samples
-        np.testing.assert_allclose(vector, 0.0, atol=1e-9, err_msg=name)
-
-
 def test_the_earth_rate_is_in_the_increments_as_the_test_takes_it_out() -> None:
     setting = Setting(unit(), fixture=0.0, seconds=BRIEF)
     recordings = simulate_run(setting, np.random.default_rng(2), truth=ZERO)
@@ -424,19 +413,6 @@ def test_the_earth_rate_is_in_the_increments_as_the_test_takes_it_out() -> None:
         np.testing.assert_allclose(vector, 0.0, atol=3e-8)
     still = measure_run(replace(recordings, earth=0.0 * recordings.earth), ImuModel.ideal(), AS_PRINTED)
     assert max(np.max(np.abs(vector)) for vector in still.values()) > 1e-3
-
-
-@pytest.mark.parametrize("variant", [AS_PRINTED, START_NORM, VARIANTS[4], VARIANTS[-1]], ids=lambda v: v.name)
-def test_measurements_are_as_noisy_as_their_models_say(variant: object) -> None:
-    """Random walks of both triads; the models' variances against those of 60 runs."""
-    grade = unit(angle_random_walk=1e-5, velocity_random_walk=1e-4)
-    setting = Setting(grade, fixture=0.0, earth=False, sampling=50.0)
-    # a mean over all windows adds 17 times less than one each, which its model leaves out
-    found = changes_by_kind(setting, variant, 60, np.random.Generator(np.random.SFC64(3)))
-    expected = expected_by_kind(setting, variant)
-    for kind, values in found.items():
-        # 180 numbers or more: 5 %; four times that
-        assert np.sqrt(np.mean(values**2)) == pytest.approx(expected[kind], rel=0.2), kind
 
 
 def test_matched_weights_are_one_together_and_largest_next_to_the_rotations() -> None:
@@ -472,11 +448,3 @@ def test_a_composed_model_undoes_a_unit_whose_rest_is_known() -> None:
     for a, b in zip(whole.distort(force, rate), expected, strict=True):
         np.testing.assert_allclose(a, b, atol=1e-14)
     assert savage_from_model(whole)[0].kappa[0] != known.kappa[0]
-
-
-def test_without_asymmetry_a_unit_has_none_and_fourteen_sequences_tell_it() -> None:
-    setting = Setting(GRADES["nav"], seconds=BRIEF)
-    variant = next(v for v in VARIANTS if not v.asymmetry)
-    errors = run_study(setting, (variant,), 5, np.random.Generator(np.random.SFC64(2)), iterations=2)
-    assert np.all(errors[..., 3:6] == 0.0)
-    assert 0.0 < np.max(np.abs(errors[0, :, 1, :3])) < 1e-4

@@ -25,10 +25,8 @@ from tumble.protocol import (
 )
 from tumble.sensor import ImuModel, Triad
 from tumble.simulation import (
-    Imperfections,
     PlayedProtocol,
     TableErrors,
-    find_grade,
     play_protocol,
     simulate_protocol,
 )
@@ -170,29 +168,6 @@ def test_a_spin_s_nonlinear_terms_act_on_the_mean_rate_of_each_sample() -> None:
     rate = signals(raw)[1][(raw.time > start) & (raw.time < stop)]
     # angles of 15 rad know 2e-15 rad, over samples of 10 ms
     np.testing.assert_allclose(rate, np.tile(raw_of(-1.3 * TILTED, 9.8 * TILTED), (1000, 1)), atol=1e-12)
-
-
-def test_counts_of_a_noisy_unit_are_whole_numbers_in_its_grade_s_steps() -> None:
-    grade, rng = find_grade("consumer-mems"), np.random.default_rng(1)
-    rest = protocol(HoldStep(5.0, Pose(Z)))
-    recording, truth = simulate_protocol(rest, 100.0, rng, site=SITE, grade=grade, units="counts")
-    assert truth.counts_per_si == grade.counts_per_si
-    for signal in signals(recording):
-        assert np.array_equal(signal, np.round(signal))
-    assert signals(recording)[0][:, 2].mean() == pytest.approx(8192, rel=0.1)  # one g, ±3 % and bias
-
-
-def test_the_same_seed_gives_the_same_recording_bit_for_bit() -> None:
-    chain = Imperfections(jitter=1e-3, sampling_jitter=1e-3, dropped=0.01)
-
-    def bits(seed: int) -> bytes:
-        told: dict[str, Any] = {"site": SITE, "grade": find_grade("industrial-mems"), "imperfections": chain}
-        rng = np.random.default_rng(seed)
-        recording, _ = simulate_protocol(named_protocol("six-position"), 50.0, rng, **told)
-        return b"".join(part.tobytes() for part in (recording.time, *signals(recording)))
-
-    assert bits(5) == bits(5)
-    assert bits(5) != bits(6)
 
 
 def test_placement_errors_have_the_pose_s_sigma_about_each_axis() -> None:
@@ -342,13 +317,6 @@ def test_a_protocol_may_begin_and_end_with_anything() -> None:
     np.testing.assert_allclose(played.spins[0].axis_n, UP_N, atol=1e-14)
 
 
-def test_a_spin_that_states_its_angle_turns_by_it_as_long_as_that_takes() -> None:
-    angle = np.radians(-1234.5)
-    (truth,) = play(LEVEL_REST, SpinStep(30.0, -0.5, angle=angle), HoldStep(3.0)).spins
-    assert (truth.angle, truth.shown, truth.rate) == (angle, angle, pytest.approx(-0.5, rel=1e-14))
-    assert truth.stop - truth.start == pytest.approx(abs(angle) / 0.5 - 2.0, rel=1e-12)
-
-
 def test_an_angle_s_own_uncertainty_is_made_with_the_placement_and_without_it_not() -> None:
     spin = SpinStep(10.0, 1.0, angle=12.0, angle_sigma=1e-3)
     steps = (LEVEL_REST, *[spin, HoldStep(3.0)] * 200)
@@ -369,23 +337,6 @@ def test_without_a_table_nothing_else_is_drawn_and_nothing_is_read_off() -> None
     np.testing.assert_array_equal(plain.motion.turn_vector_b, perfect.motion.turn_vector_b)
     shown = [s.angle for s in perfect.steps if isinstance(s, SpinStep)]
     assert shown == [spin.angle for spin in perfect.spins]
-
-
-@pytest.mark.parametrize("name", ["turntable-9", "laboratory"])
-def test_the_table_s_protocols_are_played_from_rest_to_rest_in_whole_turns(name: str) -> None:
-    given = named_protocol(name)
-    played = play_protocol(given, np.random.default_rng(1), table=TableErrors(wobble=1e-4, ripple=1e-3))
-    for spin in played.spins:
-        assert abs(spin.shown) == pytest.approx(10.0 * np.pi)
-        assert 1e-7 < abs(spin.angle - spin.shown) < 6e-5  # six of 2 arc-seconds
-        assert spin.stop - spin.start == pytest.approx(178.0, abs=1e-3)
-        level = abs(spin.axis_n[2])
-        assert (level < 0.4) if name == "turntable-9" else (level > 0.999)
-    attitudes = Rotation.from_quat(played.motion.hold_quaternions_nb)
-    for k, move in enumerate(played.motion.turn_duration):
-        if move > 100.0:
-            # The table's errors are 2e-5 rad at most.
-            assert (attitudes[k].inv() * attitudes[k + 1]).magnitude() < 1e-4
 
 
 def test_a_shaking_table_adds_noise_to_the_accelerometers_while_it_turns_and_only_then() -> None:

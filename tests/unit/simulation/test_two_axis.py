@@ -14,14 +14,11 @@ from tumble.errors import ProtocolError, UsageError
 from tumble.protocol import HoldStep, Pose, Protocol, SpinStep, TurnStep, named_protocol, sequence_steps
 from tumble.protocol.strapdown_rotation import SEQUENCES
 from tumble.recording import Recording
-from tumble.segmentation import find_timeline, observe_holds
-from tumble.segmentation.matching import match_protocol
 from tumble.simulation import (
     FixtureErrors,
     PlayedProtocol,
     TableErrors,
     Truth,
-    find_grade,
     fixture_angles,
     play_sequences,
     simulate_protocol,
@@ -279,25 +276,3 @@ def test_a_table_beside_the_fixture_is_refused() -> None:
     told: dict[str, Any] = {"site": STILL, "table": TableErrors(), "fixture": FixtureErrors()}
     with pytest.raises(UsageError, match="on a turntable or on a two-axis fixture"):
         simulate_protocol(TEST, 50.0, np.random.default_rng(1), **told)
-
-
-@pytest.mark.parametrize(("grade", "pause"), [("industrial-mems", 1.0), ("tactical", 3.0), ("tactical", 0.0)])
-def test_every_rest_of_a_recording_is_found_and_all_34_holds_at_their_time(grade: str, pause: float) -> None:
-    """A pause is a rest, and none of the holds, nor one of them done again."""
-    told: dict[str, Any] = {
-        "site": Site.from_latitude(0.8),
-        "grade": find_grade(grade),
-        "fixture": replace(WRONG, pause=pause),
-    }
-    arm = np.array([0.05, -0.02, 0.01])
-    recording, truth = simulate_protocol(TEST, 100.0, np.random.default_rng(3), lever_arm_b=arm, **told)
-    timeline = find_timeline(recording)
-    rests = np.array([(recording.time[r.start], recording.time[r.stop - 1]) for r in timeline.holds])
-    # A rest is cut a little inside, and a ramp begins gently.
-    if pause:
-        np.testing.assert_allclose(rests, truth.hold_edges, atol=0.5)
-    matching = match_protocol(TEST, recording, timeline, observe_holds(recording, timeline))
-    assert (len(matching.holds), matching.missing, matching.extra, matching.remarks) == (34, (), (), [])
-    found = rests[[matched.hold for matched in matching.holds]]
-    wanted = truth.step_edges[[matched.step for matched in matching.holds]]
-    np.testing.assert_allclose(found, wanted, atol=0.5)
