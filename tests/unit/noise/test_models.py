@@ -332,16 +332,6 @@ def task_of(model: NoiseModel, off: np.ndarray) -> AllanTask:
     return AllanTask("curve", tau, variance / variance[0], FEW_HERTZ, spread, *nothing)
 
 
-def test_a_curve_that_a_model_makes_is_fitted_to_the_digits() -> None:
-    """Without noise the only difference is that a logarithm's bias is taken off: 2 % at two degrees of freedom."""
-    model = NoiseModel(random_walk=0.05, rate_random_walk=0.02)
-    task = task_of(model, np.zeros(12))
-    found = task.settle(("N", "K"), ()).model
-    scale = 0.05 / np.sqrt(model.allan_variance(np.array([0.1]))[0])
-    assert found.random_walk == pytest.approx(scale, rel=1e-3)
-    assert found.rate_random_walk / found.random_walk == pytest.approx(0.4, rel=0.05)
-
-
 def test_a_covariance_that_rounding_made_indefinite_still_has_a_root(monkeypatch: pytest.MonkeyPatch) -> None:
     """Correlations a few units in the last digits above those of a singular matrix."""
     task = task_of(NoiseModel(random_walk=0.05), np.zeros(12))
