@@ -53,8 +53,8 @@ COVERED := src/tumble/files,src/tumble/recording/formats,src/tumble/export,src/t
 COVERING := tests/contract/test_bags.py tests/contract/test_f*.py tests/contract/test_h*.py tests/contract/test_t*.py \
             tests/unit/files tests/unit/recording tests/unit/document tests/unit/export tests/fuzz \
             tests/laws/test_calibration_document.py \
-            tests/cli/test_convert.py tests/cli/test_predict.py tests/cli/test_mount.py \
-            tests/unit/workflows/test_thermal_apply.py tests/laws/test_thermal_model.py tests/faults/test_disks_that_fail.py
+            tests/cli/test_convert.py tests/cli/test_apply_and_verify.py \
+            tests/unit/workflows/test_apply.py tests/laws/test_thermal_model.py tests/faults/test_disks_that_fail.py
 
 .PHONY: coverage
 coverage: $(DEV) bytecode  ## Measure the branches of readers and writers that tests take (some minutes)

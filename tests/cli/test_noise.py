@@ -1,44 +1,62 @@
-"""`tumble noise` as a user meets it."""
+"""`tumble noise` as a user meets it: what it prints and writes, whole or block by block, of recordings good and bad."""
 
 from __future__ import annotations
 
 import json
 import re
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import polars as pl
 import pytest
+from tests.cli.program import Bench
+
+from tumble.document.part import read_part
+from tumble.noise.deviation import allan_deviation
+from tumble.report.noise_document import NoiseDocument
 
 RATE = 100.0
+GYRO = "t,gx,gy,gz"
+WHOLE, BLOCKS = "whole", "block by block"
+
+
+@pytest.fixture(params=[WHOLE, BLOCKS])
+def how(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
+    """How a file is read, whatever its size."""
+    monkeypatch.setattr("tumble.workflows.noise.STREAMED_ABOVE", 2**60 if request.param == WHOLE else -1)
+    return str(request.param)
 
 
 @pytest.fixture(scope="module")
 def still() -> np.ndarray:
-    """Two minutes at rest: N is 3e-4 m/s²/√Hz and 1e-4 rad/s/√Hz."""
+    """200 s at rest: N is 3e-4 m/s²/√Hz and 1e-4 rad/s/√Hz."""
     rng = np.random.default_rng(8)
-    count = 12_000
+    count = 20_000
     force = 3e-4 * np.sqrt(RATE) * rng.standard_normal((count, 3)) + [0.05, -0.1, 9.81]
     turn = 1e-4 * np.sqrt(RATE) * rng.standard_normal((count, 3)) + [0.001, 0.002, -0.003]
     return np.column_stack([np.arange(count) / RATE, force, turn])
 
 
 @pytest.fixture(scope="module")
-def folder(tumble: Any, written: Any, still: np.ndarray, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Where `tumble noise still.csv -o out` was typed, with what it printed in `said.txt`."""
-    folder = tmp_path_factory.mktemp("noise")
-    answer = tumble("noise", written(folder / "still.csv", still), "-o", folder / "out")
-    assert (answer.status, answer.err) == (0, "")
-    (folder / "said.txt").write_text(answer.out, encoding="utf-8")
-    return folder
+def turning(still: np.ndarray) -> np.ndarray:
+    """The gyros alone."""
+    return still[:, [0, 4, 5, 6]]
 
 
-def test_noise_prints_every_channel_and_writes_a_document_and_a_page(folder: Path) -> None:
-    said = (folder / "said.txt").read_text(encoding="utf-8")
+@pytest.fixture
+def bench(tmp_path: Path) -> Bench:
+    return Bench(tmp_path)
+
+
+def test_noise_prints_every_channel_and_writes_a_document_and_a_page(bench: Bench, still: np.ndarray) -> None:
+    bench.write("still.csv", still[:12_000])
+    answer = bench("noise still.csv -o out")
     for word in ("ax ", "gz ", "velocity random walk", "angle random walk", "°/√h", "µg/√Hz", "IEEE Std 952"):
-        assert word in said
-    assert sorted(p.name for p in (folder / "out").iterdir()) == ["noise.html", "noise.json"]
-    document = json.loads((folder / "out" / "noise.json").read_text(encoding="utf-8"))
+        assert word in answer.out
+    assert set(bench.contents("out")) == {"noise.html", "noise.json"}
+    document = bench.json("out/noise.json")
     assert (document["format"], document["version"]) == ("tumble noise", 1)
     for name, expected, unit in (("ay", 3e-4, "m/s²/√Hz"), ("gx", 1e-4, "rad/s/√Hz")):
         white = document["channels"][name]["terms"]["N"]
@@ -51,126 +69,275 @@ def test_noise_prints_every_channel_and_writes_a_document_and_a_page(folder: Pat
     assert angle_walk["value"] == pytest.approx(np.degrees(1e-4) * 60.0, rel=0.03)
     curve = document["channels"]["gx"]["allan_deviation"]
     assert len(curve["tau_s"]) == len(curve["deviation"]) == len(curve["low"]) == len(curve["high"])
-    page = (folder / "out" / "noise.html").read_text(encoding="utf-8")
+    page = bench.text("out/noise.html")
     assert page.lstrip().lower().startswith("<!doctype html>")
     assert 'src="http' not in page
     for name in ("allan-g", "allan-a", "spectrum-g", "level-a"):
         assert f'id="{name}"' in page
 
 
-def test_json_is_the_document(tumble: Any, written: Any, still: np.ndarray, tmp_path: Path) -> None:
-    path = written(tmp_path / "still.csv", still[:500])
-    answer = tumble("noise", path, "--json", "-o", tmp_path / "out")
-    written_one = json.loads((tmp_path / "out" / "noise.json").read_text(encoding="utf-8"))
-    assert json.loads(answer.out) == written_one
+def test_json_is_the_document_and_quiet_what_is_seen_and_no_more(bench: Bench, still: np.ndarray) -> None:
+    bench.write("still.csv", still[:2000])
+    quiet = bench("noise still.csv -q")
+    assert set(bench.contents()) == {"still.csv"}  # without a folder nothing is written
+    assert "not seen" not in quiet.out
+    assert "•" not in quiet.out
+    assert len(re.findall("random walk", quiet.out)) == 6
+    assert bench("noise still.csv --json -o out").json == bench.json("out/noise.json")
+    bench.write("odd.csv", still[:1000], "time_s,ax_m/s2,ay_m/s2,az_m/s2,one,two,three")
+    assert "There is no gyro: what was found is" in bench("noise odd.csv").out
 
 
-def test_quiet_prints_what_is_seen_and_no_more_and_without_a_folder_nothing_is_written(
-    tumble: Any, written: Any, still: np.ndarray, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    path = written(tmp_path / "still.csv", still[:2000])
-    monkeypatch.chdir(tmp_path)
-    answer = tumble("noise", path, "-q")
-    assert answer.status == 0
-    assert [p.name for p in tmp_path.iterdir()] == ["still.csv"]
-    assert "not seen" not in answer.out
-    assert "•" not in answer.out
-    assert len(re.findall("random walk", answer.out)) == 6
-
-
-@pytest.mark.usefixtures("how")
-def test_a_clock_whose_two_sides_do_not_agree_is_refused_with_the_place(
-    tumble: Any, written: Any, still: np.ndarray, tmp_path: Path
-) -> None:
-    reset = still[:6000].copy()
-    reset[4000:, 0] = 3.0 * (reset[4000:, 0] - 40.0)
-    answer = tumble("noise", written(tmp_path / "reset.csv", reset))
-    answer.is_told(2, "time steps back")
-    # above it, on a slow machine, stands how far the reading had come
-    assert "Traceback" not in answer.err
-    assert "time steps back" in answer.err.splitlines()[-1]
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        (["--skip", "-3"], "--skip"),
-        (["--fit", "best"], "curve or moments"),
-        (["-o", "still.csv"], "is one of the inputs"),
-    ],
-)
-def test_wrong_options_end_in_a_sentence(
-    tumble: Any,
-    written: Any,
-    still: np.ndarray,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    options: list[str],
-    words: str,
-) -> None:
-    written(tmp_path / "still.csv", still[:500])
-    monkeypatch.chdir(tmp_path)
-    tumble("noise", "still.csv", *options).is_told(2, words)
-
-
-def test_a_gyro_that_was_not_found_is_missed_aloud(tumble: Any, still: np.ndarray, tmp_path: Path) -> None:
-    path = tmp_path / "odd.csv"
-    header = "time_s,ax_m/s2,ay_m/s2,az_m/s2,one,two,three"
-    np.savetxt(path, still[:1000], delimiter=",", header=header, comments="")
-    answer = tumble("noise", path)
-    assert answer.status == 0
-    assert "There is no gyro: what was found is" in answer.out
-
-
-def test_terms_by_wavelet_moments_are_near_those_by_the_curve(
-    tumble: Any, written: Any, still: np.ndarray, tmp_path: Path
-) -> None:
-    path = written(tmp_path / "rest.csv", still)
-    by = {}
-    for method in ("curve", "moments"):
-        answer = tumble("noise", path, "--fit", method, "--json")
-        assert answer.status == 0, answer.err
-        by[method] = json.loads(answer.out)["channels"]["gx"]
+def test_both_methods_estimate_a_simulated_unit_alike(bench: Bench, still: np.ndarray) -> None:
+    """From one recording: their difference is below the uncertainty of either."""
+    bench.write("still.csv", still[:12_000])
+    by = {m: bench(f"noise still.csv --fit {m} --json").json["channels"]["gx"] for m in ("curve", "moments")}
     assert "wavelet moments" in by["moments"]["fit"]["what"]
     one, other = (found["terms"]["N"] for found in by.values())
     assert one["value"] != other["value"]
-    # both from one recording: their difference is below the uncertainty of either
     assert abs(one["value"] - other["value"]) < one["standard_uncertainty"]
 
 
-@pytest.fixture(scope="module")
-def noise(tumble: Any, written: Any, rows: np.ndarray, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """What `tumble noise` writes for two minutes of the noise that the first hold of the good recording has."""
-    folder = tmp_path_factory.mktemp("noise")
+def test_a_calibration_counts_the_models(tumble: Bench, rows: np.ndarray) -> None:
+    """Two minutes of the noise that the first hold of the good recording has, and with a random walk beside it."""
     rng = np.random.default_rng(5)
-    count = 6000
-    still = rows[5:100, 1:]
-    signal = still.mean(axis=0) + still.std(axis=0, ddof=1) * rng.standard_normal((count, 6))
-    path = written(folder / "still.csv", np.column_stack([np.arange(count) / 50.0, signal]))
-    assert tumble("noise", path, "-o", folder / "noise").status == 0
-    return folder / "noise" / "noise.json"
-
-
-def sigma_of_biases(folder: Path) -> float:
-    """Root mean square of the stated standard uncertainties of the accelerometers' biases."""
-    document = json.loads((folder / "calibration.json").read_text(encoding="utf-8"))
-    named = [p for p in document["parameters"] if p["name"].startswith("accelerometer bias")]
-    assert len(named) == 3
-    return float(np.sqrt(np.mean([p["standard_uncertainty"] ** 2 for p in named])))
-
-
-def test_a_calibration_counts_the_models(tumble: Any, recording: Path, noise: Path, tmp_path: Path) -> None:
-    content = json.loads(noise.read_text(encoding="utf-8"))
-    # m/s²/√s: 7 mm/s² over a hold of a dozen seconds, many times the noise
-    walk = {"letter": "K", "value": 2e-3}
+    hold = rows[5:100, 1:]
+    signal = hold.mean(axis=0) + hold.std(axis=0, ddof=1) * rng.standard_normal((6000, 6))
+    tumble.write("still.csv", np.column_stack([np.arange(6000) / 50.0, signal]))
+    tumble("noise still.csv -o .")
+    content = tumble.json("noise.json")
     for name in ("ax", "ay", "az"):
-        content["channels"][name]["terms"]["K"] = walk
-    (wandering := tmp_path / "wandering.json").write_text(json.dumps(content), encoding="utf-8")
+        # m/s²/√s: 7 mm/s² over a hold of a dozen seconds, many times the noise
+        content["channels"][name]["terms"]["K"] = {"letter": "K", "value": 2e-3}
+    tumble.put("wandering.json", json.dumps(content))
     sigmas: list[float] = []
-    for path in (noise, wandering):
-        answer = tumble("calibrate", recording, "--noise", path, "-o", tmp_path / path.stem)
-        assert answer.status == 0, answer.err
-        text = (tmp_path / path.stem / "calibration.json").read_text(encoding="utf-8")
-        assert f"the noise models in {path}; that neighbouring holds are off together is counted" in text
-        sigmas.append(sigma_of_biases(tmp_path / path.stem))
+    for name in ("noise", "wandering"):
+        tumble(f"calibrate tumbled.csv --noise {name}.json -o {name}")
+        said = f"the noise models in {name}.json; that neighbouring holds are off together is counted"
+        assert said in tumble.text(f"{name}/calibration.json")
+        parameters = tumble.json(f"{name}/calibration.json")["parameters"]
+        named = [p["standard_uncertainty"] for p in parameters if p["name"].startswith("accelerometer bias")]
+        assert len(named) == 3
+        sigmas.append(float(np.sqrt(np.mean(np.square(named)))))
     assert sigmas[1] > 2.0 * sigmas[0]
+
+
+# --- what a user's recording may have wrong with it: what is still possible is done
+
+
+def moving(rows: np.ndarray) -> np.ndarray:
+    return 0.9 * np.sin(np.outer(rows[:, 0], [2.0, 3.0, 5.0]))
+
+
+def moved(rows: np.ndarray) -> None:
+    rows[5000:6000, 1:] += moving(rows[:1000])
+
+
+def dead(rows: np.ndarray) -> None:
+    rows[:, 2] = 0.25
+
+
+def reset(rows: np.ndarray) -> None:
+    rows[12_000:, 0] -= 120.0
+
+
+def switched_on(rows: np.ndarray) -> None:
+    rows[9000:, 3] += 0.01
+
+
+def holed(rows: np.ndarray) -> None:
+    rows[4000:4900, 1] = np.nan
+
+
+def doubled(rows: np.ndarray) -> None:
+    """Every sample twice, with stamps of its own: a driver that is asked faster than the sensor gives."""
+    rows[:, 1:] = np.repeat(rows[:10_000, 1:], 2, axis=0)
+
+
+def stamped_twice(rows: np.ndarray) -> None:
+    rows[701:] = rows[700:-1].copy()
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said", "channels"),
+    [
+        (moved, "not at rest all the time (first at t = ", 3),
+        (dead, "gy never changes (0.25 throughout)", 2),
+        (doubled, "50 % of the rows repeat the row before", 3),
+        (stamped_twice, "repeated stamp left out", 3),
+        (reset, "the clock steps back at line 12002", 3),
+        (switched_on, "gz steps by 0.01", 3),
+        (holed, "900 row(s) without a finite number left out (first: line 4002, column 'gx')", 3),
+    ],
+)
+def test_it_is_said_and_the_rest_is_analysed(
+    bench: Bench, turning: np.ndarray, how: str, spoil: Callable[..., None], said: str, channels: int
+) -> None:
+    rows = turning.copy()
+    spoil(rows)
+    bench.write("spoiled.csv", rows, GYRO)
+    assert said in bench("noise spoiled.csv -o out").out
+    document = bench.json("out/noise.json")
+    assert document["read"] == how
+    assert len(document["channels"]) == channels
+    for name, block in document["channels"].items():
+        # The doubled file has its values at half of the rate.
+        white = np.sqrt(2.0) * 1e-4 if spoil is doubled else 1e-4
+        # 20,000 samples know N to 0.5 %, of which this is five; pieces left out cost less than a third of them.
+        assert block["terms"]["N"]["value"] == pytest.approx(white, rel=0.03), name
+    if spoil is reset:
+        assert document["pieces"] == [[0, 12_000], [12_000, 20_000]]
+    assert document["recorded_rate_hz"] == (pytest.approx(RATE) if spoil is doubled else None)
+
+
+@pytest.mark.usefixtures("how")
+def test_three_seconds_give_white_noise_and_say_what_they_do_not(bench: Bench, turning: np.ndarray) -> None:
+    bench.write("short.csv", turning[:300], GYRO)
+    answer = bench("noise short.csv")
+    assert "very short (3 s at rest)" in answer.out
+    assert "for N to 2 % record 50 s" in answer.out
+    assert "for K" not in answer.out  # of what is far from being seen, no length is advised
+
+
+def never_still(rows: np.ndarray) -> np.ndarray:
+    return rows[:6000] + np.column_stack([np.zeros(6000), moving(rows[:6000])])
+
+
+def two_clocks(rows: np.ndarray) -> np.ndarray:
+    time = rows[:6000, 0]
+    return np.column_stack([np.where(time < 40.0, time, 3.0 * (time - 40.0)), rows[:6000, 1:]])
+
+
+@pytest.mark.usefixtures("how")
+@pytest.mark.parametrize(
+    ("rows", "options", "said"),
+    [
+        (lambda rows: rows[:12], "", "No stretch at rest of 16 samples"),
+        (lambda rows: rows[:100] * [1, 0, 0, 0], "", "all zeros"),
+        (lambda rows: rows[:1000] * [1, 0, 0, 0] + [0, 0.1, 0.2, 0.3], "", "No channel ever changes (gx 0.1"),
+        (never_still, "", "never rests"),
+        (two_clocks, "", "time steps back"),
+        (lambda rows: rows[:2000], "--skip 1e9", "leaves nothing"),
+    ],
+    ids=["twelve samples", "zeros", "dead", "never still", "two clocks", "all skipped"],
+)
+def test_nothing_is_left_and_nothing_is_written(
+    bench: Bench, turning: np.ndarray, rows: Callable[[np.ndarray], np.ndarray], options: str, said: str
+) -> None:
+    bench.write("bad.csv", rows(turning), GYRO)
+    bench.refuses(f"noise bad.csv -o out {options}", said)
+
+
+# --- block by block
+
+NAMES = ["t", "gx", "gy", "gz", "temperature"]
+FAST = 200.0
+
+
+@pytest.fixture(scope="module")
+def shaken() -> np.ndarray:
+    """150 s of a gyro with white noise, a random walk and a vibration at 31 Hz in gx, and a temperature."""
+    rng = np.random.default_rng(12)
+    count = 30_000
+    time = np.arange(count) / FAST
+    celsius = 25.0 + np.sin(time / 150.0)
+    turn = 1e-3 * rng.standard_normal((count, 3)) + np.cumsum(2e-6 * rng.standard_normal((count, 3)), axis=0)
+    turn[:, 0] += 4e-4 * np.sin(2.0 * np.pi * 31.0 * time)
+    turn[:, 1] += 5e-4 * (celsius - 25.0)
+    return np.column_stack([time, turn, celsius])
+
+
+@pytest.fixture(scope="module")
+def both(shaken: np.ndarray, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., Any]]:
+    """What is found in a file that is read whole and in blocks of 7001 rows or 200 kB; a question is asked once."""
+    from tumble.recording.formats import arrays, frames, text
+
+    bench = Bench(tmp_path_factory.mktemp("formats"))
+    frame = pl.DataFrame(shaken, schema=NAMES)
+    frame.write_csv(bench.folder / "still.csv")
+    frame.write_parquet(bench.folder / "still.parquet")
+    np.save(bench.folder / "still.npy", shaken)
+    keep = np.ones(len(shaken), dtype=bool)
+    keep[[7001, 7002, 20_000]] = False
+    # Rows before the second border of blocks and after it suffice.
+    frame.filter(keep)[:25_000].write_parquet(bench.folder / "lost.parquet")
+    found: dict[str, list[Any]] = {}
+    with pytest.MonkeyPatch.context() as patch:
+        for read in (arrays.read_npy, frames.read_tables):
+            patch.setattr(read, "__defaults__", (7001,))
+        patch.setattr(text, "_CHUNK", 200_000)
+
+        def ask(call: str) -> list[Any]:
+            for above in (2**60, -1) if call not in found else ():
+                patch.setattr("tumble.workflows.noise.STREAMED_ABOVE", above)
+                found.setdefault(call, []).append(bench("noise", call, "-o made --json").json)
+            return found[call]
+
+        yield ask
+
+
+@pytest.mark.parametrize("call", ["still.csv", "still.parquet", "still.npy --remove-temperature --columns"])
+def test_block_by_block_is_what_it_is_whole(both: Callable[..., Any], call: str) -> None:
+    whole, blocks = both(f"{call} {','.join(NAMES)}" if "--columns" in call else call)
+    assert (whole["read"], blocks["read"]) == (WHOLE, BLOCKS)
+    assert blocks["samples_at_rest"] == whole["samples_at_rest"] == 30_000
+    assert blocks["recordings"] == whole["recordings"]
+    assert blocks["rate_hz"] == pytest.approx(whole["rate_hz"], rel=1e-9)
+    # Temperature is taken off by means over a second there, which differs in the fourth digit of the slope.
+    tolerance = 1e-5 if "--remove-temperature" in call else 1e-9
+    for name, expected in whole["channels"].items():
+        found = blocks["channels"][name]
+        for key in ("curve", "allan_deviation"):
+            # Averaging times are taken to the next multiple, within 0.8 %.
+            count = min(len(found[key]["tau_s"]), len(expected[key]["tau_s"]))
+            tau = expected[key]["tau_s"][:count]
+            assert found[key]["tau_s"][:count] == pytest.approx(tau, rel=0.008)
+            short = np.flatnonzero(np.array(tau) * FAST <= 100.5)
+            deviations = [np.array(one[key]["deviation"])[short] for one in (found, expected)]
+            np.testing.assert_allclose(*deviations, rtol=tolerance)
+        white = expected["terms"]["N"]
+        allowed = 0.1 * white["standard_uncertainty"]
+        assert found["terms"]["N"]["value"] == pytest.approx(white["value"], abs=allowed)
+
+
+def test_the_line_is_found_with_its_frequency_and_amplitude(both: Callable[..., Any]) -> None:
+    for found in both("still.parquet"):
+        [line] = found["channels"]["gx"]["lines"]
+        allowed = 5.0 * line["frequency_standard_uncertainty"] + 1e-4
+        assert line["frequency_hz"] == pytest.approx(31.0, abs=allowed)
+        assert line["amplitude"] == pytest.approx(4e-4, abs=5.0 * line["amplitude_standard_uncertainty"])
+
+
+def test_lost_samples_at_the_border_of_blocks_are_filled_in_there_too(both: Callable[..., Any]) -> None:
+    whole, blocks = both("lost.parquet")
+    for found in (whole, blocks):
+        assert any("3 lost sample(s) in 2 place(s) are filled in" in text for text in found["remarks"])
+        assert found["pieces"] == [[0, 25_003]]
+    deviations = [d["channels"]["gz"]["allan_deviation"]["deviation"][:7] for d in (whole, blocks)]
+    assert deviations[1] == pytest.approx(deviations[0], rel=1e-9)
+
+
+def test_every_number_has_letter_unit_and_definition_and_the_covariance_is_whole(
+    both: Callable[..., Any], shaken: np.ndarray
+) -> None:
+    found, _ = both("still.parquet")
+    read_part(NoiseDocument, found)
+    for name, channel in found["channels"].items():
+        for letter, term in channel["terms"].items():
+            assert term["letter"] == letter
+            assert term["definition"]
+            assert term["unit"]
+        covariance = channel["fit"]["covariance"]
+        assert covariance["terms"] == list(channel["terms"])
+        sigma = np.sqrt(np.diag(np.array(covariance["matrix"])))
+        stated = [term["standard_uncertainty"] for term in channel["terms"].values()]
+        assert sigma.tolist() == pytest.approx(stated, rel=1e-9), name
+    triad = found["triads"]["gyroscope"]["terms"]["N"]
+    each = np.array([found["channels"][axis]["terms"]["N"]["value"] for axis in ("gx", "gy", "gz")])
+    assert triad["mean_of_variances"] == pytest.approx(np.sqrt(np.mean(each**2)), rel=1e-12)
+    assert triad["worst_axis"] == each.max()
+    assert triad["worst_axis_name"] == ("gx", "gy", "gz")[int(np.argmax(each))]
+    curve, base = found["channels"]["gz"]["curve"], allan_deviation(shaken[:, 3], FAST, taus="log")
+    assert curve["kind"] == "overlapping"
+    assert curve["tau_s"] == pytest.approx(base.tau.tolist(), rel=1e-12)
+    assert curve["deviation"] == pytest.approx(base.deviation[:, 0].tolist(), rel=1e-9)

@@ -4,20 +4,36 @@ from __future__ import annotations
 
 import base64
 import json
+import os
+import sys
 import tempfile
 import traceback
 import warnings
 import zlib
 from collections.abc import Callable
+from contextlib import chdir, redirect_stderr, redirect_stdout, suppress
 from dataclasses import dataclass
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from tests.fuzz import mutations
-from tests.fuzz.seeds import repacked, seeds
+from tests.fuzz.seeds import HEADER, repacked, rows, seeds, text
 
+from tumble.cli.main import main
+from tumble.document import read_calibration
 from tumble.errors import TumbleError
+from tumble.export.noise import read_noise
+from tumble.navigation.gnss.reading import read_track
+from tumble.protocol import protocol_to_yaml, read_protocol
+from tumble.recording import read_recording
+from tumble.recording.formats import header_names
+from tumble.recording.reading import read_blocks
+from tumble.segmentation.intervals import read_intervals
+from tumble.simulation.errors import read_errors
+from tumble.workflows.convert import convert_from
+from tumble.workflows.noise import read_noise_models
 
 FOUND = Path(__file__).with_name("found.json")
 _SHARE = {
@@ -74,7 +90,7 @@ def outcome(case: Case) -> str | None:
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("error")
-                _READERS[case.kind](file, case)
+                READERS[case.kind](file, case)
         except TumbleError as error:
             said = str(error).replace(folder, "")
             return None if len(said) < _LONGEST else f"a sentence of {len(said)} characters"
@@ -91,10 +107,6 @@ def fault(error: BaseException) -> str:
 
 
 def _read_recording(file: Path, _: Case) -> None:
-    from tumble.recording import read_recording
-    from tumble.recording.formats import header_names
-    from tumble.recording.reading import read_blocks
-
     header_names(file)
     recording = read_recording(file)
     for triad in (recording.specific_force, recording.angular_rate):
@@ -105,8 +117,6 @@ def _read_recording(file: Path, _: Case) -> None:
 
 
 def _read_calibration(file: Path, _: Case) -> None:
-    from tumble.document import read_calibration
-
     calibration = read_calibration(file)
     json.loads(calibration.to_json())
     raw, time = np.array([[1.0, 2.0, 9.0]] * 5), np.arange(5.0)
@@ -116,53 +126,22 @@ def _read_calibration(file: Path, _: Case) -> None:
 
 
 def _read_foreign(file: Path, case: Case) -> None:
-    from tumble.document import read_calibration
-    from tumble.workflows.convert import convert_from
-
     output = file.with_name("read.json")
     convert_from(file, case.name.split("/")[0], output=output)
     read_calibration(output)
 
 
 def _read_noise(file: Path, _: Case) -> None:
-    from tumble.export.noise import read_noise
-    from tumble.workflows.noise import read_noise_models
-
     for read in (read_noise, read_noise_models):
-        try:
+        with suppress(TumbleError):
             read(file)
-        except TumbleError:
-            continue
-
-
-def _read_protocol(file: Path, _: Case) -> None:
-    from tumble.protocol import protocol_to_yaml, read_protocol
-
-    protocol_to_yaml(read_protocol(file))
 
 
 def _read_gnss(file: Path, _: Case) -> None:
-    from tumble.navigation.gnss.reading import read_track
-
-    track = read_track(file)
-    assert np.isfinite(track.time).all()
-
-
-def _read_intervals(file: Path, _: Case) -> None:
-    from tumble.segmentation.intervals import read_intervals
-
-    read_intervals(file)
-
-
-def _read_errors(file: Path, _: Case) -> None:
-    from tumble.simulation.errors import read_errors
-
-    read_errors(file)
+    assert np.isfinite(read_track(file).time).all()
 
 
 def _call(file: Path, case: Case) -> None:
-    from tests.fuzz.seeds import HEADER, rows, seeds, text
-
     words: Any = json.loads(case.content)
     if not isinstance(words, list) or not all(isinstance(word, str) for word in words):
         return
@@ -174,8 +153,6 @@ def _call(file: Path, case: Case) -> None:
 
 
 def _work(file: Path, case: Case) -> None:
-    from tests.fuzz.seeds import seeds
-
     command = case.name.split("/")[0]
     (file.parent / "calibration.json").write_bytes(seeds()["calibration"][0][1])
     before = ["calibration.json"] if command in ("verify", "apply") else []
@@ -185,13 +162,6 @@ def _work(file: Path, case: Case) -> None:
 
 def _run_program(words: list[str], folder: Path) -> None:
     """Run the command line in this process: a status and at most one line on standard error."""
-    import os
-    import sys
-    from contextlib import chdir, redirect_stderr, redirect_stdout
-    from io import StringIO
-
-    from tumble.cli.main import main
-
     out, err, argv = StringIO(), StringIO(), sys.argv
     sys.argv, os.environ["TUMBLE_DEBUG"] = ["tumble", *words], "1"
     try:
@@ -209,16 +179,16 @@ def _run_program(words: list[str], folder: Path) -> None:
         del os.environ["TUMBLE_DEBUG"]
 
 
-_READERS: dict[str, Callable[[Path, Case], None]] = {
+READERS: dict[str, Callable[[Path, Case], object]] = {
     "text": _read_recording,
     "recording": _read_recording,
     "calibration": _read_calibration,
     "foreign": _read_foreign,
     "noise": _read_noise,
-    "protocol": _read_protocol,
+    "protocol": lambda file, _: protocol_to_yaml(read_protocol(file)),
     "gnss": _read_gnss,
-    "intervals": _read_intervals,
-    "errors": _read_errors,
+    "intervals": lambda file, _: read_intervals(file),
+    "errors": lambda file, _: read_errors(file),
     "call": _call,
     "work": _work,
 }

@@ -269,8 +269,8 @@ WORK = ("calibrate", "noise", "verify", "apply", "inspect")
 @cache
 def tumbled() -> bytes:
     """Return a recording of a unit that was tumbled through ten poses: enough to be calibrated."""
-    from tests.cli.conftest import HEADER as NAMES
-    from tests.cli.conftest import tumbled_rows
+    from tests.cli.program import HEADER as NAMES
+    from tests.cli.program import tumbled_rows
 
     body = tumbled_rows(3, holds=10)[::2]
     return (NAMES + "\n" + text(body)).encode()

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
-from tests.fuzz.cases import case_of, found, outcome
+from tests.fuzz.cases import READERS, Case, case_of, found, outcome
 from tests.fuzz.seeds import seeds
 
 
@@ -18,20 +20,13 @@ def test_what_was_found_once_is_not_found_again() -> None:
     assert {name: what for name, what in wrong.items() if what is not None} == {}
 
 
-def test_the_sound_files_are_read() -> None:
+def test_the_sound_files_are_read(tmp_path: Path) -> None:
     """A seed that is refused would test nothing."""
-    import tempfile
-    from pathlib import Path
-
-    from tests.fuzz.cases import _READERS, Case
-
-    with tempfile.TemporaryDirectory() as folder:
-        for kind, files in seeds().items():
-            for name, content in files:
-                file = Path(folder) / Path(name).name
-                file.write_bytes(content)
-                if kind not in ("call", "work"):
-                    _READERS[kind](file, Case(kind, name, content))
+    for kind, files in seeds().items():
+        for name, content in files if kind not in ("call", "work") else ():
+            file = tmp_path / Path(name).name
+            file.write_bytes(content)
+            READERS[kind](file, Case(kind, name, content))
 
 
 def test_a_case_is_the_same_every_time() -> None:

@@ -74,6 +74,26 @@ def document_hash(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
+def unit_of(calibration: Calibration, unit: str | None = None) -> str:
+    """Return the name of the unit that a calibration is of.
+
+    Parameters
+    ----------
+    calibration, unit : the one, and the unit's name if it is given; by default the document's serial number.
+
+    Raises
+    ------
+    UsageError
+        If nobody says which unit it is of.
+    """
+    name = unit or calibration.imu.serial_number
+    if not name:
+        raise UsageError(
+            "The calibration does not say which unit it is of: give --unit NAME (or --imu-serial when calibrating)."
+        )
+    return name
+
+
 def add(
     registry: Registry,
     calibration: Calibration,
@@ -94,14 +114,9 @@ def add(
     RegistryError
         If the database fails; it is then as it was.
     """
-    name = unit or calibration.imu.serial_number
-    if not name:
-        raise UsageError(
-            "The calibration does not say which unit it is of: give --unit NAME (or --imu-serial when calibrating)."
-        )
     text = calibration.to_json()
     entry = Entry(
-        name,
+        unit_of(calibration, unit),
         document_hash(text),
         calibration.identity,
         _seconds(calibration.created),

@@ -70,13 +70,14 @@ def add_files(
     Raises
     ------
     CalibrationFileError, UsageError, RegistryError
-        If one cannot be read or added; those before it are added.
+        If one cannot be read, or says no unit: none is added; or if one cannot be added: those before it are.
     """
-    from tumble.registry.store import add
+    from tumble.registry.store import add, unit_of
 
     documents = [read_calibration(path) for path in paths]
+    units = [unit_of(one, unit) for one in documents]
     with registry_at(name, make=True) as registry:
-        return [add(registry, one, unit=unit) for one in documents]
+        return [add(registry, one, unit=who) for one, who in zip(documents, units, strict=True)]
 
 
 def add_calibration(name: str | None, calibration: Calibration) -> Entry:

@@ -1,0 +1,291 @@
+"""Tables and examples on pages are the reader's keys, the library's numbers.
+
+    python tests/docs/test_tables.py
+
+writes those that it makes anew.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import shlex
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from tumble.attitude.rotations import twenty_six_directions
+from tumble.calibration.poses import norm_rows
+from tumble.cli.main import app
+from tumble.protocol import PROTOCOLS, HoldStep, SpinStep, named_protocol, protocol_schema, read_protocol
+from tumble.protocol.keys import STEPS, Key, known_keys
+from tumble.protocol.strapdown_rotation import SEQUENCES, start_down
+from tumble.reproduction.items import run_item
+from tumble.sensor.conventions.savage import NAMES
+from tumble.simulation import GRADES, play_protocol
+from tumble.units import STANDARD_GRAVITY
+from tumble_papers.catalogue import ITEMS
+from tumble_papers.savage.sequences import sequence_model, solve_measurements
+from tumble_papers.zhang.pose_sets import (
+    chatfield_orientations,
+    find_best_on_sphere,
+    find_best_subset,
+    paper_nine,
+    predict_sigma,
+)
+
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+
+
+def page(name: str) -> str:
+    return (DOCS / f"{name}.md").read_text(encoding="utf-8")
+
+
+def between(name: str, mark: str) -> str:
+    """What stands on a page between `<!-- mark -->` and `<!-- /mark -->`."""
+    found = re.search(rf"<!-- {mark}\b.*?-->\n(.*?)\n?<!-- /{mark} -->", page(name), re.S)
+    assert found is not None
+    return found[1]
+
+
+# --- the grades of the page of simulation
+
+MICRO_G, DEGREE = 1e-6 * STANDARD_GRAVITY, np.pi / 180.0
+PER_HOUR, PER_ROOT_HOUR = DEGREE / 3600.0, DEGREE / 60.0
+
+
+def grade_table(triad: str, headings: str, first: tuple[float, ...], last: tuple[float, ...]) -> str:
+    """Units of noise, flicker, in-run and bias; of step and limit."""
+    lines = [f"| grade | {headings} |", "|" + "---|" * (headings.count("|") + 2)]
+    for name, grade in GRADES.items():
+        t = getattr(grade, triad)
+        biases = np.array([t.noise.random_walk, t.noise.bias_instability, t.bias_stability, t.bias]) / first
+        values = [*biases, *(1e6 * np.array([t.scale_factor, t.misalignment, t.alignment, t.linearity]))]
+        if triad == "gyroscope":
+            values.append(grade.g_sensitivity * STANDARD_GRAVITY / PER_HOUR)
+        values += [t.noise.resolution / last[0], t.noise.full_scale / last[1]]
+        # Three digits; a dash for what there is none of.
+        cells = ["–" if value == 0.0 else f"{float(f'{value:.3g}'):g}" for value in values]
+        lines.append(f"| `{name}` | " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def accelerometers() -> str:
+    headings = (
+        "noise µg/√Hz | flicker µg | in-run µg | bias mg | scale ppm | axes µrad | triad µrad | linearity ppm "
+        "| step µg | limit g"
+    )
+    first = (MICRO_G, MICRO_G, MICRO_G, 1e3 * MICRO_G)
+    return grade_table("accelerometer", headings, first, (MICRO_G, STANDARD_GRAVITY))
+
+
+def gyros() -> str:
+    headings = (
+        "noise deg/√h | flicker deg/h | in-run deg/h | bias deg/h | scale ppm | axes µrad | triad µrad "
+        "| linearity ppm | g-sensitivity (deg/h)/g | step deg/h | limit deg/s"
+    )
+    first = (PER_ROOT_HOUR, PER_HOUR, PER_HOUR, PER_HOUR)
+    return grade_table("gyroscope", headings, first, (PER_HOUR, DEGREE))
+
+
+# --- the keys and messages of the page of protocols
+
+KINDS = {kind: known_keys(kind) for kind in STEPS}
+# Keys that every step has stand in one table.
+SHARED = {
+    name for name, key in KINDS["hold"].items() if all(keys.get(name) == key for keys in KINDS.values())
+}
+
+def blocks(language: str) -> list[re.Match[str]]:
+    return list(re.finditer(rf"^```{language}\n(.*?)^```$", page("protocols"), re.M | re.S))
+
+
+def examples(folder: Path) -> list[Path]:
+    """The YAML of the page, each as the file that the page calls it."""
+    paths = [folder / "plate.yaml", folder / "six.yaml"]
+    for path, block in zip(paths, blocks("yaml"), strict=True):
+        path.write_text(block[1], encoding="utf-8")
+    return paths
+
+
+def key_table(keys: dict[str, Key]) -> str:
+    rows = [
+        f"| `{name}` | {key.words}{f' ({key.unit})' if key.unit else ''} | {key.default} |"
+        for name, key in keys.items()
+    ]
+    return "\n".join(["| key | is (unit) | without it |", "|---|---|---|", *rows])
+
+
+TABLES: dict[tuple[str, str], Callable[[], str]] = {
+    ("simulation", "accelerometers"): accelerometers,
+    ("simulation", "gyros"): gyros,
+    ("protocols", "file"): lambda: key_table(known_keys("protocol")),
+    ("protocols", "site"): lambda: key_table(known_keys("site")),
+    ("protocols", "step"): lambda: key_table({n: k for n, k in KINDS["hold"].items() if n in SHARED}),
+    **{
+        ("protocols", kind): lambda kind=kind: key_table(
+            {name: key for name, key in KINDS[kind].items() if name not in SHARED}
+        )
+        for kind in KINDS
+    },
+}
+
+
+@pytest.mark.parametrize(("name", "mark"), TABLES)
+def test_a_table_of_a_page_is_that_of_the_code(name: str, mark: str) -> None:
+    assert between(name, mark) == TABLES[name, mark](), "run python tests/docs/test_tables.py"
+
+
+def test_the_named_protocols_of_the_page_are_those_of_the_library() -> None:
+    section = page("protocols").partition("\n## Named protocols")[2].partition("\n## ")[0]
+    rows = re.findall(r"^\| `([\w-]+)` \| (\d+) \| (\d+|–) \| ([\d.]+) \|", section, re.M)
+    assert [row[0] for row in rows] == list(PROTOCOLS)
+    for name, poses, spins, minutes in rows:
+        protocol = named_protocol(name)
+        held = [s.pose for s in protocol.steps if isinstance(s, HoldStep) and s.pose is not None]
+        assert len({(*pose.up_b, pose.heading) for pose in held}) == int(poses)
+        assert sum(isinstance(s, SpinStep) for s in protocol.steps) == (0 if spins == "–" else int(spins))
+        assert float(minutes) == pytest.approx(protocol.duration / 60.0, abs=0.051)  # one decimal
+
+
+def test_the_examples_of_the_page_of_protocols_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its assertions are worked out by hand on the page, or follow from what the page says."""
+    paths = examples(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    text, names = page("protocols"), dict[str, object]()
+    assert sum(block[1].count("assert ") for block in blocks("python")) >= 9
+    for block in blocks("python"):
+        line = text.count("\n", 0, block.start(1))
+        exec(compile("\n" * line + block[1], "protocols.md", "exec"), names)
+    for path in paths:
+        play_protocol(read_protocol(path), np.random.default_rng(1))
+
+
+def test_the_published_schema_of_protocols_is_the_reader_s() -> None:
+    published = json.loads((DOCS / "schema" / "protocol.schema.json").read_text(encoding="utf-8"))
+    assert published.pop("$schema") == "https://json-schema.org/draft/2020-12/schema"
+    published.pop("$comment")
+    assert published == protocol_schema(), "run make schema"
+
+
+# --- what planning prints, what poses are worth, what a missing sequence leaves undetermined
+
+
+def test_the_example_of_planning_is_what_the_command_prints() -> None:
+    example = r"```console\n\$ tumble (plan multi-position [^\n]*--time[^\n]*)\n(.*?)```"
+    shown = re.search(example, page("plan"), re.S)
+    assert shown is not None
+    printed = CliRunner().invoke(app, shlex.split(shown[1]), env={"COLUMNS": "100", "NO_COLOR": "1"})
+    assert printed.exit_code == 0, printed.output
+    lines = {" ".join(line.split()) for line in printed.output.splitlines()}
+    wanted = [" ".join(line.split()) for line in shown[2].splitlines()]
+    assert len(wanted) > 25
+    assert not [line for line in wanted if line and line not in lines]
+
+
+def tabled_sets() -> dict[str, np.ndarray]:
+    """The sets of the table of poses, by name."""
+    directions = twenty_six_directions()
+    faces, edges, corners = directions[:6], directions[6:18], directions[18:]
+    # A corner and its three neighbours.
+    four = corners[np.sum(corners > 0.0, axis=1) >= 2]
+
+    def found(search: Callable[..., np.ndarray], count: int, criterion: str) -> np.ndarray:
+        return search(count, np.random.default_rng(0), criterion=criterion)
+
+    return {
+        "the paper's nine: faces, an edge in each plane": paper_nine(),
+        "nine on the sphere, minimax": found(find_best_on_sphere, 9, "minimax"),
+        "nine of the 26, average": found(find_best_subset, 9, "average"),
+        "nine on the sphere, average": found(find_best_on_sphere, 9, "average"),
+        "ten: faces, a corner and its three neighbours": np.vstack([faces, four]),
+        "twelve edges": edges,
+        "fourteen: faces and corners": np.vstack([faces, corners]),
+        "eighteen: faces and edges": chatfield_orientations(),
+        "18 on the sphere, average": found(find_best_on_sphere, 18, "average"),
+        "all 26": directions,
+    }
+
+
+def test_the_table_of_poses_is_what_the_library_predicts() -> None:
+    lines = between("poses", "sets").strip().splitlines()[2:]
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
+    sets = tabled_sets()
+    assert [row[0] for row in rows] == list(sets)
+    for (_, count, *cells), directions in zip(rows, sets.values(), strict=True):
+        assert int(count) == len(directions)
+        sigma = predict_sigma(directions, STANDARD_GRAVITY)
+        parts = (sigma.scale, sigma.misalignment, sigma.bias / STANDARD_GRAVITY)
+        expected = np.sqrt(np.mean(np.square(parts), axis=1))
+        seconds = 180.0 * 3600.0 / np.pi
+        shown = np.array(cells, dtype=float)
+        # Printed to two digits and to one behind the point; a search ends a little elsewhere on another machine.
+        np.testing.assert_allclose(shown[:3], expected, atol=0.006)
+        np.testing.assert_allclose(shown[3:], expected * np.array([50.0, 50e-6 * seconds, 50.0]), atol=0.15)
+
+
+def test_the_worst_poses_after_a_calibration_are_as_the_page_says() -> None:
+    """2.2 σ towards the corner opposite to the nine's edges."""
+    rows = norm_rows(paper_nine())
+    cofactor = np.linalg.inv(rows.T @ rows)
+    opposite = norm_rows(-np.ones((1, 3)) / np.sqrt(3.0))[0]
+    sigma = float(np.sqrt(opposite @ cofactor @ opposite))
+    assert sigma == pytest.approx(2.23, abs=0.01)
+    drawn = np.random.default_rng(1).standard_normal((5000, 3))
+    anywhere = norm_rows(drawn / np.linalg.norm(drawn, axis=1)[:, None])
+    assert np.sqrt(np.einsum("ni,ij,nj->n", anywhere, cofactor, anywhere)).max() <= sigma + 1e-9
+
+
+def test_what_a_missing_sequence_leaves_untold_is_what_the_page_says() -> None:
+    """The table of missing sequences, row by row, by least squares on the linear model."""
+    text = page("procedures/strapdown-rotation")
+    rows = re.findall(r"^\| (any of [^|]*|1a, 2a or 3a|6|7, 9, 10, 12) \| ([^|]*) \|$", text, re.M)
+    assert len(rows) == 4
+    models = {row.name: sequence_model(row.rotations, start_down(row), 9.81) for row in SEQUENCES}
+    said = {name: words for names, words in rows for name in re.findall(r"\d+a?", names)}
+    assert set(said) == set(models)
+    for gone, words in said.items():
+        left = [model for name, model in models.items() if name != gone]
+        each = [[np.round(m.coefficients[:, k], 9) for m in left] for k in range(24)]  # of one error alone
+        found = [solve_measurements(left, shown, [np.eye(5) for _ in left]) for shown in each]
+        untold = [name for k, name in enumerate(NAMES) if found[k][k] < 1.0 - 1e-6]
+        if gone.endswith("a"):
+            assert [name.split()[0] for name in untold] == ["kappa", "kappa"]
+        elif words.startswith("nothing"):
+            assert untold == []
+        else:
+            greek = [name.replace("upsilon ", "υ").replace("mu ", "μ") for name in untold]
+            assert greek
+            assert all(name in words for name in greek)
+
+
+# --- the page of Zhang et al. (2010) says what the command says at 500 repetitions
+
+SAID = dict(
+    re.findall(r"^    (zhang-\S+): (\d+ of \d+ rows inside|not judged)$", page("papers/zhang-2010"), re.M)
+)
+# Their own page is that of poses; and what navigates has tests of its own, as it takes a minute.
+ELSEWHERE = {"zhang-sensitivity", "zhang-designs", "zhang-figure-7", "zhang-figure-10"}
+
+
+def test_the_page_has_every_item() -> None:
+    assert list(SAID) == [name for name in ITEMS if name.startswith("zhang")]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", sorted(set(SAID) - ELSEWHERE))
+def test_as_many_rows_are_inside_as_the_page_says(name: str) -> None:
+    inside, judged = run_item(ITEMS[name], 500, 0).counts
+    assert (f"{inside} of {judged} rows inside" if judged else "not judged") == SAID[name]
+
+
+if __name__ == "__main__":
+    for (place, mark), make in TABLES.items():
+        head, opening, rest = page(place).partition(
+            f"<!-- {mark}: printed by tests/docs/test_tables.py -->\n"
+        )
+        _, closing, after = rest.partition(f"<!-- /{mark} -->")
+        (DOCS / f"{place}.md").write_text(f"{head}{opening}{make()}\n{closing}{after}", encoding="utf-8")
