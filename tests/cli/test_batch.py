@@ -144,16 +144,13 @@ def test_a_manifest_says_what_holds_for_each_unit_and_is_in_the_table(bench: Ben
     assert len(page) < 1_000_000
 
 
-def begin(bench: Bench, call: str, **options: bool) -> subprocess.Popen[str]:
-    """Start a call in a process of its own."""
-    arguments = [sys.executable, "-c", RUN, *call.split()]
-    return subprocess.Popen(arguments, cwd=bench.folder, stderr=subprocess.PIPE, text=True, **options)  # type: ignore[arg-type]
-
-
 @pytest.mark.parametrize("later", [0.0, 0.5])
 def test_ctrl_c_is_one_sentence_while_workers_start_and_while_they_work(bench: Bench, later: float) -> None:
+    call = [sys.executable, "-c", RUN, *BATCH.split()]
     # A session of its own: a terminal sends Ctrl-C to the workers, too.
-    running = begin(bench, BATCH, start_new_session=True)
+    running = subprocess.Popen(
+        call, cwd=bench.folder, stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
     while not (bench.folder / "out" / "units").exists() and running.poll() is None:
         time.sleep(0.01)
     time.sleep(later)
@@ -161,20 +158,6 @@ def test_ctrl_c_is_one_sentence_while_workers_start_and_while_they_work(bench: B
     _, said = running.communicate(timeout=60)
     assert running.returncode == 130
     assert said == "tumble: Stopped; the units that were done are kept, and the same call does the rest.\n"
-
-
-@pytest.mark.slow
-def test_killed_and_run_again_it_is_as_if_nothing_had_happened(lot: Bench, done: Answer) -> None:
-    assert done.status == 1
-    call = BATCH.replace("out", "killed") + " --workers 2"
-    for seconds in (3.0, 5.0):
-        running = begin(lot, call)
-        time.sleep(seconds)
-        running.kill()
-        running.communicate()
-    lot(call, status=1)
-    assert table_of(lot.folder / "killed") == table_of(lot.folder / "out")
-    assert not list((lot.folder / "killed").rglob("*.part"))
 
 
 @pytest.mark.slow

@@ -201,9 +201,10 @@ def test_every_cell_runs_and_what_it_ends_in_has_a_table_for_a_notebook(
     for cell in (one for one in document["cells"] if one["cell_type"] == "code"):
         assert cell["outputs"] == [], "outputs are made by running it, not stored"
         body = ast.parse("".join(cell["source"])).body
-        last = body.pop() if isinstance(body[-1], ast.Expr) else None
-        exec(compile(ast.Module(body, []), cell["id"], "exec"), names)
-        if last is not None:
+        last = body[-1]
+        code = body[:-1] if isinstance(last, ast.Expr) else body
+        exec(compile(ast.Module(code, []), cell["id"], "exec"), names)
+        if isinstance(last, ast.Expr):
             value: Any = eval(compile(ast.Expression(last.value), cell["id"], "eval"), names)
             if hasattr(value, "_repr_html_"):
                 shown.append(value._repr_html_())

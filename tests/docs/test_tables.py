@@ -99,6 +99,7 @@ SHARED = {
     name for name, key in KINDS["hold"].items() if all(keys.get(name) == key for keys in KINDS.values())
 }
 
+
 def blocks(language: str) -> list[re.Match[str]]:
     return list(re.finditer(rf"^```{language}\n(.*?)^```$", page("protocols"), re.M | re.S))
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.unit.known import known
+from tests.unit.given import given as known
 
 from tumble.calibration import Estimate, Options, Session, find_procedure
 from tumble.calibration import calibrate as joint

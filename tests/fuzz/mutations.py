@@ -35,7 +35,6 @@ Change = Callable[[bytes, np.random.Generator], bytes]
 
 
 def pick(choices: Any, rng: np.random.Generator) -> Any:
-    """Return one of some choices."""
     return choices[int(rng.integers(len(choices)))]
 
 
@@ -44,12 +43,15 @@ def _span(content: bytes, rng: np.random.Generator) -> tuple[int, int]:
     return start, min(len(content), start + int(2 ** rng.uniform(0, 10)))
 
 
+def _word(rng: np.random.Generator) -> bytes:
+    return bytes(pick((*WORDS, *NUMBERS), rng).encode("utf-8", "replace"))
+
+
 def flip(content: bytes, rng: np.random.Generator) -> bytes:
     """Turn some bits over."""
     octets = bytearray(content)
-    for at in rng.integers(0, max(len(octets), 1), size=int(rng.integers(1, 9))):
-        if octets:
-            octets[at] ^= 1 << int(rng.integers(8))
+    for at in rng.integers(0, len(octets), size=int(rng.integers(1, 9))) if octets else ():
+        octets[at] ^= 1 << int(rng.integers(8))
     return bytes(octets)
 
 
@@ -61,12 +63,10 @@ def overwrite(content: bytes, rng: np.random.Generator) -> bytes:
 
 
 def cut(content: bytes, rng: np.random.Generator) -> bytes:
-    """End early."""
     return content[: int(rng.integers(len(content) + 1))]
 
 
 def drop(content: bytes, rng: np.random.Generator) -> bytes:
-    """Leave a span out."""
     start, stop = _span(content, rng)
     return content[:start] + content[stop:]
 
@@ -84,22 +84,21 @@ def insert(content: bytes, rng: np.random.Generator) -> bytes:
     return content[:start] + new + content[start:]
 
 
-def number(content: bytes, rng: np.random.Generator) -> bytes:
-    """Replace one number of a text, or all of one line, by an extreme one."""
-    found = list(re.finditer(rb"[-+]?\d+\.?\d*(?:[eE][-+]?\d+)?", content[:200_000]))
+def _replaced(content: bytes, pattern: bytes, new: bytes, rng: np.random.Generator) -> bytes:
+    """Replace one match in a text."""
+    found = list(re.finditer(pattern, content[:200_000]))
     if not found:
         return insert(content, rng)
-    match, new = pick(found, rng), pick(NUMBERS, rng).encode()
+    match = pick(found, rng)
     return content[: match.start()] + new + content[match.end() :]
+
+
+def number(content: bytes, rng: np.random.Generator) -> bytes:
+    return _replaced(content, rb"[-+]?\d+\.?\d*(?:[eE][-+]?\d+)?", pick(NUMBERS, rng).encode(), rng)
 
 
 def word(content: bytes, rng: np.random.Generator) -> bytes:
-    """Replace one word of a text."""
-    found = list(re.finditer(rb"[A-Za-z_]+", content[:200_000]))
-    if not found:
-        return insert(content, rng)
-    match, new = pick(found, rng), pick((*WORDS, *NUMBERS), rng).encode("utf-8", "replace")
-    return content[: match.start()] + new + content[match.end() :]
+    return _replaced(content, rb"[A-Za-z_]+", _word(rng), rng)
 
 
 def line(content: bytes, rng: np.random.Generator) -> bytes:
@@ -107,12 +106,9 @@ def line(content: bytes, rng: np.random.Generator) -> bytes:
     lines = content.split(b"\n")
     at, how = int(rng.integers(len(lines))), int(rng.integers(4))
     held = lines.pop(at)
-    if how == 1:
-        lines[at:at] = [held, held]
-    elif how == 2:
-        lines.insert(int(rng.integers(len(lines) + 1)), held)
-    elif how == 3:
-        lines.insert(at, pick((*WORDS, *NUMBERS), rng).encode("utf-8", "replace"))
+    elsewhere = int(rng.integers(len(lines) + 1))
+    place, new = ((at, []), (at, [held, held]), (elsewhere, [held]), (at, [_word(rng)]))[how]
+    lines[place:place] = new
     return b"\n".join(lines)
 
 
@@ -126,12 +122,9 @@ def entry(content: bytes, rng: np.random.Generator) -> bytes:
     level = [document]
     while level:
         value = level.pop()
-        keys = (
-            list(value) if isinstance(value, dict) else range(len(value)) if isinstance(value, list) else ()
-        )
-        for key in keys:
-            places.append((value, key))
-            level.append(value[key])
+        keys: Any = value if isinstance(value, dict) else range(len(value)) if isinstance(value, list) else ()
+        places += [(value, key) for key in keys]
+        level += [value[key] for key in keys]
     if not places:
         return content
     parent, key = pick(places, rng)
@@ -150,9 +143,7 @@ def entry(content: bytes, rng: np.random.Generator) -> bytes:
 def argument(content: bytes, rng: np.random.Generator) -> bytes:
     """Replace, drop or double one word of a call; where results go stays as it is."""
     words: list[str] = json.loads(content)
-    free = [
-        n for n in range(1, len(words)) if words[n - 1] not in ("-o", "--save") and words[n] not in ("-o",)
-    ]
+    free = [n for n in range(1, len(words)) if words[n - 1] not in ("-o", "--save") and words[n] != "-o"]
     if not free:
         return content
     at, how = pick(free, rng), int(rng.integers(8))
@@ -186,10 +177,8 @@ def column(content: bytes, rng: np.random.Generator) -> bytes:
             table[start:stop, at] = pick((0.0, 1.0, np.nan, 1e29, -1e29, 1e-300), rng)
         elif how == 3:
             table[:, at] += 10.0 ** rng.uniform(-3, 15)
-        elif how == 4:
-            table = table[start:stop]
-        elif how == 5:
-            table = np.delete(table, np.s_[start:stop], axis=0)
+        elif how in (4, 5):
+            table = table[start:stop] if how == 4 else np.delete(table, np.s_[start:stop], axis=0)
         elif how == 6:
             table[start:stop] = table[min(start, len(table) - 1)]
         elif how == 7:

@@ -11,7 +11,7 @@ import numpy as np
 import polars as pl
 import pytest
 from msgspec import structs
-from tests.unit.known import known
+from tests.unit.given import given as known
 
 from tumble.calibration import Estimate
 from tumble.calibration.estimate import OverTemperature
@@ -92,7 +92,7 @@ def document_of(model: ThermalModel | ImuModel, recording: Recording) -> Calibra
 def warm_recording(samples: int = 12000) -> tuple[Recording, Recording]:
     """A true and a raw recording of a unit that warms from -5 °C to 55 °C and cools again."""
     rng = np.random.default_rng(4)
-    time = 0.1 * np.arange(samples)
+    time: Any = 0.1 * np.arange(samples)
     force = 3.0 * rng.standard_normal((samples, 3)) + [0.0, 0.0, 9.8]
     rate = rng.standard_normal((samples, 3))
     celsius = 25.0 - 30.0 * np.cos(time / 150.0)
@@ -284,7 +284,7 @@ def test_beyond_the_span_the_user_may_hold_or_extrapolate_and_is_told(tmp_path: 
 
 def test_a_stated_temperature_serves_a_recording_without_one(tmp_path: Path) -> None:
     apply(DOCUMENT, saved(tmp_path, None), output=tmp_path / "out.csv", units=SI, temperature=40.0)
-    expected = thermal_unit().at(40.0).correct(RAW.specific_force, RAW.angular_rate)
+    expected = thermal_unit().at(40.0).correct(known(RAW.specific_force), known(RAW.angular_rate))
     both = np.hstack([known(part) for part in expected])
     np.testing.assert_allclose(corrected(tmp_path / "out.csv"), both, atol=1e-12)
     force, rate = known(RAW.specific_force), RAW.angular_rate

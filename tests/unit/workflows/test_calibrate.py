@@ -11,7 +11,7 @@ from typing import Any, NoReturn
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from tests.unit.known import known
+from tests.unit.given import given as known
 
 import tumble
 from tumble.calibration import Estimate, Session, calibrate, find_procedure

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from msgspec import structs
-from tests.unit.known import known
+from tests.unit.given import given as known
 
 import tumble
 from tumble.calibration.magnetometer.estimate import NAMES, named_parameters
