@@ -94,12 +94,7 @@ def unit_of(calibration: Calibration, unit: str | None = None) -> str:
     return name
 
 
-def add(
-    registry: Registry,
-    calibration: Calibration,
-    *,
-    unit: str | None = None,
-) -> tuple[Entry, bool]:
+def add(registry: Registry, calibration: Calibration, *, unit: str | None = None) -> tuple[Entry, bool]:
     """Add a calibration; return its entry, and whether it is new.
 
     Parameters

@@ -74,10 +74,9 @@ def add_files(
     """
     from tumble.registry.store import add, unit_of
 
-    documents = [read_calibration(path) for path in paths]
-    units = [unit_of(one, unit) for one in documents]
+    units = [(one, unit_of(one, unit)) for one in map(read_calibration, paths)]
     with registry_at(name, make=True) as registry:
-        return [add(registry, one, unit=who) for one, who in zip(documents, units, strict=True)]
+        return [add(registry, one, unit=who) for one, who in units]
 
 
 def add_calibration(name: str | None, calibration: Calibration) -> Entry:
