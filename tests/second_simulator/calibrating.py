@@ -3,42 +3,41 @@
 from __future__ import annotations
 
 import tempfile
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import polars as pl
+import pytest
 
 import tumble
 from tumble.document import Calibration
 
 from .procedures import PROCEDURES
-from .recording import Simulation
+from .recording import Place, Simulation
 from .sensors import GRADES, Grade
 
 
 def played(
-    procedure: str, grade: str | Grade, seed: int, fault: str | None = None, **options: Any
+    procedure: str,
+    grade: str | Grade,
+    seed: int,
+    fault: str | None = None,
+    *,
+    place: Place | None = None,
+    **options: Any,
 ) -> Simulation:
-    """Play a test on a unit of a grade.
-
-    Parameters
-    ----------
-    procedure, grade, seed, fault : which test, unit and chance, and what is wrong.
-    options : of the test.
-    """
+    """Play a test on a unit of a grade, at a place or at one of chance."""
     kind = GRADES[grade] if isinstance(grade, str) else grade
-    return PROCEDURES[procedure](kind, np.random.default_rng(seed), fault, **options)
+    with pytest.MonkeyPatch.context() as patch:
+        if place is not None:
+            patch.setattr(Place, "draw", lambda *_: place)
+        return PROCEDURES[procedure](kind, np.random.default_rng(seed), fault, **options)
 
 
 def calibrated(made: Simulation, *, by_protocol: bool = True, **options: Any) -> Calibration:
-    """Calibrate a recording by its protocol file, or by where it was alone.
-
-    Parameters
-    ----------
-    made, by_protocol : the recording; whether what was done is told.
-    options : of `tumble.calibrate`.
-    """
+    """Calibrate a recording by its protocol file, or by where it was alone."""
     frame = pl.DataFrame(made.columns())
     if not by_protocol:
         site = tumble.Site.from_latitude(made.place.stated_latitude, made.place.height)
@@ -50,16 +49,44 @@ def calibrated(made: Simulation, *, by_protocol: bool = True, **options: Any) ->
 
 
 def sigmas_off(found: Calibration, made: Simulation, term: str) -> np.ndarray:
-    """Return by how many of its standard uncertainties each entry of a term is off the truth.
-
-    Parameters
-    ----------
-    found, made : the calibration and the recording that it is of.
-    term : such as ``gyroscope.bias``.
-    """
+    """Return by how many of its standard uncertainties each entry of a term is off the truth."""
     triad, _, block = term.partition(".")
     true = made.truth.terms(found.frame.name)[term]
     value = np.array(getattr(getattr(found, triad), block))
     names = [f"{term}[{','.join(map(str, index))}]" for index in np.ndindex(value.shape)]
     at = [found.covariance_parameters.index(name) for name in names]
     return (value - true).ravel() / np.sqrt(np.diag(np.array(found.covariance))[at])
+
+
+@dataclass(frozen=True)
+class Missed:
+    """By how much a calibration misses the truth, by its own statement.
+
+    `z` are errors over their standard uncertainties; `square` is their sum by the whole covariance, of `degrees`; what
+    the frame fixes has none. `inside` is the share of parameters whose stated interval holds the truth.
+    """
+
+    z: np.ndarray
+    square: float
+    degrees: int
+    inside: float
+
+
+def missed(found: Calibration, made: Simulation) -> Missed:
+    """Return by how much all unknowns are off the truth."""
+    terms = made.truth.terms(found.frame.name)
+    off, sigma = list[float](), np.sqrt(np.diag(np.array(found.covariance)))
+    for name in found.covariance_parameters:
+        term, _, index = name.rstrip("]").partition("[")
+        triad, _, block = term.partition(".")
+        at = tuple(int(i) for i in index.split(","))
+        off.append(float(np.array(getattr(getattr(found, triad), block))[at] - terms[term][at]))
+    free = sigma > 1e-9 * np.max(sigma)
+    z = np.array(off)[free] / sigma[free]
+    correlation = np.array(found.covariance)[np.ix_(free, free)] / np.outer(sigma[free], sigma[free])
+    values, vectors = np.linalg.eigh(correlation)
+    kept = values > 1e-7
+    turned = vectors.T @ z
+    factors = np.array([p.coverage_factor or 1.96 for p in found.parameters])
+    inside = float(np.mean(np.abs(z) < np.median(factors)))
+    return Missed(z, float(np.sum(turned[kept] ** 2 / values[kept])), int(np.count_nonzero(kept)), inside)

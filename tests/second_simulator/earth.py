@@ -11,10 +11,7 @@ EARTH_RATE = 7.292115e-5
 def normal_gravity(latitude: float, height: float) -> float:
     """Return normal gravity in m/s².
 
-    Parameters
-    ----------
-    latitude : geodetic, rad.
-    height : above the ellipsoid, m; the formula is of second order in it (NIMA TR8350.2, 4-3).
+    Of second order in the height (NIMA TR8350.2, 4-3); latitude in rad.
     """
     equator, k, e2 = 9.7803253359, 0.00193185265241, 0.00669437999014
     a, f, m = 6378137.0, 1 / 298.257223563, 0.00344978650684
@@ -24,10 +21,5 @@ def normal_gravity(latitude: float, height: float) -> float:
 
 
 def earth_rate(latitude: float) -> np.ndarray:
-    """Return the Earth's rotation along north, east and down, rad/s.
-
-    Parameters
-    ----------
-    latitude : geodetic, rad.
-    """
+    """Return the Earth's rotation along north, east and down, rad/s."""
     return EARTH_RATE * np.array([np.cos(latitude), 0.0, -np.sin(latitude)])

@@ -60,12 +60,7 @@ class Seen:
     simulation: Simulation
 
     def matrix(self, frame: str) -> np.ndarray:
-        """Return the matrix in one of the documented frames.
-
-        Parameters
-        ----------
-        frame : see `rotation_to`.
-        """
+        """Return the matrix in one of the documented frames."""
         return self.magnetometer.matrix @ rotation_to(self.simulation.truth.unit, frame).T
 
 
@@ -80,13 +75,7 @@ def draw_magnetometer(
 ) -> Magnetometer:
     """Draw a magnetometer with soft iron of 5 %, hard iron of 30 µT and axes of its own.
 
-    Parameters
-    ----------
-    rng : chance.
-    counts : raw units per µT.
-    noise : of a sample, µT.
-    step, rate : raw units; samples a second.
-    turned : rad, one sigma of its rotation against the case about each axis.
+    `counts` a µT, `noise` of a sample in µT, `step` in raw units, `turned` rad against the case.
     """
     soft = np.eye(3) + 0.05 * rng.standard_normal((3, 3))
     matrix = counts * soft @ small_rotation(turned * rng.standard_normal(3))
@@ -103,14 +92,7 @@ def see(
     declination: float = 4.0 * DEGREE,
     disturbance: Disturbance | None = None,
 ) -> Seen:
-    """Let a magnetometer go through the motion of a simulation.
-
-    Parameters
-    ----------
-    made, magnetometer, rng : the motion, the sensor, and chance.
-    norm, dip, declination : of the field, µT and rad.
-    disturbance : what is wrong with it.
-    """
+    """Let a magnetometer go through the motion of a simulation."""
     wrong = Disturbance() if disturbance is None else disturbance
     path = made.path
     grid, attitude = path.track()
@@ -134,11 +116,7 @@ def see(
 def places(path: Path, time: np.ndarray, reach: float, rng: np.random.Generator) -> np.ndarray:
     """Return (samples, 3) m where the unit is: each hold at another place, and between them on the way.
 
-    Parameters
-    ----------
-    path, time : the motion, and s of the samples.
-    reach : m, one sigma of the places.
-    rng : chance.
+    `reach` is one sigma of the places, m.
     """
     holds = [step for step in path.steps if step.kind == "hold"]
     where = reach * rng.standard_normal((len(holds), 3))

@@ -18,34 +18,17 @@ Profile = Callable[[np.ndarray], np.ndarray]
 
 
 def eased(share: np.ndarray) -> np.ndarray:
-    """Return the path of least jerk from 0 to 1, as hands move.
-
-    Parameters
-    ----------
-    share : of the time, 0 to 1.
-    """
+    """Return the path of least jerk from 0 to 1, as hands move."""
     return share**3 * (10 - 15 * share + 6 * share**2)
 
 
 def bump(share: np.ndarray) -> np.ndarray:
-    """Return what rises from 0 and comes back to 0 with no jump in rate.
-
-    Parameters
-    ----------
-    share : of the time, 0 to 1.
-    """
+    """Return what rises from 0 and comes back to 0 with no jump in rate."""
     return np.sin(np.pi * share) ** 4
 
 
 def trapezoid_angle(time: np.ndarray, rate: float, steady: float, ramp: float) -> np.ndarray:
-    """Return the angle of a table that comes to its rate, keeps it, and stops, over ramps of cosine shape.
-
-    Parameters
-    ----------
-    time : since the start, s.
-    rate : rad/s.
-    steady, ramp : seconds at the rate, and of either ramp.
-    """
+    """Return the angle of a table that comes to its rate, keeps it, and stops, over ramps of cosine shape."""
 
     def risen(t: np.ndarray) -> np.ndarray:
         t = np.clip(t, 0.0, ramp)
@@ -91,16 +74,12 @@ class Step:
 class Path:
     """A motion under construction.
 
-    Parameters
-    ----------
-    rate : samples a second.
-    fineness : evaluations a sample.
-    attitude : the first quaternion, body to room (north, east, down).
+    `rate` samples a second, each evaluated `fineness` times; the first attitude brings the body to the room.
     """
 
     rate: float
     fineness: int
-    attitude: np.ndarray
+    attitude: np.ndarray = field(default_factory=lambda: so3.exponential(np.zeros(3)))
     place: np.ndarray = field(default_factory=lambda: np.zeros(3))
     steps: list[Step] = field(default_factory=list)
 
@@ -129,11 +108,7 @@ class Path:
     ) -> None:
         """Append a piece.
 
-        Parameters
-        ----------
-        kind, name : for the list of steps.
-        seconds : how long; rounded to whole samples.
-        attitude, place : functions of the seconds since its start; the last instant is where the next piece starts.
+        `attitude` and `place` are functions of the seconds since its start; at its end the next piece starts.
         """
         time, count, exact = self._grid(seconds)
         here = self.place
@@ -149,13 +124,7 @@ class Path:
     def hold(
         self, seconds: float, hand: Hand = STILL, rng: np.random.Generator | None = None, name: str = ""
     ) -> None:
-        """Rest, as steadily as the hand does; the pose at the end is that of the start.
-
-        Parameters
-        ----------
-        seconds, name : how long, and what it is called.
-        hand, rng : how unsteady, and chance.
-        """
+        """Rest, as steadily as the hand does; the pose at the end is that of the start."""
         start = self.attitude
         exact = max(1, round(seconds * self.rate)) / self.rate
         if rng is None or hand is STILL:
@@ -183,11 +152,7 @@ class Path:
     def creep(self, seconds: float, by: np.ndarray, profile: Profile = eased, name: str = "") -> None:
         """Rest badly: the pose moves during the hold and stays there.
 
-        Parameters
-        ----------
-        seconds, name : how long, and what it is called.
-        by : (3,), rotation vector in the body, rad.
-        profile : share of the movement by share of the time.
+        `by` is a rotation vector in the body, rad; the profile is its share by share of the time.
         """
         start = self.attitude
         exact = max(1, round(seconds * self.rate)) / self.rate
@@ -199,6 +164,15 @@ class Path:
             name,
         )
 
+    def reach(
+        self, target: np.ndarray, seconds: float, hand: Hand = STILL, rng: np.random.Generator | None = None
+    ) -> None:
+        """Turn to another attitude, or begin there."""
+        if self.samples:
+            self.turn_to(target, seconds, hand, rng)
+        else:
+            self.attitude = target
+
     def turn_to(
         self,
         target: np.ndarray,
@@ -207,14 +181,7 @@ class Path:
         rng: np.random.Generator | None = None,
         name: str = "",
     ) -> None:
-        """Turn to another attitude by the shortest way, as a hand does, with a detour and lifted where it does so.
-
-        Parameters
-        ----------
-        target : quaternion, body to room.
-        seconds, name : how long, and what it is called.
-        hand, rng : how far astray, and chance.
-        """
+        """Turn to another attitude by the shortest way, as a hand does, with a detour and lifted where it does so."""
         start = self.attitude
         exact = max(1, round(seconds * self.rate)) / self.rate
         way = so3.logarithm(so3.multiply(so3.inverse(start), target))
@@ -242,13 +209,7 @@ class Path:
     ) -> None:
         """Turn about an axis that is fixed in the room, as a motor does.
 
-        Parameters
-        ----------
-        axis : (3,), in north, east, down.
-        angle : rad, right-handed, of any size; the profile says how it grows, from 0 to 1.
-        seconds, name, kind : how long, what it is called, and what step it is.
-        wobble : rad; the axis goes round on a cone of this half-angle once a revolution.
-        slip : (3,), rad; the unit moves by so much in its mount meanwhile.
+        The axis may go round on a cone once a revolution (`wobble`, rad), the unit slip in its mount (`slip`, rad).
         """
         start = self.attitude
         exact = max(1, round(seconds * self.rate)) / self.rate
@@ -275,11 +236,7 @@ class Path:
     def sampled(self, earth_rate: np.ndarray, gravity: float, lever: np.ndarray) -> Sampled:
         """Return what ideal sensors at one place see, each sample the mean over its interval.
 
-        Parameters
-        ----------
-        earth_rate : (3,), in the room, rad/s.
-        gravity : m/s², straight down.
-        lever : (3,), from the point that the motions are about to the unit, along its axes, m.
+        `lever` is from the point that the motions are about to the unit, along its axes, m.
         """
         q = np.concatenate([*self._quaternions, self.attitude[None]])
         where = np.concatenate([*self._places, self.place[None]]) + so3.rotate(q, lever)

@@ -25,12 +25,7 @@ FACES = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1), "-x": (-1, 0, 0), "-y":
 
 
 def directions(kinds: Sequence[int]) -> list[np.ndarray]:
-    """Return directions of faces (1), edges (2) and corners (3) of a cube.
-
-    Parameters
-    ----------
-    kinds : how many components are not zero.
-    """
+    """Return directions of faces (1), edges (2) and corners (3) of a cube."""
     every = [np.array(v, float) for v in itertools.product((1, 0, -1), repeat=3)]
     return [v for kind in kinds for v in every if np.count_nonzero(v) == kind]
 
@@ -38,10 +33,7 @@ def directions(kinds: Sequence[int]) -> list[np.ndarray]:
 def posed(up: np.ndarray, heading: float) -> np.ndarray:
     """Return the attitude of a pose as protocols state it: what points up, and the turn about the vertical.
 
-    Parameters
-    ----------
-    up : (3,), in the body.
-    heading : rad, clockwise from above.
+    The heading is clockwise from above, rad.
     """
     return so3.multiply(so3.exponential(-heading * UP), so3.between(up, UP))
 
@@ -85,10 +77,7 @@ class Text:
     def step(self, kind: str, name: str, **keys: object) -> None:
         """Append a step.
 
-        Parameters
-        ----------
-        kind, name : as files have them.
-        keys : in the file's own spelling; None is left out, vectors are written as lists.
+        Keys are in the file's own spelling; None is left out, vectors are written as lists.
         """
         self.lines.append(f'  - {kind}: "{name}"')
         for key, value in keys.items():
@@ -123,11 +112,7 @@ def by_hand(
 ) -> Simulation:
     """Rest, turn, rest, turn: faces, edges and corners in random order, turned by hand.
 
-    Parameters
-    ----------
-    grade, rng, fault : the kind of unit, chance, and what is wrong; ``loose``: a third of the holds creep.
-    poses : how many.
-    rate : samples a second.
+    ``loose``: a third of the holds creep.
     """
     _check(fault, HAND_FAULTS)
     place = Place.draw(grade, rng, fault)
@@ -164,35 +149,24 @@ def multi_position(
     seconds: float = 12.0,
     rate: float = 100.0,
 ) -> Simulation:
-    """Lay the unit down in many poses that nobody has to know.
-
-    Parameters
-    ----------
-    grade, rng, fault : the kind of unit, chance, and what is wrong.
-    poses, seconds : how many, and how long each rests.
-    rate : samples a second.
-    """
+    """Lay the unit down in many poses that nobody has to know."""
     _check(fault, HAND_FAULTS)
     place = Place.draw(grade, rng, fault)
     text = Text("many poses", "multi-position", place, grade.units)
     ups = directions((1, 2, 3))
     order = np.concatenate((np.arange(18), 18 + rng.permutation(8)))[:poses]
     rng.shuffle(order)
-    path: Path | None = None
+    path = Path(rate, 4)
     bumped = int(rng.integers(1, poses - 1)) if fault == "bumped" else -1
     for k, at in enumerate(order):
         target = _off(posed(ups[at], rng.uniform(0, 2 * np.pi)), 4 * DEGREE, rng)
-        if path is None:
-            path = Path(rate, 4, target)
-        else:
-            path.turn_to(target, rng.uniform(1.5, 4.0), Hand(), rng)
+        path.reach(target, rng.uniform(1.5, 4.0) if path.samples else 0.0, Hand(), rng)
         if fault == "loose" and k % 3 == 1:
             path.creep(seconds, 0.1 * DEGREE * _direction(rng))
         else:
             bump = 0.3 * DEGREE * _direction(rng) if k == bumped else None
             _hold(path, seconds, STILL, rng, f"pose {k + 1}", bump)
         text.step("hold", f"pose {k + 1}", up=ups[at], uncertainty_deg=5, seconds=seconds)
-    assert path is not None
     made = record(path, grade, place, str(text), rng, fault=fault)
     if fault == "two-units":
         made.other = multi_position(grade, rng, None, poses=poses, seconds=seconds, rate=rate)
@@ -213,11 +187,7 @@ def six_faces(
 ) -> Simulation:
     """Put a cube on each of its faces on a levelled plate.
 
-    Parameters
-    ----------
-    grade, rng, fault : the kind of unit, chance, and what is wrong; ``pose-off`` and ``plate-leans`` by 1°.
-    placement : standard uncertainty of a pose about each axis, true and stated; a small part of it is the plate's.
-    seconds, rate : of a hold, and samples a second.
+    `placement` is true and stated, a small part of it the plate's; ``pose-off`` and ``plate-leans`` are by 1°.
     """
     _check(fault, SIX_FAULTS)
     place = Place.draw(grade, rng, fault)
@@ -228,7 +198,7 @@ def six_faces(
     wrong = {"pose-off": rng.permutation(6)[:1], "four-poses-off": rng.permutation(6)[:4]}.get(
         fault or "", []
     )
-    path: Path | None = None
+    path = Path(rate, 4)
     bumped = int(rng.integers(6)) if fault == "bumped" else -1
     heading = rng.uniform(0, 2 * np.pi)
     for k, (name, up) in enumerate(FACES.items()):
@@ -237,13 +207,9 @@ def six_faces(
         if k in wrong:
             across = np.cross(up, _direction(rng))
             target = so3.multiply(target, so3.exponential(DEGREE * across / np.linalg.norm(across)))
-        if path is None:
-            path = Path(rate, 4, target)
-        else:
-            path.turn_to(target, rng.uniform(1.5, 4.0), Hand(), rng)
+        path.reach(target, rng.uniform(1.5, 4.0) if path.samples else 0.0, Hand(), rng)
         _hold(path, seconds, STILL, rng, name, 0.3 * DEGREE * _direction(rng) if k == bumped else None)
         text.step("hold", f"{name} up", up=name, uncertainty_deg=placement / DEGREE, seconds=seconds)
-    assert path is not None
     return record(path, grade, place, str(text), rng, fault=fault)
 
 
@@ -256,6 +222,7 @@ def _spin(
     rate: float,
     steady: float,
     ramp: float,
+    missing: bool,
     *,
     slip: np.ndarray | None = None,
     wobble: float = 0.0,
@@ -263,6 +230,9 @@ def _spin(
     extra: float = 0.0,
 ) -> None:
     """Turn on a table: ramp, steady, ramp; `ripple` rad comes and goes once a revolution, `extra` rad is its error."""
+    if missing:
+        path.hold(steady + 2 * ramp, name="no spin")
+        return
     total = rate * (steady + ramp)
     # A whole number of samples, at that rate and by that angle: the ramps take up what is left.
     seconds = round((steady + 2 * ramp) * path.rate) / path.rate
@@ -286,13 +256,7 @@ def rate_table(
 ) -> Simulation:
     """Stand the unit on each face on a table with a plumb axis and turn it both ways at known rates.
 
-    Parameters
-    ----------
-    grade, rng, fault : the kind of unit, chance, and what is wrong; ``one-rate``: the table's largest rate is 1 %
-        off, ``all-rates``: every one is.
-    placement : standard uncertainty of a pose, true and stated.
-    rates : °/s.
-    rate : samples a second.
+    `placement` is true and stated; ``one-rate``: the largest rate (°/s) is 1 % off, ``all-rates``: every one is.
     """
     _check(fault, TABLE_FAULTS)
     place = Place.draw(grade, rng, fault)
@@ -300,16 +264,13 @@ def rate_table(
     lean = _lean_exactly(DEGREE, rng) if fault == "plate-leans" else _lean(0.01 * DEGREE, rng)
     axis = so3.rotate(so3.exponential(lean), UP)
     off = 30 * PPM * rng.standard_normal()
-    path: Path | None = None
+    path = Path(rate, 4)
     count = 0
     troubled = set(rng.permutation(6 * 2 * len(rates))[:3].tolist())
     for name, up in FACES.items():
         target = _tilted(posed(np.array(up, float), rng.uniform(0, 2 * np.pi)), lean)
         target = _off(target, placement, rng)
-        if path is None:
-            path = Path(rate, 4, target)
-        else:
-            path.turn_to(target, 4.0, Hand(), rng)
+        path.reach(target, 4.0, Hand(), rng)
         keys = {"up": name, "uncertainty_deg": placement / DEGREE}
         path.hold(10.0, name=f"{name} up")
         text.step("hold", f"{name} up", **keys, seconds=10)
@@ -318,10 +279,8 @@ def rate_table(
             wrong = fault == "all-rates" or (fault == "one-rate" and speed == max(rates))
             real = way * speed * DEGREE * (1 + off + 0.01 * wrong)
             slip = 0.3 * DEGREE * _direction(rng) if fault == "loose" and count in troubled else None
-            if fault == "missing-turn" and count == min(troubled):
-                path.hold(steady + 4.0, name="no spin")
-            else:
-                _spin(path, axis, real, steady, 2.0, slip=slip, wobble=5 * ARCSECOND, ripple=10 * ARCSECOND)
+            none = fault == "missing-turn" and count == min(troubled)
+            _spin(path, axis, real, steady, 2.0, none, slip=slip, wobble=5 * ARCSECOND, ripple=10 * ARCSECOND)
             text.step(
                 "spin", f"{way * speed}", axis="up", rate_deg_per_s=way * speed, seconds=steady, ramp_s=2,
                 uncertainty_ppm=30,
@@ -329,20 +288,13 @@ def rate_table(
             path.hold(8.0, name=f"{name} up")
             text.step("hold", f"{name} up", **keys, seconds=8)
             count += 1
-    assert path is not None
     return record(path, grade, place, str(text), rng, lever=np.array([0.0, 0.02, 0.01]), fault=fault)
 
 
 def modified_multi_position(
     grade: Grade, rng: np.random.Generator, fault: str | None = None, *, rate: float = 50.0
 ) -> Simulation:
-    """Prop the unit up on a table in twelve poses and turn it both ways in each.
-
-    Parameters
-    ----------
-    grade, rng, fault : the kind of unit, chance, and what is wrong.
-    rate : samples a second.
-    """
+    """Prop the unit up on a table in twelve poses and turn it both ways in each."""
     _check(fault, TABLE_FAULTS)
     place = Place.draw(grade, rng, fault)
     text = Text("table and putty", "modified-multi-position", place, grade.units)
@@ -350,34 +302,29 @@ def modified_multi_position(
     axis = so3.rotate(so3.exponential(lean), UP)
     off = 20 * PPM * rng.standard_normal()
     ups = [*directions((1,)), *[directions((2,))[k] for k in (0, 3, 4, 7, 9, 10)]]
-    path: Path | None = None
+    path = Path(rate, 4)
     troubled = set(rng.permutation(2 * len(ups))[:3].tolist())
     for k, up in enumerate(ups):
         target = _off(posed(up, rng.uniform(0, 2 * np.pi)), 4 * DEGREE, rng)
-        if path is None:
-            path = Path(rate, 4, target)
-        else:
-            path.turn_to(target, 4.0, Hand(), rng)
+        path.reach(target, 4.0, Hand(), rng)
         path.hold(12.0, name=f"pose {k + 1}")
         text.step("hold", f"pose {k + 1}", up=up, uncertainty_deg=5, seconds=12)
         for turn, way in enumerate((1, -1)):
             wrong = fault == "all-rates" or (fault == "one-rate" and 2 * k + turn in troubled)
             real = way * 40 * DEGREE * (1 + off + 0.01 * wrong)
             slip = 0.3 * DEGREE * _direction(rng) if fault == "loose" and 2 * k + turn in troubled else None
-            if fault == "missing-turn" and 2 * k + turn == min(troubled):
-                path.hold(31.0, name="no spin")
-            else:
-                _spin(path, axis, real, 27.0, 2.0, slip=slip, wobble=5 * ARCSECOND, ripple=10 * ARCSECOND)
+            none = fault == "missing-turn" and 2 * k + turn == min(troubled)
+            _spin(path, axis, real, 27.0, 2.0, none, slip=slip, wobble=5 * ARCSECOND, ripple=10 * ARCSECOND)
             text.step(
                 "spin", f"{way * 40}", axis="up", rate_deg_per_s=way * 40, seconds=27, ramp_s=2,
                 uncertainty_ppm=20,
             )  # fmt: skip
             path.hold(8.0, name=f"pose {k + 1}")
             text.step("hold", f"pose {k + 1}", up=up, uncertainty_deg=5, seconds=8)
-    assert path is not None
     return record(path, grade, place, str(text), rng, lever=np.array([0.0, 0.02, 0.01]), fault=fault)
 
 
+AXES, EDGES = ((1, 0, 0), (0, 1, 0), (0, 0, 1)), ((1, 1, 0), (1, 0, 1), (0, 1, 1))
 ANGLE_FAULTS = ("loose", "misread", "missing-turn", "plate-leans")
 
 
@@ -389,36 +336,41 @@ def turntable(
     seconds: float = 25.0,
     rate: float = 50.0,
     speed: float = 10.0,
+    steady: float = 70.0,
+    axes: Sequence[tuple[int, int, int]] = (*AXES, *EDGES),
 ) -> Simulation:
     """Nine poses at rest, then six axes turned about both ways on a table that lies level and shows its angle.
 
-    Parameters
-    ----------
-    grade, rng, fault : the kind of unit, chance, and what is wrong; ``misread``: one angle by 0.5°.
-    seconds, rate : of a hold, and samples a second.
-    speed : of the table, °/s.
+    ``misread``: one angle by 0.5°; `speed` in °/s.
     """
     _check(fault, ANGLE_FAULTS)
     place = Place.draw(grade, rng, fault)
     text = Text("nine and six", "turntable", place, grade.units)
     ups = [*directions((1,)), *[np.array(v, float) for v in ((1, 1, 0), (1, 0, 1), (0, 1, 1))]]
-    path: Path | None = None
+    path = Path(rate, 4)
     for k, up in enumerate(ups):
         target = _off(posed(up, rng.uniform(0, 2 * np.pi)), 4 * DEGREE, rng)
-        if path is None:
-            path = Path(rate, 4, target)
-        else:
-            path.turn_to(target, 4.0, Hand(), rng)
+        path.reach(target, 4.0, Hand(), rng)
         path.hold(seconds, name=f"pose {k + 1}")
         text.step("hold", f"pose {k + 1}", up=up, uncertainty_deg=5, seconds=seconds)
-    assert path is not None
     azimuth = rng.uniform(0, 2 * np.pi)
     dip = DEGREE if fault == "plate-leans" else 0.5 * DEGREE * rng.standard_normal()
     axis_n = np.array([np.cos(azimuth) * np.cos(dip), np.sin(azimuth) * np.cos(dip), np.sin(dip)])
-    about = [np.array(v, float) for v in ((1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 0), (1, 0, 1), (0, 1, 1))]
-    upright = [np.array(v, float) for v in ((0, 0, 1), (1, 0, 0), (0, 1, 0), (0, 0, 1), (0, 1, 0), (1, 0, 0))]
+    about = [np.array(v, float) for v in axes]
+    # An axis that lies across: of a face the one before, of an edge the one that it does not touch.
+    upright = [np.roll(v, -1) if np.count_nonzero(v) == 1 else 1.0 * (v == 0) for v in about]
     _level_axis_spins(
-        path, text, rng, fault, list(zip(about, upright, strict=True)), axis_n, 2 * DEGREE, 2, speed, 5
+        path,
+        text,
+        rng,
+        fault,
+        list(zip(about, upright, strict=True)),
+        axis_n,
+        2 * DEGREE,
+        2,
+        speed,
+        5,
+        steady,
     )
     lever = 0.03 * rng.standard_normal(3)
     return record(path, grade, place, str(text), rng, lever=lever, fault=fault)
@@ -435,10 +387,11 @@ def _level_axis_spins(
     display: float,
     speed: float,
     pose_deg: float,
+    steady: float,
 ) -> None:
     """Turn about each axis both ways, at rest before, between and after; the display errs by `display` arcseconds."""
     troubled = int(rng.integers(2 * len(mountings)))
-    steady, ramp = 70.0, 2.0
+    ramp = 2.0
     for k, (axis, up) in enumerate(mountings):
         # The unit's axis lies along the table's, and what should be up is up as far as the table allows.
         body = np.stack((axis / np.linalg.norm(axis), up, np.cross(axis / np.linalg.norm(axis), up)), axis=1)
@@ -456,13 +409,10 @@ def _level_axis_spins(
             error = display * ARCSECOND * rng.standard_normal()
             nominal = way * speed * DEGREE
             slip = 0.3 * DEGREE * _direction(rng) if fault == "loose" and troubled == 2 * k + turn else None
-            if fault == "missing-turn" and troubled == 2 * k + turn:
-                path.hold(steady + 2 * ramp, name="no spin")
-            else:
-                _spin(
-                    path, axis_n, nominal, steady, ramp, extra=error, slip=slip, wobble=2 * ARCSECOND,
-                    ripple=5 * ARCSECOND,
-                )  # fmt: skip
+            _spin(
+                path, axis_n, nominal, steady, ramp, fault == "missing-turn" and troubled == 2 * k + turn, extra=error,
+                slip=slip, wobble=2 * ARCSECOND, ripple=5 * ARCSECOND,
+            )  # fmt: skip
             shown = way * speed * (steady + ramp)
             if fault == "misread" and troubled == 2 * k + turn:
                 shown += 0.5
@@ -485,17 +435,13 @@ def laboratory(
 ) -> Simulation:
     """An aligned table: 24 attitudes that are known, and turns both ways about the vertical along x, y and z.
 
-    Parameters
-    ----------
-    grade, rng, fault : the kind of unit, chance, and what is wrong.
-    seconds, rate : of a hold, and samples a second.
-    table : standard uncertainty of attitudes and axes, true and stated, arcseconds.
+    Attitudes and axes are uncertain by `table`, true and stated, arcseconds.
     """
     _check(fault, (*ANGLE_FAULTS, "pose-off"))
     place = Place.draw(grade, rng, fault)
     text = Text("aligned table", "laboratory", place, grade.units)
     lean = _lean_exactly(DEGREE, rng) if fault == "plate-leans" else np.zeros(3)
-    path: Path | None = None
+    path = Path(rate, 4)
     poses = [(name, up, heading) for name, up in FACES.items() for heading in (0, 90, 180, 270)]
     wrong = int(rng.integers(len(poses))) if fault == "pose-off" else -1
     for k, (name, up, heading) in enumerate(poses):
@@ -503,16 +449,12 @@ def laboratory(
         target = _off(target, table * ARCSECOND, rng)
         if k == wrong:
             target = so3.multiply(target, so3.exponential(DEGREE * _direction(rng)))
-        if path is None:
-            path = Path(rate, 4, target)
-        else:
-            path.turn_to(target, 4.0)
+        path.reach(target, 4.0)
         path.hold(seconds, name=name)
         text.step(
             "hold", f"{name} up, {heading}", up=name, heading_deg=(heading + 180) % 360 - 180,
             uncertainty_deg=table / 3600, seconds=seconds,
         )  # fmt: skip
-    assert path is not None
     axis_n = so3.rotate(so3.exponential(lean), UP)
     troubled = int(rng.integers(6))
     for k, name in enumerate("xyz"):
@@ -525,12 +467,10 @@ def laboratory(
         for turn, way in enumerate((1, -1)):
             error = 2 * ARCSECOND * rng.standard_normal()
             slip = 0.3 * DEGREE * _direction(rng) if fault == "loose" and troubled == 2 * k + turn else None
-            if fault == "missing-turn" and troubled == 2 * k + turn:
-                path.hold(74.0, name="no spin")
-            else:
-                _spin(
-                    path, axis_n, way * 10 * DEGREE, 70.0, 2.0, extra=error, slip=slip, ripple=5 * ARCSECOND
-                )
+            none = fault == "missing-turn" and troubled == 2 * k + turn
+            _spin(
+                path, axis_n, way * 10 * DEGREE, 70.0, 2.0, none, extra=error, slip=slip, ripple=5 * ARCSECOND
+            )
             shown = way * 720.0 + (0.5 if fault == "misread" and troubled == 2 * k + turn else 0.0)
             text.step(
                 "spin", name, axis=name, rate_deg_per_s=way * 10, seconds=70.0, ramp_s=2.0, angle_deg=shown,
@@ -554,25 +494,13 @@ SEQUENCES = {
 
 
 def sequence_rotations(name: str) -> list[tuple[float, str]]:
-    """Return the rotations of a sequence: angle in degrees and axis.
-
-    Parameters
-    ----------
-    name : as in Savage's table 1.
-    """
+    """Return the rotations of a sequence: angle in degrees and axis."""
     words = SEQUENCES[name][1].split()
     return [(float(a), b) for a, b in zip(words[::2], words[1::2], strict=True)]
 
 
 class Fixture:
-    """Two axes: an outer one, level and to the east, that turns an inner one, which carries the unit along its z.
-
-    Parameters
-    ----------
-    error : one standard deviation of everything that is not quite so, rad.
-    azimuth : standard deviation of where the outer axis points, rad.
-    rng : chance.
-    """
+    """Two axes: an outer one, level and to the east, that turns an inner one, which carries the unit along its z."""
 
     def __init__(self, error: float, azimuth: float, rng: np.random.Generator) -> None:
         self.base = so3.exponential(
@@ -588,23 +516,13 @@ class Fixture:
         return so3.rotate(self.base, np.array([0.0, 1.0, 0.0]))
 
     def attitude(self, inner: float, outer: float) -> np.ndarray:
-        """Return the unit's attitude.
-
-        Parameters
-        ----------
-        inner, outer : angles, rad.
-        """
+        """Return the unit's attitude."""
         y, z = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
         turned = so3.multiply(so3.multiply(self.base, so3.exponential(outer * y)), self.crossing)
         return so3.multiply(so3.multiply(turned, so3.exponential(inner * z)), self.mounting)
 
     def inner_axis(self, outer: float) -> np.ndarray:
-        """Return the inner axis in the room.
-
-        Parameters
-        ----------
-        outer : angle, rad.
-        """
+        """Return the inner axis in the room."""
         turned = so3.multiply(
             so3.multiply(self.base, so3.exponential(outer * np.array([0.0, 1.0, 0.0]))), self.crossing
         )
@@ -612,12 +530,7 @@ class Fixture:
 
 
 def nominal_attitude(inner: float, outer: float) -> np.ndarray:
-    """Return the attitude on an exact fixture.
-
-    Parameters
-    ----------
-    inner, outer : angles, rad.
-    """
+    """Return the attitude on an exact fixture."""
     return so3.multiply(
         so3.exponential(np.array([0.0, outer, 0.0])), so3.exponential(np.array([0.0, 0.0, inner]))
     )
@@ -638,13 +551,8 @@ def strapdown_rotation(
 ) -> Simulation:
     """Savage's 17 sequences of rotations on a two-axis fixture.
 
-    Parameters
-    ----------
-    grade, rng, fault : the kind of unit, chance, and what is wrong; ``pose-off`` and ``plate-leans`` by 1°.
-    error, azimuth : of the fixture in each of its parts, and of where it points, rad; of a pose, to which level,
-        crossing of the axes, mounting and angle contribute, twice the error is stated.
-    rate : samples a second.
-    asymmetric : scale factors differ by sign, as the test is made to find.
+    `error` is the fixture's in each of its parts, rad; of a pose twice that is stated. Scale factors differ by sign, as
+    the test is made to find. ``pose-off`` and ``plate-leans`` are by 1°.
     """
     _check(fault, STRAPDOWN_FAULTS)
     place = Place.draw(grade, rng, fault)
@@ -653,7 +561,7 @@ def strapdown_rotation(
     if fault == "plate-leans":
         fixture.base = so3.multiply(so3.exponential(_lean_exactly(DEGREE, rng)), fixture.base)
     troubled = str(rng.permutation(list(SEQUENCES))[0])
-    path: Path | None = None
+    path = Path(rate, 4)
     for name, (start, _) in SEQUENCES.items():
         inner, outer = np.array(start) * DEGREE
         at = np.array([inner, outer])
@@ -661,10 +569,7 @@ def strapdown_rotation(
         target = fixture.attitude(*(at + missed))
         if fault == "pose-off" and name == troubled:
             target = so3.multiply(target, so3.exponential(DEGREE * _direction(rng)))
-        if path is None:
-            path = Path(rate, 4, target)
-        else:
-            path.turn_to(target, 8.0)
+        path.reach(target, 8.0)
         bump = 0.3 * DEGREE * _direction(rng) if fault == "bumped" and name == troubled else None
         _hold(path, 10.0, STILL, rng, f"{name} start", bump)
         nominal = nominal_attitude(inner, outer)
@@ -700,7 +605,6 @@ def strapdown_rotation(
         _stated_hold(text, f"{name} end", nominal, 2 * error)
         if name != "14":
             text.step("turn", "", seconds=8)
-    assert path is not None
     unit = draw_unit(grade, rng, asymmetric=asymmetric)
     return record(
         path, grade, place, str(text), rng, unit=unit, lever=0.01 * rng.standard_normal(3), fault=fault
@@ -728,12 +632,7 @@ def thermal_soak(
 ) -> Simulation:
     """A chamber at several temperatures, nine poses by hand at each.
 
-    Parameters
-    ----------
-    grade, rng, fault : the kind of unit, chance, and what is wrong.
-    soaks : temperatures, °C.
-    rate : samples a second.
-    minutes : of a soak; the unit comes to the chamber's temperature with a time constant of two minutes.
+    The unit comes to the chamber's temperature with a time constant of two minutes.
     """
     _check(fault, ("bumped",))
     place = Place.draw(grade, rng, fault)

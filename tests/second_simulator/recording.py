@@ -35,13 +35,7 @@ class Place:
 
     @classmethod
     def draw(cls, grade: Grade, rng: np.random.Generator, fault: str | None) -> Place:
-        """Draw a place; its gravity departs from the normal one by 30 mGal, as the Earth's does.
-
-        Parameters
-        ----------
-        grade : surveyed ones are calibrated where gravity was measured.
-        rng, fault : chance, and what is wrong with what is said.
-        """
+        """Draw a place; its gravity departs from the normal one by 30 mGal, as the Earth's does."""
         latitude, height = rng.uniform(-65, 65) * DEGREE, rng.uniform(0, 900)
         gravity = normal_gravity(latitude, height) + 3e-4 * rng.standard_normal()
         stated = gravity + 2e-5 * rng.standard_normal() if grade.surveyed else None
@@ -114,21 +108,21 @@ def record(
 ) -> Simulation:
     """Let a unit go through a motion.
 
-    Parameters
-    ----------
-    path, grade, place, protocol, rng : what is done to what kind of unit, where, what is said of it, and chance.
-    unit : the unit itself; None draws one.
-    lever : (3,) m; where it sits from the point that the motion is about.
-    fault : one of `RECORD_FAULTS`, or another that is no matter here.
-    temperature, thermal : (samples,) °C, and what it does; None is a room.
-    white : no wander of the biases.
+    `lever` is where it sits from the point that the motion is about, m; `temperature` in °C; `white`: no wander.
     """
-    unit = draw_unit(grade, rng) if unit is None else unit
-    seen = path.sampled(earth_rate(place.latitude), place.gravity, np.zeros(3) if lever is None else lever)
+    unit = unit or grade.unit or draw_unit(grade, rng)
+    lever = np.zeros(3) if lever is None else lever
+    seen = path.sampled(earth_rate(place.latitude), place.gravity, lever)
     samples = len(seen.time)
     celsius = 24.0 + np.zeros(samples) if temperature is None else temperature
     a, g = grade.accelerometer, grade.gyroscope
     force = unit.force_output(seen.force).mean(axis=1)
+    for axis, arm in enumerate(unit.arms):
+        if arm.any():
+            there = path.sampled(earth_rate(place.latitude), place.gravity, lever + arm)
+            force[:, axis] = unit.force_output(there.force).mean(axis=1)[:, axis]
+    # A path begins at rest: what is read late shows that.
+    force = np.concatenate((np.repeat(force[:1], unit.late, axis=0), force))[:samples]
     rate = unit.rate_output(seen.rate, seen.force).mean(axis=1)
     moved = np.zeros((samples, 6))
     if not white:
@@ -194,12 +188,7 @@ def _kept(made: Simulation, keep: np.ndarray) -> Simulation:
 
 
 def spoiled(made: Simulation, fault: str | None, rng: np.random.Generator) -> Simulation:
-    """Return a recording with a fault of its file.
-
-    Parameters
-    ----------
-    made, fault, rng : the recording, one of `RECORD_FAULTS` or another, and chance.
-    """
+    """Return a recording with a fault of its file."""
     force, rate, count = made.force.copy(), made.rate.copy(), len(made.time)
     axis = int(rng.integers(3))
     step = 1 / made.path.rate

@@ -10,12 +10,7 @@ import numpy as np
 
 
 def multiply(left: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Return the product of quaternions, row by row.
-
-    Parameters
-    ----------
-    left, right : (..., 4), scalar first.
-    """
+    """Return the product of quaternions, row by row."""
     a, b = np.moveaxis(np.asarray(left, float), -1, 0), np.moveaxis(np.asarray(right, float), -1, 0)
     return np.stack(
         (
@@ -29,22 +24,12 @@ def multiply(left: np.ndarray, right: np.ndarray) -> np.ndarray:
 
 
 def inverse(quaternion: np.ndarray) -> np.ndarray:
-    """Return the conjugate.
-
-    Parameters
-    ----------
-    quaternion : (..., 4), of length one.
-    """
+    """Return the conjugate."""
     return np.asarray(quaternion, float) * np.array([1.0, -1.0, -1.0, -1.0])
 
 
 def exponential(vector: np.ndarray) -> np.ndarray:
-    """Return the rotation by a rotation vector, exactly.
-
-    Parameters
-    ----------
-    vector : (..., 3), rad.
-    """
+    """Return the rotation by a rotation vector, exactly."""
     vector = np.asarray(vector, float)
     angle = np.linalg.norm(vector, axis=-1, keepdims=True)
     # np.sinc(x) is sin(pi x) / (pi x), and it is right at zero.
@@ -52,12 +37,7 @@ def exponential(vector: np.ndarray) -> np.ndarray:
 
 
 def logarithm(quaternion: np.ndarray) -> np.ndarray:
-    """Return the rotation vector of at most half a turn.
-
-    Parameters
-    ----------
-    quaternion : (..., 4), of length one.
-    """
+    """Return the rotation vector of at most half a turn."""
     q = np.asarray(quaternion, float)
     q = np.where(q[..., :1] < 0.0, -q, q)
     size = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
@@ -67,12 +47,7 @@ def logarithm(quaternion: np.ndarray) -> np.ndarray:
 
 
 def to_matrix(quaternion: np.ndarray) -> np.ndarray:
-    """Return the matrices ``(..., 3, 3)``.
-
-    Parameters
-    ----------
-    quaternion : (..., 4), of length one.
-    """
+    """Return the matrices ``(..., 3, 3)``."""
     w, x, y, z = np.moveaxis(np.asarray(quaternion, float), -1, 0)
     rows = (
         (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
@@ -83,12 +58,7 @@ def to_matrix(quaternion: np.ndarray) -> np.ndarray:
 
 
 def from_matrix(matrix: np.ndarray) -> np.ndarray:
-    """Return the quaternion of one rotation matrix: the eigenvector of the largest eigenvalue (Bar-Itzhack).
-
-    Parameters
-    ----------
-    matrix : (3, 3).
-    """
+    """Return the quaternion of one rotation matrix: the eigenvector of the largest eigenvalue (Bar-Itzhack)."""
     m = np.asarray(matrix, float)
     k = np.empty((4, 4))
     k[0, 0] = np.trace(m)
@@ -99,13 +69,7 @@ def from_matrix(matrix: np.ndarray) -> np.ndarray:
 
 
 def rotate(quaternion: np.ndarray, vector: np.ndarray) -> np.ndarray:
-    """Return body vectors in the room.
-
-    Parameters
-    ----------
-    quaternion : (..., 4).
-    vector : (..., 3), along the body's axes.
-    """
+    """Return body vectors in the room."""
     q, v = np.broadcast_arrays(np.asarray(quaternion, float)[..., 1:], np.asarray(vector, float), subok=False)
     scalar = np.asarray(quaternion, float)[..., :1]
     twice = 2.0 * np.cross(q, v)
@@ -115,10 +79,7 @@ def rotate(quaternion: np.ndarray, vector: np.ndarray) -> np.ndarray:
 def between(start: np.ndarray, end: np.ndarray) -> np.ndarray:
     """Return the shortest rotation that takes one direction to another, as a quaternion.
 
-    Parameters
-    ----------
-    start, end : (3,), of any length. Where they are opposite the turn is about an axis across them: the x axis,
-        or y where they lie along x.
+    Where they are opposite the turn is about an axis across them: x, or y where they lie along x.
     """
     a, b = np.asarray(start, float), np.asarray(end, float)
     a, b = a / np.linalg.norm(a), b / np.linalg.norm(b)

@@ -45,7 +45,10 @@ class TriadSheet:
 
 @dataclass(frozen=True)
 class Grade:
-    """A kind of unit; `between` is the rotation between the triads (rad), `g_sensitivity` in rad/s per m/s²."""
+    """A kind of unit; `between` is the rotation between the triads (rad), `g_sensitivity` in rad/s per m/s².
+
+    `unit` is the one that is always drawn; None draws another each time.
+    """
 
     name: str
     accelerometer: TriadSheet
@@ -54,6 +57,7 @@ class Grade:
     g_sensitivity: float
     units: str
     surveyed: bool
+    unit: Unit | None = None
 
 
 GRADES = {
@@ -117,7 +121,10 @@ GRADES = {
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit whose errors are known, in SI; every matrix maps true to raw in the axes of its case."""
+    """A unit whose errors are known, in SI; every matrix maps true to raw in the axes of its case.
+
+    `arms` are where each accelerometer sits from the unit's point, m; they are read `late` samples late.
+    """
 
     accelerometer_matrix: np.ndarray
     accelerometer_bias: np.ndarray
@@ -128,14 +135,11 @@ class Unit:
     accelerometer_quadratic: np.ndarray = field(default_factory=lambda: np.zeros(3))
     gyro_asymmetry: np.ndarray = field(default_factory=lambda: np.zeros(3))
     gyro_quadratic: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    arms: np.ndarray = field(default_factory=lambda: np.zeros((3, 3)))
+    late: int = 0
 
     def force_output(self, force: np.ndarray) -> np.ndarray:
-        """Return the noise-free outputs, m/s².
-
-        Parameters
-        ----------
-        force : (..., 3), true specific force along the case's axes, m/s².
-        """
+        """Return the noise-free outputs, m/s²."""
         u = force @ self.accelerometer_matrix.T
         return (
             u
@@ -145,13 +149,7 @@ class Unit:
         )
 
     def rate_output(self, rate: np.ndarray, force: np.ndarray) -> np.ndarray:
-        """Return the noise-free outputs, rad/s.
-
-        Parameters
-        ----------
-        rate : (..., 3), true angular rate against inertial space along the case's axes, rad/s.
-        force : (..., 3), true specific force, m/s².
-        """
+        """Return the noise-free outputs, rad/s."""
         u = rate @ self.gyro_matrix.T
         return (
             u
@@ -163,12 +161,7 @@ class Unit:
 
 
 def small_rotation(vector: np.ndarray) -> np.ndarray:
-    """Return the matrix of a rotation vector by Rodrigues' formula.
-
-    Parameters
-    ----------
-    vector : (3,), rad.
-    """
+    """Return the matrix of a rotation vector by Rodrigues' formula."""
     angle = float(np.linalg.norm(vector))
     x, y, z = vector
     k = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
@@ -180,11 +173,7 @@ def draw_unit(
 ) -> Unit:
     """Draw one unit of a grade.
 
-    Parameters
-    ----------
-    grade, rng : its kind, and chance.
-    asymmetric, quadratic : whether scale factors differ by sign, and bend (half as much at 1 g and at 100 °/s as
-        the sheet's asymmetry is).
+    What bends, by half as much at 1 g and at 100 °/s as the sheet's asymmetry is.
     """
     a, g = grade.accelerometer, grade.gyroscope
 
@@ -218,14 +207,7 @@ def draw_unit(
 
 
 def flicker(samples: int, rate: float, instability: float, rng: np.random.Generator) -> np.ndarray:
-    """Return 1/f noise of three sensors, of density B²/(2π f) two-sided (IEEE Std 952), by filtering in frequency.
-
-    Parameters
-    ----------
-    samples, rate : how many, and how many a second.
-    instability : B, in the unit of the output.
-    rng : chance.
-    """
+    """Return 1/f noise of three sensors, of density B²/(2π f) two-sided (IEEE Std 952), by filtering in frequency."""
     # Twice as long as wanted and cut: else the end would meet the beginning, as a Fourier series has it. From
     # half a hertz on the density is small beside white noise, so the filter need not know the sampling rate.
     length = 1 << int(np.ceil(np.log2(2 * samples)))
@@ -238,24 +220,12 @@ def flicker(samples: int, rate: float, instability: float, rng: np.random.Genera
 
 
 def wander(sheet: TriadSheet, samples: int, rate: float, rng: np.random.Generator) -> np.ndarray:
-    """Return how the three biases move while recording: 1/f noise and a random walk.
-
-    Parameters
-    ----------
-    sheet : of the triad.
-    samples, rate : how many, and how many a second.
-    rng : chance.
-    """
+    """Return how the three biases move while recording: 1/f noise and a random walk."""
     steps = sheet.walk / np.sqrt(rate) * rng.standard_normal((samples, 3))
     return flicker(samples, rate, sheet.flicker, rng) + np.cumsum(steps, axis=0)
 
 
 def round_and_cut(signal: np.ndarray, step: float, limit: float) -> np.ndarray:
-    """Return what a converter of finite steps and range makes of a signal.
-
-    Parameters
-    ----------
-    signal, step, limit : in one unit; a step of zero rounds nothing.
-    """
+    """Return what a converter of finite steps and range makes of a signal."""
     cut = np.clip(signal, -limit, limit)
     return np.round(cut / step) * step if step else cut

@@ -28,12 +28,7 @@ class Truth:
     thermal: Thermal | None = None
 
     def terms(self, frame: str) -> dict[str, np.ndarray]:
-        """Return all terms in raw units, in one of the documented frames.
-
-        Parameters
-        ----------
-        frame : ``accelerometer-x``, ``accelerometer-z``, ``mean-gyro``, or ``fixture``, which is the case's.
-        """
+        """Return all terms in raw units, in one of the documented frames."""
         unit, c = self.unit, rotation_to(self.unit, frame)
         return {
             "accelerometer.matrix": self.force_unit * unit.accelerometer_matrix @ c.T,
@@ -57,23 +52,13 @@ class Thermal:
     scale: np.ndarray
 
     def bias_change(self, celsius: float) -> np.ndarray:
-        """Return how the six biases differ from those at the reference.
-
-        Parameters
-        ----------
-        celsius : temperature of the unit.
-        """
+        """Return how the six biases differ from those at the reference."""
         powers = (celsius - self.reference) ** np.arange(1, len(self.bias) + 1)
         return powers @ self.bias
 
 
 def triangular(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return a matrix as lower triangle with positive diagonal times a rotation (Gram-Schmidt of its rows).
-
-    Parameters
-    ----------
-    matrix : (3, 3), right-handed.
-    """
+    """Return a matrix as lower triangle with positive diagonal times a rotation (Gram-Schmidt of its rows)."""
     x = matrix[0] / np.linalg.norm(matrix[0])
     y = matrix[1] - (matrix[1] @ x) * x
     y /= np.linalg.norm(y)
@@ -82,17 +67,7 @@ def triangular(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def rotation_to(unit: Unit, frame: str) -> np.ndarray:
-    """Return the matrix that brings vectors of the case into a frame.
-
-    Parameters
-    ----------
-    unit, frame : whose frame, and which.
-
-    Raises
-    ------
-    ValueError
-        If the frame is none of the conventions' page.
-    """
+    """Return the matrix that brings vectors of the case into a frame."""
     if frame == "fixture":
         return np.eye(3)
     if frame == "accelerometer-x":
@@ -111,12 +86,7 @@ def rotation_to(unit: Unit, frame: str) -> np.ndarray:
 
 
 def rotation_vector(matrix: np.ndarray) -> np.ndarray:
-    """Return the rotation vector of a rotation matrix below half a turn.
-
-    Parameters
-    ----------
-    matrix : (3, 3).
-    """
+    """Return the rotation vector of a rotation matrix below half a turn."""
     axis = 0.5 * np.array(
         [matrix[2, 1] - matrix[1, 2], matrix[0, 2] - matrix[2, 0], matrix[1, 0] - matrix[0, 1]]
     )
@@ -128,10 +98,7 @@ def rotation_vector(matrix: np.ndarray) -> np.ndarray:
 def named(terms: dict[str, np.ndarray], *, diagonal: bool = False) -> dict[str, np.ndarray]:
     """Return what people name of the terms: scale factors, angles, the rotation between the triads.
 
-    Parameters
-    ----------
-    terms : as `Truth.terms` has them; a triad may be missing.
-    diagonal : take the diagonal for scale factors, for tests that know nothing of the angles.
+    `diagonal`: take it for scale factors, for tests that know nothing of the angles.
 
     Notes
     -----
