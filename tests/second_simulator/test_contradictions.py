@@ -9,28 +9,77 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 import polars as pl
 import pytest
 
 import tumble
+from second_simulator import GRADES
 from second_simulator.calibrating import calibrated, played, sigmas_off
 from tumble.document import Calibration
 from tumble.estimation.solve import solve
 
-QUICK = {
+QUICK: dict[str, dict[str, Any]] = {
     "strapdown-rotation": {"rate": 50.0},
     "rate-table": {"rates": (20.0, 80.0), "rate": 25.0},
-    "six-faces": {},
     "turntable": {"seconds": 10.0, "rate": 25.0},
+    "laboratory": {"seconds": 10.0, "rate": 25.0},
 }
+LEANS = "beyond the 0.05° that the protocol promises"
+ACCELEROMETER, GYRO = {"accelerometer.bias": 4.0}, {"gyroscope.matrix": 4.0}
+BOTH = {"accelerometer.bias": 4.0, "gyroscope.bias": 4.0}
+SLOW = pytest.mark.slow
 
 
-@cache
-def quickly(procedure: str, fault: str | None, grade: str = "industrial", seed: int = 3) -> Calibration:
-    made = played(procedure, grade, seed, fault, **QUICK[procedure])
-    return calibrated(made, rate=f"{made.path.rate}±{made.path.rate * 1e-6}")
+@pytest.mark.parametrize(
+    ("said", "procedure", "grade", "seed", "fault", "within"),
+    [
+        # One face is off by 1°, and the one that fits the rest worst is another: left out, all others were wrong.
+        ("it would explain what was recorded about as well", "six-faces", "automotive", 80000, "pose-off", {}),
+        (LEANS, "six-faces", "tactical", 1000, "pose-off", ACCELEROMETER),
+        (LEANS, "six-faces", "industrial", 1003, "four-poses-off", ACCELEROMETER),
+        (LEANS, "six-faces", "industrial", 1003, "plate-leans", ACCELEROMETER),
+        (LEANS, "six-faces", "tactical", 2300000, "plate-leans", ACCELEROMETER),
+        # These faces scatter by 1.5 times the sigma that is stated and true, as one unit in 160 does.
+        (LEANS, "six-faces", "tactical", 700016, "plate-leans", {}),
+        (None, "six-faces", "tactical", 700016, None, {}),
+        # In the bump the gyro's mean over the hold is off by 43 °/h.
+        (None, "six-faces", "tactical", 1009, "bumped", BOTH),
+        *((None, "six-faces", grade, 6100, None, BOTH) for grade in GRADES),
+        # Thirty windows of turning: each bias stood in the place of the other gyro, 680 sigmas off and fit.
+        ("seems to stand in gz", "six-faces", "consumer", 850005, "swapped-gyro", {}),
+        ("Samples are missing that left no trace", "strapdown-rotation", "industrial", 3, "dropped", {}),
+        pytest.param("Samples are missing", "turntable", "industrial", 3, "dropped", {}, marks=SLOW),
+        (r"The 12 spins at 80°/s show [-+]1 % \(± 0.00\d %\) more than the others", "rate-table", "tactical", 680001,
+         "one-rate", {}),
+        # Some arc-seconds of an angle, as wandering biases put gravity off: the result is the same without it.
+        pytest.param(None, "turntable", "automotive", 904000, None, {}, marks=SLOW),
+        pytest.param(None, "laboratory", "industrial", 1002, "loose", GYRO, marks=SLOW),
+        # A turn in two pieces took half as long as its counterpart: 0.05 °/s of g-sensitivity were left, 31 sigmas.
+        pytest.param(None, "laboratory", "consumer", 1004, "gaps", GYRO, marks=SLOW),
+        pytest.param(None, "laboratory", "tactical", 1000, "misread", GYRO, marks=SLOW),
+        # One sample in five hundred and four bursts are lost; bridged as if whole, a gyro was 8 sigmas off and fit.
+        (None, "strapdown-rotation", "tactical", 1000, "gaps", GYRO),
+    ],
+)  # fmt: skip
+def test_a_fault_is_said_and_none_is_not(
+    said: str | None, procedure: str, grade: str, seed: int, fault: str | None, within: dict[str, float]
+) -> None:
+    made = played(procedure, grade, seed, fault, **QUICK.get(procedure, {}))
+    found = calibrated(made, rate=f"{made.path.rate}±{made.path.rate * 1e-6}")
+    assert found.verdict.fit == (said is None), found.verdict.reasons
+    assert said is None or re.search(said, " ".join(found.verdict.reasons))
+    for term, sigmas in within.items():
+        off = sigmas_off(found, made, term)
+        assert np.nanmax(np.abs(off)) < sigmas
+
+
+def against(calibration: Calibration) -> str:
+    """All that is said where the verdict is against it."""
+    assert not calibration.verdict.fit
+    return " ".join(calibration.verdict.reasons)
 
 
 @cache
@@ -43,32 +92,6 @@ def on_a_quick_table(faster: float, ppm: str) -> Calibration:
     )
     assert spins == stated.count(f"uncertainty_ppm: {ppm}") == 24
     return calibrated(replace(made, protocol=stated), rate="25±0.000025")
-
-
-def against(calibration: Calibration) -> str:
-    """All that is said where the verdict is against it."""
-    assert not calibration.verdict.fit
-    return " ".join(calibration.verdict.reasons)
-
-
-@pytest.mark.parametrize(
-    "procedure",
-    [
-        "strapdown-rotation",
-        pytest.param("turntable", marks=pytest.mark.slow),
-    ],
-)
-def test_without_a_fault_the_verdict_is_for_it(procedure: str) -> None:
-    assert quickly(procedure, None).verdict.fit
-
-
-def test_samples_missing_from_a_fixtures_turns_are_said() -> None:
-    assert "Samples are missing that left no trace" in against(quickly("strapdown-rotation", "dropped"))
-
-
-@pytest.mark.slow
-def test_samples_missing_from_a_tables_rotations_are_said() -> None:
-    assert "Samples are missing" in against(quickly("turntable", "dropped"))
 
 
 @pytest.mark.slow
@@ -86,11 +109,6 @@ def test_a_table_that_is_believed_to_be_exact_is_contradicted_as_any_other() -> 
     said = against(on_a_quick_table(1.003, "0"))
     assert "show that the table turned 0.3 % " in said
     assert "slower than the protocol says. It promises 0 ppm." in said
-
-
-def test_of_two_rates_the_wrong_one_is_named() -> None:
-    said = against(quickly("rate-table", "one-rate", "tactical", 680001))
-    assert re.search(r"The 12 spins at 80°/s show [-+]1 % \(± 0.00\d %\) more than the others", said)
 
 
 def test_a_right_table_that_is_believed_to_be_exact_is_not_contradicted() -> None:
@@ -151,38 +169,6 @@ def test_the_asymmetry_that_a_test_is_made_for_is_kept_where_chance_could_explai
     assert np.max(np.abs(sigmas_off(found, made, "accelerometer.bias"))) < 4.0
 
 
-def test_a_pose_that_two_holds_could_be_blamed_for_is_not_fit() -> None:
-    """One of six is off by 1°, and the one that fits the rest worst is another: left out, all others were wrong."""
-    said = against(calibrated(played("six-faces", "automotive", 80000, "pose-off"), rate="100±0.005"))
-    assert "it would explain what was recorded about as well" in said
-
-
-def test_an_angle_that_another_one_could_be_blamed_for_is_not_fit(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of both ways about an axis the right one is left out: the other explains what was recorded better."""
-    from tumble.calibration import objections
-    from tumble.calibration.outcome import estimate
-
-    kept: list[estimate.JointOutcome] = []
-    monkeypatch.setattr(estimate, "say_contradictions", lambda _, outcome, __: kept.append(outcome))
-    calibrated(played("turntable", "industrial", 3, "misread", **QUICK["turntable"]), rate="25±0.00003")
-    monkeypatch.undo()
-    outcome = kept[-1]
-    rows = list(outcome.data.rotations)
-    (wrong,) = (k for k in rows if not outcome.task.taking_part["angle"][k])
-    found = estimate.joint_estimate(outcome)
-    assert not found.objections
-    # Rotations go both ways about an axis one after the other.
-    right = rows[rows.index(wrong) ^ 1]
-    task = outcome.task.copy()
-    task.taking_part["angle"][[wrong, right]] = True, False
-    masked = replace(outcome, task=task, balanced=replace(outcome.balanced, solution=solve(task)))
-    objections.say_contradictions(found, masked, [])
-    said = " ".join(found.objections)
-    names = [outcome.data.rotations[k].name for k in (right, wrong)]
-    assert f"The angle of {names[0]} contradicts the rest and was left out." in said
-    assert f"Were that of {names[1]} wrong" in said
-
-
 def test_a_gravity_that_is_nowhere_at_that_latitude_is_refused() -> None:
     made = played("by-hand", "industrial", 5, poses=12)
     there = tumble.Site.from_latitude(made.place.stated_latitude, made.place.height)
@@ -239,15 +225,6 @@ def test_rests_that_a_jump_of_the_gyros_made_look_like_motion_are_said(
     assert "not used" in said
 
 
-def test_gyros_and_accelerometers_that_jump_by_less_are_said_with_the_place() -> None:
-    said = against(by_hand(22, rate=[0.1, -0.07, 0.04]))
-    assert re.search(
-        r"The biases of the gyros jump between hold 1[234] and hold 1[345], at about \d+ s", said
-    )
-    said = against(by_hand(22, force=[3.0, -2.1, 1.2]))
-    assert re.search(r"The biases of the accelerometers jump between hold 1[234] and hold 1[345]", said)
-
-
 def test_another_unit_from_the_middle_of_a_file_on_is_not_fit_and_named_with_the_place() -> None:
     """Its stamps run on. The second unit has a quarter of the holds, and none of them was a hold."""
     one, other = (played("by-hand", "consumer", seed) for seed in (11, 111))
@@ -260,13 +237,6 @@ def test_another_unit_from_the_middle_of_a_file_on_is_not_fit_and_named_with_the
     joined = replace(one, time=np.concatenate([one.time, later]), **columns)
     said = against(calibrated(joined, by_protocol=False))
     assert "it is another unit's recording from there on" in said
-
-
-def test_accelerometers_that_jump_by_a_milligee_on_one_axis_are_said() -> None:
-    """Scale factors of such recordings were fit and up to 6 of their sigmas off."""
-    for seed in (23, 24, 25):
-        said = against(by_hand(seed, force=[0.0, 1.0, 0.0]))
-        assert re.search(r"The biases of the accelerometers jump between hold 1[234] and hold 1[345]", said)
 
 
 def test_what_accelerometers_that_warm_up_do_to_each_number_is_counted() -> None:
@@ -313,27 +283,12 @@ def test_an_order_of_faces_that_hides_a_jump_is_said() -> None:
     assert any("biases jumped between hold 3 and hold 4" in said for said in found.remarks)
 
 
-def test_right_faces_that_chance_scatters_are_fit_and_a_plate_that_leans_is_not() -> None:
-    """This unit's faces scatter by 1.5 times the sigma that is stated and true, as one in 160 does."""
-    right = quickly("six-faces", None, "tactical", 700016)
-    assert right.verdict.fit, right.verdict.reasons
-    leaning = quickly("six-faces", "plate-leans", "tactical", 700016)
-    assert any("beyond the 0.05° that the protocol promises" in reason for reason in leaning.verdict.reasons)
-
-
 def test_a_term_that_a_later_trial_gives_up_is_not_kept() -> None:
     """Gyros fade by 0.3 °/s: the first trial wants a g-sensitivity, nothing settles with it alone (a traceback)."""
     found = calibrated(played("by-hand", "robot", 911010, "gyro-ramp"), by_protocol=False, rate="100±0.002")
     assert found.gyroscope is not None
     kept = {one.name for one in found.quality.optional_terms if one.kept}
     assert ("g_sensitivity" in kept) == (found.gyroscope.g_sensitivity is not None)
-
-
-def test_swapped_axes_that_few_turns_show_are_not_fit() -> None:
-    """Thirty windows of turning: each bias stood in the place of the other gyro, 680 sigmas off and fit."""
-    found = quickly("six-faces", "swapped-gyro", "consumer", 850005)
-    assert not found.verdict.fit
-    assert any("seems to stand in gz" in reason for reason in found.verdict.reasons)
 
 
 @pytest.mark.slow
@@ -352,15 +307,63 @@ def test_an_accelerometer_at_its_limit_in_holds_is_not_fit() -> None:
     assert any("Accelerometer z is at its limit" in reason for reason in clipped.verdict.reasons)
 
 
+@pytest.mark.parametrize(
+    ("procedure", "grade", "force", "rate"),
+    [
+        # Scale factors of such recordings were fit and up to 6 of their sigmas off.
+        ("by-hand", "consumer", 0.01, 0.1),
+        pytest.param("turntable", "industrial", 0.005, -0.05, marks=SLOW),
+    ],
+)
+def test_jumps_of_both_triads_are_said_with_place_axis_and_size(
+    procedure: str, grade: str, force: float, rate: float
+) -> None:
+    """From the middle on accelerometer y (m/s²) and gyro z (°/s) have other biases."""
+    made = played(procedure, grade, 3, **QUICK.get(procedure, {}))
+    after = np.arange(len(made.time)) >= 0.5 * len(made.time)
+    made.force[:, 1] += force * made.truth.force_unit * after
+    made.rate[:, 2] += np.radians(rate) * made.truth.rate_unit * after
+    told = procedure == "turntable"
+    said = against(calibrated(made, by_protocol=told, rate=f"{made.path.rate}±{1e-5 * made.path.rate}"))
+    middle = 0.5 * (made.time[-1] - made.time[0])
+    for triad, axis, size in (("accelerometers", "y", 1e3 * force), ("gyros", "z", rate)):
+        found = re.search(
+            rf"biases of the {triad} jump between .*?, at about (\d+) s, by .*?{axis} ([-+.\d]+) ± ([.\d]+) ",
+            said,
+        )
+        assert found is not None
+        # Between the two holds beside the middle, or one further.
+        assert abs(float(found[1]) - middle) < 0.2 * middle
+        assert float(found[2]) == pytest.approx(size, abs=5.0 * float(found[3]))
+
+
+def test_an_angle_that_another_one_could_be_blamed_for_is_not_fit(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of both ways about an axis the right one is left out: the other explains what was recorded better."""
+    from tumble.calibration import objections
+    from tumble.calibration.outcome import estimate
+
+    kept: list[estimate.JointOutcome] = []
+    monkeypatch.setattr(estimate, "say_contradictions", lambda _, outcome, __: kept.append(outcome))
+    calibrated(played("turntable", "industrial", 3, "misread", **QUICK["turntable"]), rate="25±0.00003")
+    monkeypatch.undo()
+    outcome = kept[-1]
+    rows = list(outcome.data.rotations)
+    (wrong,) = (k for k in rows if not outcome.task.taking_part["angle"][k])
+    found = estimate.joint_estimate(outcome)
+    assert not found.objections
+    # Rotations go both ways about an axis one after the other.
+    right = rows[rows.index(wrong) ^ 1]
+    task = outcome.task.copy()
+    task.taking_part["angle"][[wrong, right]] = True, False
+    masked = replace(outcome, task=task, balanced=replace(outcome.balanced, solution=solve(task)))
+    objections.say_contradictions(found, masked, [])
+    said = " ".join(found.objections)
+    names = [outcome.data.rotations[k].name for k in (right, wrong)]
+    assert f"The angle of {names[0]} contradicts the rest and was left out." in said
+    assert f"Were that of {names[1]} wrong" in said
+
+
 def test_turns_that_nothing_checks_are_named() -> None:
     """Five turns for nine numbers and five headings: one of which samples were lost was 10 sigmas off, unsaid."""
-    found = quickly("six-faces", "dropped", "consumer", 910004)
+    found = calibrated(played("six-faces", "consumer", 910004, "dropped"), rate="100±0.0001")
     assert any("rest on 5 turns, and nothing checks them" in reason for reason in found.verdict.reasons)
-
-
-@pytest.mark.slow
-def test_an_angle_left_out_for_little_is_no_objection() -> None:
-    """Some arc-seconds, as biases that wander put gravity off: the result is the same without any of the angles."""
-    made = played("turntable", "automotive", 904000)
-    rate = f"{made.path.rate}±{2e-5 * made.path.rate}"
-    assert calibrated(made, rate=rate).verdict.fit
