@@ -31,7 +31,6 @@ MODEL = ImuModel(
     ),
     1e-4 * np.array([[2.0, -3.0, 1.0], [4.0, -1.0, 5.0], [-6.0, 7.0, -2.0]]),
 )  # fmt: skip
-UNKNOWN_COUNT = 36
 
 
 @dataclass(frozen=True)
@@ -88,26 +87,9 @@ def tumble_by_hand(
     return Tumbled(recording, timeline, observe_holds(recording, timeline))
 
 
-def true_unknowns() -> np.ndarray:
-    """The 36 unknowns of MODEL; the Earth rate is left at zero."""
-    from tumble.calibration.equations.triad_unknowns import unknowns_from_triad
-
-    values = np.zeros(UNKNOWN_COUNT)
-    values[:12] = unknowns_from_triad(MODEL.accelerometer)
-    values[12:21], values[21:24] = MODEL.gyroscope.matrix.ravel(), MODEL.gyroscope.bias
-    values[24:33] = MODEL.g_sensitivity.ravel()
-    return values
-
-
 @pytest.fixture(scope="session")
 def tumbled() -> Tumbled:
     return tumble_by_hand()
-
-
-@pytest.fixture(scope="session")
-def quiet() -> Tumbled:
-    """As good as without noise."""
-    return tumble_by_hand(noise=(1e-9, 1e-11))
 
 
 @pytest.fixture(scope="session")
@@ -136,10 +118,3 @@ def site() -> Site:
 @pytest.fixture(scope="session")
 def model() -> ImuModel:
     return MODEL
-
-
-@pytest.fixture(scope="session")
-def truth() -> np.ndarray:
-    values = true_unknowns()
-    values.setflags(write=False)
-    return values

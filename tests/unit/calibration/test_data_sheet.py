@@ -60,16 +60,13 @@ def test_six_faces_alone_are_too_few_and_suffice_with_a_sheet() -> None:
     assert np.all(np.abs(errors[6:]) < 5.0 * NOISE / np.sqrt(2.0))
     assert np.all(np.abs(errors[[0, 2, 5]]) < 5.0 * NOISE / 9.8 / np.sqrt(2.0) + 1e-7)
     assert np.all(np.abs(errors[[1, 3, 4]]) < 5.0 * np.sqrt(2.0) * 100e-6)
-
-
-def test_what_six_faces_leave_to_the_sheet_is_said() -> None:
-    """Faces show biases and scale factors; the angles keep the sheet's zero and the sheet's sigma."""
-    estimate = calibrate(tumbled_in(FACES))
-    told = [r for r in estimate.remarks if "next to nothing" in r]
-    assert len(told) == 1
-    assert "non-orthogonality yz, non-orthogonality zx, non-orthogonality zy" in told[0]
-    assert "bias" not in told[0]
+    # Faces show biases and scale factors; the angles keep the sheet's zero and the sheet's sigma.
+    (told,) = [r for r in estimate.remarks if "next to nothing" in r]
+    assert "non-orthogonality yz, non-orthogonality zx, non-orthogonality zy" in told
+    assert "bias" not in told
     assert estimate.objections == ()
+    with pytest.raises(UsageError, match="--units"):
+        calibrate(tumbled_in(FACES, unit="counts"))
 
 
 def test_with_26_poses_the_sheet_says_nothing_and_nothing_is_said() -> None:
@@ -151,11 +148,6 @@ def test_a_fleet_in_counts_serves_counts_and_no_other_unit() -> None:
     with pytest.raises(UsageError, match="in its own raw units"):
         fleet.prior("accelerometer", "g")
     assert fleet.prior("gyroscope", "counts") is None
-
-
-def test_counts_have_no_data_sheet() -> None:
-    with pytest.raises(UsageError, match="--units"):
-        calibrate(tumbled_in(twenty_six_directions(), unit="counts"))
 
 
 @pytest.mark.parametrize("sheet", [True, False])

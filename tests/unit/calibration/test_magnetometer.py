@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 
@@ -30,7 +31,7 @@ from tumble.calibration.magnetometer.field_equations import (
     field_means,
     start_field,
 )
-from tumble.calibration.magnetometer.verdict import judge_magnetometer
+from tumble.calibration.magnetometer.verdict import FieldVerdict, judge_magnetometer
 from tumble.calibration.outcome.estimate import JointOutcome
 from tumble.calibration.session import Options, Session
 from tumble.errors import ObservabilityError
@@ -83,13 +84,6 @@ def plain() -> tuple[Seen, Magnetometer]:
     return one, estimated(one)
 
 
-def adjusted(one: Seen) -> FieldAdjustment:
-    outcome = simulated()[1]
-    task = FieldAdjustment.of(outcome.task, field_means(one.time, one.values, outcome.data.base))
-    start_field(task)
-    return task
-
-
 def off(made: Magnetometer, one: Seen) -> np.ndarray:
     true = one.matrix("accelerometer-x") * (one.norm if made.field_unit == LOCAL else 1e6)
     return np.concatenate([(made.triad.matrix - true).ravel(), made.triad.bias - one.magnetometer.hard_iron])
@@ -128,27 +122,6 @@ def test_a_bent_field_is_said_and_its_norm_is_less_certain() -> None:
     assert float(spread[0]) == pytest.approx(float(made.triad.matrix[0, 0]) * np.radians(4.0), rel=0.1)
 
 
-def test_a_norm_that_the_unit_contradicts_is_said() -> None:
-    one = seen(counts=1.15, step=0.0)
-    remarks = judge_magnetometer(estimated(one, GIVEN, "uT"), 0.8).remarks
-    assert any("is another one" in remark for remark in remarks)
-    fitting = judge_magnetometer(estimated(seen(counts=1.0, step=0.0), GIVEN, "uT"), 0.8)
-    assert not any("is another one" in remark for remark in fitting.remarks)
-
-
-def test_a_saturated_magnetometer_is_named_and_a_coarse_one_is_not() -> None:
-    one = seen()
-    limit = 0.8 * float(np.abs(one.values).max())
-    clipped = MagneticField(one.time, np.clip(one.values, -limit, limit), "counts")
-    verdict = judge_magnetometer(magnetometer_from_holds(simulated()[1], clipped), 0.8)
-    assert verdict.use != "fit"
-    assert verdict.reasons[0].startswith("The magnetometer sticks at its limits")
-    # Numbers so coarse that a hold repeats them: its largest is one attitude's, and no limit.
-    coarse = np.round(one.values / 40.0)
-    assert limits_reached(coarse) == []
-    assert limits_reached(clipped.values)
-
-
 def test_an_axis_that_never_changes_is_named() -> None:
     one = seen()
     dead = one.values.copy()
@@ -159,76 +132,11 @@ def test_an_axis_that_never_changes_is_named() -> None:
                 magnetometer_of(outcome, MagneticField(one.time, values, "counts"))
 
 
-def test_gravity_is_no_magnetic_field() -> None:
-    """Columns of an accelerometer, as a magnetometer's: their field is along gravity, and shows no heading."""
-    rng = np.random.default_rng(4)
-    one = see(simulated()[0], draw_magnetometer(rng), rng, dip=0.5 * np.pi)
-    verdict = judge_magnetometer(estimated(one))
-    assert verdict.use == "not fit"
-    assert "along gravity" in verdict.reasons[0]
-
-
-def test_derivatives_are_those_of_differences() -> None:
-    task = adjusted(seen())
-    layout = task.unknowns.layout
-    chosen = layout.indices(IN_ROOM, ON_UNIT)
-    task.unknowns = task.unknowns.with_free(np.union1d(task.unknowns.free, chosen))
-    task.unknowns.values[chosen] = [0.02, -0.03, 0.01, 1.0, -2.0, 3.0]
-    task.course = np.linspace(0.0, 1.0, task.data.holds)
-    equations = FieldSeen(task.sections[0], 0)
-    (linear,) = equations.linearise(task)
-    own = layout.indices("magnetometer.matrix", "magnetometer.bias", "field.dip", "field.azimuth")
-    for index in [*own.tolist(), *chosen.tolist()]:
-        step = 1e-5 * max(abs(task.unknowns.values[index]), 1.0)
-        apart: list[np.ndarray] = []
-        for sign in (1.0, -1.0):
-            moved = task.copy()
-            moved.unknowns.values[index] += sign * step
-            apart.append(FieldSeen(moved.sections[0], 0).linearise(moved)[0].residual)
-        place = 3 + int(np.searchsorted(task.unknowns.free, index))
-        expected: np.ndarray = (apart[0] - apart[1]) / (2.0 * step)
-        np.testing.assert_allclose(linear.by_border[:, :, place], expected, rtol=1e-6, atol=1e-6)
-    for part in range(NODE):
-        apart: list[np.ndarray] = []
-        for sign in (1.0, -1.0):
-            moved = task.copy()
-            vector = np.zeros(3)
-            vector[part % 3] = sign * 1e-5
-            C = moved.sections[0].C_wb
-            C[:, part // 3] = matrices_from_rotation_vectors(vector[None]) @ C[:, part // 3]
-            apart.append(FieldSeen(moved.sections[0], 0).linearise(moved)[0].residual)
-        np.testing.assert_allclose(
-            linear.by_node[:, :, part], (apart[0] - apart[1]) / 2e-5, rtol=1e-4, atol=1e-3
-        )
-
-
 def test_a_hold_beside_iron_is_named() -> None:
     made = estimated(seen(wrong=Disturbance(iron={11: np.array([4.0, -2.0, 1.0])})))
     assert [left.index for left in made.left_out] == [11]
     assert "iron" in made.left_out[0].reason
     assert judge_magnetometer(made, 0.8).use == "fit"
-
-
-def test_a_current_that_is_switched_on_is_told_with_its_time_and_size() -> None:
-    made = simulated()[0]
-    holds = [step for step in made.path.steps if step.kind == "hold"]
-    current = np.array([1.0, 0.6, -0.8])
-    told = estimated(seen(wrong=Disturbance(current=current, since=holds[12].stop + 0.1)))
-    assert told.moving.where == "room"
-    assert told.moving.before == 12
-    assert told.moving.share == pytest.approx(np.linalg.norm(current) / 49.2, rel=0.1)
-    verdict = judge_magnetometer(told)
-    assert verdict.use == "fit with reservations"
-    assert any("after hold 13" in reason for reason in verdict.reasons)
-
-
-def test_a_current_on_the_unit_is_told_from_one_in_the_room() -> None:
-    one = seen()
-    values = one.values.copy()
-    values[one.time > one.time[len(values) // 2]] += [6.0, -9.0, 12.0]
-    told = estimated(replace(one, values=values))
-    assert told.moving.where == "unit"
-    assert "hard iron" in judge_magnetometer(told).reasons[0]
 
 
 def test_a_field_that_differs_from_place_to_place_is_in_the_uncertainty() -> None:
@@ -281,28 +189,6 @@ def test_axes_that_are_swapped_are_said_and_mirrored_ones_are_not_fit() -> None:
     assert any("southern hemisphere" in reason and "--site" in reason for reason in anywhere.reasons)
 
 
-def test_a_norm_that_is_no_fields_of_the_earth_is_not_fit() -> None:
-    made = estimated(seen(counts=1.0, step=0.1), unit="gauss")
-    verdict = judge_magnetometer(made)
-    assert verdict.use == "not fit"
-    assert "µT in the recording" in verdict.reasons[0]
-    assert "--units" in verdict.reasons[0]
-
-
-def test_a_scale_that_no_unit_has_is_not_fit_and_one_that_a_place_may_have_is_reserved() -> None:
-    # The simulator's magnetometer has one count per µT; the norm that is given is 49.2 µT.
-    one = seen(counts=1.0, step=0.1)
-    for unit, factor, use in (
-        ("gauss", 1.0, "not fit"),
-        ("uT", 2.2, "not fit"),
-        ("uT", 1.6, "fit with reservations"),
-        ("uT", 1.0, "fit"),
-    ):
-        verdict = judge_magnetometer(estimated(replace(one, values=factor * one.values), GIVEN, unit), 0.8)
-        assert verdict.use == use, (unit, factor)
-        assert (use == "fit") != any("The mean scale factor is" in reason for reason in verdict.reasons)
-
-
 def test_the_norm_is_given_or_the_units_own() -> None:
     one = seen(counts=1.0, step=0.1)
     free, given = estimated(one, unit="uT"), estimated(one, GIVEN, "uT")
@@ -322,3 +208,103 @@ def test_a_hold_without_samples_takes_no_part() -> None:
     keep = (one.time < first) | (one.time > last)
     made = magnetometer_from_holds(outcome, MagneticField(one.time[keep], one.values[keep], "counts"))
     assert 4 not in [hold.hold for hold in made.holds]
+
+
+def verdict_of(values: np.ndarray, given: GivenField | None = None, unit: str = "counts") -> FieldVerdict:
+    one = seen()
+    return judge_magnetometer(estimated(replace(one, values=values), given, unit), 0.8)
+
+
+def test_a_saturated_magnetometer_is_named_and_a_coarse_one_is_not() -> None:
+    values = seen().values
+    limit = 0.8 * float(np.abs(values).max())
+    verdict = verdict_of(np.clip(values, -limit, limit))
+    assert verdict.use != "fit"
+    assert verdict.reasons[0].startswith("The magnetometer sticks at its limits")
+    # Numbers so coarse that a hold repeats them: its largest is one attitude's, and no limit.
+    assert limits_reached(np.round(values / 40.0)) == []
+
+
+def test_gravity_is_no_magnetic_field() -> None:
+    """Columns of an accelerometer, as a magnetometer's: their field is along gravity, and shows no heading."""
+    rng = np.random.default_rng(4)
+    verdict = judge_magnetometer(estimated(see(simulated()[0], draw_magnetometer(rng), rng, dip=0.5 * np.pi)))
+    assert verdict.use == "not fit"
+    assert "along gravity" in verdict.reasons[0]
+
+
+@pytest.mark.parametrize(
+    ("given", "unit", "factor", "use", "said"),
+    [
+        # The simulator's magnetometer has one count per µT; the norm that is given is 49.2 µT.
+        (None, "gauss", 1.0, "not fit", "µT in the recording"),
+        (GIVEN, "gauss", 1.0, "not fit", "The mean scale factor is"),
+        (GIVEN, "uT", 2.2, "not fit", "The mean scale factor is"),
+        (GIVEN, "uT", 1.6, "fit with reservations", "The mean scale factor is"),
+        (GIVEN, "uT", 1.15, "fit", "is another one"),
+        (GIVEN, "uT", 1.0, "fit", None),
+    ],
+)
+def test_norms_and_scales_that_no_field_or_unit_has_are_not_fit(
+    given: GivenField | None, unit: str, factor: float, use: str, said: str | None
+) -> None:
+    verdict = verdict_of(factor * seen(counts=1.0, step=0.1).values, given, unit)
+    assert verdict.use == use
+    every = " ".join([*verdict.reasons, *verdict.remarks])
+    assert (said or "") in every
+    assert ("The mean scale factor is" in every) == (use != "fit" and given is not None)
+    assert ("is another one" in every) == (factor == 1.15) or use != "fit"
+
+
+def test_a_current_is_told_with_its_time_and_size_and_one_on_the_unit_from_one_in_the_room() -> None:
+    holds = [step for step in simulated()[0].path.steps if step.kind == "hold"]
+    current = np.array([1.0, 0.6, -0.8])
+    told = estimated(seen(wrong=Disturbance(current=current, since=holds[12].stop + 0.1)))
+    assert (told.moving.where, told.moving.before) == ("room", 12)
+    assert told.moving.share == pytest.approx(np.linalg.norm(current) / 49.2, rel=0.1)
+    verdict = judge_magnetometer(told)
+    assert verdict.use == "fit with reservations"
+    assert any("after hold 13" in reason for reason in verdict.reasons)
+    one = seen()
+    values = one.values.copy()
+    values[len(values) // 2 + 1 :] += [6.0, -9.0, 12.0]
+    told = estimated(replace(one, values=values))
+    assert told.moving.where == "unit"
+    assert "hard iron" in judge_magnetometer(told).reasons[0]
+
+
+def test_derivatives_are_those_of_differences() -> None:
+    outcome, one = simulated()[1], seen()
+    task = FieldAdjustment.of(outcome.task, field_means(one.time, one.values, outcome.data.base))
+    start_field(task)
+    layout = task.unknowns.layout
+    chosen = layout.indices(IN_ROOM, ON_UNIT)
+    task.unknowns = task.unknowns.with_free(np.union1d(task.unknowns.free, chosen))
+    task.unknowns.values[chosen] = [0.02, -0.03, 0.01, 1.0, -2.0, 3.0]
+    task.course = np.linspace(0.0, 1.0, task.data.holds)
+    (linear,) = FieldSeen(task.sections[0], 0).linearise(task)
+
+    def difference(move: Callable[[FieldAdjustment, float], None], step: float) -> np.ndarray:
+        apart: list[np.ndarray] = []
+        for sign in (1.0, -1.0):
+            moved = task.copy()
+            move(moved, sign * step)
+            apart.append(FieldSeen(moved.sections[0], 0).linearise(moved)[0].residual)
+        return (apart[0] - apart[1]) / (2.0 * step)
+
+    own = layout.indices("magnetometer.matrix", "magnetometer.bias", "field.dip", "field.azimuth")
+    for index in [*own.tolist(), *chosen.tolist()]:
+
+        def add(moved: FieldAdjustment, step: float, index: int = index) -> None:
+            moved.unknowns.values[index] += step
+
+        expected = difference(add, 1e-5 * max(abs(task.unknowns.values[index]), 1.0))
+        place = 3 + int(np.searchsorted(task.unknowns.free, index))
+        np.testing.assert_allclose(linear.by_border[:, :, place], expected, rtol=1e-6, atol=1e-6)
+    for part in range(NODE):
+
+        def turn(moved: FieldAdjustment, step: float, part: int = part) -> None:
+            C = moved.sections[0].C_wb
+            C[:, part // 3] = matrices_from_rotation_vectors(step * np.eye(3)[[part % 3]]) @ C[:, part // 3]
+
+        np.testing.assert_allclose(linear.by_node[:, :, part], difference(turn, 1e-5), rtol=1e-4, atol=1e-3)

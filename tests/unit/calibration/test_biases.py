@@ -1,94 +1,28 @@
-"""Jumps and drifts of biases: found where they are, with their size, and counted; what jumps unseen is said."""
+"""Jumps and drifts of biases: found where they are, and counted; what jumps unseen is said."""
 
 from __future__ import annotations
 
 import re
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
+from tests.unit.adjusted import adjusted
 
-from second_simulator.calibrating import calibrated, played
-from tumble.calibration import Session
-from tumble.calibration.checks.suspicions import TriadBiases, find_courses, hidden_jumps
-from tumble.calibration.equations.adjustment import JointAdjustment
-from tumble.calibration.equations.causes import FORCE_WANDER, RATE_WANDER
-from tumble.calibration.outcome import estimate
+from tumble.calibration import Estimate, Session
+from tumble.calibration.checks.suspicions import hidden_jumps
 from tumble.document import Calibration, read_calibration
-from tumble.earth import Site
-from tumble.estimation.alternatives import Found
+from tumble.earth import EARTH_RATE, Site
 from tumble.protocol import named_protocol
-from tumble.simulation import find_grade, simulate_protocol
+from tumble.recording import Recording
+from tumble.segmentation import Hold, NoiseFloor, Timeline, Turn
+from tumble.sensor import ImuModel
+from tumble.simulation import Motion, find_grade, simulate_protocol, simulate_recording
 from tumble.workflows.calibrate import calibrate
 from tumble.workflows.procedures import run_procedure
 from tumble.workflows.simulate import simulate
-
-BOTH = [FORCE_WANDER, RATE_WANDER]
-TABLE = {"seconds": 10.0, "rate": 25.0}
-
-
-@cache
-def settled(procedure: str, grade: str, force: float = 0.0, rate: float = 0.0) -> JointAdjustment:
-    """From the middle on accelerometer y (m/s²) and gyro z (°/s) have other biases; the adjustment as it settles."""
-    made = played(procedure, grade, 3, **(TABLE if procedure == "turntable" else {}))
-    after = np.arange(len(made.time)) >= 0.5 * len(made.time)
-    made.force[:, 1] += force * made.truth.force_unit * after
-    made.rate[:, 2] += np.radians(rate) * made.truth.rate_unit * after
-    kept: list[JointAdjustment] = []
-
-    def keep(task: JointAdjustment, _: list[str]) -> list[tuple[TriadBiases, Found]]:
-        kept.append(task)
-        return []
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(estimate, "find_courses", keep)
-        calibrated(
-            made, by_protocol=procedure == "turntable", rate=f"{made.path.rate}±{1e-5 * made.path.rate}"
-        )
-    return kept[-1]
-
-
-@pytest.mark.parametrize(("procedure", "grade"), [("by-hand", "consumer"), ("turntable", "industrial")])
-def test_biases_that_only_wander_do_neither(procedure: str, grade: str) -> None:
-    assert not find_courses(settled(procedure, grade), BOTH)
-
-
-@pytest.mark.parametrize(
-    ("procedure", "grade", "force", "rate"),
-    [("by-hand", "consumer", 0.01, 0.1), ("turntable", "industrial", 0.005, -0.05)],
-)
-def test_jumps_of_both_triads_are_found_with_place_axis_and_size(
-    procedure: str, grade: str, force: float, rate: float
-) -> None:
-    task = settled(procedure, grade, force, rate)
-    found = {triad.name: (triad, one) for triad, one in find_courses(task, BOTH)}
-    assert sorted(found) == ["accelerometers", "gyros"]
-    middle = 0.5 * float(task.data.base.time[0] + task.data.base.time[-1])
-    matrices = {"accelerometers": task.unknowns["force.scale"][1], "gyros": task.unknowns["gyro.matrix"][8]}
-    for (name, axis), size in {("accelerometers", 1): force, ("gyros", 2): np.radians(rate)}.items():
-        triad, one = found[name]
-        assert one.alternative is triad.jumps
-        course = triad.course(one)
-        # Between the two holds beside the middle, or one further.
-        assert abs(course.since - middle) < 0.1 * middle
-        scale = float(matrices[name])
-        assert course.size[axis] / scale == pytest.approx(size, abs=5.0 * one.sigma[axis] / abs(scale))
-
-
-@pytest.mark.parametrize(("procedure", "grade"), [("by-hand", "consumer"), ("turntable", "industrial")])
-def test_one_bias_all_along_is_the_bias_itself_and_no_suspicion(procedure: str, grade: str) -> None:
-    """Of a constant nothing is left; on tables, where the gyros also turn the windows' force, a thousandth."""
-    from tumble.estimation.alternatives import _scores
-
-    task = settled(procedure, grade)
-    for source in BOTH:
-        scores = _scores(task, TriadBiases(task, source).jumps.suspect)
-        places, axes = scores.score.shape
-        constant = np.kron(np.ones((places, 1)), np.eye(axes))
-        left = constant.T @ scores.covariance @ constant
-        assert np.all(np.abs(left) < 2e-3 * np.trace(scores.covariance))
 
 
 def test_jumps_are_hidden_where_all_faces_up_come_before_all_faces_down() -> None:
@@ -150,3 +84,56 @@ def test_gyros_that_fade_by_much_keep_their_g_sensitivity() -> None:
     found, _ = run_procedure(session, "hand-held")
     assert any("biases of the gyros drift" in said for said in found.cautions)
     assert found.model.g_sensitivity == pytest.approx(truth.model.g_sensitivity, abs=1e-4)
+
+
+HOLDS, SIDE = 20, 10
+NORTH = Site(9.83, 0.0, float(np.radians(75.0)), 0.0, "as simulated")
+NOISE = (1e-3, 1e-5)
+JUMP = np.radians(0.03)
+
+
+@pytest.fixture(scope="module")
+def turned_over(model: ImuModel) -> Recording:
+    """Ten holds with z within 60° of up, then ten with z down; a good gyro sees the Earth in each of them."""
+    rng = np.random.default_rng(3)
+    lean = Rotation.from_rotvec(np.radians(60.0) * rng.uniform(-0.6, 0.6, (HOLDS, 3)) * [1, 1, 3])
+    over = Rotation.from_rotvec(np.outer(np.arange(HOLDS) < SIDE, [np.pi, 0.0, 0.0]))
+    motion = Motion.between_poses(over * lean, np.full(HOLDS, 3.0), np.full(HOLDS - 1, 2.0))
+    recording, _ = simulate_recording(
+        motion, 100.0, rng, site=NORTH, distort=replace(model, g_sensitivity=None).distort
+    )
+    return replace(
+        recording,
+        specific_force=recording.specific_force
+        + NOISE[0] * rng.standard_normal(recording.specific_force.shape),
+        angular_rate=recording.angular_rate + NOISE[1] * rng.standard_normal(recording.angular_rate.shape),
+    )
+
+
+def calibrated(recording: Recording) -> Estimate:
+    found = tuple(Hold(500 * k, 500 * k + 300) for k in range(HOLDS))
+    turns = tuple(Turn(k, k + 1, 500 * k + 300, 500 * (k + 1)) for k in range(HOLDS - 1))
+    floor = NoiseFloor(np.full(3, NOISE[0]), np.full(3, NOISE[1]), 1.0, "as simulated")
+    timeline = Timeline(found, turns, (), floor)
+    return adjusted(recording, timeline, NORTH, optional_terms=False)
+
+
+def test_the_earth_is_no_jump(turned_over: Recording) -> None:
+    """It steps by twice its part along z, 0.008 °/s of a mean of 1e-5 / sqrt(300) rad/s = 3e-5 °/s."""
+    seen = np.asarray(turned_over.angular_rate)[:, 2]
+    means = np.array([seen[500 * k : 500 * k + 300].mean() for k in range(HOLDS)])
+    assert abs(means[:SIDE].mean() - means[SIDE:].mean()) > EARTH_RATE
+    estimate = calibrated(turned_over)
+    assert not [said for said in (*estimate.objections, *estimate.cautions) if "biases of the" in said]
+
+
+def test_a_jump_beyond_the_earth_is_told_with_its_place_and_size(
+    turned_over: Recording, model: ImuModel
+) -> None:
+    rate = np.array(turned_over.angular_rate)
+    rate[500 * 12 :] += model.gyroscope.matrix @ [0.0, JUMP, 0.0]
+    estimate = calibrated(replace(turned_over, angular_rate=rate))
+    said = next(objection for objection in estimate.objections if "jump" in objection)
+    assert "The biases of the gyros jump between hold 12 and hold 13" in said
+    size, sigma = re.search(r"y ([-+.\d]+) ± ([.\d]+)", said).groups()
+    assert float(size) == pytest.approx(np.degrees(JUMP), abs=4.0 * float(sigma))

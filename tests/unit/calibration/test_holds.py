@@ -1,29 +1,45 @@
-"""A pose that sways within a hold: what the gyros tell of it, and that the hold is named, with what to do."""
+"""Holds: hands that tremble, poses that sway within one, poses that are believed, and holds that are left out."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy.ndimage import uniform_filter1d
 from tests.unit.adjusted import adjusted
 
 from tumble.calibration import Estimate
 from tumble.calibration.equations.adjustment import balance_recording
-from tumble.calibration.equations.hold_equations import Swing
-from tumble.calibration.equations.observed import hold_swings
+from tumble.calibration.equations.believed_poses import LEAST_SIGMA, believed_poses
+from tumble.calibration.equations.gathering import gather
+from tumble.calibration.equations.imu_unknowns import imu_unknowns, unknowns_of
 from tumble.calibration.equations.turn import HoldsAndTurns
 from tumble.calibration.evidence import RestlessHold
 from tumble.calibration.outcome.estimate import restless_remarks
+from tumble.protocol.steps import HoldStep, Pose, Protocol, SpinStep, TurnStep
 from tumble.report.evidence.residuals import restless
 from tumble.report.page import Table
+from tumble.segmentation import NoiseFloor, observe_holds
+from tumble.segmentation.matching import MatchedHold, Matching
 
 
-@pytest.fixture(scope="module")
-def base(play: Any) -> HoldsAndTurns:
-    """Holds without noise."""
-    return play(noise=(1e-9, 1e-11), holds=6).data()
+@pytest.mark.parametrize("samples", [1, 5])
+def test_a_hand_is_no_noise_of_the_sensors(play: Callable[..., Any], model: Any, samples: int) -> None:
+    """A tremor of ten times a gyro's noise, which a filter may cut at 9 Hz, a sway of five times what a mean shows."""
+    still = play()
+    force, rate, time = still.recording.specific_force, still.recording.angular_rate, still.recording.time
+    for rest in [slice(hold.start, hold.stop) for hold in still.timeline.holds]:
+        rate[rest] = uniform_filter1d(rate[rest], samples, axis=0)
+    trembling = rate + 0.02 * np.sin(2.0 * np.pi * 9.0 * time[:, None] + [0.0, 1.0, 2.0])
+    swaying = force + np.sin(2.0 * np.pi * 0.4 * time)[:, None] * np.cross(force, [[3e-4, 0.0, 4e-4]])
+    recording = replace(still.recording, specific_force=swaying, angular_rate=trembling)
+    timeline = replace(still.timeline, noise_floor=NoiseFloor(np.full(3, 0.02), np.full(3, 0.008), 1.0, ""))
+    made = gather(recording, timeline, observe_holds(recording, timeline), imu_unknowns(unknowns_of(model)))
+    assert np.all(np.abs(np.log(made.rate_random_walk / (2e-3**2 / 100.0))) < 0.4)
+    assert np.all(np.abs(np.log(made.force_covariance[:, range(3), range(3)] / (0.02**2 / 300.0))) < 0.5)
 
 
 def nodding(base: HoldsAndTurns, hold: int, angle: float, axis: int) -> HoldsAndTurns:
@@ -33,50 +49,6 @@ def nodding(base: HoldsAndTurns, hold: int, angle: float, axis: int) -> HoldsAnd
     rate = base.raw_rate.copy()
     rate[first:last, axis] += angle * np.pi / seconds * np.cos(np.linspace(0.0, np.pi, last - first))
     return replace(base, raw_rate=rate)
-
-
-def test_a_steady_rate_is_no_swing(base: HoldsAndTurns) -> None:
-    swings = hold_swings(base, np.zeros(3))
-    biased = hold_swings(replace(base, raw_rate=base.raw_rate + np.array([0.3, -0.2, 0.1])), np.zeros(3))
-    np.testing.assert_allclose(biased.value, swings.value, atol=1e-12)
-
-
-@pytest.mark.parametrize("axis", [0, 1, 2])
-def test_a_nod_is_seen_with_its_sign(base: HoldsAndTurns, axis: int) -> None:
-    """Of ``a sin(pi t / T)`` the middle's mean is between its peak and the mean of the whole, 2/pi of it.
-
-    A sum over some 200 samples, both ends whole, is a hundredth more than the integral.
-    """
-    before, after = (hold_swings(data, np.zeros(3)).value for data in (base, nodding(base, 2, 1e-3, axis)))
-    seen = after - before
-    assert 2e-3 / np.pi < seen[2, axis] < 1.01e-3
-    seen[2, axis] = 0.0
-    np.testing.assert_allclose(seen, 0.0, atol=1e-12)
-
-
-def test_its_variance_is_that_of_drawn_noise(base: HoldsAndTurns) -> None:
-    """White rates of 2, 3 and 5 raw/s a sample; 400 draws of 6 holds tell a sigma to 1.5 %, of which 5."""
-    rng, sigma = np.random.default_rng(8), np.array([2.0, 3.0, 5.0])
-    step = float(np.median(np.diff(base.time)))
-    noisy = replace(base, rate_random_walk=sigma**2 * step)
-    drawn = np.array(
-        [
-            hold_swings(
-                replace(noisy, raw_rate=sigma * rng.standard_normal(base.raw_rate.shape)), np.zeros(3)
-            ).value
-            for _ in range(400)
-        ]
-    )
-    stated = np.diagonal(hold_swings(noisy, np.zeros(3)).covariance, axis1=1, axis2=2)
-    np.testing.assert_allclose(np.sqrt(np.mean(drawn**2 / stated, axis=(0, 1))), 1.0, atol=0.075)
-
-
-def test_without_a_rate_there_is_no_swing(base: HoldsAndTurns, started: Any) -> None:
-    """Of a recording without gyros the rates are zeros, which would say that nothing ever sways."""
-    task = started(base)
-    task.taking_part["rate"][[1, 4]] = False
-    (linear,) = Swing(task.sections[0]).linearise(task)
-    assert linear.active.tolist() == [True, False, True, True, False, True]
 
 
 def test_gyros_that_see_holds_swing_are_believed_where_accelerometers_scatter_too_much_to_tell(
@@ -127,19 +99,47 @@ def test_the_hold_is_named_with_its_time_and_its_sway(leaning: Estimate) -> None
     (said,) = [remark for remark in leaning.remarks if "rest alike" in remark]
     assert "hold 5 (20.0 to 23.0 s)" in said
     assert "record it again" in said
-
-
-def test_the_report_lists_it(leaning: Estimate) -> None:
     (table,) = (block for block in restless(leaning.holds) if isinstance(block, Table))
     assert table.rows[0][:2] == ["5", "20.0 to 23.0"]
-    assert restless(replace(leaning.holds, restless=())) == []
 
 
 def test_of_many_the_worst_are_named_in_their_order() -> None:
     holds = [RestlessHold(k, 10.0 * k, 10.0 * k + 5.0, 1e-3 * (k + 1), 2e-4) for k in range(8)]
     (said,) = restless_remarks(holds)
     assert "the worst of 8" in said
-    named = [word for word in range(1, 9) if f"hold {word} (" in said]
-    assert named == [4, 5, 6, 7, 8]
+    assert [word for word in range(1, 9) if f"hold {word} (" in said] == [4, 5, 6, 7, 8]
     assert "40 times as much as the others" in said
-    assert not restless_remarks([])
+
+
+def test_what_was_left_out_before_the_terms_were_tried_is_told(play: Any, site: Any) -> None:
+    """A hold is pushed by 0.2 m/s², a turn's gyro is off by 3 °/s; a g-sensitivity that is there is kept besides."""
+    tumbled = play(noise=(1e-3, 1e-4), holds=26)
+    force, rate = tumbled.recording.specific_force.copy(), tumbled.recording.angular_rate.copy()
+    force[2000:2300, 0] += 0.2
+    rate[3300:3500, 0] += 0.05
+    recording = replace(tumbled.recording, specific_force=force, angular_rate=rate)
+    estimate = adjusted(recording, tumbled.timeline, site)
+    assert [test.name for test in estimate.terms if test.kept] == ["g_sensitivity"]
+    assert {(left.kind, left.index) for left in estimate.left_out} == {("hold", 4), ("turn", 6)}
+
+
+def test_a_unit_that_stays_on_its_table_is_placed_once_and_loose_poses_tell_nothing() -> None:
+    up, sigma = np.array([0.0, 0.0, 1.0]), 0.001
+    pose = Pose(up, None, sigma)
+    steps = (
+        HoldStep(5.0, pose),
+        SpinStep(5.0, 1.0),
+        HoldStep(5.0, pose),
+        TurnStep(2.0),
+        HoldStep(5.0, Pose(np.array([1.0, 0.0, 0.0]), 0.5, 0.0)),
+        TurnStep(2.0),
+        HoldStep(5.0, Pose(np.array([0.0, 1.0, 0.0]), None, 0.2)),
+        TurnStep(2.0),
+        HoldStep(5.0),
+    )
+    holds = tuple(MatchedHold(step, hold) for hold, step in enumerate((0, 2, 4, 6, 8)))
+    poses = believed_poses(Protocol("mine", "joint", steps), Matching(holds, (), (), ()))
+    assert poses.hold.tolist() == [0, 2]
+    assert poses.has_heading.tolist() == [False, True]
+    np.testing.assert_allclose(poses.sigma, [sigma, LEAST_SIGMA])
+    np.testing.assert_allclose(poses.C_nf[1].T @ [0.0, 0.0, -1.0], [1.0, 0.0, 0.0], atol=1e-12)

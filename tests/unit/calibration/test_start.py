@@ -1,4 +1,4 @@
-"""Start values, axes and lag: from nothing known to something to adjust from."""
+"""Start values, axes, lag and place: from nothing known to something to adjust from."""
 
 from __future__ import annotations
 
@@ -7,73 +7,23 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from tests.unit.adjusted import adjusted
 
-from tumble.calibration.checks.scores import hold_norm_errors, score_turns
+from tumble.calibration.checks.scores import score_turns
 from tumble.calibration.checks.triad_agreement import estimate_time_lag, refuse_contradicting_axes
-from tumble.calibration.equations.triad_unknowns import rough_gyro_matrix, rough_triad
-from tumble.calibration.poses import twenty_six_directions
+from tumble.calibration.equations.gathering import gather
 from tumble.calibration.prior import stable_knowledge
+from tumble.calibration.session import Session
 from tumble.earth import Site
-from tumble.errors import CalibrationFileError, RecordingError
+from tumble.errors import CalibrationFileError, RecordingError, SiteError
+from tumble.protocol import named_protocol
+from tumble.recording import Recording
+from tumble.segmentation import find_timeline, observe_holds
+from tumble.simulation import Motion, find_grade, poses_26, simulate_recording
 
 # Hold means of the gyros and their covariance: the power of a unit that they are in.
 MEANS = (("", 1), ("_covariance", 2))
-SCALE, BIAS = np.array([1.3, 0.7, 1.1]), np.array([0.5, -1.2, 2.0])
-
-
-@pytest.mark.parametrize("factor", [1.0, 412.0], ids=["SI", "counts"])
-def test_a_rough_triad_is_exact_where_axes_are_perpendicular(factor: float) -> None:
-    """An ellipsoid along the axes is what it fits: scale factors of 1.3 and biases of 0.2 g come out whole."""
-    raw = factor * (9.81 * twenty_six_directions() * SCALE + BIAS) + (33000.0 if factor > 1.0 else 0.0)
-    unknowns = rough_triad(raw, 9.81)
-    np.testing.assert_allclose(unknowns[3:6], factor * SCALE, rtol=1e-9)
-    np.testing.assert_allclose(
-        unknowns[:3], factor * BIAS + (33000.0 if factor > 1.0 else 0.0), rtol=1e-9, atol=1e-9
-    )
-    np.testing.assert_array_equal(unknowns[6:], 0.0)
-
-
-def test_a_rough_triad_of_six_faces_is_the_six_position_solution() -> None:
-    faces = 9.81 * np.vstack([np.eye(3), -np.eye(3)]) * SCALE + BIAS
-    unknowns = rough_triad(faces, 9.81)
-    np.testing.assert_allclose(unknowns[3:6], SCALE, rtol=1e-9)
-    np.testing.assert_allclose(unknowns[:3], BIAS, atol=1e-9)
-
-
-def gyro_start(tumbled: Any, model: Any, raw_rate: np.ndarray) -> np.ndarray:
-    recording = tumbled.recording
-    stretches = [(turn.start, turn.stop) for turn in tumbled.timeline.turns]
-    return rough_gyro_matrix(
-        *(recording.time, raw_rate, recording.specific_force, model.accelerometer),
-        *(np.mean(raw_rate[:300], axis=0), stretches),
-    )[0]
-
-
-@pytest.mark.parametrize(
-    "mixing",
-    [
-        pytest.param(np.eye(3), id="as they are"),
-        pytest.param(np.array([[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]), id="axes permuted, one reversed"),
-        pytest.param(4780.0 * np.diag([1.0, -1.0, 1.0]), id="counts, left-handed"),
-    ],
-)  # fmt: skip
-def test_a_rough_gyro_matrix_needs_no_order_no_sign_and_no_scale(
-    tumbled: Any, model: Any, mixing: np.ndarray
-) -> None:
-    """Rad/s per raw unit; within 3 % of the axes' size, whatever the columns are."""
-    raw = tumbled.recording.angular_rate @ mixing.T
-    found = gyro_start(tumbled, model, raw)
-    expected = np.linalg.inv(mixing @ model.gyroscope.matrix)
-    np.testing.assert_allclose(found, expected, atol=0.03 * np.max(np.abs(expected)))
-
-
-def test_turns_about_one_axis_only_do_not_tell_the_others(tumbled: Any, model: Any) -> None:
-    """The rates about y and z are taken away: the gyro's columns y and z hold nothing."""
-    rate = tumbled.recording.angular_rate.copy()
-    rate[:, 1:] = 0.0
-    with pytest.raises(ValueError, match=r"no turn goes about its [yz] axis"):
-        gyro_start(tumbled, model, rate)
 
 
 def test_a_contradiction_of_axes_or_units_is_told(tumbled: Any) -> None:
@@ -112,19 +62,6 @@ def test_a_lag_between_the_triads_is_found_with_its_sign(play: Any, model: Any, 
 
 def test_too_few_turns_tell_no_lag(play: Any, model: Any) -> None:
     assert estimate_time_lag(play(holds=5).data(), model) is None
-
-
-def test_the_true_model_scores_nothing_but_noise(tumbled: Any, quiet: Any, model: Any, site: Any) -> None:
-    """Without noise: the Earth turns by 7e-5 x 2 s during a turn, which a score counts as error."""
-    assert np.max(np.abs(hold_norm_errors(model, quiet.means.specific_force, site.gravity))) < 1e-8
-    scores = score_turns(model, quiet.data())
-    assert np.nanmax(scores.angle) < 2e-4
-    assert np.isnan(scores.angle[-1])
-    np.testing.assert_allclose(scores.duration[:-1], 2.0, atol=0.03)
-    wrong = replace(model, gyroscope=replace(model.gyroscope, matrix=1.01 * model.gyroscope.matrix))
-    # 1 % of a turn of a radian and more, seen across gravity.
-    assert np.sqrt(np.nanmean(score_turns(wrong, quiet.data()).angle ** 2)) > 5e-3
-    assert np.nanmax(score_turns(model, tumbled.data()).angle) < 0.01
 
 
 def test_a_prior_is_the_angles_of_the_matrix_with_their_covariance() -> None:
@@ -168,3 +105,50 @@ def test_a_unit_that_swings_round_an_elbow_is_no_gyro_of_another_unit(
     }
     found = adjusted(swung, tumbled.timeline, site, replace(tumbled.means, **held)).model.gyroscope
     np.testing.assert_allclose(found.matrix / counts, model.gyroscope.matrix, atol=0.005)
+
+
+def test_turns_of_gyros_whose_two_ways_differ_are_scored_by_the_model_that_says_so() -> None:
+    """One per cent of a turn of 90° is most of a degree; what the sensors' noise leaves is a tenth."""
+    site, grade = Site.from_latitude(0.8), find_grade("consumer-mems")
+    rng = np.random.default_rng(6)
+    headings = Rotation.from_rotvec(np.outer(rng.uniform(0.0, 6.28, 12), [0.0, 0.0, 1.0]))
+    motion = Motion.between_poses(headings * poses_26()[:12], np.full(12, 4.0), np.full(11, 2.0))
+    model = grade.simulate_model(np.random.default_rng(9))
+    plain = replace(model, gyroscope=replace(model.gyroscope, asymmetry=None))
+    crooked = replace(model, gyroscope=replace(model.gyroscope, asymmetry=np.array([0.01, -0.012, 0.008])))
+    recording, _ = simulate_recording(motion, 50.0, rng, site=site, grade=grade, distort=crooked.distort)
+    timeline = find_timeline(recording)
+    data = gather(recording, timeline, observe_holds(recording, timeline))
+
+    def missed(of: object) -> float:
+        return float(np.degrees(np.sqrt(np.nanmean(score_turns(of, data).angle ** 2))))  # type: ignore[arg-type]
+
+    assert missed(crooked) < 0.2
+    assert missed(plain) > 3.0 * missed(crooked)
+
+
+def session(gravity: float) -> Session:
+    """Of a protocol at 48°, with a gravity that the user gives."""
+    rows = np.zeros((4, 3))
+    recording = Recording(
+        time=np.arange(4.0),
+        specific_force=rows,
+        angular_rate=None,
+        specific_force_unit="m/s²",
+        angular_rate_unit="rad/s",
+        rate=1.0,
+    )
+    protocol = replace(named_protocol("six-position"), site=Site.from_latitude(np.radians(48.0), 520.0))
+    return Session(recording, protocol, given_site=Site.from_gravity(gravity))
+
+
+def test_a_gravity_beside_the_protocol_s_latitude_keeps_the_latitude() -> None:
+    site = session(9.8073).site
+    assert (site.gravity, site.height) == (9.8073, 520.0)
+    assert site.gravity_sigma == pytest.approx(0.00005 / 3**0.5)
+    assert site.latitude == np.radians(48.0)
+
+
+def test_a_gravity_that_contradicts_the_protocol_s_latitude_is_refused() -> None:
+    with pytest.raises(SiteError, match="contradicts the latitude 48°"):
+        _ = session(9.85).site

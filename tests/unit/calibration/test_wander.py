@@ -2,19 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import Any
-
 import numpy as np
 import pytest
 
-from tumble.calibration.equations.causes import FORCE_WANDER, RATE_WANDER, SOURCES
-from tumble.calibration.equations.imu_unknowns import imu_unknowns
 from tumble.calibration.equations.observed import mode_count
-from tumble.calibration.outcome.budget import recording_influences
 from tumble.estimation.equations import Drift
-from tumble.estimation.influence import Influences
-from tumble.estimation.solve import solve
 from tumble.estimation.wander import covariance_about_the_mean, faster_variance, shared_wander, wander_basis
 
 
@@ -82,54 +74,6 @@ def test_holds_wander_together_about_the_mean_of_a_drawn_1_over_f_noise() -> Non
     # neighbours go together, the beginning and the end do not
     assert found[2, 3] > 0.4 * scale[2, 3]
     assert found[0, 4] < 0.0
-
-
-@pytest.fixture(scope="module")
-def influences(play: Any, started: Any) -> Influences:
-    """Of holds whose biases wander by a tenth of a mg and a few millidegrees a second."""
-    base = play(noise=(1e-3, 1e-4), holds=12).data()
-    floors = np.array([1e-3, 2e-3, 3e-3]) ** 2, np.array([1e-4, 2e-4, 3e-4]) ** 2
-    base = replace(
-        base,
-        force_floor=floors[0],
-        rate_floor=floors[1],
-        force_covariance=base.force_covariance + np.diag(floors[0]),
-        rate_covariance=base.rate_covariance + np.diag(floors[1]),
-    )
-    task = started(base)
-    task.noise.set("sway", 1e-10)
-    solve(task)
-    return recording_influences(task)
-
-
-def test_a_bias_that_is_the_same_throughout_moves_the_bias_alone_and_by_all_of_it(
-    influences: Influences,
-) -> None:
-    for source, place in ((RATE_WANDER, "gyro.bias"), (FORCE_WANDER, "force.bias")):
-        told = [i for i in influences.each if source in i.drifts]
-        total = np.concatenate([i.gain @ i.drifts[source].by_bias for i in told]).sum(axis=0)
-        expected = np.zeros_like(total)
-        expected[imu_unknowns().places([place])] = np.eye(3)
-        np.testing.assert_allclose(total, expected, atol=1e-6)
-
-
-def test_gyro_biases_are_better_known_than_by_holds_that_wander_each_for_itself(
-    influences: Influences,
-) -> None:
-    """Twelve holds with most of the time between them cover much of what the mean over the recording is."""
-    truly = np.diag(influences.covariance)[imu_unknowns().places(["gyro.bias"])]
-    independent = truly - sum(
-        np.diag(share)[imu_unknowns().places(["gyro.bias"])] for share in influences.neighbours.values()
-    )
-    assert np.all(truly < 0.5 * independent)
-    assert np.all(np.linalg.eigvalsh(influences.covariance) > -1e-18)
-
-
-def test_the_budget_still_adds_up(influences: Influences) -> None:
-    total = sum(influences.shares(SOURCES).values())
-    np.testing.assert_allclose(
-        np.diag(np.asarray(total)), np.diag(influences.covariance), rtol=1e-6, atol=1e-20
-    )
 
 
 def test_many_stretches_are_taken_together_and_tell_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
