@@ -18,6 +18,8 @@ from .procedures import PROCEDURES
 from .recording import Place, Simulation
 from .sensors import GRADES, Grade
 
+TRIADS = ("accelerometer", "gyroscope")
+
 
 def played(
     procedure: str,
@@ -73,8 +75,17 @@ class Missed:
 
 
 def missed(found: Calibration, made: Simulation) -> Missed:
-    """Return by how much all unknowns are off the truth."""
-    terms = made.truth.terms(found.frame.name)
+    """Return by how much all unknowns are off the truth, at the temperature that they are stated for."""
+    terms, thermal = made.truth.terms(found.frame.name), made.truth.thermal
+    if thermal is not None:
+        celsius = found.temperature_celsius
+        growth = np.split(1 + (celsius - thermal.reference) * thermal.scale, 2)
+        for triad, change, grown in zip(
+            TRIADS, np.split(thermal.bias_change(celsius), 2), growth, strict=True
+        ):
+            terms[f"{triad}.bias"] = terms[f"{triad}.bias"] + change
+            terms[f"{triad}.matrix"] = terms[f"{triad}.matrix"] * grown[:, None]
+        terms["gyroscope.g_sensitivity"] = terms["gyroscope.g_sensitivity"] * growth[1][:, None]
     off, sigma = list[float](), np.sqrt(np.diag(np.array(found.covariance)))
     for name in found.covariance_parameters:
         term, _, index = name.rstrip("]").partition("[")

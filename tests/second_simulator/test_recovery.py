@@ -105,6 +105,7 @@ CASES = {
     "poses and spins": Case("modified-multi-position", "industrial", SENSITIVE, {"rate": 25.0}, runs=2),
     "a turntable": Case("turntable", "industrial", SENSITIVE, QUICK, runs=3),
     "a laboratory": Case("laboratory", "robot", SENSITIVE, QUICK, runs=3),
+    "a chamber": Case("thermal-soak", "robot", SENSITIVE, runs=2),
     "whole sequences": Case("strapdown-rotation", "tactical", UNEVEN, {"rate": 50.0}),
     "whole sequences, sensitive": Case(
         "strapdown-rotation", "automotive", UNEVEN | SENSITIVE, {"rate": 50.0}

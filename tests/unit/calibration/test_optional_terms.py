@@ -27,6 +27,8 @@ from tumble.calibration.optional_terms import (
     wanted_terms,
     worse_predicted,
 )
+from tumble.calibration.outcome.estimate import require_positive
+from tumble.errors import ObservabilityError
 from tumble.estimation.balance import Balanced
 from tumble.estimation.unknowns import Unknowns
 from tumble.estimation.wander import wider
@@ -154,3 +156,12 @@ def test_a_wider_covariance_is_not_narrower_in_any_direction() -> None:
     made = wider(covariance, change)
     for other in (covariance, covariance + change):
         assert np.min(np.linalg.eigvalsh(made - other)) > -1e-12
+
+
+def test_a_covariance_that_is_none_is_refused(model: Any) -> None:
+    u = imu_unknowns(unknowns_of(model))
+    require_positive(np.eye(u.free.size), u)
+    bad = np.eye(u.free.size)
+    bad[2, 3] = bad[3, 2] = 1.01
+    with pytest.raises(ObservabilityError, match=r"accelerometer (z|x)"):
+        require_positive(bad, u)
