@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +16,14 @@ from tumble.errors import RecordingError, UsageError
 from tumble.recording import read_recording
 
 RNG = np.random.default_rng(8)
-FORCE = (np.array([0.3, -0.4, -9.8]) + 0.01 * RNG.normal(size=(200, 3))).astype(np.float32).astype(float)
-RATE = (np.array([0.01, 0.02, -0.03]) + 0.001 * RNG.normal(size=(200, 3))).astype(np.float32).astype(float)
+FORCE, RATE, MAG = (  # MAG in gauss; all in numbers that single precision has
+    (np.array(level) + noise * RNG.normal(size=(200, 3))).astype(np.float32).astype(float)
+    for level, noise in (
+        ([0.3, -0.4, -9.8], 0.01),
+        ([0.01, 0.02, -0.03], 0.001),
+        ([0.21, -0.03, 0.43], 0.004),
+    )
+)
 STAMPS = 5_000_000 + 4000 * np.arange(200)  # µs
 
 
@@ -119,27 +126,20 @@ def test_ulog_the_accelerometer_s_stamp_is_relative(tmp_path: Path) -> None:
 def test_ulog_fifo_messages_hold_many_samples(tmp_path: Path) -> None:
     axes = "int16_t[4] x;int16_t[4] y;int16_t[4] z;"
     fields = f"uint64_t timestamp_sample;float dt;float scale;uint8_t samples;{axes}"
-    counts = np.round(FORCE / 0.0005).astype(int)
-    rates = np.round(RATE / 0.0005).astype(int)
+    counts = np.round(np.array([FORCE, RATE]) / 0.0005).astype(int)
 
-    def rows(values: np.ndarray) -> list[tuple[Any, ...]]:
-        made = []
+    def rows(values: np.ndarray) -> Iterator[tuple[Any, ...]]:
         for start in range(0, 198, 3):  # three of four places are filled
-            triples = [[*values[start : start + 3, axis].tolist(), 0] for axis in range(3)]
+            triples = np.vstack([values[start : start + 3], np.zeros((1, 3), int)]).T.ravel().tolist()
             stamp = 5_000_000 + 1000 * (start + 2)
-            made.append((stamp + 50, stamp, 1000.0, 0.0005, 3, *triples[0], *triples[1], *triples[2]))
-        return made
+            yield stamp + 50, stamp, 1000.0, 0.0005, 3, *triples
 
-    form = "QffB12h"
-    write_ulog(
-        tmp_path / "a.ulg",
-        ("sensor_accel_fifo", 0, fields, form, rows(counts)),
-        ("sensor_gyro_fifo", 0, fields, form, rows(rates)),
-    )
+    names = zip(("sensor_accel_fifo", "sensor_gyro_fifo"), counts, strict=True)
+    write_ulog(tmp_path / "a.ulg", *((name, 0, fields, "QffB12h", list(rows(v))) for name, v in names))
     recording = read_recording(tmp_path / "a.ulg")
     assert len(recording) == 198
     np.testing.assert_allclose(np.diff(recording.time), 0.001, rtol=1e-6)
-    np.testing.assert_allclose(recording.specific_force, 0.0005 * counts[:198], rtol=1e-7)
+    np.testing.assert_allclose(recording.specific_force, 0.0005 * counts[0, :198], rtol=1e-7)
 
 
 def test_logs_without_inertial_messages_or_without_their_library_are_refused(
@@ -156,10 +156,6 @@ def test_logs_without_inertial_messages_or_without_their_library_are_refused(
     monkeypatch.setitem(sys.modules, "pyulog", None)
     with pytest.raises(UsageError, match=r"pip install pyulog"):
         read_recording(tmp_path / "a.ulg")
-
-
-MAG = np.array([0.21, -0.03, 0.43]) + 0.004 * RNG.normal(size=(200, 3))
-MAG = MAG.astype(np.float32).astype(float)  # gauss
 
 
 def test_ulog_the_raw_magnetometer_has_its_own_rate_and_axes(tmp_path: Path) -> None:

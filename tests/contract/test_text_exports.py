@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.unit.recording.by_hand import said
 
 from tumble.errors import RecordingError
 from tumble.recording import read_recording
@@ -14,19 +15,20 @@ from tumble.recording.formats import find_format
 
 RNG = np.random.default_rng(12)
 COUNT = 600
+K = np.arange(COUNT)
 FORCE = np.round(np.array([0.3, -0.5, 9.7]) + 0.02 * RNG.normal(size=(COUNT, 3)), 6)
 RATE = np.round(np.array([0.01, -0.02, 0.005]) + 0.002 * RNG.normal(size=(COUNT, 3)), 6)
-TIME = np.arange(COUNT) / 100
+DEGREES = np.degrees(RATE)
+FIELD = np.round(np.array([0.21, -0.04, 0.44]) + 0.003 * RNG.normal(size=(COUNT, 3)), 4)  # gauss
+TIME = K / 100
 
 
-def texts(recording: Any) -> str:
-    return " ".join(r.text for r in recording.remarks)
-
-
-def table(*columns: Any, delimiter: str = "\t") -> str:
-    """Rows of columns: arrays, or texts that stand in every row."""
-    rows = zip(*([c] * COUNT if isinstance(c, str) else np.asarray(c).tolist() for c in columns), strict=True)
-    return "\n".join(delimiter.join(c if isinstance(c, str) else repr(c) for c in row) for row in rows) + "\n"
+def written(folder: Path, head: str, *columns: Any, delimiter: str = "\t", name: str = "a.txt") -> Path:
+    """A head, then rows of columns: arrays, or texts that stand in every row."""
+    cells = ([c] * COUNT if isinstance(c, str) else np.asarray(c).tolist() for c in columns)
+    rows = (delimiter.join(map(str, row)) for row in zip(*cells, strict=True))
+    (folder / name).write_text(head + "\n".join(rows) + "\n")
+    return folder / name
 
 
 # -- Xsens and Movella -------------------------------------------------------------------------------
@@ -35,48 +37,43 @@ TRIADS = "Acc_X\tAcc_Y\tAcc_Z\tGyr_X\tGyr_Y\tGyr_Z"
 
 
 def test_mt_manager_s_clock_ticks_every_tenth_of_a_millisecond(tmp_path: Path) -> None:
-    """Columns that are empty throughout are between tabs and no alignment."""
-    head = f"// Update Rate: 100.0Hz\nPacketCounter\tSampleTimeFine\tYear\tMonth\t{TRIADS}\n"
-    counter = np.arange(COUNT)
-    body = table(counter + 51_400, 100 * counter + 7000, "", "", *FORCE.T, *RATE.T)
-    (tmp_path / "a.txt").write_text(head + body)
-    recording = read_recording(tmp_path / "a.txt")
-    assert find_format(tmp_path / "a.txt").name == "Xsens text"
+    """Columns that are empty throughout are between tabs and no alignment; the magnetometer is in local fields."""
+    head = f"// Update Rate: 100.0Hz\nPacketCounter\tSampleTimeFine\tYear\tMonth\t{TRIADS}\tMag_X\tMag_Y\tMag_Z\n"
+    path = written(tmp_path, head, K + 51_400, 100 * K + 7000, "", "", *FORCE.T, *RATE.T, *FIELD.T)
+    recording = read_recording(path)
+    assert find_format(path).name == "Xsens text"
     np.testing.assert_allclose(recording.time, TIME + 0.7, atol=1e-12)
     assert np.array_equal(recording.specific_force, FORCE)
     assert (recording.specific_force_unit, recording.angular_rate_unit) == ("m/s^2", "rad/s")
+    assert recording.magnetic_field.unit == "counts"
+    assert np.array_equal(recording.magnetic_field.values, FIELD)
 
 
-def test_an_mtw_has_no_clock_and_the_rate_is_asked_for(tmp_path: Path) -> None:
+def test_without_a_clock_the_rate_is_that_of_the_header_or_is_asked_for(tmp_path: Path) -> None:
+    """An MTw has none."""
     head = f"// Coordinate system: ENU\nPacketCounter\tSampleTimeFine\tYear\t{TRIADS}\n"
-    (tmp_path / "a.txt").write_text(head + table(np.arange(COUNT), "NaN", "NaN", *FORCE.T, *RATE.T))
+    path = written(tmp_path, head, K, "NaN", "NaN", *FORCE.T, *RATE.T)
     with pytest.raises(
         RecordingError, match=r"no column of time stamps; give the sampling rate with --rate HZ"
     ):
-        read_recording(tmp_path / "a.txt")
-    assert np.array_equal(read_recording(tmp_path / "a.txt", rate=100.0).angular_rate, RATE)
-
-
-def test_the_rate_of_the_header_stands_in_for_a_clock(tmp_path: Path) -> None:
-    (tmp_path / "a.txt").write_text(
-        f"// Update Rate: 100.0Hz\nPacketCounter\t{TRIADS}\n" + table(np.arange(COUNT), *FORCE.T, *RATE.T)
-    )
-    recording = read_recording(tmp_path / "a.txt")
+        read_recording(path)
+    assert np.array_equal(read_recording(path, rate=100.0).angular_rate, RATE)
+    head = f"// Update Rate: 100.0Hz\nPacketCounter\t{TRIADS}\n"
+    recording = read_recording(written(tmp_path, head, K, *FORCE.T, *RATE.T))
     assert recording.rate == 100.0
-    assert "its header says 100 Hz" in texts(recording)
+    assert "its header says 100 Hz" in said(recording)
 
 
 def test_a_dot_counts_microseconds_and_degrees(tmp_path: Path) -> None:
     """Its clock wraps after 71 minutes."""
     head = "sep=,\nDeviceTag:,Movella DOT\nOutputRate:,60Hz\n\nPacketCounter,SampleTimeFine,"
     head += TRIADS.replace("\t", ",") + "\n"
-    stamps = (4_294_000_000 + 16_667 * np.arange(COUNT)) % 2**32
-    body = table(np.arange(COUNT), stamps, *FORCE.T, *np.degrees(RATE).T, delimiter=",")
-    (tmp_path / "a.csv").write_text(head + body)
-    recording = read_recording(tmp_path / "a.csv")
+    stamps = (4_294_000_000 + 16_667 * K) % 2**32
+    path = written(tmp_path, head, K, stamps, *FORCE.T, *DEGREES.T, delimiter=",", name="a.csv")
+    recording = read_recording(path)
     assert recording.angular_rate_unit == "deg/s"
     np.testing.assert_allclose(np.diff(recording.time), 0.016667, rtol=1e-6)
-    assert "wraps 1 time(s)" in texts(recording)
+    assert "wraps 1 time(s)" in said(recording)
 
 
 def test_increments_of_orientation_are_quaternions(tmp_path: Path) -> None:
@@ -85,27 +82,19 @@ def test_increments_of_orientation_are_quaternions(tmp_path: Path) -> None:
     half = np.linalg.norm(turn, axis=1) / 2.0
     quaternion = np.column_stack([np.cos(half), turn * (np.sin(half) / (2.0 * half))[:, None]])
     quaternion[::2] *= -1.0
-    head = "PacketCounter\tSampleTimeFine\tVelInc_X\tVelInc_Y\tVelInc_Z\t"
-    head += "\t".join(f"OriInc_q{i}" for i in range(4)) + "\n"
-    body = table(np.arange(COUNT), 100 * np.arange(COUNT), *(0.01 * FORCE).T, *quaternion.T)
-    (tmp_path / "a.txt").write_text(head + body)
-    recording = read_recording(tmp_path / "a.txt")
+    names = [*(f"VelInc_{axis}" for axis in "XYZ"), *(f"OriInc_q{i}" for i in range(4))]
+    head = "\t".join(["PacketCounter", "SampleTimeFine", *names]) + "\n"
+    recording = read_recording(written(tmp_path, head, K, 100 * K, *(0.01 * FORCE).T, *quaternion.T))
     # Rounding of a quaternion near one, 1e-16, over an interval of 0.01 s.
     np.testing.assert_allclose(recording.angular_rate, RATE, rtol=0, atol=1e-13)
     np.testing.assert_allclose(recording.specific_force, FORCE, rtol=1e-14)
 
 
-# -- SBG ---------------------------------------------------------------------------------------------
-
-
 def test_sbg_s_row_of_units_is_understood(tmp_path: Path) -> None:
     head = "timestamp\tstatus\taccelX\taccelY\taccelZ\tgyroX\tgyroY\tgyroZ\ttemperature\n"
-    head += "(us)\t(na)\t(m.s^-2)\t(m.s^-2)\t(m.s^-2)\t(deg.s^-1)\t(deg.s^-1)\t(deg.s^-1)\t(degC)\n"
-    body = table(
-        10_000 * np.arange(COUNT), "0x000003ff", *FORCE.T, *np.degrees(RATE).T, np.full(COUNT, 31.25)
-    )
-    (tmp_path / "imuData.txt").write_text(head + body)
-    recording = read_recording(tmp_path / "imuData.txt")
+    head += "(us)\t(na)" + 3 * "\t(m.s^-2)" + 3 * "\t(deg.s^-1)" + "\t(degC)\n"
+    columns = 10_000 * K, "0x000003ff", *FORCE.T, *DEGREES.T, np.full(COUNT, 31.25)
+    recording = read_recording(written(tmp_path, head, *columns))
     assert (recording.specific_force_unit, recording.angular_rate_unit) == ("m/s^2", "deg/s")
     assert np.array_equal(recording.specific_force, FORCE)
     np.testing.assert_allclose(recording.time, TIME, atol=1e-12)
@@ -133,16 +122,10 @@ def test_increments_become_rates_when_they_are_declared(tmp_path: Path, rows: np
 def test_navego_s_struct_has_its_names(tmp_path: Path) -> None:
     from scipy.io import savemat
 
-    with (tmp_path / "imu.mat").open("wb") as file:
-        savemat(file, {"imu": {"t": TIME[:, None], "fb": FORCE, "wb": RATE, "freq": 100.0}})
+    savemat(tmp_path / "imu.mat", {"imu": {"t": TIME[:, None], "fb": FORCE, "wb": RATE, "freq": 100.0}})
     recording = read_recording(tmp_path / "imu.mat")
     assert np.array_equal(recording.specific_force, FORCE)
     assert np.array_equal(recording.angular_rate, RATE)
-
-
-# -- magnetometers -----------------------------------------------------------------------------------
-
-FIELD = np.round(np.array([0.21, -0.04, 0.44]) + 0.003 * RNG.normal(size=(COUNT, 3)), 4)  # gauss
 
 
 def summed(line: str) -> str:
@@ -165,26 +148,14 @@ def summed(line: str) -> str:
 def test_vectornav_s_sentences_have_the_magnetometer_first(
     tmp_path: Path, kind: str, before: list[float], after: list[float], stamped: bool
 ) -> None:
-    lines = []
-    for t, m, f, w in zip(TIME.tolist(), FIELD.tolist(), FORCE.tolist(), RATE.tolist(), strict=True):
-        cells = ",".join(f"{number:+.6f}" for number in (*before, *m, *f, *w, *after))
-        lines.append((f"{t:.3f}," if stamped else "") + summed(f"${kind},{cells}"))
-    path = tmp_path / "a.txt"
-    path.write_text("\r\n".join(lines) + "\r\n")
-    recording = read_recording(path, rate=None if stamped else 100)
+    rows = np.hstack([FIELD, FORCE, RATE]).tolist()
+    cells = (",".join(f"{number:+.6f}" for number in (*before, *row, *after)) for row in rows)
+    lines = [
+        (f"{t:.3f}," if stamped else "") + summed(f"${kind},{c}") for t, c in zip(TIME, cells, strict=True)
+    ]
+    (tmp_path / "a.txt").write_text("\r\n".join(lines) + "\r\n")
+    recording = read_recording(tmp_path / "a.txt", rate=None if stamped else 100)
     assert np.array_equal(recording.specific_force, FORCE)
     assert np.array_equal(recording.angular_rate, RATE)
-    assert recording.magnetic_field is not None
     assert recording.magnetic_field.unit == "gauss"
-    assert np.array_equal(recording.magnetic_field.values, FIELD)
-    assert len(recording) == COUNT
-
-
-def test_an_xsens_magnetometer_is_in_units_of_the_local_field(tmp_path: Path) -> None:
-    header = f"PacketCounter\tSampleTimeFine\t{TRIADS}\tMag_X\tMag_Y\tMag_Z\n"
-    body = table(np.arange(COUNT), (TIME * 1e4).astype(int), *FORCE.T, *RATE.T, *FIELD.T)
-    (tmp_path / "a.txt").write_text(header + body)
-    recording = read_recording(tmp_path / "a.txt")
-    assert recording.magnetic_field is not None
-    assert recording.magnetic_field.unit == "counts"
     assert np.array_equal(recording.magnetic_field.values, FIELD)
