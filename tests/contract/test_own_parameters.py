@@ -223,38 +223,32 @@ def _needs_pyulog(request: pytest.FixtureRequest) -> None:
         pytest.importorskip("pyulog", reason="the extra px4 is not installed")
 
 
-@pytest.mark.parametrize("message", ["sensor_combined", "vehicle_imu"])
-def test_a_px4_log_with_parameters_is_the_recording_without_them(tmp_path: Path, message: str) -> None:
-    for name, p in (("active", PX4), ("idle", at_defaults(PX4))):
-        recording = read_recording(ulog(tmp_path / f"{name}.ulg", p, message=message), topics=[message])
-        assert_raw(recording)
-        np.testing.assert_allclose(recording.magnetic_field.values, 1e-3 * FIELD, atol=2e-7)
-        assert ("parameters are undone" in said(recording)) == (name == "active")
-        assert not [r for r in recording.remarks if r.kind == "corrected"]
+LOGS = [(PX4, ("sensor_combined",)), (PX4, ("vehicle_imu",))]
+for made in (ARDUPILOT, {**ARDUPILOT, **HEATED}):
+    LOGS += [(made, ("IMU:1",)), (made, ("ACC:1", "GYR:1")), (made, ("IMT:1",))]
 
 
-@pytest.mark.parametrize("message", ["IMU", "ACC", "IMT"])
-@pytest.mark.parametrize("heated", [False, True])
-def test_an_ardupilot_log_with_parameters_is_the_recording_without_them(
-    tmp_path: Path, message: str, heated: bool
+@pytest.mark.parametrize(("p", "topics"), LOGS, ids=["px4", "px4 increments", *"IAT", *"iat"])
+def test_a_log_with_parameters_is_the_recording_without_them(
+    tmp_path: Path, p: Parameters, topics: tuple[str, ...]
 ) -> None:
-    p = {**ARDUPILOT, **HEATED} if heated else ARDUPILOT
-    topics = ["ACC:1", "GYR:1"] if message == "ACC" else [f"{message}:1"]
+    write, unit, off = (ulog, 1e-3, 2e-7) if p is PX4 else (dataflash, 1.0, 2e-4)
     for name, q in (("active", p), ("idle", at_defaults(p))):
-        recording = read_recording(dataflash(tmp_path / f"{name}.bin", q, message=message), topics=topics)
+        recording = read_recording(
+            write(tmp_path / name, q, message=topics[0].partition(":")[0]), topics=topics
+        )
         assert_raw(recording)
-        assert recording.magnetic_field is not None
-        np.testing.assert_allclose(recording.magnetic_field.values, FIELD, atol=2e-4)
+        np.testing.assert_allclose(recording.magnetic_field.values, unit * FIELD, atol=off)
         assert ("parameters are undone" in said(recording)) == (name == "active")
+        assert p is not PX4 or not said(recording, "corrected")
 
 
 def test_px4_thermal_offsets_are_those_that_the_log_says_were_applied(tmp_path: Path) -> None:
     p = {**PX4, "TC_A_ENABLE": 1, "TC_G_ENABLE": 1}
     assert_raw(read_recording(ulog(tmp_path / "a.ulg", p, thermal=True)))
-    with pytest.raises(
-        RecordingError, match=r"by temperature \(TC_A_ENABLE\), and it lacks sensor_correction"
-    ):
-        read_recording(ulog(tmp_path / "b.ulg", p))
+    path = ulog(tmp_path / "b.ulg", p)
+    with pytest.raises(RecordingError, match=r"by temperature \(TC_A_ENABLE\), and it lacks sensor_corr"):
+        read_recording(path)
 
 
 def test_parameters_that_change_in_a_log_hold_from_then_on_px4_and_ardupilot(tmp_path: Path) -> None:
@@ -268,25 +262,18 @@ def test_parameters_that_change_in_a_log_hold_from_then_on_px4_and_ardupilot(tmp
         b"\xa3\x95\x40" + struct.pack("<Q16sff", STAMPS[150] - 1, b"INS_GYR2OFFS_Z", value, 7.0)
         for value in (5.0, -0.07)
     )
-    recording = read_recording(
-        changed(path, (last, first + last))
-    )  # of two changes at one time the last holds
+    recording = read_recording(changed(path, (last, first + last)))  # of two at one time the last holds
     assert_raw(recording)
     assert re.search("INS_GYR2OFFS_Z = 0.03, .*then -0.07", said(recording))
 
 
 def test_parameters_are_said_with_their_values_px4_and_ardupilot(tmp_path: Path) -> None:
     logs = ulog(tmp_path / "a.ulg", PX4), dataflash(tmp_path / "a.bin", ARDUPILOT)
-    px4_told = (
-        "CAL_ACC1_XOFF = 0.12",
-        "CAL_ACC1_YSCALE = 0.97",
-        "CAL_GYRO0_YOFF = -0.02",
-        "SENS_BOARD_ROT = 2",
-    )
-    told = "INS_ACC2OFFS_X = 0.21", "INS_ACC2SCAL_Y = 0.97", "INS_GYR2OFFS_Z = 0.03", "AHRS_ORIENTATION = 16"
+    told = "CAL_ACC1_XOFF = 0.12", "CAL_ACC1_YSCALE = 0.97", "CAL_GYRO0_YOFF = -0.02", "SENS_BOARD_ROT = 2"
+    told += "INS_ACC2OFFS_X = 0.21", "INS_ACC2SCAL_Y = 0.97", "INS_GYR2OFFS_Z = 0.03", "AHRS_ORIENTATION = 16"
     for path, names, compass, another in (
-        (logs[0], px4_told, "CAL_MAG0_ROT = 6", "CAL_ACC0"),
-        (logs[1], told, "COMPASS_OFS2_X = -41", "INS_ACCOFFS_X"),
+        (logs[0], told[:4], "CAL_MAG0_ROT = 6", "CAL_ACC0"),
+        (logs[1], told[4:], "COMPASS_OFS2_X = -41", "INS_ACCOFFS_X"),
     ):
         imu, field = (r.text for r in read_recording(path).remarks if r.kind == "mended")
         assert all(name in imu for name in names)
@@ -306,15 +293,11 @@ def test_px4_raw_sensors_are_not_touched(tmp_path: Path) -> None:
 def test_what_cannot_be_undone_is_refused_px4_and_ardupilot(tmp_path: Path) -> None:
     board = (struct.pack("<16sf", b"AHRS_ORIENTATION", number) for number in (0.0, 101.0))
     scale = (b"CAL_ACC1_XSCALE" + struct.pack("<f", number) for number in (1.02, 0.0))
+    two = ulog(tmp_path / "a", PX4, selected=(1310988, 77))
+    turned = changed(dataflash(tmp_path / "b", at_defaults(ARDUPILOT)), tuple(board))
     for path, words in (
-        (
-            ulog(tmp_path / "a", PX4, selected=(1310988, 77)),
-            "which of the sensors with CAL_ACCn_ID 77, 1310988",
-        ),
-        (
-            changed(dataflash(tmp_path / "b", at_defaults(ARDUPILOT)), tuple(board)),
-            "AHRS_ORIENTATION is 101, a rot",
-        ),
+        (two, "does not state which of the sensors with CAL_ACCn_ID 77, 1310988"),
+        (turned, "AHRS_ORIENTATION is 101, a rotation of its own"),
         (changed(ulog(tmp_path / "c", PX4), tuple(scale)), "scale factor of ACC in the log is 0"),
     ):
         with pytest.raises(RecordingError, match=words):
