@@ -103,7 +103,11 @@ def test_nmea_runs_on_past_midnight(tmp_path: Path) -> None:
 
 def test_false_checksums_are_left_out_and_said(tmp_path: Path) -> None:
     broken = nmea(1).replace("4005", "4105", 2)
-    track = read_track(write(tmp_path, "a.nmea", nmea(0) + broken + nmea(2)))
+    # and a place whose quality is zero is no fix
+    none = "".join(
+        sentence(s[1:].partition("*")[0].replace("W,4,", "W,0,")) for s in nmea(3).split("\r\n")[:3]
+    )
+    track = read_track(write(tmp_path, "a.nmea", nmea(0) + broken + nmea(2) + none))
     assert track.time == pytest.approx(GPS + np.array([0.0, 2.0]))
     assert any(remark.kind == "mended" for remark in track.remarks)
 

@@ -32,6 +32,7 @@ from tumble.noise.white_part import shortest_time, slower_part, white_beyond, wh
 from tumble.recording import Recording
 from tumble.report.noise import noise_rows
 from tumble.report.noise_document import noise_document
+from tumble.segmentation import mean_covariance
 from tumble.workflows.noise import read_noise_models
 from unit.given import given
 
@@ -151,6 +152,24 @@ def test_the_covariance_of_means_is_that_of_simulated_holds() -> None:
     products = off[:, :, None] * off[:, None, :]
     z = (products.mean(axis=0) - expected) / (products.std(axis=0) / np.sqrt(len(off)))
     assert np.max(np.abs(z)) < 4.5
+
+
+@pytest.mark.parametrize(
+    ("model", "tolerance"),
+    [
+        # its floor is believed from 2.3 sigma on and grows from nothing: 35 %
+        (NoiseModel(random_walk=0.005, bias_instability=0.02), 0.35),
+        (NoiseModel(random_walk=0.02, gauss_markov=(GaussMarkov(0.01, 0.05),)), 0.2),
+    ],
+)
+def test_wandering_means_are_found_by_segmentation_too(model: NoiseModel, tolerance: float) -> None:
+    rng, rate, samples, hold = np.random.default_rng(6), 50.0, 60_000, 500
+    items, found = [[(a, a + hold)] for a in range(0, samples, hold)], []
+    for _ in range(5):
+        signal = np.column_stack([model.simulate(samples, rate, rng) for _ in range(3)])
+        found.append(np.diagonal(mean_covariance(signal, items).covariance, axis1=1, axis2=2).mean())
+    expected = model.mean_covariance(np.array([hold / rate]), samples / rate)[0, 0]
+    assert np.mean(found) == pytest.approx(expected, rel=tolerance)
 
 
 def fitted(model: NoiseModel, minutes: float, rate: float, seed: int) -> NoiseFit:

@@ -177,9 +177,9 @@ def test_a_unit_follows_a_step_exponentially_and_a_ramp_by_its_time_constant() -
     expected = 5.0 + 20.0 * (1.0 - np.exp(-(TIME[late] - 100.0) / 60.0))
     np.testing.assert_allclose(unit[late], expected, atol=1e-4)
     np.testing.assert_allclose(unit[TIME < 99.0], 5.0, rtol=1e-12)
-    unit = Chamber(time_constant=60.0).unit(TIME, 0.01 * TIME)
-    late = TIME > 1500.0  # exp(-1500 / 60) = 1e-11 of the start is left
-    np.testing.assert_allclose(unit[late], 0.01 * (TIME[late] - 60.0), atol=1e-8)
+    unit, since = Chamber(time_constant=60.0).unit(TIME, 0.01 * TIME), TIME - TIME[0]
+    expected = 0.01 * (TIME - 60.0 * (1.0 - np.exp(-since / 60.0)))
+    np.testing.assert_allclose(unit, expected, atol=1e-11)
 
 
 def test_soaks_and_ramps_make_the_surroundings() -> None:

@@ -351,6 +351,7 @@ def test_a_shaking_table_adds_noise_to_the_accelerometers_while_it_turns_and_onl
     assert np.array_equal(added[~turning], np.zeros((600, 3)))
     # 4400 numbers an axis: 1.1 %, four of them
     np.testing.assert_allclose(added[turning].std(axis=0), 0.01, rtol=0.045)
+    np.testing.assert_allclose(added[turning].mean(axis=0), 0.0, atol=4.5 * 0.01 / np.sqrt(4400.0))
 
 
 EARLY = TableErrors(stops_early=((2, 0.5),))
