@@ -128,45 +128,24 @@ IN_A_PLANE = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], *EDGES[:2], [-1, 1, 0] /
 NEAR = np.array([[1.0, 0.0, 0.0], [1.0, 0.02, 0.0]]) / np.sqrt([[1.0], [1.0004]])
 
 
+EIGHT, DOUBLED = np.vstack([FACES, EDGES[:2]]), np.vstack([FACES, EDGES[:1], -EDGES[:1], FACES[:2]])
+LEVEL, ONE_AXIS = units(9) * [1.0, 1.0, 0.0], "have one axis only.*turn the unit about another"
+
+
 @pytest.mark.parametrize(
     ("form", "told", "words"),
     [
-        (
-            ellipsoid_from_norms,
-            (forces(np.concatenate([FACES, EDGES[:2]])), G),
-            "^8 attitudes do not determine 9 unknowns: 9 different ones",
-        ),
-        (
-            ellipsoid_from_norms,
-            (forces(np.concatenate([FACES, EDGES[:1], -EDGES[:1], FACES[:2]])), G),
-            "do not determine all 9 unknowns",
-        ),
+        (ellipsoid_from_norms, (forces(EIGHT), G), "^8 attitudes do not determine 9 unknowns: 9 different"),
+        (ellipsoid_from_norms, (forces(DOUBLED), G), "do not determine all 9 unknowns"),
         (ellipsoid_from_norms, (HYPERBOLOID, G), "No ellipsoid goes through the means"),
-        (
-            matrix_from_rotations,
-            (rotations(FACES[:5], ANGLES[:5]), ANGLES[:5]),
-            "5 rotation axes do not determine 6 unknowns",
-        ),
-        (
-            matrix_from_rotations,
-            (rotations(IN_A_PLANE), ANGLES),
-            "rotation axes do not determine all 6 unknowns",
-        ),
-        (
-            bias_from_static_pairs,
-            (np.eye(3), EARTH_RATE * units(9) * [1.0, 1.0, 0.0]),
-            "attitudes do not determine all 3 unknowns",
-        ),
-        (
-            bias_from_static_pairs,
-            (np.eye(3), EARTH_RATE * units(2)),
-            "2 attitudes do not determine 3 unknowns",
-        ),
+        (matrix_from_rotations, (rotations(FACES[:5], ANGLES[:5]), ANGLES[:5]), "5 .* do not determine 6"),
+        (matrix_from_rotations, (rotations(IN_A_PLANE), ANGLES), "axes do not determine all 6 unknowns"),
+        (bias_from_static_pairs, (np.eye(3), EARTH_RATE * LEVEL), "do not determine all 3 unknowns"),
+        (bias_from_static_pairs, (np.eye(3), EARTH_RATE * units(2)), "2 attitudes do not determine 3"),
         (bias_from_static_pairs, (np.eye(3), np.tile(BIAS, (9, 1))), "they do not see the Earth rate"),
-        *(
-            (solve, (NEAR @ R.T, NEAR), "have one axis only.*turn the unit about another")
-            for solve in (rotation_from_two_axes, triad_rotation, wahba_rotation)
-        ),
+        (rotation_from_two_axes, (NEAR @ R.T, NEAR), ONE_AXIS),
+        (triad_rotation, (NEAR @ R.T, NEAR), ONE_AXIS),
+        (wahba_rotation, (NEAR @ R.T, NEAR), ONE_AXIS),
     ],
 )
 def test_what_does_not_determine_the_unknowns_is_refused(
