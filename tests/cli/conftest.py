@@ -31,3 +31,9 @@ def tumble(good: Bench, tmp_path: Path) -> Bench:
     for name in ("tumbled.csv", "calibrated/calibration.json"):
         shutil.copyfile(good.folder / name, tmp_path / name)
     return Bench(tmp_path)
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Bench:
+    """An empty folder."""
+    return Bench(tmp_path)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -43,11 +42,6 @@ def still() -> np.ndarray:
 def turning(still: np.ndarray) -> np.ndarray:
     """The gyros alone."""
     return still[:, [0, 4, 5, 6]]
-
-
-@pytest.fixture
-def bench(tmp_path: Path) -> Bench:
-    return Bench(tmp_path)
 
 
 def test_noise_prints_every_channel_and_writes_a_document_and_a_page(bench: Bench, still: np.ndarray) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -38,11 +37,6 @@ def holds(*ups: str, more: str = "") -> str:
     return "".join(
         f"  - hold: stop {k}\n    up: {up}\n    seconds: 10\n{more}" for k, up in enumerate(ups, 1)
     )
-
-
-@pytest.fixture
-def bench(tmp_path: Path) -> Bench:
-    return Bench(tmp_path)
 
 
 def test_a_protocol_file_is_judged_as_it_is(bench: Bench) -> None:
@@ -137,10 +131,3 @@ def test_a_plan_of_poses_is_written_simulated_and_calibrated(bench: Bench) -> No
     )
     ratios = [stated[f"accelerometer bias {axis}"] / foretold[f"accelerometer bias {axis}"] for axis in "xyz"]
     assert 0.7 < np.exp(np.mean(np.log(ratios))) < 1.4
-
-
-def test_the_schemes_of_the_papers_stand_beside_the_plan(bench: Bench) -> None:
-    said = bench(POSES, "--time 4").said
-    for words in ("4.0 min", "nine of Zhang", "twelve edges", "all 26", "non-orthogonality", "ppm", "µg"):
-        assert words in said
-    assert "six faces: does not determine" in said

@@ -27,6 +27,7 @@ def test_a_unit_goes_into_the_registry_and_gets_a_certificate(
     (entry,) = tumble("registry list --json").json
     assert (entry["unit"], entry["fit"]) == ("A-1", True)
     assert (entry["operator"], entry["remark"]) == ("A. Smith", "window open")
+    assert "not fit" not in tumble("registry list").out
     tumble.put("tolerances.yaml", "limits: {accelerometer bias: 50 mg}")
     # Of a unit that was calibrated once nobody knows when it is due: it is not left out.
     due = tumble("registry list --due tolerances.yaml --before 2030-01-01", status=1)

@@ -17,11 +17,6 @@ from tumble_papers.catalogue import ITEMS
 KINDS = ("csv", "html", "json", "txt")
 
 
-@pytest.fixture
-def bench(tmp_path: Path) -> Bench:
-    return Bench(tmp_path)
-
-
 def test_without_an_item_it_lists_what_there_is(bench: Bench) -> None:
     said = bench("reproduce").out
     assert [one["name"] for one in bench("reproduce --json").json] == list(ITEMS)

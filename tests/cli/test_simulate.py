@@ -17,11 +17,6 @@ from tumble.protocol.file import write_protocol
 FILES = {"recording.csv", "protocol.yaml", "truth.json"}
 
 
-@pytest.fixture
-def bench(tmp_path: Path) -> Bench:
-    return Bench(tmp_path)
-
-
 @pytest.mark.parametrize("protocol", ["six-position", "multi-position-26"])
 def test_what_it_says_to_type_next_works(bench: Bench, protocol: str) -> None:
     """Simulate, then type the line that is printed: a calibration that is fit for use."""

@@ -44,11 +44,6 @@ def one_line(answer: Any, status: int, *words: str) -> str:
     return told
 
 
-@pytest.fixture
-def bench(tmp_path: Path) -> Bench:
-    return Bench(tmp_path)
-
-
 # --- what stands on the terminal
 
 

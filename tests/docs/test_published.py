@@ -1,4 +1,4 @@
-"""What the documentation publishes is what the code gives: schemas, keys, figures, scores; notebooks run."""
+"""What the documentation publishes is what the code gives: schemas, keys, figures; notebooks run."""
 
 from __future__ import annotations
 
@@ -12,14 +12,10 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-import numpy as np
 import pytest
 
 import tumble
-from tumble.calibration.checks.scores import hold_norm_errors, score_turns
-from tumble.calibration.equations.gathering import gather
 from tumble.protocol import read_protocol, sequence_steps
-from tumble.workflows.calibrate import RECORDING, calibrate
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
@@ -121,60 +117,6 @@ def test_the_steps_on_a_page_are_steps_of_a_protocol(page: str, tmp_path: Path) 
         assert [sequence.name for sequence in sequence_steps(protocol)] == ["8"]
     else:
         assert len(protocol.steps) == 2
-
-
-# --- scores of real recordings
-
-
-def scores_on_the_page() -> dict[tuple[str, str], tuple[float, float]]:
-    """(recording, set of parameters) -> mm/s² and degrees, from the first table of the page."""
-    page = (DOCS / "real-recordings.md").read_text(encoding="utf-8")
-    rows = re.findall(r"^\|([^|]*)\| \**([^|*]*)\** \| \**([\d.]+)\** \| \**([\d.]+)\** \|$", page, re.M)
-    found: dict[tuple[str, str], tuple[float, float]] = {}
-    recording = ""
-    for first, what, norm, angle in rows:
-        recording = first.split(",")[0].strip() or recording
-        found[recording, what] = float(norm), float(angle)
-    return found
-
-
-REFERENCE = ROOT / "tests" / "reference"
-MPU = {"columns": "ax,ay,az,gx,gy,gz", "units": "m/s^2,rad/s", "rate": 100.0}
-
-
-@pytest.mark.parametrize(
-    ("recording", "paths", "gravity", "options", "terms"),
-    [
-        (
-            "Xsens MTi",
-            ["xsens_mti_hand/xsens_acc.txt.gz", "xsens_mti_hand/xsens_gyro.txt.gz"],
-            9.81744,
-            {},
-            True,
-        ),
-        (
-            "Xsens MTi",
-            ["xsens_mti_hand/xsens_acc.txt.gz", "xsens_mti_hand/xsens_gyro.txt.gz"],
-            9.81744,
-            {},
-            False,
-        ),
-        # These want no terms, so that both rows would be one.
-        ("MPU-9150 imu0", [ROOT / "src" / "tumble" / "data" / RECORDING], 9.81, MPU, True),
-        ("MPU-9150 imu1", ["mpu9150/imu1.log.gz"], 9.81, MPU, True),
-    ],
-)
-def test_the_scores_on_the_page_of_real_recordings_are_those_of_today(
-    recording: str, paths: list[Any], gravity: float, options: dict[str, Any], terms: bool
-) -> None:
-    """5 %: another machine's arithmetic moves the third figure; a change of the method moves the first."""
-    stated = scores_on_the_page()[recording, "tumble" if terms else "tumble, without optional terms"]
-    given: dict[str, Any] = {"procedure": "hand-held", "optional_terms": terms, **options}
-    run = calibrate([REFERENCE / path for path in paths], site=tumble.Site.from_gravity(gravity), **given)
-    data = gather(run.recording, run.timeline, run.means)
-    norms = 1e3 * np.sqrt(np.mean(hold_norm_errors(run.estimate.model, data.force_mean, gravity) ** 2))
-    angle = np.degrees(np.sqrt(np.nanmean(score_turns(run.estimate.model, data).angle ** 2)))
-    assert (norms, angle) == pytest.approx(stated, rel=0.05)
 
 
 # --- Python and notebooks
