@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from msgspec import structs
 from tests.cli.program import Bench
+from tests.unit.export import a_unit
 
 from tumble.document import read_calibration
-from tumble.document.imported import calibration_from_model
 from tumble.export.target import targets
 from tumble.sensor import ImuModel, Triad
 
@@ -20,9 +20,7 @@ MATRIX = np.array([[1.01, 0.002, -0.003], [-0.001, 0.99, 0.004], [0.003, -0.002,
 def write(path: Path, bias: float) -> None:
     """A calibration whose biases are known to 1 mm/s² and 1 mrad/s."""
     triad = Triad(MATRIX, np.array([bias, -0.2, 0.05]))
-    document = calibration_from_model(
-        ImuModel(triad, triad), ("m/s^2", "rad/s"), ("fixture", "axes"), [], procedure="by hand", remarks=[]
-    )
+    document = a_unit.document(ImuModel(triad, triad))
     names = [f"{t}.bias[{i}]" for t in ("accelerometer", "gyroscope") for i in range(3)]
     known = {"covariance_parameters": names, "covariance": (1e-6 * np.eye(6)).tolist()}
     structs.replace(document, **known).write(path)

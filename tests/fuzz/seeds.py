@@ -120,7 +120,8 @@ def _recordings(place: Path) -> list[tuple[str, bytes]]:
 
 
 def calibrations() -> list[tuple[str, bytes]]:
-    from tumble.document.imported import calibration_from_model
+    from tests.unit.export import a_unit
+
     from tumble.sensor import ImuModel, Triad
     from tumble.sensor.thermal import TemperatureBasis, ThermalModel
 
@@ -138,18 +139,9 @@ def calibrations() -> list[tuple[str, bytes]]:
         hysteresis={},
         span_celsius=(0.0, 50.0),
     )
-    made = []
-    for more in (None, thermal):
-        document = calibration_from_model(
-            model,
-            ("m/s^2", "rad/s"),
-            ("fixture", "its axes"),
-            [],
-            procedure="by hand",
-            remarks=["x"],
-            thermal=more,
-        )
-        fixed = structs.replace(document, created="2024-01-01T00:00:00+00:00")
+    made: list[tuple[str, bytes]] = []
+    for document in (a_unit.document(model), a_unit.thermal_document(thermal)):
+        fixed = structs.replace(document, remarks=["x"], created="2024-01-01T00:00:00+00:00")
         made.append(("calibration.json", fixed.to_json().encode()))
     return made
 

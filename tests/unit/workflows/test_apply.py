@@ -11,6 +11,8 @@ import numpy as np
 import polars as pl
 import pytest
 from msgspec import structs
+from tests.unit.export import a_unit
+from tests.unit.export.a_unit import B_A, B_G, M_A, M_G
 from tests.unit.given import given as known
 
 from tumble.calibration import Estimate
@@ -19,7 +21,6 @@ from tumble.calibration.evidence import Holds
 from tumble.calibration.outcome.description import canonical_names
 from tumble.document import Calibration, calibration_from_estimate, read_calibration
 from tumble.document.corrector import Corrector
-from tumble.document.imported import calibration_from_model
 from tumble.document.result import RecordingName
 from tumble.earth import Site
 from tumble.errors import CalibrationFileError, RecordingError, ThermalSpanError, TumbleError, UsageError
@@ -390,17 +391,7 @@ def test_the_expected_norm_counts_every_thermal_parameter() -> None:
 
 # --- EuRoC's folder: what the others read, and what is read back
 
-M_A = np.array([[1.012, 0.004, -0.007], [-0.009, 0.991, 0.006], [0.003, -0.012, 1.021]])
-M_G = np.array([[0.985, -0.011, 0.008], [0.006, 1.017, -0.004], [-0.013, 0.005, 1.008]])
-B_A, B_G = np.array([0.1, -0.2, 0.3]), np.array([0.01, -0.03, 0.02])
-UNIT = calibration_from_model(
-    ImuModel(Triad(M_A, B_A), Triad(M_G, B_G)),
-    ("m/s^2", "rad/s"),
-    ("fixture", "its axes"),
-    [],
-    procedure="by hand",
-    remarks=[],
-)
+UNIT = a_unit.document(ImuModel(Triad(M_A, B_A), Triad(M_G, B_G)))
 RNG = np.random.default_rng(3)
 FORCE = np.array([0.3, -0.5, 9.7]) + 0.02 * RNG.normal(size=(400, 3))
 RATE = 0.01 * RNG.normal(size=(400, 3))

@@ -19,11 +19,11 @@ import numpy as np
 import pytest
 import threadpoolctl
 from msgspec import structs
+from tests.unit.export import a_unit
 from tests.unit.given import given as known
 
 import tumble
 from tumble.border import border
-from tumble.document.imported import calibration_from_model
 from tumble.errors import SiteError, TumbleError, UsageError, install
 from tumble.sensor import ImuModel, Triad
 from tumble.workflows.calibrate import CalibrationRun
@@ -113,9 +113,7 @@ def calibration() -> tumble.Calibration:
     """Misalignments of ten milliradians, which PX4 does not hold."""
     matrix = np.array([[1.01, 0.0, 0.0], [0.01, 0.99, 0.0], [0.004, -0.01, 1.0]])
     model = ImuModel(Triad(matrix, np.zeros(3)), Triad(np.eye(3), np.zeros(3)))
-    return calibration_from_model(
-        model, ("m/s^2", "rad/s"), ("fixture", "axes"), [], procedure="by hand", remarks=[]
-    )
+    return a_unit.document(model)
 
 
 SHAPES = """

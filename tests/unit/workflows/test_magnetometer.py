@@ -12,26 +12,21 @@ from typing import Any
 import numpy as np
 import pytest
 from msgspec import structs
+from tests.unit.export import a_unit
 from tests.unit.given import given as known
 
 import tumble
 from tumble.calibration.magnetometer.estimate import NAMES, named_parameters
 from tumble.document import read_calibration
 from tumble.document.difference import compare_calibrations
-from tumble.document.imported import calibration_from_model
-from tumble.document.magnetometer_block import (
-    FieldBlock,
-    FieldParameter,
-    FieldVerdictBlock,
-    MagnetometerBlock,
-)
+from tumble.document.magnetometer_block import FieldBlock, FieldParameter, FieldVerdictBlock
 from tumble.document.result import Calibration
 from tumble.errors import TumbleError, UsageError
 from tumble.limits import decide, read_limits
 from tumble.recording import Recording
 from tumble.recording.formats.output import write_recording
 from tumble.recording.samples import MagneticField
-from tumble.sensor import ImuModel, Triad
+from tumble.sensor import ImuModel
 from tumble.workflows.corrected import CorrectedField
 from tumble.workflows.difference import Recovery
 from tumble.workflows.magnetometer import given_field, left_out_of
@@ -185,26 +180,14 @@ def test_the_world_magnetic_model_gives_the_field_of_a_place_and_day(monkeypatch
 
 # --- applied
 
-M = np.array([[1.07, 0.031, -0.052], [-0.083, 0.94, 0.047], [0.021, -0.066, 1.12]])
-H = np.array([12.5, -31.0, 47.25])
+M, H = 1e-6 * a_unit.M_M, a_unit.B_M
 TRUE = np.array([[20.0, -3.0, 44.0], [-31.0, 12.0, 35.0], [5.0, 40.0, -28.0]])
 MIRRORED = FieldVerdictBlock(use="not fit", reasons=["Its axes are mirrored."])
 
 
 def document(**changed: Any) -> Calibration:
-    block: dict[str, Any] = {
-        "raw_unit": "uT",
-        "unit": "T",
-        "frame": "b",
-        "method": "holds and turns",
-        "matrix": (1e6 * M).tolist(),
-        "bias": H.tolist(),
-    }
-    ideal = Triad(np.eye(3), np.zeros(3))
-    made = calibration_from_model(
-        ImuModel(ideal, ideal), ("m/s^2", "rad/s"), ("fixture", "axes"), [], procedure="by hand", remarks=[]
-    )
-    return structs.replace(made, magnetometer=MagnetometerBlock(**{**block, **changed}))
+    magnetometer = structs.replace(a_unit.compass(), **{"field": None, **changed})
+    return structs.replace(a_unit.document(ImuModel.ideal()), magnetometer=magnetometer)
 
 
 WITHOUT = structs.replace(document(), magnetometer=None)
