@@ -22,7 +22,7 @@ from collections.abc import Callable
 import numba
 import numpy as np
 
-from tumble.noise.deviation import StreamedDeviation, allan_deviation
+from tumble.noise import StreamedDeviation, allan_deviation
 
 RATE = 100.0
 TAUS = 94

@@ -31,16 +31,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from uncertainty import GROUPS, true_values, without_wander
 
-from tumble.calibration import Estimate
-from tumble.calibration.evidence import Budget
-from tumble.calibration.session import Session, find_estimator
+from tumble.calibration import Budget, Estimate, Session
 from tumble.earth import Site
 from tumble.errors import TumbleError
 from tumble.protocol import named_protocol
-from tumble.recording.recording import Recording
+from tumble.recording import Recording
 from tumble.sensor import ImuModel
 from tumble.simulation import find_grade, simulate_protocol
-from tumble.workflows.procedures import run_procedure
+from tumble.workflows import find_estimator, run_procedure
 
 PROTOCOLS = {
     "hand-held": "hand-held",
@@ -99,7 +97,7 @@ def calibrate(
     """Return the joint estimate, and the paper's where one is asked for and it is in the same axes."""
     session = Session(recording, None if procedure == "hand-held" else protocol, site)
     joint, _ = run_procedure(session, "joint")
-    theirs = None if estimator is None else find_estimator(estimator).estimate(session)
+    theirs = None if estimator is None else find_estimator(estimator, has_protocol=True).estimate(session)
     if theirs is None or theirs.frame != joint.frame:
         return {"joint": joint}
     return {"paper": theirs, "joint": joint}

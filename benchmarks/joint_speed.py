@@ -22,17 +22,13 @@ import tracemalloc
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from tumble.calibration.equations.adjustment import balance_recording
-from tumble.calibration.equations.gathering import gather
-from tumble.calibration.equations.imu_unknowns import imu_unknowns, unknowns_of
-from tumble.calibration.equations.observed import observe
-from tumble.calibration.start import start_adjustment
+from tumble.calibration import balance_recording, gather, imu_unknowns, observe, start_adjustment, unknowns_of
 from tumble.earth import Site
-from tumble.estimation.solve import linearise
+from tumble.estimation import linearise
 from tumble.segmentation import Hold, NoiseFloor, Timeline, Turn, observe_holds
 from tumble.sensor import ImuModel, Triad
 from tumble.simulation import Motion, simulate_recording
-from tumble_papers.hayal.norm_batch import adjust_norms
+from tumble_papers.hayal import adjust_norms
 
 SITE = Site(9.81, 0.0, float(np.radians(48.0)), 300.0, "as simulated")
 MODEL = ImuModel(

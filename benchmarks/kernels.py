@@ -20,11 +20,10 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 from timing import best
 
-from tumble.attitude import integrate_turns
-from tumble.attitude.rotations import twenty_six_directions
-from tumble.calibration.equations.triad_unknowns import rough_triad
-from tumble.sensor.conventions.shin import matrix_from_shin
-from tumble_papers.hayal.norm import adjust_norm
+from tumble.attitude import integrate_turns, twenty_six_directions
+from tumble.calibration import rough_triad
+from tumble.sensor import matrix_from_shin
+from tumble_papers.hayal import adjust_norm
 
 RATE = 100.0
 SAMPLES = 200_000

@@ -8,8 +8,10 @@ A ceiling only falls: `--lower` never raises one, and `tests/architecture/test_c
 
 Code lines are lines with a token that is neither a comment nor a docstring. A function's lines run from its
 `def` to its end, docstring excluded, inner functions included; compiled loops are not counted among the long
-ones. Import depth counts modules on the longest chain of imports, circles collapsed. Circles are strongly
-connected components. Both count all imports: at module level, inside functions, and under TYPE_CHECKING. What
+ones. What a room's front
+lists (`__init__.pyi`) is counted in names, not in lines. Import depth counts modules on the longest chain of imports, circles collapsed. Circles are strongly
+connected components. Both count all imports: at module level, inside functions, and under TYPE_CHECKING; an import from a room's front
+is one of the module that the front fetches the name from. What
 the demo enters are modules whose functions ran during `tumble calibrate` (sys.setprofile); what runs at import
 alone is not counted, and neither are compiled loops. Words are those of all Markdown pages that git tracks; the
 net (`tests/net`) counts as neither words nor tests. Options are those of all commands, hidden ones too.
@@ -37,7 +39,7 @@ Function = ast.FunctionDef | ast.AsyncFunctionDef
 RUN_DEMO = """
 import contextlib, io, sys, tempfile, threading
 from pathlib import Path
-from tumble.cli.main import main
+from tumble.cli import main
 source, entered = sys.argv[1], set()
 def profile(frame, event, argument):
     code = frame.f_code
@@ -69,6 +71,7 @@ class Module:
     code: int
     functions: list[tuple[int, str]]
     imports: set[str] = field(default_factory=set)
+    front: dict[str, str] = field(default_factory=dict)
 
     @property
     def room(self) -> str:
@@ -133,7 +136,17 @@ def imports_of(tree: ast.AST) -> Iterator[ast.Import | ast.ImportFrom]:
     yield from (node for node in statements_of(tree) if isinstance(node, ast.Import | ast.ImportFrom))
 
 
-def targets_of(node: ast.Import | ast.ImportFrom, module: Module, names: set[str]) -> Iterator[str]:
+def front_of(room: str, stub: ast.Module) -> dict[str, str]:
+    """Return the module that a room's front fetches each name from."""
+    return {
+        alias.name: f"{room}.{node.module}"
+        for node in imports_of(stub)
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+
+
+def targets_of(node: ast.Import | ast.ImportFrom, module: Module, names: dict[str, Module]) -> Iterator[str]:
     """Yield the modules of ours that an import asks for."""
     if isinstance(node, ast.Import):
         asked = [alias.name for alias in node.names]
@@ -143,7 +156,12 @@ def targets_of(node: ast.Import | ast.ImportFrom, module: Module, names: set[str
             parts = module.name.split(".")
             above = parts[: len(parts) - node.level + module.is_package]
             base = ".".join([*above, base] if base else above)
-        asked = [f"{base}.{alias.name}" if f"{base}.{alias.name}" in names else base for alias in node.names]
+        front = names[base].front if base in names else {}
+        inside = [f"{base}.{alias.name}" for alias in node.names]
+        asked = [
+            front.get(alias.name, name if name in names else base)
+            for alias, name in zip(node.names, inside, strict=True)
+        ]
     yield from (name for name in asked if name in names and name != module.name)
 
 
@@ -159,9 +177,12 @@ def read_modules() -> dict[str, Module]:
         tree = ast.parse(text)
         modules[name] = Module(name, is_package, code_lines(text, tree), functions_of(name, tree))
         trees[name] = tree
+        stub = path.with_suffix(".pyi")
+        if stub.exists():
+            modules[name].front = front_of(name, ast.parse(stub.read_text(encoding="utf-8")))
     for name, module in modules.items():
         for node in imports_of(trees[name]):
-            module.imports.update(targets_of(node, module, set(modules)))
+            module.imports.update(targets_of(node, module, modules))
     return modules
 
 
@@ -213,7 +234,7 @@ def commands_and_options() -> tuple[int, int]:
     sys.path.insert(0, str(SOURCE))
     import typer
 
-    from tumble.cli.main import app
+    from tumble.cli import app
 
     counts: list[int] = []
 
@@ -251,6 +272,7 @@ def figures(modules: dict[str, Module]) -> dict[str, int]:
         "import depth": import_depth(graph),
         "circles of imports": sum(len(one) > 1 for one in components(graph)),
         f"functions over {LONG_FUNCTION} lines": len(long_functions(modules)),
+        "names at fronts": sum(len(module.front) for module in everything),
         "lines of tests": sum(
             len(path.read_text(encoding="utf-8").splitlines())
             for path in (ROOT / "tests").rglob("*.py")

@@ -31,20 +31,20 @@ from tumble.navigation import (
     NavigationState,
     Trajectory,
     TriadSpread,
+    apply_errors,
+    make_track,
     navigate,
     outages,
     plan_filter,
     position_differences,
     prepare_drive,
     read_track,
+    rms_of,
     run_filter,
     smooth,
+    unpacked,
 )
-from tumble.navigation.block_bootstrap import rms_of
-from tumble.navigation.filter.kernels import apply_errors
-from tumble.navigation.filter.run import unpacked
-from tumble.navigation.gnss import make_track
-from tumble.noise.terms import NoiseModel
+from tumble.noise import NoiseModel
 from tumble.simulation import simulate_drive
 
 LEVER = np.array([0.5, -0.3, -1.0])

@@ -16,19 +16,20 @@ from kernels import bare
 from scipy.optimize import least_squares
 from timing import best, draw_piece_by_piece, generator
 
-from tumble.attitude.kernels import transform_sequence
-from tumble.sensor.conventions.shin import matrix_from_shin
-from tumble_papers.hayal import norm_batch as hayal
-from tumble_papers.hayal.norm_batch import adjust_norms
-from tumble_papers.savage.strapdown_simulation import GRADES, START_NORM, run_study, simulate_run
-from tumble_papers.savage.strapdown_simulation import Setting as RotationTest
-from tumble_papers.zhang.turntable import (
-    Setting,
-    evaluate,
-    in_paper_units,
-    simulate,
-    table_setting,
+from tumble.attitude import transform_sequence
+from tumble.sensor import matrix_from_shin
+from tumble_papers.hayal import (
+    ATTITUDES,
+    FORCE_NOISE,
+    GRAVITY,
+    SAMPLES,
+    adjust_norms,
+    run_setting,
+    simulate_means,
+    table_setting as norm_setting,
 )
+from tumble_papers.savage import GRADES, START_NORM, Setting as RotationTest, run_study, simulate_run
+from tumble_papers.zhang import Setting, evaluate, in_paper_units, simulate, table_setting
 
 RUNS, UNITS, LENGTH = 500, 200, 4_000
 
@@ -39,7 +40,7 @@ def solve_with_scipy(means: np.ndarray) -> np.ndarray:
     def residual(values: np.ndarray) -> np.ndarray:
         matrix = np.real(matrix_from_shin(values[3:6], values[6:9]))
         true = np.linalg.solve(matrix, (means - values[:3]).T)
-        return np.linalg.norm(true, axis=0) - hayal.GRAVITY
+        return np.linalg.norm(true, axis=0) - GRAVITY
 
     start = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
     return least_squares(residual, start, x_scale="jac").x
@@ -47,25 +48,25 @@ def solve_with_scipy(means: np.ndarray) -> np.ndarray:
 
 def norms() -> None:
     """Print the times of Hayal's study, and how far the two solutions are apart."""
-    setting = hayal.table_setting("4.5", 2)
-    count = RUNS * hayal.ATTITUDES * hayal.SAMPLES * 3
-    study = best(lambda: hayal.run_setting(setting, RUNS, generator()))
+    setting = norm_setting("4.5", 2)
+    count = RUNS * ATTITUDES * SAMPLES * 3
+    study = best(lambda: run_setting(setting, RUNS, generator()))
     drawing = best(lambda: generator().standard_normal(count))
-    buffer = np.empty(hayal.ATTITUDES * hayal.SAMPLES * 3)
+    buffer = np.empty(ATTITUDES * SAMPLES * 3)
     pieces = best(lambda: draw_piece_by_piece(count, buffer))
     print(f"{RUNS} runs of table 4.5, {count} samples drawn: {1e3 * study:.1f} ms")
     print(
         f"numpy draws {count} normal numbers, nothing else: {1e3 * drawing:.1f} ms, ratio {study / drawing:.2f}"
     )
     print(f"the same piece by piece: {1e3 * pieces:.1f} ms, ratio {study / pieces:.2f}")
-    means = hayal.simulate_means(setting, RUNS, generator())
-    sigma = hayal.FORCE_NOISE / np.sqrt(hayal.SAMPLES)
-    ours = best(lambda: adjust_norms(means, sigma, hayal.GRAVITY)) / RUNS
+    means = simulate_means(setting, RUNS, generator())
+    sigma = FORCE_NOISE / np.sqrt(SAMPLES)
+    ours = best(lambda: adjust_norms(means, sigma, GRAVITY)) / RUNS
     scipys = best(lambda: [solve_with_scipy(one) for one in means[:20]]) / 20
     print(
         f"one adjustment: {1e6 * ours:.1f} us; scipy least_squares: {1e6 * scipys:.0f} us, ratio {scipys / ours:.0f}"
     )
-    batch = adjust_norms(means[:20], sigma, hayal.GRAVITY)
+    batch = adjust_norms(means[:20], sigma, GRAVITY)
     off = [
         np.max(np.abs(solve_with_scipy(one) - batch.parameters[k]) / batch.sigmas[k])
         for k, one in enumerate(means[:20])

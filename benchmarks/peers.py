@@ -225,7 +225,7 @@ def growth(asked: argparse.Namespace, folder: Path) -> None:
 
 def print_commands(rounds: int) -> None:
     """Print what each command's help costs beside `import numpy`."""
-    from tumble.cli.main import COMMANDS
+    from tumble.cli import COMMANDS
 
     for name in COMMANDS:
         made = [(run([*TUMBLE, name, "--help"]), run(NUMPY)) for _ in range(rounds + 1)][1:]

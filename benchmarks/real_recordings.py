@@ -21,18 +21,27 @@ from pathlib import Path
 
 import numpy as np
 
-from tumble.calibration import Estimate, Options, Session, calibrate, find_procedure
-from tumble.calibration.checks.scores import hold_norm_errors, score_turns
-from tumble.calibration.equations.gathering import gather
-from tumble.calibration.equations.imu_unknowns import LAYOUT
-from tumble.calibration.equations.triad_unknowns import rough_triad, triad_from_unknowns, unknowns_from_triad
-from tumble.calibration.outcome.description import named_function
+from tumble.calibration import (
+    LAYOUT,
+    Estimate,
+    Options,
+    Session,
+    calibrate,
+    find_procedure,
+    gather,
+    hold_norm_errors,
+    named_function,
+    rough_triad,
+    score_turns,
+    triad_from_unknowns,
+    unknowns_from_triad,
+)
 from tumble.earth import Site
-from tumble.export.readers import read_imu_tk
+from tumble.export import read_imu_tk
 from tumble.recording import read_recording
 from tumble.segmentation import find_timeline, observe_holds
 from tumble.sensor import ImuModel, Triad, change_frame
-from tumble_papers.hayal.norm import adjust_norm
+from tumble_papers.hayal import adjust_norm
 
 HERE = Path(__file__).resolve().parents[1]
 REFERENCE = HERE / "tests" / "reference"

@@ -16,7 +16,7 @@ from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-from tumble.reproduction.items import Item, find_items
+from tumble.reproduction import Item, find_items
 
 COSTS = Path(__file__).resolve().parents[1] / "src" / "tumble_papers" / "costs.json"
 ENOUGH = 3.0  # s

@@ -32,7 +32,7 @@ from __future__ import annotations
 
 import os
 
-from tumble.document.part import plain
+from tumble.document import plain
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 

@@ -25,10 +25,15 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from tumble.calibration import Estimate, Session, calibrate, find_procedure
-from tumble.calibration.equations.imu_unknowns import LAYOUT
-from tumble.calibration.equations.triad_unknowns import unknowns_from_triad
-from tumble.calibration.outcome.description import named_function
+from tumble.calibration import (
+    LAYOUT,
+    Estimate,
+    Session,
+    calibrate,
+    find_procedure,
+    named_function,
+    unknowns_from_triad,
+)
 from tumble.earth import Site
 from tumble.errors import TumbleError
 from tumble.sensor import ImuModel, change_frame

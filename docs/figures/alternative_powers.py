@@ -40,9 +40,8 @@ def is_found(job: Job) -> bool:
     from tumble.calibration import Session
     from tumble.earth import Site
     from tumble.protocol import SpinStep, named_protocol
-    from tumble.simulation import find_grade
-    from tumble.simulation.protocols import simulate_protocol
-    from tumble.workflows.procedures import run_procedure
+    from tumble.simulation import find_grade, simulate_protocol
+    from tumble.workflows import run_procedure
 
     fault, what, name, size, seed = job
     rng, grade = np.random.default_rng([seed, round(1e5 * size)]), find_grade(name)

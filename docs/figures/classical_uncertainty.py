@@ -91,9 +91,8 @@ def one_run(job: Job) -> dict[str, float]:
 
     from tumble.calibration import Session
     from tumble.earth import Site
-    from tumble.simulation import find_grade
-    from tumble.simulation.protocols import simulate_protocol
-    from tumble.workflows.procedures import run_procedure
+    from tumble.simulation import find_grade, simulate_protocol
+    from tumble.workflows import run_procedure
 
     procedure, grade, seconds, placement, seed = job
     rng = np.random.default_rng([seed, round(seconds), round(100 * (placement or 0.0))])

@@ -17,9 +17,8 @@ sys.path.insert(0, str(DOCS.parent / "tests"))
 sys.path.insert(0, str(DOCS.parent / "tests" / "docs"))
 import test_tutorials  # noqa: E402  (found where the lines above say)
 
-from tumble.report.batch import batch_page  # noqa: E402  (as above)
-from tumble.report.figures.on_paper import write_figures  # noqa: E402  (as above)
-from tumble.workflows.batches.batch import run_batch  # noqa: E402  (as above)
+from tumble.report import batch_page, write_figures  # noqa: E402  (as above)
+from tumble.workflows import run_batch  # noqa: E402  (as above)
 
 # Page -> the folder that its commands leave, and the figure that shows what came out.
 PICTURES = {

@@ -21,9 +21,13 @@ FOLDER = Path(__file__).resolve().parent
 sys.path.insert(0, str(FOLDER))
 from expected_uncertainty import opening  # noqa: E402
 
-from tumble.noise.deviation import Deviation, allan_deviation  # noqa: E402
-from tumble.noise.fitting.fit import NoiseFit, fit_curve  # noqa: E402
-from tumble.noise.terms import NoiseModel  # noqa: E402
+from tumble.noise import (  # noqa: E402  # noqa: E402
+    Deviation,
+    NoiseFit,
+    NoiseModel,
+    allan_deviation,
+    fit_curve,
+)
 
 PAGE = FOLDER.parent / "noise-other-tools.md"
 RATE, SECONDS = 200.0, 7200.0

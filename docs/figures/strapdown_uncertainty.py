@@ -52,13 +52,11 @@ def one_run(job: Job) -> dict[str, float]:
 
     import numpy as np
 
-    from tumble.calibration.session import Session
+    from tumble.calibration import Session
     from tumble.earth import Site
     from tumble.protocol import HoldStep, named_protocol
-    from tumble.simulation import find_grade
-    from tumble.simulation.protocols import simulate_protocol
-    from tumble.simulation.two_axis import FixtureErrors
-    from tumble.workflows.procedures import run_procedure
+    from tumble.simulation import FixtureErrors, find_grade, simulate_protocol
+    from tumble.workflows import run_procedure
 
     grade, seconds, seed = job
     rng = np.random.default_rng([seed, round(seconds)])

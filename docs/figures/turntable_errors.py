@@ -35,12 +35,12 @@ HEADS = ("gyro scale, ppm", "gyro angles, ″", "gyro bias, °/h", "between the 
 
 def errors(name: str, case: dict[str, float], seed: int) -> list[float]:
     """Return the largest error of each kind in one calibration."""
-    from tumble.calibration.session import Session
+    from tumble.calibration import Session
     from tumble.earth import Site
     from tumble.protocol import named_protocol
     from tumble.sensor import ImuModel, Triad, change_frame
     from tumble.simulation import TableErrors, simulate_protocol
-    from tumble.workflows.procedures import run_procedure
+    from tumble.workflows import run_procedure
 
     rng = np.random.default_rng(seed)
     model = ImuModel(

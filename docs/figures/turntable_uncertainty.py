@@ -99,11 +99,10 @@ def one_run(job: Job) -> dict[str, float]:
     """Return the median stated uncertainty of each group of parameters in one simulated calibration."""
     import numpy as np
 
-    from tumble.calibration.session import Session
+    from tumble.calibration import Session
     from tumble.earth import Site
-    from tumble.simulation import find_grade
-    from tumble.simulation.protocols import simulate_protocol
-    from tumble.workflows.procedures import run_procedure
+    from tumble.simulation import find_grade, simulate_protocol
+    from tumble.workflows import run_procedure
 
     name, grade, seconds, table, seed = job
     rng = np.random.default_rng([seed, round(seconds), round(table)])

@@ -9,11 +9,9 @@ import json
 from functools import partial
 from pathlib import Path
 
-from tumble.document.part import schema_of
-from tumble.document.result import Calibration
+from tumble.document import Calibration, schema_of
 from tumble.protocol import protocol_schema
-from tumble.report.noise_document import NoiseDocument
-from tumble.report.predictions import FilterDocument
+from tumble.report import FilterDocument, NoiseDocument
 
 FOLDER = Path(__file__).resolve().parent
 # Name -> what makes it, and the page that explains it.

@@ -9,7 +9,7 @@ from typing import Any
 
 import typer
 
-from tumble.cli.main import app
+from tumble.cli import app
 
 
 def commands() -> Iterator[tuple[str, Any]]:

@@ -11,8 +11,7 @@ import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 
-from tumble.calibration.session import PROCEDURES
-from tumble.calibration.terms import TERMS
+from tumble.calibration import PROCEDURES, TERMS
 
 HERE = Path(__file__).resolve().parent
 PAGE = HERE.parent / "architecture.md"

@@ -56,12 +56,7 @@ if TYPE_CHECKING:
     from tumble.recording import Recording, read_recording
     from tumble.segmentation import find_timeline
     from tumble.sensor import ImuModel
-    from tumble.workflows.apply import apply
-    from tumble.workflows.calibrate import calibrate
-    from tumble.workflows.convert import convert_to
-    from tumble.workflows.noise import analyse_noise
-    from tumble.workflows.simulate import simulate
-    from tumble.workflows.verify import verify
+    from tumble.workflows import analyse_noise, apply, calibrate, convert_to, simulate, verify
 
 __all__ = [
     "Calibration",

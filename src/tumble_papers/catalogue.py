@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tumble.reproduction.items import Item
+from tumble.reproduction import Item
 from tumble_papers.hayal import chapter_4, positions, scenarios
 from tumble_papers.savage import formulas, section_9
 from tumble_papers.zhang import navigation, pose_sets, tables

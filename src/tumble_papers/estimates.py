@@ -7,13 +7,18 @@ from collections.abc import Callable, Iterable
 import numpy as np
 
 from tumble.arrays import Matrices, Series, Square, Vectors
-from tumble.calibration.checks.scores import hold_norm_variances
-from tumble.calibration.equations.imu_unknowns import LAYOUT, unknowns_of
-from tumble.calibration.estimate import Estimate, Figures, Said
-from tumble.calibration.evidence import Holds
-from tumble.calibration.outcome.description import describe
-from tumble.calibration.session import Session
-from tumble.calibration.terms import TERMS
+from tumble.calibration import (
+    LAYOUT,
+    TERMS,
+    Estimate,
+    Figures,
+    Holds,
+    Said,
+    Session,
+    describe,
+    hold_norm_variances,
+    unknowns_of,
+)
 from tumble.errors import ObservabilityError
 from tumble.sensor import ImuModel
 

@@ -15,10 +15,9 @@ from typing import Any
 import numpy as np
 
 from tumble.arrays import AnyArray
-from tumble.files.documents import read_yaml
+from tumble.files import read_yaml
 from tumble.records import dataclass
-from tumble.reproduction.items import Item
-from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED, Outcome, Plot, Row
+from tumble.reproduction import INSIDE, OUTSIDE, UNJUDGED, Item, Outcome, Plot, Row
 
 _COSTS = json.loads((files("tumble_papers") / "costs.json").read_text(encoding="utf-8"))
 

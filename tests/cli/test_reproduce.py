@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from tests.cli.program import Bench
 
-from tumble.workflows.reproduce import reproduce
+from tumble.workflows import reproduce
 from tumble_papers.catalogue import ITEMS
 
 KINDS = ("csv", "html", "json", "txt")

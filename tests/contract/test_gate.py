@@ -11,7 +11,7 @@ import pytest
 from tests.fuzz.seeds import HEADER, calibrations, rows, text
 from typer.main import get_command
 
-from tumble.cli.main import app
+from tumble.cli import app
 from tumble.errors import TumbleError
 
 READERS = [

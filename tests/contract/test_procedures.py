@@ -13,13 +13,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 from tests.unit.adjusted import adjusted
 
-from tumble.calibration import Estimate
-from tumble.calibration.evidence import Turns
-from tumble.calibration.prior import StableKnowledge
-from tumble.calibration.session import PROCEDURES, Procedure, find_procedure
-from tumble.document import Calibration, calibration_from_estimate
-from tumble.document.composition import FRAME_WORDS
-from tumble.document.part import read_part
+from tumble.calibration import PROCEDURES, Estimate, Procedure, StableKnowledge, Turns, find_procedure
+from tumble.document import FRAME_WORDS, Calibration, calibration_from_estimate, read_part
 from tumble.earth import Site
 from tumble.errors import UsageError
 from tumble.procedure_names import KNOWN_PROCEDURES
@@ -27,7 +22,7 @@ from tumble.protocol import named_protocol
 from tumble.recording import Recording
 from tumble.segmentation import HoldMeans, Timeline, find_timeline, observe_holds
 from tumble.simulation import Motion, find_grade, poses_26, simulate_recording
-from tumble.workflows.procedures import check_procedure
+from tumble.workflows import check_procedure
 
 DOCS = Path(__file__).parents[2] / "docs" / "procedures"
 SITE = Site(9.81, 0.0, None, 0.0, "as simulated")

@@ -7,8 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tumble.calibration.equations.imu_unknowns import (
+from tumble.calibration import (
     LAYOUT,
+    TERMS,
+    Term,
     imu_unknowns,
     name_plate,
     raw_force,
@@ -16,8 +18,7 @@ from tumble.calibration.equations.imu_unknowns import (
     term_unknowns,
     terms_prior,
 )
-from tumble.calibration.terms import TERMS, Term
-from tumble.sensor.imu import CURVES, Triad
+from tumble.sensor import CURVES, Triad
 
 SCALE = np.array([0.9, 1.1, 1.05])
 MATRIX = np.array([[2.0, 0.02, -0.05], [0.07, 1.8, 0.03], [-0.04, 0.06, 2.2]])

@@ -10,8 +10,7 @@ import pytest
 from tests.unit.recording.by_hand import said
 
 from tumble.errors import RecordingError
-from tumble.recording import read_recording
-from tumble.recording.formats import find_format
+from tumble.recording import find_format, read_recording
 
 RNG = np.random.default_rng(12)
 COUNT = 600

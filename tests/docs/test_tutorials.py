@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from contract.test_formats import write_ardupilot, write_rosbag1
-from tumble.workflows.simulate import simulate
+from tumble.workflows import simulate
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 PAGES = sorted(
@@ -27,7 +27,7 @@ PAGES = sorted(
 RUN = """
 import io, json, sys
 from contextlib import redirect_stderr, redirect_stdout
-from tumble.cli.main import main
+from tumble.cli import main
 answers = []
 for arguments in json.load(sys.stdin):
     said, status, sys.argv = io.StringIO(), 0, ["tumble", *arguments]

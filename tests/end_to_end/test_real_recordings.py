@@ -16,19 +16,24 @@ import numpy as np
 import pytest
 from tests.unit.given import given as known
 
-from tumble.calibration import Estimate, Options, Session, find_procedure
-from tumble.calibration import calibrate as joint
-from tumble.calibration.checks.scores import hold_norm_errors, score_turns
-from tumble.calibration.equations.gathering import gather
-from tumble.calibration.equations.imu_unknowns import LAYOUT
-from tumble.calibration.equations.triad_unknowns import unknowns_from_triad
-from tumble.calibration.outcome.description import named_function
+from tumble.calibration import (
+    LAYOUT,
+    Estimate,
+    Options,
+    Session,
+    calibrate as joint,
+    find_procedure,
+    gather,
+    hold_norm_errors,
+    named_function,
+    score_turns,
+    unknowns_from_triad,
+)
 from tumble.document import read_calibration
 from tumble.earth import Site
-from tumble.export.readers import read_imu_tk
+from tumble.export import read_imu_tk
 from tumble.sensor import ImuModel, Triad, change_frame
-from tumble.workflows.calibrate import CalibrationRun, calibrate
-from tumble.workflows.verify import verify
+from tumble.workflows import CalibrationRun, calibrate, verify
 
 XSENS_GRAVITY, MPU_GRAVITY = 9.81744, 9.81
 MPU: dict[str, Any] = {"columns": "ax,ay,az,gx,gy,gz", "units": "m/s^2,rad/s", "rate": 100.0}

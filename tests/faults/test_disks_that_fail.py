@@ -13,11 +13,9 @@ from tests.fuzz.seeds import HEADER, rows, seeds, text
 
 from tumble.document import read_calibration
 from tumble.errors import OutputError
-from tumble.files.writing import write_text, write_texts
-from tumble.protocol import read_protocol
-from tumble.protocol.file import write_protocol
-from tumble.recording import read_recording
-from tumble.recording.formats.output import write_recording
+from tumble.files import write_text, write_texts
+from tumble.protocol import read_protocol, write_protocol
+from tumble.recording import read_recording, write_recording
 
 
 class Disk:

@@ -12,18 +12,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
-from tumble.calibration import Estimate
-from tumble.calibration.estimate import NamedValue, Said, TermTest
-from tumble.calibration.evidence import Holds, Turns
-from tumble.calibration.outcome.description import canonical_names
+from tumble.calibration import Estimate, Holds, NamedValue, Said, TermTest, Turns, canonical_names
 from tumble.document import Calibration, calibration_from_estimate, read_calibration
 from tumble.earth import Site
 from tumble.errors import CalibrationFileError, ConvergenceError
-from tumble.recording import Recording
-from tumble.recording.recording import Source
+from tumble.recording import Recording, Source
 from tumble.sensor import ImuModel, Triad
 
 REAL = st.floats(-0.05, 0.05, allow_nan=False)

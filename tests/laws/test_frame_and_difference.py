@@ -8,15 +8,21 @@ import numpy as np
 import pytest
 from msgspec import structs
 
-from tumble.document.difference import compare_calibrations
-from tumble.document.entries import entry_names, model_of_vector, stacked, turned_to, vector_of_model
-from tumble.document.imported import calibration_from_model
-from tumble.document.result import Calibration, UnseenBlock
-from tumble.document.thermal_block import thermal_block
+from tumble.document import (
+    Calibration,
+    UnseenBlock,
+    calibration_from_model,
+    compare_calibrations,
+    entry_names,
+    model_of_vector,
+    stacked,
+    thermal_block,
+    turned_to,
+    vector_of_model,
+)
 from tumble.errors import UsageError
-from tumble.sensor import FRAMES, ImuModel, Triad, change_frame
-from tumble.sensor.thermal import TemperatureBasis, ThermalModel
-from tumble.workflows.difference import verdict
+from tumble.sensor import FRAMES, ImuModel, TemperatureBasis, ThermalModel, Triad, change_frame
+from tumble.workflows import verdict
 
 M_A = np.array([[1.012, 0.004, -0.007], [-0.009, 0.991, 0.006], [0.003, -0.012, 1.021]])
 M_G = np.array([[0.985, -0.011, 0.008], [0.006, 1.017, -0.004], [-0.013, 0.005, 1.008]])
@@ -168,7 +174,7 @@ def test_one_clock_that_both_assume_is_counted_in_no_difference() -> None:
 
 def test_a_plan_takes_what_is_known_from_a_calibration_in_a_fixture() -> None:
     """What a fixture's axes add is no matter of the thirty parameters: the accelerometers' own frame has the same."""
-    from tumble.workflows.planning.plan import information_of
+    from tumble.workflows import information_of
 
     known = [information_of(one).matrix for one in (document(), turned_to(document(), "accelerometer-x"))]
     assert np.allclose(known[0], known[1], rtol=1e-6)

@@ -7,12 +7,10 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from contract.test_protocols import same
-from tumble.earth import Site
-from tumble.earth.gravity import normal_gravity
+from tumble.earth import Site, normal_gravity
 from tumble.procedure_names import KNOWN_PROCEDURES
 from tumble.protocol import (
     HoldStep,

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from hypothesis.extra.numpy import arrays
 
-from tumble.sensor import ImuModel, Triad, change_frame
-from tumble.sensor.conventions.shin import matrix_from_shin, shin_from_matrix
+from tumble.sensor import ImuModel, Triad, change_frame, matrix_from_shin, shin_from_matrix
 
 
 def within(shape: int | tuple[int, ...], limit: float) -> st.SearchStrategy[np.ndarray]:

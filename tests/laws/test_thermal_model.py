@@ -12,8 +12,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 from tumble.errors import ThermalSpanError
-from tumble.sensor import ImuModel, Triad
-from tumble.sensor.thermal import SHAPES, TemperatureBasis, ThermalModel, follow_temperature
+from tumble.sensor import SHAPES, ImuModel, TemperatureBasis, ThermalModel, Triad, follow_temperature
 
 NODES = np.array([-20.0, -3.0, 11.0, 24.0, 38.0, 60.0])
 BASES = {

@@ -54,7 +54,7 @@ def made(job: Job) -> tuple[Job, str, float]:
 def results(jobs: list[Job], processes: int) -> Iterator[tuple[Job, str, float]]:
     """Make all entries, each in a fork of this process, so that none sees what another left."""
     import tumble
-    import tumble.cli.main
+    import tumble.cli.application
     import tumble.workflows.calibrate  # imported once, before the forks
 
     for name in tumble.__all__:

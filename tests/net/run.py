@@ -21,7 +21,7 @@ SITE = ("--site", "48.1,520")
 
 def tumble(*arguments: object) -> dict[str, Any]:
     """Run `tumble ARGUMENTS`; return its status and what it printed, without the folder that it ran in."""
-    from tumble.cli.main import main
+    from tumble.cli import main
 
     out, err = io.StringIO(), io.StringIO()
     before, status = sys.argv, 0

@@ -18,8 +18,7 @@ from tumble.earth import (
 )
 from tumble.errors import RecordingError, UsageError
 from tumble.navigation import InertialSamples, NavigationState, Trajectory, navigate
-from tumble.simulation import SplineTrajectory, simulate_drive
-from tumble.simulation.trajectories import TravelledStates
+from tumble.simulation import SplineTrajectory, TravelledStates, simulate_drive
 
 HERE = (0.83, 0.15, 400.0)
 

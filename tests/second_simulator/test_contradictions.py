@@ -19,7 +19,7 @@ import tumble
 from second_simulator import GRADES
 from second_simulator.calibrating import calibrated, played, sigmas_off
 from tumble.document import Calibration
-from tumble.estimation.solve import solve
+from tumble.estimation import solve
 
 QUICK: dict[str, dict[str, Any]] = {
     "strapdown-rotation": {"rate": 50.0},

@@ -14,20 +14,28 @@ import pytest
 from scipy.special import chdtri
 
 from recovery.played import jointly
-from tumble.calibration import Session
-from tumble.calibration.equations.adjustment import JointAdjustment
-from tumble.calibration.equations.causes import ANGLES, FORCE_REST, SOURCES, SWAY, TURNS
-from tumble.calibration.equations.imu_unknowns import force_matrix, gyro_matrix
-from tumble.calibration.equations.observed import observe, table_rotation
-from tumble.calibration.evidence import Budget
+from tumble.calibration import (
+    ANGLES,
+    FORCE_REST,
+    SOURCES,
+    SWAY,
+    TURNS,
+    Budget,
+    JointAdjustment,
+    JointOutcome,
+    NamedParameters,
+    Session,
+    draw_distributions,
+    force_matrix,
+    gyro_matrix,
+    observe,
+    recording_influences,
+    start_adjustment,
+    table_rotation,
+)
 from tumble.calibration.outcome import budget
-from tumble.calibration.outcome.budget import NamedParameters, draw_distributions, recording_influences
-from tumble.calibration.outcome.estimate import JointOutcome
-from tumble.calibration.start import start_adjustment
 from tumble.earth import Site
-from tumble.estimation.balance import Noise
-from tumble.estimation.gauss_helmert import invert_normal_matrix
-from tumble.estimation.solve import linearise, solve
+from tumble.estimation import Noise, invert_normal_matrix, linearise, solve
 from tumble.protocol import named_protocol
 from tumble.simulation import find_grade, simulate_protocol
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from tumble.calibration import Estimate, Options, Session, calibrate, find_procedure
-from tumble.calibration.prior import StableKnowledge
+from tumble.calibration import Estimate, Options, Session, StableKnowledge, calibrate, find_procedure
 from tumble.earth import Site
 from tumble.recording import Recording
 from tumble.segmentation import HoldMeans, Timeline, observe_holds

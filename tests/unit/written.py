@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from tumble.document.part import read_part
-from tumble.document.result import Calibration
+from tumble.document import Calibration, read_part
 
 WRITTEN: dict[str, Any] = {
     "created": "2026-01-02T03:04:05+00:00",

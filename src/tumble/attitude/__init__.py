@@ -4,26 +4,6 @@
 have the scalar last, as in scipy. A rotation vector ``phi`` stands for ``exp(skew(phi))``.
 """
 
-from tumble.attitude.integration import IntegratedTurns, Inverse, integrate_turns
-from tumble.attitude.rotations import (
-    angle_between,
-    find_nearest_rotation,
-    matrix_from_rotation_vector,
-    rotation_between,
-    rotation_vector_from_matrix,
-    skew,
-    tangent_basis,
-)
+import lazy_loader
 
-__all__ = [
-    "IntegratedTurns",
-    "Inverse",
-    "angle_between",
-    "find_nearest_rotation",
-    "integrate_turns",
-    "matrix_from_rotation_vector",
-    "rotation_between",
-    "rotation_vector_from_matrix",
-    "skew",
-    "tangent_basis",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

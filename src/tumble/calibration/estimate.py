@@ -10,8 +10,7 @@ import numpy as np
 from tumble.arrays import Matrix, Series, Square, Table
 from tumble.calibration.evidence import Evidence, Holds, Spins, Turns
 from tumble.records import dataclass
-from tumble.sensor import ImuModel
-from tumble.sensor.thermal import ThermalModel
+from tumble.sensor import ImuModel, ThermalModel
 
 Kind: TypeAlias = Literal["remark", "caution", "objection", "not determined"]
 _E = TypeVar("_E", bound=Evidence)

@@ -25,10 +25,9 @@ from functools import cache
 import numpy as np
 
 from tumble.arrays import Square, Table, Vector, inverted
-from tumble.attitude.rotations import left_jacobian, skew
+from tumble.attitude import left_jacobian, skew
 from tumble.records import dataclass
-from tumble.sensor import ImuModel, Triad
-from tumble.sensor.imu import CURVES
+from tumble.sensor import CURVES, ImuModel, Triad
 
 LONGEST = 600.0
 """s, beyond which the closed forms are off by more than 4 %."""

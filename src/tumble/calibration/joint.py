@@ -54,14 +54,10 @@ from tumble.calibration.start import Offered, rough_start, rough_variances, star
 from tumble.calibration.terms import TERMS
 from tumble.counting import about
 from tumble.errors import ConvergenceError, ObservabilityError
-from tumble.estimation.balance import Balanced
-from tumble.estimation.solve import linearise
-from tumble.estimation.unknowns import Unknowns
-from tumble.recording.recording import Recording
+from tumble.estimation import Balanced, Unknowns, linearise
+from tumble.recording import Recording
 from tumble.records import dataclass
-from tumble.segmentation import HoldMeans
-from tumble.segmentation.rotations import Rotation
-from tumble.segmentation.turns import LONGEST_GAP
+from tumble.segmentation import LONGEST_GAP, HoldMeans, Rotation
 from tumble.units import specific_force_factor
 
 # An axis that leans by less than this is upright; a window may then turn so far.

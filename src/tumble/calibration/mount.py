@@ -19,13 +19,11 @@ import numpy as np
 import numpy.typing as npt
 
 from tumble.arrays import Matrix, Square, Table, Vector, inverted
-from tumble.attitude import angle_between
-from tumble.attitude.rotations import analytic_rotation_vector
+from tumble.attitude import analytic_rotation_vector, angle_between
 from tumble.calibration.free_inertial import triad_errors
 from tumble.errors import ObservabilityError
 from tumble.records import dataclass
-from tumble.sensor import propagate
-from tumble.sensor.imu import Triad
+from tumble.sensor import Triad, propagate
 
 Complex = npt.NDArray[Any]
 # A unit whose axes are farther from the mount's is mounted another way, or stood otherwise, rad.

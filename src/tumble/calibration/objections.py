@@ -24,7 +24,7 @@ from tumble.calibration.poses import missing_poses
 from tumble.calibration.prior import StableKnowledge, TriadFleet, about_sheet
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ConvergenceError, ObservabilityError
-from tumble.estimation.solve import solve
+from tumble.estimation import solve
 from tumble.recording import find_axis_contradiction, find_dead_channels, find_saturated_channels
 from tumble.units import specific_force_factor
 
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from tumble.calibration.prior import TriadSheet
     from tumble.calibration.session import Procedure, Session
     from tumble.calibration.thermal.model import ThermalOutcome
-    from tumble.segmentation.timeline import Turn
+    from tumble.segmentation import Turn
 
 MISSING = (
     "Samples are missing that left no trace in the stamps, the gyros saturate, or the mount gives. Record the stamps "
@@ -359,8 +359,8 @@ def say_of_recording(estimate: Estimate, session: Session, without_holds: Sequen
 
 def _of_limits(session: Session) -> list[str]:
     """What is said of holds in which an accelerometer is at its limit: they show less than gravity."""
-    from tumble.recording.rest import limits_reached
-    from tumble.segmentation.rounding import carries_remainder
+    from tumble.recording import limits_reached
+    from tumble.segmentation import carries_remainder
 
     force, holds, said = session.recording.specific_force, session.timeline.holds, list[str]()
     if force is None:
@@ -388,7 +388,7 @@ def of_other_rests(session: Session) -> str:
     ----------
     session : of the recording.
     """
-    from tumble.segmentation.creep import find_other_rests
+    from tumble.segmentation import find_other_rests
 
     recording, timeline = session.recording, session.timeline
     other = None if session.intervals is not None else find_other_rests(recording, timeline)

@@ -21,11 +21,9 @@ from tumble.calibration.terms import TERMS
 from tumble.calibration.verdict import two_digits
 from tumble.counting import about
 from tumble.errors import ConvergenceError, ObservabilityError
-from tumble.estimation.balance import Balanced
-from tumble.estimation.solve import linearise, solve
-from tumble.estimation.unknowns import Unknowns
+from tumble.estimation import Balanced, Unknowns, linearise, solve
 from tumble.records import dataclass
-from tumble.sensor.imu import CURVES
+from tumble.sensor import CURVES
 
 # Of an adjustment that is balanced, and of its terms: recordings by hand took 8 to 45, half of them 13 to 17.
 USUAL_STEPS = 16

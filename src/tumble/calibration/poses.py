@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tumble.arrays import Series, Square, Table, Vector, Vectors, inverted
-from tumble.attitude.rotations import twenty_six_directions
+from tumble.attitude import twenty_six_directions
 from tumble.calibration.equations.triad_unknowns import BIAS, SCALE
 from tumble.earth import Site
 from tumble.errors import ObservabilityError
@@ -28,8 +28,7 @@ from tumble.estimation import find_weak_directions
 from tumble.protocol import HoldStep, Pose, Protocol, named_protocol
 
 if TYPE_CHECKING:
-    from tumble.segmentation import HoldMeans
-    from tumble.segmentation.matching import Matching
+    from tumble.segmentation import HoldMeans, Matching
 
 
 # Farther than this from every face, a hold is none of the six positions.
@@ -50,7 +49,7 @@ def match_faces(means: HoldMeans, site: Site) -> tuple[Protocol, Matching]:
         If there is no accelerometer to tell the faces.
     """
     from tumble.calibration.equations.triad_unknowns import rough_triad, triad_from_unknowns
-    from tumble.segmentation.matching import MatchedHold, Matching
+    from tumble.segmentation import MatchedHold, Matching
 
     if means.specific_force is None:
         raise ObservabilityError("The recording has no accelerometer: nothing shows which face is up.")

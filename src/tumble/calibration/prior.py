@@ -26,14 +26,10 @@ from tumble.arrays import Matrix, Series, Square, Vector, inverted
 from tumble.calibration.equations.imu_unknowns import FORCE_ALONE, LAYOUT, NAME_PLATE_SHARE, PLAIN, name_plate
 from tumble.calibration.equations.triad_unknowns import ANGLE, BIAS, SCALE
 from tumble.errors import CalibrationFileError, UsageError
-from tumble.estimation import Prior, find_weak_directions
-from tumble.estimation.gauss_helmert import invert_normal_matrix
-from tumble.estimation.unknowns import Unknowns
-from tumble.recording.recording import Recording
+from tumble.estimation import Prior, Unknowns, find_weak_directions, invert_normal_matrix
+from tumble.recording import Recording
 from tumble.records import dataclass
-from tumble.sensor import propagate
-from tumble.sensor.conventions.shin import matrix_from_shin, shin_from_matrix
-from tumble.sensor.gauge import lower_factor
+from tumble.sensor import lower_factor, matrix_from_shin, propagate, shin_from_matrix
 from tumble.simulation import Grade, TriadGrade
 from tumble.units import angular_rate_factor, specific_force_factor
 

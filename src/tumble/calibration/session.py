@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 from tumble.counting import part
 from tumble.earth import Site
 from tumble.errors import UsageError
-from tumble.recording.recording import Recording
+from tumble.recording import Recording
 from tumble.records import dataclass
 
 if TYPE_CHECKING:
@@ -27,9 +27,7 @@ if TYPE_CHECKING:
     from tumble.calibration.outcome.estimate import JointOutcome
     from tumble.calibration.prior import FleetSheet, StableKnowledge
     from tumble.protocol import Protocol
-    from tumble.segmentation import HoldMeans, SpinMeans, Timeline
-    from tumble.segmentation.matching import Matching
-    from tumble.segmentation.rotations import Rotation
+    from tumble.segmentation import HoldMeans, Matching, Rotation, SpinMeans, Timeline
     from tumble.simulation import Grade
 
 
@@ -381,7 +379,7 @@ class Session:
     @cached_property
     def matching(self) -> Matching | None:
         """Which hold and spin is which step of the protocol; None without one, or where temperatures tell the steps."""
-        from tumble.segmentation.matching import match_protocol
+        from tumble.segmentation import match_protocol
 
         if self.protocol is None or self.by_temperature:
             return None
@@ -410,7 +408,7 @@ class Session:
         UsageError
             If there is no protocol.
         """
-        from tumble.segmentation.matching import observe_matched_spins
+        from tumble.segmentation import observe_matched_spins
 
         protocol, matching = self.matched
         return observe_matched_spins(protocol, self.recording, matching)
@@ -424,7 +422,7 @@ class Session:
         UsageError
             If there is no protocol.
         """
-        from tumble.segmentation.rotations import observe_rotations
+        from tumble.segmentation import observe_rotations
 
         protocol, matching = self.matched
         return observe_rotations(protocol, self.recording, self.timeline, matching, self.means, self.spins)

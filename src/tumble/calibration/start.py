@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tumble.arrays import Matrices, Matrix, Square, Vectors, inverted
-from tumble.attitude.rotations import matrix_from_rotation_vector
+from tumble.attitude import matrix_from_rotation_vector
 from tumble.calibration.checks.triad_agreement import refuse_contradicting_axes
 from tumble.calibration.equations.adjustment import JointAdjustment, Section
 from tumble.calibration.equations.believed_poses import BelievedPoses
@@ -27,11 +27,9 @@ from tumble.calibration.equations.turn import HoldsAndTurns
 from tumble.calibration.equations.turn_equations import integrate_links
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ObservabilityError
-from tumble.estimation.balance import Noise
-from tumble.estimation.unknowns import Unknowns
-from tumble.recording.recording import Recording
-from tumble.segmentation import HoldMeans, Timeline
-from tumble.segmentation.rotations import Rotation
+from tumble.estimation import Noise, Unknowns
+from tumble.recording import Recording
+from tumble.segmentation import HoldMeans, Rotation, Timeline
 from tumble.units import angular_rate_factor, specific_force_factor
 
 # A rough matrix whose entries are less certain than this share is no better than the unit's own name plate.

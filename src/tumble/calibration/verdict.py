@@ -12,9 +12,8 @@ import numpy as np
 from tumble.arrays import Series
 from tumble.calibration.estimate import Estimate, NamedValue
 from tumble.calibration.session import PROCEDURES
-from tumble.parameters.family import parameter_of
-from tumble.parameters.measures import amount, decimals_of, fixed
-from tumble.recording.recording import Recording
+from tumble.parameters import amount, decimals_of, fixed, parameter_of
+from tumble.recording import Recording
 from tumble.records import dataclass
 from tumble.sensor import Triad
 from tumble.units import angular_rate_factor, specific_force_factor

@@ -3,3 +3,7 @@
 `Capture` is the state machine, fed with blocks of samples; it knows no terminal and no page. `run_capture` joins a
 source, the files in a folder, and whoever listens.
 """
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -18,10 +18,7 @@ import numpy as np
 
 from tumble.arrays import Series, Vectors
 from tumble.capture.source import Channels, Piece, SourceOptions
-from tumble.recording.formats.folder import rank_sensor
-from tumble.recording.formats.streams import Merging
-from tumble.recording.samples import Samples, joined
-from tumble.recording.units import read_units_option
+from tumble.recording import Merging, Samples, joined, rank_sensor, read_units_option
 from tumble.records import dataclass
 
 # s of stamps after which it is known which sensors come, and a step back that is a new clock.

@@ -12,9 +12,9 @@ import numpy as np
 
 from tumble.arrays import Series, Vectors
 from tumble.capture.live_holds import LiveBlocks, LiveHold
-from tumble.protocol.steps import Step
+from tumble.protocol import Step
 from tumble.records import dataclass
-from tumble.segmentation.activity import Activity
+from tumble.segmentation import Activity
 
 
 @dataclass(frozen=True)

@@ -11,9 +11,7 @@ from tumble.capture.coach import Event
 from tumble.capture.source import Channels
 from tumble.errors import UsageError
 from tumble.files import GrowingFile, make_folder
-from tumble.recording.formats.output import column_names
-from tumble.recording.recording import Recording
-from tumble.recording.samples import Samples
+from tumble.recording import Recording, Samples, column_names
 from tumble.units import COUNTS
 
 RECORDING, JOURNAL = "recording.csv", "session.jsonl"

@@ -14,26 +14,47 @@ from dataclasses import replace
 import numpy as np
 
 from tumble.arrays import Series, Vector, Vectors
-from tumble.attitude.rotations import twenty_six_directions
-from tumble.calibration.equations.triad_unknowns import SCALE
-from tumble.calibration.poses import missing_poses
-from tumble.calibration.session import Session
+from tumble.attitude import twenty_six_directions
+from tumble.calibration import SCALE, Session, missing_poses
 from tumble.capture.coach import Advice, Progress
 from tumble.capture.live_holds import MOST_BLOCKS, LiveBlocks, LiveHold, in_si
 from tumble.capture.targets import limits_of
-from tumble.design import joint_information as joint
-from tumble.design import next_step as ahead
-from tumble.design.joint_plan import PlanTask
-from tumble.design.planned_motion import PlannedNoise
+from tumble.design import (
+    NAMES,
+    PARAMETER_GROUPS,
+    PARAMETERS,
+    SESSION,
+    TOLD,
+    WORTH,
+    Aim,
+    JointInformation,
+    NextStep,
+    PlannedNoise,
+    PlanTask,
+    StepCandidate,
+    find_next_steps,
+    judge_stop,
+    led_holds,
+    observed_problem,
+    parameter_sizes,
+    turn_candidates,
+    usual_pose,
+)
 from tumble.earth import Site
 from tumble.errors import ObservabilityError
-from tumble.protocol.steps import HoldStep, Protocol, TurnStep
-from tumble.recording.recording import Recording
-from tumble.recording.stamps import clock_of_stamps
+from tumble.protocol import HoldStep, Protocol, TurnStep
+from tumble.recording import Recording, clock_of_stamps
 from tumble.sample_rates import CRYSTAL
-from tumble.segmentation import Hold, HoldMeans, NoiseFloor, Timeline, observe_holds
-from tumble.segmentation.activity import Activity, noise_per_sample
-from tumble.segmentation.turns import find_turns
+from tumble.segmentation import (
+    Activity,
+    Hold,
+    HoldMeans,
+    NoiseFloor,
+    Timeline,
+    find_turns,
+    noise_per_sample,
+    observe_holds,
+)
 from tumble.simulation import Grade
 
 # s that a person needs to bring the unit from one pose to the next.
@@ -71,12 +92,12 @@ class Guide:
         self.blocks, self._waiting = MOST_BLOCKS, False
         self._grade, self._patient = grade, patient
         self._limits = limits_of(targets)
-        self._candidates: dict[int, Future[list[ahead.StepCandidate]]] = {}
-        self._turns: list[ahead.StepCandidate] | None = None
+        self._candidates: dict[int, Future[list[StepCandidate]]] = {}
+        self._turns: list[StepCandidate] | None = None
         self._task: PlanTask | None = None
-        self._usual: joint.JointInformation | None = None
-        self._beyond: joint.JointInformation | None = None
-        self._latest: tuple[int, joint.JointInformation] | None = None
+        self._usual: JointInformation | None = None
+        self._beyond: JointInformation | None = None
+        self._latest: tuple[int, JointInformation] | None = None
         self._first = 0
         self._rate, self._stamps = rate, np.zeros(0)
         self.clock_sigma = 0.0
@@ -152,7 +173,7 @@ class Guide:
             grade.rate,
         )
         steps = (HoldStep(self.hold), TurnStep(TURN))
-        sizes = joint.parameter_sizes(grade)
+        sizes = parameter_sizes(grade)
         procedure = "joint" if recording.angular_rate is not None else "multi-position"
         self._task = PlanTask(
             Protocol("capture", procedure, steps), self.site, noise, sizes, grade.g_sensitivity > 0.0
@@ -161,42 +182,42 @@ class Guide:
 
     def _information(
         self, live: LiveBlocks, recording: Recording, timeline: Timeline, means: HoldMeans, task: PlanTask
-    ) -> joint.JointInformation:
+    ) -> JointInformation:
         if live.first != self._first and self._latest is not None:
             # The oldest blocks were let go: what was known from them stays known.
             self._first, self._beyond = live.first, self._latest[1]
         session = Session(recording, given_site=self.site)
         session.timeline, session.means = timeline, means
-        information = joint.observed_problem(
-            session, task.noise, g_sensitivity=task.g_sensitivity
-        ).information()
+        information = observed_problem(session, task.noise, g_sensitivity=task.g_sensitivity).information()
         total = information if self._beyond is None else information.plus(self._beyond)
         self._latest = (len(timeline.holds), total)
         return total
 
-    def _both(self, task: PlanTask, known: joint.JointInformation, up_b: Vectors) -> Progress:
-        floors = np.zeros(joint.PARAMETERS)
-        floors[joint.GROUPS["accelerometer scale"]] = self.site.gravity_sigma / self.site.gravity
+    def _both(self, task: PlanTask, known: JointInformation, up_b: Vectors) -> Progress:
+        floors = np.zeros(PARAMETERS)
+        floors[PARAMETER_GROUPS["accelerometer scale"]] = self.site.gravity_sigma / self.site.gravity
         sigmas, perfect = (
             np.hypot(np.sqrt(np.diag(one.covariance(known))), floors)
             for one in (task, task.with_perfect_clock)
         )
-        told = perfect < joint.TOLD * task.sizes
+        told = perfect < TOLD * task.sizes
         named: dict[str, float | None] = {
-            joint.NAMES[i]: float(sigmas[i]) if told[i] else None for i in map(int, task.parameters())
+            NAMES[i]: float(sigmas[i]) if told[i] else None for i in map(int, task.parameters())
         }
         candidates = self._of_candidates(task, up_b[-1])
         self._waiting = candidates is None
         if candidates is None:
             return Progress(named, up_b, words=("Computing which step would determine most.",))
         aim = self._aim(task.with_perfect_clock, floors)
-        following = ahead.find_next_steps(task, known, candidates, 1, aim)[0]
-        enough, words = ahead.judge_stop(task, known, [following], self._limits, (sigmas, perfect))
+        following = find_next_steps(task, known, candidates, 1, aim)[0]
+        enough, words = judge_stop(task, known, [following], self._limits, (sigmas, perfect))
         left = 0.0 if aim is None else aim.poses_left(task.with_perfect_clock, known)
         if self._limits is not None and not enough and told[task.parameters()].all():
             # A target in reach is gone for, however little each step adds.
-            enough = left == 0.0 or (following.most_gain < ahead.WORTH and left > len(up_b))
-        if self._limits is not None and self.clock_sigma > np.min(self._limits[joint.GROUPS["gyro scale"]]):
+            enough = left == 0.0 or (following.most_gain < WORTH and left > len(up_b))
+        if self._limits is not None and self.clock_sigma > np.min(
+            self._limits[PARAMETER_GROUPS["gyro scale"]]
+        ):
             share = f"{100.0 * self.clock_sigma:.2g} %"
             words = [
                 *words,
@@ -211,19 +232,19 @@ class Guide:
             left = 0.0
         return Progress(named, up_b, _advice(following, left), enough, tuple(words))
 
-    def _aim(self, task: PlanTask, floors: Series) -> ahead.Aim | None:
+    def _aim(self, task: PlanTask, floors: Series) -> Aim | None:
         """What poses are to reach: the targets without what no pose mends; None where nothing is left of them."""
         if self._limits is None:
             return None
         if self._usual is None:
-            self._usual = ahead.usual_pose(task, joint.SESSION)
+            self._usual = usual_pose(task, SESSION)
         floors = floors.copy()
-        floors[joint.GROUPS["gyro scale"]] = self.clock_sigma
+        floors[PARAMETER_GROUPS["gyro scale"]] = self.clock_sigma
         within = np.sqrt(np.maximum(self._limits**2 - floors**2, 0.0))
         limits = np.where(self._limits > floors, within, np.inf)
-        return ahead.Aim(limits, self._usual) if np.isfinite(limits).any() else None
+        return Aim(limits, self._usual) if np.isfinite(limits).any() else None
 
-    def _of_candidates(self, task: PlanTask, start_b: Vector) -> list[ahead.StepCandidate] | None:
+    def _of_candidates(self, task: PlanTask, start_b: Vector) -> list[StepCandidate] | None:
         """What may come next from a pose, computed once beside the samples that come in; None while that goes on."""
         directions = twenty_six_directions()
         near = int(np.argmax(directions @ start_b))
@@ -234,13 +255,13 @@ class Guide:
         found = self._candidates[near]
         return found.result() if self._patient or found.done() else None
 
-    def _compute(self, task: PlanTask, start_b: Vector) -> list[ahead.StepCandidate]:
+    def _compute(self, task: PlanTask, start_b: Vector) -> list[StepCandidate]:
         if self._turns is None:
-            self._turns = ahead.turn_candidates(task, table=False, span=joint.SESSION)
-        return ahead.led_holds(task, joint.SESSION, start_b) + self._turns
+            self._turns = turn_candidates(task, table=False, span=SESSION)
+        return led_holds(task, SESSION, start_b) + self._turns
 
 
-def _advice(following: ahead.NextStep, left: float) -> Advice:
+def _advice(following: NextStep, left: float) -> Advice:
     name, gain = following.candidate.name, following.gain
     words = f"Next: {name}. It takes {100 * gain:.2g} % off the uncertainties."
     if 0.0 < left < FAR:
@@ -261,9 +282,7 @@ def _untold_words(names: list[str]) -> str:
     """Which parameters are not told yet: each if they are few, else their kinds."""
     if len(names) <= 3:
         return f"Not determined yet: {', '.join(names)}."
-    kinds = [
-        group for group, part in joint.GROUPS.items() if any(name in names for name in joint.NAMES[part])
-    ]
+    kinds = [group for group, part in PARAMETER_GROUPS.items() if any(name in names for name in NAMES[part])]
     return f"Not determined yet: some of {', '.join(kinds)}."
 
 

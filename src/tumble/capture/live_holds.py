@@ -9,13 +9,21 @@ import numpy as np
 
 from tumble.arrays import Vectors
 from tumble.capture.source import Channels
-from tumble.recording.recording import Recording
-from tumble.recording.samples import Samples, joined
+from tumble.recording import Recording, Samples, joined
 from tumble.records import dataclass
-from tumble.segmentation.activity import Activity, find_activity, follow_activity
-from tumble.segmentation.blocks import BlockCut, Blocks, TriadBlocks
-from tumble.segmentation.search import LONGEST_HARMLESS_GAP, MINIMUM_HOLD, search_blocks
-from tumble.segmentation.timeline import Hold, Rejection
+from tumble.segmentation import (
+    LONGEST_HARMLESS_GAP,
+    MINIMUM_HOLD,
+    Activity,
+    BlockCut,
+    Blocks,
+    Hold,
+    Rejection,
+    TriadBlocks,
+    find_activity,
+    follow_activity,
+    search_blocks,
+)
 from tumble.units import COUNTS, angular_rate_factor, specific_force_factor
 
 # Fewer tell neither noise nor bias; `find_timeline` asks for as many.

@@ -10,13 +10,13 @@ from dataclasses import replace
 import numpy as np
 
 from tumble.arrays import Vector
-from tumble.attitude.rotations import angle_between
-from tumble.calibration.poses import SAME_POSE, describe_direction
+from tumble.attitude import angle_between
+from tumble.calibration import SAME_POSE, describe_direction
 from tumble.capture.coach import Coach, Event, Progress
 from tumble.capture.live_holds import MOST_BLOCKS, Change, LiveBlocks, LiveHold, LiveHolds
 from tumble.capture.source import Channels
-from tumble.protocol.steps import HoldStep, Step, TurnStep
-from tumble.recording.samples import Samples
+from tumble.protocol import HoldStep, Step, TurnStep
+from tumble.recording import Samples
 from tumble.records import dataclass
 from tumble.units import COUNTS, STANDARD_GRAVITY, angular_rate_factor, specific_force_factor
 

@@ -15,11 +15,9 @@ from tumble.capture.coach import Advice, Progress
 from tumble.capture.live_holds import MOST_BLOCKS, LiveBlocks, LiveHold
 from tumble.counting import time_words
 from tumble.errors import RecordingError, UsageError
-from tumble.noise.advice import seconds_needed
-from tumble.noise.channel import Channel
-from tumble.noise.characterisation import characterise
-from tumble.recording.recording import Recording
-from tumble.segmentation.activity import Activity
+from tumble.noise import Channel, characterise, seconds_needed
+from tumble.recording import Recording
+from tumble.segmentation import Activity
 
 # s of rest before the first judgement, and the growth of the recording until the next.
 FIRST, GROWTH = 120.0, 0.15

@@ -25,16 +25,14 @@ from tumble.errors import (
     UsageError,
 )
 from tumble.files import GrowingFile, write_text
-from tumble.parameters.measures import plain_unit
-from tumble.protocol.library import REST
-from tumble.recording.samples import Samples, joined
-from tumble.recording.stamps import NOMINAL
+from tumble.parameters import plain_unit
+from tumble.protocol import REST
+from tumble.recording import NOMINAL, Samples, joined
 from tumble.records import dataclass
 from tumble.sample_rates import SampleRate
 
 if TYPE_CHECKING:
-    from tumble.workflows.calibrate import CalibrationRun
-    from tumble.workflows.noise import NoiseAnalysis
+    from tumble.workflows import CalibrationRun, NoiseAnalysis
 
 # s between flushes, and s without samples after which it is said.
 FLUSH, SILENT = 1.0, 1.5
@@ -352,14 +350,14 @@ class _UnderWay:
 
 
 def _noise(order: CaptureOrder, recording: Path) -> NoiseAnalysis:
-    from tumble.workflows.noise import analyse_noise
+    from tumble.workflows import analyse_noise
 
     return analyse_noise(recording, output=order.folder)
 
 
 def _calibrate(order: CaptureOrder, path: Path, capture: Capture, rate: float | str | None) -> CalibrationRun:
     """Calibrate the file; where a person dropped holds, with the list of those that count."""
-    from tumble.workflows.calibrate import calibrate
+    from tumble.workflows import calibrate
 
     intervals: Path | None = None
     if capture.dropped:
@@ -385,13 +383,13 @@ def _guide_of(order: CaptureOrder) -> Coach | None:
         return RestCoach(patient=not order.source.live)
     if order.protocol is not None:
         from tumble.capture.steps_coach import StepsCoach
-        from tumble.workflows.given.protocols import read_given_protocol
+        from tumble.workflows import read_given_protocol
 
         return StepsCoach(read_given_protocol(order.protocol).protocol)
     if order.imu is None:
         return None
     from tumble.capture.guide import Guide
-    from tumble.simulation.grades import find_grade
+    from tumble.simulation import find_grade
 
     site = order.site or Site.unknown()
     stated, patient = order.options.rate, not order.source.live
@@ -422,7 +420,7 @@ def _channel_facts(channels: Channels, order: CaptureOrder) -> dict[str, object]
 
 def _outcome(run: CalibrationRun, capture: Capture) -> Event:
     """What calibrate made of the file, beside what was said while it grew, in the units that people say."""
-    from tumble.report.parameters import achieved_beside, parameter_rows
+    from tumble.report import achieved_beside, parameter_rows
 
     verdict, quality = run.calibration.verdict, run.calibration.quality
     foreseen = {name: sigma for name, sigma in capture.progress.sigmas.items() if sigma is not None}

@@ -9,7 +9,7 @@ from functools import cache
 from typing import TypeAlias
 
 from tumble.errors import UsageError
-from tumble.recording.samples import Samples
+from tumble.recording import Samples
 from tumble.records import dataclass
 
 
@@ -90,7 +90,7 @@ class Source:
 
 
 @cache
-def sources() -> dict[str, Source]:
+def known_sources() -> dict[str, Source]:
     """Return the sources by name."""
     import tumble.capture.sources as room
 
@@ -113,7 +113,7 @@ def find_source(address: str) -> tuple[Source, str]:
     UsageError
         If there is no such source.
     """
-    known = sources()
+    known = known_sources()
     if address == "-":
         return known["stdin"], ""
     name, colon, rest = address.partition(":")

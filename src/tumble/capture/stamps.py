@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tumble.recording.samples import Samples
+from tumble.recording import Samples
 from tumble.sample_rates import CRYSTAL
 
 # s that a clock may step ahead or back before it is said: longer silences of a live unit are told by the silence.

@@ -11,13 +11,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from tumble.arrays import Series, Vector
-from tumble.attitude.rotations import angle_between
-from tumble.calibration.poses import describe_direction
+from tumble.attitude import angle_between
+from tumble.calibration import describe_direction
 from tumble.capture.coach import Advice, Progress
 from tumble.capture.live_holds import MOST_BLOCKS, LiveBlocks, LiveHold, in_si
 from tumble.counting import time_words
-from tumble.protocol.steps import HoldStep, Protocol, RampStep, SoakStep, SpinStep, Step, TurnStep
-from tumble.segmentation.activity import Activity
+from tumble.protocol import HoldStep, Protocol, RampStep, SoakStep, SpinStep, Step, TurnStep
+from tumble.segmentation import Activity
 
 # rad between a step's pose and a hold that is taken for it, and the share of its time that is enough.
 NEAR, LONG_ENOUGH = np.radians(25.0), 0.9

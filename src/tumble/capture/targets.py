@@ -10,7 +10,7 @@ import numpy as np
 
 from tumble.arrays import Series
 from tumble.errors import UsageError
-from tumble.parameters.measures import si_of
+from tumble.parameters import si_of
 from tumble.records import dataclass
 
 # Name of a target, the group of parameters of `tumble.design.joint_information` that it means, and its family.
@@ -73,13 +73,13 @@ def limits_of(targets: dict[str, float]) -> Series | None:
     ----------
     targets : SI, by group.
     """
-    from tumble.design.joint_information import GROUPS, PARAMETERS
+    from tumble.design import PARAMETER_GROUPS, PARAMETERS
 
     if not targets:
         return None
     limits = np.full(PARAMETERS, np.inf)
     for group, value in targets.items():
-        limits[GROUPS[group]] = value
+        limits[PARAMETER_GROUPS[group]] = value
     return limits
 
 
@@ -109,11 +109,11 @@ def groups_of(sigmas: Mapping[str, float | None], targets: Mapping[str, float]) 
     sigmas : standard uncertainty by parameter, SI; None while not determined.
     targets : wished-for ones, SI, by group.
     """
-    from tumble.design.joint_information import GROUPS, NAMES
-    from tumble.report.parameters import practical_uncertainties
+    from tumble.design import NAMES, PARAMETER_GROUPS
+    from tumble.report import practical_uncertainties
 
     rows: list[GroupProgress] = []
-    for group, part in GROUPS.items():
+    for group, part in PARAMETER_GROUPS.items():
         names = [name for name in NAMES[part] if name in sigmas]
         if not names:
             continue

@@ -15,14 +15,27 @@ from tumble.arrays import Series, Vectors
 from tumble.capture.source import Channels, Piece, SourceOptions
 from tumble.capture.stamps import ArrivalClock
 from tumble.errors import RecordingError
-from tumble.recording.columns import ColumnPlan, plan_from_names
-from tumble.recording.formats.lines import COMMENTS, LONGEST_LINE, Row, row_of, without_clock, words_of
-from tumble.recording.formats.table import RawTable
-from tumble.recording.formats.text import names_of_sentence
-from tumble.recording.reading import Asked, BlockState, Interpretation, choose_columns, interpret
-from tumble.recording.recording import Remark
-from tumble.recording.samples import Samples
-from tumble.recording.units import DeclaredUnits, read_units_option
+from tumble.recording import (
+    COMMENTS,
+    LONGEST_LINE,
+    Asked,
+    BlockState,
+    ColumnPlan,
+    DeclaredUnits,
+    Interpretation,
+    RawTable,
+    Remark,
+    Row,
+    Samples,
+    choose_columns,
+    interpret,
+    names_of_sentence,
+    plan_from_names,
+    read_units_option,
+    row_of,
+    without_clock,
+    words_of,
+)
 from tumble.units import COUNTS, time_factor
 
 

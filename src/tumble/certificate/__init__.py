@@ -3,14 +3,6 @@
 Both carry the ``calibration.json`` that they are of, whole, so that every number in them can be compared with it.
 """
 
-from tumble.certificate.content import CertificateContent, certificate_content
-from tumble.certificate.pdf import certificate_pdf
-from tumble.certificate.profile import Profile, read_profile
+import lazy_loader
 
-__all__ = [
-    "CertificateContent",
-    "Profile",
-    "certificate_content",
-    "certificate_pdf",
-    "read_profile",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

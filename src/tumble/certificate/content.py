@@ -13,12 +13,11 @@ from importlib.resources import files
 from typing import Any
 
 from tumble.certificate.profile import Profile
-from tumble.document.result import Calibration
+from tumble.document import Calibration
 from tumble.errors import UsageError
-from tumble.parameters.family import parameter_of
-from tumble.parameters.measures import decimals_of, fixed, said_unit
+from tumble.parameters import decimals_of, fixed, parameter_of, said_unit
 from tumble.records import dataclass
-from tumble.report.parameters import rows_of
+from tumble.report import rows_of
 
 LANGUAGES = {"en": "English", "de": "German", "fr": "French", "es": "Spanish", "zh": "Chinese"}
 # Which write a comma where English has a point.

@@ -16,12 +16,10 @@ import numpy as np
 
 from tumble.certificate.content import PROBABILITY, phrases
 from tumble.certificate.profile import Customer, Profile
-from tumble.document.entries import entry_names, vector_of_model
-from tumble.document.result import Calibration
+from tumble.document import Calibration, entry_names, vector_of_model
 from tumble.errors import UsageError
-from tumble.files import shown
-from tumble.files.markup import templates
-from tumble.parameters.measures import si_of
+from tumble.files import shown, templates
+from tumble.parameters import si_of
 from tumble.units import magnetic_field_factor
 
 _FORCE, _RATE = r"\metre\second\tothe{-2}", r"\radian\second\tothe{-1}"

@@ -7,7 +7,7 @@ from typing import Any, cast
 
 import msgspec
 
-from tumble.document.part import DocumentPart, read_part, refusal
+from tumble.document import DocumentPart, read_part, refusal
 from tumble.errors import UsageError
 from tumble.files import opened, read_yaml, reading
 

@@ -39,10 +39,25 @@ def program() -> None:
         _signal.signal(_signal.SIGTERM, stop_at_once)
     # What is imported is no garbage: looking through it again and again takes a tenth of a short command's time.
     gc.disable()
-    from tumble.cli.main import program as run
+    from tumble.cli.application import program as run
     from tumble.cli.scipy_functions import FunctionsAlone
 
     sys.meta_path.insert(0, FunctionsAlone())
     gc.enable()
     gc.set_threshold(400_000)
     run()
+
+
+def __getattr__(name: str) -> object:
+    """Fetch `COMMANDS`, `app` or `main` at first use (PEP 562): `program` has to run before anything is imported.
+
+    Raises
+    ------
+    AttributeError
+        If the room has no such name.
+    """
+    if name not in ("COMMANDS", "app", "main"):
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from tumble.cli import application
+
+    return getattr(application, name)

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from tumble.cli.options import PrintOptions
 from tumble.cli.terminal import progress, results_stand, say, say_json
-from tumble.workflows.request import ApplyRequest
+from tumble.workflows import ApplyRequest
 
 
 def apply_command(asked: ApplyRequest, printed: PrintOptions) -> None:
@@ -21,7 +21,7 @@ def apply_command(asked: ApplyRequest, printed: PrintOptions) -> None:
     temperatures that were calibrated it refuses (see --outside). The file says which calibrations it went through:
     none is applied twice.
     """
-    from tumble.workflows.apply import apply
+    from tumble.workflows import apply
 
     with progress(printed.silent) as tell:
         tell("reading")

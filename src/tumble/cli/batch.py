@@ -11,10 +11,10 @@ import typer
 from tumble.cli.groups import OF_MANY
 from tumble.cli.options import PrintOptions, SiteOptions
 from tumble.cli.terminal import console, progress, results_stand, say_json, say_written, state
-from tumble.workflows.request import FIRST, CalibrateRequest, argument, option
+from tumble.workflows import FIRST, CalibrateRequest, argument, option
 
 if TYPE_CHECKING:
-    from tumble.fleet.outcome import Batch
+    from tumble.fleet import Batch
 
 _WORK, _MOST_SAID = "Who does the work", 20
 
@@ -46,7 +46,7 @@ def batch_command(
     workers : Processes that work at a time (default: one a processor).
     scheduler : A Dask cluster that does the work instead (extra `fleet`).
     """
-    from tumble.workflows.batches.batch import run_batch
+    from tumble.workflows import run_batch
 
     asked = replace(asked, site=site.place)
     state["stopped"] = "Stopped; the units that were done are kept, and the same call does the rest."

@@ -17,12 +17,12 @@ from tumble.cli.options import (
     draw_figures,
 )
 from tumble.cli.terminal import console, progress, results_stand, say_json_text, say_written
-from tumble.workflows.request import FIRST, CalibrateRequest, option
+from tumble.workflows import FIRST, CalibrateRequest, option
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tumble.workflows.calibrate import CalibrationRun
+    from tumble.workflows import CalibrationRun
 
 
 def demo_command(
@@ -37,7 +37,7 @@ def demo_command(
     ----------
     output : Folder for calibration.json and report.html (default: tumble-demo).
     """
-    from tumble.workflows.calibrate import demo
+    from tumble.workflows import demo
 
     with progress(printed.silent) as tell:
         run = demo(output, progress=tell)
@@ -65,7 +65,7 @@ def calibrate_command(
     """
     output = Path(asked.output or _default_folder(asked))
     check_figures(figures, output)
-    from tumble.workflows.calibrate import calibrate
+    from tumble.workflows import calibrate
 
     with progress(printed.silent) as tell:
         asked = replace(asked, output=output, site=site.place, imu=unit.imu, progress=tell)
@@ -97,11 +97,8 @@ def print_run(run: CalibrationRun, printed: LongPrintOptions) -> None:
     if printed.as_json:
         say_json_text(run.calibration.to_json())
         return
-    from tumble.calibration.estimate import Beside
-    from tumble.report.evidence import render_evidence
-    from tumble.report.page import print_blocks
-    from tumble.report.planned import planned_sentence
-    from tumble.report.summary import print_calibration, verdict_line
+    from tumble.calibration import Beside
+    from tumble.report import planned_sentence, print_blocks, print_calibration, render_evidence, verdict_line
 
     screen, more = console(), printed.verbose
     if printed.quiet:
@@ -131,8 +128,8 @@ def print_run(run: CalibrationRun, printed: LongPrintOptions) -> None:
 
 def _steps(run: CalibrationRun) -> list[str]:
     """What would make the calibration better, the most useful first."""
-    from tumble.document.magnetometer_block import FIELD_ALONE
-    from tumble.report.advice import next_steps
+    from tumble.document import FIELD_ALONE
+    from tumble.report import next_steps
 
     if run.calibration.procedure == FIELD_ALONE:
         return ["Hold the unit still in twelve attitudes or more, and all triads are calibrated."]

@@ -21,18 +21,16 @@ from rich.console import Console, Group
 from rich.live import Live
 from rich.text import Text
 
-from tumble.capture.coach import BELLS, Event
-from tumble.capture.targets import groups_of
+from tumble.capture import BELLS, Event, groups_of
 from tumble.cli.options import NoteOption, PrintOptions, RegistryName, SiteOptions, UnitOptions
 from tumble.cli.terminal import plain, results_stand, say, say_aside, say_json_text, say_written, table
 from tumble.records import dataclass
 from tumble.sample_rates import sample_rate
-from tumble.workflows.request import ADVANCED, FIRST, StreamRequest, UnitRequest, argument, option, shared
+from tumble.workflows import ADVANCED, FIRST, StreamRequest, UnitRequest, argument, option, shared
 
 if TYPE_CHECKING:
-    from tumble.capture.machine import Capture
-    from tumble.capture.run import CaptureOrder, CaptureRun, Listener
-    from tumble.web.server import Hub
+    from tumble.capture import Capture, CaptureOrder, CaptureRun, Listener
+    from tumble.web import Hub
 
 
 # Hz, signs of a bar, and lines of what was said last.
@@ -170,11 +168,11 @@ def capture_command(
     if source is None:
         _list_sources()
         return
-    from tumble.workflows.request import notes_of
+    from tumble.workflows import notes_of
 
     order = replace(_order(source, what, file, place, output), unit=unit.imu, notes=notes_of(notes))
     if registry is not None:
-        from tumble.workflows.registry import require_registry
+        from tumble.workflows import require_registry
 
         require_registry(registry, unit.imu_serial)
     # A request to end (SIGTERM) ends a capture as Ctrl-C does: with its results.
@@ -190,7 +188,7 @@ def capture_command(
 
 def _run(order: CaptureOrder, what: CaptureOptions, printed: PrintOptions, registry: str | None) -> int:
     """Capture, print what came of it, and return the exit status."""
-    from tumble.capture.run import run_capture
+    from tumble.capture import run_capture
 
     with _page(order, what, quiet=printed.as_json) as hub, _terminal(order, printed) as listener:
         if hub is None:
@@ -198,7 +196,7 @@ def _run(order: CaptureOrder, what: CaptureOptions, printed: PrintOptions, regis
         else:
             run = run_capture(order, [listener, hub], lambda: hub.stop_wanted, [hub.tap])
         if registry is not None and run.calibration is not None:
-            from tumble.workflows.registry import add_calibration
+            from tumble.workflows import add_calibration
 
             add_calibration(registry, run.calibration.calibration)
         status = _print_end(run, printed)
@@ -213,7 +211,7 @@ def _page(order: CaptureOrder, what: CaptureOptions, *, quiet: bool) -> Generato
     if not what.web:
         yield None
         return
-    from tumble.web.server import Hub, PageServer
+    from tumble.web import Hub, PageServer
 
     hub = Hub(order.targets)
     server = PageServer(hub, order.folder)
@@ -250,12 +248,10 @@ def _terminal(order: CaptureOrder, printed: PrintOptions) -> Generator[Listener,
 def _order(
     source: str, what: CaptureOptions, file: StreamRequest, place: SiteOptions, output: Path
 ) -> CaptureOrder:
-    from tumble.capture.run import CaptureOrder, require_hold
-    from tumble.capture.source import SourceOptions, find_source
-    from tumble.capture.targets import read_targets
-    from tumble.protocol.library import REST
-    from tumble.simulation.grades import find_grade
-    from tumble.workflows.given.protocols import read_given_protocol
+    from tumble.capture import CaptureOrder, SourceOptions, find_source, read_targets, require_hold
+    from tumble.protocol import REST
+    from tumble.simulation import find_grade
+    from tumble.workflows import read_given_protocol
 
     require_hold(what.hold)
     if what.protocol not in (None, REST):
@@ -283,14 +279,13 @@ def _order(
 
 def _list_sources() -> None:
     """Say what is connected, and what a source may be."""
-    from tumble.capture.source import sources
-    from tumble.capture.sources.serial import found_ports
+    from tumble.capture import found_ports, known_sources
 
     there = found_ports()
     say("Connected now:" if there else "No port is connected.")
     say(*(f"  tumble capture {address}   {words}" for address, words in there))
     say("", "Sources:")
-    say(*(f"  {one.example:<34} {one.title}" for one in sources().values()))
+    say(*(f"  {one.example:<34} {one.title}" for one in known_sources().values()))
 
 
 class _Lines:

@@ -6,7 +6,7 @@ from dataclasses import asdict
 
 from tumble.cli.options import PrintOptions
 from tumble.cli.terminal import progress, results_stand, say, say_json, say_written
-from tumble.workflows.request import CertificateRequest
+from tumble.workflows import CertificateRequest
 
 
 def certificate_command(asked: CertificateRequest, printed: PrintOptions) -> None:
@@ -14,7 +14,7 @@ def certificate_command(asked: CertificateRequest, printed: PrintOptions) -> Non
 
     tumble certificate calibrated --profile laboratory.yaml -o unit-17.pdf
     """
-    from tumble.workflows.certificate import make_certificate
+    from tumble.workflows import make_certificate
 
     with progress(printed.silent) as tell:
         tell("the certificate")

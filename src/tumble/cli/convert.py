@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, cast
 from tumble.cli.options import PrintOptions
 from tumble.cli.terminal import console, results_stand, say, say_json, say_written, table
 from tumble.errors import UsageError
-from tumble.workflows.request import FIRST, ConvertRequest, option, refuse
+from tumble.workflows import FIRST, ConvertRequest, option, refuse
 
 if TYPE_CHECKING:
-    from tumble.workflows.convert import Converted
+    from tumble.workflows import Converted
 
 
 def convert_command(
@@ -38,7 +38,7 @@ def convert_command(
     units : With --from: raw units where the file does not say them, as g,deg/s.
     """
     to, calibration = asked.target, cast("Path | None", asked.calibration)
-    from tumble.workflows.convert import Converted, convert_from, convert_to, list_targets, turn
+    from tumble.workflows import Converted, convert_from, convert_to, list_targets, turn
 
     if to is None:
         of_targets = ["rate", "temperature", "largest_loss", "topic", "noise"]

@@ -12,10 +12,10 @@ import typer
 from tumble.cli.options import PrintOptions
 from tumble.cli.terminal import console, say_json
 from tumble.errors import UsageError
-from tumble.workflows.request import FIRST, argument, numbers, option
+from tumble.workflows import FIRST, argument, numbers, option
 
 if TYPE_CHECKING:
-    from tumble.document.difference import Difference
+    from tumble.document import Difference
 
 
 def diff_command(
@@ -40,7 +40,7 @@ def diff_command(
     second : A calibration of the same unit.
     allowed : Changes that do no harm: µg at 1 g and deg/h at rest, as 500,20.
     """
-    from tumble.workflows.difference import difference, is_truth, verdict
+    from tumble.workflows import difference, is_truth, verdict
 
     if is_truth(first):
         if allowed is not None:
@@ -58,9 +58,8 @@ def diff_command(
 
 def _say_recovery(truth: Path, calibration: Path, printed: PrintOptions) -> NoReturn:
     """Print how far a calibration is from the truth, and leave with the status of the answer."""
-    from tumble.report.history import change_table
-    from tumble.report.page import print_blocks
-    from tumble.workflows.difference import recovery
+    from tumble.report import change_table, print_blocks
+    from tumble.workflows import recovery
 
     found = recovery(truth, calibration)
     if printed.as_json:
@@ -92,8 +91,7 @@ def _print(first: Path, found: Difference, sentences: list[str], quiet: bool) ->
     if quiet:
         return
     from tumble.document import read_calibration
-    from tumble.report.history import change_table
-    from tumble.report.page import print_blocks
+    from tumble.report import change_table, print_blocks
 
     screen.print()
     table = change_table(read_calibration(first), found.parameters, ("first", "change ± uncertainty"))

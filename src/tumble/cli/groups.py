@@ -61,7 +61,7 @@ def grouped(command: Callable[..., None]) -> Callable[..., None]:
     ----------
     command : whose parameters are options, arguments, or records of them.
     """
-    from tumble.workflows.request import listed_words
+    from tumble.workflows import listed_words
 
     groups: dict[str, tuple[type, list[inspect.Parameter]]] = {}
     flat: list[inspect.Parameter] = []
@@ -114,7 +114,7 @@ def _options_of(
     group: Any, read: dict[str, Callable[[Any], Any]], *, of_many: bool
 ) -> Iterator[inspect.Parameter]:
     """The options of a group, or those of a request that may hold for all units of a batch, and how they are read."""
-    from tumble.workflows.request import option_of, words_of
+    from tumble.workflows import option_of, words_of
 
     hints, words = dict[str, Any](), words_of(group)
     with suppress(NameError):  # a request names what only programs give, and has its kinds
@@ -136,7 +136,7 @@ def _options_of(
 def _parameter(name: str, default: Any, hint: Any, words: dict[str, str]) -> inspect.Parameter:
     """An option or argument as typer takes it; what an option's help says stands in a docstring, or with it."""
     kind, *declared = get_args(hint) if get_origin(hint) is Annotated else (hint,)
-    from tumble.workflows.request import ARGUMENT, option_of
+    from tumble.workflows import ARGUMENT, option_of
 
     given: Any = default
     found = next(filter(None, map(option_of, (given, *declared))), None)
@@ -308,7 +308,7 @@ def _print_help(command: Any, context: Any) -> None:
 
 def _ordered(command: Any, context: Any) -> list[tuple[str, Any]]:
     """Each parameter with its panel: arguments, what people need first, the command's own, what all commands have."""
-    from tumble.workflows.request import ADVANCED, FILE, FIRST, PLACE, RECORD
+    from tumble.workflows import ADVANCED, FILE, FIRST, PLACE, RECORD
 
     seen = [
         ("Arguments" if one.param_type_name == "argument" else one.rich_help_panel or ADVANCED, one)

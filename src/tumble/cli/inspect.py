@@ -8,14 +8,14 @@ from tumble.cli.groups import PRINTED
 from tumble.cli.options import PrintOptions
 from tumble.cli.terminal import console, plain, progress, say, say_json, table
 from tumble.records import dataclass
-from tumble.workflows.request import InspectRequest, option
+from tumble.workflows import InspectRequest, option
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
     from tumble.recording import Recording
-    from tumble.workflows.inspect import Inspection
+    from tumble.workflows import Inspection
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class InspectPrintOptions(PrintOptions):
 
 def inspect_command(asked: InspectRequest, printed: InspectPrintOptions) -> None:
     """Say what a recording holds: streams, units, rate, gaps, rest and motion, and what it is good for."""
-    from tumble.workflows.inspect import inspect
+    from tumble.workflows import inspect
 
     with progress(printed.silent) as tell:
         tell("reading")
@@ -97,7 +97,7 @@ def _print_facts(screen: Console, inspection: Inspection, verbose: bool) -> None
         f"{found.longest_rest:.1f} s"
     )
     if found.magnetic_field is not None:
-        from tumble.recording.doctor import say_field
+        from tumble.recording import say_field
 
         screen.print(say_field(found.magnetic_field))
     if found.temperature_range is not None:

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 from tumble.cli.options import PrintOptions
 from tumble.cli.terminal import console, progress, results_stand, say_json_text, say_written, table
-from tumble.workflows.request import MountRequest
+from tumble.workflows import MountRequest
 
 if TYPE_CHECKING:
-    from tumble.workflows.mount import Mounted
+    from tumble.workflows import Mounted
 
 
 def mount_command(asked: MountRequest, printed: PrintOptions) -> None:
@@ -19,7 +19,7 @@ def mount_command(asked: MountRequest, printed: PrintOptions) -> None:
     A calibration corrects the sensors in the unit's own axes; what uses them knows the mount's. Level the
     mount (shims), record ten seconds; pitch it by 90° about its y axis until x is up, record ten more.
     """
-    from tumble.workflows.mount import mount
+    from tumble.workflows import mount
 
     with progress(printed.silent) as tell:
         done = mount(replace(asked, progress=tell))

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from tumble.cli.options import FiguresOption, PrintOptions, check_figures, draw_figures
 from tumble.cli.terminal import progress, results_stand, say, say_json, say_written
-from tumble.workflows.request import NoiseRequest
+from tumble.workflows import NoiseRequest
 
 _LETTERS = (
     "Letters as in IEEE Std 952. B: flicker of two-sided density B²/(2πf); the curve's floor is 0.664 B. "
@@ -22,7 +22,7 @@ def noise_command(asked: NoiseRequest, printed: PrintOptions, figures: FiguresOp
     Record the unit lying still, warm, for hours. What is not rest (motion, steps, gaps, dead channels) is
     said and left out.
     """
-    from tumble.workflows.noise import analyse_noise
+    from tumble.workflows import analyse_noise
 
     check_figures(figures, asked.output)
     with progress(printed.silent) as tell:
@@ -33,7 +33,7 @@ def noise_command(asked: NoiseRequest, printed: PrintOptions, figures: FiguresOp
     if printed.as_json:
         say_json(found.document, indent=1)
         return
-    from tumble.report.noise import curve_lines, noise_lines, triad_lines
+    from tumble.report import curve_lines, noise_lines, triad_lines
 
     noise, long = found.noise, not printed.quiet
     if long:

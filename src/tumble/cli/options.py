@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 from tumble.cli.groups import PRINTED
 from tumble.errors import UsageError
 from tumble.records import dataclass
-from tumble.workflows.request import ADVANCED, PLACE, RECORD, CalibrateRequest, option, shared
+from tumble.workflows import ADVANCED, PLACE, RECORD, CalibrateRequest, option, shared
 
 if TYPE_CHECKING:
     from tumble.earth import Site
@@ -55,7 +55,7 @@ class SiteOptions:
     @property
     def place(self) -> Site | None:
         """The place as it was given; None if nothing was."""
-        from tumble.workflows.given.protocols import choose_site
+        from tumble.workflows import choose_site
 
         return choose_site(self.site, self.gravity)
 
@@ -116,7 +116,7 @@ def check_figures(form: str | None, output: object) -> None:
     """
     if form is None:
         return
-    from tumble.report.figures.on_paper import FORMS, require_library
+    from tumble.report import FORMS, require_library
 
     if form not in FORMS:
         raise UsageError(f"--figures {form}: give one of {', '.join(FORMS)}.")
@@ -142,6 +142,6 @@ def draw_figures(form: str | None, page: Callable[[], Any], files: Iterable[Path
     folders = [file.parent for file in files if file.suffix == ".html"]
     if form is None or not folders:
         return []
-    from tumble.report.figures.on_paper import write_figures
+    from tumble.report import write_figures
 
     return write_figures(page().figures, folders[0] / "figures", form)

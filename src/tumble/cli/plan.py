@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 
 from tumble.cli.options import LongPrintOptions, SiteOptions
 from tumble.cli.terminal import console, progress, results_stand, say, say_json, say_written, table
-from tumble.workflows.request import PlanRequest, refuse
+from tumble.workflows import PlanRequest, refuse
 
 if TYPE_CHECKING:
-    from tumble.workflows.planning.words import Planned
+    from tumble.workflows import Planned
 
 
 def plan_command(asked: PlanRequest, site: SiteOptions, printed: LongPrintOptions) -> None:
@@ -30,7 +30,7 @@ def plan_command(asked: PlanRequest, site: SiteOptions, printed: LongPrintOption
 
     All numbers are one sigma.
     """
-    from tumble.workflows.planning.plan import DEFAULTS, plan
+    from tumble.workflows import DEFAULTS, plan
 
     other, what = ("poses", "minutes", "hold", "turn"), "a protocol as it is"
     if asked.asked in DEFAULTS:
@@ -44,7 +44,7 @@ def plan_command(asked: PlanRequest, site: SiteOptions, printed: LongPrintOption
 
 def _print(done: Planned, printed: LongPrintOptions) -> None:
     """Print what a test is worth; with ``-q`` the prediction and what is not told, with ``-v`` each step by itself."""
-    from tumble.workflows.planning.words import (
+    from tumble.workflows import (
         STEP_HEADS,
         document_of,
         headline,

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 from tumble.cli.options import Json
 from tumble.cli.terminal import console, results_stand, say_json, say_written, table
-from tumble.workflows.request import FIRST, PredictRequest, option
+from tumble.workflows import FIRST, PredictRequest, option
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from tumble.document.predictions import Answer
-    from tumble.navigation.prediction import PredictedErrors, StateAdvice
+    from tumble.document import Answer
+    from tumble.navigation import PredictedErrors, StateAdvice
 
 
 # What is printed of the errors: words, key, factor and unit.
@@ -56,7 +56,7 @@ def _size(covariance: np.ndarray, rows: tuple[int, ...]) -> float:
 
 
 def _print_course(course: PredictedErrors) -> None:
-    from tumble.calibration.verdict import two_digits
+    from tumble.calibration import two_digits
 
     screen, errors = console(), _errors(course)
     lengths = [f"{row['seconds']:g} s" for row in errors]
@@ -97,7 +97,7 @@ def _of_matrix(triad: str, g_sensitivity: bool, row: int, column: int) -> str:
 
 
 def _practical(state: StateAdvice) -> str:
-    from tumble.parameters.measures import amount
+    from tumble.parameters import amount
 
     bias = "m/s^2" if state.kind == "accelerometer" else "rad/s"
     if state.kind == "g-sensitivity":
@@ -121,7 +121,7 @@ def predict_command(
     ----------
     output : File or folder for filter.json, a filter's states.
     """
-    from tumble.workflows.predict import predict, states_document, write_states
+    from tumble.workflows import predict, states_document, write_states
 
     found = predict(**vars(asked))
     files = [] if output is None else [write_states(found, output)]
@@ -157,7 +157,7 @@ def _as_dict(answer: Answer) -> dict[str, object]:
 
 
 def _print(told: list[Answer], data_sheet: str | None) -> None:
-    from tumble.report.predictions import FOOTNOTE, HEADS, cells
+    from tumble.report import FOOTNOTE, HEADS, cells
 
     heads = [*HEADS]
     if data_sheet is not None:

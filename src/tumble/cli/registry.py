@@ -17,10 +17,10 @@ from tumble.cli.groups import Command, Group, flowing, grouped
 from tumble.cli.options import Json, PrintOptions, RegistryName
 from tumble.cli.terminal import console, results_stand, say, say_json, say_written, table
 from tumble.errors import UsageError
-from tumble.workflows.request import FIRST, argument, option
+from tumble.workflows import FIRST, argument, option
 
 if TYPE_CHECKING:
-    from tumble.workflows.registry import History
+    from tumble.workflows import History
 
 app = typer.Typer(
     name="registry",
@@ -48,7 +48,7 @@ def add_command(
     calibrations : calibration.json, or folders that hold one.
     unit : Which unit it is of (default: the serial number in the document).
     """
-    from tumble.workflows.registry import add_files
+    from tumble.workflows import add_files
 
     made = add_files(registry, calibrations, unit=unit)
     results_stand()
@@ -84,8 +84,8 @@ def list_command(
         _list_due(registry, due, before, as_json=as_json)
     if before is not None:
         raise UsageError("--before goes with --due TOLERANCES.YAML: it says by which change a unit is due.")
-    from tumble.registry.store import counted, entries
-    from tumble.workflows.registry import date_words, registry_at
+    from tumble.registry import counted, entries
+    from tumble.workflows import date_words, registry_at
 
     with registry_at(registry) as opened:
         found, (units, total) = entries(opened, unit, most=most), counted(opened)
@@ -106,8 +106,8 @@ def list_command(
 
 def _list_due(registry: str | None, tolerances: Path, before: str | None, *, as_json: bool) -> NoReturn:
     """Print when each unit is due."""
-    from tumble.fleet.drift import FEWEST_RATES
-    from tumble.workflows.registry import date_words, due_units
+    from tumble.fleet import FEWEST_RATES
+    from tumble.workflows import date_words, due_units
 
     found = due_units(registry, tolerances, before)
     if as_json:
@@ -142,8 +142,8 @@ def show_command(
     which : A unit (its newest), or digits of an identity or of a SHA-256.
     output : Write its document there.
     """
-    from tumble.registry.store import find
-    from tumble.workflows.registry import date_words, registry_at
+    from tumble.registry import find
+    from tumble.workflows import date_words, registry_at
 
     with registry_at(registry) as opened:
         entry, document = find(opened, which)
@@ -153,7 +153,7 @@ def show_command(
     if as_json:
         say_json({**asdict(entry), "document": document}, indent=1)
         return
-    from tumble.report.summary import print_calibration
+    from tumble.report import print_calibration
 
     say(
         f"Unit {entry.unit}, made {date_words(entry.created)}, added {date_words(entry.added)}"
@@ -180,7 +180,7 @@ def history_command(
     unit : Name of a unit.
     output : Also draw it: an HTML page.
     """
-    from tumble.workflows.registry import date_words, history, history_rows
+    from tumble.workflows import date_words, history, history_rows
 
     found = history(registry, unit)
     rows, days = history_rows(found), [date_words(float(x)) for x in found.parameters.created]
@@ -194,8 +194,7 @@ def history_command(
         say_json({"unit": unit, "dates": days, "parameters": rows, "signals": signals}, indent=1)
         return
     say(f"{unit}: {', '.join(days)}")
-    from tumble.report.history import history_table
-    from tumble.report.page import print_blocks
+    from tumble.report import history_table, print_blocks
 
     print_blocks([history_table(rows)], console())
     _say_signals(found, rows)
@@ -204,8 +203,7 @@ def history_command(
 
 def _draw_history(found: History, days: list[str], rows: list[dict[str, Any]], output: Path) -> None:
     from tumble.files import write_text
-    from tumble.report.history import history_page
-    from tumble.report.html import render_page
+    from tumble.report import history_page, render_page
 
     one = found.parameters
     page = history_page(found.unit, days, one.names, one.units, (one.values, one.sigmas), rows)
@@ -215,7 +213,7 @@ def _draw_history(found: History, days: list[str], rows: list[dict[str, Any]], o
 
 def _say_signals(found: History, rows: list[dict[str, Any]]) -> None:
     """Say what there is no rate for, and where the chart signals."""
-    from tumble.workflows.registry import BASELINE, SHORTEST_HISTORY, date_words
+    from tumble.workflows import BASELINE, SHORTEST_HISTORY, date_words
 
     if all(row["rate_a_year"] is None for row in rows):
         say(f"A rate takes calibrations that are {SHORTEST_HISTORY} days apart or more.")
@@ -244,7 +242,7 @@ def fleet_command(
     ----------
     output : Write the mean unit with the spread as a calibration.json for --prior.
     """
-    from tumble.workflows.registry import fleet
+    from tumble.workflows import fleet
 
     document, between = fleet(registry, output)
     if output is not None:
@@ -252,8 +250,7 @@ def fleet_command(
     if as_json:
         say_json({"units": between.count, "document": document}, indent=1)
         return
-    from tumble.report.page import print_blocks
-    from tumble.report.parameters import headed_table, parameter_rows
+    from tumble.report import headed_table, parameter_rows, print_blocks
 
     shown = [row for row in parameter_rows(document) if row.said.sigma > 0.0]
     say(f"{between.count} units: the mean, and the standard deviation of a next unit")

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from tumble.cli.options import PrintOptions
 from tumble.cli.terminal import progress, results_stand, say, say_json, say_written
-from tumble.workflows.request import ReproduceRequest, refuse
+from tumble.workflows import ReproduceRequest, refuse
 
 
 def reproduce_command(asked: ReproduceRequest, printed: PrintOptions) -> None:
@@ -16,7 +16,7 @@ def reproduce_command(asked: ReproduceRequest, printed: PrintOptions) -> None:
     Without ITEM it lists what there is. Only the papers' numbers are stored; ours are simulated when the
     command runs.
     """
-    from tumble.workflows.reproduce import reproduce
+    from tumble.workflows import reproduce
 
     if asked.name is None:
         refuse(asked, ("output", "repetitions", "seed", "workers", "scheduler"), "{} goes with an ITEM.")
@@ -26,7 +26,7 @@ def reproduce_command(asked: ReproduceRequest, printed: PrintOptions) -> None:
         outcomes, files = reproduce(**vars(replace(asked, progress=tell)))
     if files:
         results_stand()
-    from tumble.report.reproduction import outcome_json, outcome_lines
+    from tumble.report import outcome_json, outcome_lines
 
     if printed.as_json:
         say_json([json.loads(outcome_json(outcome)) for outcome in outcomes])
@@ -41,7 +41,7 @@ def reproduce_command(asked: ReproduceRequest, printed: PrintOptions) -> None:
 
 
 def _print_list(as_json: bool) -> None:
-    from tumble.reproduction.items import all_items
+    from tumble.reproduction import all_items
 
     items = all_items()
     if as_json:

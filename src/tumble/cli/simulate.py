@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 from tumble.cli.options import PrintOptions, SiteOptions
 from tumble.cli.terminal import progress, results_stand, say, say_json, say_written
-from tumble.workflows.request import SimulateRequest
+from tumble.workflows import SimulateRequest
 
 if TYPE_CHECKING:
-    from tumble.workflows.simulate import Simulated
+    from tumble.workflows import Simulated
 
 
 def simulate_command(asked: SimulateRequest, site: SiteOptions, printed: PrintOptions) -> None:
@@ -22,7 +22,7 @@ def simulate_command(asked: SimulateRequest, site: SiteOptions, printed: PrintOp
     DIR/protocol.yaml` needs nothing else; the truth, with the keys of calibration.json, is for you to
     compare. The same seed gives the same files, bit for bit.
     """
-    from tumble.workflows.simulate import simulate
+    from tumble.workflows import simulate
 
     with progress(printed.silent) as tell:
         done = simulate(**vars(replace(asked, site=site.place, progress=tell)))
@@ -55,7 +55,7 @@ def _print(done: Simulated, quiet: bool) -> None:
 
 def _true_noise(truth: dict[str, Any]) -> list[str]:
     """The true coefficients of noise in the units of `tumble noise`, a triad a line."""
-    from tumble.noise.units import ACCELEROMETER, GYRO, practical_noise_unit
+    from tumble.noise import ACCELEROMETER, GYRO, practical_noise_unit
 
     if truth["noise"] is None:
         return ["", "No noise was added."]
@@ -73,8 +73,8 @@ def _true_noise(truth: dict[str, Any]) -> list[str]:
 
 def _true_lines(truth: dict[str, Any]) -> list[str]:
     """The true parameters, three to a line, in the convention and frame of the table of `tumble calibrate`."""
-    from tumble.calibration.session import find_procedure
-    from tumble.parameters.measures import said_unit
+    from tumble.calibration import find_procedure
+    from tumble.parameters import said_unit
 
     procedure = str(truth["procedure"])
     frame = find_procedure(procedure).frame

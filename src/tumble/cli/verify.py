@@ -17,7 +17,7 @@ import typer
 from tumble.cli.options import PrintOptions, SiteOptions
 from tumble.cli.terminal import console, progress, results_stand, say_json, say_written, table
 from tumble.errors import UsageError
-from tumble.workflows.request import (
+from tumble.workflows import (
     FIRST,
     OF_NO_DRIVE,
     CalibrateRequest,
@@ -31,8 +31,7 @@ from tumble.workflows.request import (
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from tumble.workflows.drive import DriveVerification
-    from tumble.workflows.verify import Verification
+    from tumble.workflows import DriveVerification, Verification
 
 
 def show_drive(found: DriveVerification, output: Path | None, printed: PrintOptions) -> NoReturn:
@@ -85,7 +84,7 @@ def _print_verdict(fit: bool, reasons: list[str]) -> None:
 
 
 def _errors_table(variants: list[dict[str, Any]], title: str, key: str) -> object:
-    from tumble.report.drive import metres
+    from tumble.report import metres
 
     chosen = {one["seconds"] for one in variants[0]["outages_sliding"]}
     rows = [[one for one in variant[key] if one["seconds"] in chosen] for variant in variants]
@@ -124,7 +123,7 @@ def verify_command(
         if limits is not None:
             raise UsageError(OF_NO_DRIVE.format("--limits"))
         from tumble.files import results_folder
-        from tumble.workflows.drive import verify_drive
+        from tumble.workflows import verify_drive
 
         results_folder(output)
         with progress(printed.silent) as tell:
@@ -136,7 +135,7 @@ def verify_command(
         raise UsageError(of_drives.format("--output"))
     from tumble.document import read_calibration
     from tumble.limits import decide, read_limits
-    from tumble.workflows.verify import verify
+    from tumble.workflows import verify
 
     calibration = cast("Path", asked.calibration)
     held = None if limits is None else decide(read_calibration(calibration), read_limits(limits))
@@ -152,8 +151,7 @@ def verify_command(
                 console().print(_table(result))
             _print_verdict(result.fit, result.reasons)
         if held is not None:
-            from tumble.report.page import print_blocks
-            from tumble.report.words import limits_verdict
+            from tumble.report import limits_verdict, print_blocks
 
             print_blocks([limits_verdict(held)], console())
     within = held is None or held.decision == "passed"

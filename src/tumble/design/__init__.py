@@ -2,3 +2,7 @@
 
 It stands above `calibration`, whose refusals in words it shares, and draws nothing.
 """
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -14,8 +14,8 @@ from functools import lru_cache
 import numpy as np
 
 from tumble.arrays import Series, Square, Table, Vectors, inverted
-from tumble.noise.flicker import flicker_corners, flicker_variance
-from tumble.simulation.noise import TriadNoise
+from tumble.noise import flicker_corners, flicker_variance
+from tumble.simulation import TriadNoise
 
 # Corners above this many times one over a hold average out within it.
 _FASTEST = 20.0

@@ -15,39 +15,50 @@ import numpy as np
 import numpy.typing as npt
 
 from tumble.arrays import Series, Square, inverted
-from tumble.calibration.equations.adjustment import JointAdjustment, still_sway
-from tumble.calibration.equations.imu_unknowns import (
+from tumble.calibration import (
+    CLOCK_TOLD,
     LAYOUT,
     PLAIN,
+    FleetSheet,
+    Heading,
+    JointAdjustment,
+    Link,
+    Observed,
+    RecordingStretch,
+    SectionStretch,
+    Session,
+    Turn,
+    begin,
+    find_procedure,
     gyro_matrix,
     imu_unknowns,
     name_plate,
+    named_function,
+    observe,
+    recording_influences,
+    still_sway,
     terms_prior,
+    together,
     unknowns_of,
+    unknowns_with,
 )
-from tumble.calibration.equations.observed import Observed, observe
-from tumble.calibration.equations.reference_equations import Heading
-from tumble.calibration.equations.stretches import RecordingStretch, SectionStretch
-from tumble.calibration.equations.turn_equations import Link, Turn
-from tumble.calibration.joint import CLOCK_TOLD, begin
-from tumble.calibration.optional_terms import unknowns_with
-from tumble.calibration.outcome.budget import recording_influences
-from tumble.calibration.outcome.description import named_function
-from tumble.calibration.prior import FleetSheet, together
-from tumble.calibration.session import Session, find_procedure
 from tumble.design.hold_noise import wander_sigma
 from tumble.design.planned_motion import PlannedNoise
-from tumble.estimation import Prior
-from tumble.estimation.balance import Noise
-from tumble.estimation.chain import Chain, Eliminated
-from tumble.estimation.gauss_helmert import invert_normal_matrix
-from tumble.estimation.reliability import WeakDirection, find_weak_directions
-from tumble.estimation.solve import Settled, linearise, solve
-from tumble.estimation.unknowns import Unknowns
+from tumble.estimation import (
+    Chain,
+    Eliminated,
+    Noise,
+    Prior,
+    Settled,
+    Unknowns,
+    WeakDirection,
+    find_weak_directions,
+    invert_normal_matrix,
+    linearise,
+    solve,
+)
 from tumble.records import dataclass
-from tumble.sensor import ImuModel
-from tumble.sensor.conventions.shin import shin_from_matrix
-from tumble.sensor.propagation import jacobian
+from tumble.sensor import ImuModel, jacobian, shin_from_matrix
 from tumble.simulation import Grade
 from tumble.units import angular_rate_factor, specific_force_factor
 
@@ -59,7 +70,7 @@ _TERMS = frozenset({"g_sensitivity"})
 LABELS, _EVALUATE = named_function(_TERMS, "full", "accelerometer-x", ("m/s²", "rad/s"))
 NAMES = tuple(name for name, _ in LABELS)
 """Of the thirty parameters, in the order of every matrix here."""
-GROUPS: dict[str, slice] = {
+PARAMETER_GROUPS: dict[str, slice] = {
     "accelerometer bias": slice(0, 3),
     "accelerometer scale": slice(3, 6),
     "accelerometer misalignment": slice(6, 9),
@@ -153,7 +164,7 @@ class JointInformation:
         open_by[at] = sizes[at] * (1.0 if sheet else IGNORANCE)
         if not sheet:
             # Nothing is known of a scale factor without its clock.
-            open_by[GROUPS["gyro scale"]] += IGNORANCE * common[0]
+            open_by[PARAMETER_GROUPS["gyro scale"]] += IGNORANCE * common[0]
         open_by[PARAMETERS:] = common
         # By eigenvalues, of which round-off may have made those of nothing a little negative.
         values, vectors = np.linalg.eigh(_symmetric(self.matrix * np.outer(open_by, open_by)))
@@ -302,7 +313,7 @@ def _slope(u: Unknowns) -> Square:
     """(32, wanted) of `PlannedProblem`. By logarithms of scale factors: a clock moves all of them alike."""
     sizes = _raw_units(u)
     made = np.asarray(jacobian(_EVALUATE, u.values / sizes), dtype=np.float64) / sizes
-    scale = GROUPS["gyro scale"]
+    scale = PARAMETER_GROUPS["gyro scale"]
     made[scale] /= 1.0 + np.real(_EVALUATE(u.values / sizes))[scale, None]
     zero = np.zeros((PARAMETERS, len(COMMON)))
     return np.asarray(np.block([[made[:, FREE], zero], [zero.T, np.eye(len(COMMON))]]), dtype=np.float64)

@@ -17,15 +17,20 @@ from dataclasses import field, replace
 import numpy as np
 
 from tumble.arrays import Series, Square
-from tumble.calibration.checks.unseen import unseen_table
-from tumble.calibration.equations.imu_unknowns import LAYOUT
-from tumble.calibration.outcome.description import gravity_slope, named_function
-from tumble.calibration.prior import FleetSheet
-from tumble.calibration.session import Options, Session, find_procedure
+from tumble.calibration import (
+    LAYOUT,
+    FleetSheet,
+    Options,
+    Session,
+    find_procedure,
+    gravity_slope,
+    named_function,
+    unseen_table,
+)
 from tumble.counting import counted
 from tumble.design.joint_information import (
-    GROUPS,
     NAMES,
+    PARAMETER_GROUPS,
     PARAMETERS,
     TOLD,
     JointInformation,
@@ -38,9 +43,9 @@ from tumble.design.joint_information import (
 )
 from tumble.design.planned_motion import PlannedNoise, planned_session, require_plannable
 from tumble.earth import Site
-from tumble.protocol.steps import HoldStep, Protocol, SpinStep
+from tumble.protocol import HoldStep, Protocol, SpinStep
 from tumble.records import dataclass
-from tumble.sensor.propagation import jacobian
+from tumble.sensor import jacobian
 from tumble.simulation import Grade
 
 UNITS_SI = "m/s²", "rad/s"
@@ -120,12 +125,14 @@ class PlanTask:
     @property
     def estimated(self) -> np.ndarray:
         """Indices of the parameters that are estimated."""
-        return np.arange(PARAMETERS if self.g_sensitivity else GROUPS["g-sensitivity"].start)
+        return np.arange(PARAMETERS if self.g_sensitivity else PARAMETER_GROUPS["g-sensitivity"].start)
 
     def parameters(self) -> np.ndarray:
         """Return the indices of the parameters that are estimated and that the procedure is made for."""
         promises = find_procedure(self.protocol.procedure).promises
-        triads = ("gyros" if i >= GROUPS["gyro bias"].start else "accelerometers" for i in self.estimated)
+        triads = (
+            "gyros" if i >= PARAMETER_GROUPS["gyro bias"].start else "accelerometers" for i in self.estimated
+        )
         return self.estimated[[not promises or triad in promises for triad in triads]]
 
     def problem(self, draw: int = 0, protocol: Protocol | None = None) -> tuple[Session, PlannedProblem]:
@@ -211,7 +218,7 @@ class JointPlan:
     def names(self) -> list[str]:
         """What the table's frame calls `NAMES`, as rows begin: angles without a row are among those of their group."""
         rows, made = [one.name for one in self.foretold], list[str]()
-        for group, part in GROUPS.items():
+        for group, part in PARAMETER_GROUPS.items():
             for name in NAMES[part]:
                 ways = name, name.rpartition(" ")[0], group, *OTHERWISE.get(group, ())
                 made.append(next((one for one in ways if any(row.startswith(one) for row in rows)), group))

@@ -14,11 +14,11 @@ from itertools import pairwise
 import numpy as np
 
 from tumble.arrays import Series, Vector
-from tumble.attitude.rotations import twenty_six_directions
-from tumble.calibration.poses import SAME_POSE, describe_direction
+from tumble.attitude import twenty_six_directions
+from tumble.calibration import SAME_POSE, describe_direction
 from tumble.design.joint_information import (
-    GROUPS,
     NAMES,
+    PARAMETER_GROUPS,
     TOLD,
     JointInformation,
     exact_sensors,
@@ -26,10 +26,9 @@ from tumble.design.joint_information import (
 )
 from tumble.design.joint_plan import JointPlan, PlanTask, Weakness, mean_log_sigma
 from tumble.design.planned_motion import planned_session
-from tumble.protocol.library import BY_HAND, named_protocol
-from tumble.protocol.steps import HoldStep, Pose, Protocol, SpinStep, Step, TurnStep
+from tumble.protocol import BY_HAND, HoldStep, Pose, Protocol, SpinStep, Step, TurnStep, named_protocol
 from tumble.records import dataclass
-from tumble.simulation.axis_angles import unit
+from tumble.simulation import unit
 
 # Seconds of a hold, and of the turn to it.
 HOLD, TURN = 10.0, 3.0
@@ -166,7 +165,7 @@ def step_candidates(task: PlanTask, *, table: bool, span: float) -> list[StepCan
     plans: list[Plan] = [
         (_hold_words(up, hold), (HoldStep(hold, Pose(up, None, BY_HAND)),)) for up in twenty_six_directions()
     ]
-    if np.any(task.parameters() >= GROUPS["gyro bias"].start):
+    if np.any(task.parameters() >= PARAMETER_GROUPS["gyro bias"].start):
         plans += _rotations(task.protocol) if table else _hand_turns(task)
     return _played(task, plans, span)
 

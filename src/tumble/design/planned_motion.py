@@ -14,17 +14,24 @@ from dataclasses import replace
 import numpy as np
 
 from tumble.arrays import Matrices, Vectors, range_means
-from tumble.calibration.session import Options, Session
+from tumble.calibration import Options, Session
 from tumble.design.hold_noise import wander_sigma, white_density
 from tumble.earth import Site
 from tumble.errors import UsageError
-from tumble.protocol.steps import HoldStep, Protocol, RampStep, SoakStep, SpinStep
-from tumble.recording.recording import Recording
-from tumble.recording.stamps import Clock
+from tumble.protocol import HoldStep, Protocol, RampStep, SoakStep, SpinStep
+from tumble.recording import Clock, Recording
 from tumble.records import dataclass
-from tumble.segmentation import Hold, NoiseFloor, SpinMeans, Timeline, Turn
-from tumble.segmentation.matching import MatchedHold, MatchedSpin, Matching
-from tumble.segmentation.spin_means import whole_revolutions
+from tumble.segmentation import (
+    Hold,
+    MatchedHold,
+    MatchedSpin,
+    Matching,
+    NoiseFloor,
+    SpinMeans,
+    Timeline,
+    Turn,
+    whole_revolutions,
+)
 from tumble.sensor import ImuModel
 from tumble.simulation import TriadNoise, Truth, simulate_protocol
 

@@ -12,8 +12,8 @@ from dataclasses import field
 import numpy as np
 
 from tumble.arrays import Series, Square, Table, Vectors, inverted
-from tumble.attitude.rotations import twenty_six_directions
-from tumble.calibration.poses import SAME_POSE, describe_mending, describe_untold, norm_rows
+from tumble.attitude import twenty_six_directions
+from tumble.calibration import SAME_POSE, describe_mending, describe_untold, norm_rows
 from tumble.counting import counted
 from tumble.design.hold_noise import (
     hold_covariance,
@@ -26,9 +26,9 @@ from tumble.design.joint_information import JointInformation
 from tumble.design.joint_plan import PlanTask
 from tumble.design.selection import find_visits
 from tumble.errors import ObservabilityError, UsageError
-from tumble.protocol.library import NINE
+from tumble.protocol import NINE
 from tumble.records import dataclass
-from tumble.simulation.noise import TriadNoise
+from tumble.simulation import TriadNoise
 from tumble.units import STANDARD_GRAVITY
 
 # Unknowns of `norm_rows` in the order scale, misalignment yz, zy, zx, bias; its angles have the other sign.
@@ -41,7 +41,7 @@ PARAMETERS = (
 """What norms of poses tell: relative scale factors, angles in rad, biases over gravity."""
 # Where they stand among the thirty parameters; angles have the other sign.
 NORMS = np.array([3, 4, 5, 6, 8, 7, 0, 1, 2])
-GROUPS = {"scale": (0, 1, 2), "misalignment": (3, 4, 5), "bias": (6, 7, 8)}
+NORM_GROUPS = {"scale": (0, 1, 2), "misalignment": (3, 4, 5), "bias": (6, 7, 8)}
 # A hold of less is not found as rest, s.
 LEAST_DWELL = 4.0
 # Of plans of the same time the one with the fewest poses that is so close to the best is taken.

@@ -7,13 +7,16 @@ from datetime import UTC, datetime
 
 import numpy as np
 
-from tumble.calibration.estimate import Estimate
-from tumble.calibration.evidence import Budget
-from tumble.calibration.magnetometer.estimate import Magnetometer
-from tumble.calibration.magnetometer.verdict import FieldVerdict, judge_magnetometer
-from tumble.calibration.verdict import Judgement, judge
-from tumble.document import magnetometer_block as field_parts
-from tumble.document import result
+from tumble.calibration import (
+    Budget,
+    Estimate,
+    FieldVerdict,
+    Judgement,
+    Magnetometer,
+    judge,
+    judge_magnetometer,
+)
+from tumble.document import magnetometer_block as field_parts, result
 from tumble.document.entries import entry_names, vector_of_model
 from tumble.document.imported import test_vectors
 from tumble.document.part import finite, part_of, row_of, rows_of
@@ -22,9 +25,7 @@ from tumble.document.thermal_block import thermal_block
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ConvergenceError, __version__
 from tumble.files import shown
-from tumble.recording.recording import Recording
-from tumble.recording.samples import MagneticField
-from tumble.recording.temperature import mean_celsius
+from tumble.recording import MagneticField, Recording, mean_celsius
 from tumble.sensor import FRAMES, Triad
 from tumble.units import COUNTS, angular_rate_factor
 
@@ -107,7 +108,7 @@ def calibration_from_estimate(
         thermal=thermal,
         lever_arms=None if estimate.lever_arms is None else rows_of(estimate.lever_arms),
         magnetometer=field
-        and magnetometer_block(field, judge_magnetometer(field, site.latitude), recording.magnetic_field),
+        and block_of_magnetometer(field, judge_magnetometer(field, site.latitude), recording.magnetic_field),
     )
 
 
@@ -202,7 +203,7 @@ def name_of(text: str | None) -> str | None:
     return None if text is None else shown(text)
 
 
-def magnetometer_block(
+def block_of_magnetometer(
     made: Magnetometer, verdict: FieldVerdict, recorded: MagneticField | None = None
 ) -> field_parts.MagnetometerBlock:
     """Return the block of a magnetometer's calibration, without matrix and bias where it is not fit for use.

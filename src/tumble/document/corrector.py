@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tumble.arrays import Series, Vectors
-from tumble.calibration.terms.lever_arms import LeverArms
+from tumble.calibration import LeverArms
 from tumble.document.contradictions import corrected
 from tumble.errors import CalibrationFileError, UsageError
-from tumble.sensor.thermal import Outside, ThermalModel, ThermalState
+from tumble.sensor import Outside, ThermalModel, ThermalState
 
 if TYPE_CHECKING:
     from tumble.document.result import Calibration

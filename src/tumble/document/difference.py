@@ -15,17 +15,23 @@ import numpy.typing as npt
 from msgspec.structs import replace
 
 from tumble.arrays import AnyArray, Series, Square, Table
-from tumble.attitude.rotations import twenty_six_directions
-from tumble.calibration.magnetometer.estimate import NAMES, nearest_axes
-from tumble.document.entries import PLACES, SIZE, model_of_vector, named_parameters, part, stacked, turned_to
+from tumble.attitude import twenty_six_directions
+from tumble.calibration import NAMES, nearest_axes
+from tumble.document.entries import (
+    PLACES,
+    SIZE,
+    model_of_vector,
+    named_parameters,
+    stacked,
+    term_of,
+    turned_to,
+)
 from tumble.document.magnetometer_block import FieldBlock, MagnetometerBlock
 from tumble.document.result import Calibration, ParameterBlock
 from tumble.errors import UsageError
-from tumble.parameters.family import ACCELEROMETER, BETWEEN, GYRO, Family, family_of, parameter_of
+from tumble.parameters import ACCELEROMETER, BETWEEN, GYRO, Family, family_of, parameter_of
 from tumble.records import dataclass
-from tumble.sensor import FRAMES, ImuModel
-from tumble.sensor.gauge import inverse
-from tumble.sensor.propagation import jacobian
+from tumble.sensor import FRAMES, ImuModel, inverse, jacobian
 from tumble.units import STANDARD_GRAVITY, magnetic_field_factor
 
 Complex = npt.NDArray[Any]
@@ -141,7 +147,7 @@ def compare_calibrations(first: Calibration, second: Calibration) -> Difference:
             "One of the two has no uncertainties: the sigmas are those of the other alone, or missing."
         )
     terms = [name for name in PLACES if name.endswith(_OPTIONAL) and has[name.startswith("gyroscope")]]
-    terms = [name for name in terms if np.any(part(one, name)) or np.any(part(two, name))]
+    terms = [name for name in terms if np.any(term_of(one, name)) or np.any(term_of(two, name))]
     table = _tables((first, second), models, (spread_one, spread_two), scale, remarks)
     table[0] |= _optional_rows(terms, one, spread_one, first)
     table[1] |= _optional_rows(terms, two, spread_two, first)
@@ -265,7 +271,9 @@ def _about_temperature(first: Calibration, second: Calibration, remarks: list[st
 
 def _natural_sizes(values: Series) -> tuple[float, float]:
     """Raw units per SI unit of the two triads: what a bias of zero is compared with."""
-    sizes = [float(np.linalg.norm(part(values, f"{kind}.matrix"))) for kind in ("accelerometer", "gyroscope")]
+    sizes = [
+        float(np.linalg.norm(term_of(values, f"{kind}.matrix"))) for kind in ("accelerometer", "gyroscope")
+    ]
     return sizes[0] or 1.0, sizes[1] or 1.0
 
 
@@ -310,8 +318,8 @@ def _one_sided(terms: list[str], one: Series, two: Series) -> list[str]:
     """Say which terms only one of the two has."""
     said: list[str] = []
     for term in terms:
-        if np.any(part(one, term)) != np.any(part(two, term)):
-            which = "first" if np.any(part(one, term)) else "second"
+        if np.any(term_of(one, term)) != np.any(term_of(two, term)):
+            which = "first" if np.any(term_of(one, term)) else "second"
             words = term.replace(".", " ").replace("g_s", "g-s")
             said.append(f"Only the {which} has {words}: in the other it is taken as zero.")
     return said
@@ -412,17 +420,20 @@ def _group(name: str, moved: Series, spread: Table, size: float) -> GroupChange 
 
 def _raw(x: Complex, kind: str, true: AnyArray) -> tuple[Complex, Complex]:
     """Return what a triad reads for a true vector, and its sensors' own inputs."""
-    own = part(x, f"{kind}.matrix") @ true
-    return own + part(x, f"{kind}.bias") + _bent(x, kind, own), own
+    own = term_of(x, f"{kind}.matrix") @ true
+    return own + term_of(x, f"{kind}.bias") + _bent(x, kind, own), own
 
 
 def _bent(x: Complex, kind: str, own: Complex) -> Complex:
-    return part(x, f"{kind}.asymmetry") * own * np.sign(np.real(own)) + part(x, f"{kind}.quadratic") * own**2
+    return (
+        term_of(x, f"{kind}.asymmetry") * own * np.sign(np.real(own))
+        + term_of(x, f"{kind}.quadratic") * own**2
+    )
 
 
 def _corrected(x: Complex, kind: str, raw: Complex, near: Complex) -> Complex:
     """Return the true vector of a reading; what bends it is small, and taken at own inputs near by."""
-    return inverse(part(x, f"{kind}.matrix")) @ (raw - part(x, f"{kind}.bias") - _bent(x, kind, near))
+    return inverse(term_of(x, f"{kind}.matrix")) @ (raw - term_of(x, f"{kind}.bias") - _bent(x, kind, near))
 
 
 def _force_change(x: Complex, direction: AnyArray) -> Complex:
@@ -435,9 +446,9 @@ def _rest_change(has_force: bool) -> Any:
         one, two = x[:SIZE], x[SIZE:]
         force = STANDARD_GRAVITY * direction
         seen = _force_change(x, direction) + force if has_force else force
-        raw = part(one, "gyroscope.bias") + part(one, "gyroscope.g_sensitivity") @ force
-        rest = raw - part(two, "gyroscope.bias") - part(two, "gyroscope.g_sensitivity") @ seen
-        return inverse(part(two, "gyroscope.matrix")) @ rest
+        raw = term_of(one, "gyroscope.bias") + term_of(one, "gyroscope.g_sensitivity") @ force
+        rest = raw - term_of(two, "gyroscope.bias") - term_of(two, "gyroscope.g_sensitivity") @ seen
+        return inverse(term_of(two, "gyroscope.matrix")) @ rest
 
     return change
 
@@ -445,7 +456,7 @@ def _rest_change(has_force: bool) -> Any:
 def _rate_change(x: Complex, direction: AnyArray) -> Complex:
     """At 1 rad/s, biases apart."""
     raw, own = _raw(x[:SIZE], "gyroscope", direction)
-    bias = part(x[:SIZE], "gyroscope.bias") - part(x[SIZE:], "gyroscope.bias")
+    bias = term_of(x[:SIZE], "gyroscope.bias") - term_of(x[SIZE:], "gyroscope.bias")
     return _corrected(x[SIZE:], "gyroscope", raw - bias, own) - direction
 
 

@@ -20,9 +20,8 @@ from tumble.document.part import rows_of
 from tumble.document.result import Calibration, FrameBlock, ParameterBlock, RawUnits
 from tumble.document.thermal_block import thermal_block
 from tumble.errors import UsageError
-from tumble.parameters.family import triad_labels
-from tumble.sensor import FRAMES, ImuModel, Triad, frame_rotation, polar_rotation, propagate
-from tumble.sensor.imu import CURVES
+from tumble.parameters import triad_labels
+from tumble.sensor import CURVES, FRAMES, ImuModel, Triad, frame_rotation, polar_rotation, propagate
 from tumble.units import angular_rate_factor, specific_force_factor
 
 Complex = npt.NDArray[Any]
@@ -77,7 +76,7 @@ def vector_of_model(model: ImuModel) -> Series:
     return values
 
 
-def part(values: Complex, name: str) -> Complex:
+def term_of(values: Complex, name: str) -> Complex:
     """Return a term of the vector in its own shape."""
     place, shape = PLACES[name]
     return values[place].reshape(shape)
@@ -95,15 +94,15 @@ def model_of_vector(values: Series, like: ImuModel) -> ImuModel:
         if known is None:
             return None
         return Triad(
-            part(values, f"{kind}.matrix").copy(),
-            part(values, f"{kind}.bias").copy(),
-            **{name: part(values, f"{kind}.{name}").copy() for name, _, _ in known.curves()},
+            term_of(values, f"{kind}.matrix").copy(),
+            term_of(values, f"{kind}.bias").copy(),
+            **{name: term_of(values, f"{kind}.{name}").copy() for name, _, _ in known.curves()},
         )
 
     return ImuModel(
         triad("accelerometer", like.accelerometer),
         triad("gyroscope", like.gyroscope),
-        None if like.g_sensitivity is None else part(values, "gyroscope.g_sensitivity").copy(),
+        None if like.g_sensitivity is None else term_of(values, "gyroscope.g_sensitivity").copy(),
     )
 
 
@@ -157,11 +156,11 @@ def parameter_vector(
 
 def _triad_parameters(kind: str, factor: float | None) -> Callable[[Complex], Complex]:
     def evaluate(x: Complex) -> Complex:
-        matrix = part(x, f"{kind}.matrix")
+        matrix = term_of(x, f"{kind}.matrix")
         length = np.sqrt(np.sum(matrix * matrix, axis=1))
         scale = length if factor is None else length * factor - 1.0
         angles = [np.arcsin(matrix[i, j] / length[i]) for i in range(3) for j in range(3) if i != j]
-        return np.concatenate([part(x, f"{kind}.bias"), scale, np.array(angles)])
+        return np.concatenate([term_of(x, f"{kind}.bias"), scale, np.array(angles)])
 
     return evaluate
 
@@ -198,14 +197,14 @@ def turned_to(calibration: Calibration, frame: str) -> Calibration:
         )
 
     def rotation(x: Complex) -> Complex:
-        matrix = part(x, f"{fixed_by}.matrix")
+        matrix = term_of(x, f"{fixed_by}.matrix")
         return polar_rotation(matrix) if frame == "mean-gyro" else frame_rotation(matrix, frame)
 
     def turn(x: Complex) -> Complex:
         C = rotation(x)
         moved = x.copy()
         for name in ("accelerometer.matrix", "gyroscope.matrix", "gyroscope.g_sensitivity"):
-            put(moved, name, part(x, name) @ C.T)
+            put(moved, name, term_of(x, name) @ C.T)
         return moved
 
     values, covariance = stacked(calibration)

@@ -12,8 +12,7 @@ from tumble.document.contradictions import corrected
 from tumble.document.thermal_block import thermal_block
 from tumble.earth import EARTH_RATE
 from tumble.errors import __version__
-from tumble.sensor import ImuModel, Triad
-from tumble.sensor.thermal import ThermalModel
+from tumble.sensor import ImuModel, ThermalModel, Triad
 from tumble.units import STANDARD_GRAVITY, angular_rate_factor, specific_force_factor
 
 NO_QUALITY = result.QualityBlock(

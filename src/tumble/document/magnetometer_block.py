@@ -10,7 +10,7 @@ from msgspec.structs import replace
 
 from tumble.arrays import Matrix
 from tumble.document.part import DocumentPart, Row, Rows, row_of, rows_of
-from tumble.parameters.family import parameter_of
+from tumble.parameters import parameter_of
 from tumble.sensor import Triad
 
 FORMULA = (

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from tumble.arrays import Series, Vector, Vectors
-from tumble.attitude.rotations import left_jacobian, twenty_six_directions
-from tumble.calibration.free_inertial import CalibratedUnit, nominal_errors, position_from, sheet_unit
+from tumble.attitude import left_jacobian, twenty_six_directions
+from tumble.calibration import CalibratedUnit, nominal_errors, position_from, sheet_unit
 from tumble.document.result import Calibration
 from tumble.errors import CalibrationFileError
 from tumble.records import dataclass

@@ -20,13 +20,9 @@ from tumble.document.part import DocumentPart, Row, Rows, plain, read_part, refu
 from tumble.document.thermal_block import ThermalBlock
 from tumble.document.turn_ons_block import TurnOnsBlock
 from tumble.errors import CalibrationFileError
-from tumble.files import read_json, reading, write_text
-from tumble.files.markup import notebook_html
-from tumble.parameters.family import parameter_of
-from tumble.parameters.measures import Measure, said
-from tumble.sensor import ImuModel, Triad
-from tumble.sensor.imu import CURVES
-from tumble.sensor.thermal import Outside, ThermalModel
+from tumble.files import notebook_html, read_json, reading, write_text
+from tumble.parameters import Measure, parameter_of, said
+from tumble.sensor import CURVES, ImuModel, Outside, ThermalModel, Triad
 from tumble.units import angular_rate_factor, specific_force_factor
 
 if TYPE_CHECKING:
@@ -447,7 +443,7 @@ class Calibration(DocumentPart):
 
         `to_frame().to_pandas()` is pandas'.
         """
-        from tumble.recording.formats.output import data_frame
+        from tumble.recording import data_frame
 
         return data_frame(
             {

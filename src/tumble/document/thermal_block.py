@@ -10,8 +10,7 @@ import numpy as np
 from tumble.arrays import Series, Square, Table
 from tumble.document.part import DocumentPart, Row, Rows, part_of, plain, read_part, row_of
 from tumble.document.soundness import stated_covariance_fault
-from tumble.sensor import ImuModel
-from tumble.sensor.thermal import KINDS, SPAN_MARGIN, TemperatureBasis, TemperaturePath, ThermalModel
+from tumble.sensor import KINDS, SPAN_MARGIN, ImuModel, TemperatureBasis, TemperaturePath, ThermalModel
 
 FORMULA = (
     "p(T) = p(reference) + sum over k of coefficients[k] * f_k(T) for every quantity p that has coefficients; "

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tumble.calibration.evidence import TurnOns
+from tumble.calibration import TurnOns
 from tumble.document.part import DocumentPart, part_of, spelled
 
 Each = list[float | None]

@@ -3,16 +3,6 @@
 This room knows no IMU.
 """
 
-from tumble.estimation.gauss_helmert import Adjustment, Conditions, Linearisation, Prior, adjust
-from tumble.estimation.reliability import WeakDirection, find_weak_directions, snoop_groups
+import lazy_loader
 
-__all__ = [
-    "Adjustment",
-    "Conditions",
-    "Linearisation",
-    "Prior",
-    "WeakDirection",
-    "adjust",
-    "find_weak_directions",
-    "snoop_groups",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from tumble.arrays import Matrix, Vectors
-from tumble.attitude.rotations import twenty_six_directions
-from tumble.parameters.measures import amount
+from tumble.attitude import twenty_six_directions
+from tumble.parameters import amount
 from tumble.records import dataclass
 from tumble.sensor import ImuModel, Triad
 from tumble.units import STANDARD_GRAVITY

@@ -10,10 +10,10 @@ import msgspec
 import numpy as np
 
 from tumble.arrays import Vector
-from tumble.document.part import DocumentPart, read_part, refusal
+from tumble.document import DocumentPart, read_part, refusal
 from tumble.errors import UsageError
 from tumble.files import read_json, reading
-from tumble.noise.fitting.fit import MISSED
+from tumble.noise import MISSED
 from tumble.records import dataclass
 
 _FORMAT = "tumble noise"

@@ -11,10 +11,9 @@ import numpy as np
 from tumble.arrays import AnyArray, Matrix
 from tumble.errors import CalibrationFileError
 from tumble.export.losses import Loss
-from tumble.parameters.measures import amount
+from tumble.parameters import amount
 from tumble.records import dataclass
-from tumble.sensor import ImuModel
-from tumble.sensor.thermal import TemperatureBasis, ThermalModel
+from tumble.sensor import ImuModel, TemperatureBasis, ThermalModel
 
 _NAMES = ("accelerometer", "gyroscope")
 

@@ -11,14 +11,12 @@ from typing import Any, cast
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrix
-from tumble.document.soundness import is_invertible
+from tumble.document import is_invertible
 from tumble.errors import CalibrationFileError
 from tumble.export.polynomials import Curve, thermal_of
 from tumble.files import number_of, read_text, read_yaml, reading, shown
 from tumble.records import dataclass
-from tumble.sensor import FRAMES, ImuModel, Triad
-from tumble.sensor.gauge import inverse
-from tumble.sensor.thermal import ThermalModel
+from tumble.sensor import FRAMES, ImuModel, ThermalModel, Triad, inverse
 from tumble.units import angular_rate_factor, specific_force_factor
 
 

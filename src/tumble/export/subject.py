@@ -9,7 +9,7 @@ from itertools import product
 import numpy as np
 
 from tumble.arrays import Matrix, Vector, Vectors, inverted
-from tumble.document.result import Calibration
+from tumble.document import Calibration
 from tumble.errors import UsageError
 from tumble.export import losses
 from tumble.export.losses import Loss
@@ -17,8 +17,7 @@ from tumble.export.noise import SensorNoise
 from tumble.export.polynomials import NO_CURVES, Polynomials, polynomials_of
 from tumble.export.target import BIAS, CURVED, G_SENSITIVITY, MATRIX, NONLINEAR, SCALE, Target
 from tumble.records import dataclass
-from tumble.sensor import FRAMES, ImuModel, Triad, change_frame, polar_rotation
-from tumble.sensor.thermal import ThermalModel
+from tumble.sensor import FRAMES, ImuModel, ThermalModel, Triad, change_frame, polar_rotation
 from tumble.units import (
     MICROTESLA,
     angular_rate_factor,

@@ -16,8 +16,7 @@ from tumble.errors import UsageError, __version__
 from tumble.export.subject import FieldCorrection, Subject, field_lines
 from tumble.export.target import Target, parts_of
 from tumble.files import shown
-from tumble.sensor import Triad
-from tumble.sensor.gauge import inverse, lower_factor, upper_factor
+from tumble.sensor import Triad, inverse, lower_factor, upper_factor
 from tumble.units import DEGREE, STANDARD_GRAVITY
 
 if TYPE_CHECKING:

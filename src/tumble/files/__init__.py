@@ -8,56 +8,6 @@ Every file that tumble writes goes out through it: whole, beside its place and t
 a device or a pipe.
 """
 
-from tumble.files.documents import (
-    HIDDEN,
-    lines_of,
-    number_of,
-    opened,
-    read_json,
-    read_text,
-    read_yaml,
-    reading,
-    shown,
-    size_of,
-    without_password,
-)
-from tumble.files.writing import (
-    GrowingFile,
-    check_target,
-    files_in_place,
-    filled_folder,
-    inputs_kept,
-    make_folder,
-    put_text,
-    results_folder,
-    temporary_folder,
-    write_text,
-    write_texts,
-    written_beside,
-)
+import lazy_loader
 
-__all__ = [
-    "HIDDEN",
-    "GrowingFile",
-    "check_target",
-    "files_in_place",
-    "filled_folder",
-    "inputs_kept",
-    "lines_of",
-    "make_folder",
-    "number_of",
-    "opened",
-    "put_text",
-    "read_json",
-    "read_text",
-    "read_yaml",
-    "reading",
-    "results_folder",
-    "shown",
-    "size_of",
-    "temporary_folder",
-    "without_password",
-    "write_text",
-    "write_texts",
-    "written_beside",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -3,15 +3,6 @@
 It takes vectors of parameters with their covariances, as `unit_vector` makes them of calibrations, and knows no files.
 """
 
-from tumble.fleet.outlying import Outlying, find_outlying, find_shared
-from tumble.fleet.unit_vector import Units, UnitVector, stack, unit_vector
+import lazy_loader
 
-__all__ = [
-    "Outlying",
-    "UnitVector",
-    "Units",
-    "find_outlying",
-    "find_shared",
-    "stack",
-    "unit_vector",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -14,9 +14,19 @@ import numpy as np
 from msgspec.structs import replace
 
 from tumble.arrays import Series, Square, Table, inverted
-from tumble.document.entries import PLACES, entry_names, model_of_vector, named_parameters, stacked, turned_to
-from tumble.document.part import row_of, rows_of
-from tumble.document.result import Calibration, TriadBlock, VerdictBlock
+from tumble.document import (
+    PLACES,
+    Calibration,
+    TriadBlock,
+    VerdictBlock,
+    entry_names,
+    model_of_vector,
+    named_parameters,
+    row_of,
+    rows_of,
+    stacked,
+    turned_to,
+)
 from tumble.errors import UsageError, __version__
 from tumble.fleet.unit_vector import FRAME, HELD
 from tumble.records import dataclass

@@ -21,7 +21,7 @@ import numpy as np
 
 from tumble.arrays import Series, Square, Table
 from tumble.fleet.unit_vector import Units
-from tumble.parameters.family import in_families
+from tumble.parameters import in_families
 from tumble.records import dataclass
 
 FALSE_ALARM = 0.01

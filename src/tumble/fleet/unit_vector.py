@@ -7,8 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from tumble.arrays import Series, Square, Table
-from tumble.document.entries import parameter_vector, stacked, turned_to
-from tumble.document.result import Calibration
+from tumble.document import Calibration, parameter_vector, stacked, turned_to
 from tumble.errors import TumbleError
 from tumble.records import dataclass
 from tumble.sensor import FRAMES

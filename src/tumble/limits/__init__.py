@@ -4,6 +4,6 @@ A calibration that can be trusted may be of a unit that nobody wants, and the ot
 one, limits the other. `read_limits` reads ``limits.yaml``, `decide` holds a calibration against it.
 """
 
-from tumble.limits.conformity import Limit, Limits, decide, read_limits, with_limits
+import lazy_loader
 
-__all__ = ["Limit", "Limits", "decide", "read_limits", "with_limits"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -21,11 +21,10 @@ from typing import Any, cast
 
 from msgspec.structs import replace
 
-from tumble.document.result import Calibration, Decision, LimitBlock, LimitsBlock, ParameterBlock, Rule
+from tumble.document import Calibration, Decision, LimitBlock, LimitsBlock, ParameterBlock, Rule
 from tumble.errors import UsageError
 from tumble.files import number_of, opened, read_yaml, reading
-from tumble.parameters.family import FAMILIES, is_known, parameter_of
-from tumble.parameters.measures import Measure, said_unit, si_of
+from tumble.parameters import FAMILIES, Measure, is_known, parameter_of, said_unit, si_of
 from tumble.records import dataclass
 from tumble.simulation import find_grade
 

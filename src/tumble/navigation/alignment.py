@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from tumble.arrays import Matrix, Series, Table, Vector
-from tumble.attitude.rotations import angles_from_matrices, matrix_from_angles
+from tumble.attitude import angles_from_matrices, matrix_from_angles
 from tumble.earth import EARTH_RATE, normal_gravity
 from tumble.errors import ObservabilityError, RecordingError
 from tumble.navigation.gnss.track import GnssTrack

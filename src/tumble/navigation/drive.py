@@ -22,7 +22,7 @@ from tumble.navigation.time_alignment import (
     seen_by,
 )
 from tumble.navigation.trajectory import NavigationState
-from tumble.noise.terms import NoiseModel
+from tumble.noise import NoiseModel
 from tumble.records import dataclass
 
 # Steps, s, at which the filter's innovations are compared to find the offset between the clocks, in turns.

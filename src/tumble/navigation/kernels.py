@@ -17,7 +17,8 @@ require_compiled(__file__)
 import cython
 from cython.cimports.libc.math import cos, fabs, sin, sqrt
 
-from tumble.earth.gravity import (
+from tumble.earth import (
+    EARTH_RATE,
     ECCENTRICITY_SQUARED,
     FLATTENING,
     GRAVITY_AT_EQUATOR,
@@ -26,7 +27,6 @@ from tumble.earth.gravity import (
     SEMI_MAJOR_AXIS,
     SOMIGLIANA_CONSTANT,
 )
-from tumble.earth.site import EARTH_RATE
 
 _A = cython.declare(cython.double, SEMI_MAJOR_AXIS)
 _E2 = cython.declare(cython.double, ECCENTRICITY_SQUARED)

@@ -6,7 +6,7 @@ import numpy as np
 
 from tumble.arrays import Series, Vectors
 from tumble.errors import RecordingError
-from tumble.recording.recording import Recording
+from tumble.recording import Recording
 from tumble.records import dataclass
 from tumble.sensor import ImuModel
 from tumble.units import angular_rate_factor, specific_force_factor

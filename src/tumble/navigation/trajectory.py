@@ -7,7 +7,7 @@ from dataclasses import fields
 import numpy as np
 
 from tumble.arrays import Matrices, Matrix, Quaternions, Series, Table, Vector, Vectors
-from tumble.attitude.rotations import (
+from tumble.attitude import (
     angles_from_matrices,
     matrices_from_quaternions,
     matrix_from_angles,

@@ -4,3 +4,7 @@ Signals are in any unit, usually SI; averaging times in s, frequencies in Hz. Co
 letters of IEEE Std 952, whose spectral densities are two-sided; what is drawn and printed as a spectrum is
 one-sided, and says so.
 """
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -10,8 +10,7 @@ import numpy.typing as npt
 
 from tumble.arrays import AnyArray
 from tumble.noise.held import of_each
-from tumble.recording import Recording
-from tumble.recording.stamps import find_gaps
+from tumble.recording import Recording, find_gaps
 
 BRIDGED = 1e-3
 """Share of samples that may be filled in: less than any interval is wide."""

@@ -12,8 +12,7 @@ import numpy.typing as npt
 from tumble.arrays import Series, Table
 from tumble.noise.deviation import find_pieces
 from tumble.noise.held import beyond_chance, equal_rows
-from tumble.recording import Recording
-from tumble.recording.rest import block_statistics, sample_pieces, smallest_step
+from tumble.recording import Recording, block_statistics, sample_pieces, smallest_step
 from tumble.records import dataclass
 
 _LEAST_GRAIN = 20  # samples

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tumble.arrays import Matrix
-from tumble.attitude.rotations import matrix_from_turn, rotation_angle
+from tumble.attitude import matrix_from_turn, rotation_angle
 from tumble.errors import ProtocolError
 from tumble.protocol.steps import HoldStep, Pose, Protocol, RampStep, SoakStep, SpinStep, Step
 

@@ -18,10 +18,9 @@ from typing import Any, TypedDict
 import numpy as np
 
 from tumble.arrays import Vector
-from tumble.earth.site import Site
+from tumble.earth import Site
 from tumble.errors import ProtocolError, SiteError, UsageError
-from tumble.files import read_text, reading
-from tumble.files.writing import put_text, written_beside
+from tumble.files import put_text, read_text, reading, written_beside
 from tumble.procedure_names import KNOWN_PROCEDURES
 from tumble.protocol.keys import FORMAT, REVOLUTION, STEPS, VERSION, known_keys, schema_of
 from tumble.protocol.library import PROTOCOLS, named_protocol

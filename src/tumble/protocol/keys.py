@@ -20,7 +20,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from tumble.files.documents import read_yaml
+from tumble.files import read_yaml
 from tumble.protocol.steps import ASSUMED_RATE, HoldStep, RampStep, SoakStep, SpinStep, TurnStep
 from tumble.records import dataclass
 from tumble.units import DEGREE

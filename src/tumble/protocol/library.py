@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from tumble.arrays import Vector
-from tumble.attitude.rotations import twenty_six_directions
+from tumble.attitude import twenty_six_directions
 from tumble.errors import ProtocolError
 from tumble.protocol.steps import HoldStep, Pose, Protocol, RampStep, SoakStep, SpinStep, Step, TurnStep
 from tumble.protocol.strapdown_rotation import strapdown_rotation_steps

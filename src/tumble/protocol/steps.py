@@ -13,12 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tumble.arrays import Matrix, Vector
-from tumble.attitude.rotations import (
-    matrix_from_rotation_vector,
-    rotation_between,
-    rotation_vector_from_matrix,
-)
-from tumble.earth.site import Site
+from tumble.attitude import matrix_from_rotation_vector, rotation_between, rotation_vector_from_matrix
+from tumble.earth import Site
 from tumble.records import dataclass
 
 if TYPE_CHECKING:

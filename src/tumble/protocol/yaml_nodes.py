@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import Any, cast
 
 from tumble.errors import ProtocolError
-from tumble.files.documents import composed, yaml_loader
+from tumble.files import composed, yaml_loader
 from tumble.protocol.keys import Key, value_of
 from tumble.records import dataclass
 

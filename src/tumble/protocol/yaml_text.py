@@ -8,7 +8,7 @@ from typing import Any, cast
 import numpy as np
 
 from tumble.arrays import Vector
-from tumble.earth.site import Site
+from tumble.earth import Site
 from tumble.errors import ProtocolError, SiteError
 from tumble.protocol.keys import REVOLUTION, STEPS, known_keys, numeral_of, value_of
 from tumble.protocol.steps import HoldStep, Protocol, RampStep, SpinStep, Step, TurnStep

@@ -6,37 +6,6 @@ remarks. `inspect_recording` is the doctor. `axis_agreement` compares the gyro w
 turns in body axes.
 """
 
-from __future__ import annotations
+import lazy_loader
 
-from tumble.recording.doctor import Findings, find_dead_channels, find_saturated_channels, inspect_recording
-from tumble.recording.formats.output import write_recording
-from tumble.recording.gravity_check import (
-    axis_agreement,
-    describe_axis_contradiction,
-    find_axis_contradiction,
-    gyro_scale_from_gravity,
-    unit_of_scale,
-)
-from tumble.recording.reading import read_blocks, read_recording, read_recordings
-from tumble.recording.recording import Recording
-from tumble.recording.samples import MagneticField, Remark, Source
-
-__all__ = [
-    "Findings",
-    "MagneticField",
-    "Recording",
-    "Remark",
-    "Source",
-    "axis_agreement",
-    "describe_axis_contradiction",
-    "find_axis_contradiction",
-    "find_dead_channels",
-    "find_saturated_channels",
-    "gyro_scale_from_gravity",
-    "inspect_recording",
-    "read_blocks",
-    "read_recording",
-    "read_recordings",
-    "unit_of_scale",
-    "write_recording",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -14,7 +14,7 @@ from dataclasses import field, replace
 import numpy as np
 
 from tumble.arrays import Series, Vectors
-from tumble.files.markup import notebook_html
+from tumble.files import notebook_html
 from tumble.recording.samples import MagneticField, Remark, Source
 from tumble.recording.stamps import Clock, clock_of_stamps
 from tumble.records import dataclass

@@ -36,7 +36,7 @@ from tumble.recording.formats.packed import ZSTD_MAGIC, needed
 from tumble.records import dataclass
 
 _ENDINGS = {"ROS 1 bag": ".bag", "MCAP": ".mcap", "ROS 2 bag": ".db3"}
-ENDINGS = tuple(_ENDINGS.values())
+BAG_ENDINGS = tuple(_ENDINGS.values())
 """Of files of bags; a ROS 2 bag is also a folder."""
 _Marks = dict[str, tuple[str, ...]]
 _COMMENT = re.compile(r"^# corrected by tumble: ([0-9a-f ]+)\n")

@@ -4,6 +4,6 @@ Every calibration is kept whole, as the document that it came as, with columns b
 parameters as numbers, so that questions over all units need not read documents. Documents are added, never changed.
 """
 
-from tumble.registry.opening import Registry, RegistryError, open_registry
+import lazy_loader
 
-__all__ = ["Registry", "RegistryError", "open_registry"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

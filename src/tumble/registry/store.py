@@ -15,7 +15,7 @@ from msgspec import DecodeError
 from sqlalchemy import Connection, and_, func, select
 
 from tumble.arrays import Series, Table
-from tumble.document.result import Calibration, calibration_of
+from tumble.document import Calibration, calibration_of
 from tumble.errors import UsageError
 from tumble.records import dataclass
 from tumble.registry import schema

@@ -3,4 +3,6 @@
 Nothing is estimated here. Non-SI units appear: this room writes numbers in the units people use.
 """
 
-from __future__ import annotations
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

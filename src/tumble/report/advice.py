@@ -8,11 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from tumble.arrays import Vector, Vectors
-from tumble.calibration.poses import describe_direction, most_telling_poses, norm_rows
-from tumble.calibration.session import PROCEDURES
-from tumble.document.result import Calibration
-from tumble.parameters.family import ACCELEROMETER, BETWEEN, GYRO
-from tumble.parameters.measures import Measure, with_uncertainty
+from tumble.calibration import PROCEDURES, describe_direction, most_telling_poses, norm_rows
+from tumble.document import Calibration
+from tumble.parameters import ACCELEROMETER, BETWEEN, GYRO, Measure, with_uncertainty
 from tumble.report.parameters import ParameterRow
 from tumble.report.subject import Subject
 

@@ -7,9 +7,9 @@ from itertools import groupby
 
 import numpy as np
 
-from tumble.document.result import ParameterBlock
-from tumble.fleet.outcome import Batch, UnitOutcome
-from tumble.parameters.family import in_families
+from tumble.document import ParameterBlock
+from tumble.fleet import Batch, UnitOutcome
+from tumble.parameters import in_families
 from tumble.report.figures.record import OF_FAMILY, Axis, Bars, Figure, in_brackets
 from tumble.report.page import Block, Facts, Figures, Page, Sentences, Table, section
 from tumble.report.parameters import ParameterRow, rows_of

@@ -5,13 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from tumble.arrays import Vectors
-from tumble.calibration.evidence import ThermalCurves
-from tumble.calibration.magnetometer.estimate import Magnetometer
-from tumble.document.magnetometer_block import FIELD_ALONE
-from tumble.document.part import plain
-from tumble.document.result import Calibration
-from tumble.files.markup import templates
-from tumble.parameters.measures import plain_unit
+from tumble.calibration import Magnetometer, ThermalCurves
+from tumble.document import FIELD_ALONE, Calibration, plain
+from tumble.files import templates
+from tumble.parameters import plain_unit
 from tumble.report.advice import next_steps
 from tumble.report.evidence import RENDERERS, render_evidence
 from tumble.report.evidence.magnetometer import magnetometer_blocks

@@ -9,10 +9,8 @@ from typing import Any
 import numpy as np
 
 from tumble.arrays import AnyArray, Series
-from tumble.document.difference import ParameterChange
-from tumble.document.result import Calibration, ParameterBlock
-from tumble.parameters.family import in_families, parameter_of
-from tumble.parameters.measures import decimals_of, fixed, said_unit, with_uncertainty
+from tumble.document import Calibration, ParameterBlock, ParameterChange
+from tumble.parameters import decimals_of, fixed, in_families, parameter_of, said_unit, with_uncertainty
 from tumble.report.figures.record import OF_FAMILY, Axis, Curve, Figure, Look, in_brackets, plain
 from tumble.report.page import Figures, Page, Table, section
 from tumble.report.parameters import ParameterRow, headed_table, rows_of

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
-from tumble.files.markup import templates
+from tumble.files import templates
 from tumble.report.figures.on_page import plot
 from tumble.report.page import Cards
 

@@ -8,11 +8,16 @@ from typing import Any
 import numpy as np
 
 from tumble.arrays import Series
-from tumble.noise.channel import Channel
-from tumble.noise.characterisation import Characterisation
-from tumble.noise.triads import triad_terms
-from tumble.noise.units import ACCELEROMETER, GYRO, practical_noise_unit, si_noise_unit
-from tumble.parameters.measures import with_uncertainty
+from tumble.noise import (
+    ACCELEROMETER,
+    GYRO,
+    Channel,
+    Characterisation,
+    practical_noise_unit,
+    si_noise_unit,
+    triad_terms,
+)
+from tumble.parameters import with_uncertainty
 from tumble.records import dataclass
 from tumble.report.figures import record
 from tumble.report.figures.record import Axis, Band, Curve, Figure, Look, Mark, Points, plain

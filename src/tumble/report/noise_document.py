@@ -8,13 +8,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from tumble.document.part import DocumentPart, finite, part_of, plain, spelled
+from tumble.document import DocumentPart, finite, part_of, plain, spelled
 from tumble.errors import __version__
-from tumble.noise.channel import Channel, Term
-from tumble.noise.characterisation import Characterisation
-from tumble.noise.deviation import Deviation
-from tumble.noise.fitting.fit import NoiseFit
-from tumble.noise.triads import COLLAPSE, triad_terms
+from tumble.noise import COLLAPSE, Channel, Characterisation, Deviation, NoiseFit, Term, triad_terms
 from tumble.report.noise import (
     CURVE,
     DEFINITIONS,

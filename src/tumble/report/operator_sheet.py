@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrix, Vector
-from tumble.files.markup import templates
+from tumble.files import templates
 from tumble.protocol import HoldStep, Protocol, SpinStep
 from tumble.report.html import render_page
 from tumble.report.page import Blanks, Card, Cards, Page, Sentences

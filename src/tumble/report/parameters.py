@@ -13,10 +13,19 @@ from itertools import groupby
 
 import numpy as np
 
-from tumble.document.magnetometer_block import FieldParameter
-from tumble.document.result import Calibration, ParameterBlock, TriadBlock
-from tumble.parameters.family import ANGLES, FAMILIES, Family, Parameter, parameter_of, under_headings
-from tumble.parameters.measures import Measure, plain_unit, said, said_unit
+from tumble.document import Calibration, FieldParameter, ParameterBlock, TriadBlock
+from tumble.parameters import (
+    ANGLES,
+    FAMILIES,
+    Family,
+    Measure,
+    Parameter,
+    parameter_of,
+    plain_unit,
+    said,
+    said_unit,
+    under_headings,
+)
 from tumble.records import dataclass
 from tumble.report.page import Table
 from tumble.units import DEGREE, STANDARD_GRAVITY, unit_factor

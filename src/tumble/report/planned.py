@@ -6,10 +6,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from tumble.document.result import Calibration
-from tumble.parameters.family import GROUPS
+from tumble.document import Calibration
+from tumble.parameters import GROUPS
 from tumble.protocol import SpinStep, Step, TurnStep
-from tumble.recording.recording import Recording
+from tumble.recording import Recording
 from tumble.report.page import Block, Sentences, Table, section
 from tumble.report.parameters import achieved_beside
 from tumble.report.subject import Subject

@@ -7,9 +7,8 @@ from typing import Annotated, Literal
 
 from msgspec import Meta
 
-from tumble.document.part import DocumentPart
-from tumble.document.predictions import Answer, answers, practical
-from tumble.parameters.measures import spaced, with_uncertainty
+from tumble.document import Answer, DocumentPart, answers, practical
+from tumble.parameters import spaced, with_uncertainty
 from tumble.report.page import Block, Sentences, Table, section
 from tumble.report.subject import Subject
 

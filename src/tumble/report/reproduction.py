@@ -11,12 +11,12 @@ from importlib.util import find_spec
 import numpy as np
 
 from tumble.arrays import Series
-from tumble.document.part import finite
+from tumble.document import finite
 from tumble.records import as_document
 from tumble.report.figures import record
 from tumble.report.html import render_page
 from tumble.report.page import Block, Figures, Page, Sentences, Table, aligned
-from tumble.reproduction.outcome import Outcome, Plot, Row, Value
+from tumble.reproduction import Outcome, Plot, Row, Value
 
 _COLOURS = (record.BLUE, record.GREEN, record.ORANGE, record.PURPLE, record.TEAL)
 _HOVER = "%{x:.3g}: %{y:.3g}"

@@ -7,15 +7,13 @@ from dataclasses import field
 from functools import cached_property
 
 from tumble.arrays import Vector, Vectors
-from tumble.calibration.estimate import Estimate
-from tumble.calibration.poses import describe_direction
-from tumble.document.result import Calibration
+from tumble.calibration import Estimate, describe_direction
+from tumble.document import Calibration
 from tumble.protocol import Protocol
-from tumble.recording.recording import Recording
+from tumble.recording import Recording
 from tumble.records import dataclass
 from tumble.report.parameters import ParameterRow, parameter_rows
-from tumble.segmentation import HoldMeans, Timeline
-from tumble.segmentation.matching import Matching
+from tumble.segmentation import HoldMeans, Matching, Timeline
 
 
 def pose_words(up: Vector) -> str:

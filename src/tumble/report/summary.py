@@ -16,8 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tumble.arrays import Series
-from tumble.parameters.family import ACCELEROMETER, GYRO, TEMPERATURE
-from tumble.parameters.measures import Measure, said_unit
+from tumble.parameters import ACCELEROMETER, GYRO, TEMPERATURE, Measure, said_unit
 from tumble.report.calibration import parameter_table
 from tumble.report.evidence.magnetometer import magnetometer_rows, magnetometer_sentences, magnetometer_table
 from tumble.report.evidence.turn_ons import bias_table
@@ -35,8 +34,7 @@ from tumble.report.words import (
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from tumble.document.result import Calibration
-    from tumble.document.thermal_block import ThermalBlock
+    from tumble.document import Calibration, ThermalBlock
 
 
 # Temperatures in a table for a wide terminal, and for another.

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 
-from tumble.calibration.terms import TERMS
-from tumble.calibration.verdict import two_digits
-from tumble.document.result import Calibration, LimitBlock, LimitsBlock, TermBlock
-from tumble.limits.conformity import rule_words
-from tumble.parameters.measures import Measure, amount, said_unit
+from tumble.calibration import TERMS, two_digits
+from tumble.document import Calibration, LimitBlock, LimitsBlock, TermBlock
+from tumble.limits import rule_words
+from tumble.parameters import Measure, amount, said_unit
 from tumble.report.page import Block, Sentences, Table, Verdict, section
 
 

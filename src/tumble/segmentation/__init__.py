@@ -3,30 +3,6 @@
 `find_timeline` finds them, `observe_holds` averages them; `read_intervals` reads a user's own list.
 """
 
-from tumble.segmentation.averages import MeanCovariance, mean_covariance
-from tumble.segmentation.intervals import read_intervals
-from tumble.segmentation.observations import HoldMeans, observe_holds
-from tumble.segmentation.search import find_timeline
-from tumble.segmentation.spin_means import SpinMeans, observe_spins
-from tumble.segmentation.thermal_rests import find_thermal_timeline
-from tumble.segmentation.timeline import Hold, NoiseFloor, Rejection, Timeline, Turn
-from tumble.segmentation.turns import FoundSpin, find_spins
+import lazy_loader
 
-__all__ = [
-    "FoundSpin",
-    "Hold",
-    "HoldMeans",
-    "MeanCovariance",
-    "NoiseFloor",
-    "Rejection",
-    "SpinMeans",
-    "Timeline",
-    "Turn",
-    "find_spins",
-    "find_thermal_timeline",
-    "find_timeline",
-    "mean_covariance",
-    "observe_holds",
-    "observe_spins",
-    "read_intervals",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from tumble.arrays import Series, Vector, Vectors, median
-from tumble.recording.rest import fit_sphere
+from tumble.recording import fit_sphere
 from tumble.records import dataclass
 from tumble.segmentation.blocks import Blocks, TriadBlocks, find_runs
 from tumble.segmentation.timeline import Hold

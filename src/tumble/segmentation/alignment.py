@@ -13,9 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from tumble.arrays import AnyArray, Matrix, Series, Table, Vector, Vectors
-from tumble.protocol.steps import HoldStep, Pose, Protocol, SpinStep, Step
-from tumble.recording.recording import Recording
-from tumble.recording.rest import fit_sphere
+from tumble.protocol import HoldStep, Pose, Protocol, SpinStep, Step
+from tumble.recording import Recording, fit_sphere
 from tumble.records import dataclass
 from tumble.segmentation.observations import HoldMeans
 from tumble.segmentation.timeline import Hold, Timeline

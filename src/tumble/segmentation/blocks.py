@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tumble.arrays import Vectors
-from tumble.recording.recording import Recording
+from tumble.recording import Recording
 from tumble.records import dataclass
 from tumble.units import angular_rate_factor, specific_force_factor
 

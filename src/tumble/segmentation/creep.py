@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tumble.arrays import Vector, Vectors, median
-from tumble.recording.recording import Recording
+from tumble.recording import Recording
 from tumble.records import dataclass
 from tumble.segmentation.activity import Activity, change_sizes_of, find_activity
 from tumble.segmentation.blocks import Blocks, TriadBlocks, cut_blocks, find_runs

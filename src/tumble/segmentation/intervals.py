@@ -10,7 +10,7 @@ import numpy as np
 
 from tumble.errors import SegmentationError
 from tumble.files import lines_of, number_of, read_text, reading
-from tumble.recording.recording import Recording
+from tumble.recording import Recording
 from tumble.segmentation.timeline import Hold
 
 

@@ -14,8 +14,8 @@ from itertools import pairwise
 import numpy as np
 
 from tumble.arrays import Vectors
-from tumble.protocol.steps import HoldStep, Protocol, SpinStep, TurnStep
-from tumble.recording.recording import Recording
+from tumble.protocol import HoldStep, Protocol, SpinStep, TurnStep
+from tumble.recording import Recording
 from tumble.records import dataclass
 from tumble.segmentation import mismatch
 from tumble.segmentation.alignment import (

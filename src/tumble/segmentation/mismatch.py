@@ -8,10 +8,8 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Matrix
 from tumble.errors import SegmentationError
-from tumble.protocol.steps import HoldStep, SpinStep, TurnStep
-from tumble.recording.columns import renamed
-from tumble.recording.gravity_check import find_axis_contradiction
-from tumble.recording.recording import Recording
+from tumble.protocol import HoldStep, SpinStep, TurnStep
+from tumble.recording import Recording, find_axis_contradiction, renamed
 from tumble.segmentation.alignment import GAP, Case, Fit, pose_of, signed_permutations, spin_axis
 from tumble.units import angular_rate_factor, known_units
 

@@ -11,8 +11,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from tumble.noise.terms import NoiseModel
-from tumble.recording.recording import Recording
+from tumble.noise import NoiseModel
+from tumble.recording import Recording
 from tumble.segmentation.averages import EXCESS_FALSE_ALARM
 from tumble.segmentation.observations import HoldMeans
 from tumble.segmentation.timeline import Timeline

@@ -8,7 +8,7 @@ import numpy as np
 
 from tumble.arrays import Matrices, Series, Vectors
 from tumble.errors import SegmentationError
-from tumble.recording.recording import Recording
+from tumble.recording import Recording
 from tumble.records import dataclass
 from tumble.segmentation.averages import mean_covariance
 from tumble.segmentation.rest_wander import RestParts, observe_parts

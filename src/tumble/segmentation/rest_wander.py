@@ -13,8 +13,8 @@ from itertools import pairwise
 import numpy as np
 
 from tumble.arrays import Series, Square, Table, Vector, Vectors
-from tumble.estimation.wander import covariance_about_the_mean
-from tumble.recording.recording import Recording
+from tumble.estimation import covariance_about_the_mean
+from tumble.recording import Recording
 from tumble.records import dataclass
 from tumble.segmentation.averages import batches
 from tumble.segmentation.rounding import rounding_of_each

@@ -12,8 +12,8 @@ import numpy as np
 
 from tumble.arrays import Matrix, Vector
 from tumble.errors import SegmentationError
-from tumble.protocol.steps import Protocol, SpinStep
-from tumble.recording.recording import Recording
+from tumble.protocol import Protocol, SpinStep
+from tumble.recording import Recording
 from tumble.records import dataclass
 from tumble.segmentation.matching import Matching
 from tumble.segmentation.observations import HoldMeans

@@ -16,7 +16,7 @@ import numpy as np
 
 from tumble.border import border
 from tumble.errors import SegmentationError
-from tumble.recording.recording import Recording
+from tumble.recording import Recording
 from tumble.segmentation.activity import Activity, find_activity, noise_per_sample
 from tumble.segmentation.blocks import Blocks, cut_blocks, find_runs
 from tumble.segmentation.creep import LARGEST_CREEP, find_turning, keep_still_part

@@ -23,7 +23,7 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Matrices, Matrix, Series, Table, Vectors, block_means
 from tumble.errors import SegmentationError
-from tumble.recording.recording import Recording
+from tumble.recording import Recording
 from tumble.records import dataclass
 from tumble.segmentation.averages import batch_length, mean_covariance
 from tumble.segmentation.observations import HoldMeans

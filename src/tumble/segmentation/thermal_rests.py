@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from tumble.arrays import AnyArray, Series, Vectors, block_means
-from tumble.recording.recording import Recording
+from tumble.recording import Recording
 from tumble.segmentation.search import find_timeline
 from tumble.segmentation.timeline import Timeline
 

@@ -16,7 +16,7 @@ from itertools import pairwise
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrix, Series, Vector, Vectors, extremes, median
-from tumble.recording.recording import Recording
+from tumble.recording import Recording
 from tumble.records import dataclass
 from tumble.segmentation.activity import Activity, find_activity, noise_per_sample
 from tumble.segmentation.blocks import Blocks, cut_blocks, find_runs

@@ -5,8 +5,6 @@
 in raw units. What is called scale, non-orthogonality and misalignment are ways to split `matrix`.
 """
 
-from tumble.sensor.gauge import FRAMES, change_frame, frame_rotation, polar_rotation
-from tumble.sensor.imu import ImuModel, Triad
-from tumble.sensor.propagation import propagate
+import lazy_loader
 
-__all__ = ["FRAMES", "ImuModel", "Triad", "change_frame", "frame_rotation", "polar_rotation", "propagate"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -7,11 +7,20 @@ from collections.abc import Iterator
 import numpy as np
 
 from tumble.arrays import Vector
-from tumble.attitude.rotations import matrix_from_turn
+from tumble.attitude import matrix_from_turn
 from tumble.errors import UsageError
-from tumble.protocol.consistency import SAME_POSE
-from tumble.protocol.steps import HoldStep, Pose, Protocol, RampStep, SoakStep, SpinStep, Step, TurnStep
-from tumble.protocol.strapdown_rotation import sequence_steps
+from tumble.protocol import (
+    SAME_POSE,
+    HoldStep,
+    Pose,
+    Protocol,
+    RampStep,
+    SoakStep,
+    SpinStep,
+    Step,
+    TurnStep,
+    sequence_steps,
+)
 from tumble.records import dataclass
 
 _QUARTER = 0.5 * np.pi

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from tumble.arrays import AnyArray, Series, Vectors
-from tumble.earth.site import Site
-from tumble.protocol.steps import Protocol, RampStep, SoakStep
-from tumble.recording.recording import Recording
+from tumble.earth import Site
+from tumble.protocol import Protocol, RampStep, SoakStep
+from tumble.recording import Recording
 from tumble.records import dataclass
-from tumble.sensor.thermal import ThermalModel
+from tumble.sensor import ThermalModel
 from tumble.simulation.fixtures import PlayedProtocol, play_protocol
 from tumble.simulation.grades import Grade
 from tumble.simulation.recordings import Truth, simulate_recording

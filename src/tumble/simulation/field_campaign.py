@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from tumble.arrays import Series, Vectors
-from tumble.attitude.rotations import twenty_six_directions
+from tumble.attitude import twenty_six_directions
 from tumble.simulation.motion import Motion
 from tumble.simulation.trajectories import SplineTrajectory, drive_along
 

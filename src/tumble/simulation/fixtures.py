@@ -13,7 +13,7 @@ from dataclasses import field, replace
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrix, Series, Vector
-from tumble.attitude.rotations import (
+from tumble.attitude import (
     matrices_from_quaternions,
     matrix_from_rotation_vector,
     matrix_from_turn,
@@ -22,13 +22,19 @@ from tumble.attitude.rotations import (
     rotation_vector_from_matrix,
 )
 from tumble.errors import ProtocolError, UsageError
-from tumble.protocol.consistency import (
+from tumble.protocol import (
     SAME_POSE,
+    UP_N,
+    HoldStep,
+    Pose,
+    Protocol,
+    SpinStep,
+    Step,
+    TurnStep,
     nearest_heading,
     refuse_contradicting_turns,
     refuse_contradiction,
 )
-from tumble.protocol.steps import UP_N, HoldStep, Pose, Protocol, SpinStep, Step, TurnStep
 from tumble.records import dataclass
 from tumble.simulation.axis_angles import unit, where
 from tumble.simulation.motion import Detours, Motion

@@ -10,16 +10,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrix, Series
-from tumble.attitude.rotations import matrix_from_rotation_vector
+from tumble.attitude import matrix_from_rotation_vector
 from tumble.errors import UsageError
 from tumble.files import read_yaml
 from tumble.records import dataclass
-from tumble.sensor.imu import ImuModel, Triad
+from tumble.sensor import ImuModel, Triad
 from tumble.simulation.noise import TriadNoise
 from tumble.units import DEGREE, DEGREE_PER_HOUR, DEGREE_PER_ROOT_HOUR, MICRO_G, MILLI_G, STANDARD_GRAVITY
 
 if TYPE_CHECKING:
-    from tumble.sensor.thermal import ThermalModel
+    from tumble.sensor import ThermalModel
 
 # A sheet's linearity is read as the rms deviation from the best straight line over ± full scale, as a
 # share of full scale F. For a quadratic term q it is q F² √(4/45).
@@ -229,8 +229,7 @@ class ThermalGrade:
         UsageError
             If the unit has one triad only.
         """
-        from tumble.sensor.gauge import change_frame, frame_rotation
-        from tumble.sensor.thermal import TemperatureBasis, ThermalModel
+        from tumble.sensor import TemperatureBasis, ThermalModel, change_frame, frame_rotation
 
         if reference.accelerometer is None or reference.gyroscope is None:
             raise UsageError("The model has one triad only, and a simulated unit has two: give it both.")

@@ -8,9 +8,9 @@ import numpy as np
 
 from tumble.arrays import Matrix, Vector, Vectors
 from tumble.errors import UsageError
-from tumble.recording.samples import MagneticField
+from tumble.recording import MagneticField
 from tumble.records import dataclass
-from tumble.sensor.imu import Triad
+from tumble.sensor import Triad
 from tumble.simulation.motion import Motion
 
 _MICRO = 1e-6

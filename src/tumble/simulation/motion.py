@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tumble.arrays import AnyArray, Series, Vector, Vectors
-from tumble.earth.site import Site
+from tumble.earth import Site
 from tumble.errors import UsageError
 from tumble.records import dataclass
 from tumble.simulation.kernels import (

@@ -11,7 +11,7 @@ from dataclasses import fields
 import numpy as np
 
 from tumble.arrays import AnyArray, Vectors
-from tumble.noise.flicker import flicker_recursions
+from tumble.noise import flicker_recursions
 from tumble.records import dataclass
 
 

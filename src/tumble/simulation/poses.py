@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tumble.attitude.rotations import twenty_six_directions
+from tumble.attitude import twenty_six_directions
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from tumble.arrays import AnyArray, Series, Vectors
-from tumble.earth.site import Site
+from tumble.earth import Site
 from tumble.errors import UsageError
-from tumble.protocol.steps import Protocol
-from tumble.recording.recording import Recording
-from tumble.sensor.imu import ImuModel
+from tumble.protocol import Protocol
+from tumble.recording import Recording
+from tumble.sensor import ImuModel
 from tumble.simulation.fixtures import PlayedProtocol, play_protocol
 from tumble.simulation.grades import Grade
 from tumble.simulation.magnetometer import SimulatedMagnetometer

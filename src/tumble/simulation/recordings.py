@@ -10,13 +10,12 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Series, Vectors
 from tumble.counting import counted, part
-from tumble.earth.site import Site
+from tumble.earth import Site
 from tumble.errors import UsageError
-from tumble.protocol.steps import Step
-from tumble.recording.recording import Recording
-from tumble.recording.stamps import exact_clock
+from tumble.protocol import Step
+from tumble.recording import Recording, exact_clock
 from tumble.records import dataclass
-from tumble.sensor.imu import ImuModel
+from tumble.sensor import ImuModel
 from tumble.simulation.fixtures import PlayedProtocol, TrueRotation, TrueSpin
 from tumble.simulation.grades import Grade
 from tumble.simulation.motion import Motion

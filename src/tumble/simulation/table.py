@@ -10,9 +10,9 @@ from __future__ import annotations
 import numpy as np
 
 from tumble.arrays import Series, Vector, Vectors
-from tumble.attitude.rotations import matrix_from_rotation_vector
+from tumble.attitude import matrix_from_rotation_vector
 from tumble.errors import ProtocolError
-from tumble.protocol.steps import SpinStep
+from tumble.protocol import SpinStep
 from tumble.records import dataclass
 from tumble.simulation.spin_shapes import SpinShapes
 

@@ -7,8 +7,8 @@ from dataclasses import field, replace
 import numpy as np
 
 from tumble.arrays import AnyArray
-from tumble.attitude.rotations import twenty_six_directions
-from tumble.protocol.steps import HoldStep, Pose, Protocol, RampStep, SoakStep, Step, TurnStep
+from tumble.attitude import twenty_six_directions
+from tumble.protocol import HoldStep, Pose, Protocol, RampStep, SoakStep, Step, TurnStep
 from tumble.records import dataclass
 
 # Poses that a tumbled unit goes through: faces and edges of a cube, put down by hand.

@@ -17,11 +17,16 @@ from typing import Any
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrix, Series, Vector
-from tumble.attitude.rotations import matrix_from_rotation_vector, quaternion_from_matrix
+from tumble.attitude import matrix_from_rotation_vector, quaternion_from_matrix
 from tumble.errors import UsageError
-from tumble.protocol.consistency import SAME_POSE, refuse_contradicting_turns
-from tumble.protocol.steps import HoldStep, Protocol, TurnStep
-from tumble.protocol.strapdown_rotation import sequence_steps
+from tumble.protocol import (
+    SAME_POSE,
+    HoldStep,
+    Protocol,
+    TurnStep,
+    refuse_contradicting_turns,
+    sequence_steps,
+)
 from tumble.records import dataclass
 from tumble.simulation.axis_angles import fixture_angles, unit
 from tumble.simulation.fixtures import PlayedProtocol, TrueRotation

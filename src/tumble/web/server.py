@@ -18,11 +18,9 @@ from typing import Any, cast
 
 import numpy as np
 
-from tumble.capture.coach import Event
-from tumble.capture.machine import Capture
-from tumble.capture.targets import groups_of
+from tumble.capture import Capture, Event, groups_of
 from tumble.errors import UsageError, install
-from tumble.recording.samples import Samples
+from tumble.recording import Samples
 
 # What a capture ends with: of a calibration, or of noise.
 REPORTS = ("report.html", "noise.html")

@@ -14,19 +14,30 @@ from pathlib import Path
 import numpy as np
 
 from tumble.arrays import Series, Vectors
-from tumble.document import Calibration, read_calibration
-from tumble.document.corrector import Corrector
-from tumble.document.result import TriadBlock
+from tumble.document import Calibration, Corrector, TriadBlock, read_calibration
 from tumble.errors import OutputError, UsageError
 from tumble.files import filled_folder, written_beside
-from tumble.recording import Recording, read_blocks
-from tumble.recording.formats.bags import bag as ros
-from tumble.recording.formats.bags.files import opened_bag
-from tumble.recording.formats.folder import euroc_file
-from tumble.recording.formats.output import PLACE, write_blocks, write_euroc
-from tumble.recording.gravity_check import find_steps_of_two
-from tumble.recording.rewriting import Exchange, write_anew
-from tumble.recording.temperature import TemperatureColumn
+from tumble.recording import (
+    PLACE,
+    Bag,
+    Choice,
+    Decoded,
+    Exchange,
+    Recording,
+    TemperatureColumn,
+    Topic,
+    batches,
+    choose_topics,
+    decode,
+    euroc_file,
+    find_steps_of_two,
+    opened_bag,
+    read_blocks,
+    substituted,
+    write_anew,
+    write_blocks,
+    write_euroc,
+)
 from tumble.records import dataclass
 from tumble.units import angular_rate_factor, specific_force_factor
 from tumble.workflows.corrected import (
@@ -302,7 +313,7 @@ def write_corrected_bag(
         If it cannot be written; what was there is intact.
     """
     with opened_bag(path) as bag:
-        choice = ros.choose_topics(bag, topics)
+        choice = choose_topics(bag, topics)
         _refuse_apart(task, choice)
         work = _Work(task, bag, choice)
         exchange = Exchange(path.name, dict.fromkeys(choice.names(), marks), work.pairs())
@@ -314,7 +325,7 @@ def write_corrected_bag(
         return exchange.count, [*(f"{r.kind}: {r.text}" for r in bag.remarks), *work.remarks(path.name)]
 
 
-def _refuse_apart(task: Correction, choice: ros.Choice) -> None:
+def _refuse_apart(task: Correction, choice: Choice) -> None:
     """Refuse what acts from one triad on the other where each has a topic of its own."""
     if choice.force == choice.rates:
         return
@@ -334,7 +345,7 @@ def _refuse_apart(task: Correction, choice: ros.Choice) -> None:
         )
 
 
-def _write_folder(bag: ros.Bag, target: Path, exchange: Exchange) -> None:
+def _write_folder(bag: Bag, target: Path, exchange: Exchange) -> None:
     """Write a bag of several files; all of them take their places, or none."""
     if target.exists() and not target.is_dir():
         raise UsageError(
@@ -357,7 +368,7 @@ def _write_folder(bag: ros.Bag, target: Path, exchange: Exchange) -> None:
 class _Line:
     """One topic on its way: what of it is corrected, and how far it is."""
 
-    topic: ros.Topic
+    topic: Topic
     force: bool
     rates: bool
     corrector: Corrector
@@ -368,7 +379,7 @@ class _Line:
 class _Work:
     """Messages in the order of the files, corrected some thousands at a time."""
 
-    def __init__(self, task: Correction, bag: ros.Bag, choice: ros.Choice) -> None:
+    def __init__(self, task: Correction, bag: Bag, choice: Choice) -> None:
         self._task = task
         self._messages = bag.messages
         self._names = choice.names()
@@ -405,11 +416,11 @@ class _Work:
         return told
 
     def _plain(self) -> Iterator[list[_Pair]]:
-        for batch in ros.batches(self._messages(self._names)):
+        for batch in batches(self._messages(self._names)):
             made: dict[str, Iterator[bytes]] = {}
             for name in dict.fromkeys(n for n, _, _ in batch):
                 line, own = self._lines[name], [m for m in batch if m[0] == name]
-                corrected = self._corrected(line, ros.decode(line.topic, own))
+                corrected = self._corrected(line, decode(line.topic, own))
                 made[name] = iter(self._put(line, [data for _, _, data in own], *corrected))
             yield [(n, data, next(made[n])) for n, _, data in batch]
 
@@ -419,8 +430,8 @@ class _Work:
         waiting: list[bytes] = []
 
         def blocks() -> Iterator[Recording]:
-            for batch in ros.batches(self._messages(self._names)):
-                decoded = ros.decode(line.topic, batch)
+            for batch in batches(self._messages(self._names)):
+                decoded = decode(line.topic, batch)
                 waiting.extend(data for _, _, data in batch)
                 yield Recording(decoded.time, *self._corrected(line, decoded), "m/s^2", "rad/s", rate=np.nan)
 
@@ -429,7 +440,7 @@ class _Work:
             made = self._put(line, messages, block.specific_force, block.angular_rate)
             yield [(line.topic.name, *pair) for pair in zip(messages, made, strict=True)]
 
-    def _corrected(self, line: _Line, decoded: ros.Decoded) -> tuple[Vectors | None, Vectors | None]:
+    def _corrected(self, line: _Line, decoded: Decoded) -> tuple[Vectors | None, Vectors | None]:
         steps = np.diff(decoded.time, prepend=line.last)
         line.out_of_order += int(np.count_nonzero(steps <= 0.0))
         line.last = float(decoded.time[-1])
@@ -446,4 +457,4 @@ class _Work:
         # A lag moves the stamps of an accelerometer with a topic of its own.
         moves = self._task.lag is not None and self._shift is None and line.force
         shift = -round(1e9 * (self._task.lag or 0.0)) if moves else 0
-        return ros.substituted(line.topic, messages, force, rate, shift)
+        return substituted(line.topic, messages, force, rate, shift)

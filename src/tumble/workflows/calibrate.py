@@ -12,10 +12,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from msgspec import structs
 
-from tumble.calibration.checks.unseen import state_gravity
-from tumble.calibration.estimate import Beside
-from tumble.calibration.objections import say_of_prior
-from tumble.calibration.session import Estimator, Options, Session, find_procedure
+from tumble.calibration import (
+    Beside,
+    Estimator,
+    Options,
+    Session,
+    find_procedure,
+    say_of_prior,
+    state_gravity,
+)
 from tumble.earth import Site
 from tumble.errors import ConvergenceError, ObservabilityError, SegmentationError, TumbleError, UsageError
 from tumble.files import results_folder
@@ -42,8 +47,7 @@ from tumble.workflows.results import OF_A_PAPER, CalibrationRun, Clock, write_ru
 from tumble.workflows.several import NamedSpan, check_files, corrected_by_before, read_as_told
 
 if TYPE_CHECKING:
-    from tumble.calibration import Estimate
-    from tumble.calibration.magnetometer.estimate import GivenField
+    from tumble.calibration import Estimate, GivenField
     from tumble.document import Calibration
 
 # An interval's ends need a thousand draws; a million take a minute or two.
@@ -166,7 +170,7 @@ def _papers(
 
 def _read_consistent(protocol: str | os.PathLike[str]) -> GivenProtocol:
     """The protocol; what it says against itself would else look like a fault of the recording."""
-    from tumble.protocol.consistency import refuse_contradicting_turns
+    from tumble.protocol import refuse_contradicting_turns
 
     given = read_given_protocol(protocol)
     refuse_contradicting_turns(given.protocol)
@@ -236,7 +240,7 @@ def _draw(estimate: Estimate, runs: int | None, say: Callable[[str], None]) -> N
     """Draw the distributions of the parameters; the seed is fixed, so that the same call says the same."""
     if runs is None:
         return
-    from tumble.calibration.outcome.budget import draw_distributions
+    from tumble.calibration import draw_distributions
 
     draw_distributions(estimate, runs, np.random.default_rng(101), say)
 

@@ -27,14 +27,13 @@ from tumble.navigation import (
     covariance_from_calibration,
     plan_filter,
     position_differences,
+    track_velocities,
 )
-from tumble.navigation.time_alignment import track_velocities
-from tumble.noise.terms import NoiseModel
-from tumble.recording import Recording
-from tumble.recording.formats.frames import Frame
+from tumble.noise import NoiseModel
+from tumble.recording import Frame, Recording
 from tumble.records import dataclass
 from tumble.sensor import ImuModel, Triad
-from tumble.simulation.grades import Grade, TriadGrade
+from tumble.simulation import Grade, TriadGrade
 from tumble.units import angular_rate_factor, specific_force_factor
 from tumble.workflows.verify import corrected_whole
 

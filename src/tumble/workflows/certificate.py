@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
-from tumble.certificate import Profile, certificate_content, certificate_pdf, read_profile
-from tumble.certificate.profile import Laboratory
+from tumble.certificate import Laboratory, Profile, certificate_content, certificate_pdf, read_profile
 from tumble.document import Calibration, read_calibration
 from tumble.errors import UsageError
 from tumble.files import check_target, read_text, results_folder, shown, write_texts
@@ -58,13 +57,13 @@ def make_certificate(request: CertificateRequest) -> Certificate:
     text = read_text(calibration / "calibration.json" if calibration.is_dir() else calibration)
     content = certificate_content(document, told, number, day, request.language, text)
     if output.suffix.lower() == ".xml":
-        from tumble.certificate.dcc import dcc_text
+        from tumble.certificate import dcc_text
 
         made = dcc_text(document, told, number, day, request.language, text).encode()
     else:
         made = certificate_pdf(content, logo=logo)
     if request.registry is not None:
-        from tumble.registry.store import add_certificate, document_hash
+        from tumble.registry import add_certificate, document_hash
         from tumble.workflows.registry import registry_at
 
         with registry_at(request.registry) as kept:

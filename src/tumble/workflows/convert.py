@@ -9,18 +9,25 @@ from pathlib import Path
 
 from msgspec import structs
 
-from tumble.document import Calibration, read_calibration
-from tumble.document.entries import turned_to
-from tumble.document.imported import calibration_from_model
-from tumble.document.result import RecordingName
+from tumble.document import Calibration, RecordingName, calibration_from_model, read_calibration, turned_to
 from tumble.errors import UsageError
-from tumble.export.noise import read_noise
-from tumble.export.readers import check_plausible, read_file
-from tumble.export.subject import Subject, Wishes, prepare
-from tumble.export.target import MAGNETOMETER, MATRIX, NOISE, SCALE, Target, find_target, targets
+from tumble.export import (
+    MAGNETOMETER,
+    MATRIX,
+    NOISE,
+    SCALE,
+    Subject,
+    Target,
+    Wishes,
+    check_plausible,
+    find_target,
+    prepare,
+    read_file,
+    read_noise,
+    targets,
+)
 from tumble.files import inputs_kept, write_texts
-from tumble.recording.formats.logs.own_parameters import UNSTATED
-from tumble.recording.formats.table import hash_file
+from tumble.recording import UNSTATED, hash_file
 from tumble.records import dataclass
 from tumble.units import angular_rate_factor, find_unit, specific_force_factor
 from tumble.workflows.request import ConvertRequest, asked

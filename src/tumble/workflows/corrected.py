@@ -24,22 +24,28 @@ from typing import Literal
 import numpy as np
 
 from tumble.arrays import Series, Vectors
-from tumble.document import Calibration
-from tumble.document.corrector import NO_TEMPERATURE, Corrector
+from tumble.document import NO_TEMPERATURE, Calibration, Corrector
 from tumble.errors import RecordingError, UsageError
 from tumble.files import results_folder
-from tumble.recording import Recording, rewriting
-from tumble.recording.columns import role_of
-from tumble.recording.formats import header_names, output
-from tumble.recording.formats.folder import euroc_file
-from tumble.recording.formats.frames import Frame, frame_names
-from tumble.recording.formats.output import ENDINGS as TABLES
-from tumble.recording.rewriting import ENDINGS as BAGS
-from tumble.recording.rewriting import ending_of
-from tumble.recording.samples import MagneticField, joined_fields
-from tumble.recording.temperature import LONG_GAP, TemperatureColumn
+from tumble.recording import (
+    BAG_ENDINGS,
+    LONG_GAP,
+    TABLE_ENDINGS,
+    Frame,
+    MagneticField,
+    Recording,
+    TemperatureColumn,
+    corrections,
+    ending_of,
+    euroc_corrections,
+    euroc_file,
+    frame_names,
+    header_names,
+    joined_fields,
+    role_of,
+)
 from tumble.records import dataclass
-from tumble.sensor.thermal import SPAN_MARGIN, Outside
+from tumble.sensor import SPAN_MARGIN, Outside
 from tumble.units import COUNTS, MICROTESLA, magnetic_field_factor
 
 
@@ -92,13 +98,13 @@ def corrections_of(
 def _marks_beside(path: Path, topics: Sequence[str] | None) -> list[str]:
     """Return what formats without columns of their own say."""
     if path.is_dir() or path.name == "data.csv":
-        found = output.euroc_corrections(path)
+        found = euroc_corrections(path)
         if found or not path.is_dir():
             return list(found)
-    if not path.is_dir() and path.suffix.lower() not in rewriting.ENDINGS:
+    if not path.is_dir() and path.suffix.lower() not in BAG_ENDINGS:
         return []
     wanted = None if not topics else {t.strip("/") for t in topics}
-    said = rewriting.corrections(path).items()
+    said = corrections(path).items()
     return [m for topic, marks in said if wanted is None or topic.strip("/") in wanted for m in marks]
 
 
@@ -483,11 +489,11 @@ def destination(output: str | os.PathLike[str] | None, files: Sequence[Path]) ->
         return _after(files)
     target = Path(output)
     ending = target.suffix.lower()
-    if ending in TABLES:
+    if ending in TABLE_ENDINGS:
         return Destination("table", target)
     if ending in _LOGS:
         raise UsageError(_no_log(target.name, *_LOGS[ending]))
-    if ending in BAGS:
+    if ending in BAG_ENDINGS:
         return Destination("bag", _checked_bag(target, files))
     if len(files) == 1 and ending_of(files[0]) == "":
         return Destination("bag", target)

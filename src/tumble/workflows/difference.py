@@ -9,12 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from tumble.calibration.magnetometer.estimate import named_parameters
-from tumble.document import Calibration, read_calibration
-from tumble.document.difference import Difference, ParameterChange, compare_calibrations
+from tumble.calibration import named_parameters
+from tumble.document import Calibration, Difference, ParameterChange, compare_calibrations, read_calibration
 from tumble.errors import CalibrationFileError, UsageError
 from tumble.files import read_json, reading
-from tumble.parameters.measures import Measure, amount, said
+from tumble.parameters import Measure, amount, said
 from tumble.records import dataclass
 from tumble.units import STANDARD_GRAVITY
 

@@ -10,34 +10,37 @@ from typing import Any
 import numpy as np
 
 from tumble.arrays import Series
-from tumble.calibration.verdict import two_digits
+from tumble.calibration import two_digits
 from tumble.counting import counted
 from tumble.document import Calibration, read_calibration
 from tumble.errors import RecordingError, UsageError
 from tumble.files import write_texts
 from tumble.navigation import (
+    LONGEST_BRIDGED,
     Drive,
     FilterRun,
     FilterSetup,
+    FreeDrift,
     GnssTrack,
     OutageErrors,
+    Statistic,
     find_rest,
+    fit_velocities,
+    free_drift,
     outages,
     prepare_drive,
+    ratio_of,
     read_track,
+    rms_of,
+    sharpen_clock,
     smooth,
+    spans_in_words,
+    wide_setup,
 )
-from tumble.navigation.block_bootstrap import Statistic, ratio_of, rms_of
-from tumble.navigation.drive import sharpen_clock, wide_setup
-from tumble.navigation.filter.run import LONGEST_BRIDGED
-from tumble.navigation.gnss.track import fit_velocities
-from tumble.navigation.outages import FreeDrift, free_drift
-from tumble.navigation.time_alignment import spans_in_words
-from tumble.parameters.measures import Measure, amount
-from tumble.recording import Recording, read_recordings
-from tumble.recording.reading import recording_inputs
+from tumble.parameters import Measure, amount
+from tumble.recording import Recording, read_recordings, recording_inputs
 from tumble.records import as_document, dataclass
-from tumble.simulation.grades import Grade, find_grade
+from tumble.simulation import Grade, find_grade
 from tumble.workflows.apply import in_calibration_units, raw_factors
 from tumble.workflows.calibration_parts import (
     AT_REST,
@@ -209,7 +212,7 @@ class DriveVerification:
         OutputError
             If they cannot be written; earlier ones are intact.
         """
-        from tumble.report.drive import render_drive
+        from tumble.report import render_drive
 
         document = self.document
         text = json.dumps(document, indent=1, ensure_ascii=False) + "\n"

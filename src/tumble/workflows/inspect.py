@@ -10,8 +10,14 @@ from pathlib import Path
 from typing import Any
 
 from tumble.errors import TumbleError, UsageError
-from tumble.recording import Findings, Recording, inspect_recording, read_recording, write_recording
-from tumble.recording.reading import recording_inputs
+from tumble.recording import (
+    Findings,
+    Recording,
+    inspect_recording,
+    read_recording,
+    recording_inputs,
+    write_recording,
+)
 from tumble.records import dataclass
 from tumble.workflows.request import InspectRequest, asked
 
@@ -62,8 +68,7 @@ def inspect(request: InspectRequest) -> Inspection:
 
 def _judged(recording: Recording, found: Findings) -> Findings:
     """Add what a calibration without a protocol would determine, and what would determine the rest."""
-    from tumble.calibration.objections import find_missing
-    from tumble.calibration.session import FIRST_TRIED, Options, Session, find_procedure
+    from tumble.calibration import FIRST_TRIED, Options, Session, find_missing, find_procedure
     from tumble.workflows.procedures import CONTRADICTS, run_procedure
 
     session = Session(recording, options=Options(optional_terms=False))

@@ -10,14 +10,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tumble.calibration.session import Session
+from tumble.calibration import Session
 from tumble.errors import ConvergenceError, ObservabilityError, UsageError
 from tumble.units import find_unit, magnetic_field_factor
 
 if TYPE_CHECKING:
-    from tumble.calibration import Estimate
-    from tumble.calibration.magnetometer.estimate import GivenField
-    from tumble.calibration.outcome.estimate import JointOutcome
+    from tumble.calibration import Estimate, GivenField, JointOutcome
     from tumble.document import Calibration
     from tumble.earth import Site
     from tumble.recording import Recording
@@ -54,7 +52,7 @@ def given_field(text: str | None, site: Site | None = None) -> GivenField | None
         return None
     if text.partition(",")[0].strip().lower() == MODEL:
         return _field_by_model(text, site)
-    from tumble.calibration.magnetometer.estimate import GIVEN_SIGMA, GivenField
+    from tumble.calibration import GIVEN_SIGMA, GivenField
 
     found = _FIELD.fullmatch(text)
     try:
@@ -86,8 +84,8 @@ def given_field(text: str | None, site: Site | None = None) -> GivenField | None
 
 def _field_by_model(text: str, site: Site | None) -> GivenField:
     """The field by the World Magnetic Model at the site."""
-    from tumble.calibration.magnetometer.estimate import GivenField
-    from tumble.earth.magnetic_model import earth_field
+    from tumble.calibration import GivenField
+    from tumble.earth import earth_field
 
     if site is None or site.latitude is None:
         raise UsageError(f"--field {text} needs the place: give {MODEL_EXAMPLE}.")
@@ -120,7 +118,7 @@ def refuse_field_of_none(recording: Recording, given: GivenField | None) -> None
     """
     if given is None or recording.magnetic_field is not None:
         return
-    from tumble.recording.samples import NOTHING_MADE
+    from tumble.recording import NOTHING_MADE
 
     for remark in recording.remarks:
         if remark.text.endswith(NOTHING_MADE):
@@ -142,7 +140,7 @@ def add_magnetometer(session: Session, estimate: Estimate, given: GivenField | N
     magnetic = session.recording.magnetic_field
     if magnetic is None:
         return
-    from tumble.calibration.magnetometer.estimate import magnetometer_of
+    from tumble.calibration import magnetometer_of
 
     session.say("magnetometer")
     try:
@@ -170,10 +168,8 @@ def field_alone(
     ObservabilityError
         If the samples determine no magnetometer either, and the recording was to calibrate other triads.
     """
-    from tumble.calibration.estimate import Described, Estimate, Figures
-    from tumble.calibration.magnetometer.estimate import magnetometer_alone
-    from tumble.document.composition import calibration_from_estimate
-    from tumble.document.magnetometer_block import FIELD_ALONE
+    from tumble.calibration import Described, Estimate, Figures, magnetometer_alone
+    from tumble.document import FIELD_ALONE, calibration_from_estimate
     from tumble.sensor import ImuModel
 
     recording = session.recording
@@ -219,8 +215,7 @@ def _carrier(session: Session, estimate: Estimate) -> JointOutcome | None:
         return session.joint
     if session.recording.specific_force is None:
         return None
-    from tumble.calibration.joint import calibrate
-    from tumble.calibration.session import find_procedure
+    from tumble.calibration import calibrate, find_procedure
 
     try:
         calibrate(session, find_procedure("joint"))

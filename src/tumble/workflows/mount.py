@@ -12,9 +12,8 @@ from typing import Any
 import numpy as np
 
 from tumble.arrays import Square, Vector
-from tumble.calibration.mount import MountAlignment, align_to_mount, check_poses, mean_covariances
-from tumble.document import Calibration, read_calibration
-from tumble.document.part import plain
+from tumble.calibration import MountAlignment, align_to_mount, check_poses, mean_covariances
+from tumble.document import Calibration, plain, read_calibration
 from tumble.errors import CalibrationFileError, RecordingError, SegmentationError, UsageError, __version__
 from tumble.files import write_text
 from tumble.recording import read_recordings

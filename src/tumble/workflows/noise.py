@@ -11,20 +11,16 @@ import numpy as np
 
 from tumble.errors import RecordingError, UsageError
 from tumble.files import number_of, opened, read_json, reading, results_folder
-from tumble.noise.terms import GaussMarkov, Line, NoiseModel
-from tumble.noise.variances import LETTERS
-from tumble.recording import Recording, read_blocks, read_recording
-from tumble.recording.formats.frames import Frame
-from tumble.recording.reading import recording_inputs
+from tumble.noise import LETTERS, GaussMarkov, Line, NoiseModel
+from tumble.recording import Frame, Recording, read_blocks, read_recording, recording_inputs
 from tumble.records import dataclass
 from tumble.units import angular_rate_factor, specific_force_factor
 from tumble.workflows.request import NoiseRequest, asked, silent
 
 if TYPE_CHECKING:
-    from tumble.calibration.session import Session
-    from tumble.noise.characterisation import Characterisation
-    from tumble.noise.fitting.weighted_fit import Method
-    from tumble.report.page import Page
+    from tumble.calibration import Session
+    from tumble.noise import Characterisation, Method
+    from tumble.report import Page
     from tumble.segmentation import HoldMeans
 
 
@@ -49,7 +45,7 @@ class NoiseAnalysis:
 
     def page(self) -> Page:
         """Return what noise.html says."""
-        from tumble.report.noise import noise_page
+        from tumble.report import noise_page
 
         return noise_page(self.noise, self.command)
 
@@ -69,7 +65,7 @@ def analyse_noise(request: NoiseRequest) -> NoiseAnalysis:
     OutputError
         If the files cannot be written; earlier ones are intact.
     """
-    from tumble.noise.characterisation import characterise, characterise_blocks
+    from tumble.noise import characterise, characterise_blocks
 
     if not (np.isfinite(request.skip) and request.skip >= 0.0):
         raise UsageError(f"--skip {request.skip}: give seconds, 0 or more.")
@@ -92,7 +88,7 @@ def analyse_noise(request: NoiseRequest) -> NoiseAnalysis:
             raise RecordingError(f"--skip {request.skip:g} leaves nothing of the recording, {lasts}.")
         say("averaging")
         noise = characterise(recording, **asked_for)
-    from tumble.report.noise_document import noise_document
+    from tumble.report import noise_document
 
     command = _command(noise, request)
     found = NoiseAnalysis(noise, noise_document(noise), command=command)
@@ -131,8 +127,7 @@ def _command(noise: Characterisation, request: NoiseRequest) -> str:
 
 def _write(folder: Path, found: NoiseAnalysis) -> tuple[Path, ...]:
     from tumble.files import write_texts
-    from tumble.report.html import render_page
-    from tumble.report.noise_document import document_text
+    from tumble.report import document_text, render_page
 
     texts = {folder / DOCUMENT: document_text(found.document), folder / PAGE: render_page(found.page())}
     return tuple(write_texts(texts))
@@ -293,7 +288,7 @@ class NoiseOfHolds:
         ----------
         session : with its holds.
         """
-        from tumble.segmentation.modelled_means import model_means
+        from tumble.segmentation import model_means
 
         given = session.recording, session.timeline, session.means
         means, remarks = model_means(*given, self.force, self.rate)

@@ -9,14 +9,18 @@ from typing import Any
 
 import numpy as np
 
-from tumble.calibration.free_inertial import LONGEST
-from tumble.document import Calibration, read_calibration
-from tumble.document.part import part_of, plain
-from tumble.document.predictions import Answer, answers
+from tumble.calibration import LONGEST
+from tumble.document import Answer, Calibration, answers, part_of, plain, read_calibration
 from tumble.errors import CalibrationFileError, UsageError
-from tumble.navigation import InertialSamples, NavigationState, TriadSpread, plan_filter
-from tumble.navigation.prediction import PredictedErrors, predict_errors
-from tumble.noise.terms import NoiseModel
+from tumble.navigation import (
+    InertialSamples,
+    NavigationState,
+    PredictedErrors,
+    TriadSpread,
+    plan_filter,
+    predict_errors,
+)
+from tumble.noise import NoiseModel
 from tumble.records import dataclass
 from tumble.simulation import drive_along, find_grade
 from tumble.workflows.calibration_parts import (
@@ -136,7 +140,7 @@ def states_document(course: PredictedErrors, remarks: list[str]) -> dict[str, An
     ----------
     course, remarks : of the prediction.
     """
-    from tumble.report.predictions import FilterDocument, StateBlock
+    from tumble.report import FilterDocument, StateBlock
 
     units = {"accelerometer": "m/s²", "gyroscope": "rad/s", "g-sensitivity": "(rad/s)/(m/s²)"}
     states = [

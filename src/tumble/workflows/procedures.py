@@ -11,10 +11,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tumble.calibration.checks.unseen import state_rounding, state_unseen
-from tumble.calibration.objections import of_other_rests, say_of_recording, say_of_sheets, say_of_turns
-from tumble.calibration.prior import triad_sheets
-from tumble.calibration.session import FIRST_TRIED, Estimator, Procedure, Session, find_procedure
+from tumble.calibration import (
+    FIRST_TRIED,
+    Estimator,
+    Procedure,
+    Session,
+    find_procedure,
+    of_other_rests,
+    say_of_recording,
+    say_of_sheets,
+    say_of_turns,
+    state_rounding,
+    state_unseen,
+    triad_sheets,
+)
 from tumble.errors import ConvergenceError, ObservabilityError, UsageError
 from tumble.recording import find_dead_channels
 
@@ -101,7 +111,7 @@ def find_holds(session: Session, intervals: str | os.PathLike[str] | None, clock
     clock.lap("importing")
     session.intervals = None if intervals is None else read_intervals(Path(intervals))
     if session.by_temperature:
-        from tumble.calibration.thermal.coverage import require_time_base
+        from tumble.calibration import require_time_base
 
         require_time_base(session.recording, session.protocol)
     # Asked for now, so that what is wrong with holds is said before anything else.
@@ -153,7 +163,7 @@ def _chosen(session: Session, procedure: str | None) -> tuple[Procedure, str]:
 
 
 def _calibrated(session: Session, procedure: Procedure) -> Estimate:
-    from tumble.calibration.joint import calibrate
+    from tumble.calibration import calibrate
 
     if procedure.by_temperature and (session.prior is not None or session.options.data_sheet is not None):
         raise UsageError(f"--prior is not used by the procedure {procedure.name}: leave it out.")
@@ -166,7 +176,7 @@ def _calibrated(session: Session, procedure: Procedure) -> Estimate:
 
 def _of_another_kind(session: Session, procedure: Procedure) -> Estimate | None:
     """The estimate without the data sheet where it contradicts the sheet: with it nothing may settle, or fit."""
-    from tumble.calibration.joint import calibrate
+    from tumble.calibration import calibrate
 
     given, sheets = session.options, triad_sheets(session.options.data_sheet, session.recording)
     estimate, session.options = None, replace(given, data_sheet=None)
@@ -235,7 +245,7 @@ def add_remarks(
 
 def _of_hidden_jumps(session: Session, estimate: Estimate) -> str:
     """What is said of an order of poses in which a jump of the accelerometers' biases would not be seen."""
-    from tumble.calibration.checks.suspicions import hidden_jumps
+    from tumble.calibration import hidden_jumps
 
     triad, means = estimate.model.accelerometer, session.means
     if triad is None or means.specific_force is None or estimate.thermal is not None:

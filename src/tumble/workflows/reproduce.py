@@ -15,7 +15,7 @@ from tumble.workflows.batches.executors import Hands, hands
 from tumble.workflows.request import ReproduceRequest, asked, silent
 
 if TYPE_CHECKING:
-    from tumble.reproduction.outcome import Outcome
+    from tumble.reproduction import Outcome
 
 # More than this takes hours, and determines no more.
 MOST_REPETITIONS = 100_000
@@ -32,7 +32,7 @@ def reproduce(request: ReproduceRequest) -> tuple[list[Outcome], list[Path]]:
     OutputError
         If the files cannot be written; earlier ones are intact.
     """
-    from tumble.reproduction.items import find_items
+    from tumble.reproduction import find_items
 
     repetitions, seed = request.repetitions, request.seed
     if repetitions is not None and not 1 <= repetitions <= MOST_REPETITIONS:
@@ -72,7 +72,7 @@ class _Task:
 
 
 def _make(task: _Task) -> Outcome:
-    from tumble.reproduction.items import find_items, run_item
+    from tumble.reproduction import find_items, run_item
 
     (item,) = find_items(task.name)
     return run_item(item, task.repetitions, task.seed)
@@ -96,7 +96,7 @@ def _lost(task: _Task, reason: str) -> Outcome:
 def _write(folder: Path, outcomes: list[Outcome]) -> list[Path]:
     """Write everything into a folder inside the folder, then rename it all into place."""
     from tumble.files import filled_folder, put_text
-    from tumble.report.reproduction import outcome_files
+    from tumble.report import outcome_files
 
     files = {name: text for outcome in outcomes for name, text in outcome_files(outcome).items()}
     try:

@@ -28,9 +28,8 @@ if TYPE_CHECKING:
 
     from tumble.document import Calibration
     from tumble.earth import Site
-    from tumble.recording import Recording
-    from tumble.recording.reading import Paths
-    from tumble.simulation.errors import SessionErrors
+    from tumble.recording import Paths, Recording
+    from tumble.simulation import SessionErrors
 
 
 THREADS_OF = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS", "BLIS_NUM_THREADS")

@@ -8,7 +8,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tumble.document.result import calibration_html
+from tumble.document import calibration_html
 from tumble.errors import CalibrationFileError, OutputError
 from tumble.recording import Recording
 from tumble.records import dataclass
@@ -17,10 +17,8 @@ if TYPE_CHECKING:
     from tumble.calibration import Estimate
     from tumble.document import Calibration
     from tumble.protocol import Protocol
-    from tumble.report.page import Page
-    from tumble.report.subject import Subject
-    from tumble.segmentation import HoldMeans, Timeline
-    from tumble.segmentation.matching import Matching
+    from tumble.report import Page, Subject
+    from tumble.segmentation import HoldMeans, Matching, Timeline
 
 OF_A_PAPER = "The estimator {} as its paper has it, not tumble's own."
 
@@ -66,7 +64,7 @@ class CalibrationRun:
         """Return the report's figures by name, as a notebook shows them: each a `plotly.graph_objects.Figure`."""
         from plotly import graph_objects
 
-        from tumble.report.figures.on_page import plot
+        from tumble.report import plot
 
         plots = map(plot, self.page().figures)
         return {
@@ -75,14 +73,14 @@ class CalibrationRun:
 
     def page(self) -> Page:
         """Return the report, before it is a file."""
-        from tumble.report.calibration import calibration_page
+        from tumble.report import calibration_page
 
         return calibration_page(self.subject)
 
     @property
     def subject(self) -> Subject:
         """What the report is made from."""
-        from tumble.report.subject import Subject
+        from tumble.report import Subject
 
         made = (self.calibration, self.estimate, self.recording, self.timeline, self.means)
         return Subject(*made, self.protocol, self.matching, self.predicted)
@@ -152,7 +150,7 @@ def report_of(run: CalibrationRun, library: str | None = None) -> str:
     run : what was made.
     library : where the plotting library lies, seen from the page; None puts it into the page.
     """
-    from tumble.report.calibration import render_report
+    from tumble.report import render_report
 
     return render_report(run.subject, library)
 

@@ -15,18 +15,29 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from msgspec import structs
 
-from tumble.calibration.checks.unseen import state_gravity, state_unseen_clock
-from tumble.calibration.joint import calibrate
-from tumble.calibration.objections import say_of_prior
-from tumble.calibration.session import Options, Session, find_procedure
+from tumble.calibration import (
+    Options,
+    Session,
+    calibrate,
+    find_procedure,
+    say_of_prior,
+    state_gravity,
+    state_unseen_clock,
+)
 from tumble.counting import counted
 from tumble.earth import Site
 from tumble.errors import ConvergenceError, ObservabilityError, SegmentationError, TumbleError, UsageError
-from tumble.parameters.family import parameter_of
-from tumble.recording import MagneticField, Recording, Remark, read_recordings
-from tumble.recording.formats.frames import Frame
-from tumble.recording.reading import Paths, recording_inputs
-from tumble.recording.samples import joined_fields
+from tumble.parameters import parameter_of
+from tumble.recording import (
+    Frame,
+    MagneticField,
+    Paths,
+    Recording,
+    Remark,
+    joined_fields,
+    read_recordings,
+    recording_inputs,
+)
 from tumble.records import dataclass
 from tumble.workflows.corrected import corrections_of
 from tumble.workflows.given.prior import Known
@@ -37,10 +48,7 @@ from tumble.workflows.request import OF_ONE_UNIT, CalibrateRequest, refuse
 from tumble.workflows.results import CalibrationRun, Clock
 
 if TYPE_CHECKING:
-    from tumble.calibration import Estimate
-    from tumble.calibration.outcome.estimate import JointOutcome
-    from tumble.calibration.prior import StableKnowledge
-    from tumble.calibration.turn_ons.estimate import SeveralEstimate
+    from tumble.calibration import Estimate, JointOutcome, SeveralEstimate, StableKnowledge
     from tumble.document import Calibration
     from tumble.protocol import Protocol
     from tumble.segmentation import Hold, HoldMeans, Rejection, Timeline, Turn
@@ -256,7 +264,7 @@ def _force_difference(session: Session, *holds: np.ndarray) -> str:
     """By how much the accelerometers differ that the holds of each of two files tell by themselves."""
     if session.means.specific_force is None or min(own.size for own in holds) < FEWEST_ALONE:
         return ""
-    from tumble.calibration.joint import calibrate_accelerometers
+    from tumble.calibration import calibrate_accelerometers
 
     try:
         one, other = (
@@ -331,7 +339,7 @@ def join_timelines(
 
 
 def _joined_means(recording: Recording, timeline: Timeline, means: Sequence[HoldMeans]) -> HoldMeans:
-    from tumble.segmentation.rest_wander import observe_parts
+    from tumble.segmentation import observe_parts
 
     def every(name: str) -> Any:
         parts = [getattr(own, name) for own in means]
@@ -569,8 +577,7 @@ def _together(
     settled: list[_Settled], knowledge: StableKnowledge | None, options: Options
 ) -> tuple[SeveralEstimate, list[_Settled], list[str]]:
     """Adjust those that can be adjusted together; the others are named."""
-    from tumble.calibration.turn_ons.adjustment import adjust_several, find_strangers
-    from tumble.calibration.turn_ons.estimate import several_estimate
+    from tumble.calibration import adjust_several, find_strangers, several_estimate
 
     names, outcomes = [own.name for own in settled], [own.outcome for own in settled]
     strangers = find_strangers(names, outcomes, optional_terms=options.optional_terms)
@@ -609,8 +616,7 @@ def _document(
     request: CalibrateRequest,
 ) -> Calibration:
     """The document: judged by what was measured, with the biases' uncertainty that of the next turn-on."""
-    from tumble.document import calibration_from_estimate
-    from tumble.document.turn_ons_block import turn_ons_block
+    from tumble.document import calibration_from_estimate, turn_ons_block
 
     estimate, measured = several.estimate, {b.parameter: b.mean_sigma for b in several.turn_ons.biases}
     sigmas = [measured.get(p.name, p.standard_uncertainty) for p in estimate.parameters]

@@ -12,10 +12,10 @@ import numpy as np
 
 from tumble.earth import Site
 from tumble.errors import UsageError
-from tumble.protocol.steps import SpinStep
+from tumble.protocol import SpinStep
 from tumble.records import dataclass
 from tumble.sample_rates import SampleRate
-from tumble.simulation.errors import EARTHS_FIELD, SessionErrors, read_errors
+from tumble.simulation import EARTHS_FIELD, SessionErrors, read_errors
 from tumble.workflows.given.protocols import given_site, read_played
 from tumble.workflows.request import SimulateRequest, asked, check_turn_on, silent
 from tumble.workflows.simulated import (
@@ -32,8 +32,7 @@ if TYPE_CHECKING:
     from tumble.protocol import Protocol, Step
     from tumble.recording import Recording
     from tumble.sensor import ImuModel
-    from tumble.simulation import ChamberTruth, Grade, Truth
-    from tumble.simulation.magnetometer import SimulatedMagnetometer
+    from tumble.simulation import ChamberTruth, Grade, SimulatedMagnetometer, Truth
 
 # Where a protocol is played that names no place: nobody's, and said.
 DEFAULT_LATITUDE = math.radians(45.0)
@@ -72,8 +71,7 @@ def simulate(request: SimulateRequest) -> Simulated:
     OutputError
         If the files cannot be written; earlier ones are intact.
     """
-    from tumble.simulation import find_grade
-    from tumble.simulation.thermal_steps import has_chamber
+    from tumble.simulation import find_grade, has_chamber
 
     say, began = request.progress or silent, time.perf_counter()
     given, chosen = read_played(request.protocol, request.duration), find_grade(request.grade)
@@ -131,8 +129,7 @@ def _place(given: Protocol, site: Site | None, errors: SessionErrors, remarks: l
 
 def _play(played: Played, model: ImuModel) -> tuple[Recording, Truth, dict[str, Any]]:
     """The recording, what was true, and the document that says so."""
-    from tumble.simulation import find_thermal_grade, simulate_protocol
-    from tumble.simulation.thermal_steps import has_chamber
+    from tumble.simulation import find_thermal_grade, has_chamber, simulate_protocol
     from tumble.workflows.simulated import thermal_truth
 
     inside, errors = None, played.errors
@@ -240,7 +237,7 @@ def _magnetometer(name: str | None, played: Played) -> SimulatedMagnetometer | N
         raise UsageError(
             "axes: case: a magnetometer is simulated along the axes of the unit; leave one of them out."
         )
-    from tumble.simulation.magnetometer import SimulatedMagnetometer, find_magnetometer
+    from tumble.simulation import SimulatedMagnetometer, find_magnetometer
 
     grade = find_magnetometer(name)
     triad = grade.simulate_triad(_generator(played.unit, "magnetometer"))

@@ -17,19 +17,25 @@ import numpy as np
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import OutputError, TumbleError, UsageError, __version__
 from tumble.files import filled_folder, put_text, read_json, results_folder
-from tumble.recording.formats.table import hash_file
+from tumble.recording import hash_file
 from tumble.records import dataclass
-from tumble.sensor.gauge import change_frame
+from tumble.sensor import change_frame
 
 if TYPE_CHECKING:
     from tumble.arrays import AnyArray, Matrix, Vector
     from tumble.protocol import Protocol, Step
     from tumble.recording import Recording
-    from tumble.sensor import ImuModel, Triad
-    from tumble.sensor.thermal import ThermalModel
-    from tumble.simulation import ChamberTruth, FixtureErrors, Grade, ThermalGrade, TriadNoise, Truth
-    from tumble.simulation.errors import SessionErrors
-    from tumble.simulation.magnetometer import SimulatedMagnetometer
+    from tumble.sensor import ImuModel, ThermalModel, Triad
+    from tumble.simulation import (
+        ChamberTruth,
+        FixtureErrors,
+        Grade,
+        SessionErrors,
+        SimulatedMagnetometer,
+        ThermalGrade,
+        TriadNoise,
+        Truth,
+    )
 
 
 FORMAT = "tumble truth"
@@ -80,7 +86,7 @@ def truth_document(played: Played, recording: Recording, truth: Truth) -> dict[s
     ----------
     played, recording, truth : what was played, what came of it, and what was true.
     """
-    from tumble.document.result import BACKWARD, FORWARD
+    from tumble.document import BACKWARD, FORWARD
 
     assert truth.model is not None
     errors, protocol = played.errors, played.protocol
@@ -266,11 +272,9 @@ def _true_parameters(truth: Truth, recording: Recording, frame: str) -> list[dic
 
     A bias has a ``session_value``, too: the one that it had on average over the recording.
     """
-    from tumble.attitude.rotations import rotation_vector_from_matrix
-    from tumble.calibration.equations.imu_unknowns import LAYOUT, unknowns_of
-    from tumble.calibration.outcome.description import named_function
-    from tumble.calibration.terms import TERMS
-    from tumble.parameters.family import parameter_of
+    from tumble.attitude import rotation_vector_from_matrix
+    from tumble.calibration import LAYOUT, TERMS, named_function, unknowns_of
+    from tumble.parameters import parameter_of
 
     assert truth.model is not None
     own = _in_gauge(truth.model, "accelerometer-x")
@@ -383,7 +387,7 @@ def thermal_truth(truth: ChamberTruth, grade: ThermalGrade) -> dict[str, Any]:
     truth : the unit and its temperatures.
     grade : what it was drawn from.
     """
-    from tumble.sensor.gauge import frame_rotation
+    from tumble.sensor import frame_rotation
 
     accelerometer = truth.thermal.reference.accelerometer
     in_frame = None
@@ -476,7 +480,7 @@ def write_simulation(
     OutputError
         If they cannot be written; earlier ones are intact.
     """
-    from tumble.recording.formats.output import write_recording
+    from tumble.recording import write_recording
 
     try:
         with filled_folder(folder) as beside:

@@ -11,21 +11,27 @@ from typing import Any
 import numpy as np
 
 from tumble.arrays import Series, Square, Table, Vectors
-from tumble.calibration.checks.scores import hold_norm_errors, hold_norm_variances, score_turns
-from tumble.calibration.equations.gathering import gather
-from tumble.calibration.free_inertial import triad_errors
-from tumble.calibration.poses import distinct_poses
-from tumble.calibration.verdict import two_digits
+from tumble.calibration import (
+    distinct_poses,
+    gather,
+    hold_norm_errors,
+    hold_norm_variances,
+    score_turns,
+    triad_errors,
+    two_digits,
+)
 from tumble.counting import part
-from tumble.document import Calibration, read_calibration
-from tumble.document.corrector import Corrector
+from tumble.document import Calibration, Corrector, read_calibration
 from tumble.earth import Site
 from tumble.errors import CalibrationFileError, RecordingError
-from tumble.recording import Recording, read_recordings
-from tumble.recording.formats.frames import Frame
-from tumble.recording.gravity_check import find_steps_of_two
-from tumble.recording.reading import recording_inputs
-from tumble.recording.temperature import TemperatureColumn
+from tumble.recording import (
+    Frame,
+    Recording,
+    TemperatureColumn,
+    find_steps_of_two,
+    read_recordings,
+    recording_inputs,
+)
 from tumble.records import dataclass
 from tumble.segmentation import Timeline, find_timeline, observe_holds, read_intervals
 from tumble.sensor import ImuModel, Triad

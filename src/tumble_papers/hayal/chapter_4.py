@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from tumble.counting import counted
-from tumble.earth.site import EARTH_RATE
-from tumble.reproduction.outcome import INSIDE, OUTSIDE, Curve, Marks, Plot, Row
+from tumble.earth import EARTH_RATE
+from tumble.reproduction import INSIDE, OUTSIDE, Curve, Marks, Plot, Row
 from tumble_papers.hayal.norm_batch import (
     ESTIMATORS,
     FASTER,

@@ -23,35 +23,44 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from tumble.arrays import AnyArray, Matrices, Matrix, Series, Vector, Vectors
-from tumble.calibration.equations.triad_unknowns import BIAS, COUNT, SCALE, rough_triad, triad_from_unknowns
+from tumble.calibration import BIAS, COUNT, SCALE, rough_triad, triad_from_unknowns
 from tumble.counting import counted
 from tumble.earth import EARTH_RATE, Site, curvature_radii
 from tumble.errors import ConvergenceError, ObservabilityError, SegmentationError
-from tumble.estimation import Adjustment, snoop_groups
-from tumble.estimation.balance import noise_ratio
+from tumble.estimation import Adjustment, noise_ratio, snoop_groups
 from tumble.navigation import (
     Alignment,
     Drive,
     FilterSetup,
+    GnssTrack,
     InertialSamples,
     NavigationState,
     TimeAlignment,
     TriadSpread,
+    make_track,
     outages,
     plan_filter,
 )
-from tumble.navigation.gnss.track import GnssTrack, make_track
-from tumble.noise.terms import NoiseModel
-from tumble.recording.recording import Recording
+from tumble.noise import NoiseModel
+from tumble.recording import Recording
 from tumble.segmentation import HoldMeans, Timeline, find_timeline, observe_holds
-from tumble.sensor import ImuModel, Triad
-from tumble.sensor.conventions.shin import matrix_from_shin
-from tumble.simulation import find_grade
-from tumble.simulation.field_campaign import CART, POSES, REST, WARM_UP, cart_trajectory, pose_motion, warming
-from tumble.simulation.grades import Grade, TriadGrade
-from tumble.simulation.noise import simulate_noise
-from tumble.simulation.recordings import simulate_recording
-from tumble.simulation.trajectories import SplineTrajectory, TravelledStates
+from tumble.sensor import ImuModel, Triad, matrix_from_shin
+from tumble.simulation import (
+    CART,
+    POSES,
+    REST,
+    WARM_UP,
+    Grade,
+    SplineTrajectory,
+    TravelledStates,
+    TriadGrade,
+    cart_trajectory,
+    find_grade,
+    pose_motion,
+    simulate_noise,
+    simulate_recording,
+    warming,
+)
 from tumble_papers.hayal.norm import adjust_norm
 from tumble_papers.hayal.norm_batch import GRAVITY, LATITUDE
 from tumble_papers.hayal.scenarios import IMUS, MINUTES, SCENARIOS, sheet_sigmas

@@ -25,24 +25,27 @@ import numpy as np
 import numpy.typing as npt
 
 from tumble.arrays import AnyArray, Matrices, Matrix, Series, Square, Vector, Vectors
-from tumble.calibration.equations.triad_unknowns import ANGLE, BIAS, SCALE, rough_triad
-from tumble.calibration.estimate import (
+from tumble.calibration import (
+    ANGLE,
+    BIAS,
+    SCALE,
     Described,
     Estimate,
+    Estimator,
     Figures,
     NamedValue,
     Said,
+    Session,
     correlation_matrix,
     coverage_factor,
+    match_faces,
+    rough_triad,
 )
-from tumble.calibration.poses import match_faces
-from tumble.calibration.session import Estimator, Session
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ConvergenceError, ObservabilityError
 from tumble.protocol import HoldStep, Pose, Protocol, SpinStep, TurnStep
 from tumble.records import dataclass
-from tumble.sensor import ImuModel, Triad, propagate
-from tumble.sensor.conventions.shin import matrix_from_shin, shin_from_matrix
+from tumble.sensor import ImuModel, Triad, matrix_from_shin, propagate, shin_from_matrix
 from tumble.units import angular_rate_factor, specific_force_factor
 from tumble_papers.hayal.norm import adjust_norm
 

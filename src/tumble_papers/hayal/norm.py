@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tumble.arrays import Matrices, Series, Vectors
-from tumble.calibration.equations.triad_unknowns import SCALE, NormConditions
+from tumble.calibration import SCALE, NormConditions
 from tumble.errors import ConvergenceError, ObservabilityError
 from tumble.estimation import Adjustment, adjust
 

@@ -22,11 +22,11 @@ from __future__ import annotations
 import numpy as np
 
 from tumble.arrays import AnyArray, Series, Table, Vectors
-from tumble.attitude.rotations import twenty_six_directions
-from tumble.earth.site import EARTH_RATE
+from tumble.attitude import twenty_six_directions
+from tumble.earth import EARTH_RATE
 from tumble.errors import UsageError
 from tumble.records import dataclass
-from tumble.sensor.conventions.shin import matrix_from_shin
+from tumble.sensor import matrix_from_shin
 
 ESTIMATORS = {
     "gauss-helmert": "adjusted anew at the adjusted observations in every iteration (Pope 1972)",

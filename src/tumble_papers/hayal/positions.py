@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from tumble.arrays import AnyArray, Series
-from tumble.reproduction.outcome import Curve, Marks, Plot, Row, Value
+from tumble.reproduction import Curve, Marks, Plot, Row, Value
 from tumble.simulation import find_grade
 from tumble_papers.hayal.field_campaign import (
     EVERY_SCENARIO,

@@ -21,14 +21,12 @@ from typing import Any
 import numpy as np
 
 from tumble.arrays import AnyArray, Series, Table, Vectors
-from tumble.attitude.rotations import twenty_six_directions
+from tumble.attitude import twenty_six_directions
 from tumble.counting import counted
-from tumble.estimation.reliability import find_weak_directions
-from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED, Row, Value
-from tumble.sensor.conventions.shin import matrix_from_shin
-from tumble.simulation import TriadNoise, find_grade
-from tumble.simulation.grades import TriadGrade
-from tumble.simulation.noise import simulate_noise
+from tumble.estimation import find_weak_directions
+from tumble.reproduction import INSIDE, OUTSIDE, UNJUDGED, Row, Value
+from tumble.sensor import matrix_from_shin
+from tumble.simulation import TriadGrade, TriadNoise, find_grade, simulate_noise
 from tumble_papers.hayal.norm_batch import (
     ATTITUDES,
     FORCE_NOISE,

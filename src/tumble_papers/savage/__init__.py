@@ -1,1 +1,5 @@
 """Savage (2018): the strapdown rotation test."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

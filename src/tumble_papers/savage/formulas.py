@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 
 from tumble.arrays import AnyArray
-from tumble.protocol.strapdown_rotation import AXES, SEQUENCES, RotationSequence, fixture_rotation, start_down
-from tumble.reproduction.outcome import Row
-from tumble.sensor.conventions.savage import NAMES, SavageErrors
-from tumble.sensor.imu import ImuModel
+from tumble.protocol import AXES, SEQUENCES, RotationSequence, fixture_rotation, start_down
+from tumble.reproduction import Row
+from tumble.sensor import NAMES, ImuModel, SavageErrors
 from tumble.units import STANDARD_GRAVITY
 from tumble_papers.savage.sequences import sequence_model
 from tumble_papers.savage.strapdown_simulation import AS_PRINTED, EXACT, Setting, measure_run, simulate_run

@@ -19,15 +19,12 @@ from scipy.linalg import block_diag
 
 from tumble.arrays import AnyArray, Square, Table, Vector, Vectors, inverted
 from tumble.attitude import skew
-from tumble.calibration.estimate import Estimate
-from tumble.calibration.session import Estimator, Session
+from tumble.calibration import Estimate, Estimator, Session
 from tumble.errors import ObservabilityError
-from tumble.protocol.steps import HoldStep, Protocol, TurnStep
-from tumble.protocol.strapdown_rotation import SequenceSteps, sequence_steps
+from tumble.protocol import HoldStep, Protocol, SequenceSteps, TurnStep, sequence_steps
 from tumble.records import dataclass
 from tumble.segmentation import HoldMeans
-from tumble.sensor import ImuModel, Triad
-from tumble.sensor.conventions.savage import SavageErrors
+from tumble.sensor import ImuModel, SavageErrors, Triad
 from tumble_papers.estimates import carried_estimate, means_of_both
 from tumble_papers.savage.sequences import (
     WITHOUT_ASYMMETRY,

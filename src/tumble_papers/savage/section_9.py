@@ -13,10 +13,9 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Series
 from tumble.counting import counted
-from tumble.protocol.strapdown_rotation import start_down
-from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED, Row, Value
-from tumble.sensor.conventions.savage import GROUPS, SavageErrors
-from tumble.sensor.imu import ImuModel
+from tumble.protocol import start_down
+from tumble.reproduction import INSIDE, OUTSIDE, UNJUDGED, Row, Value
+from tumble.sensor import GROUPS, ImuModel, SavageErrors
 from tumble.units import ARCSECOND, DEGREE_PER_HOUR, STANDARD_GRAVITY
 from tumble_papers.savage.formulas import BY_NAME, COMPONENTS, evaluated
 from tumble_papers.savage.sequences import AVERAGING, sequence_model, window_weights

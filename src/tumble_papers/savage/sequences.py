@@ -16,11 +16,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrix, Series, Square, Table, Vector, Vectors
-from tumble.attitude import matrix_from_rotation_vector, skew
-from tumble.attitude.rotations import left_jacobian
+from tumble.attitude import left_jacobian, matrix_from_rotation_vector, skew
 from tumble.errors import ObservabilityError
 from tumble.records import dataclass
-from tumble.sensor.conventions.savage import GROUPS, OFF_DIAGONAL, PAIRS
+from tumble.sensor import GROUPS, OFF_DIAGONAL, PAIRS
 
 COMPONENTS = ("Δa x", "Δa y", "Δa z", "down at the start", "down at the end")
 """The five measurements of a sequence, in m/s², in the frame of its start."""
@@ -228,7 +227,7 @@ def measure_sequence(
     ValueError
         If a range is empty or leaves the samples, or the two overlap.
     """
-    from tumble.attitude.kernels import transform_sequence
+    from tumble.attitude import transform_sequence
 
     for first, last in (start, end):
         if not 0 <= first < last <= len(rate):

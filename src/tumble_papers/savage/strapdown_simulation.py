@@ -22,10 +22,9 @@ import numpy.typing as npt
 
 from tumble.arrays import AnyArray, Matrix, Series, Vector, Vectors
 from tumble.attitude import matrix_from_rotation_vector, skew
-from tumble.earth.site import EARTH_RATE, Site
-from tumble.protocol.strapdown_rotation import SEQUENCES, RotationSequence, fixture_rotation, start_down
-from tumble.sensor.conventions.savage import GROUPS, SavageErrors, savage_from_model
-from tumble.sensor.imu import ImuModel, Triad
+from tumble.earth import EARTH_RATE, Site
+from tumble.protocol import SEQUENCES, RotationSequence, fixture_rotation, start_down
+from tumble.sensor import GROUPS, ImuModel, SavageErrors, Triad, savage_from_model
 from tumble.units import ARCSECOND, DEGREE_PER_HOUR, MICRO_G, STANDARD_GRAVITY
 from tumble_papers.savage.sequences import (
     SequenceModel,

@@ -24,17 +24,14 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from tumble.arrays import AnyArray, Matrices, Matrix, Series, Square, Vector, Vectors, inverted
-from tumble.attitude import matrix_from_rotation_vector
-from tumble.attitude.rotations import twenty_six_directions
-from tumble.calibration.estimate import Estimate, Said
-from tumble.calibration.session import Estimator, Session
+from tumble.attitude import matrix_from_rotation_vector, twenty_six_directions
+from tumble.calibration import Estimate, Estimator, Said, Session
 from tumble.earth import EARTH_RATE
 from tumble.errors import ObservabilityError
 from tumble.protocol import HoldStep, Pose, Protocol, SpinStep, TurnStep
-from tumble.recording.recording import Recording
+from tumble.recording import Recording
 from tumble.records import dataclass
-from tumble.segmentation import HoldMeans
-from tumble.segmentation.rotations import Rotation
+from tumble.segmentation import HoldMeans, Rotation
 from tumble.sensor import ImuModel, Triad
 from tumble_papers.estimates import carried_estimate, means_of_both
 from tumble_papers.zhang.closed_forms import (

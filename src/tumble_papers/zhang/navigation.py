@@ -26,21 +26,26 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from tumble.arrays import AnyArray, Matrix, Series, Table, Vector, Vectors
-from tumble.attitude.rotations import matrices_from_rotation_vectors, rotation_between
-from tumble.calibration.equations.imu_unknowns import PLAIN, imu_unknowns, unknowns_of
-from tumble.calibration.equations.observed import Observed, TableRotation, observe, table_rotation
-from tumble.calibration.equations.rotation_equations import LEAST_WOBBLE
-from tumble.calibration.equations.turn import HoldsAndTurns
-from tumble.calibration.start import start_adjustment
+from tumble.attitude import matrices_from_rotation_vectors, rotation_between
+from tumble.calibration import (
+    LEAST_WOBBLE,
+    PLAIN,
+    HoldsAndTurns,
+    Observed,
+    TableRotation,
+    imu_unknowns,
+    observe,
+    start_adjustment,
+    table_rotation,
+    unknowns_of,
+)
 from tumble.counting import counted, part
 from tumble.earth import EARTH_RATE, Site
-from tumble.estimation.solve import solve
+from tumble.estimation import solve
 from tumble.navigation import InertialSamples, NavigationState, align_coarse, navigate, position_differences
-from tumble.reproduction.outcome import Curve, Plot, Row
-from tumble.sensor import ImuModel
-from tumble.sensor.conventions.shin import matrix_from_shin
-from tumble.sensor.gauge import inverse, lower_factor
-from tumble.simulation.motion import Motion
+from tumble.reproduction import Curve, Plot, Row
+from tumble.sensor import ImuModel, inverse, lower_factor, matrix_from_shin
+from tumble.simulation import Motion
 from tumble.units import STANDARD_GRAVITY
 from tumble_papers.study import Found, Study, generator, judge, zhang
 from tumble_papers.zhang.turntable import (

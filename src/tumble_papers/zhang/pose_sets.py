@@ -44,13 +44,13 @@ from typing import Any
 import numpy as np
 
 from tumble.arrays import AnyArray, Series, Square, Table, Vector, Vectors, inverted
-from tumble.attitude.rotations import twenty_six_directions
-from tumble.calibration.poses import describe_direction, describe_mending, describe_untold
-from tumble.design.pose_plan import pose_rows
+from tumble.attitude import twenty_six_directions
+from tumble.calibration import describe_direction, describe_mending, describe_untold
+from tumble.design import pose_rows
 from tumble.errors import ObservabilityError
 from tumble.records import dataclass
-from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED, Row
-from tumble.sensor.conventions.zhang import matrix_from_zhang
+from tumble.reproduction import INSIDE, OUTSIDE, UNJUDGED, Row
+from tumble.sensor import matrix_from_zhang
 from tumble.units import ARCSECOND, STANDARD_GRAVITY
 from tumble_papers.study import PRINTED_RUNS, Found, Study, judge, scatter_range, standard_deviation, zhang
 from tumble_papers.zhang.closed_forms import ellipsoid_from_norms
@@ -266,7 +266,7 @@ def most_sensitive_directions(scale: Vector, angles: Vector, group: str, index: 
     """
     from scipy.optimize import minimize
 
-    from tumble.attitude.rotations import twenty_six_directions
+    from tumble.attitude import twenty_six_directions
 
     if group not in GROUPS:
         raise ValueError(f"{group!r} is none of {', '.join(GROUPS)}")

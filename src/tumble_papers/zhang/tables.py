@@ -15,7 +15,7 @@ import numpy as np
 from tumble.arrays import AnyArray, Series, Vectors
 from tumble.counting import part
 from tumble.errors import ObservabilityError
-from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED, Curve, Plot, Row
+from tumble.reproduction import INSIDE, OUTSIDE, UNJUDGED, Curve, Plot, Row
 from tumble.units import ARCSECOND, DEGREE_PER_HOUR
 from tumble_papers.study import (
     CHANCE,

@@ -30,9 +30,8 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Series, Table, Vector, Vectors
 from tumble.counting import counted
-from tumble.earth.site import EARTH_RATE
-from tumble.sensor import ImuModel, Triad
-from tumble.sensor.conventions.zhang import inter_triad_angles, inter_triad_rotation, matrix_from_zhang
+from tumble.earth import EARTH_RATE
+from tumble.sensor import ImuModel, Triad, inter_triad_angles, inter_triad_rotation, matrix_from_zhang
 from tumble.units import ARCSECOND, DEGREE_PER_HOUR
 from tumble_papers.study import in_threads, zhang
 from tumble_papers.zhang.closed_forms import (

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tumble.workflows.drive import DriftAfter, DriveVerification, verify_drive
+from tumble.workflows import DriftAfter, DriveVerification, verify_drive
 
 HERE = Path(__file__).parent
 

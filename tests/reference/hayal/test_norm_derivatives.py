@@ -9,11 +9,7 @@ import numpy.typing as npt
 import pytest
 from numpy import cos, sin, tan
 
-from tumble.calibration.equations.triad_unknowns import (
-    NormConditions,
-    triad_from_unknowns,
-    unknowns_from_triad,
-)
+from tumble.calibration import NormConditions, triad_from_unknowns, unknowns_from_triad
 
 Array = npt.NDArray[Any]
 

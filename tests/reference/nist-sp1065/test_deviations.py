@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tumble.noise.deviation import StreamedDeviation, allan_deviation
+from tumble.noise import StreamedDeviation, allan_deviation
 
 with (Path(__file__).parent / "deviations.csv").open(encoding="utf-8") as _file:
     ROWS = list(csv.DictReader(_file))

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tumble.sensor.conventions.savage import GROUPS
-from tumble_papers.savage.strapdown_simulation import (
+from tumble.sensor import GROUPS
+from tumble_papers.savage import (
     AS_PRINTED,
     EXACT,
     GRADES,

@@ -8,16 +8,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tumble_papers.zhang.closed_forms import ellipsoid_from_norms
-from tumble_papers.zhang.tables import theory_of_nine
-from tumble_papers.zhang.turntable import (
+from tumble_papers.zhang import (
     CHOICES,
     GRAVITY,
     Estimates,
+    ellipsoid_from_norms,
     evaluate,
     in_paper_units,
     simulate,
     table_setting,
+    theory_of_nine,
     triad_parameters,
 )
 

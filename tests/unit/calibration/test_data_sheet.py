@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from tests.unit.adjusted import adjusted
 
-from tumble.attitude.rotations import twenty_six_directions
+from tumble.attitude import twenty_six_directions
 from tumble.calibration import Estimate
 from tumble.calibration.prior import FleetSheet, StableKnowledge, TriadFleet, about_sheet, triad_sheets
 from tumble.earth import Site
 from tumble.errors import UsageError
 from tumble.recording import Recording
 from tumble.segmentation import Hold, NoiseFloor, Timeline
-from tumble.sensor.conventions.shin import matrix_from_shin
+from tumble.sensor import matrix_from_shin
 from tumble.simulation import find_grade
 
 SITE = Site.from_gravity(9.8, 1e-5)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tumble.attitude.rotations import left_jacobian
+from tumble.attitude import left_jacobian
 from tumble.calibration.free_inertial import CalibratedUnit, sheet_unit
 from tumble.sensor import ImuModel, Triad
 

@@ -10,8 +10,7 @@ import pytest
 from msgspec import structs
 
 from tumble.calibration.terms.lever_arms import LeverArms
-from tumble.document import Calibration, read_calibration
-from tumble.document.imported import calibration_from_model
+from tumble.document import Calibration, calibration_from_model, read_calibration
 from tumble.errors import UsageError
 from tumble.sensor import ImuModel, Triad
 

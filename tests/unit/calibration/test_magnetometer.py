@@ -12,7 +12,7 @@ import pytest
 from second_simulator import GRADES, Simulation
 from second_simulator.magnetometer import Disturbance, Seen, draw_magnetometer, see
 from second_simulator.procedures import by_hand
-from tumble.attitude.rotations import matrices_from_rotation_vectors
+from tumble.attitude import matrices_from_rotation_vectors
 from tumble.calibration import calibrate, find_procedure
 from tumble.calibration.equations.adjustment import NODE
 from tumble.calibration.magnetometer.estimate import (
@@ -35,9 +35,7 @@ from tumble.calibration.magnetometer.verdict import FieldVerdict, judge_magnetom
 from tumble.calibration.outcome.estimate import JointOutcome
 from tumble.calibration.session import Options, Session
 from tumble.errors import ObservabilityError
-from tumble.recording import Recording
-from tumble.recording.rest import limits_reached
-from tumble.recording.samples import MagneticField
+from tumble.recording import MagneticField, Recording, limits_reached
 
 GIVEN = GivenField(49.2e-6, 0.2e-6, np.radians(66.0))
 

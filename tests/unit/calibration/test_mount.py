@@ -8,7 +8,7 @@ import pytest
 from tumble.attitude import matrix_from_rotation_vector
 from tumble.calibration.mount import align_to_mount, check_poses, mean_covariances
 from tumble.errors import ObservabilityError
-from tumble.sensor.imu import Triad
+from tumble.sensor import Triad
 
 GRAVITY = 9.81
 GAMMA = np.array([1.7e-3, -0.9e-3, 2.3e-3])

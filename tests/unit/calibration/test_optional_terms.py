@@ -29,9 +29,7 @@ from tumble.calibration.optional_terms import (
 )
 from tumble.calibration.outcome.estimate import require_positive
 from tumble.errors import ObservabilityError
-from tumble.estimation.balance import Balanced
-from tumble.estimation.unknowns import Unknowns
-from tumble.estimation.wander import wider
+from tumble.estimation import Balanced, Unknowns, wider
 
 FLOOR = np.array([2e-3, 3e-3, 4e-3])  # m/s²
 NAMES = ["quadratic", "accelerometer_asymmetry"]

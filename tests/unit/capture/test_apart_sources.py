@@ -19,7 +19,7 @@ from tests.unit.capture.test_links import collected
 from tumble.capture.apart import ApartSensors
 from tumble.capture.source import Channels, Notice, Piece, SourceOptions, find_source
 from tumble.errors import UsageError
-from tumble.recording.samples import Samples, joined
+from tumble.recording import Samples, joined
 
 RATE = 100.0
 

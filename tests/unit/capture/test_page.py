@@ -20,7 +20,7 @@ from tumble.capture.coach import Event
 from tumble.capture.machine import Capture
 from tumble.capture.run import CaptureOrder, run_capture
 from tumble.capture.source import Piece, Source, SourceOptions
-from tumble.web.server import Hub, PageServer
+from tumble.web import Hub, PageServer
 
 
 @pytest.fixture

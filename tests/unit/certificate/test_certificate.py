@@ -20,8 +20,7 @@ from tests.unit.written import parameters, written
 from tumble.certificate import CertificateContent, Profile, certificate_content, certificate_pdf, read_profile
 from tumble.certificate.content import LANGUAGES, PHRASES
 from tumble.certificate.dcc import dcc_text, entries_in_si
-from tumble.document import part
-from tumble.document.result import Calibration
+from tumble.document import Calibration, part
 from tumble.errors import UsageError
 from tumble.limits import read_limits, with_limits
 

@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 import pytest
 
-from tumble.attitude.rotations import twenty_six_directions
+from tumble.attitude import twenty_six_directions
 from tumble.design.hold_noise import hold_covariance, predict_covariance
 from tumble.design.pose_plan import (
     PoseTask,
@@ -21,8 +21,8 @@ from tumble.design.pose_plan import (
 )
 from tumble.design.selection import find_visits
 from tumble.errors import ObservabilityError, UsageError
-from tumble.protocol.library import NINE
-from tumble.simulation.noise import TriadNoise, simulate_noise
+from tumble.protocol import NINE
+from tumble.simulation import TriadNoise, simulate_noise
 
 CUBE, ALL = twenty_six_directions(), np.arange(9)
 WHITE = TriadNoise(random_walk=2e-3)

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tumble.earth import STANDARD_GRAVITY, Site, normal_gravity
+from tumble.earth import Site, normal_gravity
+from tumble.units import STANDARD_GRAVITY
 from tumble.errors import SiteError
 
 

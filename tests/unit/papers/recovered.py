@@ -13,8 +13,7 @@ from scipy.special import chdtri
 import tumble
 from second_simulator import GRADES, Grade, Simulation
 from second_simulator.sensors import TriadSheet
-from tumble.calibration import Estimate
-from tumble.calibration.session import Session
+from tumble.calibration import Estimate, Session
 from tumble.protocol import read_protocol
 
 FALSE_ALARM = 1e-4

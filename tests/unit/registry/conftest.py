@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from tests.unit.written import parameters, written
 
-from tumble.document.result import Calibration
+from tumble.document import Calibration
 from tumble.registry import Registry, open_registry
 
 REQUIRED = "TUMBLE_REQUIRE_POSTGRESQL"

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from msgspec import structs
 
-from tumble.document.result import Calibration
+from tumble.document import Calibration
 from tumble.errors import UsageError
 from tumble.registry import Registry, RegistryError, open_registry
 from tumble.registry.store import add, counted, documents, entries, find, series

@@ -11,10 +11,9 @@ import pytest
 from tests.unit.adjusted import adjusted
 from tests.unit.written import WRITTEN, parameters, written
 
-from tumble.document import calibration_from_estimate
-from tumble.document.result import Calibration
+from tumble.document import Calibration, calibration_from_estimate
 from tumble.earth import Site
-from tumble.recording.recording import Source
+from tumble.recording import Source
 from tumble.segmentation import find_timeline, observe_holds
 
 NASTY_NAME = "</script><b>&\"'`.csv"
@@ -85,7 +84,7 @@ def write_calibration() -> Callable[..., Calibration]:
 @pytest.fixture(scope="session")
 def hand_held() -> dict[str, Any]:
     """The demo recording by the hand-held procedure, its file named so that it would break a page."""
-    from tumble.workflows.calibrate import GRAVITY, RATE, RECORDING, calibrate
+    from tumble.workflows import GRAVITY, RATE, RECORDING, calibrate
 
     with as_file(files("tumble") / "data" / RECORDING) as path:
         run = calibrate(

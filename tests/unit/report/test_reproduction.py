@@ -19,7 +19,7 @@ from tumble.report.reproduction import (
     outcome_lines,
     render_outcome,
 )
-from tumble.reproduction.outcome import INSIDE, OUTSIDE, Curve, Marks, Outcome, Plot, Row
+from tumble.reproduction import INSIDE, OUTSIDE, Curve, Marks, Outcome, Plot, Row
 
 X = np.array([1.0, 10.0, 100.0])
 Y = np.array([3e-6, 3e-7, 3e-8])

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
-from tumble.attitude.rotations import twenty_six_directions
+from tumble.attitude import twenty_six_directions
 from tumble.segmentation.alignment import (
     align,
     scale_of_poses,

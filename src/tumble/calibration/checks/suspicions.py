@@ -17,10 +17,17 @@ from tumble.calibration.equations.imu_unknowns import LAYOUT, force_matrix, gyro
 from tumble.calibration.equations.observed import TableRotation
 from tumble.calibration.equations.rotation_equations import TableRate
 from tumble.calibration.prior import together
-from tumble.estimation.alternatives import Alternative, Found, Suspect, find
-from tumble.estimation.equations import Equations, Linear
-from tumble.estimation.influence import Influences
-from tumble.estimation.wander import covariance_about_the_mean, first_of_neighbours
+from tumble.estimation import (
+    Alternative,
+    Equations,
+    Found,
+    Influences,
+    Linear,
+    Suspect,
+    covariance_about_the_mean,
+    find,
+    first_of_neighbours,
+)
 from tumble.records import dataclass
 
 # Chance that what a triad's biases wander by looks like a jump on any axis anywhere, which makes a right result unfit,

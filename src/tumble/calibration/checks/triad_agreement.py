@@ -25,8 +25,7 @@ from tumble.calibration.equations.turn import HoldsAndTurns
 from tumble.calibration.estimate import Estimate, NamedValue, TermTest, coverage_factor
 from tumble.calibration.evidence import Budget
 from tumble.errors import RecordingError
-from tumble.recording import describe_axis_contradiction, unit_of_scale
-from tumble.recording.recording import Recording
+from tumble.recording import Recording, describe_axis_contradiction, unit_of_scale
 from tumble.records import dataclass
 from tumble.sensor import ImuModel
 from tumble.units import angular_rate_factor

@@ -24,13 +24,13 @@ from tumble.calibration.equations.causes import GRAVITY, SAMPLE_RATE, TABLE_RATE
 from tumble.calibration.estimate import Estimate, Unseen, correlation_matrix
 from tumble.calibration.evidence import Budget, coverage_factors
 from tumble.calibration.free_inertial import places_of
-from tumble.protocol.steps import SpinStep
+from tumble.protocol import SpinStep
 
 if TYPE_CHECKING:
     from tumble.calibration.session import Session
     from tumble.earth import Site
     from tumble.protocol import Protocol
-    from tumble.recording.stamps import Clock
+    from tumble.recording import Clock
     from tumble.segmentation import HoldMeans
 
 # From this share of a scale factor's standard uncertainty on its use depends on what cannot be seen; below the
@@ -112,7 +112,7 @@ def state_rounding(session: Session, estimate: Estimate) -> None:
     ----------
     session, estimate : what was recorded, and its estimate.
     """
-    from tumble.segmentation.rounding import carries_remainder, step_at_rests
+    from tumble.segmentation import carries_remainder, step_at_rests
 
     recording, means = session.recording, session.means
     rests = [hold.stretches() for hold in session.timeline.holds]

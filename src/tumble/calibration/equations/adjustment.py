@@ -17,19 +17,21 @@ from tumble.arrays import AnyArray, Matrices, Series, Square, Vector
 from tumble.calibration.equations.imu_unknowns import PLAIN, force_matrix
 from tumble.calibration.equations.observed import Observed
 from tumble.earth import EARTH_RATE, Site
-from tumble.estimation.balance import (
+from tumble.estimation import (
     Balanced,
     ChainFactor,
     Component,
+    Eliminated,
     Noise,
     Outlier,
+    Prior,
     Screen,
+    Settled,
+    Spread,
+    Unknowns,
     balance,
+    solve,
 )
-from tumble.estimation.chain import Eliminated, Spread
-from tumble.estimation.gauss_helmert import Prior
-from tumble.estimation.solve import Settled, solve
-from tumble.estimation.unknowns import Unknowns
 from tumble.records import dataclass
 
 if TYPE_CHECKING:

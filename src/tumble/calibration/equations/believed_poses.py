@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tumble.arrays import Matrices, Series, Vectors
-from tumble.protocol.steps import HoldStep, Protocol, SpinStep, TurnStep
+from tumble.protocol import HoldStep, Protocol, SpinStep, TurnStep
 from tumble.records import dataclass
 
 if TYPE_CHECKING:
-    from tumble.segmentation.matching import Matching
+    from tumble.segmentation import Matching
 
 # An exact pose is one to a microradian: a fifth of an arcsecond, below any table's.
 LEAST_SIGMA = 1e-6  # rad

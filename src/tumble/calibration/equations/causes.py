@@ -1,6 +1,6 @@
 """The causes of error that a budget tells apart, in the order in which it shows them."""
 
-from tumble.estimation.influence import BENT, OUTLYING, PRIOR
+from tumble.estimation import BENT, OUTLYING, PRIOR
 
 FORCE_REST = "accelerometers at rest"
 FORCE_TURNING = "accelerometers while turning"

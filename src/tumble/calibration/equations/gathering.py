@@ -8,12 +8,17 @@ from tumble.arrays import Matrices, Vector, Vectors, inverted
 from tumble.calibration.equations.imu_unknowns import force_matrix
 from tumble.calibration.equations.turn import HoldsAndTurns
 from tumble.errors import ObservabilityError
-from tumble.estimation.unknowns import Unknowns
-from tumble.recording.recording import Recording
-from tumble.recording.stamps import stamp_jitter
-from tumble.segmentation import Hold, HoldMeans, Timeline
-from tumble.segmentation.averages import mean_covariance
-from tumble.segmentation.rounding import integral_variance, rounding_of_each, step_at_rests
+from tumble.estimation import Unknowns
+from tumble.recording import Recording, stamp_jitter
+from tumble.segmentation import (
+    Hold,
+    HoldMeans,
+    Timeline,
+    integral_variance,
+    mean_covariance,
+    rounding_of_each,
+    step_at_rests,
+)
 
 # A turn joins a hold over its last or first two seconds: long enough to average the accelerometer's
 # noise below the gyro's, short enough that a creeping pose does not matter.

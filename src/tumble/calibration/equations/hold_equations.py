@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrices, Table, Vectors
-from tumble.attitude.rotations import rotation_vectors_from_matrices, skew
+from tumble.attitude import rotation_vectors_from_matrices, skew
 from tumble.calibration.equations.adjustment import EARTH, HEAD, MIDDLE, NODE, TAIL, JointAdjustment, Section
 from tumble.calibration.equations.causes import FORCE_REST, FORCE_WANDER, RATE_REST, RATE_WANDER, SWAY
 from tumble.calibration.equations.imu_unknowns import (
@@ -19,7 +19,7 @@ from tumble.calibration.equations.imu_unknowns import (
     raw_rate,
 )
 from tumble.calibration.equations.observed import Observed
-from tumble.estimation.equations import Drift, Equations, Linear, View
+from tumble.estimation import Drift, Equations, Linear, View
 
 LEAST_SWING = 1e-12
 """rad²: a microrad of tilt is a microgee, and better gyros would leave a pose's heading to round-off."""

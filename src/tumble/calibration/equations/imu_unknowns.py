@@ -13,12 +13,9 @@ from tumble.arrays import AnyArray, Matrix, Series, Vectors
 from tumble.calibration.equations.triad_unknowns import QUADRATIC, unknowns_from_triad
 from tumble.calibration.terms import TERMS
 from tumble.calibration.terms.term import PAIRS_OF_AXES, curves_of
-from tumble.estimation import Prior
-from tumble.estimation.unknowns import Block, Layout, Unknowns
+from tumble.estimation import Block, Layout, Prior, Unknowns
 from tumble.records import dataclass
-from tumble.sensor import ImuModel, Triad
-from tumble.sensor.conventions.shin import matrix_from_shin, shin_derivatives
-from tumble.sensor.gauge import change_frame
+from tumble.sensor import ImuModel, Triad, change_frame, matrix_from_shin, shin_derivatives
 
 # What a unit's name plate promises, one sigma: 30 mg and 1 °/s of bias, 3 % of scale, 3 % of an angle in rad.
 NAME_PLATE_FORCE, NAME_PLATE_RATE, NAME_PLATE_SHARE = 0.3, 0.02, 0.03

@@ -19,15 +19,14 @@ from itertools import pairwise
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrices, Series, Square, Vector, Vectors, inverted, range_means
-from tumble.attitude.rotations import skews
+from tumble.attitude import skews
 from tumble.calibration.equations.believed_poses import BelievedPoses
 from tumble.calibration.equations.imu_unknowns import force_matrix, gyro_matrix
 from tumble.calibration.equations.turn import HoldsAndTurns, window_directions
-from tumble.estimation.unknowns import Unknowns
-from tumble.estimation.wander import covariance_about_the_mean, wander_basis
-from tumble.recording.stamps import stamp_jitter
+from tumble.estimation import Unknowns, covariance_about_the_mean, wander_basis
+from tumble.recording import stamp_jitter
 from tumble.records import dataclass
-from tumble.segmentation.rounding import integral_variance, rounding_of_each, rounding_variance
+from tumble.segmentation import integral_variance, rounding_of_each, rounding_variance
 
 # The share of a window that the other parts must leave for a middle of its own.
 SMALLEST_MIDDLE = 0.05

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tumble.attitude.rotations import (
+from tumble.attitude import (
     find_nearest_rotation,
     left_jacobian,
     matrix_from_rotation_vector,
@@ -23,9 +23,7 @@ from tumble.calibration.equations.adjustment import MIDDLE, NODE, JointAdjustmen
 from tumble.calibration.equations.believed_poses import BelievedPoses
 from tumble.calibration.equations.causes import PLACEMENT
 from tumble.calibration.equations.imu_unknowns import MOUNTING
-from tumble.estimation import Prior
-from tumble.estimation.equations import Equations, Linear, View
-from tumble.estimation.unknowns import Unknowns
+from tumble.estimation import Equations, Linear, Prior, Unknowns, View
 
 _UP_W = np.array([0.0, 0.0, -1.0])
 

@@ -8,7 +8,7 @@ from tumble.arrays import AnyArray, Series
 from tumble.calibration.equations.adjustment import EARTH, NODE, JointAdjustment, Section
 from tumble.calibration.equations.causes import EARTH_RATE_KNOWN
 from tumble.earth import EARTH_RATE, Site
-from tumble.estimation.equations import Equations, Linear, View
+from tumble.estimation import Equations, Linear, View
 
 # The heading of a section is nobody's business; this fixes it.
 HEADING_SIGMA = 1e-4  # rad

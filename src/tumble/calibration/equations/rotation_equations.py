@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrices, Matrix, Table, Vector, Vectors, inverted
-from tumble.attitude.rotations import (
+from tumble.attitude import (
     matrices_from_rotation_vectors,
     matrix_from_rotation_vector,
     rotation_vector_from_matrix,
@@ -42,9 +42,7 @@ from tumble.calibration.equations.turn_equations import (
     link_residuals,
 )
 from tumble.calibration.terms import by_lag, lever_arms
-from tumble.estimation.equations import Drift, Equations, Grouped, Linear, View
-from tumble.estimation.unknowns import Unknowns
-from tumble.estimation.wander import faster_variance
+from tumble.estimation import Drift, Equations, Grouped, Linear, Unknowns, View, faster_variance
 
 if TYPE_CHECKING:
     from tumble.calibration.equations.stretches import RotationStretch

@@ -5,11 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tumble.arrays import Matrix, Series, Table
-from tumble.attitude.rotations import (
-    matrices_from_rotation_vectors,
-    matrix_from_rotation_vector,
-    tangent_basis,
-)
+from tumble.attitude import matrices_from_rotation_vectors, matrix_from_rotation_vector, tangent_basis
 from tumble.calibration.equations.adjustment import HEAD, NODE, TAIL, JointAdjustment, Section
 from tumble.calibration.equations.hold_equations import Force, Rate, Rest, Swing
 from tumble.calibration.equations.pose_equations import pose_equations
@@ -24,8 +20,7 @@ from tumble.calibration.equations.rotation_equations import (
     Windows,
 )
 from tumble.calibration.equations.turn_equations import Turn
-from tumble.estimation.chain import Eliminated, Place, Stretch
-from tumble.estimation.equations import Equations
+from tumble.estimation import Eliminated, Equations, Place, Stretch
 
 
 class RotationStretch:

@@ -18,8 +18,7 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Matrices, Matrix, Series, Vector, Vectors, inverted
 from tumble.estimation import Conditions, Linearisation
-from tumble.sensor import Triad
-from tumble.sensor.conventions.shin import matrix_from_shin, shin_derivatives, shin_from_matrix
+from tumble.sensor import Triad, matrix_from_shin, shin_derivatives, shin_from_matrix
 
 COUNT = 12
 BIAS, SCALE, ANGLE, QUADRATIC = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12)

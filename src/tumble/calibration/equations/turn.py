@@ -10,9 +10,9 @@ from functools import cached_property
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrices, Matrix, Series, Vector, Vectors, inverted
-from tumble.attitude.integration import Inverse, average_at_edge
+from tumble.attitude import Inverse, average_at_edge
 from tumble.records import dataclass
-from tumble.segmentation.rest_wander import RestParts
+from tumble.segmentation import RestParts
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,12 @@ from __future__ import annotations
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrices, Series, Vector, Vectors, inverted
-from tumble.attitude import Inverse, integrate_turns
-from tumble.attitude.rotations import matrices_from_rotation_vectors, rotation_vectors_from_matrices
+from tumble.attitude import (
+    Inverse,
+    integrate_turns,
+    matrices_from_rotation_vectors,
+    rotation_vectors_from_matrices,
+)
 from tumble.calibration.equations.adjustment import EARTH, HEAD, NODE, TAIL, JointAdjustment, Section
 from tumble.calibration.equations.causes import RATE_TURNING, RATE_WANDER, TURNS
 from tumble.calibration.equations.imu_unknowns import (
@@ -22,8 +26,7 @@ from tumble.calibration.equations.imu_unknowns import (
 from tumble.calibration.equations.observed import Observed
 from tumble.calibration.terms import TERMS
 from tumble.calibration.terms.term import curves_of
-from tumble.estimation.equations import Drift, Equations, Linear, View
-from tumble.estimation.unknowns import Unknowns
+from tumble.estimation import Drift, Equations, Linear, Unknowns, View
 from tumble.records import dataclass
 
 

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from tumble.arrays import Matrix, Series, Square, Vector, Vectors, inverted
 from tumble.errors import ObservabilityError
 from tumble.records import dataclass
-from tumble.segmentation.rounding import converter_step
+from tumble.segmentation import converter_step
 
 Complex = npt.NDArray[Any]
 # Samples beyond so many robust sigmas count for nothing; so many rounds.

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tumble.arrays import Matrix, Series, Square, Table, Vectors
-from tumble.attitude.rotations import analytic_rotation_vector
+from tumble.attitude import analytic_rotation_vector
 from tumble.calibration.equations.imu_unknowns import LAYOUT
 from tumble.calibration.estimate import LeftOut, NamedValue, coverage_factor
 from tumble.calibration.evidence import Evidence
@@ -37,10 +37,9 @@ from tumble.calibration.magnetometer.field_equations import (
 )
 from tumble.calibration.outcome.description import rotation_of_frame
 from tumble.errors import ConvergenceError, ObservabilityError
-from tumble.estimation.balance import balance
-from tumble.parameters.family import FAMILIES
-from tumble.recording.rest import limits_reached
-from tumble.recording.samples import MagneticField
+from tumble.estimation import balance
+from tumble.parameters import FAMILIES
+from tumble.recording import MagneticField, limits_reached
 from tumble.records import dataclass
 from tumble.sensor import Triad, polar_rotation, propagate
 from tumble.units import magnetic_field_factor

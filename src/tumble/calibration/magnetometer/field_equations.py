@@ -20,21 +20,33 @@ from typing import cast
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrices, Matrix, Series, Table, Vectors, inverted
-from tumble.attitude.rotations import skews
+from tumble.attitude import skews
 from tumble.calibration.equations.adjustment import HEAD, MIDDLE, NODE, TAIL, JointAdjustment, Section
 from tumble.calibration.equations.hold_equations import HoldEquations
 from tumble.calibration.equations.imu_unknowns import LAYOUT
 from tumble.calibration.equations.stretches import RecordingStretch, SectionStretch
 from tumble.calibration.equations.turn import HoldsAndTurns
 from tumble.errors import ObservabilityError
-from tumble.estimation.alternatives import Alternative, Found, Suspect, find
-from tumble.estimation.balance import ChainFactor, Component, Outlier, Screen
-from tumble.estimation.chain import Place
-from tumble.estimation.equations import Equations, Linear, View
-from tumble.estimation.gauss_helmert import Prior
-from tumble.estimation.unknowns import Block, Layout, Unknowns
+from tumble.estimation import (
+    Alternative,
+    Block,
+    ChainFactor,
+    Component,
+    Equations,
+    Found,
+    Layout,
+    Linear,
+    Outlier,
+    Place,
+    Prior,
+    Screen,
+    Suspect,
+    Unknowns,
+    View,
+    find,
+)
 from tumble.records import dataclass
-from tumble.segmentation.rounding import rounding_variance, step_at_rests
+from tumble.segmentation import rounding_variance, step_at_rests
 
 MATRIX, BIAS, DIP, AZIMUTH, IN_ROOM, ON_UNIT = (
     "magnetometer.matrix",

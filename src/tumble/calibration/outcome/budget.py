@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrix, Series, Square, Table, Vector, inverted
-from tumble.attitude.rotations import matrices_from_rotation_vectors
+from tumble.attitude import matrices_from_rotation_vectors
 from tumble.calibration.checks.suspicions import with_courses
 from tumble.calibration.equations import causes
 from tumble.calibration.equations.adjustment import JointAdjustment
@@ -46,14 +46,22 @@ from tumble.calibration.outcome.description import gravity_slope, named_function
 from tumble.calibration.terms import TERMS
 from tumble.counting import counted
 from tumble.errors import ConvergenceError, UsageError
-from tumble.estimation.equations import Tests
-from tumble.estimation.influence import PRIOR, Influences, influences_of
-from tumble.estimation.reliability import ALPHA, POWER, undetected
-from tumble.estimation.solve import Settled, settled_at, solve
-from tumble.recording.temperature import mean_celsius
+from tumble.estimation import (
+    ALPHA,
+    POWER,
+    PRIOR,
+    Influences,
+    Settled,
+    Tests,
+    influences_of,
+    settled_at,
+    solve,
+    undetected,
+)
+from tumble.recording import mean_celsius
 from tumble.records import dataclass
-from tumble.segmentation.rest_wander import RestParts, find_density
-from tumble.sensor.propagation import Function, jacobian
+from tumble.segmentation import RestParts, find_density
+from tumble.sensor import Function, jacobian
 
 if TYPE_CHECKING:
     from tumble.calibration.estimate import Estimate

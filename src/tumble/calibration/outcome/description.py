@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tumble.arrays import Series, Square
-from tumble.attitude.rotations import analytic_rotation_vector
+from tumble.attitude import analytic_rotation_vector
 from tumble.calibration.equations.imu_unknowns import (
     LAYOUT,
     NAME_PLATE_FORCE,
@@ -21,12 +21,20 @@ from tumble.calibration.terms import TERMS, Term
 from tumble.calibration.terms.lever_arms import WORTH_NAMING
 from tumble.calibration.terms.term import KINDS
 from tumble.earth import Site
-from tumble.parameters.family import ANGLES, FAMILIES, parameter_of, triad_labels
-from tumble.recording.recording import Recording
-from tumble.sensor import ImuModel, Triad, polar_rotation, propagate
-from tumble.sensor.conventions.savage import OFF_DIAGONAL, PAIRS
-from tumble.sensor.conventions.shin import matrix_from_shin, shin_from_matrix
-from tumble.sensor.gauge import inverse, lower_factor
+from tumble.parameters import ANGLES, FAMILIES, parameter_of, triad_labels
+from tumble.recording import Recording
+from tumble.sensor import (
+    OFF_DIAGONAL,
+    PAIRS,
+    ImuModel,
+    Triad,
+    inverse,
+    lower_factor,
+    matrix_from_shin,
+    polar_rotation,
+    propagate,
+    shin_from_matrix,
+)
 from tumble.units import angular_rate_factor, specific_force_factor
 
 Complex = npt.NDArray[Any]

@@ -47,13 +47,8 @@ from tumble.calibration.terms import TERMS
 from tumble.calibration.terms.lever_arms import lever_arms_of
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ObservabilityError
-from tumble.estimation.balance import Balanced, Noise
-from tumble.estimation.equations import Equations
-from tumble.estimation.influence import Influences
-from tumble.estimation.solve import Settled, solve
-from tumble.estimation.unknowns import Unknowns
-from tumble.estimation.wander import wider
-from tumble.recording.recording import Recording
+from tumble.estimation import Balanced, Equations, Influences, Noise, Settled, Unknowns, solve, wider
+from tumble.recording import Recording
 from tumble.records import dataclass
 from tumble.sensor import ImuModel
 

@@ -16,9 +16,9 @@ import numpy as np
 from tumble.arrays import AnyArray, Table, Vectors
 from tumble.calibration.terms import lever_arms
 from tumble.calibration.terms.term import KINDS, PAIRS_OF_AXES, Parameters, Term
-from tumble.estimation.unknowns import Block
-from tumble.parameters.family import FAMILIES, LAG
-from tumble.sensor.imu import CURVES
+from tumble.estimation import Block
+from tumble.parameters import FAMILIES, LAG
+from tumble.sensor import CURVES
 
 LAG_NAME = LAG.name
 # One and several of each curve's terms.

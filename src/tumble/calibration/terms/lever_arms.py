@@ -19,11 +19,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrix, Series, Table, Vector, Vectors, inverted
-from tumble.attitude.rotations import skews
+from tumble.attitude import skews
 from tumble.calibration.terms.term import PAIRS_OF_AXES, Complex, Label, Parameters, Term
 from tumble.errors import UsageError
-from tumble.estimation.unknowns import Block, Unknowns
-from tumble.parameters.family import FAMILIES, parameter_of
+from tumble.estimation import Block, Unknowns
+from tumble.parameters import FAMILIES, parameter_of
 from tumble.sensor import ImuModel
 
 PAIRS = ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))

@@ -9,10 +9,10 @@ import numpy as np
 import numpy.typing as npt
 
 from tumble.arrays import Series, Vector
-from tumble.estimation.unknowns import Block
-from tumble.parameters.family import FAMILIES
+from tumble.estimation import Block
+from tumble.parameters import FAMILIES
 from tumble.records import dataclass
-from tumble.sensor.imu import CURVES, Curve
+from tumble.sensor import CURVES, Curve
 
 Complex = npt.NDArray[Any]
 Label = tuple[str, str]

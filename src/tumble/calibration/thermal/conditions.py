@@ -24,10 +24,9 @@ import numpy.typing as npt
 from tumble.arrays import AnyArray, Series, Table, Vectors
 from tumble.calibration.equations.turn import tangent_bases
 from tumble.calibration.thermal.points import ThermalPoints
-from tumble.estimation import Conditions, Linearisation, Prior
-from tumble.estimation.unknowns import Block, Layout
+from tumble.estimation import Block, Conditions, Layout, Linearisation, Prior
 from tumble.records import dataclass
-from tumble.sensor.thermal import TemperatureBasis
+from tumble.sensor import TemperatureBasis
 
 Complex = npt.NDArray[Any]
 # Entries of a lower triangular matrix, scale factors first, and each as a matrix.

@@ -13,9 +13,8 @@ import numpy as np
 from tumble.arrays import Series
 from tumble.calibration.thermal.points import ThermalPoints
 from tumble.errors import ObservabilityError
-from tumble.protocol.steps import Protocol, RampStep, SoakStep, Step
-from tumble.recording.recording import Recording
-from tumble.recording.temperature import COLDEST, HOTTEST, TemperatureColumn
+from tumble.protocol import Protocol, RampStep, SoakStep, Step
+from tumble.recording import COLDEST, HOTTEST, Recording, TemperatureColumn
 from tumble.records import dataclass
 
 USUAL_HOTTEST = 85.0  # °C

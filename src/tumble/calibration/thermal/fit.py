@@ -33,10 +33,22 @@ from tumble.calibration.thermal.points import ThermalPoints
 from tumble.calibration.thermal.wander import TRIADS, Levels, WanderingConditions, find_levels
 from tumble.counting import counted, part
 from tumble.errors import ConvergenceError, ObservabilityError
-from tumble.estimation import Adjustment, Conditions, Prior, adjust, snoop_groups
-from tumble.estimation.balance import CHANCE, ROUNDS, SETTLED, Outlier, Screen, gross_errors, noise_ratio
+from tumble.estimation import (
+    CHANCE,
+    ROUNDS,
+    SETTLED,
+    Adjustment,
+    Conditions,
+    Outlier,
+    Prior,
+    Screen,
+    adjust,
+    gross_errors,
+    noise_ratio,
+    snoop_groups,
+)
 from tumble.records import dataclass
-from tumble.sensor.thermal import TemperatureBasis
+from tumble.sensor import TemperatureBasis
 
 HIGHEST_ORDER = 5
 # A twentieth more in the mean square is within its own scatter over some hundred rests, a tenth is not.

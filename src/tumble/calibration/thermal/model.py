@@ -18,9 +18,7 @@ from dataclasses import replace
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrices, Series, Square, Table, Vectors, range_means
-from tumble.attitude import Inverse, integrate_turns
-from tumble.attitude.integration import IntegratedTurns
-from tumble.attitude.rotations import skews
+from tumble.attitude import IntegratedTurns, Inverse, integrate_turns, skews
 from tumble.calibration.equations.gathering import gather
 from tumble.calibration.equations.imu_unknowns import LAYOUT
 from tumble.calibration.equations.turn import HoldsAndTurns, tangent_bases, window_directions
@@ -34,12 +32,10 @@ from tumble.calibration.thermal.points import ThermalPoints
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ObservabilityError, SegmentationError
 from tumble.estimation import Adjustment, Conditions, Linearisation
-from tumble.recording.recording import Recording
+from tumble.recording import Recording
 from tumble.records import dataclass
 from tumble.segmentation import Timeline, observe_holds
-from tumble.sensor.conventions.shin import shin_from_matrix
-from tumble.sensor.propagation import propagate
-from tumble.sensor.thermal import SHAPES, ThermalModel
+from tumble.sensor import SHAPES, ThermalModel, propagate, shin_from_matrix
 
 # Turns of fewer samples are not integrated well; smaller ones tell no scale factor.
 LEAST_SAMPLES, LEAST_ANGLE = 20, np.radians(20.0)

@@ -9,12 +9,10 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Matrices, Series, Table, Vectors
 from tumble.errors import ObservabilityError
-from tumble.recording.recording import Recording
+from tumble.recording import Recording
 from tumble.records import dataclass
-from tumble.segmentation import Timeline
-from tumble.segmentation.averages import mean_covariance
-from tumble.segmentation.rounding import rounding_variance
-from tumble.sensor.thermal import TemperatureBasis, ThermalModel, follow_temperature
+from tumble.segmentation import Timeline, mean_covariance, rounding_variance
+from tumble.sensor import TemperatureBasis, ThermalModel, follow_temperature
 
 # A rest is cut where its temperature changes by more than this, or where it lasts longer.
 CUT_KELVINS, CUT_SECONDS = 1.0, 600.0

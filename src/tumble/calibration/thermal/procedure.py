@@ -37,10 +37,10 @@ from tumble.calibration.thermal.summary import thermal_estimate
 from tumble.counting import about
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ConvergenceError, ObservabilityError
-from tumble.protocol.steps import Protocol
-from tumble.recording.recording import Recording
+from tumble.protocol import Protocol
+from tumble.recording import Recording
 from tumble.segmentation import Timeline
-from tumble.sensor.thermal import TemperatureBasis
+from tumble.sensor import TemperatureBasis
 from tumble.units import angular_rate_factor, specific_force_factor
 
 # Where units are usually calibrated; the middle of the span where it is not in it.

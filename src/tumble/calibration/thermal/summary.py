@@ -22,7 +22,7 @@ from tumble.calibration.thermal.conditions import ThermalTerms
 from tumble.calibration.thermal.fit import LOOP_KELVINS, PULL_FACTOR, RATE_SECONDS, name_of
 from tumble.calibration.thermal.model import ThermalOutcome, bias_curve
 from tumble.calibration.thermal.wander import wander_variance
-from tumble.parameters.family import thermal_family
+from tumble.parameters import thermal_family
 from tumble.units import angular_rate_factor, specific_force_factor
 
 CURVE = 41

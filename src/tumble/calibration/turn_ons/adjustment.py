@@ -31,17 +31,28 @@ from tumble.calibration.estimate import TermTest
 from tumble.calibration.optional_terms import ON_TABLES, TERM_LIMIT, offered_terms, term_test, unknowns_with
 from tumble.calibration.outcome.budget import recording_influences
 from tumble.calibration.outcome.estimate import JointOutcome
-from tumble.calibration.prior import TOLD, angle_prior, find_untold, name_plate_prior
-from tumble.calibration.prior import together as both_priors
+from tumble.calibration.prior import TOLD, angle_prior, find_untold, name_plate_prior, together as both_priors
 from tumble.calibration.terms import TERMS
 from tumble.errors import ConvergenceError, ObservabilityError, TumbleError, UsageError
-from tumble.estimation import Prior
-from tumble.estimation.balance import Balanced, Outlier
-from tumble.estimation.chain import Chain, Eliminated, Place, Spread, Stretch
-from tumble.estimation.equations import Equations
-from tumble.estimation.gauss_helmert import invert_normal_matrix
-from tumble.estimation.solve import Settled, linearise, settled_at, solve
-from tumble.estimation.unknowns import Block, Layout, Unknowns
+from tumble.estimation import (
+    Balanced,
+    Block,
+    Chain,
+    Eliminated,
+    Equations,
+    Layout,
+    Outlier,
+    Place,
+    Prior,
+    Settled,
+    Spread,
+    Stretch,
+    Unknowns,
+    invert_normal_matrix,
+    linearise,
+    settled_at,
+    solve,
+)
 from tumble.records import dataclass
 
 OWN = LAYOUT.indices("force.bias", "gyro.bias", "fixture")

@@ -37,11 +37,10 @@ from tumble.calibration.turn_ons.adjustment import (
 )
 from tumble.calibration.verdict import WORST_FORCE_BIAS_SIGMA, two_digits
 from tumble.earth import Site
-from tumble.parameters.family import FAMILIES, parameter_of
-from tumble.parameters.measures import amount
-from tumble.recording.recording import Recording
+from tumble.parameters import FAMILIES, amount, parameter_of
+from tumble.recording import Recording
 from tumble.records import dataclass
-from tumble.sensor.propagation import jacobian
+from tumble.sensor import jacobian
 from tumble.units import specific_force_factor
 
 FRAME = "accelerometer-x"

@@ -12,9 +12,7 @@ import numpy as np
 
 from tumble.capture.source import Channels, Piece, Source, SourceOptions
 from tumble.errors import RecordingError
-from tumble.recording.reading import Paths, read_blocks, recording_inputs
-from tumble.recording.recording import Recording
-from tumble.recording.samples import Samples
+from tumble.recording import Paths, Recording, Samples, read_blocks, recording_inputs
 
 # s of samples that are handed over together, and how long is slept at most.
 CHUNK, NAP = 0.1, 0.2

@@ -12,15 +12,14 @@ from collections.abc import Generator, Iterator, Sequence
 import numpy as np
 
 from tumble.arrays import Vector, Vectors
-from tumble.attitude.rotations import matrix_from_rotation_vector, rotation_between
+from tumble.attitude import matrix_from_rotation_vector, rotation_between
 from tumble.capture.coach import Event
 from tumble.capture.machine import Capture
 from tumble.capture.source import Channels, Piece, Source, SourceOptions
 from tumble.errors import UsageError
-from tumble.recording.samples import Samples
+from tumble.recording import Samples
 from tumble.records import dataclass
-from tumble.simulation.grades import Grade, find_grade
-from tumble.simulation.noise import convert_to_digital, simulate_wander
+from tumble.simulation import Grade, convert_to_digital, find_grade, simulate_wander
 from tumble.units import STANDARD_GRAVITY
 
 # s of samples at once, of a session at most, and a person's turn by a right angle; rad by which a hand misses a pose.

@@ -24,8 +24,7 @@ import numpy as np
 from cython.cimports.libc.math import cos, exp, floor, sin, sqrt
 from cython.cimports.tumble.navigation.kernels import advance, ends_of_interval, step_between
 
-from tumble.earth.gravity import ECCENTRICITY_SQUARED, SEMI_MAJOR_AXIS
-from tumble.earth.site import EARTH_RATE
+from tumble.earth import EARTH_RATE, ECCENTRICITY_SQUARED, SEMI_MAJOR_AXIS
 
 _A = cython.declare(cython.double, SEMI_MAJOR_AXIS)
 _E2 = cython.declare(cython.double, ECCENTRICITY_SQUARED)

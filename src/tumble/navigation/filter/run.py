@@ -12,7 +12,7 @@ from functools import partial
 import numpy as np
 
 from tumble.arrays import AnyArray, Series, Table, Vector, Vectors
-from tumble.attitude.rotations import matrix_from_angles
+from tumble.attitude import matrix_from_angles
 from tumble.errors import RecordingError, UsageError
 from tumble.navigation.filter.setup import FilterSetup
 from tumble.navigation.gnss.track import GnssTrack

@@ -9,7 +9,7 @@ import numpy as np
 
 from tumble.arrays import Series, Table, Vector, inverted
 from tumble.errors import UsageError
-from tumble.noise.terms import NoiseModel
+from tumble.noise import NoiseModel
 from tumble.records import dataclass
 from tumble.sensor import ImuModel
 

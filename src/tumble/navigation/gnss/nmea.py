@@ -12,7 +12,7 @@ from tumble.errors import RecordingError
 from tumble.files import lines_of, number_of, read_text
 from tumble.navigation.gnss.time_scales import gps_from_utc, seconds_of_date
 from tumble.navigation.gnss.track import GnssTrack, make_track
-from tumble.recording.recording import Remark
+from tumble.recording import Remark
 from tumble.records import dataclass
 
 _KNOT = 1852.0 / 3600.0

@@ -16,7 +16,7 @@ from tumble.files import lines_of, opened, read_text, reading
 from tumble.navigation.gnss.nmea import read_nmea
 from tumble.navigation.gnss.time_scales import UNIX_TO_GPS, WEEK, gps_from_unix, gps_from_utc, seconds_of_date
 from tumble.navigation.gnss.track import GnssTrack, in_order
-from tumble.recording.recording import Remark
+from tumble.recording import Remark
 
 # Names of columns, small letters without signs or units, and what they are.
 _NAMES = {

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from tumble.arrays import Matrices, Series, Vectors
 from tumble.errors import RecordingError
 from tumble.navigation.trajectory import position_differences
-from tumble.recording.recording import Remark
+from tumble.recording import Remark
 from tumble.records import dataclass
 
 # By RTKLIB's numbers; files of other kinds are brought to them.

@@ -20,7 +20,7 @@ from collections.abc import Callable
 import numpy as np
 
 from tumble.arrays import Series, Square, Table
-from tumble.estimation.crossing import crossing
+from tumble.estimation import crossing
 from tumble.noise.fitting.weighted_fit import AllanTask, Solution
 from tumble.noise.terms import GaussMarkov, NoiseModel
 from tumble.noise.variances import LETTERS, allan_variance_of, markov_allan_variance

@@ -37,7 +37,7 @@ import numpy.typing as npt
 from tumble.files import check_target, filled_folder, put_text
 from tumble.recording.formats.folder import euroc_file
 
-ENDINGS = (".csv", ".parquet", ".pq")
+TABLE_ENDINGS = (".csv", ".parquet", ".pq")
 _PLAIN = {"a": "m/s^2", "g": "rad/s"}
 _ROWS = 1_000_000  # of a CSV, written at a time
 
@@ -154,7 +154,7 @@ def write_blocks(
     OutputError
         If the file cannot be written; an earlier one is then intact.
     """
-    if target.suffix.lower() not in ENDINGS:
+    if target.suffix.lower() not in TABLE_ENDINGS:
         raise UsageError(f"{target.name}: recordings are written as .csv or .parquet.")
     if not target.parent.is_dir():
         raise OutputError(f"{target} could not be written: the folder {target.parent} does not exist.")

@@ -10,8 +10,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import field, replace
-from dataclasses import field as made
+from dataclasses import field, field as made, replace
 from pathlib import Path
 from typing import TypeAlias
 

@@ -6,8 +6,7 @@ import hashlib
 import mmap
 from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
-from dataclasses import field as made
-from dataclasses import replace
+from dataclasses import field as made, replace
 from pathlib import Path
 
 import numpy as np

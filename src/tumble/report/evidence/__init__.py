@@ -5,9 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from tumble.calibration.estimate import Beside
-from tumble.calibration.evidence import Budget, Evidence, Holds, Spins, ThermalCurves, TurnOns, Turns
-from tumble.calibration.magnetometer.estimate import Magnetometer
+from tumble.calibration import (
+    Beside,
+    Budget,
+    Evidence,
+    Holds,
+    Magnetometer,
+    Spins,
+    ThermalCurves,
+    TurnOns,
+    Turns,
+)
 from tumble.report.evidence.budget import beside, budget
 from tumble.report.evidence.magnetometer import magnetometer
 from tumble.report.evidence.residuals import holds, spins, turns

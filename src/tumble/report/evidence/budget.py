@@ -6,16 +6,17 @@ import math
 
 import numpy as np
 
-from tumble.calibration.estimate import Beside, Estimate
-from tumble.calibration.evidence import (
+from tumble.calibration import (
+    Beside,
     Budget,
     Detectable,
+    Estimate,
     GlobalTest,
     ModelChoice,
     UncertaintyStatement,
+    two_digits,
 )
-from tumble.calibration.verdict import two_digits
-from tumble.parameters.measures import Measure, fixed, spaced
+from tumble.parameters import Measure, fixed, spaced
 from tumble.records import dataclass
 from tumble.report.figures.record import PALETTE, Axis, Bars, Figure, Mark, plain
 from tumble.report.page import Block, Figures, Sentences, Table, section

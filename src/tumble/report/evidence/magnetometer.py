@@ -10,9 +10,9 @@ from itertools import groupby
 import numpy as np
 
 from tumble.arrays import Series, Vectors
-from tumble.calibration.magnetometer.estimate import Magnetometer
-from tumble.document.magnetometer_block import MagnetometerBlock
-from tumble.parameters.measures import with_uncertainty
+from tumble.calibration import Magnetometer
+from tumble.document import MagnetometerBlock
+from tumble.parameters import with_uncertainty
 from tumble.report.figures.record import BLUE, GREY, RED, Axis, Curve, Figure, Look, Mark, Points, plain
 from tumble.report.page import Block, Figures, Sentences, Table, section
 from tumble.report.parameters import rows_of

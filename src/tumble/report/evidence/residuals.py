@@ -8,12 +8,19 @@ import numpy as np
 
 from tumble.arrays import Series
 from tumble.attitude import Inverse, integrate_turns
-from tumble.calibration.equations.gathering import gather
-from tumble.calibration.equations.triad_unknowns import BIAS, SCALE, rough_triad
-from tumble.calibration.equations.turn import window_directions
-from tumble.calibration.evidence import Holds, Spins, ThermalCurves, Turns
-from tumble.calibration.verdict import two_digits
-from tumble.recording.recording import Recording
+from tumble.calibration import (
+    BIAS,
+    SCALE,
+    Holds,
+    Spins,
+    ThermalCurves,
+    Turns,
+    gather,
+    rough_triad,
+    two_digits,
+    window_directions,
+)
+from tumble.recording import Recording
 from tumble.records import dataclass
 from tumble.report.figures import record
 from tumble.report.page import Block, Figures, Sentences, Table, section

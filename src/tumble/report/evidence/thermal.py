@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from tumble.arrays import Series
-from tumble.calibration.evidence import BiasCurve, ThermalCurves
-from tumble.parameters.measures import said_unit
-from tumble.recording.recording import Recording
+from tumble.calibration import BiasCurve, ThermalCurves
+from tumble.parameters import said_unit
+from tumble.recording import Recording
 from tumble.report.figures import record
 from tumble.report.page import Block, Figures, Sentences, section
 from tumble.report.subject import Subject

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from tumble.calibration.evidence import TurnOns
-from tumble.document.result import Calibration
-from tumble.document.turn_ons_block import BiasBlock, StableBlock, TurnOnsBlock
-from tumble.parameters.family import OPTIONAL, parameter_of
-from tumble.parameters.measures import fixed, with_uncertainty
+from tumble.calibration import TurnOns
+from tumble.document import BiasBlock, Calibration, StableBlock, TurnOnsBlock
+from tumble.parameters import OPTIONAL, fixed, parameter_of, with_uncertainty
 from tumble.report.figures.record import AXIS_COLOURS, GREY, Axis, Figure, Mark, Points, Spans, plain
 from tumble.report.page import Block, Figures, Sentences, Table, section
 from tumble.report.parameters import ParameterRow, parameter_rows

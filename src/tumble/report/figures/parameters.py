@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 
 from tumble.arrays import AnyArray, Table, Vectors
-from tumble.attitude.rotations import twenty_six_directions
-from tumble.calibration.poses import distinct_poses
-from tumble.parameters.family import ACCELEROMETER, GYRO, OPTIONAL
-from tumble.parameters.measures import fixed
+from tumble.attitude import twenty_six_directions
+from tumble.calibration import distinct_poses
+from tumble.parameters import ACCELEROMETER, GYRO, OPTIONAL, fixed
 from tumble.report.figures.record import (
     BLUE,
     GREY,

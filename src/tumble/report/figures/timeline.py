@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from tumble.arrays import Series, Vector, Vectors
-from tumble.calibration.estimate import Estimate
-from tumble.recording.recording import Recording
+from tumble.calibration import Estimate
+from tumble.recording import Recording
 from tumble.records import dataclass
 from tumble.report.figures import record
 from tumble.report.page import Block, Figures, Sentences, section

@@ -23,16 +23,25 @@ import numpy as np
 
 from tumble.counting import counted
 from tumble.files import make_folder, read_json, read_text, results_folder, write_text, write_texts
-from tumble.fleet import UnitVector, find_outlying, find_shared, stack
-from tumble.fleet.outcome import ACCELEROMETER, GYRO, Batch, UnitOutcome
-from tumble.fleet.outlying import FALSE_ALARM, loud_or_dead
-from tumble.recording.formats.output import write_table
+from tumble.fleet import (
+    ACCELEROMETER,
+    FALSE_ALARM,
+    GYRO,
+    Batch,
+    UnitOutcome,
+    UnitVector,
+    find_outlying,
+    find_shared,
+    loud_or_dead,
+    stack,
+)
+from tumble.recording import write_table
 from tumble.workflows.batches.executors import hands
 from tumble.workflows.batches.unit import Job, UnitTask, calibrate_unit, check_request, failed, read_source
 from tumble.workflows.request import CalibrateRequest, silent
 
 if TYPE_CHECKING:
-    from tumble.fleet.outcome import Batch
+    from tumble.fleet import Batch
 
 
 Cell = str | float | None
@@ -153,8 +162,8 @@ def _registry(name: str | None) -> Generator[Callable[[UnitOutcome], None], None
     if name is None:
         yield lambda _: None
         return
-    from tumble.document.result import calibration_of
-    from tumble.registry.store import add
+    from tumble.document import calibration_of
+    from tumble.registry import add
     from tumble.workflows.registry import registry_at
 
     with registry_at(name, make=True) as registry:
@@ -234,7 +243,7 @@ def _write_unit(folder: Path, outcome: UnitOutcome) -> None:
 
 
 def _write_library(folder: Path) -> None:
-    from tumble.report.html import LIBRARY, plotting_library
+    from tumble.report import LIBRARY, plotting_library
 
     text = plotting_library()
     place = folder / LIBRARY
@@ -297,8 +306,7 @@ def _say_noise(units: list[UnitOutcome], said: dict[str, list[str]]) -> None:
 
 
 def _write_tables(folder: Path, batch: Batch) -> None:
-    from tumble.report.batch import batch_page
-    from tumble.report.html import LIBRARY, render_page
+    from tumble.report import LIBRARY, batch_page, render_page
 
     columns = _columns_of(batch)
     _write_library(folder)

@@ -32,7 +32,7 @@ from tumble.errors import (
     __version__,
 )
 from tumble.files import HIDDEN, number_of, read_text, reading, shown, without_password
-from tumble.fleet.outcome import ACCELEROMETER, GYRO, UnitOutcome
+from tumble.fleet import ACCELEROMETER, GYRO, UnitOutcome
 from tumble.records import dataclass
 from tumble.sample_rates import stated_clock
 from tumble.workflows.given.protocols import choose_site, given_site
@@ -334,9 +334,9 @@ def check_request(asked: CalibrateRequest, reports: str) -> None:
     UsageError, ProtocolError, CalibrationFileError
         If one of them is wrong; the sentence says which.
     """
-    from tumble.calibration.session import find_procedure
+    from tumble.calibration import find_procedure
     from tumble.limits import read_limits
-    from tumble.recording.units import read_units_option
+    from tumble.recording import read_units_option
     from tumble.workflows.given.prior import find_sheet
     from tumble.workflows.given.protocols import read_given_protocol
 

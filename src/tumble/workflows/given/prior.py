@@ -5,11 +5,10 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from tumble.calibration.prior import FleetSheet, StableKnowledge, TriadFleet, stable_knowledge
-from tumble.document.entries import PLACES, entry_names, stacked
-from tumble.document.result import Calibration, read_calibration
+from tumble.calibration import FleetSheet, StableKnowledge, TriadFleet, stable_knowledge
+from tumble.document import PLACES, Calibration, entry_names, read_calibration, stacked
 from tumble.errors import UsageError
-from tumble.fleet.fleet_document import PROCEDURE
+from tumble.fleet import PROCEDURE
 from tumble.records import dataclass
 from tumble.simulation import grades
 

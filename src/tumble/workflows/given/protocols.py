@@ -199,8 +199,7 @@ def read_played(protocol: str | os.PathLike[str], duration: float | None = None)
     UsageError, ProtocolError
         If there is no such protocol, or a duration is given that is none or not a rest's.
     """
-    from tumble.protocol import PROTOCOLS
-    from tumble.protocol.library import REST, rest_protocol
+    from tumble.protocol import PROTOCOLS, REST, rest_protocol
 
     name = str(protocol)
     # A folder of that name is what an earlier simulation wrote, and no protocol.

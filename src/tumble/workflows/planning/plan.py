@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tumble.calibration.verdict import two_digits
-from tumble.design.joint_information import GROUPS, PARAMETERS, JointInformation, parameters_of
+from tumble.calibration import two_digits
+from tumble.design import PARAMETER_GROUPS, PARAMETERS, JointInformation, parameters_of
 from tumble.earth import Site
 from tumble.errors import UsageError
 from tumble.files import results_folder
@@ -27,9 +27,7 @@ from tumble.workflows.request import PlanRequest
 
 if TYPE_CHECKING:
     from tumble.arrays import Series
-    from tumble.design.joint_plan import JointPlan, PlanTask
-    from tumble.design.planned_motion import PlannedNoise
-    from tumble.design.pose_plan import PosePlan, PoseTask
+    from tumble.design import JointPlan, PlannedNoise, PlanTask, PosePlan, PoseTask
     from tumble.document import Calibration
     from tumble.protocol import Protocol, Step
     from tumble.simulation import Grade, TriadNoise
@@ -88,7 +86,7 @@ def search_poses(
     UsageError, ObservabilityError
         If there is no time for the poses that are needed, or so many do not tell what is wanted.
     """
-    from tumble.design.pose_plan import PoseTask, known_norms, plan_poses, plan_schemes, plan_time
+    from tumble.design import PoseTask, known_norms, plan_poses, plan_schemes, plan_time
 
     hold, turn, count = DEFAULTS[request.asked]
     dwell, faces, site = request.hold or hold, request.asked == "six-position", planned.site
@@ -112,9 +110,8 @@ def search_poses(
 
 def _levelled(request: PlanRequest, task: PoseTask, grade: Grade, dwell: float) -> tuple[PoseTask, PosePlan]:
     """The six faces, in their best order: scale factors and biases alone, and what levelling adds to each."""
-    from tumble.attitude.rotations import twenty_six_directions
-    from tumble.design.pose_plan import GROUPS as OF_NORMS
-    from tumble.design.pose_plan import best_order, plan_of
+    from tumble.attitude import twenty_six_directions
+    from tumble.design import NORM_GROUPS, best_order, plan_of
 
     if request.poses not in (None, 6):
         raise UsageError(f"--poses {request.poses}: a six-position test has its six faces.")
@@ -126,14 +123,14 @@ def _levelled(request: PlanRequest, task: PoseTask, grade: Grade, dwell: float) 
             )
     # Of a face's own reading: the square of the tilt, and its product with misalignment.
     own = math.hypot(LEVELLED**2, math.sqrt(2.0) * LEVELLED * grade.accelerometer.misalignment)
-    wanted = np.array([*OF_NORMS["scale"], *OF_NORMS["bias"]])
+    wanted = np.array([*NORM_GROUPS["scale"], *NORM_GROUPS["bias"]])
     task = replace(task, wanted=wanted, placement=own, shortening=LEVELLED**2)
     faces = twenty_six_directions()[[0, 5, 1, 4, 2, 3]]
     return task, plan_of("six faces", task, faces[best_order(task, faces, dwell)], np.full(6, dwell))
 
 
 def _protocol(procedure: str, plan: PosePlan, hand: float) -> Protocol:
-    from tumble.calibration.poses import describe_direction
+    from tumble.calibration import describe_direction
     from tumble.protocol import HoldStep, Pose, Protocol, TurnStep
 
     steps: list[Step] = []
@@ -172,16 +169,15 @@ def read_given(
     if not path.exists():
         raise UsageError(f"--given {path}: there is no such file; give a calibration.json or a recording.")
     if path.is_dir() or path.suffix.lower() == ".json":
-        from tumble.document.result import read_calibration
+        from tumble.document import read_calibration
 
         calibration = read_calibration(path)
         holds = calibration.quality.holds
         return information_of(calibration), [
             f"{path} is a {calibration.procedure} calibration from {holds} holds."
         ]
-    from tumble.calibration.poses import describe_direction, distinct_poses
-    from tumble.calibration.session import Session
-    from tumble.design.joint_information import observed_problem
+    from tumble.calibration import Session, describe_direction, distinct_poses
+    from tumble.design import observed_problem
     from tumble.recording import read_recording
     from tumble.workflows.given.protocols import read_given_protocol
 
@@ -211,7 +207,7 @@ def information_of(calibration: Calibration) -> JointInformation:
     UsageError
         If it states no accelerometer matrix.
     """
-    from tumble.document.entries import PLACES, put, stacked, turned_to
+    from tumble.document import PLACES, put, stacked, turned_to
     from tumble.sensor import propagate
 
     if calibration.accelerometer is None or calibration.accelerometer.matrix is None:
@@ -238,16 +234,16 @@ def information_of(calibration: Calibration) -> JointInformation:
 
 def _parameters(values: Any) -> Any:
     """The thirty parameters of a document's numbers, each triad's divided by its own mean scale factor."""
-    from tumble.document.entries import part
+    from tumble.document import term_of
 
-    force, gyro = (part(values, f"{kind}.matrix") for kind in ("accelerometer", "gyroscope"))
+    force, gyro = (term_of(values, f"{kind}.matrix") for kind in ("accelerometer", "gyroscope"))
     sizes = [float(np.mean(np.real(np.diag(matrix)))) for matrix in (force, gyro)]
     return parameters_of(
         force / sizes[0],
-        part(values, "accelerometer.bias") / sizes[0],
+        term_of(values, "accelerometer.bias") / sizes[0],
         gyro / sizes[1],
-        part(values, "gyroscope.bias") / sizes[1],
-        part(values, "gyroscope.g_sensitivity") / sizes[1],
+        term_of(values, "gyroscope.bias") / sizes[1],
+        term_of(values, "gyroscope.g_sensitivity") / sizes[1],
     )
 
 
@@ -279,7 +275,7 @@ def plan(request: PlanRequest) -> Planned:
     OutputError
         If the files cannot be written; earlier ones are intact.
     """
-    from tumble.design.joint_plan import plan_protocol
+    from tumble.design import plan_protocol
 
     _check(request)
     progress = request.progress
@@ -317,8 +313,7 @@ def _check(request: PlanRequest) -> None:
 
 def _asked_protocol(request: PlanRequest) -> Protocol:
     """A named protocol or a file's; of one whose poses are yet to be searched the procedure alone."""
-    from tumble.protocol import PROTOCOLS, HoldStep, TurnStep
-    from tumble.protocol import Protocol as Steps
+    from tumble.protocol import PROTOCOLS, HoldStep, Protocol as Steps, TurnStep
     from tumble.workflows.given.protocols import read_given_protocol
 
     asked = request.asked
@@ -375,16 +370,15 @@ def _limits(text: str | None) -> Series | None:
                 f"--targets {text}: write NAME=NUMBER with commas between, each positive: {units}."
             )
         group, _, size = _TARGETS[name]
-        limits[GROUPS[group]] = value * size
+        limits[PARAMETER_GROUPS[group]] = value * size
     return limits
 
 
 def _task(protocol: Protocol, request: PlanRequest) -> tuple[PlanTask, Grade, list[str]]:
-    from tumble.design.joint_information import sizes_of_sheet
-    from tumble.design.joint_plan import PlanTask
-    from tumble.recording.stamps import clock_without_stamps
+    from tumble.design import PlanTask, sizes_of_sheet
+    from tumble.recording import clock_without_stamps
     from tumble.sample_rates import sample_rate, stated_clock
-    from tumble.simulation.grades import find_grade
+    from tumble.simulation import find_grade
     from tumble.workflows.given.prior import find_sheet
 
     grade, place = find_grade(request.grade), request.site or protocol.site
@@ -413,7 +407,7 @@ def _task(protocol: Protocol, request: PlanRequest) -> tuple[PlanTask, Grade, li
 
 def _noise_of(path: str | os.PathLike[str]) -> tuple[PlannedNoise, list[str]]:
     """The noise of a unit's own noise.json, the root mean square over its axes."""
-    from tumble.design.planned_motion import PlannedNoise
+    from tumble.design import PlannedNoise
     from tumble.workflows.noise import read_noise_models, triad_models
 
     models = read_noise_models(path)
@@ -430,7 +424,7 @@ def _noise_of(path: str | os.PathLike[str]) -> tuple[PlannedNoise, list[str]]:
 
 
 def _triad(models: list[Any]) -> TriadNoise:
-    from tumble.noise.flicker import flicker_variance
+    from tumble.noise import flicker_variance
     from tumble.simulation import TriadNoise
 
     def rms(values: list[float]) -> float:
@@ -451,8 +445,7 @@ def _triad(models: list[Any]) -> TriadNoise:
 
 def _advise(done: Planned, limits: Series | None, say: Callable[[str], None], *, steps: bool) -> None:
     """Find what each step is worth, what comes next, and what would tell what stays open."""
-    from tumble.design.joint_plan import find_step_worths
-    from tumble.design.next_step import find_next_steps, judge_stop, step_candidates, what_would_tell
+    from tumble.design import find_next_steps, find_step_worths, judge_stop, step_candidates, what_would_tell
 
     plan, task = done.plan, done.plan.task
     known, base = task.known, replace(task, known=None)
@@ -483,7 +476,7 @@ def of_clock(plan: JointPlan) -> str:
     ----------
     plan : a protocol's.
     """
-    from tumble.recording.stamps import NOMINAL
+    from tumble.recording import NOMINAL
 
     size, alone = f"{100.0 * plan.task.clock:.2g} %", ""
     scales = [one for one in plan.foretold if one.name.startswith("gyro scale")]
@@ -515,7 +508,7 @@ def _write(folder: Path, protocol: Protocol, document: dict[str, Any]) -> list[P
     """Write a plan's protocol, document and sheet beside their places, then rename them all; return the places."""
     from tumble.files import write_texts
     from tumble.protocol import protocol_to_yaml
-    from tumble.report.operator_sheet import render_sheet
+    from tumble.report import render_sheet
 
     texts = {
         "protocol.yaml": protocol_to_yaml(protocol),

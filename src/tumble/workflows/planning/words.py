@@ -14,9 +14,7 @@ from tumble.records import dataclass
 from tumble.units import MICRO_G
 
 if TYPE_CHECKING:
-    from tumble.design.joint_plan import Foretold, JointPlan, StepWorth
-    from tumble.design.next_step import NextStep, StepCandidate
-    from tumble.design.pose_plan import PosePlan, PoseTask
+    from tumble.design import Foretold, JointPlan, NextStep, PosePlan, PoseTask, StepCandidate, StepWorth
     from tumble.protocol import Protocol
 
 
@@ -101,8 +99,8 @@ def prediction_rows(done: Planned) -> list[list[str]]:
 
 
 def _prediction_row(stem: str, three: list[Foretold]) -> list[str]:
-    from tumble.parameters.measures import with_uncertainty
-    from tumble.report.parameters import practical_uncertainties
+    from tumble.parameters import with_uncertainty
+    from tumble.report import practical_uncertainties
 
     ends = [one.name.rpartition(" ")[2] for one in three]
     name = stem if ends == ["x", "y", "z"] else f"{stem} ({', '.join(ends)})"
@@ -235,8 +233,8 @@ def _about_hands(foretold: list[Foretold]) -> str:
 
 
 def _about_wander(search: PoseSearch) -> str:
-    from tumble.calibration.verdict import two_digits
-    from tumble.design.hold_noise import wander_sigma, white_density
+    from tumble.calibration import two_digits
+    from tumble.design import wander_sigma, white_density
 
     task, plan = search.task, search.plan
     if not task.noise.wanders:
@@ -299,10 +297,10 @@ def over_the_plan(plan: PosePlan, best: PosePlan) -> dict[str, float | None]:
     ----------
     plan, best : a scheme, and the plan.
     """
-    from tumble.design.pose_plan import GROUPS
+    from tumble.design import NORM_GROUPS
 
     ratios: dict[str, float | None] = {}
-    for group, members in GROUPS.items():
+    for group, members in NORM_GROUPS.items():
         own, its = (float(np.sqrt(np.mean(one.sigmas[list(members)] ** 2))) for one in (plan, best))
         ratios[group] = own / its if max(own, its) < OPEN else None
     return ratios

@@ -13,8 +13,7 @@ PX4, `sensor_calibration` (``Correct``, ``set_rotation``), `conversion/rotation.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import field as made
-from dataclasses import replace
+from dataclasses import field as made, replace
 from itertools import pairwise
 from typing import Any
 
@@ -22,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tumble.arrays import Matrix, Series, Vector, Vectors, inverted
-from tumble.attitude.rotations import matrix_from_angles
+from tumble.attitude import matrix_from_angles
 from tumble.errors import RecordingError
 from tumble.recording.columns import NAMES
 from tumble.recording.samples import Remark, Samples

@@ -1,0 +1,30 @@
+from .documents import (
+    HIDDEN as HIDDEN,
+    composed as composed,
+    lines_of as lines_of,
+    number_of as number_of,
+    opened as opened,
+    read_json as read_json,
+    read_text as read_text,
+    read_yaml as read_yaml,
+    reading as reading,
+    shown as shown,
+    size_of as size_of,
+    without_password as without_password,
+    yaml_loader as yaml_loader,
+)
+from .markup import notebook_html as notebook_html, templates as templates
+from .writing import (
+    GrowingFile as GrowingFile,
+    check_target as check_target,
+    files_in_place as files_in_place,
+    filled_folder as filled_folder,
+    inputs_kept as inputs_kept,
+    make_folder as make_folder,
+    put_text as put_text,
+    results_folder as results_folder,
+    temporary_folder as temporary_folder,
+    write_text as write_text,
+    write_texts as write_texts,
+    written_beside as written_beside,
+)

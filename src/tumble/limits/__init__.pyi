@@ -1,0 +1,8 @@
+from .conformity import (
+    Limit as Limit,
+    Limits as Limits,
+    decide as decide,
+    read_limits as read_limits,
+    rule_words as rule_words,
+    with_limits as with_limits,
+)

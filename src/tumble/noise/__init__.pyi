@@ -1,0 +1,33 @@
+from .advice import seconds_needed as seconds_needed
+from .autoregression import choose_order as choose_order, whiteness as whiteness
+from .channel import Channel as Channel
+from .characterisation import (
+    Characterisation as Characterisation,
+    characterise as characterise,
+    characterise_blocks as characterise_blocks,
+)
+from .deviation import (
+    ONE_SIGMA as ONE_SIGMA,
+    Deviation as Deviation,
+    StreamedDeviation as StreamedDeviation,
+    allan_deviation as allan_deviation,
+)
+from .fitting.fit import MISSED as MISSED, NoiseFit as NoiseFit, Term as Term, fit_curve as fit_curve
+from .fitting.selection import FALSE_ALARM as FALSE_ALARM
+from .fitting.weighted_fit import Method as Method
+from .flicker import (
+    flicker_corners as flicker_corners,
+    flicker_recursions as flicker_recursions,
+    flicker_variance as flicker_variance,
+)
+from .lines import LINE_FALSE_ALARM as LINE_FALSE_ALARM, find_lines as find_lines
+from .spectrum import power_spectrum as power_spectrum
+from .terms import GaussMarkov as GaussMarkov, Line as Line, NoiseModel as NoiseModel
+from .triads import COLLAPSE as COLLAPSE, triad_terms as triad_terms
+from .units import (
+    ACCELEROMETER as ACCELEROMETER,
+    GYRO as GYRO,
+    practical_noise_unit as practical_noise_unit,
+    si_noise_unit as si_noise_unit,
+)
+from .variances import LETTERS as LETTERS

@@ -1,0 +1,57 @@
+from .axis_angles import fixture_angles as fixture_angles, unit as unit
+from .chamber import Chamber as Chamber, ChamberTruth as ChamberTruth, simulate_chamber as simulate_chamber
+from .errors import (
+    EARTHS_FIELD as EARTHS_FIELD,
+    KEYS as KEYS,
+    SessionErrors as SessionErrors,
+    read_errors as read_errors,
+)
+from .field_campaign import (
+    CART as CART,
+    ORIGIN as ORIGIN,
+    POSES as POSES,
+    REST as REST,
+    SECTIONS as SECTIONS,
+    WARM_UP as WARM_UP,
+    cart_trajectory as cart_trajectory,
+    pose_motion as pose_motion,
+    warming as warming,
+)
+from .fixtures import PlayedProtocol as PlayedProtocol, play_protocol as play_protocol
+from .grades import (
+    GRADES as GRADES,
+    Grade as Grade,
+    ThermalGrade as ThermalGrade,
+    TriadGrade as TriadGrade,
+    find_grade as find_grade,
+    find_thermal_grade as find_thermal_grade,
+)
+from .magnetometer import (
+    SimulatedMagnetometer as SimulatedMagnetometer,
+    find_magnetometer as find_magnetometer,
+)
+from .motion import Motion as Motion
+from .noise import (
+    TriadNoise as TriadNoise,
+    convert_to_digital as convert_to_digital,
+    simulate_noise as simulate_noise,
+    simulate_wander as simulate_wander,
+)
+from .poses import poses_26 as poses_26
+from .protocols import simulate_protocol as simulate_protocol
+from .recordings import Truth as Truth, simulate_recording as simulate_recording
+from .sampling import (
+    Imperfections as Imperfections,
+    count_increments as count_increments,
+    drop_samples as drop_samples,
+    scatter_instants as scatter_instants,
+)
+from .table import TableErrors as TableErrors
+from .thermal_steps import has_chamber as has_chamber
+from .trajectories import (
+    SplineTrajectory as SplineTrajectory,
+    TravelledStates as TravelledStates,
+    drive_along as drive_along,
+    simulate_drive as simulate_drive,
+)
+from .two_axis import FixtureErrors as FixtureErrors, play_sequences as play_sequences

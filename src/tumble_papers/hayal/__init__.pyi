@@ -1,0 +1,14 @@
+from .chapter_4 import THEORY as THEORY
+from .norm import adjust_norm as adjust_norm
+from .norm_batch import (
+    ATTITUDES as ATTITUDES,
+    ESTIMATORS as ESTIMATORS,
+    FORCE_NOISE as FORCE_NOISE,
+    GRAVITY as GRAVITY,
+    RATE_NOISE as RATE_NOISE,
+    SAMPLES as SAMPLES,
+    adjust_norms as adjust_norms,
+    run_setting as run_setting,
+    simulate_means as simulate_means,
+    table_setting as table_setting,
+)
