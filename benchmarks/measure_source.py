@@ -8,13 +8,13 @@ A ceiling only falls: `--lower` never raises one, and `tests/architecture/test_c
 
 Code lines are lines with a token that is neither a comment nor a docstring. A function's lines run from its
 `def` to its end, docstring excluded, inner functions included; compiled loops are not counted among the long
-ones. What a room's front
-lists (`__init__.pyi`) is counted in names, not in lines. Import depth counts modules on the longest chain of imports, circles collapsed. Circles are strongly
-connected components. Both count all imports: at module level, inside functions, and under TYPE_CHECKING; an import from a room's front
-is one of the module that the front fetches the name from. What
-the demo enters are modules whose functions ran during `tumble calibrate` (sys.setprofile); what runs at import
-alone is not counted, and neither are compiled loops. Words are those of all Markdown pages that git tracks; the
-net (`tests/net`) counts as neither words nor tests. Options are those of all commands, hidden ones too.
+ones. What a room's front lists (`__init__.pyi`) is counted in names, not in lines. Import depth counts
+modules on the longest chain of imports, circles collapsed. Circles are strongly connected components. Both
+count all imports: at module level, inside functions, and under TYPE_CHECKING; an import from a room's front
+is one of the module that the front fetches the name from. What the demo enters are modules whose functions
+ran during `tumble calibrate` (sys.setprofile); what runs at import alone is not counted, and neither are
+compiled loops. Words are those of all Markdown pages that git tracks; the net (`tests/net`) counts as neither
+words nor tests. Options are those of all commands, hidden ones too.
 """
 
 from __future__ import annotations

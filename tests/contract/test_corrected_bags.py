@@ -17,13 +17,12 @@ import pytest
 from msgspec import structs
 from tests.contract.ros import IMU, STORE, STORE1, TEXT, ros1, ros2, rosbag1, rosbag2, samples, stream
 
-from tumble.cli.main import main
-from tumble.document.imported import calibration_from_model
-from tumble.document.result import Calibration, ParameterBlock
+from tumble.cli import main
+from tumble.document import Calibration, ParameterBlock, calibration_from_model
 from tumble.errors import RecordingError, TumbleError, UsageError
 from tumble.recording import read_recording
 from tumble.sensor import ImuModel, Triad
-from tumble.workflows.apply import apply
+from tumble.workflows import apply
 
 M_A = np.array([[1.012, 0.004, -0.007], [-0.009, 0.991, 0.006], [0.003, -0.012, 1.021]])
 M_G = np.array([[0.985, -0.011, 0.008], [0.006, 1.017, -0.004], [-0.013, 0.005, 1.008]])
@@ -331,7 +330,7 @@ def test_a_folder_with_other_things_in_it_is_left_alone(tmp_path: Path) -> None:
 def test_an_existing_copy_stays_whole_where_the_new_one_fails(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from tumble.recording.rewriting import Exchange
+    from tumble.recording import Exchange
 
     path, folder = ros1(tmp_path / "a.bag", {"/imu": "both"}), ros2(tmp_path / "two", {"/imu": "both"})
     apply(UNIT, path, output=tmp_path / "b.bag")

@@ -21,16 +21,16 @@ import pytest
 
 from contract.test_flight_logs import FMT, described, write_ulog
 from tumble.errors import OutputError, RecordingError
-from tumble.recording import read_blocks, read_recording
-from tumble.recording.formats import (
+from tumble.recording import (
     FORMATS,
     find_format,
-    frames,
     header_names,
+    read_blocks,
+    read_recording,
     read_table,
     read_table_blocks,
-    text,
 )
+from tumble.recording.formats import frames, text
 
 NAMES = ("t", "ax", "ay", "az", "gx", "gy", "gz")
 

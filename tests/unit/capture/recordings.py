@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 
 from tumble.capture.run import CaptureOrder, CaptureRun, run_capture
-from tumble.capture.source import Channels, Piece, Source, SourceOptions, sources
-from tumble.recording import Recording
-from tumble.recording.samples import Samples
+from tumble.capture.source import Channels, Piece, Source, SourceOptions, known_sources
+from tumble.recording import Recording, Samples
 
 GRAVITY = 9.80665
 
@@ -88,7 +87,9 @@ def captured(pieces: Iterable[Piece], folder: Path, **order: Any) -> CaptureRun:
 
 def replay_of(file: Path, folder: Path, **order: Any) -> CaptureOrder:
     """An order to replay a file without waiting."""
-    return CaptureOrder(sources()["replay"], f"{file}@0", SourceOptions(), folder, **{"imu": None, **order})
+    return CaptureOrder(
+        known_sources()["replay"], f"{file}@0", SourceOptions(), folder, **{"imu": None, **order}
+    )
 
 
 def live(recording: Recording, seconds: float = 0.1) -> list[Piece]:

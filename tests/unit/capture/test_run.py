@@ -36,11 +36,9 @@ from tumble.capture.source import Channels, Piece
 from tumble.capture.targets import read_targets
 from tumble.earth import Site
 from tumble.errors import UsageError
-from tumble.recording import Recording, read_recording
-from tumble.recording.formats.output import write_recording
-from tumble.recording.samples import Samples
+from tumble.recording import Recording, Samples, read_recording, write_recording
 from tumble.sample_rates import sample_rate
-from tumble.simulation.grades import find_grade
+from tumble.simulation import find_grade
 
 RUN = "import sys; from tumble.cli import program; program()"
 

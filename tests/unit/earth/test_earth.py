@@ -12,8 +12,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tumble.earth import Site, normal_gravity
-from tumble.units import STANDARD_GRAVITY
 from tumble.errors import SiteError
+from tumble.units import STANDARD_GRAVITY
 
 
 def test_gravity_at_the_equator_and_at_the_poles_is_what_wgs_84_publishes() -> None:

@@ -10,11 +10,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from tumble.arrays import AnyArray, Square
-from tumble.calibration.equations.stretches import RotationStretch, SectionStretch
+from tumble.calibration import RotationStretch, SectionStretch
 from tumble.errors import ConvergenceError, ObservabilityError
 from tumble.estimation.alternatives import Alternative, Found, Suspect, find
 from tumble.estimation.chain import Chain, Spread

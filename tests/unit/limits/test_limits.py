@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from tests.unit.written import parameters, written
 
-from tumble.document.result import Calibration
+from tumble.document import Calibration
 from tumble.errors import UsageError
 from tumble.limits import Limits, read_limits, with_limits
 from tumble.limits.conformity import conformance_probability, decision, overall

@@ -10,21 +10,12 @@ import pytest
 from numpy import cos, sin
 from scipy.spatial.transform import Rotation
 
-from tumble.attitude.rotations import twenty_six_directions
-from tumble.calibration.equations.triad_unknowns import NormConditions
+from tumble.attitude import twenty_six_directions
+from tumble.calibration import NormConditions
 from tumble.earth import EARTH_RATE
 from tumble.errors import UsageError
 from tumble.estimation import adjust
-from tumble.simulation import find_grade
-from tumble.simulation.field_campaign import (
-    CART,
-    ORIGIN,
-    REST,
-    SECTIONS,
-    cart_trajectory,
-    pose_motion,
-    warming,
-)
+from tumble.simulation import CART, ORIGIN, REST, SECTIONS, cart_trajectory, find_grade, pose_motion, warming
 from tumble_papers.hayal.field_campaign import (
     GAPS,
     ORIGINAL,

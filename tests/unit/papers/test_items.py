@@ -12,8 +12,7 @@ import pytest
 
 import tumble_papers.zhang.turntable as laboratory
 from tumble.errors import UsageError
-from tumble.reproduction.items import find_items, run_item
-from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED, Outcome, Row
+from tumble.reproduction import INSIDE, OUTSIDE, UNJUDGED, Outcome, Row, find_items, run_item
 from tumble_papers.catalogue import ITEMS
 from tumble_papers.hayal.chapter_4 import NOISES, RATES
 from tumble_papers.hayal.scenarios import (

@@ -14,12 +14,11 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from tumble.attitude.rotations import twenty_six_directions
-from tumble.calibration.poses import find_two_planes, find_untold, norm_rows
+from tumble.attitude import twenty_six_directions
+from tumble.calibration import find_two_planes, find_untold, norm_rows
 from tumble.errors import ObservabilityError
-from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED, Outcome
-from tumble.sensor.conventions.zhang import matrix_from_zhang
-from tumble.sensor.propagation import jacobian
+from tumble.reproduction import INSIDE, OUTSIDE, UNJUDGED, Outcome
+from tumble.sensor import jacobian, matrix_from_zhang
 from tumble.units import STANDARD_GRAVITY
 from tumble_papers.catalogue import ITEMS
 from tumble_papers.study import zhang

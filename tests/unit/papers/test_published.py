@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED
+from tumble.reproduction import INSIDE, OUTSIDE, UNJUDGED
 from tumble_papers.hayal.chapter_4 import _judged
 from tumble_papers.hayal.norm_batch import FORCE_ERRORS, FORCE_NOISE, GYRO_ERRORS, RATE_NOISE
 from tumble_papers.hayal.scenarios import (

@@ -13,15 +13,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from second_simulator.calibrating import played
-from tumble.calibration.session import Session
+from tumble.calibration import Session
 from tumble.earth import Site
 from tumble.errors import ObservabilityError
-from tumble.protocol import HoldStep, Protocol, Step, named_protocol
-from tumble.protocol.strapdown_rotation import SEQUENCES, sequence_steps, start_down
-from tumble.sensor import ImuModel
-from tumble.sensor.conventions.savage import GROUPS, NAMES, SavageErrors, savage_from_model
-from tumble.simulation import simulate_protocol
-from tumble.simulation.two_axis import FixtureErrors
+from tumble.protocol import SEQUENCES, HoldStep, Protocol, Step, named_protocol, sequence_steps, start_down
+from tumble.sensor import GROUPS, NAMES, ImuModel, SavageErrors, savage_from_model
+from tumble.simulation import FixtureErrors, simulate_protocol
 from tumble_papers.savage.methods import ESTIMATORS, inversion_covariance
 from tumble_papers.savage.section_9 import unit
 from tumble_papers.savage.sequences import (

@@ -13,12 +13,11 @@ from scipy.spatial.transform import Rotation
 
 from recovery.played import MODEL, short
 from second_simulator.calibrating import played
-from tumble.calibration.session import Session
+from tumble.calibration import Session
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ObservabilityError
 from tumble.protocol import HoldStep, SpinStep, Step
-from tumble.sensor import change_frame
-from tumble.sensor.gauge import lower_factor
+from tumble.sensor import change_frame, lower_factor
 from tumble.simulation import TableErrors, find_grade, simulate_protocol
 from tumble_papers.zhang.closed_forms import (
     bias_from_static_pairs,

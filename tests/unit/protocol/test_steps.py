@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tumble.attitude.rotations import twenty_six_directions
-from tumble.earth import Site
-from tumble.earth.site import EARTH_RATE
+from tumble.attitude import twenty_six_directions
+from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ProtocolError
 from tumble.protocol import (
     PROTOCOLS,
@@ -30,7 +29,7 @@ from tumble.protocol import (
 )
 from tumble.protocol.consistency import refuse_contradicting_turns
 from tumble.protocol.strapdown_rotation import SEQUENCES, fixture_rotation, start_down
-from tumble.workflows.calibrate import calibrate
+from tumble.workflows import calibrate
 
 X, Y, Z = np.eye(3)
 

@@ -15,7 +15,7 @@ from tumble.errors import UsageError
 from tumble.recording import Recording, find_saturated_channels, inspect_recording, read_recording
 from tumble.recording.rest import find_quiet_stretches, fit_sphere, one_a_direction
 from tumble.recording.temperature import TemperatureColumn, mean_celsius, without_slips
-from tumble.workflows.inspect import inspect
+from tumble.workflows import inspect
 
 
 def recording_of(tumbled, **changes) -> Recording:
@@ -169,7 +169,7 @@ def test_slips_are_no_temperatures_and_a_column_in_another_scale_is_left_as_it_i
 @pytest.fixture
 def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
     """Run the program in this process; returns exit status, standard output and standard error."""
-    from tumble.cli.main import main
+    from tumble.cli import main
 
     def call(*arguments: object) -> tuple[int, str, str]:
         monkeypatch.setattr(sys, "argv", ["tumble", "inspect", *map(str, arguments)])

@@ -24,7 +24,7 @@ from tumble.recording import (
 from tumble.recording.samples import joined_fields
 from tumble.recording.units import read_units_option
 from tumble.units import find_unit, magnetic_field_factor
-from tumble.workflows.several import join_recordings
+from tumble.workflows import join_recordings
 
 GRAVITY = 9.81
 RATE = 100.0

@@ -17,7 +17,7 @@ from tumble.errors import OutputError, RecordingError, UsageError
 from tumble.recording import Recording, read_blocks, read_recording, reading, write_recording
 from tumble.recording.formats import header_names
 from tumble.recording.formats.frames import UNITS_KEY
-from tumble.workflows.corrected import corrections_of
+from tumble.workflows import corrections_of
 
 COUNT = 6000
 RNG = np.random.default_rng(3)

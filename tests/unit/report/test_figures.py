@@ -12,7 +12,7 @@ import numpy as np
 import pypdf
 import pytest
 
-from tumble.attitude.rotations import twenty_six_directions
+from tumble.attitude import twenty_six_directions
 from tumble.errors import UsageError
 from tumble.report.evidence.residuals import nominal_hold_norms, nominal_turn_angles
 from tumble.report.figures import on_paper
@@ -22,7 +22,7 @@ from tumble.report.figures.record import Axis, Bars, Curve, Figure, Map, Points,
 from tumble.report.figures.timeline import envelope, timeline
 from tumble.report.page import Figures, Sentences
 from tumble.report.subject import Subject, pose_words
-from tumble.segmentation.matching import MatchedSpin, Matching
+from tumble.segmentation import MatchedSpin, Matching
 
 
 def drawn(blocks: Sequence[object]) -> Figures:

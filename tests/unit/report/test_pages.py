@@ -15,10 +15,9 @@ from msgspec import structs
 from rich.console import Console
 from rich.text import Text
 
-from tumble.document.magnetometer_block import FieldVerdictBlock, MagnetometerBlock
-from tumble.document.result import Calibration
-from tumble.noise.characterisation import Characterisation, characterise
-from tumble.parameters.family import TEMPERATURE
+from tumble.document import Calibration, FieldVerdictBlock, MagnetometerBlock
+from tumble.noise import Characterisation, characterise
+from tumble.parameters import TEMPERATURE
 from tumble.recording import Recording, Source
 from tumble.report.html import render_page
 from tumble.report.noise import noise_lines, noise_page, noise_rows, practical_unit, si_unit

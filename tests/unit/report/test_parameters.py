@@ -10,23 +10,19 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from msgspec import structs
 from tests.unit.written import parameters, written
 
-from tumble.calibration.estimate import NamedValue
-from tumble.document.result import Calibration
-from tumble.document.thermal_block import ThermalBlock, thermal_block
-from tumble.parameters.family import TEMPERATURE, parameter_of
-from tumble.parameters.measures import Measure, decimals_of, fixed, with_uncertainty
+from tumble.calibration import NamedValue
+from tumble.document import Calibration, ThermalBlock, thermal_block
+from tumble.parameters import TEMPERATURE, Measure, decimals_of, fixed, parameter_of, with_uncertainty
 from tumble.report.evidence.budget import beside, parameters_beside
 from tumble.report.html import render_page
 from tumble.report.page import Page
 from tumble.report.parameters import ParameterRow, parameter_rows
 from tumble.report.summary import thermal_changes, thermal_lines
-from tumble.sensor import ImuModel, Triad
-from tumble.sensor.thermal import TemperatureBasis, ThermalModel
+from tumble.sensor import ImuModel, TemperatureBasis, ThermalModel, Triad
 
 
 @pytest.fixture

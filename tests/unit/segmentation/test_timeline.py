@@ -14,12 +14,11 @@ from second_simulator import GRADES, PROCEDURES
 from tumble.earth import Site
 from tumble.errors import SegmentationError
 from tumble.protocol import named_protocol
-from tumble.recording import Recording
-from tumble.recording.stamps import find_gaps
+from tumble.recording import Recording, find_gaps
 from tumble.segmentation import find_timeline, read_intervals
 from tumble.segmentation.creep import find_other_rests, in_other_poses_too
 from tumble.sensor import ImuModel, Triad
-from tumble.simulation.protocols import simulate_protocol
+from tumble.simulation import simulate_protocol
 
 RATE = 100.0
 GRAVITY = 9.81

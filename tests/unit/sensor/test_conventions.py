@@ -6,8 +6,7 @@ from math import cos, sin, tan
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from scipy.linalg import polar
 from scipy.spatial.transform import Rotation
 

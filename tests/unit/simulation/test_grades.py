@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import tumble
-from tumble.calibration.magnetometer.estimate import Magnetometer
+from tumble.calibration import Magnetometer
 from tumble.errors import UsageError
 from tumble.protocol import named_protocol
 from tumble.sensor import Triad
@@ -27,8 +27,7 @@ from tumble.simulation import (
 )
 from tumble.simulation.magnetometer import SimulatedMagnetometer, find_magnetometer
 from tumble.units import STANDARD_GRAVITY
-from tumble.workflows.calibrate import calibrate
-from tumble.workflows.simulate import simulate
+from tumble.workflows import calibrate, simulate
 from unit.given import given, signals
 
 HOUR, DEGREE = 3600.0, np.pi / 180.0
