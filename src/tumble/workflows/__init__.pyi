@@ -1,5 +1,5 @@
 from .apply import apply as apply
-from .batches.batch import run_batch as run_batch
+from .batch import run_batch as run_batch
 from .calibrate import (
     GRAVITY as GRAVITY,
     RATE as RATE,
@@ -7,7 +7,6 @@ from .calibrate import (
     calibrate as calibrate,
     demo as demo,
 )
-from .certificate import make_certificate as make_certificate
 from .convert import (
     Converted as Converted,
     convert_from as convert_from,
@@ -27,7 +26,7 @@ from .drive import (
     DriveVerification as DriveVerification,
     verify_drive as verify_drive,
 )
-from .given.protocols import choose_site as choose_site, read_given_protocol as read_given_protocol
+from .given import choose_site as choose_site, read_given_protocol as read_given_protocol
 from .inspect import Inspection as Inspection, inspect as inspect
 from .mount import Mounted as Mounted, mount as mount
 from .noise import (
@@ -35,13 +34,15 @@ from .noise import (
     analyse_noise as analyse_noise,
     read_noise_models as read_noise_models,
 )
-from .planning.plan import DEFAULTS as DEFAULTS, information_of as information_of, plan as plan
-from .planning.words import (
+from .plan import (
+    DEFAULTS as DEFAULTS,
     STEP_HEADS as STEP_HEADS,
     Planned as Planned,
     document_of as document_of,
     headline as headline,
+    information_of as information_of,
     next_words as next_words,
+    plan as plan,
     prediction_rows as prediction_rows,
     scheme_rows as scheme_rows,
     step_rows as step_rows,
@@ -70,6 +71,7 @@ from .registry import (
     fleet as fleet,
     history as history,
     history_rows as history_rows,
+    make_certificate as make_certificate,
     registry_at as registry_at,
     require_registry as require_registry,
 )

@@ -25,8 +25,7 @@ from tumble.earth import Site
 from tumble.errors import ConvergenceError, ObservabilityError, SegmentationError, TumbleError, UsageError
 from tumble.files import results_folder
 from tumble.limits import read_limits, with_limits
-from tumble.workflows.given.prior import Known, known_beforehand
-from tumble.workflows.given.protocols import GivenProtocol, given_site, read_given_protocol
+from tumble.workflows.given import GivenProtocol, Known, given_site, known_beforehand, read_given_protocol
 from tumble.workflows.magnetometer import (
     add_magnetometer,
     field_alone,

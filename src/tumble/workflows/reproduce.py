@@ -11,7 +11,7 @@ from tumble.counting import counted
 from tumble.errors import OutputError, UsageError
 from tumble.files import results_folder
 from tumble.records import dataclass
-from tumble.workflows.batches.executors import Hands, hands
+from tumble.workflows.executors import Hands, hands
 from tumble.workflows.request import ReproduceRequest, asked, silent
 
 if TYPE_CHECKING:

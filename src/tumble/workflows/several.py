@@ -40,8 +40,7 @@ from tumble.recording import (
 )
 from tumble.records import dataclass
 from tumble.workflows.corrected import corrections_of
-from tumble.workflows.given.prior import Known
-from tumble.workflows.given.protocols import GivenProtocol, Span, read_given_protocol
+from tumble.workflows.given import GivenProtocol, Known, Span, read_given_protocol
 from tumble.workflows.magnetometer import left_out_of
 from tumble.workflows.procedures import add_remarks, believed, find_holds
 from tumble.workflows.request import OF_ONE_UNIT, CalibrateRequest, refuse

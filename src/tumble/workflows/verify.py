@@ -44,7 +44,7 @@ from tumble.workflows.corrected import (
     recorded_span,
     refuse_twice,
 )
-from tumble.workflows.given.protocols import given_site
+from tumble.workflows.given import given_site
 from tumble.workflows.request import VerifyRequest, asked, silent
 
 

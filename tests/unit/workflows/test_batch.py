@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 
 from tumble.errors import UsageError
-from tumble.workflows.batches.executors import hands
-from tumble.workflows.batches.unit import read_source
+from tumble.workflows.batch import read_source
+from tumble.workflows.executors import hands
 
 
 def put(folder: Path, *names: str) -> None:
@@ -127,7 +127,7 @@ def test_any_executor_does_the_work_and_is_left_open_and_none_is_refused() -> No
 
 BEGIN = """
 import os, time
-from tumble.workflows.batches.executors import processes
+from tumble.workflows.executors import processes
 if __name__ == "__main__":
     pool = processes(1)
     print(pool.submit(os.getpid).result(), flush=True)

@@ -1,1 +1,0 @@
-"""What a user gives beside the recording: place, notes, protocol, data sheet, noise models."""

@@ -1,1 +1,0 @@
-"""Planning a test before it is done: poses, rotations, any protocol."""
