@@ -1,4 +1,5 @@
 from .coach import BELLS as BELLS, Event as Event
+from .guide import groups_of as groups_of, read_targets as read_targets
 from .machine import Capture as Capture
 from .run import (
     CaptureOrder as CaptureOrder,
@@ -9,4 +10,3 @@ from .run import (
 )
 from .source import SourceOptions as SourceOptions, find_source as find_source, known_sources as known_sources
 from .sources.serial import found_ports as found_ports
-from .targets import groups_of as groups_of, read_targets as read_targets

@@ -157,9 +157,9 @@ def _as_dict(answer: Answer) -> dict[str, object]:
 
 
 def _print(told: list[Answer], data_sheet: str | None) -> None:
-    from tumble.report import FOOTNOTE, HEADS, cells
+    from tumble.report import FOOTNOTE, PREDICTED, cells
 
-    heads = [*HEADS]
+    heads = [*PREDICTED]
     if data_sheet is not None:
         heads.insert(2, data_sheet)
     rows = [cells(answer, with_sheet=data_sheet is not None) for answer in told]

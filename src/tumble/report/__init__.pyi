@@ -1,6 +1,14 @@
-from .advice import next_steps as next_steps
-from .batch import batch_page as batch_page
-from .calibration import calibration_page as calibration_page, render_report as render_report
+from .calibration import (
+    FOOTNOTE as FOOTNOTE,
+    PREDICTED as PREDICTED,
+    FilterDocument as FilterDocument,
+    StateBlock as StateBlock,
+    calibration_page as calibration_page,
+    cells as cells,
+    next_steps as next_steps,
+    planned_sentence as planned_sentence,
+    render_report as render_report,
+)
 from .drive import metres as metres, render_drive as render_drive
 from .evidence import RENDERERS as RENDERERS, render_evidence as render_evidence
 from .evidence.residuals import restless as restless
@@ -10,7 +18,8 @@ from .figures.on_paper import (
     require_library as require_library,
     write_figures as write_figures,
 )
-from .history import (
+from .fleet import (
+    batch_page as batch_page,
     change_table as change_table,
     history_page as history_page,
     history_table as history_table,
@@ -42,14 +51,6 @@ from .parameters import (
     parameter_rows as parameter_rows,
     practical_uncertainties as practical_uncertainties,
     rows_of as rows_of,
-)
-from .planned import planned_sentence as planned_sentence
-from .predictions import (
-    FOOTNOTE as FOOTNOTE,
-    HEADS as HEADS,
-    FilterDocument as FilterDocument,
-    StateBlock as StateBlock,
-    cells as cells,
 )
 from .reproduction import (
     outcome_files as outcome_files,

@@ -70,7 +70,6 @@ from tumble.workflows.given import choose_site, given_site
 from tumble.workflows.request import OF_NO_BATCH, USUAL, CalibrateRequest, notes_of, option_of, refuse, silent
 
 if TYPE_CHECKING:
-    from tumble.fleet import Batch
     from tumble.workflows.results import CalibrationRun
 
 

@@ -17,7 +17,7 @@ from tumble.files import read_json
 from tumble.fleet import PROCEDURE
 from tumble.recording import Recording
 from tumble.records import dataclass
-from tumble.simulation import grades
+from tumble.simulation import GRADES, Grade, find_grade
 
 if TYPE_CHECKING:
     from tumble.protocol import Protocol, Step
@@ -230,7 +230,7 @@ class Known:
     """What is known before a recording: the angles of the unit itself, or the spreads of its kind."""
 
     angles: StableKnowledge | None = None
-    sheet: grades.Grade | FleetSheet | None = None
+    sheet: Grade | FleetSheet | None = None
 
 
 def known_beforehand(prior: str | os.PathLike[str], serial: str | None = None) -> Known:
@@ -250,8 +250,8 @@ def known_beforehand(prior: str | os.PathLike[str], serial: str | None = None) -
         If there is no such grade, or the calibration is of another unit or states no accelerometer matrix.
     """
     text = os.fspath(prior)
-    if text in grades.GRADES or not (Path(text).exists() or text.endswith(".json")):
-        return Known(sheet=grades.find_grade(text))
+    if text in GRADES or not (Path(text).exists() or text.endswith(".json")):
+        return Known(sheet=find_grade(text))
     earlier = read_calibration(text)
     if earlier.procedure == PROCEDURE:
         return Known(sheet=FleetSheet(_triad(earlier, "accelerometer"), _triad(earlier, "gyroscope")))
@@ -269,7 +269,7 @@ def known_beforehand(prior: str | os.PathLike[str], serial: str | None = None) -
     return Known(stable_knowledge(earlier.model.accelerometer.matrix, stacked(earlier)[1][place, place]))
 
 
-def find_sheet(name: str | os.PathLike[str]) -> grades.Grade | FleetSheet:
+def find_sheet(name: str | os.PathLike[str]) -> Grade | FleetSheet:
     """Return a data sheet: a grade, or a file of `tumble registry fleet`.
 
     Parameters

@@ -260,7 +260,6 @@ def _about_hands(foretold: list[Foretold]) -> str:
 
 
 def _about_wander(search: PoseSearch) -> str:
-    from tumble.calibration import two_digits
     from tumble.design import wander_sigma, white_density
 
     task, plan = search.task, search.plan

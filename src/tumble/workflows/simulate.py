@@ -243,7 +243,6 @@ def _site(site: Site) -> dict[str, Any]:
 
 
 def _in_gauge(model: ImuModel, frame: str) -> ImuModel | None:
-    from tumble.sensor import change_frame
 
     try:
         return change_frame(model, frame)

@@ -1,4 +1,5 @@
-from .chapter_4 import THEORY as THEORY
+from .chapter_4 import CHAPTER_4 as CHAPTER_4, THEORY as THEORY
+from .field_campaign import POSITIONS as POSITIONS
 from .norm import adjust_norm as adjust_norm
 from .norm_batch import (
     ATTITUDES as ATTITUDES,
@@ -12,3 +13,4 @@ from .norm_batch import (
     simulate_means as simulate_means,
     table_setting as table_setting,
 )
+from .scenarios import SCENARIO_TABLES as SCENARIO_TABLES

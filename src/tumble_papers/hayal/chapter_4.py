@@ -236,7 +236,7 @@ def _norm_bias(repetitions: int, seed: int) -> Found:
     return Found(rows)
 
 
-STUDIES = (
+CHAPTER_4 = (
     *(Study(f"hayal-{t}", partial(_table, t)) for t in ("4.2", "4.3", "4.4", "4.5")),
     *(Study(f"hayal-figure-{f}", partial(_figure, f)) for f in AGAINST),
     Study("hayal-convergence", _convergence),

@@ -327,5 +327,5 @@ def _unseen(scenario: int, unknowns: int) -> str:
     )
 
 
-STUDIES = tuple(Study(f"hayal-{t}", partial(_table, t)) for t in TABLES)
+SCENARIO_TABLES = tuple(Study(f"hayal-{t}", partial(_table, t)) for t in TABLES)
 """Tables 5.2 to 5.4, A.1 to A.6 and B.1 to B.3."""

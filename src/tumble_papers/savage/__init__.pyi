@@ -1,3 +1,5 @@
+from .formulas import FORMULAS as FORMULAS
+from .section_9 import SECTION_9 as SECTION_9
 from .sequences import sequence_model as sequence_model, solve_measurements as solve_measurements
 from .strapdown_simulation import (
     AS_PRINTED as AS_PRINTED,

@@ -225,5 +225,5 @@ def _table_2(repetitions: int, seed: int) -> Found:
     return Found(rows)
 
 
-STUDIES = (Study("savage-1", _table_1), Study("savage-2", _table_2), Study("savage-12", _equation_12))
+FORMULAS = (Study("savage-1", _table_1), Study("savage-2", _table_2), Study("savage-12", _equation_12))
 """Tables 1 and 2, and (12)."""

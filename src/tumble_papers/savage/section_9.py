@@ -524,7 +524,7 @@ def _notes(
     return notes
 
 
-STUDIES = (
+SECTION_9 = (
     Study("savage-9.1", _random_noise),
     Study("savage-9.2", _accelerometer_noise),
     Study("savage-9.3", _earth_rate),

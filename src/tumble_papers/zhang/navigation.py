@@ -514,7 +514,7 @@ def estimate_run(plan: TruePlan, rng: np.random.Generator) -> Unit:
     return Unit(force, plain[0:3], own, plain[18:21], inverse(own) @ gyro)
 
 
-STUDIES = tuple(
+NAVIGATION = tuple(
     study
     for test, entry in zhang()["navigation_tests"].items()
     for study in (

@@ -611,5 +611,5 @@ def _mean_square(values: Series) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-STUDIES = (Study("zhang-sensitivity", _sensitivity), Study("zhang-designs", _designs))
+POSE_SETS = (Study("zhang-sensitivity", _sensitivity), Study("zhang-designs", _designs))
 """Section 3.2."""

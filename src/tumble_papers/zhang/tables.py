@@ -520,7 +520,7 @@ def _plot(words: str, picture: _Picture) -> Plot:
     return Plot("norms", f"Norm errors, {words}", "position", label, curves, linear=True, line="one run")
 
 
-STUDIES = (
+TABLES_AND_FIGURES = (
     Study("zhang-2", _table_2),
     Study("zhang-3", partial(_scatter_table, "3")),
     Study("zhang-4", partial(_scatter_table, "4")),

@@ -18,14 +18,12 @@ from tests.unit.capture.recordings import (
 )
 
 from tumble.attitude import twenty_six_directions
-from tumble.capture.coach import Event
+from tumble.capture.coach import Event, RestCoach, StepsCoach, step_phrase
 from tumble.capture.live_holds import LiveBlocks, LiveHolds
 from tumble.capture.machine import Capture
-from tumble.capture.rest_coach import RestCoach
 from tumble.capture.run import CaptureOrder, run_capture
 from tumble.capture.source import Channels, Source, SourceOptions, find_source
 from tumble.capture.sources.simulated import Flaws, SimulatedPerson
-from tumble.capture.steps_coach import StepsCoach, step_phrase
 from tumble.design import NAMES
 from tumble.earth import Site
 from tumble.errors import UsageError

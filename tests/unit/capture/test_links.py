@@ -21,10 +21,9 @@ from hypothesis import given, settings, strategies as st
 from tests.unit.capture.recordings import by_hand, replay_of, triads
 
 from tumble.capture.apart import SensorLines
-from tumble.capture.link import Decoder
+from tumble.capture.link import Decoder, TextLines
 from tumble.capture.run import run_capture
 from tumble.capture.source import Channels, Notice, Piece, SourceOptions, find_source, known_sources
-from tumble.capture.text_lines import TextLines
 from tumble.errors import RecordingError, UsageError
 from tumble.recording import Samples, joined, read_recording
 

@@ -28,12 +28,10 @@ from tests.unit.capture.recordings import (
 )
 
 from tumble.capture.coach import Progress
-from tumble.capture.folder import CaptureFolder
-from tumble.capture.guide import Guide
+from tumble.capture.guide import Guide, read_targets
 from tumble.capture.machine import Capture
-from tumble.capture.run import run_capture
+from tumble.capture.run import CaptureFolder, run_capture
 from tumble.capture.source import Channels, Piece
-from tumble.capture.targets import read_targets
 from tumble.earth import Site
 from tumble.errors import UsageError
 from tumble.recording import Recording, Samples, read_recording, write_recording

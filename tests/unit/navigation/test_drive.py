@@ -30,9 +30,8 @@ from tumble.navigation import (
 )
 from tumble.navigation.drive import refuse_other_motion
 from tumble.navigation.gnss import make_track
-from tumble.noise.terms import NoiseModel
-from tumble.simulation import SplineTrajectory, simulate_drive
-from tumble.simulation.field_campaign import cart_trajectory
+from tumble.noise import NoiseModel
+from tumble.simulation import SplineTrajectory, cart_trajectory, simulate_drive
 
 BIASES = ([0.05, -0.03, 0.02], [3e-3, -1e-3, 2e-3])  # m/s², rad/s
 POOR = ([0.15, -0.1, 0.1], [0.1, -0.05, 0.1])  # as of a unit that is not calibrated

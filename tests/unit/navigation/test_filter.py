@@ -32,10 +32,10 @@ from tumble.navigation.filter.setup import sensor_states
 from tumble.navigation.gnss import make_track
 from tumble.navigation.mechanisation import navigate_from_each
 from tumble.navigation.prediction import predict_errors
-from tumble.noise.terms import GaussMarkov, NoiseModel
+from tumble.noise import GaussMarkov, NoiseModel
 from tumble.sensor import ImuModel, Triad
 from tumble.simulation import SplineTrajectory, simulate_drive
-from tumble.workflows.predict import straight_course
+from tumble.workflows import straight_course
 
 LEVER = np.array([0.5, -0.3, -1.0])
 FORCE_NOISE = NoiseModel(random_walk=1e-3, rate_random_walk=1e-5)

@@ -165,7 +165,7 @@ def test_of_many_recordings_the_title_names_the_first_and_the_last(calibration: 
 
 def test_on_a_table_nobody_is_told_to_hold_the_unit_with_a_corner_up(run: dict[str, Any]) -> None:
     from tumble.protocol import named_protocol
-    from tumble.report.advice import next_steps
+    from tumble.report.calibration import next_steps
 
     site = structs.replace(run["calibration"].site, latitude_deg=None)
     calibration = structs.replace(run["calibration"], site=site)
