@@ -26,8 +26,8 @@ HEADER = "t,ax,ay,az,gx,gy,gz"
 RUN = "import sys; sys.argv[0] = 'tumble'; from tumble.cli import program; program()"
 # It says that it is ready when a stop is heard, not before.
 PROGRAM = (
-    "import sys, tumble.cli as c, tumble.cli.main as m; sys.argv[0] = 'tumble'; exec({before!r}); begin = m.main; "
-    "m.main = lambda: (print('ready', flush=True), begin()); c.program()"
+    "import sys, tumble.cli as c, tumble.cli.application as m; sys.argv[0] = 'tumble'; exec({before!r}); "
+    "begin = m.main; m.main = lambda: (print('ready', flush=True), begin()); c.program()"
 )
 
 
@@ -67,7 +67,7 @@ class Bench:
 
     def run(self, *call: object) -> Answer:
         """Run `tumble CALL` in this process, whatever comes of it."""
-        from tumble.cli.main import main
+        from tumble.cli import main
 
         out, err, before = io.StringIO(), io.StringIO(), sys.argv
         sys.argv = ["tumble", *words_of(call)]

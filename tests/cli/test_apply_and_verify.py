@@ -10,11 +10,9 @@ import pytest
 from tests.cli.program import GRAVITY, RATE, Bench, tumbled_rows
 
 from tumble.attitude import matrix_from_rotation_vector, rotation_vector_from_matrix
-from tumble.document import read_calibration
-from tumble.document.part import read_part
-from tumble.report.predictions import FilterDocument
-from tumble.simulation import find_grade
-from tumble.simulation.noise import simulate_noise
+from tumble.document import read_calibration, read_part
+from tumble.report import FilterDocument
+from tumble.simulation import find_grade, simulate_noise
 
 
 @pytest.mark.parametrize("name", ["corrected.csv", "corrected.parquet"])

@@ -16,8 +16,7 @@ from tests.cli.program import GRAVITY, RUN, Answer, Bench, tumbled_rows
 
 from tumble.earth import Site
 from tumble.errors import UsageError
-from tumble.workflows.batches.batch import run_batch
-from tumble.workflows.request import CalibrateRequest
+from tumble.workflows import CalibrateRequest, run_batch
 
 BATCH = "batch units -o out --gravity 9.81"
 

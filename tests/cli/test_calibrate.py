@@ -10,7 +10,7 @@ from msgspec import structs
 from tests.cli.program import Bench, spoiled, tumbled_rows
 
 from tumble.document import read_calibration
-from tumble.workflows.verify import force_wander
+from tumble.workflows import force_wander
 
 CALIBRATE = "calibrate tumbled.csv --gravity 9.81"
 

@@ -12,9 +12,9 @@ import polars as pl
 import pytest
 from tests.cli.program import Bench
 
-from tumble.document.part import read_part
-from tumble.noise.deviation import allan_deviation
-from tumble.report.noise_document import NoiseDocument
+from tumble.document import read_part
+from tumble.noise import allan_deviation
+from tumble.report import NoiseDocument
 
 RATE = 100.0
 GYRO = "t,gx,gy,gz"

@@ -19,12 +19,12 @@ from typer.testing import CliRunner
 
 import tumble as package
 from tumble.cli import groups
+from tumble.cli.application import COMMANDS, app, first_sentence
 from tumble.cli.groups import flowing
-from tumble.cli.main import COMMANDS, app, first_sentence
 from tumble.cli.terminal import plain
 from tumble.document import read_calibration
 from tumble.errors import UsageError
-from tumble.workflows.request import FILE, FIRST, PLACE, numbers
+from tumble.workflows import FILE, FIRST, PLACE, numbers
 
 PROGRAM: Any = typer.main.get_command(app)
 # Of these only where a result is written, and how much is printed, differs between commands.
@@ -156,7 +156,7 @@ def test_numbers_and_texts_for_a_terminal() -> None:
 HEAVY = ("numpy", "scipy", "polars", "yaml", "plotly", "jinja2")
 HELPS = """
 import sys
-from tumble.cli.main import main
+from tumble.cli import main
 for command in {commands!r}:
     sys.argv = ['tumble', *command, '--help']
     try: main()

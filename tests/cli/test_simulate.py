@@ -11,8 +11,7 @@ import polars as pl
 import pytest
 from tests.cli.program import Bench
 
-from tumble.protocol import read_protocol, sequence_steps
-from tumble.protocol.file import write_protocol
+from tumble.protocol import read_protocol, sequence_steps, write_protocol
 
 FILES = {"recording.csv", "protocol.yaml", "truth.json"}
 

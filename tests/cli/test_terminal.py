@@ -186,7 +186,7 @@ def test_a_clock_that_stands_stops_nothing(tumble: Bench, monkeypatch: pytest.Mo
 @pytest.mark.parametrize(
     ("name", "number", "status"),
     [
-        ("tumble.cli.main", "SIGINT", 130),
+        ("tumble.cli.application", "SIGINT", 130),
         ("typer", "SIGTERM", 143),
         ("numpy", "SIGINT", 130),
         ("scipy", "SIGTERM", 143),
@@ -218,7 +218,8 @@ os.fsync = call
 """
 AFTER_WRITING = """
 import os, signal
-import tumble.workflows.calibrate as workflow
+from importlib import import_module
+workflow = import_module("tumble.workflows.calibrate")
 real = workflow.write_run
 def write_and_stop(*arguments, **options):
     made = real(*arguments, **options)

@@ -13,17 +13,21 @@ from msgspec import structs
 from rich.console import Console
 from tests.unit.report.test_calibration import Page as ReadPage
 
-from tumble.calibration.estimate import Beside, LeftOut
-from tumble.calibration.evidence import (
+from tumble.calibration import (
     Agreement,
+    Beside,
     BiasCurve,
     BiasScatter,
     Budget,
     Candidate,
     Detectable,
     Evidence,
+    FieldHold,
+    GivenField,
     GlobalTest,
     Holds,
+    LeftOut,
+    Magnetometer,
     ModelChoice,
     RecordingOfUnit,
     RestlessHold,
@@ -32,17 +36,23 @@ from tumble.calibration.evidence import (
     TurnOns,
     Turns,
     UncertaintyStatement,
+    judge_magnetometer,
+    magnetometer_alone,
 )
-from tumble.calibration.magnetometer.estimate import FieldHold, GivenField, Magnetometer, magnetometer_alone
-from tumble.calibration.magnetometer.verdict import judge_magnetometer
-from tumble.document.composition import magnetometer_block
-from tumble.document.turn_ons_block import turn_ons_block
+from tumble.document import magnetometer_block, turn_ons_block
 from tumble.earth import Site
-from tumble.recording.samples import MagneticField
-from tumble.report.evidence import RENDERERS, render_evidence
-from tumble.report.html import render_page
-from tumble.report.page import Figures, Page, Sentences, Table, print_blocks
-from tumble.report.subject import Subject
+from tumble.recording import MagneticField
+from tumble.report import (
+    RENDERERS,
+    Figures,
+    Page,
+    Sentences,
+    Subject,
+    Table,
+    print_blocks,
+    render_evidence,
+    render_page,
+)
 
 HOSTILE = "</script><b>&\"'`[red]"
 
@@ -50,7 +60,7 @@ HOSTILE = "</script><b>&\"'`[red]"
 @pytest.fixture(scope="module")
 def demo() -> Subject:
     """The demo recording by hand: holds and turns of its own, and parameters for the others to be about."""
-    from tumble.workflows.calibrate import GRAVITY, RATE, RECORDING, calibrate
+    from tumble.workflows import GRAVITY, RATE, RECORDING, calibrate
 
     with as_file(files("tumble") / "data" / RECORDING) as path:
         run = calibrate(

@@ -17,16 +17,13 @@ from tests.unit.export.a_unit import TURNS, Parameters, parameters, symmetric
 from tests.unit.recording.by_hand import said
 
 from contract.test_flight_logs import FMT, described, ulog_part
-from tumble.document.result import Calibration
+from tumble.document import Calibration
 from tumble.earth import Site
 from tumble.errors import RecordingError, UsageError
-from tumble.recording import Recording, read_recording
-from tumble.recording.doctor import inspect_recording
+from tumble.recording import Recording, inspect_recording, read_recording
 from tumble.sensor import ImuModel, Triad
 from tumble.simulation import Motion, find_grade, poses_26, simulate_recording
-from tumble.workflows.calibrate import calibrate
-from tumble.workflows.convert import convert_to
-from tumble.workflows.corrected import corrections_of
+from tumble.workflows import calibrate, convert_to, corrections_of
 
 RNG = np.random.default_rng(2)
 STAMPS = 1_000_000 + 4000 * np.arange(300)  # µs

@@ -37,16 +37,23 @@ from tests.unit.export.a_unit import (
     thermal_document,
 )
 
-from tumble.document import read_calibration
-from tumble.document.result import Calibration
+from tumble.document import Calibration, read_calibration
 from tumble.errors import CalibrationFileError, UsageError
-from tumble.export.noise import SensorNoise, TriadNoise
-from tumble.export.subject import Subject, Wishes, prepare
-from tumble.export.target import G_SENSITIVITY, MATRIX, NOISE, READ, Target
-from tumble.parameters.measures import amount, si_of
-from tumble.sensor import ImuModel, Triad
-from tumble.sensor.thermal import TemperatureBasis, ThermalModel
-from tumble.workflows.convert import convert_from, convert_to
+from tumble.export import (
+    G_SENSITIVITY,
+    MATRIX,
+    NOISE,
+    READ,
+    SensorNoise,
+    Subject,
+    Target,
+    TriadNoise,
+    Wishes,
+    prepare,
+)
+from tumble.parameters import amount, si_of
+from tumble.sensor import ImuModel, TemperatureBasis, ThermalModel, Triad
+from tumble.workflows import convert_from, convert_to
 
 RATE = 200.0
 NOISE_NUMBERS = SensorNoise(

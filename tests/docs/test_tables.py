@@ -17,19 +17,29 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from tumble.attitude.rotations import twenty_six_directions
-from tumble.calibration.poses import norm_rows
-from tumble.cli.main import app
-from tumble.protocol import PROTOCOLS, HoldStep, SpinStep, named_protocol, protocol_schema, read_protocol
-from tumble.protocol.keys import STEPS, Key, known_keys
-from tumble.protocol.strapdown_rotation import SEQUENCES, start_down
-from tumble.reproduction.items import run_item
-from tumble.sensor.conventions.savage import NAMES
+from tumble.attitude import twenty_six_directions
+from tumble.calibration import norm_rows
+from tumble.cli import app
+from tumble.protocol import (
+    PROTOCOLS,
+    SEQUENCES,
+    STEPS,
+    HoldStep,
+    Key,
+    SpinStep,
+    known_keys,
+    named_protocol,
+    protocol_schema,
+    read_protocol,
+    start_down,
+)
+from tumble.reproduction import run_item
+from tumble.sensor import NAMES
 from tumble.simulation import GRADES, play_protocol
 from tumble.units import STANDARD_GRAVITY
 from tumble_papers.catalogue import ITEMS
-from tumble_papers.savage.sequences import sequence_model, solve_measurements
-from tumble_papers.zhang.pose_sets import (
+from tumble_papers.savage import sequence_model, solve_measurements
+from tumble_papers.zhang import (
     chatfield_orientations,
     find_best_on_sphere,
     find_best_subset,

@@ -21,19 +21,16 @@ import numpy as np
 from tests.fuzz import mutations
 from tests.fuzz.seeds import HEADER, repacked, rows, seeds, text
 
-from tumble.cli.main import main
+from tumble.cli import main
 from tumble.document import read_calibration
 from tumble.errors import TumbleError
-from tumble.export.noise import read_noise
-from tumble.navigation.gnss.reading import read_track
+from tumble.export import read_noise
+from tumble.navigation import read_track
 from tumble.protocol import protocol_to_yaml, read_protocol
-from tumble.recording import read_recording
-from tumble.recording.formats import header_names
-from tumble.recording.reading import read_blocks
-from tumble.segmentation.intervals import read_intervals
-from tumble.simulation.errors import read_errors
-from tumble.workflows.convert import convert_from
-from tumble.workflows.noise import read_noise_models
+from tumble.recording import header_names, read_blocks, read_recording
+from tumble.segmentation import read_intervals
+from tumble.simulation import read_errors
+from tumble.workflows import convert_from, read_noise_models
 
 FOUND = Path(__file__).with_name("found.json")
 _SHARE = {

@@ -15,4 +15,5 @@ from .store import (
     entries as entries,
     find as find,
     series as series,
+    unit_of as unit_of,
 )

@@ -12,16 +12,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tumble.arrays import Series
-from tumble.document.result import Calibration, read_calibration
+from tumble.certificate import Laboratory, Profile, certificate_content, certificate_pdf, read_profile
+from tumble.document import Calibration, read_calibration
 from tumble.errors import UsageError
+from tumble.files import check_target, read_text, results_folder, shown, write_texts
 from tumble.limits import read_limits
 from tumble.records import dataclass
-from tumble.registry.opening import Registry, open_registry, registry_name
+from tumble.registry import Registry, open_registry, registry_name
+from tumble.workflows.request import CertificateRequest
 
 if TYPE_CHECKING:
-    from tumble.fleet.drift import Drift
-    from tumble.fleet.fleet_document import Between
-    from tumble.registry.store import Entry, ParameterSeries
+    from tumble.fleet import Between, Drift
+    from tumble.registry import Entry, ParameterSeries
+
 
 SHORTEST_HISTORY = 14
 """Days from the first calibration to the newest from which a rate a year is stated: what a unit did within minutes,
@@ -72,7 +75,7 @@ def add_files(
     CalibrationFileError, UsageError, RegistryError
         If one cannot be read, or says no unit: none is added; or if one cannot be added: those before it are.
     """
-    from tumble.registry.store import add, unit_of
+    from tumble.registry import add, unit_of
 
     units = [(one, unit_of(one, unit)) for one in map(read_calibration, paths)]
     with registry_at(name, make=True) as registry:
@@ -91,7 +94,7 @@ def add_calibration(name: str | None, calibration: Calibration) -> Entry:
     UsageError, RegistryError
         If it cannot be added.
     """
-    from tumble.registry.store import add
+    from tumble.registry import add
 
     with registry_at(name, make=True) as registry:
         return add(registry, calibration)[0]
@@ -152,8 +155,8 @@ def history(name: str | None, unit: str) -> History:
     RegistryError
         If the registry cannot be read.
     """
-    from tumble.fleet.drift import find_drift
-    from tumble.registry.store import series
+    from tumble.fleet import find_drift
+    from tumble.registry import series
 
     with registry_at(name) as registry:
         found = series(registry, unit)
@@ -169,8 +172,8 @@ def history(name: str | None, unit: str) -> History:
 
 def _signals(registry: Registry, unit: str, parameters: ParameterSeries) -> list[Signal]:
     """Where the EWMA chart of a unit signals; the first calibrations are its reference."""
-    from tumble.fleet.drift import ewma_chart, find_drift
-    from tumble.registry.store import series
+    from tumble.fleet import ewma_chart, find_drift
+    from tumble.registry import series
 
     layout = parameters.names, parameters.units
     group = next(one for one in series(registry, unit, others=MOST_UNITS) if (one.names, one.units) == layout)
@@ -222,7 +225,7 @@ def due_units(name: str | None, tolerances: Path, before: str | None = None) -> 
     RegistryError
         If the registry cannot be read.
     """
-    from tumble.registry.store import series
+    from tumble.registry import series
 
     try:
         day = math.inf if before is None else datetime.fromisoformat(before).replace(tzinfo=UTC).timestamp()
@@ -256,7 +259,7 @@ def due_units(name: str | None, tolerances: Path, before: str | None = None) -> 
 
 def _due_of(group: ParameterSeries, tolerance: Series) -> Iterator[Due]:
     """When each unit is due of those with the same parameters."""
-    from tumble.fleet.drift import YEAR, due_after, find_drift
+    from tumble.fleet import YEAR, due_after, find_drift
 
     asked = np.flatnonzero(np.isfinite(tolerance))
     drift = find_drift(group.unit, group.created, group.values[:, asked], group.sigmas[:, asked])
@@ -288,8 +291,8 @@ def fleet(name: str | None, output: Path | None = None) -> tuple[Calibration, Be
     RegistryError, OutputError
         If the registry cannot be read, or the file not be written.
     """
-    from tumble.fleet.fleet_document import fleet_document
-    from tumble.registry.store import documents
+    from tumble.fleet import fleet_document
+    from tumble.registry import documents
 
     with registry_at(name) as registry:
         found = documents(registry, most=MOST_UNITS)
@@ -347,3 +350,100 @@ def history_rows(found: History) -> list[dict[str, Any]]:
             }
         )
     return rows
+
+
+NOBODY = "–"
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """A certificate that was written: its number, the document's hash, its files, and what it lacks, in sentences."""
+
+    number: str
+    sha256: str
+    files: list[Path]
+    lacking: list[str]
+
+
+def make_certificate(request: CertificateRequest) -> Certificate:
+    """Write a certificate.
+
+    Parameters
+    ----------
+    request : the calibration, the laboratory's profile, and where it goes. The certificate's number is by default made
+        of the day and the calibration's identity; the same day makes the same bytes.
+
+    Raises
+    ------
+    CalibrationFileError, UsageError, OutputError
+        If an input is wrong, or a file cannot be written.
+    """
+    calibration, output, profile = request.calibration, request.output, request.profile
+    document = read_calibration(calibration)
+    told, logo = (
+        (Profile(laboratory=Laboratory(name=NOBODY)), None) if profile is None else read_profile(profile)
+    )
+    _require_same_item(document, told)
+    day = _day_of(request.date)
+    number = request.number or f"{day.replace('-', '')}-{document.identity}"
+    if shown(number) != number or len(number) > 80 or not number.strip():
+        raise UsageError(f"--number {shown(number)[:40]!r}: give up to 80 visible characters.")
+    check_target(output)
+    results_folder(output.parent)
+    if output.suffix.lower() not in (".pdf", ".xml"):
+        raise UsageError(f"-o {output}: a certificate is a .pdf for people or a .xml for machines.")
+    # The file itself is attached, so that its hash is the certificate's.
+    text = read_text(calibration / "calibration.json" if calibration.is_dir() else calibration)
+    content = certificate_content(document, told, number, day, request.language, text)
+    if output.suffix.lower() == ".xml":
+        from tumble.certificate import dcc_text
+
+        made = dcc_text(document, told, number, day, request.language, text).encode()
+    else:
+        made = certificate_pdf(content, logo=logo)
+    if request.registry is not None:
+        from tumble.registry import add_certificate, document_hash
+
+        with registry_at(request.registry) as kept:
+            add_certificate(kept, document_hash(document.to_json()), number)
+    return Certificate(number, content.sha256, write_texts({output: made}), _lacking(told))
+
+
+def _day_of(date: str | None) -> str:
+    """The day of issue as YYYY-MM-DD, today by default."""
+    if date is None:
+        return datetime.now(UTC).strftime("%Y-%m-%d")
+    try:
+        return datetime.strptime(date, "%Y-%m-%d").strftime("%Y-%m-%d")
+    except ValueError:
+        raise UsageError(f"--date {shown(date)[:40]}: give a day as 2026-11-22.") from None
+
+
+def _require_same_item(document: Calibration, profile: Profile) -> None:
+    """Refuse a profile of another unit."""
+    item, unit = profile.item, document.imu
+    for what, said, noted in (
+        ("serial number", item.serial_number, unit.serial_number),
+        ("model", item.model, unit.model),
+    ):
+        if said and noted and said != noted:
+            raise UsageError(
+                f"The profile's item has the {what} {shown(said)}, and the calibration is of {shown(noted)}: "
+                "correct the profile, or leave it out there."
+            )
+
+
+def _lacking(profile: Profile) -> list[str]:
+    """What ISO/IEC 17025 asks for and nobody has said."""
+    asked: Sequence[tuple[str, str]] = (
+        ("the laboratory (laboratory: name)", profile.laboratory.name.replace(NOBODY, "")),
+        ("the customer (customer: name)", "" if profile.customer is None else profile.customer.name),
+        ("what the results are traceable to (traceability)", profile.traceability),
+        ("the item's condition (item: condition)", profile.item.condition),
+        ("who authorised it (authorised_by)", profile.authorised_by),
+        ("conditions such as temperature (conditions)", "".join(profile.conditions)),
+    )
+    missing = [name for name, said in asked if not said]
+    if not missing:
+        return []
+    return [f"ISO/IEC 17025 asks for more than the profile says: {'; '.join(missing)}."]

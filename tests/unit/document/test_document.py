@@ -16,9 +16,9 @@ from tumble.document import read_calibration
 from tumble.document.predictions import answers
 from tumble.document.soundness import covariance_fault
 from tumble.errors import CalibrationFileError, UsageError
-from tumble.sensor.thermal import TemperatureBasis, ThermalModel
+from tumble.sensor import TemperatureBasis, ThermalModel
 from tumble.simulation import find_grade
-from tumble.workflows.predict import predict
+from tumble.workflows import predict
 
 CALIBRATION = Path(__file__).resolve().parents[2] / "reference" / "drive_rtk" / "calibration.json"
 NAMES = ["bias x", "bias y", "bias z"]

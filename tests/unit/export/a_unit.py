@@ -9,13 +9,9 @@ import numpy as np
 from msgspec import structs
 from scipy.spatial.transform import Rotation
 
-from tumble.document.imported import calibration_from_model
-from tumble.document.magnetometer_block import FieldBlock, MagnetometerBlock
-from tumble.document.result import Calibration
-from tumble.document.thermal_block import thermal_block
+from tumble.document import Calibration, FieldBlock, MagnetometerBlock, calibration_from_model, thermal_block
 from tumble.export.target import targets
-from tumble.sensor import ImuModel, Triad
-from tumble.sensor.thermal import ThermalModel
+from tumble.sensor import ImuModel, ThermalModel, Triad
 
 GRAVITY_UNIT = 9.80665
 TARGETS = targets()

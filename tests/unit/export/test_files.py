@@ -13,13 +13,12 @@ import yaml
 from msgspec import structs
 from tests.unit.export.a_unit import B_A, B_G, GRAVITY_UNIT, M_A, M_G, RAW_A, RAW_G, TARGETS, document
 
-from tumble.document import read_calibration
-from tumble.document.result import RecordingName
+from tumble.document import RecordingName, read_calibration
 from tumble.errors import CalibrationFileError, UsageError
 from tumble.export.noise import read_noise
 from tumble.export.subject import Wishes, prepare
 from tumble.sensor import ImuModel, Triad
-from tumble.workflows.convert import convert_from
+from tumble.workflows import convert_from
 
 # -- results of Kalibr itself: without biases --------------------------------------------------------
 

@@ -10,11 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 from msgspec import structs
-from tests.unit.export.a_unit import B_M, M_M, TARGETS, ardupilot, compass, parameters, px4
-from tests.unit.export.a_unit import document as bare
+from tests.unit.export.a_unit import B_M, M_M, TARGETS, ardupilot, compass, document as bare, parameters, px4
 
-from tumble.document.magnetometer_block import FieldVerdictBlock
-from tumble.document.result import Calibration
+from tumble.document import Calibration, FieldVerdictBlock
 from tumble.errors import UsageError
 from tumble.export.subject import Wishes, prepare
 from tumble.export.target import MAGNETOMETER

@@ -20,13 +20,11 @@ from tests.unit.export.a_unit import (
     thermal_document,
 )
 
-from tumble.document import read_calibration
-from tumble.document.result import Calibration
+from tumble.document import Calibration, read_calibration
 from tumble.errors import CalibrationFileError, UsageError
 from tumble.export.subject import Wishes, prepare
-from tumble.sensor import ImuModel, Triad
-from tumble.sensor.thermal import TemperatureBasis, ThermalModel
-from tumble.workflows.convert import convert_from
+from tumble.sensor import ImuModel, TemperatureBasis, ThermalModel, Triad
+from tumble.workflows import convert_from
 
 REFERENCE = ImuModel(
     Triad(np.diag([1.01, 0.99, 1.02]), np.array([0.1, -0.2, 0.05])),

@@ -15,17 +15,14 @@ import pytest
 from scipy import stats
 from scipy.spatial.transform import Rotation
 
-from tumble.attitude.rotations import twenty_six_directions
-from tumble.calibration import Estimate
-from tumble.calibration.session import Session
-from tumble.document import calibration_from_estimate
-from tumble.document.result import calibration_of
+from tumble.attitude import twenty_six_directions
+from tumble.calibration import Estimate, Session
+from tumble.document import calibration_from_estimate, calibration_of
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ObservabilityError
 from tumble.protocol import HoldStep, Pose, Protocol, SpinStep, Step, TurnStep, named_protocol
 from tumble.recording import Recording
-from tumble.segmentation import HoldMeans, SpinMeans
-from tumble.segmentation.matching import MatchedHold, MatchedSpin, Matching
+from tumble.segmentation import HoldMeans, MatchedHold, MatchedSpin, Matching, SpinMeans
 from tumble.sensor import ImuModel, Triad
 from tumble.simulation import find_grade, simulate_protocol
 from tumble_papers.hayal.methods import ESTIMATORS

@@ -11,8 +11,16 @@ from scipy.spatial.transform import Rotation
 
 from tumble.earth import Site
 from tumble.errors import ProtocolError, UsageError
-from tumble.protocol import HoldStep, Pose, Protocol, SpinStep, TurnStep, named_protocol, sequence_steps
-from tumble.protocol.strapdown_rotation import SEQUENCES
+from tumble.protocol import (
+    SEQUENCES,
+    HoldStep,
+    Pose,
+    Protocol,
+    SpinStep,
+    TurnStep,
+    named_protocol,
+    sequence_steps,
+)
 from tumble.recording import Recording
 from tumble.simulation import (
     FixtureErrors,

@@ -14,20 +14,33 @@ from scipy.spatial.transform import Rotation
 from tests.unit.given import given as known
 
 import tumble
-from tumble.calibration import Estimate, Session, calibrate, find_procedure
-from tumble.calibration.equations.believed_poses import believed_poses
-from tumble.calibration.estimate import Beside
-from tumble.calibration.prior import StableKnowledge, find_contradiction
-from tumble.calibration.session import Estimator
+from tumble.calibration import (
+    Beside,
+    Estimate,
+    Estimator,
+    Session,
+    StableKnowledge,
+    believed_poses,
+    calibrate,
+    find_contradiction,
+    find_procedure,
+)
 from tumble.document import read_calibration
 from tumble.earth import Site
 from tumble.errors import ConvergenceError, ObservabilityError, RecordingError, UsageError
-from tumble.noise.terms import NoiseModel
+from tumble.noise import NoiseModel
 from tumble.protocol import HoldStep, named_protocol
 from tumble.recording import Recording, write_recording
-from tumble.segmentation import Hold, HoldMeans, NoiseFloor, Timeline, observe_holds
-from tumble.segmentation.matching import MatchedHold, Matching
-from tumble.segmentation.modelled_means import model_means
+from tumble.segmentation import (
+    Hold,
+    HoldMeans,
+    MatchedHold,
+    Matching,
+    NoiseFloor,
+    Timeline,
+    model_means,
+    observe_holds,
+)
 from tumble.simulation import Motion, find_grade, poses_26, simulate_recording
 from tumble.workflows.calibrate import RECORDING
 from tumble.workflows.noise import NoiseOfHolds, read_noise_models

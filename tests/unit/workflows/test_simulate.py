@@ -16,15 +16,27 @@ from tests.unit.given import given as known
 
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import UsageError
-from tumble.protocol import PROTOCOLS, HoldStep, SpinStep, read_protocol, sequence_steps
-from tumble.protocol.file import write_protocol
-from tumble.protocol.strapdown_rotation import SEQUENCES
+from tumble.protocol import (
+    PROTOCOLS,
+    SEQUENCES,
+    HoldStep,
+    SpinStep,
+    read_protocol,
+    sequence_steps,
+    write_protocol,
+)
 from tumble.recording import read_recording
-from tumble.simulation import FixtureErrors, Imperfections, TableErrors, recordings
-from tumble.simulation.errors import KEYS, SessionErrors, read_errors
+from tumble.simulation import (
+    KEYS,
+    FixtureErrors,
+    Imperfections,
+    SessionErrors,
+    TableErrors,
+    read_errors,
+    recordings,
+)
 from tumble.workflows.calibrate import calibrate
-from tumble.workflows.simulate import simulate
-from tumble.workflows.simulated import case_columns
+from tumble.workflows.simulate import case_columns, simulate
 
 RATE = 20.0
 SITE = Site.from_latitude(0.8)
