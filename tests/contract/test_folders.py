@@ -12,7 +12,7 @@ from tests.unit.recording.by_hand import said
 
 from tumble.errors import RecordingError, UsageError
 from tumble.recording import read_blocks, read_recording
-from tumble.workflows.request import matched
+from tumble.workflows import matched
 
 RNG = np.random.default_rng(5)
 SLOW, FAST = 0.0031 + np.arange(300) / 100, np.arange(600) / 200

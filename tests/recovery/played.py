@@ -11,7 +11,7 @@ from tumble.calibration import Estimate, Options, Session, calibrate, find_proce
 from tumble.earth import Site
 from tumble.protocol import HoldStep, Protocol, SpinStep, Step, named_protocol
 from tumble.sensor import ImuModel, Triad, change_frame
-from tumble.simulation.recordings import Truth
+from tumble.simulation import Truth
 
 Array = npt.NDArray[np.float64]
 RATE, TURN = np.radians(60.0), 2.0 * np.pi

@@ -14,9 +14,16 @@ from scipy.spatial.transform import Rotation
 from tumble.earth import Site
 from tumble.errors import SegmentationError
 from tumble.protocol import PROTOCOLS, HoldStep, Pose, Protocol, SpinStep, Step, TurnStep, named_protocol
-from tumble.recording.recording import Recording
-from tumble.segmentation import Timeline, find_spins, find_timeline, observe_holds
-from tumble.segmentation.matching import Matching, match_protocol, observe_matched_spins
+from tumble.recording import Recording
+from tumble.segmentation import (
+    Matching,
+    Timeline,
+    find_spins,
+    find_timeline,
+    match_protocol,
+    observe_holds,
+    observe_matched_spins,
+)
 from tumble.simulation import TableErrors, Truth, find_grade, simulate_protocol
 
 SITE = Site.from_latitude(np.radians(41.0))

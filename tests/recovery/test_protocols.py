@@ -8,12 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tumble.document.part import plain
+from tumble.document import plain
 from tumble.earth import Site
 from tumble.protocol import named_protocol, write_protocol
 from tumble.simulation import GRADES, SessionErrors, find_grade
-from tumble.workflows.calibrate import calibrate
-from tumble.workflows.simulate import simulate
+from tumble.workflows import calibrate, simulate
 
 SITE = Site.from_latitude(float(np.radians(48.0)), 500.0)
 FORCE, RATE = "accelerometer", "gyroscope"

@@ -13,16 +13,13 @@ import numpy as np
 import pytest
 
 from recovery.played import TURN, normalised, short
-from tumble.calibration import Estimate, Session
-from tumble.calibration.verdict import judge
+from tumble.calibration import Estimate, Session, judge
 from tumble.earth import Site
 from tumble.errors import ObservabilityError, SegmentationError, TumbleError
 from tumble.protocol import HoldStep, Protocol, SpinStep, Step, named_protocol
 from tumble.recording import Recording
-from tumble.simulation import TableErrors, find_grade, simulate_protocol
-from tumble.simulation.recordings import Truth
-from tumble.simulation.two_axis import FixtureErrors
-from tumble.workflows.procedures import add_remarks, run_procedure
+from tumble.simulation import FixtureErrors, TableErrors, Truth, find_grade, simulate_protocol
+from tumble.workflows import add_remarks, run_procedure
 
 SITE = replace(Site.from_latitude(np.radians(48.0), 300.0), gravity_sigma=0.0)
 TABLE, SEQUENCES = short("turntable-9", SITE), named_protocol("strapdown-rotation")

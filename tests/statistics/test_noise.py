@@ -12,10 +12,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tumble.noise.deviation import ONE_SIGMA, allan_deviation
-from tumble.noise.spectrum import power_spectrum
-from tumble.simulation import TriadNoise, simulate_noise
-from tumble.simulation.sampling import Imperfections, count_increments, drop_samples, scatter_instants
+from tumble.noise import ONE_SIGMA, allan_deviation, power_spectrum
+from tumble.simulation import (
+    Imperfections,
+    TriadNoise,
+    count_increments,
+    drop_samples,
+    scatter_instants,
+    simulate_noise,
+)
 
 RATE = 50.0
 LARGEST_Z = 4.5

@@ -14,11 +14,18 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from tumble.noise.deviation import allan_deviation
-from tumble.noise.fitting.fit import FALSE_ALARM, NoiseFit, fit_curve
-from tumble.noise.fitting.weighted_fit import Method
-from tumble.noise.lines import LINE_FALSE_ALARM, find_lines
-from tumble.noise.terms import GaussMarkov, Line, NoiseModel
+from tumble.noise import (
+    FALSE_ALARM,
+    LINE_FALSE_ALARM,
+    GaussMarkov,
+    Line,
+    Method,
+    NoiseFit,
+    NoiseModel,
+    allan_deviation,
+    find_lines,
+    fit_curve,
+)
 
 TRUE = NoiseModel(0.02, 0.05, 0.05, 0.01)
 RATE, SAMPLES, TRIALS, Z = 10.0, 2**15, 50, 3.3

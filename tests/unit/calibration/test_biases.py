@@ -20,9 +20,7 @@ from tumble.recording import Recording
 from tumble.segmentation import Hold, NoiseFloor, Timeline, Turn
 from tumble.sensor import ImuModel
 from tumble.simulation import Motion, find_grade, simulate_protocol, simulate_recording
-from tumble.workflows.calibrate import calibrate
-from tumble.workflows.procedures import run_procedure
-from tumble.workflows.simulate import simulate
+from tumble.workflows import calibrate, run_procedure, simulate
 
 
 def test_jumps_are_hidden_where_all_faces_up_come_before_all_faces_down() -> None:

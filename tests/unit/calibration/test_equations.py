@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tumble.attitude.rotations import matrices_from_rotation_vectors, matrix_from_rotation_vector
+from tumble.attitude import matrices_from_rotation_vectors, matrix_from_rotation_vector
 from tumble.calibration.equations.adjustment import HEAD, NODE, TAIL, JointAdjustment
 from tumble.calibration.equations.believed_poses import BelievedPoses
 from tumble.calibration.equations.gathering import gather
@@ -24,9 +24,7 @@ from tumble.calibration.equations.observed import observe, table_rotation
 from tumble.calibration.equations.stretches import RecordingStretch
 from tumble.calibration.start import start_adjustment
 from tumble.earth import Site
-from tumble.estimation.equations import Equations, Linear
-from tumble.estimation.solve import linearise, solve
-from tumble.estimation.sums import Whitened
+from tumble.estimation import Equations, Linear, Whitened, linearise, solve
 from tumble.protocol import HoldStep, Pose, Protocol, SpinStep
 from tumble.segmentation import Hold, NoiseFloor, Timeline, Turn, observe_holds
 from tumble.sensor import ImuModel, Triad, change_frame

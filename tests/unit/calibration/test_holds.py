@@ -19,11 +19,9 @@ from tumble.calibration.equations.imu_unknowns import imu_unknowns, unknowns_of
 from tumble.calibration.equations.turn import HoldsAndTurns
 from tumble.calibration.evidence import RestlessHold
 from tumble.calibration.outcome.estimate import restless_remarks
-from tumble.protocol.steps import HoldStep, Pose, Protocol, SpinStep, TurnStep
-from tumble.report.evidence.residuals import restless
-from tumble.report.page import Table
-from tumble.segmentation import NoiseFloor, observe_holds
-from tumble.segmentation.matching import MatchedHold, Matching
+from tumble.protocol import HoldStep, Pose, Protocol, SpinStep, TurnStep
+from tumble.report import Table, restless
+from tumble.segmentation import MatchedHold, Matching, NoiseFloor, observe_holds
 
 
 @pytest.mark.parametrize("samples", [1, 5])

@@ -21,8 +21,8 @@ from tumble.calibration.outcome.budget import numerical_tolerance, shortest_inte
 from tumble.calibration.turn_ons.adjustment import disagreement
 from tumble.calibration.turn_ons.estimate import turn_on_cautions, turn_on_sentences
 from tumble.calibration.verdict import beyond_ceilings, misfit
-from tumble.estimation.reliability import noncentrality, undetected
-from tumble.parameters.measures import amount
+from tumble.estimation import noncentrality, undetected
+from tumble.parameters import amount
 from tumble.sensor import ImuModel
 
 

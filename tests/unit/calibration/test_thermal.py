@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tumble.attitude.rotations import twenty_six_directions
+from tumble.attitude import twenty_six_directions
 from tumble.calibration.estimate import Estimate
 from tumble.calibration.evidence import ThermalCurves
 from tumble.calibration.thermal.coverage import check_unit
@@ -18,11 +18,15 @@ from tumble.errors import ObservabilityError
 from tumble.protocol import HoldStep, Pose, Protocol, RampStep, SoakStep, Step, TurnStep, named_protocol
 from tumble.recording import Recording
 from tumble.segmentation import Timeline, find_thermal_timeline
-from tumble.sensor import ImuModel, Triad
-from tumble.sensor.gauge import frame_rotation
-from tumble.sensor.thermal import TemperatureBasis, ThermalModel
-from tumble.simulation import Chamber, find_grade, find_thermal_grade, simulate_chamber
-from tumble.simulation.noise import TriadNoise, simulate_noise
+from tumble.sensor import ImuModel, TemperatureBasis, ThermalModel, Triad, frame_rotation
+from tumble.simulation import (
+    Chamber,
+    TriadNoise,
+    find_grade,
+    find_thermal_grade,
+    simulate_chamber,
+    simulate_noise,
+)
 
 SITE = Site.from_latitude(np.radians(48.0))
 RATE = 5.0

@@ -18,12 +18,10 @@ from tumble.calibration.checks.unseen import add_common_scale, rest_rate
 from tumble.calibration.estimate import Estimate, Figures
 from tumble.calibration.objections import find_other_latitude
 from tumble.earth import Site
-from tumble.protocol import read_protocol
-from tumble.protocol.steps import ASSUMED_RATE, SpinStep
-from tumble.recording.recording import Recording
-from tumble.recording.stamps import Clock
+from tumble.protocol import ASSUMED_RATE, SpinStep, read_protocol
+from tumble.recording import Clock, Recording
 from tumble.sensor import ImuModel, Triad
-from tumble.workflows.procedures import run_procedure
+from tumble.workflows import run_procedure
 
 SIGMA = 0.004
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from tumble.calibration.equations.observed import mode_count
-from tumble.estimation.equations import Drift
-from tumble.estimation.wander import covariance_about_the_mean, faster_variance, shared_wander, wander_basis
+from tumble.estimation import Drift, covariance_about_the_mean, faster_variance, shared_wander, wander_basis
 
 
 def information(signal: np.ndarray, count: int, white: float) -> float:

@@ -17,7 +17,7 @@ from scipy.integrate import quad
 
 from tumble.arrays import Series
 from tumble.errors import UsageError
-from tumble.export.noise import read_noise
+from tumble.export import read_noise
 from tumble.noise.advice import advise
 from tumble.noise.channel import Channel, characterise_channel
 from tumble.noise.characterisation import Characterisation, characterise
@@ -30,10 +30,9 @@ from tumble.noise.triads import triad_terms
 from tumble.noise.variances import LETTERS, allan_variance_of, markov_allan_variance
 from tumble.noise.white_part import shortest_time, slower_part, white_beyond, white_part
 from tumble.recording import Recording
-from tumble.report.noise import noise_rows
-from tumble.report.noise_document import noise_document
+from tumble.report import noise_document, noise_rows
 from tumble.segmentation import mean_covariance
-from tumble.workflows.noise import read_noise_models
+from tumble.workflows import read_noise_models
 from unit.given import given
 
 ALL = NoiseModel(2e-4, 0.03, 0.02, 0.005, 0.001, (GaussMarkov(0.04, 3.0),), (Line(0.05, 0.7),))
