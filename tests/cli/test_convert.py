@@ -11,7 +11,7 @@ from tests.cli.program import Bench
 from tests.unit.export import a_unit
 
 from tumble.document import read_calibration
-from tumble.export.target import targets
+from tumble.export import targets
 from tumble.sensor import ImuModel, Triad
 
 MATRIX = np.array([[1.01, 0.002, -0.003], [-0.001, 0.99, 0.004], [0.003, -0.002, 1.02]])

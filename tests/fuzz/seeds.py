@@ -101,7 +101,7 @@ def _texts() -> list[tuple[str, bytes]]:
 def _recordings(place: Path) -> list[tuple[str, bytes]]:
     """A file of every format, and a phone's log in an archive."""
     from contract.test_formats import MEMBERS, example
-    from tumble.recording.formats import FORMATS
+    from tumble.recording import FORMATS
 
     made: list[tuple[str, bytes]] = []
     endings = {format_.name: format_.ending for format_ in FORMATS}
@@ -122,8 +122,7 @@ def _recordings(place: Path) -> list[tuple[str, bytes]]:
 def calibrations() -> list[tuple[str, bytes]]:
     from tests.unit.export import a_unit
 
-    from tumble.sensor import ImuModel, Triad
-    from tumble.sensor.thermal import TemperatureBasis, ThermalModel
+    from tumble.sensor import ImuModel, TemperatureBasis, ThermalModel, Triad
 
     matrix = np.array([[1.01, 0.004, -0.007], [-0.009, 0.99, 0.006], [0.003, -0.012, 1.02]])
     triad = Triad(
@@ -149,8 +148,7 @@ def calibrations() -> list[tuple[str, bytes]]:
 def _foreign() -> list[tuple[str, bytes]]:
     from tests.contract.test_targets import NOISE_NUMBERS, document, model_for
 
-    from tumble.export.subject import Wishes, prepare
-    from tumble.export.target import READ, targets
+    from tumble.export import READ, Wishes, prepare, targets
 
     made: list[tuple[str, bytes]] = []
     for name, target in targets().items():
@@ -261,8 +259,7 @@ WORK = ("calibrate", "noise", "verify", "apply", "inspect")
 @cache
 def tumbled() -> bytes:
     """Return a recording of a unit that was tumbled through ten poses: enough to be calibrated."""
-    from tests.cli.program import HEADER as NAMES
-    from tests.cli.program import tumbled_rows
+    from tests.cli.program import HEADER as NAMES, tumbled_rows
 
     body = tumbled_rows(3, holds=10)[::2]
     return (NAMES + "\n" + text(body)).encode()

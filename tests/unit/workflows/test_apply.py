@@ -15,22 +15,15 @@ from tests.unit.export import a_unit
 from tests.unit.export.a_unit import B_A, B_G, M_A, M_G
 from tests.unit.given import given as known
 
-from tumble.calibration import Estimate
-from tumble.calibration.estimate import OverTemperature
-from tumble.calibration.evidence import Holds
-from tumble.calibration.outcome.description import canonical_names
-from tumble.document import Calibration, calibration_from_estimate, read_calibration
-from tumble.document.corrector import Corrector
-from tumble.document.result import RecordingName
+from tumble.calibration import Estimate, Holds, OverTemperature, canonical_names
+from tumble.document import Calibration, Corrector, RecordingName, calibration_from_estimate, read_calibration
 from tumble.earth import Site
 from tumble.errors import CalibrationFileError, RecordingError, ThermalSpanError, TumbleError, UsageError
 from tumble.protocol import named_protocol
-from tumble.recording import Recording, read_recording
+from tumble.recording import Recording, read_recording, write_recording
 from tumble.recording.formats import arrays
-from tumble.recording.formats.output import write_recording
-from tumble.sensor import ImuModel, Triad
-from tumble.sensor.thermal import SHAPES, TemperatureBasis, ThermalModel
-from tumble.simulation.protocols import simulate_protocol
+from tumble.sensor import SHAPES, ImuModel, TemperatureBasis, ThermalModel, Triad
+from tumble.simulation import simulate_protocol
 from tumble.workflows.apply import apply
 from tumble.workflows.corrected import ForceShift, corrections_of
 from tumble.workflows.verify import HoldConditions, norm_covariance, verify

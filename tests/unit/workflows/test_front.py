@@ -27,7 +27,7 @@ from tumble.border import border
 from tumble.errors import SiteError, TumbleError, UsageError, install
 from tumble.sensor import ImuModel, Triad
 from tumble.workflows.calibrate import CalibrationRun
-from tumble.workflows.given.protocols import choose_site
+from tumble.workflows.given import choose_site
 from tumble.workflows.request import THREADS_OF, StreamRequest, asked, notes_of, one_thread
 from tumble.workflows.verify import norm_covariance
 

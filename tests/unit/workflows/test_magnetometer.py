@@ -16,16 +16,18 @@ from tests.unit.export import a_unit
 from tests.unit.given import given as known
 
 import tumble
-from tumble.calibration.magnetometer.estimate import NAMES, named_parameters
-from tumble.document import read_calibration
-from tumble.document.difference import compare_calibrations
-from tumble.document.magnetometer_block import FieldBlock, FieldParameter, FieldVerdictBlock
-from tumble.document.result import Calibration
+from tumble.calibration import NAMES, named_parameters
+from tumble.document import (
+    Calibration,
+    FieldBlock,
+    FieldParameter,
+    FieldVerdictBlock,
+    compare_calibrations,
+    read_calibration,
+)
 from tumble.errors import TumbleError, UsageError
 from tumble.limits import decide, read_limits
-from tumble.recording import Recording
-from tumble.recording.formats.output import write_recording
-from tumble.recording.samples import MagneticField
+from tumble.recording import MagneticField, Recording, write_recording
 from tumble.sensor import ImuModel
 from tumble.workflows.corrected import CorrectedField
 from tumble.workflows.difference import Recovery
