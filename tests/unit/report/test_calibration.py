@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import json
 import re
-from html.parser import HTMLParser
 from typing import Any
 
 import numpy as np
 import pytest
+from lxml.html import document_fromstring
 from msgspec import structs
 
 from tumble.document import Calibration
@@ -20,41 +20,18 @@ from tumble.report.words import component_words
 WAYS = ("hand_held", "without_gyro", "in_counts")
 
 
-class Page(HTMLParser):
+class Page:
     """Elements in order, the scripts' texts by id, and all visible text."""
 
     def __init__(self, text: str) -> None:
-        super().__init__()
-        self.tags: list[tuple[str, dict[str, str | None]]] = []
-        self.scripts: list[tuple[dict[str, str | None], str]] = []
-        self.text = ""
-        self._inside: str | None = None
-        self.feed(text)
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags.append((tag, dict(attrs)))
-        self._inside = tag if tag in ("script", "style") else self._inside
-        if tag == "script":
-            self.scripts.append((dict(attrs), ""))
-
-    def handle_endtag(self, tag: str) -> None:
-        if tag == self._inside:
-            self._inside = None
-
-    def handle_data(self, data: str) -> None:
-        if self._inside == "script":
-            attributes, text = self.scripts[-1]
-            self.scripts[-1] = attributes, text + data
-        elif self._inside is None:
-            self.text += data
+        root = document_fromstring(text)
+        self.tags = [(one.tag, dict(one.attrib)) for one in root.iter() if isinstance(one.tag, str)]
+        self.scripts = [(dict(one.attrib), one.text or "") for one in root.iter("script")]
+        self.text = "".join(root.xpath("//text()[not(parent::script) and not(parent::style)]"))
 
     def json(self, name: str) -> Any:
         (text,) = [text for attributes, text in self.scripts if attributes.get("id") == name]
-
-        def refuse(constant: str) -> None:
-            raise AssertionError(f"{constant} is no JSON")
-
-        return json.loads(text, parse_constant=refuse)
+        return json.loads(text, parse_constant=lambda constant: pytest.fail(f"{constant} is no JSON"))
 
 
 @pytest.fixture(scope="module", params=WAYS)
