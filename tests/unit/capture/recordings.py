@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from tumble.capture.run import CaptureOrder, CaptureRun, run_capture
-from tumble.capture.source import Channels, Piece, Source, SourceOptions, known_sources
-from tumble.recording import Recording, Samples
+from tumble.capture.source import Channels, Piece, Source, SourceOptions, sources
+from tumble.recording import Recording
+from tumble.recording.samples import Samples
 
 GRAVITY = 9.80665
 
@@ -82,14 +83,14 @@ def triads(recording: Recording) -> tuple[np.ndarray, np.ndarray]:
 def captured(pieces: Iterable[Piece], folder: Path, **order: Any) -> CaptureRun:
     """A capture of these pieces, as of a live source."""
     source = Source("test", "a test", "test:", lambda address, options: iter(pieces))
-    return run_capture(CaptureOrder(source, "", SourceOptions(), folder, **{"imu": None, **order}))
+    asked: dict[str, Any] = {"imu": None, **order}
+    return run_capture(CaptureOrder(source, "", SourceOptions(), folder, **asked))
 
 
 def replay_of(file: Path, folder: Path, **order: Any) -> CaptureOrder:
     """An order to replay a file without waiting."""
-    return CaptureOrder(
-        known_sources()["replay"], f"{file}@0", SourceOptions(), folder, **{"imu": None, **order}
-    )
+    asked: dict[str, Any] = {"imu": None, **order}
+    return CaptureOrder(sources()["replay"], f"{file}@0", SourceOptions(), folder, **asked)
 
 
 def live(recording: Recording, seconds: float = 0.1) -> list[Piece]:

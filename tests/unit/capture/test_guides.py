@@ -17,30 +17,26 @@ from tests.unit.capture.recordings import (
     replay_of,
 )
 
-from tumble.attitude import twenty_six_directions
-from tumble.capture.coach import Event, RestCoach, StepsCoach, step_phrase
+from tumble.attitude.rotations import twenty_six_directions
+from tumble.capture.coach import Event
 from tumble.capture.live_holds import LiveBlocks, LiveHolds
 from tumble.capture.machine import Capture
+from tumble.capture.rest_coach import RestCoach
 from tumble.capture.run import CaptureOrder, run_capture
-from tumble.capture.source import Channels, Source, SourceOptions, find_source
+from tumble.capture.source import Channels, Source, SourceOptions
 from tumble.capture.sources.simulated import Flaws, SimulatedPerson
-from tumble.design import NAMES
+from tumble.capture.steps_coach import StepsCoach, step_phrase
+from tumble.design.joint_information import NAMES
 from tumble.earth import Site
-from tumble.errors import UsageError
-from tumble.protocol import (
-    PROTOCOLS,
-    HoldStep,
-    Pose,
-    Protocol,
-    SpinStep,
-    TurnStep,
-    named_protocol,
-    write_protocol,
-)
-from tumble.recording import Recording, Samples, read_recording, write_recording
+from tumble.protocol import write_protocol
+from tumble.protocol.library import PROTOCOLS, named_protocol
+from tumble.protocol.steps import HoldStep, Pose, Protocol, SpinStep, TurnStep
+from tumble.recording import Recording, read_recording
+from tumble.recording.formats.output import write_recording
+from tumble.recording.samples import Samples
 from tumble.segmentation import find_timeline
-from tumble.simulation import find_grade
-from tumble.workflows import simulate
+from tumble.simulation.grades import find_grade
+from tumble.workflows.simulate import simulate
 
 DEMO = Path(__file__).resolve().parents[3] / "src" / "tumble" / "data" / "mpu9150-imu0.csv.gz"
 
@@ -281,11 +277,3 @@ def test_what_is_predicted_is_what_the_calibration_states(tmp_path: Path) -> Non
     ratios = [end["predicted"][name] / end["stated"][name] for name in NAMES[:21]]
     assert min(ratios) > 0.6
     assert max(ratios) < 1.6
-
-
-def test_a_simulated_source_is_found_and_its_address_checked() -> None:
-    source, address = find_source("simulated:consumer-mems@4@0")
-    assert isinstance(next(iter(source.open(address, SourceOptions()))), object)
-    for wrong in ("consumer-mems@x", "consumer-mems@4@fast", "consumer-mems@-1"):
-        with pytest.raises(UsageError):
-            source.open(wrong, SourceOptions())

@@ -17,15 +17,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from tests.unit.capture.recordings import by_hand, replay_of, triads
 
 from tumble.capture.apart import SensorLines
-from tumble.capture.link import Decoder, TextLines
+from tumble.capture.link import Decoder
 from tumble.capture.run import run_capture
-from tumble.capture.source import Channels, Notice, Piece, SourceOptions, find_source, known_sources
+from tumble.capture.source import Channels, Notice, Piece, SourceOptions, find_source, sources
+from tumble.capture.text_lines import TextLines
 from tumble.errors import RecordingError, UsageError
-from tumble.recording import Samples, joined, read_recording
+from tumble.recording import read_recording
+from tumble.recording.samples import Samples, joined
 
 RECORDING = by_hand(1, seed=21)
 FORCE, RATE = triads(RECORDING)
@@ -234,16 +237,16 @@ def test_two_captures_on_one_port_are_refused_in_a_sentence() -> None:
         taken.bind(("127.0.0.1", 0))
         port = taken.getsockname()[1]
         with pytest.raises(UsageError, match=rf"UDP port {port} cannot be opened: Address already in use\.$"):
-            next(known_sources()["udp"].open(f"127.0.0.1:{port}", SourceOptions()))
+            next(sources()["udp"].open(f"127.0.0.1:{port}", SourceOptions()))
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         with pytest.raises(UsageError, match=rf"Port {port} cannot be opened: Address already in use\.$"):
-            next(known_sources()["http"].open(f"127.0.0.1:{port}", SourceOptions()))
+            next(sources()["http"].open(f"127.0.0.1:{port}", SourceOptions()))
     ours, theirs = pty.openpty()
-    first = known_sources()["serial"].open(os.ttyname(theirs), SourceOptions())
+    first = sources()["serial"].open(os.ttyname(theirs), SourceOptions())
     next(first)
     with pytest.raises(UsageError, match="another program has it"):
-        next(known_sources()["serial"].open(os.ttyname(theirs), SourceOptions()))
+        next(sources()["serial"].open(os.ttyname(theirs), SourceOptions()))
     first.close()  # type: ignore[attr-defined]  # a generator
     os.close(ours)
     os.close(theirs)
@@ -271,9 +274,9 @@ def test_every_source_is_on_the_page_of_sources() -> None:
         for word in re.findall(r"tumble capture ([^-\s]\S*|-(?= ))", page)
         if word != "SOURCE"
     }
-    assert (
-        written | {"replay"} == {source.name for source in known_sources().values()} == set(known_sources())
-    )
+    assert written | {"replay"} == {source.name for source in sources().values()} == set(sources())
+    simulated, address = find_source("simulated:consumer-mems@4@0")
+    assert isinstance(next(iter(simulated.open(address, SourceOptions()))), Channels)
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ from hypothesis import given, strategies as st
 from tumble.arrays import AnyArray, Square
 from tumble.calibration import RotationStretch, SectionStretch
 from tumble.errors import ConvergenceError, ObservabilityError
+from tumble.estimation import Prior
 from tumble.estimation.alternatives import Alternative, Found, Suspect, find
 from tumble.estimation.chain import Chain, Spread
 from tumble.estimation.crossing import crossing
@@ -214,11 +215,12 @@ class Still:
     """A task of one kind of equations in one recording, where nothing is a node or its own."""
 
     nodes, size, own = 0, 1, 0
-    prior = None
+    prior: Prior | None = None
 
     def __init__(self, seen: Equations, unknowns: Unknowns) -> None:
-        self.equations, self.unknowns, self.asked = [seen], unknowns, 0
+        self.equations: list[Equations] = [seen]
         self.within: list[Any] = []
+        self.unknowns, self.asked = unknowns, 0
 
     @property
     def state(self) -> Any:
@@ -399,15 +401,15 @@ def test_without_a_fault_it_is_believed_no_more_often_than_stated(kind: str) -> 
     assert alarms <= 7
 
 
-@pytest.mark.parametrize(
-    ("function", "low", "high", "answer"),
-    [
-        (lambda x: x**3 - 2.0, 0.0, 5.0, 2.0 ** (1.0 / 3.0)),
-        (lambda x: math.exp(-x) - 0.1, 50.0, -2.0, math.log(10.0)),
-        (lambda x: 1.0 if x > 0.3 else -1.0, -4.0, 4.0, 0.3),
-        (lambda x: math.log(1e12 / (1.0 + math.exp(2.0 * x))), -20.0, 40.0, 0.5 * math.log(1e12)),
-    ],
-)
+CROSSINGS: list[tuple[Callable[[float], float], float, float, float]] = [
+    (lambda x: x**3 - 2.0, 0.0, 5.0, 2.0 ** (1.0 / 3.0)),
+    (lambda x: math.exp(-x) - 0.1, 50.0, -2.0, math.log(10.0)),
+    (lambda x: 1.0 if x > 0.3 else -1.0, -4.0, 4.0, 0.3),
+    (lambda x: math.log(1e12 / (1.0 + math.exp(2.0 * x))), -20.0, 40.0, 0.5 * math.log(1e12)),
+]
+
+
+@pytest.mark.parametrize(("function", "low", "high", "answer"), CROSSINGS)
 def test_a_crossing_is_where_the_sign_changes_and_the_search_ends(
     function: Callable[[float], float], low: float, high: float, answer: float
 ) -> None:

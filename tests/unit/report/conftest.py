@@ -81,46 +81,32 @@ def write_calibration() -> Callable[..., Calibration]:
     return written_calibration
 
 
+def _made(
+    estimate: Any, recording: Any, timeline: Any, means: Any, site: Site, **more: Any
+) -> dict[str, Any]:
+    """What a page is made of."""
+    calibration = calibration_from_estimate(estimate, recording, site, **more)
+    parts = {"estimate": estimate, "recording": recording, "timeline": timeline, "means": means}
+    return {"calibration": calibration, **parts}
+
+
 @pytest.fixture(scope="session")
 def hand_held() -> dict[str, Any]:
     """The demo recording by the hand-held procedure, its file named so that it would break a page."""
     from tumble.workflows import GRAVITY, RATE, RECORDING, calibrate
 
+    site, imu, columns = Site.from_gravity(GRAVITY), ("<i>MPU</i>", "7 & 8"), "ax,ay,az,gx,gy,gz"
     with as_file(files("tumble") / "data" / RECORDING) as path:
-        run = calibrate(
-            path,
-            site=Site.from_gravity(GRAVITY),
-            columns="ax,ay,az,gx,gy,gz",
-            units="m/s^2,rad/s",
-            rate=RATE,
-            imu=("<i>MPU</i>", "7 & 8"),
-        )
+        run = calibrate(path, site=site, columns=columns, units="m/s^2,rad/s", rate=RATE, imu=imu)
     recording = replace(run.recording, sources=(Source(NASTY_NAME, "00"),))
-    calibration = calibration_from_estimate(
-        run.estimate, recording, Site.from_gravity(GRAVITY), imu=("<i>MPU</i>", "7 & 8")
-    )
-    return {
-        "calibration": calibration,
-        "estimate": run.estimate,
-        "recording": recording,
-        "timeline": run.timeline,
-        "means": run.means,
-    }
+    return _made(run.estimate, recording, run.timeline, run.means, site, imu=imu)
 
 
 def _by_poses(recording: Any) -> dict[str, Any]:
-    timeline = find_timeline(recording)
+    timeline, site = find_timeline(recording), Site.unknown()
     means = observe_holds(recording, timeline)
-    site = Site.unknown()
     estimate = adjusted(recording, timeline, site, means, procedure="multi-position")
-    calibration = calibration_from_estimate(estimate, recording, site)
-    return {
-        "calibration": calibration,
-        "estimate": estimate,
-        "recording": recording,
-        "timeline": timeline,
-        "means": means,
-    }
+    return _made(estimate, recording, timeline, means, site)
 
 
 @pytest.fixture(scope="session")

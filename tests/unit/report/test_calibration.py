@@ -24,9 +24,13 @@ class Page:
     """Elements in order, the scripts' texts by id, and all visible text."""
 
     def __init__(self, text: str) -> None:
-        root = document_fromstring(text)
-        self.tags = [(one.tag, dict(one.attrib)) for one in root.iter() if isinstance(one.tag, str)]
-        self.scripts = [(dict(one.attrib), one.text or "") for one in root.iter("script")]
+        root: Any = document_fromstring(text)
+        self.tags: list[tuple[str, dict[str, str]]] = [
+            (one.tag, dict(one.attrib)) for one in root.iter() if isinstance(one.tag, str)
+        ]
+        self.scripts: list[tuple[dict[str, str], str]] = [
+            (dict(one.attrib), one.text or "") for one in root.iter("script")
+        ]
         self.text = "".join(root.xpath("//text()[not(parent::script) and not(parent::style)]"))
 
     def json(self, name: str) -> Any:
