@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 from tumble.earth import Site
 from tumble.errors import OutputError, ProtocolError
@@ -313,3 +314,17 @@ def test_what_people_write_is_the_nearest_number_times_its_unit() -> None:
     for text in ("", "x", "30 s", "0x10", "1:30", "--1"):
         with pytest.raises(ValueError, match="could not convert"):
             value_of(text)
+
+
+def test_numbers_that_no_seventeen_digits_mean_have_more_and_are_rounded_once() -> None:
+    """Degrees to radians skips one number in eleven: rounding twice, as the last line shows, loses it."""
+    radians = np.random.default_rng(2).uniform(0.5, 1.0, 2_000).tolist()
+    texts = [numeral_of(r, DEGREE) for r in radians]
+    assert [value_of(text, DEGREE) for text in texts] == radians
+    skipped = [(r, text) for r, text in zip(radians, texts, strict=True) if len(text) > 18]
+    assert 100 < len(skipped) < 300
+    assert (
+        min(len(text) for _, text in skipped) == 19
+    )  # eighteen digits and a point, and no more than are needed
+    assert all(isinstance(yaml.safe_load(text), int | float) for text in texts[:300])
+    assert all(float(text) * DEGREE != r for r, text in skipped)
