@@ -11,8 +11,7 @@ import numpy as np
 
 from tumble.capture.run import CaptureOrder, CaptureRun, run_capture
 from tumble.capture.source import Channels, Piece, Source, SourceOptions, sources
-from tumble.recording import Recording
-from tumble.recording.samples import Samples
+from tumble.recording import Recording, Samples
 
 GRAVITY = 9.80665
 

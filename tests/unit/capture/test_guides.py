@@ -17,26 +17,29 @@ from tests.unit.capture.recordings import (
     replay_of,
 )
 
-from tumble.attitude.rotations import twenty_six_directions
-from tumble.capture.coach import Event
+from tumble.attitude import twenty_six_directions
+from tumble.capture.coach import Event, RestCoach, StepsCoach, step_phrase
 from tumble.capture.live_holds import LiveBlocks, LiveHolds
 from tumble.capture.machine import Capture
-from tumble.capture.rest_coach import RestCoach
 from tumble.capture.run import CaptureOrder, run_capture
 from tumble.capture.source import Channels, Source, SourceOptions
 from tumble.capture.sources.simulated import Flaws, SimulatedPerson
-from tumble.capture.steps_coach import StepsCoach, step_phrase
-from tumble.design.joint_information import NAMES
+from tumble.design import NAMES
 from tumble.earth import Site
-from tumble.protocol import write_protocol
-from tumble.protocol.library import PROTOCOLS, named_protocol
-from tumble.protocol.steps import HoldStep, Pose, Protocol, SpinStep, TurnStep
-from tumble.recording import Recording, read_recording
-from tumble.recording.formats.output import write_recording
-from tumble.recording.samples import Samples
+from tumble.protocol import (
+    PROTOCOLS,
+    HoldStep,
+    Pose,
+    Protocol,
+    SpinStep,
+    TurnStep,
+    named_protocol,
+    write_protocol,
+)
+from tumble.recording import Recording, Samples, read_recording, write_recording
 from tumble.segmentation import find_timeline
-from tumble.simulation.grades import find_grade
-from tumble.workflows.simulate import simulate
+from tumble.simulation import find_grade
+from tumble.workflows import simulate
 
 DEMO = Path(__file__).resolve().parents[3] / "src" / "tumble" / "data" / "mpu9150-imu0.csv.gz"
 

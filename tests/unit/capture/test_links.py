@@ -17,18 +17,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from tests.unit.capture.recordings import by_hand, replay_of, triads
 
 from tumble.capture.apart import SensorLines
-from tumble.capture.link import Decoder
+from tumble.capture.link import Decoder, TextLines
 from tumble.capture.run import run_capture
 from tumble.capture.source import Channels, Notice, Piece, SourceOptions, find_source, sources
-from tumble.capture.text_lines import TextLines
 from tumble.errors import RecordingError, UsageError
-from tumble.recording import read_recording
-from tumble.recording.samples import Samples, joined
+from tumble.recording import Samples, joined, read_recording
 
 RECORDING = by_hand(1, seed=21)
 FORCE, RATE = triads(RECORDING)

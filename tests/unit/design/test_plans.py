@@ -8,9 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tumble.attitude.rotations import twenty_six_directions
-from tumble.calibration.equations.causes import RATE_WANDER
-from tumble.calibration.outcome.budget import recording_influences
+from tumble.attitude import twenty_six_directions
+from tumble.calibration import RATE_WANDER, recording_influences
 from tumble.design.hold_noise import hold_covariance, predict_covariance
 from tumble.design.joint_information import (
     GROUPS,
@@ -50,11 +49,9 @@ from tumble.design.pose_plan import (
 from tumble.design.selection import find_visits
 from tumble.earth import Site
 from tumble.errors import ObservabilityError, UsageError
-from tumble.estimation.solve import linearise
-from tumble.protocol import HoldStep, Pose, Protocol, SpinStep, TurnStep, named_protocol
-from tumble.protocol.library import NINE
-from tumble.simulation import TriadNoise, find_grade
-from tumble.simulation.noise import simulate_noise, simulate_wander
+from tumble.estimation import linearise
+from tumble.protocol import NINE, HoldStep, Pose, Protocol, SpinStep, TurnStep, named_protocol
+from tumble.simulation import TriadNoise, find_grade, simulate_noise, simulate_wander
 
 CUBE, ALL = twenty_six_directions(), np.arange(9)
 WHITE = TriadNoise(random_walk=2e-3)

@@ -11,15 +11,13 @@ import pytest
 from tumble.earth import Site
 from tumble.errors import SegmentationError
 from tumble.protocol import HoldStep, Pose, Protocol, SpinStep, Step, TurnStep
-from tumble.recording.recording import Recording
+from tumble.recording import Recording
 from tumble.segmentation import FoundSpin, find_spins, find_timeline, observe_holds, observe_spins
 from tumble.segmentation.matching import match_protocol, observe_matched_spins
-from tumble.segmentation.rotations import Rotation as TableRotation
-from tumble.segmentation.rotations import observe_rotations
+from tumble.segmentation.rotations import Rotation as TableRotation, observe_rotations
 from tumble.segmentation.spin_means import whole_revolutions
 from tumble.sensor import ImuModel, Triad
-from tumble.simulation import TableErrors, simulate_protocol
-from tumble.simulation.recordings import Truth
+from tumble.simulation import TableErrors, Truth, simulate_protocol
 
 SITE, NO_EARTH = Site.from_latitude(np.radians(41.0)), Site.from_gravity(9.81)
 RATE = np.radians(41.78)  # ten thousand times the Earth's
