@@ -39,7 +39,7 @@ from tumble.calibration import (
     judge_magnetometer,
     magnetometer_alone,
 )
-from tumble.document import magnetometer_block, turn_ons_block
+from tumble.document import block_of_magnetometer, turn_ons_block
 from tumble.earth import Site
 from tumble.recording import MagneticField
 from tumble.report import (
@@ -191,7 +191,7 @@ class TestEvidence:
         block = turn_ons_block(record) if isinstance(record, TurnOns) else None
         field = None
         if isinstance(record, Magnetometer):
-            field = magnetometer_block(record, judge_magnetometer(record))
+            field = block_of_magnetometer(record, judge_magnetometer(record))
         calibration = structs.replace(demo.calibration, turn_ons=block, magnetometer=field)
         estimate = replace(demo.estimate, evidence=[record])
         subject = replace(demo, calibration=calibration, estimate=estimate)

@@ -7,7 +7,6 @@ import gzip
 import hashlib
 import json
 import os
-import re
 import struct
 import tempfile
 import zipfile
@@ -28,9 +27,7 @@ from tumble.recording import (
     read_blocks,
     read_recording,
     read_table,
-    read_table_blocks,
 )
-from tumble.recording.formats import frames, text
 
 NAMES = ("t", "ax", "ay", "az", "gx", "gy", "gz")
 
@@ -395,22 +392,3 @@ def test_a_name_that_is_no_utf_8_stands_in_the_source_as_numbers(tmp_path: Path)
     write_csv(file, example())
     (source,) = read_recording(file).sources
     assert source.name.encode() == b"hand<U+DCFF>.csv"
-
-
-def test_one_clock_serves_all_pieces_of_an_xsens_file(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(text, "_CHUNK", 4096)
-    write_xsens(tmp_path / "a.txt", example())
-    lines = (tmp_path / "a.txt").read_text().splitlines()
-    lines[-2] = re.sub(r"\t\S+", "\t", lines[-2], count=1)
-    (tmp_path / "a.txt").write_text("\n".join(lines) + "\n")
-    assert len(read_recording(tmp_path / "a.txt").time) == len(example()) - 1
-
-
-def test_parquet_is_read_slice_by_slice(tmp_path: Path) -> None:
-    write_parquet(tmp_path / "a.parquet", example())
-    tables = list(frames.read_tables(tmp_path / "a.parquet", rows=500))
-    assert [len(t) for t in tables] == [500, 500, 200]
-    assert tables[2].place(0) == "row 1001"
-    assert sum(len(t) for t in read_table_blocks(tmp_path / "a.parquet")) == 1200

@@ -554,21 +554,6 @@ class TestLoss:
             assert np.linalg.norm(made) == pytest.approx(np.linalg.norm(expected), rel=1e-12)
 
 
-def test_a_file_that_holds_all_states_no_loss_but_of_a_curve_that_it_does_not_write(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    made = document(ImuModel(Triad(M_A, B_A, BENT_A, SQUARE_A), Triad(M_G, B_G, BENT_G, SQUARE_G), G))
-    for name in ("c", "cpp", "python"):
-        assert prepare(made, TARGETS[name]).losses == ()
-    monkeypatch.setattr("tumble.export.subject.CURVED", ("asymmetry",))
-    lost = prepare(made, TARGETS["c"])
-    assert (lost.gyroscope.quadratic, lost.gyroscope.asymmetry) == (None, pytest.approx(BENT_G))
-    assert "in all, what this file corrects is off" in lost.losses[0].text
-    assert [loss.text.partition(" are")[0] for loss in lost.losses[1:]] == [
-        f"the {who}' quadratic terms" for who in ("accelerometers", "gyros")
-    ]
-
-
 def test_kf_gins_walk_is_a_gauss_markov_process_of_the_same_driving_density() -> None:
     """KF-GINS: q = 2 sigma² / corrtime; of a random walk q = K²."""
     d = keys(written("kf-gins"))["imunoise"]

@@ -19,7 +19,6 @@ import tumble
 from second_simulator import GRADES
 from second_simulator.calibrating import calibrated, played, sigmas_off
 from tumble.document import Calibration
-from tumble.estimation import solve
 
 QUICK: dict[str, dict[str, Any]] = {
     "strapdown-rotation": {"rate": 50.0},
@@ -335,32 +334,6 @@ def test_jumps_of_both_triads_are_said_with_place_axis_and_size(
         # Between the two holds beside the middle, or one further.
         assert abs(float(found[1]) - middle) < 0.2 * middle
         assert float(found[2]) == pytest.approx(size, abs=5.0 * float(found[3]))
-
-
-def test_an_angle_that_another_one_could_be_blamed_for_is_not_fit(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of both ways about an axis the right one is left out: the other explains what was recorded better."""
-    from tumble.calibration import objections
-    from tumble.calibration.outcome import estimate
-
-    kept: list[estimate.JointOutcome] = []
-    monkeypatch.setattr(estimate, "say_contradictions", lambda _, outcome, __: kept.append(outcome))
-    calibrated(played("turntable", "industrial", 3, "misread", **QUICK["turntable"]), rate="25±0.00003")
-    monkeypatch.undo()
-    outcome = kept[-1]
-    rows = list(outcome.data.rotations)
-    (wrong,) = (k for k in rows if not outcome.task.taking_part["angle"][k])
-    found = estimate.joint_estimate(outcome)
-    assert not found.objections
-    # Rotations go both ways about an axis one after the other.
-    right = rows[rows.index(wrong) ^ 1]
-    task = outcome.task.copy()
-    task.taking_part["angle"][[wrong, right]] = True, False
-    masked = replace(outcome, task=task, balanced=replace(outcome.balanced, solution=solve(task)))
-    objections.say_contradictions(found, masked, [])
-    said = " ".join(found.objections)
-    names = [outcome.data.rotations[k].name for k in (right, wrong)]
-    assert f"The angle of {names[0]} contradicts the rest and was left out." in said
-    assert f"Were that of {names[1]} wrong" in said
 
 
 def test_turns_that_nothing_checks_are_named() -> None:

@@ -17,19 +17,11 @@ from .equations.adjustment import (
     still_sway as still_sway,
 )
 from .equations.believed_poses import believed_poses as believed_poses
-from .equations.causes import (
-    ANGLES as ANGLES,
-    FORCE_REST as FORCE_REST,
-    RATE_WANDER as RATE_WANDER,
-    SOURCES as SOURCES,
-    SWAY as SWAY,
-    TURNS as TURNS,
-)
+from .equations.causes import RATE_WANDER as RATE_WANDER
 from .equations.gathering import gather as gather
 from .equations.imu_unknowns import (
     LAYOUT as LAYOUT,
     PLAIN as PLAIN,
-    force_matrix as force_matrix,
     gyro_matrix as gyro_matrix,
     imu_unknowns as imu_unknowns,
     name_plate as name_plate,
@@ -140,7 +132,6 @@ from .objections import (
 )
 from .optional_terms import unknowns_with as unknowns_with
 from .outcome.budget import (
-    NamedParameters as NamedParameters,
     draw_distributions as draw_distributions,
     recording_influences as recording_influences,
 )

@@ -60,7 +60,6 @@ from .wander import (
     covariance_about_the_mean as covariance_about_the_mean,
     faster_variance as faster_variance,
     first_of_neighbours as first_of_neighbours,
-    shared_wander as shared_wander,
     wander_basis as wander_basis,
     wider as wider,
 )

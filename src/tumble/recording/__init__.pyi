@@ -17,7 +17,6 @@ from .formats import (
     find_format as find_format,
     header_names as header_names,
     read_table as read_table,
-    read_table_blocks as read_table_blocks,
 )
 from .formats.bags.bag import (
     Bag as Bag,

@@ -20,7 +20,7 @@ from tests.unit.written import parameters, written
 from tumble.certificate import CertificateContent, Profile, certificate_content, certificate_pdf, read_profile
 from tumble.certificate.content import LANGUAGES, PHRASES
 from tumble.certificate.dcc import dcc_text, entries_in_si
-from tumble.document import Calibration, part
+from tumble.document import Calibration, plain, read_part
 from tumble.errors import UsageError
 from tumble.limits import read_limits, with_limits
 
@@ -61,7 +61,7 @@ def document(unit: str = "g") -> Calibration:
     )
 
 
-PROFILE = part.read_part(
+PROFILE = read_part(
     Profile,
     {
         "laboratory": {"name": "Prüfstelle <Nord>", "address": "Weg 1 & 2", "contact": "a@example.org"},
@@ -72,14 +72,14 @@ PROFILE = part.read_part(
     },
 )
 
-BARE = part.read_part(Profile, {"laboratory": {"name": "–"}})
+BARE = read_part(Profile, {"laboratory": {"name": "–"}})
 
 
 def content_of(told: Calibration, language: str = "en", profile: Profile = PROFILE) -> CertificateContent:
     return certificate_content(told, profile, NUMBER, DATE, language)
 
 
-def plain(content: CertificateContent) -> str:
+def text_of(content: CertificateContent) -> str:
     pages = pypdf.PdfReader(io.BytesIO(certificate_pdf(content))).pages
     return "\n".join(page.extract_text() for page in pages)
 
@@ -94,7 +94,7 @@ def judged(told: Calibration, folder: Path) -> Calibration:
 
 @pytest.mark.parametrize("language", [language for language in LANGUAGES if language != "zh"])
 def test_it_says_what_the_standard_asks_for(language: str) -> None:
-    text = plain(content_of(document(), language))
+    text = text_of(content_of(document(), language))
     words = ("Prüfstelle <Nord>", "Robots Ltd", "0042 <&>", "2026-11-20", "survey 17", "A. Person", "45 %")
     for word in (NUMBER, *words):
         assert word in text, word
@@ -105,10 +105,10 @@ def test_it_says_what_the_standard_asks_for(language: str) -> None:
 
 def test_numbers_are_rounded_by_their_expanded_uncertainty() -> None:
     # 2.26 x 0.012 % = 0.027 %; 2.09 x 0.42 mg = 0.88 mg
-    text = plain(content_of(document()))
+    text = text_of(content_of(document()))
     assert re.search(r"0\.321\s+0\.027\s+2\.26\s+%", text)
     assert re.search(r"−22\.00\s+0\.88\s+2\.09\s+mg", text)
-    assert re.search(r"0,321\s+0,027\s+2,26\s+%", plain(content_of(document(), "de")))
+    assert re.search(r"0,321\s+0,027\s+2,26\s+%", text_of(content_of(document(), "de")))
     # The number stands on each page, with their count.
     big = structs.replace(document(), parameters=document().parameters * 15)
     pages = pypdf.PdfReader(io.BytesIO(certificate_pdf(content_of(big)))).pages
@@ -136,7 +136,7 @@ def test_the_same_day_makes_the_same_bytes_and_it_is_pdf_a() -> None:
 
 def test_the_decision_on_conformity_and_its_rule_are_on_the_pages(tmp_path: Path) -> None:
     content = content_of(judged(document(), tmp_path))
-    text = plain(content)
+    text = text_of(content)
     assert content.conformity is not None
     assert content.conformity["decision"] == "failed"
     assert re.search(r"incoming\s+–\s+failed", text)
@@ -155,7 +155,7 @@ def test_chinese_says_what_it_needs(monkeypatch: pytest.MonkeyPatch) -> None:
     import typst
 
     if set(pdf.CJK) & set(typst.Fonts().families()):
-        assert PHRASES["title"]["zh"] in plain(content_of(document(), "zh"))
+        assert PHRASES["title"]["zh"] in text_of(content_of(document(), "zh"))
 
 
 def test_every_phrase_is_there_in_every_language() -> None:
@@ -258,7 +258,7 @@ def with_magnetometer(raw: str, unit: str) -> Calibration:
         "parameters": parameters(*named),
         "verdict": {"use": "fit", "reasons": []},
     }
-    return part.read_part(Calibration, {**part.plain(document()), "magnetometer": block})
+    return read_part(Calibration, {**plain(document()), "magnetometer": block})
 
 
 @pytest.mark.parametrize(
@@ -271,7 +271,7 @@ def with_magnetometer(raw: str, unit: str) -> Calibration:
 )
 def test_a_magnetometer_s_results_are_on_both_certificates(raw: str, unit: str, scale: str) -> None:
     both = with_magnetometer(raw, unit)
-    text = plain(content_of(both))
+    text = text_of(content_of(both))
     assert re.search(r"−27\.4978\s+0\.0084\s+2\.09\s+(µT|counts)", text)
     assert re.search(scale, text)
     root = root_of(dcc_text(both, PROFILE, NUMBER, DATE, "en"))
@@ -282,9 +282,9 @@ def test_a_magnetometer_s_results_are_on_both_certificates(raw: str, unit: str, 
 
 
 def test_a_magnetometer_that_is_not_fit_has_no_results_and_a_reason() -> None:
-    told = part.plain(with_magnetometer("uT", "T"))
+    told = plain(with_magnetometer("uT", "T"))
     told["magnetometer"] |= {"verdict": {"use": "not fit", "reasons": ["Iron is near."]}}
-    content = content_of(part.read_part(Calibration, told))
+    content = content_of(read_part(Calibration, told))
     assert sum(len(rows) for _, rows in content.groups) == 4
     assert content.not_determined == ["The magnetometer is not fit for use. Iron is near."]
 

@@ -106,3 +106,21 @@ def test_mpu6050_s_header_compiles_and_works_a_register_out(tmp_path: Path) -> N
     said = subprocess.run([program], check=True, capture_output=True, text=True).stdout
     add = registers(header, "MPU6050_ACCEL_ADD")
     assert said.split() == [str(register_after(there, int(add[i]))) for i, there in enumerate((-2735, 1184))]
+
+
+def test_a_file_that_holds_all_states_no_loss_but_of_a_curve_that_it_does_not_write(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    made = document(MODEL)
+    for name in ("c", "cpp", "python"):
+        assert prepare(made, TARGETS[name]).losses == ()
+    monkeypatch.setattr("tumble.export.subject.CURVED", ("asymmetry",))
+    lost = prepare(made, TARGETS["c"])
+    assert (lost.gyroscope.quadratic, lost.gyroscope.asymmetry) == (
+        None,
+        pytest.approx(MODEL.gyroscope.asymmetry),
+    )
+    assert "in all, what this file corrects is off" in lost.losses[0].text
+    assert [loss.text.partition(" are")[0] for loss in lost.losses[1:]] == [
+        f"the {who}' quadratic terms" for who in ("accelerometers", "gyros")
+    ]

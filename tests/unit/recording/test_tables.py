@@ -16,7 +16,7 @@ import tumble
 from tumble.errors import OutputError, RecordingError, UsageError
 from tumble.recording import Recording, read_blocks, read_recording, reading, write_recording
 from tumble.recording.formats import header_names
-from tumble.recording.formats.frames import UNITS_KEY
+from tumble.recording.formats.frames import UNITS_KEY, read_tables
 from tumble.workflows import corrections_of
 
 COUNT = 6000
@@ -54,6 +54,8 @@ def test_any_pages_and_types_hold_the_same_numbers(tmp_path: Path, changed: Any)
     path = saved(tmp_path / "a.parquet", **changed)
     assert np.array_equal(read_recording(path).angular_rate, SIGNALS[:, 3:])
     assert header_names(path)[: len(DATA)] == list(DATA)
+    *_, last = tables = list(read_tables(path, rows=2500))
+    assert ([len(t) for t in tables], last.place(0)) == ([2500, 2500, 1000], "row 5001")
 
 
 def test_missing_values_are_left_out_and_a_note_that_is_none_is_passed_over(tmp_path: Path) -> None:

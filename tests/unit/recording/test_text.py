@@ -5,10 +5,12 @@ from __future__ import annotations
 import bz2
 import gzip
 import lzma
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.contract.test_formats import example, write_xsens
 from tests.unit.recording.by_hand import ROUNDED, said
 
 from tumble.errors import RecordingError, UsageError
@@ -221,6 +223,15 @@ def test_whole_or_in_pieces_compiled_or_by_polars_the_numbers_are_the_same(tumbl
             assert np.array_equal(small.specific_force, other.specific_force)
             assert np.array_equal(small.time, other.time)
             assert small.sources == other.sources
+
+
+def test_one_clock_serves_all_pieces_of_an_xsens_file(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setattr(text, "_CHUNK", 4096)
+    write_xsens(tmp_path / "a.txt", example())
+    lines = (tmp_path / "a.txt").read_text().splitlines()
+    lines[-2] = re.sub(r"\t\S+", "\t", lines[-2], count=1)
+    (tmp_path / "a.txt").write_text("\n".join(lines) + "\n")
+    assert len(read_recording(tmp_path / "a.txt").time) == len(example()) - 1
 
 
 def parsed(

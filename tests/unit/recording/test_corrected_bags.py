@@ -381,7 +381,7 @@ def test_the_form_follows_the_input_where_no_name_says_it(
 
 
 def test_the_commands_of_the_page_are_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    page = (Path(__file__).parents[2] / "docs" / "corrected.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[3] / "docs" / "corrected.md").read_text(encoding="utf-8")
     commands = re.findall(r"^    tumble (apply .*)$", page, re.M)
     assert len(commands) == 5
     monkeypatch.chdir(tmp_path)

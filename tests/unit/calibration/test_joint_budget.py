@@ -14,31 +14,29 @@ import pytest
 from scipy.special import chdtri
 
 from recovery.played import jointly
+from second_simulator.calibrating import calibrated, played
 from tumble.calibration import (
-    ANGLES,
-    FORCE_REST,
-    SOURCES,
-    SWAY,
-    TURNS,
     Budget,
     JointAdjustment,
     JointOutcome,
-    NamedParameters,
     Session,
     draw_distributions,
-    force_matrix,
     gyro_matrix,
+    objections,
     observe,
     recording_influences,
     start_adjustment,
     table_rotation,
 )
-from tumble.calibration.outcome import budget
+from tumble.calibration.equations.causes import ANGLES, FORCE_REST, SOURCES, SWAY, TURNS
+from tumble.calibration.equations.imu_unknowns import force_matrix
+from tumble.calibration.outcome import budget, estimate
 from tumble.earth import Site
 from tumble.estimation import Noise, invert_normal_matrix, linearise, solve
 from tumble.protocol import named_protocol
 from tumble.simulation import find_grade, simulate_protocol
 
+pytestmark = pytest.mark.slow
 SITE = Site.from_latitude(np.radians(46.0))
 
 
@@ -143,7 +141,7 @@ def test_an_error_that_would_go_unnoticed_moves_its_parameter_by_what_is_said() 
     outcome = outcome_of(estimate)
     forces = [d for d in estimate.shown(Budget).statement.detectable if d.kind == "force"]
     worst = max(forces, key=lambda d: d.effect)
-    named = NamedParameters.of(outcome, [p.name for p in hand_held().parameters])
+    named = budget.NamedParameters.of(outcome, [p.name for p in hand_held().parameters])
     sigma = estimate.parameters[worst.parameter].standard_uncertainty
     settled = outcome.task.copy()
     solve(settled)
@@ -198,3 +196,26 @@ def test_a_gravity_that_was_assumed_is_rectangular_and_contradicts_the_normal_in
     assert half == pytest.approx(0.95 * np.sqrt(3.0) * sigma, rel=0.05)
     assert not drawn.validated[at]
     assert "contradicted" in estimate.remarks[-1]
+
+
+def test_an_angle_that_another_one_could_be_blamed_for_is_not_fit(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of both ways about an axis the right one is left out: the other explains what was recorded better."""
+    kept: list[JointOutcome] = []
+    monkeypatch.setattr(estimate, "say_contradictions", lambda _, outcome, __: kept.append(outcome))
+    calibrated(played("turntable", "industrial", 3, "misread", seconds=10.0, rate=25.0), rate="25±0.00003")
+    monkeypatch.undo()
+    outcome = kept[-1]
+    rows = list(outcome.data.rotations)
+    (wrong,) = (k for k in rows if not outcome.task.taking_part["angle"][k])
+    found = estimate.joint_estimate(outcome)
+    assert not found.objections
+    # Rotations go both ways about an axis one after the other.
+    right = rows[rows.index(wrong) ^ 1]
+    task = outcome.task.copy()
+    task.taking_part["angle"][[wrong, right]] = True, False
+    masked = replace(outcome, task=task, balanced=replace(outcome.balanced, solution=solve(task)))
+    objections.say_contradictions(found, masked, [])
+    said = " ".join(found.objections)
+    names = [outcome.data.rotations[k].name for k in (right, wrong)]
+    assert f"The angle of {names[0]} contradicts the rest and was left out." in said
+    assert f"Were that of {names[1]} wrong" in said
