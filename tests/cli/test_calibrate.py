@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 import numpy as np
@@ -166,6 +167,30 @@ def test_limits_are_kept_or_not_whatever_the_verdict(tumble: Bench) -> None:
     assert (result["fit"], result["limits"]["decision"]) == (True, "failed")
 
 
+def test_noise_models_are_counted(tumble: Bench, rows: np.ndarray) -> None:
+    """Two minutes of the noise that the first hold of the good recording has, and with a random walk beside it."""
+    rng = np.random.default_rng(5)
+    hold = rows[5:100, 1:]
+    signal = hold.mean(axis=0) + hold.std(axis=0, ddof=1) * rng.standard_normal((6000, 6))
+    tumble.write("still.csv", np.column_stack([np.arange(6000) / 50.0, signal]))
+    tumble("noise still.csv -o .")
+    content = tumble.json("noise.json")
+    for name in ("ax", "ay", "az"):
+        # m/s²/√s: 7 mm/s² over a hold of a dozen seconds, many times the noise
+        content["channels"][name]["terms"]["K"] = {"letter": "K", "value": 2e-3}
+    tumble.put("wandering.json", json.dumps(content))
+    sigmas: list[float] = []
+    for name in ("noise", "wandering"):
+        tumble(f"calibrate tumbled.csv --noise {name}.json -o {name}")
+        said = f"the noise models in {name}.json; that neighbouring holds are off together is counted"
+        assert said in tumble.text(f"{name}/calibration.json")
+        parameters = tumble.json(f"{name}/calibration.json")["parameters"]
+        named = [p["standard_uncertainty"] for p in parameters if p["name"].startswith("accelerometer bias")]
+        assert len(named) == 3
+        sigmas.append(float(np.sqrt(np.mean(np.square(named)))))
+    assert sigmas[1] > 2.0 * sigmas[0]
+
+
 # --- what is against it
 
 
@@ -206,8 +231,6 @@ def test_six_poses_for_nine_unknowns_are_not_fit_and_serve_with_a_prior(tumble: 
 
 def test_a_prior_that_states_no_uncertainty_is_refused(tumble: Bench) -> None:
     """Neither none nor one of nothing."""
-    import json
-
     document = tumble.json("calibrated/calibration.json")
     zero = (0.0 * np.array(document["covariance"])).tolist()
     tumble.put("zero.json", json.dumps(document | {"covariance": zero}))

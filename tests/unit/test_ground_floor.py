@@ -313,15 +313,15 @@ def test_a_stub_names_the_functions_of_its_source_which_is_compiled(stub: Path) 
     public = {name: names for name, names in _functions(stub.with_suffix(".py")).items() if name[0] != "_"}
     assert public
     assert _functions(stub) == public
-    name = ".".join(stub.relative_to(ROOT / "src").with_suffix("").parts)
+    module = importlib.import_module(".".join(stub.relative_to(ROOT / "src").with_suffix("").parts))
     # The tests' checks of shapes do not wrap it.
-    assert type(importlib.import_module(name).__loader__).__module__ != "jaxtyping._import_hook"
+    assert type(module.__loader__).__module__ != "jaxtyping._import_hook"
+    require_compiled(module.__file__ or "")
 
 
 def test_a_source_run_as_python_is_refused_with_a_sentence(tmp_path: Path) -> None:
     with pytest.raises(NotBuiltError, match="make kernels"):
         require_compiled(str(tmp_path / "kernels.py"))
-    require_compiled(importlib.import_module("tumble.attitude.kernels").__file__ or "")
 
 
 def turns() -> list[object]:

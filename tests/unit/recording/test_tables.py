@@ -15,7 +15,8 @@ from tests.unit.recording.by_hand import said
 import tumble
 from tumble.errors import OutputError, RecordingError, UsageError
 from tumble.recording import Recording, read_blocks, read_recording, reading, write_recording
-from tumble.recording.formats import header_names
+from tumble.recording.formats import header_names, read_table
+from tumble.recording.formats.arrays import read_npy
 from tumble.recording.formats.frames import UNITS_KEY, read_tables
 from tumble.workflows import corrections_of
 
@@ -153,6 +154,17 @@ def test_noise_takes_frames_and_what_was_read_already() -> None:
     frame = pl.DataFrame(FRAME)
     of_frame, of_recording = tumble.analyse_noise(frame), tumble.analyse_noise(read_recording(frame))
     assert of_frame.document == of_recording.document | {"created": of_frame.document.get("created")}
+
+
+@pytest.mark.parametrize(("ending", "read"), [("npy", read_npy), ("parquet", read_tables)])
+def test_pieces_of_a_file_are_the_file(tmp_path: Path, ending: str, read: Any) -> None:
+    np.save(tmp_path / "a.npy", np.column_stack([TIME, SIGNALS]))
+    saved(tmp_path / "a.parquet")
+    tables = list(read(tmp_path / f"a.{ending}", 701))
+    assert [len(table) for table in tables] == [*[701] * 8, 392]
+    assert tables[1].place(0) == read_table(tmp_path / f"a.{ending}").place(701)
+    columns = [np.concatenate(parts) for parts in zip(*(table.columns for table in tables), strict=True)]
+    assert np.array_equal(np.column_stack(columns), np.column_stack([TIME, SIGNALS]))
 
 
 # -- what is written ---------------------------------------------------------------------------------

@@ -14,6 +14,7 @@ from msgspec import structs
 from tests.unit.export import a_unit
 from tests.unit.export.a_unit import B_A, B_G, M_A, M_G
 from tests.unit.given import given as known
+from tests.unit.workflows.blocks import cut
 
 from tumble.calibration import Estimate, Holds, OverTemperature, canonical_names
 from tumble.document import Calibration, Corrector, RecordingName, calibration_from_estimate, read_calibration
@@ -21,7 +22,6 @@ from tumble.earth import Site
 from tumble.errors import CalibrationFileError, RecordingError, ThermalSpanError, TumbleError, UsageError
 from tumble.protocol import named_protocol
 from tumble.recording import Recording, read_recording, write_recording
-from tumble.recording.formats import arrays
 from tumble.sensor import SHAPES, ImuModel, TemperatureBasis, ThermalModel, Triad
 from tumble.simulation import simulate_protocol
 from tumble.workflows.apply import apply
@@ -177,11 +177,8 @@ def test_apply_follows_the_temperature_in_blocks_as_in_one(
     done = apply(DOCUMENT, saved(tmp_path), output=tmp_path / "out.parquet", **OPTIONS)
     assert done.samples == len(RAW)
     np.testing.assert_allclose(corrected(tmp_path / "out.parquet"), TRUTH, atol=1e-12)
-    raw = np.column_stack([RAW.time, known(RAW.specific_force), known(RAW.angular_rate), CELSIUS])
-    np.save(tmp_path / "raw.npy", raw)
-    real = arrays.read_npy
-    monkeypatch.setattr(arrays, "read_npy", lambda path: real(path, 1700))
-    apply(DOCUMENT, tmp_path / "raw.npy", output=tmp_path / "blocks.parquet", **OPTIONS)
+    cut(monkeypatch, "apply", 1700)
+    apply(DOCUMENT, tmp_path / "raw.csv", output=tmp_path / "blocks.parquet", **OPTIONS)
     np.testing.assert_allclose(corrected(tmp_path / "blocks.parquet"), TRUTH, atol=1e-12)
 
 
@@ -445,7 +442,7 @@ def test_a_csv_becomes_a_folder_like_euroc_s(tmp_path: Path, monkeypatch: pytest
     names = [f"{kind}{axis}" for kind in "ag" for axis in "xyz"]
     frame = pl.DataFrame(np.column_stack([12.5 + 0.005 * np.arange(400), FORCE, RATE]), schema=["t", *names])
     (tmp_path / "raw.csv").write_text(frame.write_csv() + "14.5,1")
-    monkeypatch.setattr("tumble.recording.formats.text._CHUNK", 20_000)  # several pieces
+    cut(monkeypatch, "apply", 150)
     done = apply(UNIT, tmp_path / "raw.csv", output=tmp_path / "folder")
     assert any("the last line is cut short" in remark for remark in done.remarks)
     again = read_recording(tmp_path / "folder")

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import polars as pl
 import pytest
 from tests.cli.program import Bench
+from tests.unit.workflows.blocks import cut
 
 from tumble.document import read_part
 from tumble.noise import allan_deviation
@@ -19,6 +20,12 @@ from tumble.report import NoiseDocument
 RATE = 100.0
 GYRO = "t,gx,gy,gz"
 WHOLE, BLOCKS = "whole", "block by block"
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Bench:
+    """An empty folder."""
+    return Bench(tmp_path)
 
 
 @pytest.fixture(params=[WHOLE, BLOCKS])
@@ -90,30 +97,6 @@ def test_both_methods_estimate_a_simulated_unit_alike(bench: Bench, still: np.nd
     one, other = (found["terms"]["N"] for found in by.values())
     assert one["value"] != other["value"]
     assert abs(one["value"] - other["value"]) < one["standard_uncertainty"]
-
-
-def test_a_calibration_counts_the_models(tumble: Bench, rows: np.ndarray) -> None:
-    """Two minutes of the noise that the first hold of the good recording has, and with a random walk beside it."""
-    rng = np.random.default_rng(5)
-    hold = rows[5:100, 1:]
-    signal = hold.mean(axis=0) + hold.std(axis=0, ddof=1) * rng.standard_normal((6000, 6))
-    tumble.write("still.csv", np.column_stack([np.arange(6000) / 50.0, signal]))
-    tumble("noise still.csv -o .")
-    content = tumble.json("noise.json")
-    for name in ("ax", "ay", "az"):
-        # m/s²/√s: 7 mm/s² over a hold of a dozen seconds, many times the noise
-        content["channels"][name]["terms"]["K"] = {"letter": "K", "value": 2e-3}
-    tumble.put("wandering.json", json.dumps(content))
-    sigmas: list[float] = []
-    for name in ("noise", "wandering"):
-        tumble(f"calibrate tumbled.csv --noise {name}.json -o {name}")
-        said = f"the noise models in {name}.json; that neighbouring holds are off together is counted"
-        assert said in tumble.text(f"{name}/calibration.json")
-        parameters = tumble.json(f"{name}/calibration.json")["parameters"]
-        named = [p["standard_uncertainty"] for p in parameters if p["name"].startswith("accelerometer bias")]
-        assert len(named) == 3
-        sigmas.append(float(np.sqrt(np.mean(np.square(named)))))
-    assert sigmas[1] > 2.0 * sigmas[0]
 
 
 # --- what a user's recording may have wrong with it: what is still possible is done
@@ -243,9 +226,7 @@ def shaken() -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def both(shaken: np.ndarray, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., Any]]:
-    """What is found in a file that is read whole and in blocks of 7001 rows or 200 kB; a question is asked once."""
-    from tumble.recording.formats import arrays, frames, text
-
+    """What is found in a file that is read whole and in blocks of 7001 rows; a question is asked once."""
     bench = Bench(tmp_path_factory.mktemp("formats"))
     frame = pl.DataFrame(shaken, schema=NAMES)
     frame.write_csv(bench.folder / "still.csv")
@@ -257,9 +238,7 @@ def both(shaken: np.ndarray, tmp_path_factory: pytest.TempPathFactory) -> Iterat
     frame.filter(keep)[:25_000].write_parquet(bench.folder / "lost.parquet")
     found: dict[str, list[Any]] = {}
     with pytest.MonkeyPatch.context() as patch:
-        for read in (arrays.read_npy, frames.read_tables):
-            patch.setattr(read, "__defaults__", (7001,))
-        patch.setattr(text, "_CHUNK", 200_000)
+        cut(patch, "noise", 7001)
 
         def ask(call: str) -> list[Any]:
             for above in (2**60, -1) if call not in found else ():
