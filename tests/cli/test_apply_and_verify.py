@@ -149,9 +149,7 @@ def mounted(tumble: Bench) -> Bench:
     return tumble
 
 
-def test_the_rotation_of_a_mount_is_found_within_its_uncertainty_and_the_file_explains_itself(
-    mounted: Bench,
-) -> None:
+def test_the_rotation_of_a_mount_is_found_within_its_uncertainty_and_the_file_explains_itself(mounted):
     """Against the truth carried into the calibration's frame, whose x is the x accelerometer's axis."""
     assert "mrad" in mounted("mount level.csv pitched.csv --calibration calibrated").out
     document = mounted.json("mount.json")

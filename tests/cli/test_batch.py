@@ -54,9 +54,7 @@ def table_of(folder: Path) -> dict[str, dict[str, str]]:
         return {row["unit"]: row for row in csv.DictReader(file)}
 
 
-def test_every_unit_has_a_row_what_is_wrong_with_it_and_what_its_document_says(
-    lot: Bench, done: Answer
-) -> None:
+def test_every_unit_has_a_row_what_is_wrong_with_it_and_what_its_document_says(lot, done):
     out = lot.folder / "out"
     rows = table_of(out)
     assert list(next(iter(rows.values())))[:5] == ["unit", "files", "verdict", "limits", "reasons"]
@@ -160,9 +158,7 @@ def test_ctrl_c_is_one_sentence_while_workers_start_and_while_they_work(bench: B
 
 
 @pytest.mark.slow
-def test_a_cluster_that_loses_a_worker_in_the_middle_does_all_units(
-    lot: Bench, done: Answer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_cluster_that_loses_a_worker_in_the_middle_does_all_units(lot, done, tmp_path, monkeypatch):
     """Two workers of Dask as processes of their own, of which one is killed when the first unit is there."""
     distributed = pytest.importorskip("distributed", reason="the extra fleet is not installed")
     assert done.status == 1
@@ -191,8 +187,6 @@ def test_a_cluster_that_loses_a_worker_in_the_middle_does_all_units(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("who", ["", "me:secret@"])
-def test_nobody_who_answers_as_a_scheduler_is_one_sentence_without_the_password(
-    bench: Bench, who: str
-) -> None:
+def test_nobody_who_answers_as_a_scheduler_is_one_sentence_without_the_password(bench, who):
     pytest.importorskip("distributed", reason="the extra fleet is not installed")
     bench.run(f"{BATCH} --scheduler tcp://{who}127.0.0.1:1").is_told(2, "127.0.0.1:1")

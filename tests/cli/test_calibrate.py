@@ -56,8 +56,8 @@ def test_calibrate_prints_parameters_and_verdict_and_writes_the_document_and_a_p
     ],
 )
 def test_scale_factors_that_few_or_no_units_have_are_in_the_verdict(
-    tumble: Bench, rows: np.ndarray, columns: slice, factor: float, options: str, fit: bool, word: str
-) -> None:
+    tumble, rows, columns, factor, options, fit, word
+):
     """A wrong scale fits gravity as well as the right one: residuals cannot show it."""
     other = rows.copy()
     other[:, columns] *= factor
@@ -127,9 +127,7 @@ def test_several_recordings_of_one_unit_are_taken_together(tumble: Bench) -> Non
     assert "tumbled.csv (2) gives no hold" in " ".join(verdict["reasons"])
 
 
-def test_earlier_calibrations_are_kept_of_another_recording_a_papers_or_unreadable(
-    tumble: Bench, rows: np.ndarray
-) -> None:
+def test_earlier_calibrations_are_kept_of_another_recording_a_papers_or_unreadable(tumble, rows):
     unreadable = b'{"format": "tumble calibration", "version": 99}\r\n\xff'
     made = tumble.folder / "made"
     made.mkdir()

@@ -111,9 +111,7 @@ BRAND = (
 )
 
 
-def test_a_new_option_of_calibrate_is_two_files_and_goes_with_several_turn_ons_and_batches(
-    tmp_path: Path,
-) -> None:
+def test_a_new_option_of_calibrate_is_two_files_and_goes_with_several_turn_ons_and_batches(tmp_path):
     shutil.copytree(
         Path(package.__file__).parent, tmp_path / "tumble", ignore=shutil.ignore_patterns("__pycache__")
     )
@@ -192,9 +190,7 @@ def _said(*words: str) -> str:
 
 @pytest.mark.parametrize("words", [("--wings", "2"), ("--wings=2",), ("--set", "wings=2"), ("--set=wings",)])
 @pytest.mark.parametrize("command", ["simulate", "inspect"])
-def test_a_command_or_an_option_that_left_says_what_to_do(
-    monkeypatch: pytest.MonkeyPatch, command: str, words: tuple[str, ...]
-) -> None:
+def test_a_command_or_an_option_that_left_says_what_to_do(monkeypatch, command, words):
     left = {
         "commands": {"fly": "tumble fly has left: walk."},
         "options": {command: {"--wings": "--wings has left: use legs."}},

@@ -305,9 +305,7 @@ OUTPUTS = table(
 @pytest.mark.parametrize(
     ("call", "words"), [*RECORDINGS, *NO_RECORDING, *CALIBRATE, *OTHERS, *PLAN, *CONVERT, *OUTPUTS]
 )
-def test_wrong_input_is_one_sentence_and_touches_no_file(
-    tumble: Bench, rows: np.ndarray, call: str, words: tuple[str, ...]
-) -> None:
+def test_wrong_input_is_one_sentence_and_touches_no_file(tumble, rows, call, words):
     refused(tumble, rows, call, *words)
 
 
@@ -335,9 +333,7 @@ def test_wrong_input_is_one_sentence_and_touches_no_file(
         ("apply calibrated tumbled.csv -o precious/new.parquet", "could not be written"),
     ),
 )
-def test_what_cannot_be_written_is_one_sentence(
-    tumble: Bench, rows: np.ndarray, call: str, words: tuple[str, ...]
-) -> None:
+def test_what_cannot_be_written_is_one_sentence(tumble, rows, call, words):
     refused(tumble, rows, call, *words, status=3)
 
 
@@ -374,8 +370,8 @@ def test_a_folder_without_permission(tumble: Bench) -> None:
 
 @pytest.mark.parametrize("packed", [True, False])
 def test_without_a_temporary_folder_only_what_has_to_be_unpacked_is_refused(
-    tumble: Bench, rows: np.ndarray, monkeypatch: pytest.MonkeyPatch, packed: bool
-) -> None:
+    tumble, rows, monkeypatch, packed
+):
     import gzip
     import io
     import tempfile

@@ -7,13 +7,10 @@ import sqlite3
 from contextlib import closing
 from typing import Any
 
-import pytest
 from tests.cli.program import Bench
 
 
-def test_a_unit_goes_into_the_registry_and_gets_a_certificate(
-    tumble: Bench, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_unit_goes_into_the_registry_and_gets_a_certificate(tumble, monkeypatch):
     call = "calibrate tumbled.csv --gravity 9.81 -o made --registry units.sqlite"
     tumble.refuses(call, "--imu-serial")
     tumble(

@@ -83,9 +83,7 @@ def test_another_simulation_in_the_folder_is_kept(bench: Bench) -> None:
     assert {path.name for path in (bench.folder / "made").iterdir()} == FILES | {kept.name, "notes.txt"}
 
 
-def test_a_simulated_unit_that_is_switched_on_anew_has_other_biases_and_else_is_the_same(
-    bench: Bench,
-) -> None:
+def test_a_simulated_unit_that_is_switched_on_anew_has_other_biases_and_else_is_the_same(bench):
     """By 2 mg and 60 °/h, one sigma: six draws of each kind are not all beyond four, nor all zero."""
     options = "--unit-seed 5 --sample-rate 10 --turn-on-bias 2,60 -q"
     for seed in "12":
@@ -152,9 +150,7 @@ def test_a_file_a_sequence_is_calibrated_to_the_truth_of_its_own_frame(fixture: 
         assert abs(error) < 4.5, row["name"]  # by chance once in 150,000
 
 
-def test_gyros_in_degrees_that_are_called_radians_and_a_file_that_is_gone_are_said(
-    fixture: Bench, bench: Bench
-) -> None:
+def test_gyros_in_degrees_that_are_called_radians_and_a_file_that_is_gone_are_said(fixture, bench):
     for path in fixture.folder.glob("step-*.csv"):
         values = np.loadtxt(path, delimiter=",", skiprows=1) * [1, 1, 1, 1, *[np.degrees(1.0)] * 3]
         bench.write(path.name, values, path.read_text("utf-8").splitlines()[0])

@@ -148,9 +148,7 @@ def test_the_time_left_stands_on_one_line_of_a_terminal(monkeypatch: pytest.Monk
         (0.995, 0.005, (100, 0, 0)),
     ],
 )
-def test_shares_are_whole_and_add_up_to_100(
-    resting: float, moving: float, shown: tuple[int, int, int]
-) -> None:
+def test_shares_are_whole_and_add_up_to_100(resting, moving, shown):
     assert shares(resting, moving) == shown
     assert sum(shown) == 100
 
@@ -249,9 +247,7 @@ def stopped(process: subprocess.Popen[str]) -> str:
         ("reproduce hayal-4.2 -o made", 3),
     ],
 )
-def test_ctrl_c_while_writing_leaves_the_earlier_results_and_no_part(
-    tumble: Bench, call: str, at: int
-) -> None:
+def test_ctrl_c_while_writing_leaves_the_earlier_results_and_no_part(tumble, call, at):
     """All files are written beside their places before any takes its place; without earlier ones none is left."""
     before = tumble.contents()
     stopped(tumble.start(call, before=AT_WRITING.format(at=at)))

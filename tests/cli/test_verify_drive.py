@@ -131,9 +131,7 @@ Rows = Callable[[np.ndarray], np.ndarray]
         pytest.param(lambda r: r[:, [0, 1, 2, 3, 5, 4, 6]], 1, "is no proof", id="gyro x and y swapped"),
     ],
 )
-def test_axes_and_units_that_do_not_go_with_the_course_are_refused_or_no_proof(
-    drive: Drive, change: Rows, status: int, words: str
-) -> None:
+def test_axes_and_units_that_do_not_go_with_the_course_are_refused_or_no_proof(drive, change, status, words):
     drive.imu = change(drive.imu)
     if status == 2:
         drive.refuses(words, "--units m/s^2,rad/s,s")
@@ -160,9 +158,7 @@ def turned_round(gnss: np.ndarray) -> np.ndarray:
         (turned_round, "same motion|go with the course|against the course"),
     ],
 )
-def test_positions_that_are_none_in_radians_or_of_another_drive_are_refused(
-    drive: Drive, change: Rows, words: str
-) -> None:
+def test_positions_that_are_none_in_radians_or_of_another_drive_are_refused(drive, change, words):
     drive.gnss = change(drive.gnss)
     drive.refuses(words)
 

@@ -76,9 +76,7 @@ def test_every_make_target_that_is_mentioned_exists(page: Path) -> None:
 
 
 @pytest.mark.parametrize(("name", "assertions"), EXECUTED.items())
-def test_the_code_of_a_page_runs(
-    name: str, assertions: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_code_of_a_page_runs(name, assertions, tmp_path, monkeypatch):
     """Its assertions are worked out by hand on the page, or follow from what the page says."""
     page = ROOT / name
     text = page.read_text(encoding="utf-8")

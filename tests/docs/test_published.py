@@ -54,9 +54,7 @@ def test_the_published_schema_is_the_code_s(name: str, monkeypatch: pytest.Monke
         ("## quality", SCHEMA["$defs"]["QualityBlock"]["properties"]),
     ],
 )
-def test_every_key_is_documented_and_every_documented_key_exists(
-    section: str, properties: dict[str, object]
-) -> None:
+def test_every_key_is_documented_and_every_documented_key_exists(section, properties):
     """In the first column of the first table after the heading."""
     text = (DOCS / "file-format.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| (`[^|]+) \|", text.partition(section)[2].partition("\n## ")[0], re.M)
@@ -83,9 +81,7 @@ def test_every_key_is_documented_and_every_documented_key_exists(
         ("strapdown_uncertainty", {"strapdown-uncertainty"}, ("strapdown-rotation",)),
     ],
 )
-def test_figures_and_tables_are_drawn_from_the_published_medians(
-    name: str, drawn: set[str], pages: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_figures_and_tables_are_drawn_from_the_published_medians(name, drawn, pages, tmp_path, monkeypatch):
     module = script(DOCS / "figures" / f"{name}.py", monkeypatch)
     if hasattr(module, "expected_uncertainty"):
         # These figures have a fourth grade, which the module of the first figure is not to keep.
@@ -132,9 +128,7 @@ NOTEBOOKS = {"quickstart": 2, "noise-at-rest": 0, "two-estimators": 1}
 
 
 @pytest.mark.parametrize("notebook", NOTEBOOKS)
-def test_every_cell_runs_and_what_it_ends_in_has_a_table_for_a_notebook(
-    notebook: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_every_cell_runs_and_what_it_ends_in_has_a_table_for_a_notebook(notebook, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     document = json.loads((DOCS / f"{notebook}.ipynb").read_text(encoding="utf-8"))
     assert document["nbformat"] == 4

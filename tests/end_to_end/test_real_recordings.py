@@ -60,9 +60,7 @@ def score(model: ImuModel, run: CalibrationRun, gravity: float) -> tuple[float, 
 
 
 @pytest.fixture(scope="module")
-def runs(
-    root: Path, reference_data: Path, tmp_path_factory: pytest.TempPathFactory
-) -> dict[str, CalibrationRun]:
+def runs(root, reference_data, tmp_path_factory):
     xsens, folder = reference_data / "xsens_mti_hand", tmp_path_factory.mktemp("runs")
     mpu = Site.from_gravity(MPU_GRAVITY)
     given: dict[str, Any] = {
@@ -110,14 +108,8 @@ def imu_tk(reference_data: Path) -> ImuModel:
     ],
 )
 def test_it_is_calibrated_and_fit_and_residuals_are_no_worse_than_what_others_reached(
-    runs: dict[str, CalibrationRun],
-    root: Path,
-    name: str,
-    gravity: float,
-    units: tuple[str, str],
-    norm: float,
-    angle_deg: float,
-) -> None:
+    runs, root, name, gravity, units, norm, angle_deg
+):
     run = runs[name]
     assert run.calibration.procedure == "joint"
     assert run.calibration.verdict.fit, run.calibration.verdict.reasons
@@ -138,9 +130,7 @@ def test_it_is_calibrated_and_fit_and_residuals_are_no_worse_than_what_others_re
     assert np.degrees(quality.rms_turn_angle or 0.0) == pytest.approx(found[1], rel=0.2)
 
 
-def test_ours_beat_imu_tk_s_values_on_its_own_recording(
-    xsens: CalibrationRun, without_g_sensitivity: Estimate, imu_tk: ImuModel, root: Path
-) -> None:
+def test_ours_beat_imu_tk_s_values_on_its_own_recording(xsens, without_g_sensitivity, imu_tk, root):
     """With the same model a little, with the g-sensitivity that the recording shows four times on turns.
 
     Theirs are said to be 1.1 mm/s² and 0.65 to 0.70°, depending on how the edges of turns are cut.
@@ -156,9 +146,7 @@ def test_ours_beat_imu_tk_s_values_on_its_own_recording(
     assert (1e3 * same_model[0], same_model[1]) == pytest.approx(page, rel=0.05)
 
 
-def test_with_imu_tk_s_own_model_our_parameters_are_its_parameters(
-    without_g_sensitivity: Estimate, imu_tk: ImuModel
-) -> None:
+def test_with_imu_tk_s_own_model_our_parameters_are_its_parameters(without_g_sensitivity, imu_tk):
     """In one convention, all but the gyro's bias within 3 of our sigma.
 
     imu_tk takes the bias as the mean of the first 50 s at rest; ours is that of the whole recording,
@@ -188,9 +176,7 @@ def test_the_xsens_gyro_is_g_sensitive_and_quadratic_terms_are_not_wanted(xsens:
     assert "quadratic" not in kept
 
 
-def test_both_units_of_the_mpu_recordings_saw_the_same_turns_and_are_told_apart(
-    runs: dict[str, CalibrationRun], reference_data: Path
-) -> None:
+def test_both_units_of_the_mpu_recordings_saw_the_same_turns_and_are_told_apart(runs, reference_data):
     """Two units on one board: how far each turn went is a number that neither calibration knows of the other.
 
     Their clocks differ and the last degree of a turn may be cut otherwise: 0.5° at the median.

@@ -21,9 +21,7 @@ from tumble.recording import read_recording, write_recording
 class Disk:
     """Counts what a writer asks of the disk, and fails at one of the calls."""
 
-    def __init__(
-        self, monkeypatch: pytest.MonkeyPatch, fails_at: int = -1, error: int = errno.ENOSPC
-    ) -> None:
+    def __init__(self, monkeypatch, fails_at=-1, error=errno.ENOSPC):
         self.calls, self.fails_at, self.error = 0, fails_at, error
         for owner, name in ((os, "fsync"), (Path, "replace")):
             monkeypatch.setattr(owner, name, self.counted(getattr(owner, name)))
@@ -81,9 +79,7 @@ def writers(folder: Path) -> dict[str, Callable[[Path], Any]]:
 
 @pytest.mark.parametrize("name", ["text", "texts", "calibration.json", "protocol.yaml", "out.csv"])
 @pytest.mark.parametrize("error", [errno.ENOSPC, errno.EIO, errno.EDQUOT, errno.EROFS])
-def test_an_earlier_result_is_whole_wherever_the_disk_fails(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, error: int
-) -> None:
+def test_an_earlier_result_is_whole_wherever_the_disk_fails(tmp_path, monkeypatch, name, error):
     write = writers(tmp_path)[name]
     place = tmp_path / "results" / name
     place.parent.mkdir()

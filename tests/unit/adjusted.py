@@ -2,24 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-from tumble.calibration import Estimate, Options, Session, StableKnowledge, calibrate, find_procedure
-from tumble.earth import Site
-from tumble.recording import Recording
-from tumble.segmentation import HoldMeans, Timeline, observe_holds
+from tumble.calibration import Options, Session, calibrate, find_procedure
+from tumble.segmentation import observe_holds
 
 
-def adjusted(
-    recording: Recording,
-    timeline: Timeline,
-    site: Site,
-    means: HoldMeans | None = None,
-    *,
-    procedure: str = "hand-held",
-    prior: StableKnowledge | None = None,
-    **options: Any,
-) -> Estimate:
+def adjusted(recording, timeline, site, means=None, *, procedure="hand-held", prior=None, **options):
     """Return the estimate of a procedure, with options of `Options`."""
     session = Session(recording, given_site=site, prior=prior, options=Options(**options))
     session.timeline, session.means = timeline, means or observe_holds(recording, timeline)

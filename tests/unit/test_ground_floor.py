@@ -13,7 +13,6 @@ import time
 from collections.abc import Callable, Iterator
 from math import pi
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -53,9 +52,7 @@ FACTORS: dict[Callable[[str], float | None], dict[str, float | None]] = {
 
 
 @pytest.mark.parametrize("factor", FACTORS)
-def test_a_unit_has_its_defined_factor_and_an_unknown_one_is_refused(
-    factor: Callable[[str], float | None],
-) -> None:
+def test_a_unit_has_its_defined_factor_and_an_unknown_one_is_refused(factor):
     for name, value in FACTORS[factor].items():
         rounded = value and pytest.approx(value, rel=1e-15)  # one or two roundings of a double
         assert factor(name) == rounded, name
@@ -362,9 +359,7 @@ def normal(seed: int, *shape: int) -> np.ndarray:
         ("segmentation", "triangle_smooth", lambda: [normal(5, 14, 3), 4, np.zeros((14, 3))]),
     ],
 )
-def test_compiled_and_as_python_a_loop_does_the_same(
-    as_python: Callable[[str], ModuleType], room: str, function: str, arguments: Callable[[], list[Any]]
-) -> None:
+def test_compiled_and_as_python_a_loop_does_the_same(as_python, room, function, arguments):
     given = [arguments(), arguments()]
     modules = [make(f"tumble.{room}.kernels") for make in (importlib.import_module, as_python)]
     answers = [getattr(module, function)(*own) for module, own in zip(modules, given, strict=True)]

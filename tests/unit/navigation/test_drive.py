@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -37,15 +36,7 @@ BIASES = ([0.05, -0.03, 0.02], [3e-3, -1e-3, 2e-3])  # m/s², rad/s
 POOR = ([0.15, -0.1, 0.1], [0.1, -0.05, 0.1])  # as of a unit that is not calibrated
 
 
-def measured(
-    course: SplineTrajectory,
-    time: np.ndarray,
-    rng: np.random.Generator,
-    *,
-    biases: tuple[list[float], list[float]] = BIASES,
-    rate_noise: float = 2e-3,
-    mount: Rotation | None = None,
-) -> InertialSamples:
+def measured(course, time, rng, *, biases=BIASES, rate_noise=0.002, mount=None):
     """Samples with noise of 0.02 m/s² and `rate_noise`, of a unit that is mounted askew."""
     states = course.states(time)
     C_mb = (mount or Rotation.identity()).inv()
@@ -55,9 +46,7 @@ def measured(
     return InertialSamples(time, force, rate)
 
 
-def seen(
-    course: SplineTrajectory, at: np.ndarray, rng: np.random.Generator, velocity_sigma: float = 0.03
-) -> GnssTrack:
+def seen(course, at, rng, velocity_sigma=0.03):
     """Fixes of 2 cm on the same clock."""
     fixes, shape = course.states(at), (len(at), 3)
     noise = rng.normal(0.0, 0.02, shape)
@@ -216,9 +205,7 @@ def drives() -> Drives:
 
 
 @pytest.mark.parametrize(("seed", "offset"), [(12, -0.3), (13, 0.0), (12, 0.11), (13, 18.0)])
-def test_the_offset_of_an_uncalibrated_unit_is_within_what_is_stated(
-    drives: Drives, seed: int, offset: float
-) -> None:
+def test_the_offset_of_an_uncalibrated_unit_is_within_what_is_stated(drives, seed, offset):
     samples, track = drives[seed]
     found = prepare_drive(samples, track.shifted(-offset)).clock
     assert found.offset == pytest.approx(offset, abs=3.0 * found.sigma)
@@ -232,9 +219,7 @@ def test_parts_that_overlap_as_stamped_are_compared_there(drives: Drives) -> Non
 
 
 @pytest.mark.parametrize("seed", [12, 13])
-def test_parts_and_drives_that_have_nothing_in_common_are_refused_with_both_spans(
-    drives: Drives, seed: int
-) -> None:
+def test_parts_and_drives_that_have_nothing_in_common_are_refused_with_both_spans(drives, seed):
     samples, track = drives[seed]
     with pytest.raises(
         RecordingError, match=r"from 0\.0 to 70\.0 s and the fixes from 90\.5 to .* 20 s apart"
@@ -244,9 +229,7 @@ def test_parts_and_drives_that_have_nothing_in_common_are_refused_with_both_span
         estimate_time_offset(samples, drives[25 - seed][1].shifted(1000.0))
 
 
-def test_in_little_motion_nothing_is_said_of_axes(
-    drives: Drives,
-) -> None:
+def test_in_little_motion_nothing_is_said_of_axes(drives):
     samples, track = drives[12]
     told = 0
     for begin in range(20, 130, 10):
@@ -269,9 +252,7 @@ def test_in_little_motion_nothing_is_said_of_axes(
         (np.radians, r"differ by a factor of 5"),
     ],
 )
-def test_gyros_that_turn_otherwise_than_the_course_are_refused(
-    drives: Drives, wrong: Callable[[np.ndarray], np.ndarray], words: str
-) -> None:
+def test_gyros_that_turn_otherwise_than_the_course_are_refused(drives, wrong, words):
     samples, track = drives[13]
     assert refuse_other_motion(samples, track) > 0.95
     other = replace(samples, angular_rate_ib_b=np.ascontiguousarray(wrong(samples.angular_rate_ib_b)))
@@ -323,9 +304,7 @@ def errors_of(run: FilterRun, truth: Trajectory) -> tuple[np.ndarray, np.ndarray
 
 
 @pytest.mark.parametrize("length", [0.5, 5.0, 20.0, 60.0])
-def test_a_filter_goes_on_after_missing_samples_with_what_it_knows_of_the_sensors(
-    whole: tuple[Drive, Trajectory], length: float
-) -> None:
+def test_a_filter_goes_on_after_missing_samples_with_what_it_knows_of_the_sensors(whole, length):
     drive, truth = whole
     cut = without(drive, 90.0, length)
     assert cut.samples.missing() == [(90.0, 90.0 + length)]

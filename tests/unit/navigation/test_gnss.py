@@ -149,9 +149,7 @@ GGA = "GNGGA,193400.00,4005.7,N,10508.8,W,4,21,0.6,1618.4,M,-17.0,M,,"
         ("none.pos", None, "There is no GNSS track"),
     ],
 )
-def test_what_is_no_track_is_refused_in_words(
-    name: str, content: str | bytes | None, words: str, tmp_path: Path
-) -> None:
+def test_what_is_no_track_is_refused_in_words(name, content, words, tmp_path):
     with pytest.raises(RecordingError, match=words):
         read_track(tmp_path / name if content is None else write(tmp_path, name, content))
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -277,9 +276,7 @@ def test_a_triad_and_a_table_state_it(noise: Characterisation) -> None:
     assert any("N is what it is over longer times" in sentence for sentence in noise.sentences)
 
 
-def test_what_other_programs_get_holds_it_once_and_without_it_a_document_is_read_as_before(
-    noise: Characterisation, tmp_path: Path
-) -> None:
+def test_what_other_programs_get_holds_it_once_and_without_it_a_document_is_read_as_before(noise, tmp_path):
     path, document = tmp_path / "noise.json", noise_document(noise)
     channels = document["channels"]
     channels |= {f"a{name[1]}": channel for name, channel in channels.items()}  # a file wants both triads
@@ -380,9 +377,7 @@ def test_terms_that_cannot_make_the_curve_leave_what_was_found_first() -> None:
         (np.linalg.LinAlgError("singular"), "averaging times enough, but the curve could not be weighed"),
     ],
 )
-def test_why_there_is_no_model_is_told_apart(
-    monkeypatch: pytest.MonkeyPatch, error: Exception, words: str
-) -> None:
+def test_why_there_is_no_model_is_told_apart(monkeypatch, error, words):
     def refuse(*_: object, **__: object) -> None:
         raise error
 

@@ -62,9 +62,7 @@ def test_a_good_rest_is_taken_whole_and_without_a_word() -> None:
     ("unit", "factor", "shown"),
     [("deg/s", np.degrees(1.0), "rad/s"), ("mrad/s", 1e3, "rad/s"), ("counts", 1e6, "counts")],
 )
-def test_the_files_unit_makes_no_difference_but_counts_stay_counts(
-    unit: str, factor: float, shown: str
-) -> None:
+def test_the_files_unit_makes_no_difference_but_counts_stay_counts(unit, factor, shown):
     plain = at_rest()
     other = replace(plain, angular_rate=factor * given(plain.angular_rate), angular_rate_unit=unit)
     first, second = characterise(plain).channels[4], characterise(other).channels[4]

@@ -227,9 +227,7 @@ def runs() -> Studies:
 
 
 @pytest.mark.parametrize(("table", "case", "kind", "mean", "low", "high"), FIGURES)
-def test_stated_sigmas_are_those_of_another_implementation(
-    runs: Studies, table: str, case: int, kind: slice, mean: float, low: float, high: float
-) -> None:
+def test_stated_sigmas_are_those_of_another_implementation(runs, table, case, kind, mean, low, high):
     """Means within 10 %: those of 500 runs are known to 2 %, the printed digits are two.
 
     The ranges overlap: the lowest of 1,500 sigmas scatters by some tenths from study to study; the highest
@@ -252,9 +250,7 @@ def test_without_noise_nine_parameters_are_exact(runs: Studies) -> None:
 
 
 @pytest.mark.parametrize(("table", "low", "high"), [("4.2", 38.0, 48.0), ("4.3", 11.0, 13.5)])
-def test_what_the_solution_leaves_out_shows_in_sigma0(
-    runs: Studies, table: str, low: float, high: float
-) -> None:
+def test_what_the_solution_leaves_out_shows_in_sigma0(runs, table, low, high):
     """At 10⁴ times the Earth's rate: 43 without scale factors, 12 without angles."""
     assert low < runs[table, 3].sigma0.mean() < high
 

@@ -106,9 +106,7 @@ class Bench:
         session.matching = Matching(held, turned, (), ())
         return session
 
-    def _shown(
-        self, triad: Triad, true: np.ndarray, kind: int, rng: np.random.Generator
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def _shown(self, triad, true, kind, rng):
         scale, sigma = self.counts[kind], self.sigma[kind]
         seen = triad.distort(true) + self.noise * sigma * rng.standard_normal(true.shape)
         return scale * seen, (scale * sigma) ** 2 * np.tile(np.eye(3), (len(true), 1, 1))
@@ -236,9 +234,7 @@ def test_the_figures_of_the_thesis_noise() -> None:
 @pytest.mark.parametrize(
     ("unknowns", "bias", "scale", "angle"), [(9, 1.07e-6, 0.02, 0.0335), (3, 9.4e-7, 0, 0)]
 )
-def test_gyros_on_the_earths_rate_are_tables_4_2_and_4_4(
-    unknowns: int, bias: float, scale: float, angle: float
-) -> None:
+def test_gyros_on_the_earths_rate_are_tables_4_2_and_4_4(unknowns, bias, scale, angle):
     """Mean sigmas of case 2, which vary from run to run by half: 26 headings by chance, and 17 or 23 checks."""
     bench = replace(MULTI, model=BIASES)
     runs = [estimated(f"multi-position-{unknowns}", bench, seed) for seed in range(24)]

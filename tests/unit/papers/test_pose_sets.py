@@ -88,17 +88,13 @@ def shown(directions: np.ndarray) -> np.ndarray:
         pytest.param(chatfield_orientations(), (26.4, 10.3, 20.4), id="all eighteen"),
     ],
 )
-def test_sets_promise_what_an_independent_computation_found(
-    directions: np.ndarray, expected: tuple[float, float, float]
-) -> None:
+def test_sets_promise_what_an_independent_computation_found(directions, expected):
     """Computed elsewhere to the digits given."""
     np.testing.assert_allclose(shown(directions), expected, atol=0.06)
 
 
 @pytest.mark.parametrize("left_out", list(itertools.product(range(4), repeat=3)))
-def test_nine_edges_are_singular_exactly_if_the_three_left_out_have_a_product_of_one(
-    left_out: tuple[int, int, int],
-) -> None:
+def test_nine_edges_are_singular_exactly_if_the_three_left_out_have_a_product_of_one(left_out):
     """All 64 choices of one edge left out in each plane.
 
     If the product of the signs of the three is +1 there is a corner σ with σ_i σ_j = s_i s_j on all three: the six
@@ -123,9 +119,7 @@ def test_nine_edges_are_singular_exactly_if_the_three_left_out_have_a_product_of
 
 
 @pytest.mark.parametrize("signs", SIGNS)
-def test_what_is_left_of_the_eighteen_is_refused_or_not_by_the_signs_of_the_three(
-    signs: tuple[int, int, int],
-) -> None:
+def test_what_is_left_of_the_eighteen_is_refused_or_not_by_the_signs_of_the_three(signs):
     others = chatfield_orientations(signs)[[n - 1 for n in LEFT_OUT]]
     said = explain_pose_set(others)
     if np.prod(signs) == 1:
@@ -160,9 +154,7 @@ def test_the_pose_that_is_named_mends_the_set_and_dwells_repeated_tell_the_same_
         ("sphere", 18, "average", (31.7, 8.9, 20.4)),
     ],
 )
-def test_the_best_sets_are_those_of_an_independent_search(
-    where: str, count: int, criterion: str, expected: tuple[float, float, float]
-) -> None:
+def test_the_best_sets_are_those_of_an_independent_search(where, count, criterion, expected):
     """Another program's optima, 3 %: its minimax is of the largest ratio itself, ours of a 24-norm."""
     rng = np.random.default_rng(2)
     if where == "26":
@@ -290,9 +282,7 @@ def test_the_paper_s_three_sets_are_inside_and_the_others_unjudged(designs: Outc
     assert designs.counts == (7, 7)
 
 
-def test_prediction_and_simulation_agree_and_the_singular_set_is_refused_with_the_reason(
-    designs: Outcome,
-) -> None:
+def test_prediction_and_simulation_agree_and_the_singular_set_is_refused_with_the_reason(designs):
     """Three axes of 500 runs each: a standard deviation to 1.8 %, correlated axes to 3.2 %; four of them."""
     compared = [row.cells[1:] for row in designs.rows if row.cells[1] != "refused"]
     assert len(compared) == 3 * (len(pose_sets()) - 1)

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -83,9 +80,7 @@ SPOTS = [
 
 
 @pytest.mark.parametrize(("table", "imu", "parameter", "minutes", "estimate", "sigma"), SPOTS)
-def test_cells_are_as_printed(
-    table: str, imu: str, parameter: str, minutes: str, estimate: float, sigma: float
-) -> None:
+def test_cells_are_as_printed(table, imu, parameter, minutes, estimate, sigma):
     rows = hayal()["tables"][table]["rows"]
     (row,) = [r for r in rows if (r["imu"], r["parameter"]) == (imu, parameter)]
     assert row["minutes"][minutes] == {"estimate": estimate, "sigma": sigma}
@@ -100,9 +95,7 @@ def test_cells_are_as_printed(
         ("4.5", 6, 1, {"estimate": 127.802, "sigma": 32.018, "difference": 27.802}),
     ],
 )
-def test_cells_of_the_simulated_tables_are_as_printed(
-    table: str, row: int, case: int, printed: dict[str, float]
-) -> None:
+def test_cells_of_the_simulated_tables_are_as_printed(table, row, case, printed):
     assert printed.items() <= hayal()["tables"][table]["rows"][row]["cases"][case].items()
 
 
@@ -181,9 +174,7 @@ def test_zhang_s_choices_of_orientations_are_as_printed() -> None:
     ("table", "columns"),
     [("2", ("set", "calibrated", "error")), ("6", ("traditional", "proposed", "discrepancy"))],
 )
-def test_zhang_s_last_column_is_the_difference_of_the_others(
-    table: str, columns: tuple[str, str, str]
-) -> None:
+def test_zhang_s_last_column_is_the_difference_of_the_others(table, columns):
     """A slip in typing would show: the digits of the columns are 0.03 ppm and 0.01″, µg, 1e-4 °/h at worst."""
     for row in zhang()["tables"][table]["rows"]:
         before, after, said = (np.array(row[key], dtype=float) for key in columns)
@@ -239,9 +230,7 @@ ZERO_AWAY = "its estimate is 15 times sheet and sigma together from zero"
         (judge_error, (-3.4, 1.0, 500, 0.1), INSIDE, []),
     ],
 )
-def test_printed_numbers_are_judged(
-    judge: Callable[..., tuple[Any, str]], told: tuple[Any, ...], fits: object, words: list[str]
-) -> None:
+def test_printed_numbers_are_judged(judge, told, fits, words):
     verdict, reason = judge(*told)
     assert verdict == fits
     assert [word for word in words if word not in reason] == []

@@ -23,7 +23,6 @@ from tumble_papers.savage.methods import ESTIMATORS, inversion_covariance
 from tumble_papers.savage.section_9 import unit
 from tumble_papers.savage.sequences import (
     AVERAGING,
-    SequenceMeasurement,
     SequenceModel,
     invert_measurements,
     measure_sequence,
@@ -56,9 +55,7 @@ EARTH = 7.2921e-5
 DOWN_Z = np.array([0.0, 0.0, 1.0])
 
 
-def turned(
-    rotations: tuple[tuple[int, float], ...], earth_b: np.ndarray, down: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def turned(rotations, earth_b, down):
     """Exact rates (rotation vector of each sample over its time) and forces of a unit on the turning Earth."""
     still = np.zeros((REST, 3))
     vectors = [np.tile(np.eye(3)[axis] * angle / TURN, (TURN, 1)) for axis, angle in rotations]
@@ -71,9 +68,7 @@ def turned(
     return rate, np.array([edge.inv().apply(-GRAVITY * down) for edge in edges[1:]])
 
 
-def measured(
-    rate: np.ndarray, force: np.ndarray, earth: np.ndarray, down: np.ndarray = DOWN_Z, **options
-) -> SequenceMeasurement:
+def measured(rate, force, earth, down=DOWN_Z, **options):
     end = (len(rate) - REST, len(rate))
     return measure_sequence(rate, force, STEP, earth, (0, REST), end, GRAVITY, down, **options)
 
@@ -81,9 +76,7 @@ def measured(
 @pytest.mark.parametrize("averaging", AVERAGING)
 @pytest.mark.parametrize("start_bias", [True, False])
 @pytest.mark.parametrize("name", ["1", "6", "7", "10", "14"])
-def test_an_ideal_unit_measures_nothing_on_the_turning_earth(
-    name: str, start_bias: bool, averaging: str
-) -> None:
+def test_an_ideal_unit_measures_nothing_on_the_turning_earth(name, start_bias, averaging):
     row = ROWS[name]
     down = start_down(row)
     earth = EARTH * np.array([0.52, -0.41, 0.75])
@@ -110,9 +103,7 @@ def test_weights_of_a_window_add_up_to_one_and_lie_even(averaging: str, count: i
 
 
 @pytest.mark.parametrize("angle", [1e-3, 5e-3])
-def test_a_fixture_that_leans_by_an_angle_shortens_the_projection_by_half_its_square_and_not_the_norm(
-    angle: float,
-) -> None:
+def test_a_fixture_that_leans_by_an_angle_shortens_the_projection_by_half_its_square_and_not_the_norm(angle):
     leaning = Rotation.from_rotvec([angle, 0.0, 0.0]).apply(DOWN_Z)
     rate, force = turned(((1, np.pi),), np.zeros(3), leaning)
     by_norm = measured(rate, force, np.zeros(3))
@@ -212,9 +203,7 @@ ESTIMATE = ESTIMATORS["savage-inversion"].estimate
 RUNS = 24
 
 
-def recorded(
-    fixture: FixtureErrors, protocol: Protocol = PROTOCOL, units: str = "SI", errors: np.ndarray = TRUTH
-) -> Session:
+def recorded(fixture, protocol=PROTOCOL, units="SI", errors=TRUTH):
     model = SavageErrors.from_vector(errors, GYRO_BIAS).model()
     recording, _ = simulate_protocol(
         protocol, 50.0, np.random.default_rng(5), site=SITE, model=model, fixture=fixture, units=units

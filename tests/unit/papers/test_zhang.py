@@ -147,9 +147,7 @@ LEVEL, ONE_AXIS = units(9) * [1.0, 1.0, 0.0], "have one axis only.*turn the unit
         (wahba_rotation, (NEAR @ R.T, NEAR), ONE_AXIS),
     ],
 )
-def test_what_does_not_determine_the_unknowns_is_refused(
-    form: Solver, told: tuple[Any, ...], words: str
-) -> None:
+def test_what_does_not_determine_the_unknowns_is_refused(form, told, words):
     with pytest.raises(ObservabilityError, match=words):
         form(*told)
 

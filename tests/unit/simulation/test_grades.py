@@ -75,9 +75,7 @@ SHEET = [
 
 
 @pytest.mark.parametrize(("what", "factor", "hg1700", "hg1900"), SHEET)
-def test_the_numbers_of_the_hg_units_are_the_sheet_s(
-    what: str, factor: float, hg1700: float, hg1900: float
-) -> None:
+def test_the_numbers_of_the_hg_units_are_the_sheet_s(what, factor, hg1700, hg1900):
     found = [factor * attrgetter(what)(find_grade(name)) for name in HG]
     assert found == pytest.approx([hg1700, hg1900], rel=1e-9)
 

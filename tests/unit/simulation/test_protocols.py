@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 import pytest
@@ -55,9 +54,7 @@ def protocol(*steps: Step) -> Protocol:
     return Protocol("test", "multi-position", steps)
 
 
-def play(
-    *steps: Step, seed: int = 1, placement: bool = True, table: TableErrors | None = None
-) -> PlayedProtocol:
+def play(*steps, seed=1, placement=True, table=None):
     return play_protocol(protocol(*steps), np.random.default_rng(seed), placement=placement, table=table)
 
 
@@ -397,9 +394,7 @@ def test_what_cannot_be_played_is_refused(steps: list[Step], table: TableErrors 
         (-3.0, {}, "at -3 Hz has no sample"),
     ],
 )
-def test_what_cannot_be_simulated_is_refused_in_words(
-    rate: float, options: dict[str, Any], words: str
-) -> None:
+def test_what_cannot_be_simulated_is_refused_in_words(rate, options, words):
     spin = protocol(HoldStep(3.0, Pose(Z)), SpinStep(10.0, 4.0), HoldStep(3.0))
     with pytest.raises(UsageError, match=words):
         simulate_protocol(spin, rate, np.random.default_rng(1), site=SITE, **options)

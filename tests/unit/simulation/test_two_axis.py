@@ -21,12 +21,10 @@ from tumble.protocol import (
     named_protocol,
     sequence_steps,
 )
-from tumble.recording import Recording
 from tumble.simulation import (
     FixtureErrors,
     PlayedProtocol,
     TableErrors,
-    Truth,
     fixture_angles,
     play_sequences,
     simulate_protocol,
@@ -48,9 +46,7 @@ WRONG = FixtureErrors(
 )
 
 
-def play(
-    errors: FixtureErrors | None = None, protocol: Protocol = TEST, seed: int = 1, **more: Any
-) -> PlayedProtocol:
+def play(errors=None, protocol=TEST, seed=1, **more):
     return play_sequences(protocol, np.random.default_rng(seed), errors or FixtureErrors(), **more)
 
 
@@ -133,9 +129,7 @@ def test_the_attitude_is_continuous_and_each_axis_turns_about_a_line_fixed_in_th
         ({"mounting": (0.0, 0.0, 1e-3)}, X, EAST),
     ],
 )
-def test_each_error_moves_the_unit_s_axes_its_own_way(
-    sign: float, errors: dict[str, Any], axis_b: np.ndarray, leans_n: np.ndarray
-) -> None:
+def test_each_error_moves_the_unit_s_axes_its_own_way(sign, errors, axis_b, leans_n):
     """At both angles zero, where x is north, y east and z down. 1e-6: the second order of 1e-3."""
     wrong = FixtureErrors(
         **{name: tuple(sign * np.array(v)) if np.ndim(v) else sign * v for name, v in errors.items()}
@@ -176,9 +170,7 @@ def test_errors_of_execution_belong_to_stops_and_do_not_add_up() -> None:
     assert np.std(total) == pytest.approx(np.sqrt(2.0) * 1e-3, rel=0.6)
 
 
-def record(
-    protocol: Protocol, rate: float, fixture: FixtureErrors, arm: tuple[float, float, float] = (0.0, 0.0, 0.0)
-) -> tuple[Recording, Truth]:
+def record(protocol, rate, fixture, arm=(0.0, 0.0, 0.0)):
     told: dict[str, Any] = {"site": STILL, "fixture": fixture, "lever_arm_b": np.array(arm)}
     return simulate_protocol(protocol, rate, np.random.default_rng(2), **told)
 

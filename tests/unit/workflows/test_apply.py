@@ -19,7 +19,7 @@ from tests.unit.workflows.blocks import cut
 from tumble.calibration import Estimate, Holds, OverTemperature, canonical_names
 from tumble.document import Calibration, Corrector, RecordingName, calibration_from_estimate, read_calibration
 from tumble.earth import Site
-from tumble.errors import CalibrationFileError, RecordingError, ThermalSpanError, TumbleError, UsageError
+from tumble.errors import CalibrationFileError, RecordingError, ThermalSpanError, UsageError
 from tumble.protocol import named_protocol
 from tumble.recording import Recording, read_recording, write_recording
 from tumble.sensor import SHAPES, ImuModel, TemperatureBasis, ThermalModel, Triad
@@ -170,9 +170,7 @@ def test_a_program_with_the_document_alone_gets_the_test_vectors() -> None:
     assert min(np.diff(states)) < 0.0  # both branches
 
 
-def test_apply_follows_the_temperature_in_blocks_as_in_one(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_apply_follows_the_temperature_in_blocks_as_in_one(tmp_path, monkeypatch):
     """Lag, rate and hysteresis go on where a block of 1700 samples ends; the first is longer than 10 s."""
     done = apply(DOCUMENT, saved(tmp_path), output=tmp_path / "out.parquet", **OPTIONS)
     assert done.samples == len(RAW)
@@ -224,9 +222,7 @@ def holes(first: float, last: float) -> np.ndarray:
         ),
     ],
 )
-def test_a_temperature_that_cannot_serve_is_one_sentence_and_no_file(
-    tmp_path: Path, celsius: np.ndarray | None, header: str, error: type[TumbleError], words: str
-) -> None:
+def test_a_temperature_that_cannot_serve_is_one_sentence_and_no_file(tmp_path, celsius, header, error, words):
     file = saved(tmp_path, celsius, header)
     with pytest.raises(error, match=words):
         apply(DOCUMENT, file, output=tmp_path / "out.csv", units=SI)
@@ -236,9 +232,7 @@ def test_a_temperature_that_cannot_serve_is_one_sentence_and_no_file(
 @pytest.mark.parametrize(
     ("header", "option"), [("temperature [degF]", ""), ("temp_F", ""), ("temperature", ",degF")]
 )
-def test_degrees_fahrenheit_that_the_header_or_the_user_says_are_converted(
-    tmp_path: Path, header: str, option: str
-) -> None:
+def test_degrees_fahrenheit_that_the_header_or_the_user_says_are_converted(tmp_path, header, option):
     file = saved(tmp_path, 1.8 * CELSIUS + 32.0, header)
     apply(DOCUMENT, file, output=tmp_path / "out.csv", units=SI + option)
     again = read_recording(tmp_path / "out.csv", **OPTIONS)

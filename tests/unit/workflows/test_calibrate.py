@@ -240,9 +240,7 @@ def _refused(session: object) -> NoReturn:
 PICKY = {name: Estimator(name, "it wants", "none", _refused) for name in ("picky", "six-position")}
 
 
-def test_what_a_package_of_estimators_does_wrong_is_its_own_fault(
-    six: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_a_package_of_estimators_does_wrong_is_its_own_fault(six, tmp_path, monkeypatch):
     """A package that cannot be imported, one with a name that another one has, and an estimator that refuses."""
     for package, place in (("broken", "no_such_module:ALL"), ("picky", f"{__name__}:PICKY")):
         info = tmp_path / f"{package}-1.dist-info"
@@ -280,9 +278,7 @@ def saved(folder: Path, values: np.ndarray) -> Path:
     return path
 
 
-def test_gyros_that_are_dead_or_saturated_and_one_recording_twice_are_seen(
-    rows: np.ndarray, tmp_path: Path
-) -> None:
+def test_gyros_that_are_dead_or_saturated_and_one_recording_twice_are_seen(rows, tmp_path):
     dead, clipped = rows.copy(), rows.copy()
     dead[:, 4] = 0.01
     with pytest.raises(ConvergenceError, match="gy never changes"):
@@ -330,8 +326,8 @@ def test_a_unit_that_is_plainly_none_of_its_sheet_is_said_to_be_none(tmp_path: P
     ("protocol", "procedure"), [("six-position", "multi-position"), ("multi-position-10", None)]
 )
 def test_a_gyro_that_counts_the_other_way_round_is_refused_even_where_only_holds_are_meant(
-    protocol: str, procedure: str | None, tmp_path: Path
-) -> None:
+    protocol, procedure, tmp_path
+):
     simulate(protocol, output=tmp_path, seed=3)
     given: dict[str, Any] = {"procedure": procedure, "protocol": tmp_path}
     assert "contradict" not in " ".join(tumble.calibrate(**given).calibration.verdict.reasons)

@@ -130,9 +130,7 @@ print(calibration.correct(rows.tolist())[0].shape)
 """
 
 
-def test_arrays_of_a_wrong_shape_are_refused_in_a_sentence(
-    calibration: tumble.Calibration, tmp_path: Path
-) -> None:
+def test_arrays_of_a_wrong_shape_are_refused_in_a_sentence(calibration, tmp_path):
     calibration.write(tmp_path / "calibration.json")
     said = printed(SHAPES, tmp_path).splitlines()
     for line, words in zip(
@@ -238,9 +236,7 @@ def test_the_example_of_help_runs_and_every_result_is_one_line(help_run: dict[st
     assert ("NOT fit" in repr(run.calibration)) == (not run.calibration.verdict.fit)
 
 
-def test_parameters_are_a_data_frame_and_figures_those_of_the_report(
-    help_run: dict[str, Any], folder: Path
-) -> None:
+def test_parameters_are_a_data_frame_and_figures_those_of_the_report(help_run, folder):
     frame, parameters = help_run["run"].to_frame(), help_run["calibration"].parameters
     assert frame.columns == ["parameter", "value", "standard_uncertainty", "unit"]
     assert frame.rows() == [(p.name, p.value, p.standard_uncertainty, p.unit) for p in parameters]
@@ -306,9 +302,7 @@ def two_threads(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[int]]:
         yield threads()
 
 
-def test_a_call_of_the_front_takes_one_thread_or_what_the_user_set(
-    two_threads: list[int], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_call_of_the_front_takes_one_thread_or_what_the_user_set(two_threads, monkeypatch):
     def seen(_: StreamRequest) -> list[int]:
         return threads()
 

@@ -47,9 +47,7 @@ def table(path: Path, header: str, *columns: Any) -> Path:
     return path
 
 
-def turned(
-    path: Path, *, cap: float = -1.0, rows: int = 800, others: bool = False, field: str = FIELD
-) -> Path:
+def turned(path, *, cap=-1.0, rows=800, others=False, field=FIELD):
     """Write a file of a unit that is turned about; `cap` is the least z of a field's direction."""
     rng = np.random.default_rng(8)
     # Down a spiral of twenty turns: the unit never rests.
@@ -210,9 +208,7 @@ def recording(unit: str = "uT", factor: float = 1.0) -> Recording:
 
 
 @pytest.mark.parametrize(("unit", "factor"), [("uT", 1.0), ("gauss", 0.01)])
-def test_a_corrected_file_has_the_true_field_or_none_of_one_that_is_not_fit(
-    tmp_path: Path, unit: str, factor: float
-) -> None:
+def test_a_corrected_file_has_the_true_field_or_none_of_one_that_is_not_fit(tmp_path, unit, factor):
     raw = write_recording(recording(unit, factor), tmp_path / "raw.csv")
     made = tumble.apply(document(), raw, output=tmp_path / "out.csv")
     back = known(tumble.read_recording(made.file).magnetic_field)
@@ -248,9 +244,7 @@ def test_blocks_have_one_form_and_the_numbers_of_the_whole_and_what_is_left_out_
 # --- compared, and held against limits
 
 
-def stated(
-    matrix: np.ndarray, bias: np.ndarray, unit: str, sigma: float, source: str | None = None
-) -> Calibration:
+def stated(matrix, bias, unit, sigma, source=None):
     """A magnetometer with parameters and a covariance: `sigma` µT of each bias, 1e-3 of each entry of the matrix.
 
     With a `source` the norm of the field is uncertain by 5 % more: given as that, or not given where it is empty.

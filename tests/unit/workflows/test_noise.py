@@ -147,9 +147,7 @@ def stamped_twice(rows: np.ndarray) -> None:
         (holed, "900 row(s) without a finite number left out (first: line 4002, column 'gx')", 3),
     ],
 )
-def test_it_is_said_and_the_rest_is_analysed(
-    bench: Bench, turning: np.ndarray, how: str, spoil: Callable[..., None], said: str, channels: int
-) -> None:
+def test_it_is_said_and_the_rest_is_analysed(bench, turning, how, spoil, said, channels):
     rows = turning.copy()
     spoil(rows)
     bench.write("spoiled.csv", rows, GYRO)
@@ -198,9 +196,7 @@ def two_clocks(rows: np.ndarray) -> np.ndarray:
     ],
     ids=["twelve samples", "zeros", "dead", "never still", "two clocks", "all skipped"],
 )
-def test_nothing_is_left_and_nothing_is_written(
-    bench: Bench, turning: np.ndarray, rows: Callable[[np.ndarray], np.ndarray], options: str, said: str
-) -> None:
+def test_nothing_is_left_and_nothing_is_written(bench, turning, rows, options, said):
     bench.write("bad.csv", rows(turning), GYRO)
     bench.refuses(f"noise bad.csv -o out {options}", said)
 
@@ -290,9 +286,7 @@ def test_lost_samples_at_the_border_of_blocks_are_filled_in_there_too(both: Call
     assert deviations[1] == pytest.approx(deviations[0], rel=1e-9)
 
 
-def test_every_number_has_letter_unit_and_definition_and_the_covariance_is_whole(
-    both: Callable[..., Any], shaken: np.ndarray
-) -> None:
+def test_every_number_has_letter_unit_and_definition_and_the_covariance_is_whole(both, shaken):
     found, _ = both("still.parquet")
     read_part(NoiseDocument, found)
     for name, channel in found["channels"].items():

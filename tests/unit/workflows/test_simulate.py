@@ -75,9 +75,7 @@ def raw_of(truth: dict[str, Any], force: np.ndarray, rate: np.ndarray) -> np.nda
         ("hg1700", "SI", SessionErrors(noise=False, axes="case", nonlinear=True)),
     ],
 )
-def test_the_holds_of_the_file_are_those_of_the_truth_by_its_own_formula(
-    tmp_path: Path, grade: str, units: str, errors: SessionErrors
-) -> None:
+def test_the_holds_of_the_file_are_those_of_the_truth_by_its_own_formula(tmp_path, grade, units, errors):
     """Attitude, gravity, Earth rate, errors and columns, end to end, from the files alone."""
     latitude = np.radians(-35.0)
     site = Site.from_latitude(latitude, 700.0)
@@ -105,9 +103,7 @@ def test_the_holds_of_the_file_are_those_of_the_truth_by_its_own_formula(
 
 
 @pytest.mark.parametrize("protocol", list(PROTOCOLS))
-def test_every_named_protocol_is_played_and_its_file_reads_back_with_site_and_recording(
-    tmp_path: Path, protocol: str
-) -> None:
+def test_every_named_protocol_is_played_and_its_file_reads_back_with_site_and_recording(tmp_path, protocol):
     site = Site.from_latitude(np.radians(20.0), 33.0)
     done = simulate(protocol, output=tmp_path, rate=5.0, site=site)
     written = read_protocol(tmp_path / "protocol.yaml")
@@ -198,9 +194,7 @@ def test_the_session_s_bias_is_the_unit_s_and_its_wander_over_the_recording(tmp_
 
 
 @pytest.mark.parametrize(("protocol", "key"), [("six-position", "_in_fixture"), ("multi-position-10", "")])
-def test_true_parameters_are_named_and_framed_as_the_calibration_s(
-    protocol: str, key: str, tmp_path: Path
-) -> None:
+def test_true_parameters_are_named_and_framed_as_the_calibration_s(protocol, key, tmp_path):
     truth = simulate(protocol, output=tmp_path, seed=4, units="counts").truth
     procedure = "improved-six-position" if key else None
     calibration = calibrate(protocol=tmp_path, procedure=procedure).calibration
@@ -313,9 +307,7 @@ def test_a_file_of_rotations_about_the_vertical_alone_is_read(tmp_path: Path) ->
     assert np.median(known(recording.specific_force)[:, 2]) == pytest.approx(9.81, rel=0.01)
 
 
-def test_a_fixture_is_drawn_from_its_quality_and_stands_in_the_truth_with_what_it_turned(
-    tmp_path: Path,
-) -> None:
+def test_a_fixture_is_drawn_from_its_quality_and_stands_in_the_truth_with_what_it_turned(tmp_path):
     quality = FixtureErrors(heading=1e-3, tilt=(1e-3, 1e-3), execution=1e-4, rate=1.5, pause=0.0)
     errors = SessionErrors(fixture=quality, fixture_azimuth=0.25)
     given: dict[str, Any] = {"rate": 20.0, "grade": "tactical", "site": SITE, "errors": errors}
@@ -374,9 +366,7 @@ def test_what_was_not_simulated_is_never_written_over(tmp_path: Path, name: str)
         ({"errors": SessionErrors(axes="case")}, "consumer-mems lie in its case; hg1700 and hg1900 do"),
     ],
 )
-def test_options_that_cannot_be_are_refused_in_a_sentence(
-    tmp_path: Path, options: dict[str, Any], words: str
-) -> None:
+def test_options_that_cannot_be_are_refused_in_a_sentence(tmp_path, options, words):
     given: dict[str, Any] = {"protocol": "six-position", "output": tmp_path / "new", **options}
     with pytest.raises(UsageError, match=words):
         simulate(**given)
