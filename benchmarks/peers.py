@@ -62,7 +62,7 @@ started = time.process_time()
 print(time.process_time() - started)
 """
 OURS = NOISE.format(
-    prepare="from tumble.noise.deviation import allan_deviation; allan_deviation(signal[:99], 100.0, taus=[0.01])",
+    prepare="from tumble.noise import allan_deviation; allan_deviation(signal[:99], 100.0, taus=[0.01])",
     work="allan_deviation(signal, 100.0, taus=at / 100.0)",
 )
 ALLANTOOLS = NOISE.format(

@@ -27,7 +27,6 @@ from .equations.imu_unknowns import (
     name_plate as name_plate,
     raw_force as raw_force,
     raw_rate as raw_rate,
-    straightened as straightened,
     term_unknowns as term_unknowns,
     terms_prior as terms_prior,
     unknowns_of as unknowns_of,
@@ -39,7 +38,7 @@ from .equations.observed import (
     table_rotation as table_rotation,
 )
 from .equations.reference_equations import Heading as Heading
-from .equations.rotation_equations import LEAST_WOBBLE as LEAST_WOBBLE, Windows as Windows
+from .equations.rotation_equations import LEAST_WOBBLE as LEAST_WOBBLE
 from .equations.stretches import (
     RecordingStretch as RecordingStretch,
     RotationStretch as RotationStretch,
@@ -49,7 +48,6 @@ from .equations.triad_unknowns import (
     ANGLE as ANGLE,
     BIAS as BIAS,
     COUNT as COUNT,
-    QUADRATIC as QUADRATIC,
     SCALE as SCALE,
     NormConditions as NormConditions,
     rough_triad as rough_triad,
@@ -136,13 +134,12 @@ from .outcome.budget import (
     recording_influences as recording_influences,
 )
 from .outcome.description import (
-    canonical_function as canonical_function,
     canonical_names as canonical_names,
     describe as describe,
     gravity_slope as gravity_slope,
     named_function as named_function,
 )
-from .outcome.estimate import SITS as SITS, JointOutcome as JointOutcome, joint_estimate as joint_estimate
+from .outcome.estimate import JointOutcome as JointOutcome
 from .poses import (
     SAME_POSE as SAME_POSE,
     describe_direction as describe_direction,
@@ -175,15 +172,13 @@ from .session import (
     find_procedure as find_procedure,
 )
 from .start import start_adjustment as start_adjustment
-from .terms import LAG_NAME as LAG_NAME, TERMS as TERMS, by_lag as by_lag
-from .terms.lever_arms import PAIRS as PAIRS, LeverArms as LeverArms
+from .terms import TERMS as TERMS
+from .terms.lever_arms import LeverArms as LeverArms
 from .terms.term import Term as Term
 from .thermal.coverage import require_time_base as require_time_base
-from .thermal.procedure import calibrate_thermal as calibrate_thermal
 from .turn_ons.adjustment import adjust_several as adjust_several, find_strangers as find_strangers
 from .turn_ons.estimate import (
     SeveralEstimate as SeveralEstimate,
-    cofactor_of_courses as cofactor_of_courses,
     several_estimate as several_estimate,
 )
 from .verdict import Judgement as Judgement, judge as judge, two_digits as two_digits

@@ -5,8 +5,9 @@ file has been touched, and a stop is one line and an exit status as at any other
 """
 
 import gc
-import os
 import sys
+
+from tumble.cli.stop import stop_at_once
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -14,21 +15,6 @@ if TYPE_CHECKING:
 else:
     # The C module under `signal`, which is there already: `signal` itself takes milliseconds in which a stop is lost.
     import _signal
-
-_STOPPED = b"tumble: Stopped; no file was changed.\n"
-
-
-def stop_at_once(number: int, frame: object) -> None:
-    """Say that nothing was changed, and leave.
-
-    Parameters
-    ----------
-    number, frame : of the signal.
-    """
-    try:
-        os.write(2, _STOPPED)
-    finally:
-        os._exit(128 + number)
 
 
 def program() -> None:

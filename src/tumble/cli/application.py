@@ -217,7 +217,7 @@ def program() -> None:
 
 def _hear_stops() -> None:
     """Take Ctrl-C and requests to end as exceptions from here on, where they were not to be ignored."""
-    from tumble.cli import stop_at_once
+    from tumble.cli.stop import stop_at_once
 
     def terminate(number: int, frame: object) -> None:
         raise Terminated

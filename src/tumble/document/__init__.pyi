@@ -1,6 +1,5 @@
 from .composition import (
     FRAME_WORDS as FRAME_WORDS,
-    block_of_magnetometer as block_of_magnetometer,
     calibration_from_estimate as calibration_from_estimate,
 )
 from .corrector import NO_TEMPERATURE as NO_TEMPERATURE, Corrector as Corrector

@@ -10,9 +10,8 @@ from .fleet_document import PROCEDURE as PROCEDURE, Between as Between, fleet_do
 from .outcome import ACCELEROMETER as ACCELEROMETER, GYRO as GYRO, Batch as Batch, UnitOutcome as UnitOutcome
 from .outlying import (
     FALSE_ALARM as FALSE_ALARM,
-    Outlying as Outlying,
     find_outlying as find_outlying,
     find_shared as find_shared,
     loud_or_dead as loud_or_dead,
 )
-from .unit_vector import Units as Units, UnitVector as UnitVector, stack as stack, unit_vector as unit_vector
+from .unit_vector import UnitVector as UnitVector, stack as stack, unit_vector as unit_vector

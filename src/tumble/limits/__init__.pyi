@@ -1,6 +1,4 @@
 from .conformity import (
-    Limit as Limit,
-    Limits as Limits,
     decide as decide,
     read_limits as read_limits,
     rule_words as rule_words,

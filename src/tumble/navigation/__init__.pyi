@@ -1,7 +1,6 @@
 from .alignment import (
     Alignment as Alignment,
     align_coarse as align_coarse,
-    align_in_motion as align_in_motion,
     find_rest as find_rest,
 )
 from .block_bootstrap import Statistic as Statistic, ratio_of as ratio_of, rms_of as rms_of
@@ -15,7 +14,6 @@ from .filter.kernels import apply_errors as apply_errors
 from .filter.run import (
     LONGEST_BRIDGED as LONGEST_BRIDGED,
     FilterRun as FilterRun,
-    SmoothedRun as SmoothedRun,
     run_filter as run_filter,
     smooth as smooth,
     unpacked as unpacked,
@@ -44,7 +42,6 @@ from .prediction import (
 from .samples import InertialSamples as InertialSamples
 from .time_alignment import (
     TimeAlignment as TimeAlignment,
-    estimate_time_offset as estimate_time_offset,
     spans_in_words as spans_in_words,
     track_velocities as track_velocities,
 )

@@ -1,5 +1,4 @@
 from .advice import seconds_needed as seconds_needed
-from .autoregression import choose_order as choose_order, whiteness as whiteness
 from .channel import Channel as Channel
 from .characterisation import (
     Characterisation as Characterisation,

@@ -41,9 +41,6 @@ from .formats.lines import (
 )
 from .formats.logs.own_parameters import (
     UNSTATED as UNSTATED,
-    ArduPilot as ArduPilot,
-    OwnParameters as OwnParameters,
-    Px4 as Px4,
 )
 from .formats.output import (
     PLACE as PLACE,
@@ -60,11 +57,9 @@ from .formats.streams import Merging as Merging
 from .formats.table import RawTable as RawTable, hash_file as hash_file
 from .formats.text import names_of_sentence as names_of_sentence
 from .gravity_check import (
-    axis_agreement as axis_agreement,
     describe_axis_contradiction as describe_axis_contradiction,
     find_axis_contradiction as find_axis_contradiction,
     find_steps_of_two as find_steps_of_two,
-    gyro_scale_from_gravity as gyro_scale_from_gravity,
     unit_of_scale as unit_of_scale,
 )
 from .reading import (

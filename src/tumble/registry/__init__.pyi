@@ -1,6 +1,5 @@
 from .opening import (
     Registry as Registry,
-    RegistryError as RegistryError,
     open_registry as open_registry,
     registry_name as registry_name,
 )

@@ -58,5 +58,5 @@ from .reproduction import (
     outcome_lines as outcome_lines,
 )
 from .subject import Subject as Subject
-from .summary import print_calibration as print_calibration, summary as summary, verdict_line as verdict_line
+from .summary import print_calibration as print_calibration, verdict_line as verdict_line
 from .words import limits_verdict as limits_verdict

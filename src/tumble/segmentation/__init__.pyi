@@ -4,12 +4,11 @@ from .activity import (
     follow_activity as follow_activity,
     noise_per_sample as noise_per_sample,
 )
-from .averages import MeanCovariance as MeanCovariance, mean_covariance as mean_covariance
+from .averages import mean_covariance as mean_covariance
 from .blocks import (
     BlockCut as BlockCut,
     Blocks as Blocks,
     TriadBlocks as TriadBlocks,
-    cut_blocks as cut_blocks,
 )
 from .creep import find_other_rests as find_other_rests
 from .intervals import read_intervals as read_intervals
@@ -39,7 +38,6 @@ from .search import (
 )
 from .spin_means import (
     SpinMeans as SpinMeans,
-    observe_spins as observe_spins,
     whole_revolutions as whole_revolutions,
 )
 from .thermal_rests import find_thermal_timeline as find_thermal_timeline
@@ -53,8 +51,6 @@ from .timeline import (
 from .turns import (
     LONGEST_GAP as LONGEST_GAP,
     LONGEST_HARMLESS_GAP as LONGEST_HARMLESS_GAP,
-    FoundSpin as FoundSpin,
-    find_saturated_axis as find_saturated_axis,
     find_spins as find_spins,
     find_turns as find_turns,
 )

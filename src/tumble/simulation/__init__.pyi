@@ -54,4 +54,4 @@ from .trajectories import (
     drive_along as drive_along,
     simulate_drive as simulate_drive,
 )
-from .two_axis import FixtureErrors as FixtureErrors, play_sequences as play_sequences
+from .two_axis import FixtureErrors as FixtureErrors

@@ -54,7 +54,6 @@ from .predict import (
     write_states as write_states,
 )
 from .procedures import (
-    GROUP as GROUP,
     add_remarks as add_remarks,
     check_procedure as check_procedure,
     find_estimator as find_estimator,
