@@ -2,8 +2,6 @@
 
 import os
 
-_STOPPED = b"tumble: Stopped; no file was changed.\n"
-
 
 def stop_at_once(number: int, frame: object) -> None:
     """Say that nothing was changed, and leave.
@@ -13,6 +11,6 @@ def stop_at_once(number: int, frame: object) -> None:
     number, frame : of the signal.
     """
     try:
-        os.write(2, _STOPPED)
+        os.write(2, b"tumble: Stopped; no file was changed.\n")
     finally:
         os._exit(128 + number)

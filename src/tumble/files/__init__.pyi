@@ -2,6 +2,7 @@ from .documents import (
     HIDDEN as HIDDEN,
     composed as composed,
     lines_of as lines_of,
+    notebook_html as notebook_html,
     number_of as number_of,
     opened as opened,
     read_json as read_json,
@@ -10,10 +11,10 @@ from .documents import (
     reading as reading,
     shown as shown,
     size_of as size_of,
+    templates as templates,
     without_password as without_password,
     yaml_loader as yaml_loader,
 )
-from .markup import notebook_html as notebook_html, templates as templates
 from .writing import (
     GrowingFile as GrowingFile,
     check_target as check_target,

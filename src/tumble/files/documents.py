@@ -14,11 +14,19 @@ import re
 import stat
 from collections.abc import Generator, Iterable
 from contextlib import contextmanager
+from functools import cache
+from importlib.resources import files
 from io import BufferedReader
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 from tumble.errors import TumbleError, UsageError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from jinja2 import Environment
+
 
 HIDDEN = re.compile("[\x00-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
 """Control characters, separators of lines, marks that turn the direction of writing, halves of characters."""
@@ -371,3 +379,38 @@ def composed(text: str, loader: Any) -> Any:
         if begun[-1][1] > MOST_ENTRIES:
             raise DocumentError(f"it holds more than {MOST_ENTRIES} entries, with those that aliases repeat")
     return library.compose(text, Loader=loader)
+
+
+@cache
+def templates(room: str = "report") -> Environment:
+    """Return the templates of a room; those of `report` are its pages and what a notebook shows."""
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+    return Environment(
+        loader=FileSystemLoader(str(files("tumble") / room / "templates")),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+
+
+def notebook_html(
+    heads: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    *,
+    title: str = "",
+    words: str = "",
+    notes: Sequence[str] = (),
+    foot: str = "",
+) -> str:
+    """Return a table as a notebook shows it.
+
+    Parameters
+    ----------
+    heads, rows : of the table; no heads for a table whose first column names the rows.
+    title, words, notes : above it, the notes as a list.
+    foot : below it.
+    """
+    given = {"heads": heads, "rows": rows, "title": title, "words": words, "notes": notes, "foot": foot}
+    return templates().get_template("notebook.html").render(given)

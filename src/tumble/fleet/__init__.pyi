@@ -6,8 +6,15 @@ from .drift import (
     ewma_chart as ewma_chart,
     find_drift as find_drift,
 )
-from .fleet_document import PROCEDURE as PROCEDURE, Between as Between, fleet_document as fleet_document
-from .outcome import ACCELEROMETER as ACCELEROMETER, GYRO as GYRO, Batch as Batch, UnitOutcome as UnitOutcome
+from .fleet_document import (
+    ACCELEROMETER as ACCELEROMETER,
+    GYRO as GYRO,
+    PROCEDURE as PROCEDURE,
+    Batch as Batch,
+    Between as Between,
+    UnitOutcome as UnitOutcome,
+    fleet_document as fleet_document,
+)
 from .outlying import (
     FALSE_ALARM as FALSE_ALARM,
     find_outlying as find_outlying,

@@ -3,7 +3,6 @@ from .alignment import (
     align_coarse as align_coarse,
     find_rest as find_rest,
 )
-from .block_bootstrap import Statistic as Statistic, ratio_of as ratio_of, rms_of as rms_of
 from .drive import (
     Drive as Drive,
     prepare_drive as prepare_drive,
@@ -31,8 +30,11 @@ from .mechanisation import navigate as navigate
 from .outages import (
     FreeDrift as FreeDrift,
     OutageErrors as OutageErrors,
+    Statistic as Statistic,
     free_drift as free_drift,
     outages as outages,
+    ratio_of as ratio_of,
+    rms_of as rms_of,
 )
 from .prediction import (
     PredictedErrors as PredictedErrors,

@@ -1,9 +1,11 @@
 from .advice import seconds_needed as seconds_needed
 from .channel import Channel as Channel
 from .characterisation import (
+    COLLAPSE as COLLAPSE,
     Characterisation as Characterisation,
     characterise as characterise,
     characterise_blocks as characterise_blocks,
+    triad_terms as triad_terms,
 )
 from .deviation import (
     ONE_SIGMA as ONE_SIGMA,
@@ -11,8 +13,13 @@ from .deviation import (
     StreamedDeviation as StreamedDeviation,
     allan_deviation as allan_deviation,
 )
-from .fitting.fit import MISSED as MISSED, NoiseFit as NoiseFit, Term as Term, fit_curve as fit_curve
-from .fitting.selection import FALSE_ALARM as FALSE_ALARM
+from .fitting.fit import (
+    FALSE_ALARM as FALSE_ALARM,
+    MISSED as MISSED,
+    NoiseFit as NoiseFit,
+    Term as Term,
+    fit_curve as fit_curve,
+)
 from .fitting.weighted_fit import Method as Method
 from .flicker import (
     flicker_corners as flicker_corners,
@@ -22,7 +29,6 @@ from .flicker import (
 from .lines import LINE_FALSE_ALARM as LINE_FALSE_ALARM, find_lines as find_lines
 from .spectrum import power_spectrum as power_spectrum
 from .terms import GaussMarkov as GaussMarkov, Line as Line, NoiseModel as NoiseModel
-from .triads import COLLAPSE as COLLAPSE, triad_terms as triad_terms
 from .units import (
     ACCELEROMETER as ACCELEROMETER,
     GYRO as GYRO,

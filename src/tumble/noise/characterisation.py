@@ -6,13 +6,22 @@ with its length. One that is in memory is one block.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from tumble.arrays import Series, Table
 from tumble.errors import RecordingError
 from tumble.noise.advice import advise
-from tumble.noise.averages import average_blocks, factors_of, slopes_over_temperature, survey_blocks
-from tumble.noise.bridging import BridgedBlocks, say_bridged
+from tumble.noise.averages import (
+    BridgedBlocks,
+    average_blocks,
+    factors_of,
+    say_bridged,
+    slopes_over_temperature,
+    survey_blocks,
+)
 from tumble.noise.channel import FLOOR, Channel, characterise_channel
 from tumble.noise.deviation import PLACES, Taus
 from tumble.noise.fitting.weighted_fit import Method
@@ -21,6 +30,11 @@ from tumble.noise.spectrum import PowerSpectrum
 from tumble.noise.suitability import Suitability, judge_rest
 from tumble.recording import Recording, Source
 from tumble.records import dataclass
+
+if TYPE_CHECKING:
+    from tumble.noise.channel import Channel
+    from tumble.noise.fitting.fit import Term
+
 
 _LEAST_SAMPLES = 16
 
@@ -187,3 +201,88 @@ def _usable(suitability: Suitability) -> Suitability:
 
 
 __all__ = ["FLOOR", "Channel", "Characterisation", "characterise", "characterise_blocks"]
+
+
+COLLAPSE = (
+    "mean of variances: the root of the mean of the axes' squared coefficients. An axis that does "
+    "not show the term counts as zero, known to half its upper limit squared. Worst axis: the "
+    "largest coefficient, and whose it is. N is that of `random_walk`, with the white part of short "
+    "Gauss-Markov processes"
+)
+"""How three axes become one, in words."""
+
+_LETTERS = "QNBKR"
+
+
+@dataclass(frozen=True)
+class TriadTerm:
+    """A coefficient of a triad, in the unit of its axes.
+
+    Attributes
+    ----------
+    letter : of IEEE Std 952.
+    mean, mean_sigma : root of the mean of the squares over the axes, and its standard uncertainty.
+    worst, worst_sigma, worst_axis : the largest of the axes, its standard uncertainty, and its name.
+    seen : names of the axes that show it.
+    axes : how many there are.
+    """
+
+    letter: str
+    mean: float
+    mean_sigma: float
+    worst: float
+    worst_sigma: float
+    worst_axis: str
+    seen: tuple[str, ...]
+    axes: int
+
+
+def triad_terms(channels: Sequence[Channel]) -> tuple[TriadTerm, ...]:
+    """Return the coefficients of a triad that at least one of its axes shows.
+
+    The axes' errors are taken as independent.
+
+    Parameters
+    ----------
+    channels : of one triad, those that live.
+    """
+    found: list[TriadTerm] = []
+    for letter in _LETTERS:
+        shown = {channel.name: term for channel in channels if (term := _term(channel, letter)) is not None}
+        if not shown:
+            continue
+        values = np.array([term.value for term in shown.values()])
+        sigmas = np.array([term.sigma for term in shown.values()])
+        mean = float(np.sqrt(np.sum(values**2) / len(channels)))
+        spread = float(np.sqrt(np.sum(sigmas**2) / len(channels)))
+        if mean > 0.0:
+            # Half the uncertainty of each square; a square that is not seen is zero to half its upper limit.
+            halves = [
+                *(values * sigmas),
+                *(0.25 * _limit(c, letter) ** 2 for c in channels if c.name not in shown),
+            ]
+            spread = float(np.sqrt(np.sum(np.square(halves))) / (len(channels) * mean))
+        worst = max(shown, key=lambda name: shown[name].value)
+        found.append(
+            TriadTerm(
+                letter,
+                mean,
+                spread,
+                shown[worst].value,
+                shown[worst].sigma,
+                worst,
+                tuple(shown),
+                len(channels),
+            )
+        )
+    return tuple(found)
+
+
+def _limit(channel: Channel, letter: str) -> float:
+    """The upper limit of a coefficient that an axis does not show; 0 where none is known."""
+    limit = channel.unseen.get(letter, 0.0)
+    return limit if np.isfinite(limit) else 0.0
+
+
+def _term(channel: Channel, letter: str) -> Term | None:
+    return channel.random_walk if letter == "N" else channel.term(letter)

@@ -25,8 +25,7 @@ from tumble.procedure_names import KNOWN_PROCEDURES
 from tumble.protocol.keys import FORMAT, REVOLUTION, STEPS, VERSION, known_keys, schema_of
 from tumble.protocol.library import PROTOCOLS, named_protocol
 from tumble.protocol.steps import HoldStep, Pose, Protocol, RampStep, SoakStep, SpinStep, Step, TurnStep
-from tumble.protocol.yaml_nodes import Entry, compose, nearest
-from tumble.protocol.yaml_text import protocol_to_text
+from tumble.protocol.yaml_nodes import Entry, compose, nearest, protocol_to_text
 from tumble.sample_rates import sample_rate
 
 # A vector this near to unit length was written as one, and stays as it is to the last digit.

@@ -1,11 +1,7 @@
-from .opening import (
-    Registry as Registry,
-    open_registry as open_registry,
-    registry_name as registry_name,
-)
 from .store import (
     Entry as Entry,
     ParameterSeries as ParameterSeries,
+    Registry as Registry,
     add as add,
     add_certificate as add_certificate,
     counted as counted,
@@ -13,6 +9,8 @@ from .store import (
     documents as documents,
     entries as entries,
     find as find,
+    open_registry as open_registry,
+    registry_name as registry_name,
     series as series,
     unit_of as unit_of,
 )

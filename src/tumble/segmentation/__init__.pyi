@@ -11,7 +11,6 @@ from .blocks import (
     TriadBlocks as TriadBlocks,
 )
 from .creep import find_other_rests as find_other_rests
-from .intervals import read_intervals as read_intervals
 from .matching import (
     MatchedHold as MatchedHold,
     MatchedSpin as MatchedSpin,
@@ -19,8 +18,7 @@ from .matching import (
     match_protocol as match_protocol,
     observe_matched_spins as observe_matched_spins,
 )
-from .modelled_means import model_means as model_means
-from .observations import HoldMeans as HoldMeans, observe_holds as observe_holds
+from .observations import HoldMeans as HoldMeans, model_means as model_means, observe_holds as observe_holds
 from .rest_wander import RestParts as RestParts, find_density as find_density, observe_parts as observe_parts
 from .rotations import Rotation as Rotation, observe_rotations as observe_rotations
 from .rounding import (
@@ -34,6 +32,7 @@ from .rounding import (
 from .search import (
     MINIMUM_HOLD as MINIMUM_HOLD,
     find_timeline as find_timeline,
+    read_intervals as read_intervals,
     search_blocks as search_blocks,
 )
 from .spin_means import (

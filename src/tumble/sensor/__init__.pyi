@@ -18,15 +18,17 @@ from .conventions.zhang import (
 )
 from .gauge import (
     FRAMES as FRAMES,
+    Function as Function,
     change_frame as change_frame,
     frame_rotation as frame_rotation,
     inverse as inverse,
+    jacobian as jacobian,
     lower_factor as lower_factor,
     polar_rotation as polar_rotation,
+    propagate as propagate,
     upper_factor as upper_factor,
 )
 from .imu import CURVES as CURVES, Curve as Curve, ImuModel as ImuModel, Triad as Triad
-from .propagation import Function as Function, jacobian as jacobian, propagate as propagate
 from .thermal import (
     KINDS as KINDS,
     SHAPES as SHAPES,

@@ -6,18 +6,7 @@ from .errors import (
     SessionErrors as SessionErrors,
     read_errors as read_errors,
 )
-from .field_campaign import (
-    CART as CART,
-    ORIGIN as ORIGIN,
-    POSES as POSES,
-    REST as REST,
-    SECTIONS as SECTIONS,
-    WARM_UP as WARM_UP,
-    cart_trajectory as cart_trajectory,
-    pose_motion as pose_motion,
-    warming as warming,
-)
-from .fixtures import PlayedProtocol as PlayedProtocol, play_protocol as play_protocol
+from .fixtures import PlayedProtocol as PlayedProtocol, play_protocol as play_protocol, poses_26 as poses_26
 from .grades import (
     GRADES as GRADES,
     Grade as Grade,
@@ -37,7 +26,6 @@ from .noise import (
     simulate_noise as simulate_noise,
     simulate_wander as simulate_wander,
 )
-from .poses import poses_26 as poses_26
 from .protocols import simulate_protocol as simulate_protocol
 from .recordings import Truth as Truth, simulate_recording as simulate_recording
 from .sampling import (
@@ -49,9 +37,18 @@ from .sampling import (
 from .table import TableErrors as TableErrors
 from .thermal_steps import has_chamber as has_chamber
 from .trajectories import (
+    CART as CART,
+    ORIGIN as ORIGIN,
+    POSES as POSES,
+    REST as REST,
+    SECTIONS as SECTIONS,
+    WARM_UP as WARM_UP,
     SplineTrajectory as SplineTrajectory,
     TravelledStates as TravelledStates,
+    cart_trajectory as cart_trajectory,
     drive_along as drive_along,
+    pose_motion as pose_motion,
     simulate_drive as simulate_drive,
+    warming as warming,
 )
 from .two_axis import FixtureErrors as FixtureErrors

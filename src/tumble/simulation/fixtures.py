@@ -9,6 +9,7 @@ gyros a rate that is not along the nominal axis, in every spin of that placement
 from __future__ import annotations
 
 from dataclasses import field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from tumble.attitude import (
     quaternion_from_matrix,
     rotation_angle,
     rotation_vector_from_matrix,
+    twenty_six_directions,
 )
 from tumble.errors import ProtocolError, UsageError
 from tumble.protocol import (
@@ -38,10 +40,67 @@ from tumble.protocol import (
 from tumble.records import dataclass
 from tumble.simulation.axis_angles import unit, where
 from tumble.simulation.motion import Detours, Motion
-from tumble.simulation.poses import simulate_hand_pose
 from tumble.simulation.spin_shapes import directions_of, wobble_rotation
 from tumble.simulation.table import Drive, Table, TableErrors
 from tumble.simulation.thermal_steps import PlainSteps, has_chamber, without_chamber
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
+
+
+# rad, the least angle by which gravity's direction in b moves from one pose of a hand to the next.
+SMALLEST = 0.5
+
+
+def poses_26(heading: float = 0.0) -> Rotation:
+    """Return 26 attitudes in which b's up direction is a face, an edge or a corner of a cube.
+
+    Parameters
+    ----------
+    heading : rad, turns all of them about the vertical; it decides what the gyros see of the Earth
+        rate's horizontal part.
+    """
+    from scipy.spatial.transform import Rotation
+
+    up_n = np.array([0.0, 0.0, -1.0])
+    turned = Rotation.from_rotvec([0.0, 0.0, heading])
+    return Rotation.concatenate(
+        [turned * _turning_to(direction, up_n) for direction in twenty_six_directions()]
+    )
+
+
+def _turning_to(vector: np.ndarray, target: np.ndarray) -> Rotation:
+    """The shortest rotation that brings one unit vector onto another."""
+    from scipy.spatial.transform import Rotation
+
+    axis = np.cross(vector, target)
+    sine, cosine = float(np.linalg.norm(axis)), float(vector @ target)
+    if sine < 1e-12:
+        # opposite or equal: any horizontal axis will do
+        return Rotation.from_rotvec([np.pi if cosine < 0.0 else 0.0, 0.0, 0.0])
+    return Rotation.from_rotvec(axis / sine * np.arctan2(sine, cosine))
+
+
+def simulate_hand_pose(rng: np.random.Generator, after: Rotation | None = None) -> Rotation:
+    """Draw an attitude as a hand takes it: anyhow, but clearly different from the one before.
+
+    Parameters
+    ----------
+    rng : source of the attitude.
+    after : attitude before, if there is one.
+    """
+    from scipy.spatial.transform import Rotation
+
+    up_n = np.array([0.0, 0.0, -1.0])
+    while True:
+        # Any attitude as likely as any other.
+        pose = Rotation.from_quat(rng.standard_normal(4))
+        if after is None:
+            return pose
+        cosine = float(pose.inv().apply(up_n) @ after.inv().apply(up_n))
+        if np.arccos(np.clip(cosine, -1.0, 1.0)) >= SMALLEST:
+            return pose
+
 
 # A turn that the protocol leaves out takes this long; before a turn or spin that no hold precedes the
 # unit rests so long.

@@ -1,4 +1,4 @@
-"""What a registry is asked: what is there, how a unit changes, when it is due, how units differ."""
+"""What a registry is asked: what is there, how a unit changes, when it is due, how units differ; and certificates."""
 
 from __future__ import annotations
 

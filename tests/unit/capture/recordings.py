@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from tumble.capture.run import CaptureOrder, CaptureRun, run_capture
-from tumble.capture.source import Channels, Piece, Source, SourceOptions, sources
+from tumble.capture.source import Channels, Piece, Source, SourceOptions, known_sources
 from tumble.recording import Recording, Samples
 
 GRAVITY = 9.80665
@@ -89,7 +89,7 @@ def captured(pieces: Iterable[Piece], folder: Path, **order: Any) -> CaptureRun:
 def replay_of(file: Path, folder: Path, **order: Any) -> CaptureOrder:
     """An order to replay a file without waiting."""
     asked: dict[str, Any] = {"imu": None, **order}
-    return CaptureOrder(sources()["replay"], f"{file}@0", SourceOptions(), folder, **asked)
+    return CaptureOrder(known_sources()["replay"], f"{file}@0", SourceOptions(), folder, **asked)
 
 
 def live(recording: Recording, seconds: float = 0.1) -> list[Piece]:

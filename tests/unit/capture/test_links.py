@@ -23,7 +23,7 @@ from tests.unit.capture.recordings import by_hand, replay_of, triads
 from tumble.capture.apart import SensorLines
 from tumble.capture.link import Decoder, TextLines
 from tumble.capture.run import run_capture
-from tumble.capture.source import Channels, Notice, Piece, SourceOptions, find_source, sources
+from tumble.capture.source import Channels, Notice, Piece, SourceOptions, find_source, known_sources
 from tumble.errors import RecordingError, UsageError
 from tumble.recording import Samples, joined, read_recording
 
@@ -234,16 +234,16 @@ def test_two_captures_on_one_port_are_refused_in_a_sentence() -> None:
         taken.bind(("127.0.0.1", 0))
         port = taken.getsockname()[1]
         with pytest.raises(UsageError, match=rf"UDP port {port} cannot be opened: Address already in use\.$"):
-            next(sources()["udp"].open(f"127.0.0.1:{port}", SourceOptions()))
+            next(known_sources()["udp"].open(f"127.0.0.1:{port}", SourceOptions()))
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         with pytest.raises(UsageError, match=rf"Port {port} cannot be opened: Address already in use\.$"):
-            next(sources()["http"].open(f"127.0.0.1:{port}", SourceOptions()))
+            next(known_sources()["http"].open(f"127.0.0.1:{port}", SourceOptions()))
     ours, theirs = pty.openpty()
-    first = sources()["serial"].open(os.ttyname(theirs), SourceOptions())
+    first = known_sources()["serial"].open(os.ttyname(theirs), SourceOptions())
     next(first)
     with pytest.raises(UsageError, match="another program has it"):
-        next(sources()["serial"].open(os.ttyname(theirs), SourceOptions()))
+        next(known_sources()["serial"].open(os.ttyname(theirs), SourceOptions()))
     first.close()  # type: ignore[attr-defined]  # a generator
     os.close(ours)
     os.close(theirs)
@@ -271,7 +271,9 @@ def test_every_source_is_on_the_page_of_sources() -> None:
         for word in re.findall(r"tumble capture ([^-\s]\S*|-(?= ))", page)
         if word != "SOURCE"
     }
-    assert written | {"replay"} == {source.name for source in sources().values()} == set(sources())
+    assert (
+        written | {"replay"} == {source.name for source in known_sources().values()} == set(known_sources())
+    )
     simulated, address = find_source("simulated:consumer-mems@4@0")
     assert isinstance(next(iter(simulated.open(address, SourceOptions()))), Channels)
 

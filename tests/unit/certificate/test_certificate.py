@@ -17,8 +17,8 @@ from lxml import etree
 from msgspec import structs
 from tests.unit.written import parameters, written
 
-from tumble.certificate import CertificateContent, Profile, certificate_content, certificate_pdf, read_profile
-from tumble.certificate.content import LANGUAGES, PHRASES
+from tumble.certificate import Profile, certificate_content, certificate_pdf, read_profile
+from tumble.certificate.content import LANGUAGES, PHRASES, CertificateContent
 from tumble.certificate.dcc import dcc_text, entries_in_si
 from tumble.document import Calibration, plain, read_part
 from tumble.errors import UsageError

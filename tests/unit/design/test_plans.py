@@ -12,8 +12,8 @@ from tumble.attitude import twenty_six_directions
 from tumble.calibration import RATE_WANDER, recording_influences
 from tumble.design.hold_noise import hold_covariance, predict_covariance
 from tumble.design.joint_information import (
-    GROUPS,
     NAMES,
+    PARAMETER_GROUPS,
     PARAMETERS,
     JointInformation,
     parameter_sizes,
@@ -38,6 +38,7 @@ from tumble.design.next_step import (
 from tumble.design.planned_motion import PlannedNoise
 from tumble.design.pose_plan import (
     PoseTask,
+    find_visits,
     plan_of,
     plan_poses,
     plan_schemes,
@@ -46,7 +47,6 @@ from tumble.design.pose_plan import (
     require_seen,
     shortest_order,
 )
-from tumble.design.selection import find_visits
 from tumble.earth import Site
 from tumble.errors import ObservabilityError, UsageError
 from tumble.estimation import linearise
@@ -225,8 +225,10 @@ def test_four_times_the_time_of_white_noise_halves_what_holds_tell() -> None:
         if factor == 1.0:
             # gyro biases are what holds of 4 s are told by: N / sqrt(26 * 4 s), and the edges that are cut off
             expected = 1e-5 / np.sqrt(np.sum(session.means.duration))
-            assert sigmas[0][GROUPS["gyro bias"]] == pytest.approx(np.full(3, expected), rel=0.1)
-    ratio = sigmas[1][GROUPS["accelerometer bias"]] / sigmas[0][GROUPS["accelerometer bias"]]
+            assert sigmas[0][PARAMETER_GROUPS["gyro bias"]] == pytest.approx(np.full(3, expected), rel=0.1)
+    ratio = (
+        sigmas[1][PARAMETER_GROUPS["accelerometer bias"]] / sigmas[0][PARAMETER_GROUPS["accelerometer bias"]]
+    )
     # the turns tell a little, too, and last as long as before
     assert np.all((ratio > 0.47) & (ratio < 0.56))
 
@@ -255,7 +257,7 @@ def test_what_is_foretold_is_what_drawn_wanders_do_to_the_estimate() -> None:
                 ):
                     error += gain @ by_bias @ wander[int(start * rate) : int(stop * rate) + 1].mean(axis=0)
     drawn = float(np.sqrt(np.mean(errors[:, problem.task.unknowns.places(["gyro.bias"])] ** 2)))
-    told = float(np.sqrt(np.mean(plan_protocol(task).sigmas[GROUPS["gyro bias"]] ** 2)))
+    told = float(np.sqrt(np.mean(plan_protocol(task).sigmas[PARAMETER_GROUPS["gyro bias"]] ** 2)))
     # 600 numbers: 3 % (one sigma); white noise and the span's edges are some per cent of it
     assert drawn == pytest.approx(told, rel=0.12)
 
@@ -269,7 +271,7 @@ def test_turns_about_the_vertical_tell_no_gyro_and_a_level_turn_does() -> None:
     steps = (level[0], turn, replace(level[1], pose=None), turn, replace(level[2], pose=None))
     task = PlanTask.of_grade(Protocol("vertical", "hand-held", steps), TACTICAL, SITE, draws=1)
     plan = plan_protocol(task)
-    scale = GROUPS["gyro scale"]
+    scale = PARAMETER_GROUPS["gyro scale"]
     assert not plan.foretold[scale][2].told
     assert plan.weak
     candidates = step_candidates(task, table=False, span=plan.duration)
@@ -287,7 +289,7 @@ def test_an_aim_is_as_many_usual_poses_away_as_it_takes() -> None:
     task = PlanTask.of_grade(faces((0, 0, 1), (1, 0, 0), seconds=3.0), TACTICAL, SITE)
     usual = usual_pose(task, 300.0)
     limits = np.full(30, np.inf)
-    turned = GROUPS["rotation between the triads"]
+    turned = PARAMETER_GROUPS["rotation between the triads"]
     limits[turned] = np.sqrt(np.diag(task.covariance(JointInformation(20.0 * usual.matrix))))[turned]
     aim = Aim(limits, usual)
     assert aim.poses_left(task, JointInformation(5.0 * usual.matrix)) == pytest.approx(15.0, abs=0.5)
@@ -351,9 +353,9 @@ def test_the_sensors_errors_stand_under_their_names_and_sizes_are_the_data_sheet
     # a row of the matrix is its scale along a tilted axis: to the second order in the tilt
     assert found["accelerometer scale factor error x"] == pytest.approx(0.01, abs=1e-9)
     sizes = parameter_sizes(TACTICAL)
-    assert sizes[GROUPS["gyro bias"]] == pytest.approx(np.full(3, TACTICAL.gyroscope.bias))
+    assert sizes[PARAMETER_GROUPS["gyro bias"]] == pytest.approx(np.full(3, TACTICAL.gyroscope.bias))
     leans = np.full(3, np.sqrt(2.0) * TACTICAL.accelerometer.misalignment)
-    assert sizes[GROUPS["accelerometer misalignment"]] == pytest.approx(leans)
+    assert sizes[PARAMETER_GROUPS["accelerometer misalignment"]] == pytest.approx(leans)
     assert np.all(sizes > 0.0)
 
 
@@ -372,7 +374,7 @@ def test_targets_are_held_against_what_is_foretold(hand_held: JointPlan) -> None
     ):
         plan = plan_protocol(PlanTask.of_grade(named_protocol(name), TACTICAL, SITE, draws=1))
         near = np.full(PARAMETERS, np.inf)
-        near[GROUPS[group]] = near[GROUPS["g-sensitivity"]] = 1e-6
+        near[PARAMETER_GROUPS[group]] = near[PARAMETER_GROUPS["g-sensitivity"]] = 1e-6
         untold = "g-sensitivity, which this plan does not determine"
         assert plan.beyond(near) == [*(one.name for one in plan.foretold if rows in one.name), untold]
 
@@ -382,7 +384,7 @@ def test_one_clock_is_in_all_gyro_scale_factors_and_a_table_before_determines_it
 ) -> None:
     """Against one normal equation of thirty parameters and the clock, whose share every gyro scale factor has."""
     task = replace(hand_held.task, g_sensitivity=True, clock=30.0 * float(hand_held.task.sizes[12]))
-    rng, part = np.random.default_rng(5), GROUPS["gyro scale"]
+    rng, part = np.random.default_rng(5), PARAMETER_GROUPS["gyro scale"]
     one, other = (rng.normal(size=(30, 30)) / task.sizes for _ in range(2))
     by_clock = np.zeros((30, 32))
     by_clock[:, :30] = np.eye(30)

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from tumble.fleet import Units, find_outlying, find_shared
+from tumble.fleet import find_outlying, find_shared
 from tumble.fleet.drift import YEAR, due_after, ewma_chart, find_drift
 from tumble.fleet.fleet_document import between_units
 from tumble.fleet.outlying import loud_or_dead, robust_location_and_spread
+from tumble.fleet.unit_vector import Units
 
 GROUPS = ("accelerometer bias", "accelerometer scale factor error", "gyro bias", "gyro scale factor error")
 NAMES = tuple(f"{group} {axis}" for group in GROUPS for axis in "xyz")

@@ -11,8 +11,8 @@ from tests.unit.written import parameters, written
 
 from tumble.document import Calibration
 from tumble.errors import UsageError
-from tumble.limits import Limits, read_limits, with_limits
-from tumble.limits.conformity import conformance_probability, decision, overall
+from tumble.limits import read_limits, with_limits
+from tumble.limits.conformity import Limits, conformance_probability, decision, overall
 from tumble.simulation import find_grade
 
 Row = tuple[str, float, float, str]

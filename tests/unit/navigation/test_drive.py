@@ -18,8 +18,6 @@ from tumble.navigation import (
     Trajectory,
     TriadSpread,
     align_coarse,
-    align_in_motion,
-    estimate_time_offset,
     find_rest,
     navigate,
     outages,
@@ -27,8 +25,10 @@ from tumble.navigation import (
     prepare_drive,
     smooth,
 )
+from tumble.navigation.alignment import align_in_motion
 from tumble.navigation.drive import refuse_other_motion
 from tumble.navigation.gnss import make_track
+from tumble.navigation.time_alignment import estimate_time_offset
 from tumble.noise import NoiseModel
 from tumble.simulation import SplineTrajectory, cart_trajectory, simulate_drive
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from types import SimpleNamespace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -19,13 +20,12 @@ from tumble.errors import UsageError
 from tumble.export import read_noise
 from tumble.noise.advice import advise
 from tumble.noise.channel import Channel, characterise_channel
-from tumble.noise.characterisation import Characterisation, characterise
+from tumble.noise.characterisation import Characterisation, characterise, triad_terms
 from tumble.noise.deviation import allan_deviation
 from tumble.noise.fitting.allan_covariance import AllanCovariance
 from tumble.noise.fitting.fit import MISSED, NoiseFit, fit_curve
 from tumble.noise.fitting.weighted_fit import AllanTask
 from tumble.noise.terms import GaussMarkov, Line, NoiseModel
-from tumble.noise.triads import triad_terms
 from tumble.noise.variances import LETTERS, allan_variance_of, markov_allan_variance
 from tumble.noise.white_part import shortest_time, slower_part, white_beyond, white_part
 from tumble.recording import Recording
@@ -390,14 +390,11 @@ def test_why_there_is_no_model_is_told_apart(monkeypatch, error, words):
     assert words in said
 
 
-def axis(name: str, value: float | None, sigma: float = 0.0, limit: float = 0.0) -> SimpleNamespace:
+def axis(name: str, value: float | None, sigma: float = 0.0, limit: float = 0.0) -> Channel:
     term = None if value is None else SimpleNamespace(value=value, sigma=sigma)
-    return SimpleNamespace(
-        name=name,
-        random_walk=None,
-        unseen={"B": limit} if value is None else {},
-        term=lambda letter: term if letter == "B" else None,
-    )
+    made = Mock(spec=Channel, random_walk=None, unseen={"B": limit} if value is None else {})
+    made.name, made.term = name, lambda letter: term if letter == "B" else None
+    return made
 
 
 def test_a_triad_s_mean_is_as_uncertain_as_its_axes_and_as_the_limit_of_one_that_does_not_show_it() -> None:

@@ -12,14 +12,14 @@ from tests.unit.recording.by_hand import GRAVITY, said, tumble_by_hand
 
 from second_simulator import GRADES, PROCEDURES
 from tumble.errors import RecordingError
-from tumble.recording import (
-    Recording,
+from tumble.recording import Recording, find_axis_contradiction, read_recording
+from tumble.recording.gravity_check import (
     axis_agreement,
-    find_axis_contradiction,
+    find_steps_of_two,
     gyro_scale_from_gravity,
-    read_recording,
+    gyro_step_words,
+    step_of_two,
 )
-from tumble.recording.gravity_check import find_steps_of_two, gyro_step_words, step_of_two
 
 DEGREE = np.pi / 180.0
 

@@ -16,8 +16,8 @@ from msgspec import structs
 
 from tumble.document import Calibration
 from tumble.errors import UsageError
-from tumble.registry import Registry, RegistryError, open_registry
-from tumble.registry.store import add, counted, documents, entries, find, series
+from tumble.registry import Registry, open_registry
+from tumble.registry.store import RegistryError, add, counted, documents, entries, find, series
 
 SIGMAS = np.array([1e-3, 2e-4, 3e-5])
 VALUES = np.array([0.1, -0.02, 0.003])

@@ -12,10 +12,11 @@ from tumble.earth import Site
 from tumble.errors import SegmentationError
 from tumble.protocol import HoldStep, Pose, Protocol, SpinStep, Step, TurnStep
 from tumble.recording import Recording
-from tumble.segmentation import FoundSpin, find_spins, find_timeline, observe_holds, observe_spins
+from tumble.segmentation import find_spins, find_timeline, observe_holds
 from tumble.segmentation.matching import match_protocol, observe_matched_spins
 from tumble.segmentation.rotations import Rotation as TableRotation, observe_rotations
-from tumble.segmentation.spin_means import whole_revolutions
+from tumble.segmentation.spin_means import observe_spins, whole_revolutions
+from tumble.segmentation.turns import FoundSpin
 from tumble.sensor import ImuModel, Triad
 from tumble.simulation import TableErrors, Truth, simulate_protocol
 

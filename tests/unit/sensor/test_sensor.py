@@ -18,8 +18,7 @@ from tumble.sensor import ImuModel, Triad, change_frame, frame_rotation, propaga
 from tumble.sensor.conventions.savage import NAMES, PAIRS, SavageErrors, savage_from_model
 from tumble.sensor.conventions.shin import matrix_from_shin, shin_from_matrix
 from tumble.sensor.conventions.zhang import inter_triad_angles, inter_triad_rotation, matrix_from_zhang
-from tumble.sensor.gauge import inverse, lower_factor, upper_factor
-from tumble.sensor.propagation import jacobian
+from tumble.sensor.gauge import inverse, jacobian, lower_factor, upper_factor
 
 BY_HAND = np.array([[100.0, 3.0, -2.0], [-4.0, 110.0, 5.0], [6.0, -1.0, 90.0]])
 ITS_BIAS = np.array([10.0, -20.0, 30.0])

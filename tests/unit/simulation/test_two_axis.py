@@ -26,9 +26,9 @@ from tumble.simulation import (
     PlayedProtocol,
     TableErrors,
     fixture_angles,
-    play_sequences,
     simulate_protocol,
 )
+from tumble.simulation.two_axis import play_sequences
 from unit.given import signals
 
 TEST = named_protocol("strapdown-rotation")
