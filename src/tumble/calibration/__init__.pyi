@@ -177,8 +177,5 @@ from .terms.lever_arms import LeverArms as LeverArms
 from .terms.term import Term as Term
 from .thermal.coverage import require_time_base as require_time_base
 from .turn_ons.adjustment import adjust_several as adjust_several, find_strangers as find_strangers
-from .turn_ons.estimate import (
-    SeveralEstimate as SeveralEstimate,
-    several_estimate as several_estimate,
-)
+from .turn_ons.estimate import SeveralEstimate as SeveralEstimate, several_estimate as several_estimate
 from .verdict import Judgement as Judgement, judge as judge, two_digits as two_digits

@@ -1,8 +1,4 @@
-from .alignment import (
-    Alignment as Alignment,
-    align_coarse as align_coarse,
-    find_rest as find_rest,
-)
+from .alignment import Alignment as Alignment, align_coarse as align_coarse, find_rest as find_rest
 from .drive import (
     Drive as Drive,
     prepare_drive as prepare_drive,

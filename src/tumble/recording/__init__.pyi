@@ -39,9 +39,7 @@ from .formats.lines import (
     without_clock as without_clock,
     words_of as words_of,
 )
-from .formats.logs.own_parameters import (
-    UNSTATED as UNSTATED,
-)
+from .formats.logs.own_parameters import UNSTATED as UNSTATED
 from .formats.output import (
     PLACE as PLACE,
     TABLE_ENDINGS as TABLE_ENDINGS,

@@ -5,11 +5,7 @@ from .activity import (
     noise_per_sample as noise_per_sample,
 )
 from .averages import mean_covariance as mean_covariance
-from .blocks import (
-    BlockCut as BlockCut,
-    Blocks as Blocks,
-    TriadBlocks as TriadBlocks,
-)
+from .blocks import BlockCut as BlockCut, Blocks as Blocks, TriadBlocks as TriadBlocks
 from .creep import find_other_rests as find_other_rests
 from .matching import (
     MatchedHold as MatchedHold,
@@ -35,10 +31,7 @@ from .search import (
     read_intervals as read_intervals,
     search_blocks as search_blocks,
 )
-from .spin_means import (
-    SpinMeans as SpinMeans,
-    whole_revolutions as whole_revolutions,
-)
+from .spin_means import SpinMeans as SpinMeans, whole_revolutions as whole_revolutions
 from .thermal_rests import find_thermal_timeline as find_thermal_timeline
 from .timeline import (
     Hold as Hold,
