@@ -1,4 +1,8 @@
-from .composition import FRAME_WORDS as FRAME_WORDS, calibration_from_estimate as calibration_from_estimate
+from .composition import (
+    FRAME_WORDS as FRAME_WORDS,
+    block_of_magnetometer as block_of_magnetometer,
+    calibration_from_estimate as calibration_from_estimate,
+)
 from .corrector import NO_TEMPERATURE as NO_TEMPERATURE, Corrector as Corrector
 from .difference import (
     Difference as Difference,
