@@ -54,9 +54,10 @@ def made(job: Job) -> tuple[Job, str, float]:
 def results(jobs: list[Job], processes: int) -> Iterator[tuple[Job, str, float]]:
     """Make all entries, each in a fork of this process, so that none sees what another left."""
     import tumble
-    import tumble.cli.application
-    import tumble.workflows.calibrate  # imported once, before the forks
+    import tumble.cli
 
+    # Imported once, before the forks.
+    assert tumble.cli.app
     for name in tumble.__all__:
         getattr(tumble, name)
     with multiprocessing.get_context("fork").Pool(processes, maxtasksperchild=1) as pool:

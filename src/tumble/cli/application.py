@@ -37,7 +37,10 @@ PANELS = {
     "Advanced": ("predict",),
 }
 """The commands by what they are for, in the order of the help."""
-COMMANDS = {name: name for names in PANELS.values() for name in names} | {"demo": "calibrate"}
+COMMANDS = {name: name for names in PANELS.values() for name in names} | {
+    "apply": "verify",
+    "demo": "calibrate",
+}
 """The module of `cli` that each command is in."""
 
 

@@ -1,4 +1,4 @@
-"""`tumble verify`: judge a calibration on recordings that it has not seen.
+"""`tumble verify`: judge a calibration on recordings that it has not seen; `tumble apply`: correct them by it.
 
 `tumble verify --gnss`: judge a calibration by a drive with satellite positions.
 """
@@ -15,11 +15,12 @@ from typing import TYPE_CHECKING, Any, NoReturn, cast
 import typer
 
 from tumble.cli.options import PrintOptions, SiteOptions
-from tumble.cli.terminal import console, progress, results_stand, say_json, say_written, table
+from tumble.cli.terminal import console, progress, results_stand, say, say_json, say_written, table
 from tumble.errors import UsageError
 from tumble.workflows import (
     FIRST,
     OF_NO_DRIVE,
+    ApplyRequest,
     CalibrateRequest,
     DriveRequest,
     VerifyRequest,
@@ -170,3 +171,33 @@ def _table(result: Verification) -> Table:
     shown = table(heads, rows, right=range(5), title=result.recording, box="HEAVY_HEAD")
     shown.pad_edge = True
     return shown
+
+
+def apply_command(asked: ApplyRequest, printed: PrintOptions) -> None:
+    """Correct a recording: specific force in m/s², angular rate in rad/s, in the calibration's frame b.
+
+    tumble apply calibrated imu.csv -o corrected.csv
+
+    tumble apply calibrated drive.bag -o drive-corrected.bag
+
+    Of a bag everything but the IMU's messages stays as it is, byte for byte. Recordings longer than memory are
+    corrected block by block. A calibration with a thermal model follows the recording's temperature; beyond the
+    temperatures that were calibrated it refuses (see --outside). The file says which calibrations it went through:
+    none is applied twice.
+    """
+    from tumble.workflows import apply
+
+    with progress(printed.silent) as tell:
+        tell("reading")
+
+        def so_far(samples: int) -> None:
+            tell(f"{samples:,} samples corrected")
+
+        done = apply(**vars(replace(asked, progress=so_far)))
+    results_stand()
+    if printed.as_json:
+        say_json({"file": str(done.file.resolve()), "samples": done.samples, "remarks": done.remarks})
+        return
+    if not printed.quiet:
+        say(*done.remarks)
+    say(f"{done.samples} samples corrected, written: {done.file.resolve()}")

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from types import SimpleNamespace
 from unittest.mock import Mock
 
 import numpy as np
@@ -391,9 +390,8 @@ def test_why_there_is_no_model_is_told_apart(monkeypatch, error, words):
 
 
 def axis(name: str, value: float | None, sigma: float = 0.0, limit: float = 0.0) -> Channel:
-    term = None if value is None else SimpleNamespace(value=value, sigma=sigma)
     made = Mock(spec=Channel, random_walk=None, unseen={"B": limit} if value is None else {})
-    made.name, made.term = name, lambda letter: term if letter == "B" else None
+    made.name, made.term = name, {"B": value and Mock(value=value, sigma=sigma)}.get
     return made
 
 
