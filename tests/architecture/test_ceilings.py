@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import importlib.util
 import sys
-from pathlib import Path
-from types import ModuleType
 
 import pytest
 
 
 @pytest.fixture(scope="module")
-def measure(root: Path) -> ModuleType:
+def measure(root):
     spec = importlib.util.spec_from_file_location("measure_source", root / "benchmarks/measure_source.py")
     assert spec is not None
     assert spec.loader is not None
@@ -22,18 +20,18 @@ def measure(root: Path) -> ModuleType:
 
 
 @pytest.fixture(scope="module")
-def found(measure: ModuleType) -> dict[str, int]:
+def found(measure):
     return measure.figures(measure.read_modules())
 
 
-def test_every_figure_is_at_its_ceiling(measure: ModuleType, found: dict[str, int]) -> None:
+def test_every_figure_is_at_its_ceiling(measure, found):
     """Above it something has to go, see ceilings.toml; below it `python benchmarks/measure_source.py --lower`."""
     assert {name: found[name] for name in measure.ceilings()} == {
         name: limit for name, (limit, _) in measure.ceilings().items()
     }
 
 
-def test_every_module_stands_in_one_room(measure: ModuleType, found: dict[str, int]) -> None:
+def test_every_module_stands_in_one_room(measure, found):
     rooms = [name for name in found if f"{name}: modules" in found]
     assert sum(found[name] for name in rooms) == found["code lines"]
     assert sum(found[f"{name}: modules"] for name in rooms) == found["modules"]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ast
 import re
-from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
@@ -24,12 +23,12 @@ TEXTS += [
 ]
 
 
-def room_of(module: str) -> str | None:
+def room_of(module):
     room = ".".join(module.split(".")[:2])
     return room if room in FRONTS else None
 
 
-def rooms_of_reader(path: Path) -> tuple[str, ...]:
+def rooms_of_reader(path):
     """The rooms whose inside a file may see: its own; of tests those of the room."""
     parts = path.relative_to(ROOT).with_suffix("").parts
     if parts[0] == "src":
@@ -42,7 +41,7 @@ def rooms_of_reader(path: Path) -> tuple[str, ...]:
 
 
 @cache
-def imported(path: Path) -> tuple[tuple[str, str], ...]:
+def imported(path):
     """Module and name of each import of ours, those in strings that a test runs or patches included."""
     text = path.read_text(encoding="utf-8")
     if path.suffix == ".md":
@@ -52,7 +51,7 @@ def imported(path: Path) -> tuple[tuple[str, str], ...]:
     return tuple(_in_tree(ast.parse(text)))
 
 
-def _in_tree(tree: ast.Module) -> Iterator[tuple[str, str]]:
+def _in_tree(tree):
     for node in ast.walk(tree):
         if isinstance(node, ast.ImportFrom) and node.module and not node.level:
             yield from ((node.module, alias.name) for alias in node.names)
@@ -63,13 +62,13 @@ def _in_tree(tree: ast.Module) -> Iterator[tuple[str, str]]:
             yield from re.findall(r"^(tumble\w*\.\w+(?:\.[a-z_]+)*)\.(\w+)$", node.value)
 
 
-def names_of(room: str) -> set[str]:
+def names_of(room):
     tree = ast.parse(FRONTS[room].read_text(encoding="utf-8"))
     listed = {alias.name for node in tree.body if isinstance(node, ast.ImportFrom) for alias in node.names}
     return listed | {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}
 
 
-def test_nobody_imports_below_a_front() -> None:
+def test_nobody_imports_below_a_front():
     below = [
         f"{path.relative_to(ROOT)}: {module} {name}"
         for path in TEXTS
@@ -80,7 +79,7 @@ def test_nobody_imports_below_a_front() -> None:
     assert not below
 
 
-def test_a_front_names_what_others_use() -> None:
+def test_a_front_names_what_others_use():
     used = {
         (module, name)
         for path in TEXTS

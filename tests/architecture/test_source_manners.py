@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ast
 import re
-from collections.abc import Callable, Iterable, Iterator
 from functools import cache
 from pathlib import Path
 
@@ -36,7 +35,7 @@ FRAME_G = re.compile(r"^(angular_rate|earth_rate|C|rotation|quaternion)(_\w+)?_g
 type_of_function = ast.FunctionDef | ast.AsyncFunctionDef
 
 
-def functions_of(tree: ast.Module) -> Iterator[tuple[str, type_of_function]]:
+def functions_of(tree):
     """Every public function, and every public method of a public class."""
     for node in tree.body:
         if isinstance(node, type_of_function) and not node.name.startswith("_"):
@@ -47,7 +46,7 @@ def functions_of(tree: ast.Module) -> Iterator[tuple[str, type_of_function]]:
                     yield f"{node.name}.{member.name}", member
 
 
-def statements_of(function: type_of_function) -> Iterator[ast.AST]:
+def statements_of(function):
     """What stands in the function itself, not in one that is defined inside it."""
     pending: list[ast.AST] = list(function.body)
     while pending:
@@ -58,13 +57,13 @@ def statements_of(function: type_of_function) -> Iterator[ast.AST]:
                 pending += getattr(node, part, [])
 
 
-def has_silent_raise(function: type_of_function) -> bool:
+def has_silent_raise(function):
     """Whether the function raises and its docstring has no Raises section."""
     raises = any(isinstance(node, ast.Raise) for node in statements_of(function))
     return raises and not re.search(r"^\s*Raises\n\s*------\s*$", ast.get_docstring(function) or "", re.M)
 
 
-def file_models_of(tree: ast.Module) -> set[str]:
+def file_models_of(tree):
     """The module's parts of documents: their fields are the keys of a file, which is an edge."""
     models = {"DocumentPart"}
     for node in ast.walk(tree):
@@ -73,7 +72,7 @@ def file_models_of(tree: ast.Module) -> set[str]:
     return models
 
 
-def names_of(tree: ast.Module) -> Iterator[str]:
+def names_of(tree):
     """Names that a caller writes: parameters of every function, fields of every class."""
     files = file_models_of(tree)
     for node in ast.walk(tree):
@@ -85,40 +84,40 @@ def names_of(tree: ast.Module) -> Iterator[str]:
                     yield field.target.id
 
 
-def names_that_are_not_si(tree: ast.Module) -> list[str]:
+def names_that_are_not_si(tree):
     return [name for name in names_of(tree) if NOT_SI.search(name) and not FRAME_G.search(name)]
 
 
 @cache
-def tree_of(path: Path) -> ast.Module:
+def tree_of(path):
     return ast.parse(path.read_text(encoding="utf-8"))
 
 
-def label(path: Path) -> str:
+def label(path):
     return path.relative_to(SOURCE).as_posix()
 
 
-def faults_of(fault: Callable[[ast.Module], list[str]], *, among: Iterable[Path] = MODULES) -> list[str]:
+def faults_of(fault, *, among=MODULES):
     """What a check finds in each module, as lines that name the module."""
     return [f"{label(path)}: {name}" for path in among for name in fault(tree_of(path))]
 
 
-def functions_that_raise_in_silence(tree: ast.Module) -> list[str]:
+def functions_that_raise_in_silence(tree):
     return [name for name, function in functions_of(tree) if has_silent_raise(function)]
 
 
-def test_every_public_function_that_raises_says_so() -> None:
+def test_every_public_function_that_raises_says_so():
     # A command's docstring is its help text; what it raises is its exit status.
     outside = [path for path in MODULES if "cli" not in path.relative_to(SOURCE).parts]
     assert not faults_of(functions_that_raise_in_silence, among=outside)
 
 
-def test_the_core_names_no_unit_that_is_not_si() -> None:
+def test_the_core_names_no_unit_that_is_not_si():
     core = [path for path in MODULES if path.relative_to(SOURCE).parts[1] in CORE]
     assert not faults_of(names_that_are_not_si, among=core)
 
 
-def test_no_module_is_a_drawer_for_anything() -> None:
+def test_no_module_is_a_drawer_for_anything():
     drawers = {"utils", "util", "helpers", "helper", "common", "misc", "tools", "stuff"}
     assert not [label(path) for path in MODULES if drawers & set(path.with_suffix("").parts[-3:])]
 
@@ -126,7 +125,7 @@ def test_no_module_is_a_drawer_for_anything() -> None:
 # What follows shows that the checks above can fail.
 
 
-def test_a_raise_without_its_section_is_found_and_one_of_an_inner_function_is_let_through() -> None:
+def test_a_raise_without_its_section_is_found_and_one_of_an_inner_function_is_let_through():
     silent = 'def f(x):\n    """F."""\n    if x:\n        raise ValueError\n'
     said = 'def f():\n    """F.\n\n    Raises\n    ------\n    OSError\n        Always.\n    """\n    raise OSError\n'
     inner = 'def f():\n    """F."""\n    def g():\n        raise ValueError\n    return g\n'
@@ -135,19 +134,19 @@ def test_a_raise_without_its_section_is_found_and_one_of_an_inner_function_is_le
 
 
 @pytest.mark.parametrize("name", ["latitude_deg", "bias_mg", "noise_g", "rate_deg_per_h", "drift_per_hour"])
-def test_a_name_with_a_unit_that_is_not_si_is_found_but_as_the_key_of_a_file(name: str) -> None:
+def test_a_name_with_a_unit_that_is_not_si_is_found_but_as_the_key_of_a_file(name):
     for source in (f"def f(*, {name}): ...", f"class A:\n    {name}: float"):
         assert names_that_are_not_si(ast.parse(source)) == [name]
     block = f"class Block(DocumentPart): ...\nclass Site(Block):\n    {name}: float\n    def at(self, height_km): ..."
     assert names_that_are_not_si(ast.parse(block)) == ["height_km"]
 
 
-def test_frames_and_celsius_are_let_through() -> None:
+def test_frames_and_celsius_are_let_through():
     names = "angular_rate_ib_g, C_ag, temperature_celsius, matrix, weights"
     assert not names_that_are_not_si(ast.parse(f"def f({names}): ..."))
 
 
-def test_objections_are_said_in_one_file_and_repeated_of_several_recordings(root: Path) -> None:
+def test_objections_are_said_in_one_file_and_repeated_of_several_recordings(root):
     """What decides FIT stands in two files: `objections` says it, `verdict` judges."""
     say, source = re.compile(r"""\.say\(\s*"objection\""""), root / "src/tumble/calibration"
     saying = {path for path in (root / "src").rglob("*.py") if say.search(path.read_text("utf-8"))}

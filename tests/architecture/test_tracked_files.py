@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import subprocess
-from pathlib import Path
 
 import pytest
 
@@ -15,7 +14,7 @@ INDEX = re.compile(
 
 
 @pytest.fixture(scope="module")
-def tracked_texts(root: Path) -> dict[str, str]:
+def tracked_texts(root):
     """The text of every tracked file, binary ones left out."""
     listing = subprocess.run(["git", "ls-files", "-z"], cwd=root, capture_output=True, text=True, check=False)
     if listing.returncode:
@@ -28,12 +27,12 @@ def tracked_texts(root: Path) -> dict[str, str]:
     return texts
 
 
-def test_no_tracked_file_names_a_path_of_a_machine_or_a_package_index(tracked_texts: dict[str, str]) -> None:
+def test_no_tracked_file_names_a_path_of_a_machine_or_a_package_index(tracked_texts):
     assert "uv.lock" not in tracked_texts
     assert not [name for name, text in tracked_texts.items() if HOME.search(text) or INDEX.search(text)]
 
 
-def test_the_locks_hold_hashes_and_no_address(root: Path) -> None:
+def test_the_locks_hold_hashes_and_no_address(root):
     for name in ("run.txt", "dev.txt"):
         lines = (root / "requirements" / name).read_text().splitlines()
         pins = [line for line in lines if not line.startswith(" ")]
@@ -44,10 +43,10 @@ def test_the_locks_hold_hashes_and_no_address(root: Path) -> None:
 
 
 @pytest.mark.parametrize("text", ["x /" + "home/anna/data", '"/' + 'root/.venv"'])
-def test_a_path_of_a_machine_is_found(text: str) -> None:
+def test_a_path_of_a_machine_is_found(text):
     assert HOME.search(text)
 
 
 @pytest.mark.parametrize("text", ['registry = "https' + '://x"', "--index-url https" + "://x"])
-def test_an_address_of_a_package_index_is_found(text: str) -> None:
+def test_an_address_of_a_package_index_is_found(text):
     assert INDEX.search(text)

@@ -6,12 +6,11 @@ import ast
 import re
 import tomllib
 from fnmatch import fnmatch
-from pathlib import Path
 
 import pytest
 
 
-def test_every_target_of_the_build_is_made(root: Path) -> None:
+def test_every_target_of_the_build_is_made(root):
     tree = ast.parse((root / "setup.py").read_text(encoding="utf-8"))
     (targets,) = [
         ast.literal_eval(node.value)
@@ -26,7 +25,7 @@ def test_every_target_of_the_build_is_made(root: Path) -> None:
 @pytest.mark.parametrize(
     "made", ["attitude/kernels.cpython-311-x86_64-linux-gnu.so", "sensor/__pycache__/triad.cpython-311.pyc"]
 )
-def test_a_wheel_takes_nothing_that_was_made_in_the_checkout(root: Path, made: str) -> None:
+def test_a_wheel_takes_nothing_that_was_made_in_the_checkout(root, made):
     """As setuptools matches them: a pattern after the package's folder, in which a star stands for slashes, too."""
     project = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))
     patterns = project["tool"]["setuptools"]["exclude-package-data"]["*"]

@@ -18,26 +18,26 @@ from tumble.earth import (
 )
 from tumble.errors import RecordingError, UsageError
 from tumble.navigation import InertialSamples, NavigationState, Trajectory, navigate
-from tumble.simulation import SplineTrajectory, TravelledStates, simulate_drive
+from tumble.simulation import SplineTrajectory, simulate_drive
 
 HERE = (0.83, 0.15, 400.0)
 
 
-def earth_from_local(latitude: float, longitude: float) -> np.ndarray:
+def earth_from_local(latitude, longitude):
     return rotations_to_earth_frame(np.array([latitude]), np.array([longitude]))[0]
 
 
-def truth_of(states: TravelledStates) -> Trajectory:
+def truth_of(states):
     return Trajectory(
         states.time, states.latitude, states.longitude, states.height, states.velocity_n, states.quaternion_nb
     )
 
 
-def worst(trajectory: Trajectory, truth: Trajectory) -> list[float]:
+def worst(trajectory, truth):
     return [float(np.abs(errors).max()) for errors in trajectory.errors_against(truth)]
 
 
-def test_rest_stays_at_rest() -> None:
+def test_rest_stays_at_rest():
     body = SplineTrajectory.at_rest(HERE, np.array([0.3, -0.2, 2.0]), 600.0)
     time = np.arange(0.0, 600.1, 0.1)
     states = body.states(time)
@@ -52,7 +52,7 @@ def test_rest_stays_at_rest() -> None:
     assert attitude < 1e-9
 
 
-def test_increments_of_a_drive_lead_along_it() -> None:
+def test_increments_of_a_drive_lead_along_it():
     drive = simulate_drive(np.random.default_rng(3), 120.0)
     edges = np.arange(12_001) / 100.0
     samples = InertialSamples.from_increments(edges, *drive.increments(edges))
@@ -64,7 +64,7 @@ def test_increments_of_a_drive_lead_along_it() -> None:
     assert attitude < 2e-9
 
 
-def test_increments_and_instants_err_by_the_second_order_of_the_step() -> None:
+def test_increments_and_instants_err_by_the_second_order_of_the_step():
     drive = simulate_drive(np.random.default_rng(5), 60.0)
     errors = []
     for rate in (50, 100):
@@ -77,13 +77,13 @@ def test_increments_and_instants_err_by_the_second_order_of_the_step() -> None:
     assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.15)
 
 
-def test_an_independent_integration_of_the_equations_of_motion_agrees() -> None:
+def test_an_independent_integration_of_the_equations_of_motion_agrees():
     """In the Earth frame, by an adaptive method of eighth order, with gravity as the gradient of a potential."""
 
-    def rate(t: float) -> np.ndarray:
+    def rate(t):
         return np.array([0.3 * np.sin(1.1 * t), 0.2 * np.cos(0.7 * t), 0.1 + 0.05 * np.sin(0.3 * t)])
 
-    def force(t: float) -> np.ndarray:
+    def force(t):
         return np.array([1.0 * np.sin(0.5 * t), 0.5 * np.cos(0.9 * t), -9.8 + 0.3 * np.sin(1.3 * t)])
 
     start = NavigationState.from_angles(0.0, HERE, np.array([12.0, -7.0, 1.0]), np.array([0.1, -0.05, 1.0]))
@@ -91,7 +91,7 @@ def test_an_independent_integration_of_the_equations_of_motion_agrees() -> None:
     position = position_in_earth_frame(*(np.array([x]) for x in HERE))[0]
     spin = np.array([0.0, 0.0, EARTH_RATE])
 
-    def slope(t: float, y: np.ndarray) -> np.ndarray:
+    def slope(t, y):
         r, v, C = y[:3], y[3:6], y[6:].reshape(3, 3)
         turning = np.array([np.cross(rate(t), axis) for axis in np.eye(3)]).T
         earth = np.array([np.cross(spin, axis) for axis in np.eye(3)]).T
@@ -112,7 +112,7 @@ def test_an_independent_integration_of_the_equations_of_motion_agrees() -> None:
     assert np.abs(C_end @ end.C_nb - solution[6:].reshape(3, 3)).max() < 1e-7
 
 
-def potential_gravity(r: np.ndarray) -> np.ndarray:
+def potential_gravity(r):
     """Gravity of WGS 84 by its zonal harmonics to the eighth degree (NGA.STND.0036), centrifugal part included."""
     GM, a = 3.986004418e14, 6378137.0
     zonal = {2: 1.082629821e-3, 4: -2.370911200e-6, 6: 6.083464989e-9, 8: -1.426810879e-11}
@@ -137,7 +137,7 @@ def potential_gravity(r: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("latitude", [-1.2, -0.3, 0.0, 0.83, 1.5])
 @pytest.mark.parametrize("height", [0.0, 1600.0, 9000.0])
-def test_gravity_with_height_is_the_gradient_of_the_normal_potential(latitude: float, height: float) -> None:
+def test_gravity_with_height_is_the_gradient_of_the_normal_potential(latitude, height):
     r = position_in_earth_frame(np.array([latitude]), np.array([0.4]), np.array([height]))[0]
     expected = earth_from_local(latitude, 0.4).T @ potential_gravity(r)
     found = gravity_vectors_n(np.array([latitude]), np.array([height]))[0]
@@ -146,7 +146,7 @@ def test_gravity_with_height_is_the_gradient_of_the_normal_potential(latitude: f
     assert found[2] == normal_gravity(latitude, height)
 
 
-def test_a_velocity_error_swings_with_the_schuler_period() -> None:
+def test_a_velocity_error_swings_with_the_schuler_period():
     body = SplineTrajectory.at_rest((0.0, 0.3, 0.0), np.zeros(3), 6000.0)
     time = np.arange(0.0, 6001.0, 1.0)
     states = body.states(time)
@@ -165,7 +165,7 @@ def test_a_velocity_error_swings_with_the_schuler_period() -> None:
     assert north.max() == pytest.approx(0.1 * period / (2.0 * np.pi), rel=2e-3)
 
 
-def test_position_goes_to_the_earth_frame_and_back() -> None:
+def test_position_goes_to_the_earth_frame_and_back():
     latitude = np.array([-1.5707, -0.9, 0.0, 0.4, 1.2, np.pi / 2])
     longitude = np.array([0.1, 3.0, -3.1, 0.0, 2.2, 0.3])
     height = np.array([-400.0, 0.0, 9000.0, 1e5, 1.0, 20.0])
@@ -176,13 +176,13 @@ def test_position_goes_to_the_earth_frame_and_back() -> None:
         assert value == pytest.approx(expected, abs=tolerance)
 
 
-def test_a_spline_trajectory_s_rate_is_that_of_its_attitude() -> None:
+def test_a_spline_trajectory_s_rate_is_that_of_its_attitude():
     drive = simulate_drive(np.random.default_rng(8), 60.0)
     step = 1e-4
     time = np.array([20.0, 33.3, 47.7])
     middle, before, after = (drive.states(time + shift) for shift in (0.0, -step, step))
 
-    def against_space(states: TravelledStates) -> Rotation:
+    def against_space(states):
         C_en = Rotation.from_matrix(rotations_to_earth_frame(states.latitude, states.longitude))
         C_ie = Rotation.from_rotvec(np.outer(EARTH_RATE * states.time, [0.0, 0.0, 1.0]))
         return C_ie * C_en * Rotation.from_quat(states.quaternion_nb)
@@ -192,7 +192,7 @@ def test_a_spline_trajectory_s_rate_is_that_of_its_attitude() -> None:
     assert turned == pytest.approx(middle.angular_rate_ib_b, abs=1e-8)
 
 
-def test_the_local_level_refuses_the_pole() -> None:
+def test_the_local_level_refuses_the_pole():
     body = SplineTrajectory.at_rest((0.5 * np.pi - 1e-4, 0.0, 0.0), np.zeros(3), 10.0)
     time = np.arange(0.0, 10.1, 0.1)
     states = body.states(time)
@@ -202,7 +202,7 @@ def test_the_local_level_refuses_the_pole() -> None:
         navigate(samples, truth.state(0))
 
 
-def test_samples_that_are_no_recording_are_refused_in_words() -> None:
+def test_samples_that_are_no_recording_are_refused_in_words():
     time = np.array([0.0, 0.1, 0.1])
     with pytest.raises(RecordingError, match="does not increase"):
         InertialSamples(time, np.zeros((3, 3)), np.zeros((3, 3)))
@@ -215,7 +215,7 @@ def test_samples_that_are_no_recording_are_refused_in_words() -> None:
         navigate(samples, NavigationState(5.0, 0.1, 0.2, 0.0, np.zeros(3), np.eye(3)))
 
 
-def test_keeping_every_so_many_changes_nothing_but_the_rows() -> None:
+def test_keeping_every_so_many_changes_nothing_but_the_rows():
     drive = simulate_drive(np.random.default_rng(9), 30.0)
     time = np.arange(0.0, 30.0, 0.01)
     states = drive.states(time)

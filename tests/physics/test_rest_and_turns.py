@@ -25,7 +25,7 @@ IMU = ImuModel(
 )
 
 
-def test_a_level_unit_with_its_z_axis_up_reads_plus_g_on_z() -> None:
+def test_a_level_unit_with_its_z_axis_up_reads_plus_g_on_z():
     gravity_n = np.array([0.0, 0.0, 9.8])  # down is positive
     C_nb = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]])  # x north, y west, z up
     assert np.linalg.det(C_nb) == 1.0
@@ -39,7 +39,7 @@ def test_a_level_unit_with_its_z_axis_up_reads_plus_g_on_z() -> None:
     np.testing.assert_allclose(raw, [33000.0 - 68.6, 32500.0 + 49.0, 32900.0 + 4214.0], rtol=1e-15)
 
 
-def test_at_rest_in_any_attitude_the_corrected_force_is_minus_gravity_and_the_rate_the_earth_s() -> None:
+def test_at_rest_in_any_attitude_the_corrected_force_is_minus_gravity_and_the_rate_the_earth_s():
     site = Site.from_latitude(math.radians(-33.0))
     attitudes_nb = Rotation.random(50, random_state=np.random.default_rng(5))
     force = attitudes_nb.inv().apply([0.0, 0.0, -site.gravity])
@@ -55,7 +55,7 @@ def test_at_rest_in_any_attitude_the_corrected_force_is_minus_gravity_and_the_ra
     np.testing.assert_allclose(slope, math.sin(math.radians(33.0)), atol=1e-9)
 
 
-def turned(time: np.ndarray, rate: np.ndarray) -> np.ndarray:
+def turned(time, rate):
     raw_force, raw_rate = IMU.distort(np.tile([1.0, -3.0, 9.0], (time.size, 1)), rate)
     assert IMU.gyroscope is not None
     assert IMU.accelerometer is not None
@@ -72,14 +72,14 @@ def turned(time: np.ndarray, rate: np.ndarray) -> np.ndarray:
     ).C_start_end[0]
 
 
-def test_a_full_turn_about_any_axis_leads_back() -> None:
+def test_a_full_turn_about_any_axis_leads_back():
     time = np.linspace(0.0, 4.0, 401)
     axis = np.array([2.0, -3.0, 6.0]) / 7.0
     C = turned(time, np.tile(2.0 * math.pi / 4.0 * axis, (401, 1)))
     np.testing.assert_allclose(C, np.eye(3), atol=1e-12)  # 400 products of round-off
 
 
-def test_a_motion_played_there_and_back_leads_home() -> None:
+def test_a_motion_played_there_and_back_leads_home():
     time = np.linspace(0.0, 6.0, 601)
     there = np.column_stack([np.sin(time), 1.5 * np.cos(2.0 * time), time - 2.0])[:301]
     rate = np.vstack([there, -there[-2::-1]])
@@ -91,7 +91,7 @@ def test_a_motion_played_there_and_back_leads_home() -> None:
     assert np.linalg.norm(turned(time[:301], there) - np.eye(3)) > 1.0
 
 
-def test_the_order_of_turns_matters() -> None:
+def test_the_order_of_turns_matters():
     # A quarter about x, then a quarter about y, then both undone in the same order: not home.
     steps = np.array([[1.0, 0, 0], [0, 1.0, 0], [-1.0, 0, 0], [0, -1.0, 0]]) * math.pi / 2
     C = np.eye(3)
@@ -103,7 +103,7 @@ def test_the_order_of_turns_matters() -> None:
     assert np.linalg.norm(C - np.eye(3)) > 1.0
 
 
-def test_a_unit_at_rest_on_the_earth_closes_its_turn_in_a_sidereal_day() -> None:
+def test_a_unit_at_rest_on_the_earth_closes_its_turn_in_a_sidereal_day():
     site = Site.from_latitude(math.radians(52.0))
     day = 2.0 * math.pi / EARTH_RATE
     time = np.linspace(0.0, day, 1001)

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from tumble.earth import Site
 from tumble.protocol import HoldStep, Pose, Protocol, SpinStep
-from tumble.simulation import Motion, PlayedProtocol, TableErrors, Truth, play_protocol, simulate_protocol
+from tumble.simulation import TableErrors, play_protocol, simulate_protocol
 
 SITE = Site.from_latitude(np.radians(-33.0))
 STILL = Site.from_gravity(9.79)
@@ -24,13 +24,11 @@ ERRORS = TableErrors(
 )
 
 
-def spin(way: float, angle: float = TURN) -> SpinStep:
+def spin(way, angle=TURN):
     return SpinStep(angle / 0.8 - 2.0, way * 0.8, AXIS_B, ramp=2.0, angle=way * angle)
 
 
-def play(
-    *ways: float, table: TableErrors | None = None, seed: int = 3, arm: np.ndarray | None = None
-) -> PlayedProtocol:
+def play(*ways, table=None, seed=3, arm=None):
     """Spins one after another at rest before and after, each two revolutions."""
     steps = [REST]
     for way in ways:
@@ -39,19 +37,19 @@ def play(
     return play_protocol(protocol, np.random.default_rng(seed), placement=False, table=table, lever_arm_b=arm)
 
 
-def increments(motion: Motion, start: float, stop: float, count: int = 4000) -> np.ndarray:
+def increments(motion, start, stop, count=4000):
     edges = np.linspace(start, stop, count + 1)
     return motion.mean_angular_rate_ib_b(edges, STILL) * np.diff(edges)[:, None]
 
 
-def turned(played: PlayedProtocol, number: int) -> np.ndarray:
+def turned(played, number):
     """Sum of the gyro's increments from the rest before a spin to the rest after it."""
     holds = played.motion.hold_edges
     return increments(played.motion, holds[number].mean(), holds[number + 1].mean()).sum(axis=0)
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
-def test_the_gyros_turn_by_the_true_angle_which_is_the_display_s_and_an_error(way: float) -> None:
+def test_the_gyros_turn_by_the_true_angle_which_is_the_display_s_and_an_error(way):
     table = TableErrors(angle_sigma=2e-3, axis_tilt=0.02, ripple=0.03, ramp_spread=0.2, once=1e-3)
     played = play(way, table=table)
     (truth,) = played.spins
@@ -65,7 +63,7 @@ def test_the_gyros_turn_by_the_true_angle_which_is_the_display_s_and_an_error(wa
     assert (step.angle, step.angle_sigma) == (truth.shown, 2e-3)
 
 
-def test_both_ways_have_errors_of_their_own_and_one_tilt() -> None:
+def test_both_ways_have_errors_of_their_own_and_one_tilt():
     played = play(1.0, -1.0, table=TableErrors(angle_sigma=2e-3, axis_tilt=0.02))
     one, other = played.spins
     assert abs(one.angle + other.angle) > 1e-4
@@ -73,7 +71,7 @@ def test_both_ways_have_errors_of_their_own_and_one_tilt() -> None:
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
-def test_after_whole_revolutions_wobble_and_ripple_have_led_home_and_rest(way: float) -> None:
+def test_after_whole_revolutions_wobble_and_ripple_have_led_home_and_rest(way):
     played = play(way, table=TableErrors(wobble=0.01, ripple=0.03, once=1e-3, twice=1e-3))
     motion = played.motion
     before, after = motion.rotation_nb(np.array([1.0, motion.duration - 1.0]))
@@ -88,7 +86,7 @@ def test_after_whole_revolutions_wobble_and_ripple_have_led_home_and_rest(way: f
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
-def test_a_wobbling_axis_leaves_its_mean_by_the_half_angle_of_its_cone(way: float) -> None:
+def test_a_wobbling_axis_leaves_its_mean_by_the_half_angle_of_its_cone(way):
     played = play(way, table=TableErrors(wobble=1e-5))
     time = np.linspace(6.0, 6.0 + 2.0 * np.pi / 0.8, 721)
     rate = played.motion.angular_rate_ib_b(time, STILL)
@@ -104,7 +102,7 @@ def test_a_wobbling_axis_leaves_its_mean_by_the_half_angle_of_its_cone(way: floa
     assert angle[-1] == pytest.approx(-way * 2.0 * np.pi, rel=1e-4)
 
 
-def test_a_ripple_moves_the_rate_by_its_share_so_often_a_revolution() -> None:
+def test_a_ripple_moves_the_rate_by_its_share_so_often_a_revolution():
     played = play(1.0, table=TableErrors(ripple=0.01, ripple_cycles=5))
     time = np.linspace(6.0, 6.0 + 2.0 * np.pi / 0.8, 2001)[:-1]
     rate = played.motion.angular_rate_ib_b(time, STILL) @ AXIS_B
@@ -113,7 +111,7 @@ def test_a_ripple_moves_the_rate_by_its_share_so_often_a_revolution() -> None:
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
-def test_rates_attitudes_and_forces_are_of_one_motion(way: float) -> None:
+def test_rates_attitudes_and_forces_are_of_one_motion(way):
     """Differences of the attitude over 1 ms give the rate, second ones of the arm's end the force."""
     motion = play(way, table=ERRORS, arm=ARM).motion
     time = np.linspace(2.9, motion.duration - 2.9, 400)
@@ -130,7 +128,7 @@ def test_rates_attitudes_and_forces_are_of_one_motion(way: float) -> None:
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
-def test_about_a_level_axis_the_force_along_it_stays_whatever_ramps_and_arm_do(way: float) -> None:
+def test_about_a_level_axis_the_force_along_it_stays_whatever_ramps_and_arm_do(way):
     table = TableErrors(ripple=0.03, ramp_spread=0.3, axis_tilt=0.05)
     played = play(way, table=table, arm=ARM)
     time = np.linspace(0.0, played.motion.duration, 3000)
@@ -141,7 +139,7 @@ def test_about_a_level_axis_the_force_along_it_stays_whatever_ramps_and_arm_do(w
     assert np.ptp(force @ UP_B) > 19.0
 
 
-def test_an_arm_for_each_accelerometer_gives_each_its_own_component() -> None:
+def test_an_arm_for_each_accelerometer_gives_each_its_own_component():
     arms = np.array([[0.05, -0.03, 0.02], [0.01, 0.04, -0.02], [-0.03, 0.02, 0.06]])
     time = np.linspace(2.0, 20.0, 500)
     each = play(1.0, table=ERRORS, arm=arms).motion.specific_force_b(time, STILL)
@@ -150,7 +148,7 @@ def test_an_arm_for_each_accelerometer_gives_each_its_own_component() -> None:
         np.testing.assert_array_equal(each[:, axis], alone[:, axis])
 
 
-def test_uneven_ramps_take_what_they_take_and_the_angle_is_the_same() -> None:
+def test_uneven_ramps_take_what_they_take_and_the_angle_is_the_same():
     played = play(1.0, -1.0, table=TableErrors(ramp_spread=0.2))
     ramps = [s.ramps for s in played.spins]
     assert len({*ramps[0], *ramps[1]}) == 4
@@ -167,7 +165,7 @@ def test_uneven_ramps_take_what_they_take_and_the_angle_is_the_same() -> None:
         assert (truth.stop - truth.start + 0.5 * (up + down)) * abs(truth.rate) == pytest.approx(TURN)
 
 
-def test_systematic_errors_of_the_angle_come_back_when_the_table_does() -> None:
+def test_systematic_errors_of_the_angle_come_back_when_the_table_does():
     table = TableErrors(once=2e-3, twice=1e-3, stops_early=((0, 0.3), (1, 0.3)))
     there, back = play(1.0, -1.0, table=table).spins
     assert there.shown == pytest.approx(0.3 * TURN)
@@ -176,7 +174,7 @@ def test_systematic_errors_of_the_angle_come_back_when_the_table_does() -> None:
     assert there.angle + back.angle == pytest.approx(0.0, abs=1e-14)
 
 
-def test_a_table_that_stops_early_stays_there_and_the_display_says_so() -> None:
+def test_a_table_that_stops_early_stays_there_and_the_display_says_so():
     """From z up, 630° clockwise about x is 90° counter-clockwise, and brings y up; not -y."""
     rest = HoldStep(3.0, Pose(Z, None, 1e-5))
     cw = SpinStep(178.0, np.radians(-10.0), X, angle=np.radians(-1800.0))
@@ -202,17 +200,17 @@ def test_a_table_that_stops_early_stays_there_and_the_display_says_so() -> None:
 # Without errors, on the Earth and on one that stands still ------------------------------------------
 
 
-def table(rate: float, seconds: float, axis_b: np.ndarray | None = None) -> Protocol:
+def table(rate, seconds, axis_b=None):
     """Five seconds of rest, a spin, five seconds of rest."""
     rest = HoldStep(5.0, Pose(UP_B, 0.4))
     return Protocol("table", "rate-table", (rest, SpinStep(seconds, rate, axis_b), HoldStep(5.0)))
 
 
-def played(rate: float, seconds: float, axis_b: np.ndarray | None = None) -> Motion:
+def played(rate, seconds, axis_b=None):
     return play_protocol(table(rate, seconds, axis_b), np.random.default_rng(1)).motion
 
 
-def chained(rates: np.ndarray, step: float) -> Rotation:
+def chained(rates, step):
     """The rotation by which increments lead from the first b to the last."""
     turned = Rotation.identity()
     for increment in Rotation.from_rotvec(rates * step):
@@ -220,7 +218,7 @@ def chained(rates: np.ndarray, step: float) -> Rotation:
     return turned
 
 
-def spin_rates(rate: float, site: Site) -> tuple[np.ndarray, Truth]:
+def spin_rates(rate, site):
     """Gyro samples of three revolutions, each a whole number of samples."""
     period = 2.0 * np.pi / abs(rate)
     hertz = 400.0 / period
@@ -232,7 +230,7 @@ def spin_rates(rate: float, site: Site) -> tuple[np.ndarray, Truth]:
     return recording.angular_rate[first : first + 3 * 400], truth
 
 
-def test_before_and_after_a_spin_the_specific_force_is_minus_gravity() -> None:
+def test_before_and_after_a_spin_the_specific_force_is_minus_gravity():
     recording, truth = simulate_protocol(
         table(0.5, 20.0), 50.0, np.random.default_rng(1), site=SITE, placement=False
     )
@@ -245,9 +243,7 @@ def test_before_and_after_a_spin_the_specific_force_is_minus_gravity() -> None:
 
 
 @pytest.mark.parametrize("axis_b", [None, AXIS_B, np.array([0.6, 0.0, -0.8])])
-def test_a_spin_of_whole_revolutions_leads_home_on_an_earth_that_stands_still(
-    axis_b: np.ndarray | None,
-) -> None:
+def test_a_spin_of_whole_revolutions_leads_home_on_an_earth_that_stands_still(axis_b):
     # 12 s and two ramps of 2 s at 2π/7 rad/s: two revolutions
     motion = played(2.0 * np.pi / 7.0, 12.0, axis_b)
     edges = np.linspace(0.0, motion.duration, 1301)
@@ -258,7 +254,7 @@ def test_a_spin_of_whole_revolutions_leads_home_on_an_earth_that_stands_still(
     assert np.sum(np.linalg.norm(rates, axis=1)) * edges[1] == pytest.approx(4.0 * np.pi, rel=1e-9)
 
 
-def test_on_the_turning_earth_it_leads_home_after_the_earth_s_own_turn_is_removed() -> None:
+def test_on_the_turning_earth_it_leads_home_after_the_earth_s_own_turn_is_removed():
     motion = played(-2.0 * np.pi / 7.0, 12.0, AXIS_B)
     edges = np.linspace(0.0, motion.duration, 1301)
     turned = chained(motion.mean_angular_rate_ib_b(edges, SITE), edges[1])
@@ -270,7 +266,7 @@ def test_on_the_turning_earth_it_leads_home_after_the_earth_s_own_turn_is_remove
 
 
 @pytest.mark.parametrize("rate", [0.7, -0.7])
-def test_the_mean_over_whole_revolutions_is_the_rate_and_the_earth_s_vertical_part(rate: float) -> None:
+def test_the_mean_over_whole_revolutions_is_the_rate_and_the_earth_s_vertical_part(rate):
     rates, truth = spin_rates(rate, SITE)
     up_earth_rate = -SITE.earth_rate_n[2]
     assert up_earth_rate < -3.9e-5  # south of the equator the Earth turns about what is down there
@@ -281,7 +277,7 @@ def test_the_mean_over_whole_revolutions_is_the_rate_and_the_earth_s_vertical_pa
     assert truth.spins[0].rate == pytest.approx(rate, rel=1e-14)
 
 
-def test_about_a_level_axis_gravity_goes_round_once_a_revolution_and_the_other_way() -> None:
+def test_about_a_level_axis_gravity_goes_round_once_a_revolution_and_the_other_way():
     motion = played(0.5, 30.0, AXIS_B)
     start = 5.0 + 2.0
     time = start + np.linspace(0.0, 4.0 * np.pi, 241)  # one revolution at 0.5 rad/s
@@ -294,7 +290,7 @@ def test_about_a_level_axis_gravity_goes_round_once_a_revolution_and_the_other_w
     assert angle[-1] - angle[0] == pytest.approx(-2.0 * np.pi, rel=1e-12)
 
 
-def test_about_a_leaning_axis_the_mean_force_is_gravity_s_part_along_it() -> None:
+def test_about_a_leaning_axis_the_mean_force_is_gravity_s_part_along_it():
     axis_b = np.array([0.0, 0.6, 0.8])
     motion = played(0.5, 30.0, axis_b)
     time = 7.0 + np.arange(240) / 240.0 * 4.0 * np.pi
@@ -302,7 +298,7 @@ def test_about_a_leaning_axis_the_mean_force_is_gravity_s_part_along_it() -> Non
     np.testing.assert_allclose(force.mean(axis=0), 9.79 * (UP_B @ axis_b) * axis_b, atol=1e-12)
 
 
-def test_a_unit_off_the_table_s_centre_feels_rate_squared_times_its_distance() -> None:
+def test_a_unit_off_the_table_s_centre_feels_rate_squared_times_its_distance():
     lever_arm_b = np.array([0.3, -0.2, 0.1])
     motion = play_protocol(table(2.0, 20.0), np.random.default_rng(1), lever_arm_b=lever_arm_b).motion
     force = motion.specific_force_b(np.array([15.0]), STILL)[0]

@@ -9,7 +9,7 @@ from tumble.earth import Site
 from tumble.simulation import Motion, find_grade, poses_26, simulate_recording
 
 
-def test_a_gravity_too_large_by_100_ppm_makes_scale_factors_too_small_by_that() -> None:
+def test_a_gravity_too_large_by_100_ppm_makes_scale_factors_too_small_by_that():
     right, wrong = Site.from_gravity(9.81), Site.from_gravity(9.81 * (1 + 100e-6))
     motion = Motion.between_poses(poses_26(), np.full(26, 3.0), np.full(25, 2.0))
     unit = find_grade("consumer-mems")

@@ -7,61 +7,57 @@ from pathlib import Path
 
 import pytest
 
-from tumble.workflows import DriftAfter, DriveVerification, verify_drive
+from tumble.workflows import verify_drive
 
 HERE = Path(__file__).parent
 
 
 @pytest.fixture(scope="module")
-def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def files(tmp_path_factory):
     folder = tmp_path_factory.mktemp("drive")
     for name in ("imu.csv", "track.pos"):
         (folder / name).write_bytes(gzip.decompress((HERE / f"{name}.gz").read_bytes()))
     return folder
 
 
-def judged(recording: Path, track: Path) -> DriveVerification:
+def judged(recording, track):
     document = HERE / "calibration.json"
     return verify_drive(document, recording, track, units="g,deg/s,ms", turn_on=(0.0, 0.0))
 
 
 @pytest.fixture(scope="module")
-def found(files: Path) -> DriveVerification:
+def found(files):
     return judged(files / "imu.csv", files / "track.pos")
 
 
-def after_two(found: DriveVerification) -> DriftAfter:
+def after_two(found):
     return next(after for after in found.variant("all").drift if after.seconds == 2.0)
 
 
-def test_the_clocks_are_those_of_the_whole_drive(found: DriveVerification) -> None:
+def test_the_clocks_are_those_of_the_whole_drive(found):
     # the whole drive gives -1436038199.812 s; two setups differ there by 42 ms already, and a fifth of it by twice that
     assert found.time_offset.value == pytest.approx(-1436038199.812, abs=0.1)
 
 
-def test_a_calibration_of_the_minutes_before_halves_the_first_seconds_of_drift(
-    found: DriveVerification,
-) -> None:
+def test_a_calibration_of_the_minutes_before_halves_the_first_seconds_of_drift(found):
     ratio = after_two(found).ratio_to_uncalibrated
     assert ratio.value + 2.0 * ratio.standard_uncertainty < 1.0
 
 
-def test_an_outage_of_two_seconds_costs_decimetres(found: DriveVerification) -> None:
+def test_an_outage_of_two_seconds_costs_decimetres(found):
     """The filter's own estimates are as good as the calibration by then: 0.14 m on the whole drive."""
     whole = found.variant("all")
     assert 0.02 < whole.outages_sliding[0].horizontal_rms.value < 0.4
     assert whole.accuracy_class.startswith("low")
 
 
-def test_innovations_smaller_than_expected_are_explained_by_the_drive(found: DriveVerification) -> None:
+def test_innovations_smaller_than_expected_are_explained_by_the_drive(found):
     """Positions scatter less than RTKLIB states, which an independent look at the rests confirms."""
     assert found.variant("all").innovations < 0.7
     assert any("mm are stated" in reason for reason in found.reasons)
 
 
-def test_missing_samples_do_not_change_what_is_said_of_the_calibration(
-    found: DriveVerification, files: Path, tmp_path: Path
-) -> None:
+def test_missing_samples_do_not_change_what_is_said_of_the_calibration(found, files, tmp_path):
     """Ten seconds of turns left out: a lost filter would refuse positions and find biases off."""
     lines = (files / "imu.csv").read_text().splitlines()
     first = float(lines[1].rsplit(",", 1)[1])

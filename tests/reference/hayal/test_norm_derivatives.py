@@ -22,7 +22,7 @@ UNKNOWNS = np.concatenate([BIAS, 1.0 + SCALE_ERROR, [YZ, ZX, ZY], np.zeros(3)])
 OBSERVED = np.array([[3.3, -4.9, 7.7], [-8.1, 2.2, 5.0], [0.7, 9.4, -2.1], [6.0, -1.0, -7.0]])
 
 
-def true_vector(unknowns: Array, Y: Array) -> tuple[Any, Any, Any]:
+def true_vector(unknowns, Y):
     """Hayal 3.14, by scalars, complex if need be."""
     b, scale, (yz, zx, zy) = unknowns[:3], unknowns[3:6], unknowns[6:9]
     u = [Y[i] - b[i] for i in range(3)]
@@ -32,13 +32,13 @@ def true_vector(unknowns: Array, Y: Array) -> tuple[Any, Any, Any]:
     return a_x, a_y, a_z
 
 
-def condition(unknowns: Array, Y: Array) -> Any:
+def condition(unknowns, Y):
     """Hayal 3.19 over 2 K."""
     a_x, a_y, a_z = true_vector(unknowns, Y)
     return (a_x * a_x + a_y * a_y + a_z * a_z - K * K) / (2.0 * K)
 
 
-def printed_derivatives(Y: Array) -> tuple[list[float], list[float]]:
+def printed_derivatives(Y):
     """The thesis' derivatives by b, s, theta (3.63 to 3.71) and by Y (3.72 to 3.74)."""
     (b_x, b_y, b_z), (s_x, s_y, s_z) = BIAS, SCALE_ERROR
     a_x, a_y, a_z = true_vector(UNKNOWNS, Y)
@@ -75,13 +75,13 @@ def printed_derivatives(Y: Array) -> tuple[list[float], list[float]]:
     return by_parameters, by_observed
 
 
-def linearised(unknowns: Array, free: int) -> tuple[NormConditions, Any]:
+def linearised(unknowns, free):
     covariance = np.tile(1e-6 * np.eye(3), (OBSERVED.shape[0], 1, 1))
     conditions = NormConditions(OBSERVED, covariance, K, unknowns, np.arange(free))
     return conditions, conditions.linearise(unknowns[:free])
 
 
-def test_nine_parameters_have_the_derivatives_3_63_to_3_74() -> None:
+def test_nine_parameters_have_the_derivatives_3_63_to_3_74():
     conditions, linear = linearised(UNKNOWNS, 9)
     for k, Y in enumerate(OBSERVED):
         by_parameters, by_observed = printed_derivatives(Y)
@@ -90,7 +90,7 @@ def test_nine_parameters_have_the_derivatives_3_63_to_3_74() -> None:
         assert linear.misclosure[k, 0] == pytest.approx(condition(UNKNOWNS, Y), rel=1e-12)
 
 
-def complex_step(function: Any, values: Array) -> Array:
+def complex_step(function, values):
     columns = []
     for k in range(values.size):
         moved = values.astype(complex)
@@ -99,7 +99,7 @@ def complex_step(function: Any, values: Array) -> Array:
     return np.stack(columns, axis=-1)
 
 
-def test_all_unknowns_agree_with_the_complex_step() -> None:
+def test_all_unknowns_agree_with_the_complex_step():
     conditions, linear = linearised(UNKNOWNS, 9)
     for k, Y in enumerate(OBSERVED):
         by_unknowns = complex_step(lambda p, Y=Y: condition(p, Y), UNKNOWNS[:9])
@@ -108,7 +108,7 @@ def test_all_unknowns_agree_with_the_complex_step() -> None:
         np.testing.assert_allclose(conditions._by_observed[k], by_raw, atol=1e-14)
 
 
-def test_the_unknowns_and_the_triad_are_the_same_numbers() -> None:
+def test_the_unknowns_and_the_triad_are_the_same_numbers():
     unknowns = UNKNOWNS.copy()
     unknowns[9:] = [2e-3, -1e-3, 3e-3]
     triad = triad_from_unknowns(unknowns)
@@ -118,7 +118,7 @@ def test_the_unknowns_and_the_triad_are_the_same_numbers() -> None:
     np.testing.assert_allclose(triad.matrix[2], expected, rtol=1e-15)
 
 
-def test_after_an_adjustment_of_the_observations_the_misclosure_is_pope_s() -> None:
+def test_after_an_adjustment_of_the_observations_the_misclosure_is_pope_s():
     rng = np.random.default_rng(2)
     root = rng.standard_normal((4, 3, 3))
     covariance = 1e-4 * root @ np.swapaxes(root, 1, 2)

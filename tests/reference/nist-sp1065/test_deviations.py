@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +14,7 @@ with (Path(__file__).parent / "deviations.csv").open(encoding="utf-8") as _file:
     ROWS = list(csv.DictReader(_file))
 
 
-def test_set() -> np.ndarray:
+def test_set():
     """The thousand values by their formula."""
     numbers = [1234567890]
     for _ in range(999):
@@ -27,13 +26,13 @@ test_set.__test__ = False  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row["averaging"])
-def test_our_deviation_is_the_printed_one(row: Any) -> None:
+def test_our_deviation_is_the_printed_one(row):
     found = allan_deviation(test_set(), 1.0, taus=[float(row["averaging"])])
     # Seven digits are printed: half a unit of the last is at most 5e-7 of the value.
     assert found.deviation[0, 0] == pytest.approx(float(row["deviation"]), rel=5e-7)
 
 
-def test_a_stream_of_the_set_gives_the_printed_deviation_at_one_second() -> None:
+def test_a_stream_of_the_set_gives_the_printed_deviation_at_one_second():
     collector = StreamedDeviation(1.0, 1)
     for block in np.array_split(test_set()[:, None], 7):
         collector.add(block)

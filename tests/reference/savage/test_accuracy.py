@@ -42,12 +42,12 @@ WAYS = (
 )
 
 
-def generator(*seed: int) -> np.random.Generator:
+def generator(*seed):
     return np.random.Generator(np.random.SFC64(seed))
 
 
 @pytest.fixture(scope="module")
-def studies() -> dict[str, np.ndarray]:
+def studies():
     return {
         grade: run_study(
             Setting(GRADES[grade]), WAYS if grade == "nav" else WAYS[:2], RUNS, generator(5, k), iterations=2
@@ -57,18 +57,14 @@ def studies() -> dict[str, np.ndarray]:
 
 
 @pytest.mark.parametrize(("grade", "way", "iteration", "figures"), FIGURES)
-def test_quantiles_are_those_of_another_implementation(
-    studies: dict[str, np.ndarray], grade: str, way: object, iteration: int, figures: tuple[float, ...]
-) -> None:
+def test_quantiles_are_those_of_another_implementation(studies, grade, way, iteration, figures):
     groups = group_rms(studies[grade][list(WAYS).index(way), :, iteration])
     found = np.array([np.quantile(groups[name], 0.99) for name in ORDER])
     # theirs moves by 12 %, ours by 18 % (one standard deviation each); the distributions are not printed
     np.testing.assert_array_less(np.abs(np.log(found / np.array(figures))), np.log(1.55))
 
 
-def test_a_printed_sign_makes_the_asymmetry_wrong_by_thousands_of_ppm_at_first(
-    studies: dict[str, np.ndarray],
-) -> None:
+def test_a_printed_sign_makes_the_asymmetry_wrong_by_thousands_of_ppm_at_first(studies):
     asymmetry = studies["nav"][:, :, 0, GROUPS["lambda_asym"]] / UNITS_SI[GROUPS["lambda_asym"]]
     right, _, wrong = (np.sqrt(np.mean(asymmetry[k] ** 2)) for k in range(3))
     # twice a bias of 1 mg over g: 2000 ppm
@@ -76,7 +72,7 @@ def test_a_printed_sign_makes_the_asymmetry_wrong_by_thousands_of_ppm_at_first(
     assert right < 15.0
 
 
-def test_all_components_beat_one_a_sequence_in_every_group(studies: dict[str, np.ndarray]) -> None:
+def test_all_components_beat_one_a_sequence_in_every_group(studies):
     groups = group_rms(studies["nav"][:, :, 1])
     for name, values in groups.items():
         one, every, matched = (np.sqrt(np.mean(values[k] ** 2)) for k in (1, 3, 4))
@@ -87,9 +83,7 @@ def test_all_components_beat_one_a_sequence_in_every_group(studies: dict[str, np
     assert bias[3] == pytest.approx(0.58 * bias[1], rel=0.12)
 
 
-def test_without_noise_the_passes_converge_by_a_factor_of_hundreds_and_the_nominal_vertical_does_not() -> (
-    None
-):
+def test_without_noise_the_passes_converge_by_a_factor_of_hundreds_and_the_nominal_vertical_does_not():
     setting = Setting(EXACT, earth=False, seconds=1.0)
     norm = replace(AS_PRINTED, norm=True)
     errors = run_study(setting, (AS_PRINTED, norm), 30, generator(6), iterations=3)

@@ -11,7 +11,6 @@ import pytest
 from tumble_papers.zhang import (
     CHOICES,
     GRAVITY,
-    Estimates,
     ellipsoid_from_norms,
     evaluate,
     in_paper_units,
@@ -37,40 +36,33 @@ CHOSEN = {"3": (9.0, 17.0), "4": (1.8, 3.4)}
 pytestmark = pytest.mark.slow
 
 
-def generator(*seed: int) -> np.random.Generator:
+def generator(*seed):
     return np.random.Generator(np.random.SFC64(seed))
 
 
 @pytest.fixture(scope="module")
-def estimates() -> dict[str, Estimates]:
+def estimates():
     return {
         t: evaluate(simulate(table_setting(t), RUNS, generator(17, int(t)), sampled=False))
         for t in ("3", "4")
     }
 
 
-def scatter(estimates: Estimates, choice: str = CHOICES[0]) -> np.ndarray:
+def scatter(estimates, choice=CHOICES[0]):
     truth = table_setting("3").unit.parameters()
     return in_paper_units(estimates.parameters(choice), truth).std(axis=0, ddof=1)
 
 
 @pytest.mark.parametrize("table", ["3", "4"])
 @pytest.mark.parametrize(("group", "where", "three", "four"), RANGES)
-def test_every_scatter_is_in_the_range_of_another_implementation(
-    estimates: dict[str, Estimates],
-    group: str,
-    where: slice,
-    three: tuple[float, float],
-    four: tuple[float, float],
-    table: str,
-) -> None:
+def test_every_scatter_is_in_the_range_of_another_implementation(estimates, group, where, three, four, table):
     low, high = three if table == "3" else four
     found = scatter(estimates[table])[where]
     assert np.all((found > low) & (found < high)), (group, found)
 
 
 @pytest.mark.parametrize("table", ["3", "4"])
-def test_other_axes_are_better(estimates: dict[str, Estimates], table: str) -> None:
+def test_other_axes_are_better(estimates, table):
     for choice, most in zip(CHOICES[1:3], CHOSEN[table], strict=True):
         assert np.all(scatter(estimates[table], choice)[18:] < most)
     # x then y: 3.7 times better than z then y, in the mean of three known to some percent
@@ -79,7 +71,7 @@ def test_other_axes_are_better(estimates: dict[str, Estimates], table: str) -> N
 
 
 @pytest.mark.parametrize("table", ["3", "4"])
-def test_the_nine_scatter_by_theory(estimates: dict[str, Estimates], table: str) -> None:
+def test_the_nine_scatter_by_theory(estimates, table):
     """Scale and bias σ/√2, misalignment √7 σ. The mean of three of 1,000 runs is known to 1.4 %: four times that."""
     setting = table_setting(table)
     theory = theory_of_nine(setting.force_noise / np.sqrt(setting.dwell))
@@ -87,7 +79,7 @@ def test_the_nine_scatter_by_theory(estimates: dict[str, Estimates], table: str)
     np.testing.assert_allclose(ratio, 1.0, atol=0.06)
 
 
-def test_all_18_orientations_are_better() -> None:
+def test_all_18_orientations_are_better():
     """26.4 ppm, 10.3″ and 20.4 µg; means of three of 1,000 runs."""
     setting = table_setting("5", tuple(range(1, 19)))
     force = simulate(setting, RUNS, generator(18), sampled=False).force
@@ -98,7 +90,7 @@ def test_all_18_orientations_are_better() -> None:
     )
 
 
-def test_no_estimate_is_biased(estimates: dict[str, Estimates]) -> None:
+def test_no_estimate_is_biased(estimates):
     for table, found in estimates.items():
         off = in_paper_units(found.parameters(), table_setting(table).unit.parameters())
         score = off.mean(axis=0) / off.std(axis=0, ddof=1) * np.sqrt(RUNS)

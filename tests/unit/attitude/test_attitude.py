@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, Literal
-
 import numpy as np
 import numpy.typing as npt
 import pytest
 from scipy.spatial.transform import Rotation
 
 from tumble.attitude import (
-    IntegratedTurns,
     Inverse,
     angle_between,
     find_nearest_rotation,
@@ -37,19 +33,19 @@ from tumble.attitude.rotations import (
 ROUND_OFF = 4e-15
 
 
-def test_skew_is_the_cross_product() -> None:
+def test_skew_is_the_cross_product():
     a, b = np.array([1.0, -2.0, 5.0]), np.array([3.0, 7.0, -11.0])
     assert np.array_equal(skew(a) @ b, np.cross(a, b))
 
 
 @pytest.mark.parametrize("angle", [0.0, 1e-9, 0.99e-4, 1.01e-4, 1e-3, 1.0, 3.0, np.pi, 5.0])
-def test_the_exponential_agrees_with_scipy_on_both_sides_of_the_series(angle: float) -> None:
+def test_the_exponential_agrees_with_scipy_on_both_sides_of_the_series(angle):
     vector = angle * np.array([2.0, -3.0, 6.0]) / 7.0
     expected = Rotation.from_rotvec(vector).as_matrix()
     np.testing.assert_allclose(matrix_from_rotation_vector(vector), expected, atol=ROUND_OFF)
 
 
-def test_the_logarithm_keeps_the_axis_near_a_half_turn_and_all_digits_of_a_tiny_one() -> None:
+def test_the_logarithm_keeps_the_axis_near_a_half_turn_and_all_digits_of_a_tiny_one():
     for short_of in (1e-3, 1e-6, 1e-9):
         vector = (np.pi - short_of) * np.array([2.0, -3.0, 6.0]) / 7.0
         again = rotation_vector_from_matrix(Rotation.from_rotvec(vector).as_matrix())
@@ -61,14 +57,14 @@ def test_the_logarithm_keeps_the_axis_near_a_half_turn_and_all_digits_of_a_tiny_
     assert np.array_equal(rotation_vector_from_matrix(np.eye(3)), np.zeros(3))
 
 
-def test_the_angle_between_directions_is_accurate_where_the_cosine_is_not() -> None:
+def test_the_angle_between_directions_is_accurate_where_the_cosine_is_not():
     x = np.array([3.0, 0.0, 0.0])
     assert angle_between(x, np.array([1.0, 1e-9, 0.0])) == pytest.approx(1e-9, rel=1e-14)
     assert angle_between(x, np.array([-1.0, 1e-9, 0.0])) == pytest.approx(np.pi - 1e-9, abs=1e-15)
     assert angle_between(x, np.array([0.0, 0.0, -7.0])) == pytest.approx(np.pi / 2, abs=ROUND_OFF)
 
 
-def test_a_tangent_basis_is_a_right_handed_frame_with_its_direction() -> None:
+def test_a_tangent_basis_is_a_right_handed_frame_with_its_direction():
     direction = np.array([1.0, -8.0, 4.0]) / 9.0
     basis = tangent_basis(17.0 * direction)
     frame = np.column_stack([direction, basis])
@@ -76,7 +72,7 @@ def test_a_tangent_basis_is_a_right_handed_frame_with_its_direction() -> None:
     assert np.linalg.det(frame) == pytest.approx(1.0, abs=ROUND_OFF)
 
 
-def test_the_nearest_rotation_is_the_polar_factor_and_never_a_reflection() -> None:
+def test_the_nearest_rotation_is_the_polar_factor_and_never_a_reflection():
     C = Rotation.from_rotvec([0.3, -1.1, 0.7]).as_matrix()
     stretch = np.array([[2.0, 0.3, 0.1], [0.3, 1.5, -0.2], [0.1, -0.2, 1.1]])  # symmetric, positive
     # C times a positive symmetric matrix is its polar decomposition, whose rotation is the nearest
@@ -85,7 +81,7 @@ def test_the_nearest_rotation_is_the_polar_factor_and_never_a_reflection() -> No
     np.testing.assert_allclose(mirrored, C, atol=ROUND_OFF)
 
 
-def test_the_rotation_between_two_directions_is_the_shortest_and_takes_one_to_the_other() -> None:
+def test_the_rotation_between_two_directions_is_the_shortest_and_takes_one_to_the_other():
     one, other = np.array([1.0, -2.0, 2.0]) / 3.0, np.array([0.0, 0.6, 0.8])
     C = rotation_between(2.0 * one, other)
     np.testing.assert_allclose(C @ one, other, atol=ROUND_OFF)
@@ -93,7 +89,7 @@ def test_the_rotation_between_two_directions_is_the_shortest_and_takes_one_to_th
 
 
 @pytest.mark.parametrize("function", [rotation_between, angle_between])
-def test_a_zero_vector_has_no_direction(function: Callable[..., object]) -> None:
+def test_a_zero_vector_has_no_direction(function):
     with pytest.raises(ValueError, match="a zero vector has no direction"):
         function(np.array([1.0, 0.0, 0.0]), np.zeros(3))
     with pytest.raises(ValueError, match="a zero vector has no direction"):
@@ -101,7 +97,7 @@ def test_a_zero_vector_has_no_direction(function: Callable[..., object]) -> None
 
 
 @pytest.mark.parametrize("angle", [0.0, 1e-13, 1e-9, 1e-3, 1.0, 2.0, 2.2, 3.1, np.pi - 1e-9])
-def test_many_rotation_vectors_at_once_are_those_of_scipy(angle: float) -> None:
+def test_many_rotation_vectors_at_once_are_those_of_scipy(angle):
     directions = np.random.default_rng(3).normal(size=(50, 3))
     vectors = angle * directions / np.linalg.norm(directions, axis=1)[:, None]
     made = rotation_vectors_from_matrices(Rotation.from_rotvec(vectors).as_matrix())
@@ -110,7 +106,7 @@ def test_many_rotation_vectors_at_once_are_those_of_scipy(angle: float) -> None:
 
 
 @pytest.mark.parametrize("angle", [0.0, 1e-9, -0.7, 3.0, 7.5])
-def test_a_turn_about_an_axis_of_any_length_is_scipy_s(angle: float) -> None:
+def test_a_turn_about_an_axis_of_any_length_is_scipy_s(angle):
     axis = np.array([0.3, -2.0, 1.1])
     expected = Rotation.from_rotvec(angle * axis / np.linalg.norm(axis))
     C = matrix_from_turn(axis, angle)
@@ -122,7 +118,7 @@ ANYHOW = Rotation.from_quat(np.random.default_rng(1).standard_normal((300, 4)))
 HALF_TURNS = Rotation.from_rotvec(np.pi * np.vstack([np.eye(3), -np.eye(3), np.full((1, 3), 3.0**-0.5)]))
 
 
-def test_quaternions_are_scipy_s_up_to_their_sign_and_lead_back_whatever_their_length() -> None:
+def test_quaternions_are_scipy_s_up_to_their_sign_and_lead_back_whatever_their_length():
     every = Rotation.concatenate([ANYHOW, HALF_TURNS, Rotation.identity()])
     for matrix, expected in zip(every.as_matrix(), every.as_quat(), strict=True):
         found = quaternion_from_matrix(matrix)
@@ -133,7 +129,7 @@ def test_quaternions_are_scipy_s_up_to_their_sign_and_lead_back_whatever_their_l
     )
 
 
-def test_angles_are_scipy_s_and_lead_back() -> None:
+def test_angles_are_scipy_s_and_lead_back():
     angles = angles_from_matrices(ANYHOW.as_matrix())
     np.testing.assert_allclose(angles, ANYHOW.as_euler("ZYX")[:, ::-1], atol=1e-12)
     for matrix, three in zip(ANYHOW.as_matrix(), angles, strict=True):
@@ -141,7 +137,7 @@ def test_angles_are_scipy_s_and_lead_back() -> None:
 
 
 @pytest.mark.parametrize("pitch", [0.5 * np.pi, -0.5 * np.pi])
-def test_upright_roll_is_zero_and_yaw_has_all_of_the_turn(pitch: float) -> None:
+def test_upright_roll_is_zero_and_yaw_has_all_of_the_turn(pitch):
     matrix = matrix_from_angles(np.array([0.4, pitch, 1.1]))
     (three,) = angles_from_matrices(matrix[None])
     assert three[0] == 0.0
@@ -163,20 +159,14 @@ G_SENSITIVITY = np.array([[0.5, -0.2, 0.1], [0.3, 0.4, -0.6], [-0.1, 0.2, 0.7]])
 BOTH = Inverse(GYRO_INVERSE, GYRO_BIAS, FORCE_INVERSE, FORCE_BIAS)
 
 
-def raw_of(rate: Array, force: Array) -> tuple[Array, Array]:
+def raw_of(rate, force):
     """What the sensors put out, by the forward matrices."""
     raw_force = force @ np.linalg.inv(FORCE_INVERSE).T + FORCE_BIAS
     raw_rate = rate @ np.linalg.inv(GYRO_INVERSE).T + GYRO_BIAS + force @ G_SENSITIVITY.T
     return raw_rate, raw_force
 
 
-def integrated(
-    time: Array,
-    rate: Array,
-    force: Array | None = None,
-    starts: Any = None,
-    stops: Any = None,
-) -> IntegratedTurns:
+def integrated(time, rate, force=None, starts=None, stops=None):
     force = np.tile([1.0, -2.0, 9.0], (time.size, 1)) if force is None else force
     raw_rate, raw_force = raw_of(rate, force)
     inverse = BOTH._replace(g_sensitivity=G_SENSITIVITY)
@@ -185,7 +175,7 @@ def integrated(
     return integrate_turns(time, raw_rate, raw_force, starts, stops, inverse)
 
 
-def wobble(time: Array) -> tuple[Array, Array]:
+def wobble(time):
     """A rate and a specific force that change on all axes."""
     t = time[:, None]
     rate = np.hstack([1.5 * np.sin(2 * t), 0.8 * np.cos(3 * t) + 0.4, -1.2 * np.sin(t + 0.5)])
@@ -193,7 +183,7 @@ def wobble(time: Array) -> tuple[Array, Array]:
     return rate, force
 
 
-def test_a_constant_rate_is_integrated_exactly_whatever_the_steps() -> None:
+def test_a_constant_rate_is_integrated_exactly_whatever_the_steps():
     rng = np.random.default_rng(3)
     # Uneven stamps with a gap of a second among them: the step is taken from the stamps.
     time = np.sort(np.concatenate([rng.uniform(0.0, 2.0, 60), rng.uniform(3.0, 4.0, 40)]))
@@ -205,7 +195,7 @@ def test_a_constant_rate_is_integrated_exactly_whatever_the_steps() -> None:
     assert turns.duration[0] == time[-1] - time[0]
 
 
-def test_ranges_are_half_open_and_turns_are_independent() -> None:
+def test_ranges_are_half_open_and_turns_are_independent():
     time = np.arange(50) / 10.0
     rate, force = wobble(time)
     starts, stops = np.array([5, 0, 30]), np.array([21, 1, 50])
@@ -221,7 +211,7 @@ def test_ranges_are_half_open_and_turns_are_independent() -> None:
     assert many.duration[0] == pytest.approx(1.5)
 
 
-def coning(time: Array, half_angle: float, frequency: float) -> tuple[Array, Array]:
+def coning(time, half_angle, frequency):
     """The rate and the end attitude of a cone, known in closed form (Savage 1998)."""
     phase = frequency * time
     rate = np.column_stack(
@@ -237,7 +227,7 @@ def coning(time: Array, half_angle: float, frequency: float) -> tuple[Array, Arr
     return rate, (rotations[0].inv() * rotations[-1]).as_matrix()
 
 
-def test_coning_follows_its_closed_form_to_the_second_order_of_the_step() -> None:
+def test_coning_follows_its_closed_form_to_the_second_order_of_the_step():
     errors: list[float] = []
     for count in (200, 400, 800):
         time = np.linspace(0.0, 1.3, count + 1)
@@ -252,7 +242,7 @@ def test_coning_follows_its_closed_form_to_the_second_order_of_the_step() -> Non
     assert errors[1] / errors[2] == pytest.approx(4.0, rel=0.02)
 
 
-def test_the_sums_of_a_constant_rate_are_the_integral_of_the_rotation() -> None:
+def test_the_sums_of_a_constant_rate_are_the_integral_of_the_rotation():
     time = np.linspace(0.0, 1.7, 3401)
     omega = np.array([0.7, -1.3, 2.1])
     force = np.array([1.0, -2.0, 9.0])
@@ -273,7 +263,7 @@ def test_the_sums_of_a_constant_rate_are_the_integral_of_the_rotation() -> None:
 
 
 @pytest.mark.parametrize("small", [1e-12, 0.9e-2, 1.1e-2, 3.0])
-def test_both_branches_of_the_step_are_exact_at_its_end_and_at_its_middle(small: float) -> None:
+def test_both_branches_of_the_step_are_exact_at_its_end_and_at_its_middle(small):
     # the series is used below a hundredth of a radian a step
     time = np.array([0.0, 1.0])
     vector = small * np.array([2.0, -3.0, 6.0]) / 7.0
@@ -287,9 +277,7 @@ def test_both_branches_of_the_step_are_exact_at_its_end_and_at_its_middle(small:
 
 
 @pytest.mark.parametrize("edge", ["first", "last"])
-def test_a_mean_at_the_edge_of_a_hold_turns_every_sample_there_by_its_window_s_own_bias(
-    edge: Literal["first", "last"],
-) -> None:
+def test_a_mean_at_the_edge_of_a_hold_turns_every_sample_there_by_its_window_s_own_bias(edge):
     windows, time, omega = (
         np.array([(0, 200), (200, 400)]),
         np.arange(400) / 100.0,
@@ -301,7 +289,7 @@ def test_a_mean_at_the_edge_of_a_hold_turns_every_sample_there_by_its_window_s_o
     raw_rate = np.tile(omega, (400, 1)) @ np.linalg.inv(GYRO_INVERSE).T + np.repeat(biases, 200, axis=0)
     index = windows[:, 0] if edge == "first" else windows[:, 1] - 1
 
-    def averaged(biases: Array, windows: npt.NDArray[np.int64] = windows) -> Array:
+    def averaged(biases, windows=windows):
         inverse = Inverse(GYRO_INVERSE, biases, FORCE_INVERSE, FORCE_BIAS)
         return average_at_edge(time, raw_rate, raw_force, windows, inverse, edge)
 
@@ -323,9 +311,7 @@ def test_a_mean_at_the_edge_of_a_hold_turns_every_sample_there_by_its_window_s_o
         ([0, 1], [5], 5, "2 starts and 1 stops"),
     ],
 )
-def test_ranges_outside_the_samples_and_lengths_that_differ_are_refused(
-    starts: list[int], stops: list[int], rates: int, said: str
-) -> None:
+def test_ranges_outside_the_samples_and_lengths_that_differ_are_refused(starts, stops, rates, said):
     with pytest.raises((IndexError, ValueError), match=said):
         integrate_turns(
             np.arange(5.0), np.zeros((rates, 3)), np.zeros((5, 3)), np.array(starts), np.array(stops), BOTH

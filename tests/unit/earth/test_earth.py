@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import math
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,14 +15,14 @@ from tumble.errors import SiteError
 from tumble.units import STANDARD_GRAVITY
 
 
-def test_gravity_at_the_equator_and_at_the_poles_is_what_wgs_84_publishes() -> None:
+def test_gravity_at_the_equator_and_at_the_poles_is_what_wgs_84_publishes():
     # NGA.STND.0036, table 3.6, ten decimals; at the pole through Somigliana's k, given to 13 digits
     assert normal_gravity(0.0) == pytest.approx(9.7803253359, abs=5e-11)
     assert normal_gravity(math.pi / 2) == pytest.approx(9.8321849379, abs=2e-10)
     assert normal_gravity(-math.pi / 2) == normal_gravity(math.pi / 2)
 
 
-def test_a_latitude_gives_normal_gravity_with_what_the_real_field_differs_by() -> None:
+def test_a_latitude_gives_normal_gravity_with_what_the_real_field_differs_by():
     site = Site.from_latitude(math.radians(48.0), 520.0)
     assert site.gravity == normal_gravity(math.radians(48.0), 520.0)
     # 30 mGal, and half of 520 m of rock: 0.1119 mGal a metre
@@ -33,7 +32,7 @@ def test_a_latitude_gives_normal_gravity_with_what_the_real_field_differs_by() -
 
 
 @pytest.mark.parametrize("height", [0.0, 1600.0, 2500.0])
-def test_without_a_height_gravity_holds_from_the_sea_to_the_high_towns(height: float) -> None:
+def test_without_a_height_gravity_holds_from_the_sea_to_the_high_towns(height):
     site = Site.from_latitude(0.7)
     assert abs(normal_gravity(0.7, height) - site.gravity) < 3.0 * site.gravity_sigma
     assert site.gravity_sigma < 2.3e-3
@@ -42,7 +41,7 @@ def test_without_a_height_gravity_holds_from_the_sea_to_the_high_towns(height: f
     assert "--site LATITUDE,HEIGHT" in site.mend
 
 
-def test_gravity_alone_is_good_to_half_its_last_digit_and_says_nothing_of_the_latitude() -> None:
+def test_gravity_alone_is_good_to_half_its_last_digit_and_says_nothing_of_the_latitude():
     site = Site.from_gravity(9.81)
     assert (site.gravity, site.latitude) == (9.81, None)
     assert site.gravity_sigma == pytest.approx(0.005 / math.sqrt(3.0))
@@ -61,7 +60,7 @@ def test_gravity_alone_is_good_to_half_its_last_digit_and_says_nothing_of_the_la
     assert Site.from_latitude(0.84, 520.0).with_gravity(Site.from_gravity(9.8)).gravity_sigma < 5e-4
 
 
-def test_an_unknown_site_covers_the_earth_evenly() -> None:
+def test_an_unknown_site_covers_the_earth_evenly():
     site = Site.unknown()
     assert site.gravity == STANDARD_GRAVITY == 9.80665
     # GUM 4.3.7: half-width over root three
@@ -71,7 +70,7 @@ def test_an_unknown_site_covers_the_earth_evenly() -> None:
 
 
 @pytest.mark.parametrize("latitude_in_degrees", [90.0, 45.0, 0.0, -30.0, -90.0])
-def test_the_earth_rate_is_the_polar_axis_seen_in_north_east_down(latitude_in_degrees: float) -> None:
+def test_the_earth_rate_is_the_polar_axis_seen_in_north_east_down(latitude_in_degrees):
     latitude = math.radians(latitude_in_degrees)
     # Columns of C_ne: the Earth's axes in n at longitude zero, by geometry. z is the polar axis:
     # from the equator one turns by minus (90 degrees + latitude) about east (Groves 2.150).
@@ -80,7 +79,7 @@ def test_the_earth_rate_is_the_polar_axis_seen_in_north_east_down(latitude_in_de
     np.testing.assert_allclose(Site.from_latitude(latitude).earth_rate_n, expected, atol=1e-19)
 
 
-def test_it_agrees_with_boule_on_the_ellipsoid_and_at_heights(reference_data: Path) -> None:
+def test_it_agrees_with_boule_on_the_ellipsoid_and_at_heights(reference_data):
     with (reference_data / "boule" / "normal_gravity.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert [float(row["height_m"]) for row in rows].count(0.0) == 5
@@ -115,9 +114,7 @@ NO_SITE: list[tuple[Callable[[float], object], tuple[float, ...], str]] = [
 
 
 @pytest.mark.parametrize(("make", "values", "said"), NO_SITE)
-def test_what_is_no_site_is_refused(
-    make: Callable[[float], object], values: tuple[float, ...], said: str
-) -> None:
+def test_what_is_no_site_is_refused(make, values, said):
     for value in values:
         with pytest.raises(SiteError, match=said):
             make(value)

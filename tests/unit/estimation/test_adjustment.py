@@ -18,13 +18,13 @@ Array = npt.NDArray[np.float64]
 class LineWithErrorsInBoth:
     """y = intercept + slope x, both coordinates observed with independent errors; one condition a point."""
 
-    def __init__(self, x: Array, y: Array, variance_x: Array, variance_y: Array) -> None:
+    def __init__(self, x, y, variance_x, variance_y):
         self.observed = np.column_stack([x, y])
         self.variance = np.column_stack([variance_x, variance_y])
         self.adjusted = self.observed.copy()
         self.by_observed = np.zeros_like(self.observed)
 
-    def linearise(self, parameters: Array) -> Linearisation:
+    def linearise(self, parameters):
         intercept, slope = parameters
         x, y = self.adjusted.T
         self.by_observed = np.column_stack([np.full(x.size, -slope), np.ones(x.size)])
@@ -35,31 +35,25 @@ class LineWithErrorsInBoth:
         active = np.ones((x.size, 1), dtype=bool)
         return Linearisation(misclosure[:, None], design[:, None, :], variance[:, None, None], active)
 
-    def adjust_observations(self, multipliers: Array) -> None:
+    def adjust_observations(self, multipliers):
         self.adjusted = self.observed - self.variance * self.by_observed * multipliers
 
 
 class LinearModel:
     """A xi - y = e, in groups: what weighted least squares solves in one step."""
 
-    def __init__(
-        self,
-        design: Array,
-        observed: Array,
-        covariance: Array,
-        active: npt.NDArray[np.bool_] | None = None,
-    ) -> None:
+    def __init__(self, design, observed, covariance, active=None):
         self.design, self.observed, self.covariance = design, observed, covariance
         self.active = np.ones(observed.shape, dtype=bool) if active is None else active
 
-    def linearise(self, parameters: Array) -> Linearisation:
+    def linearise(self, parameters):
         misclosure = self.design @ parameters - self.observed
         return Linearisation.masked(misclosure, self.design, self.covariance, self.active)
 
-    def adjust_observations(self, multipliers: Array) -> None:
+    def adjust_observations(self, multipliers):
         """Linear in parameters and observations: there is nothing to relinearise."""
 
-    def dense_covariance(self) -> Array:
+    def dense_covariance(self):
         groups, size = self.observed.shape
         dense = np.zeros((groups * size, groups * size))
         for k in range(groups):
@@ -68,7 +62,7 @@ class LinearModel:
         return dense
 
 
-def draw_linear_model(seed: int, groups: int = 8, size: int = 3, parameters: int = 4) -> LinearModel:
+def draw_linear_model(seed, groups=8, size=3, parameters=4):
     """A linear model whose conditions share noise within a group, with noise drawn from that covariance."""
     rng = np.random.default_rng(seed)
     own = 0.5 * rng.standard_normal((groups, size, size)) + 2.0 * np.eye(size)
@@ -87,7 +81,7 @@ WEIGHT_X = np.array([1000.0, 1000.0, 500.0, 800.0, 200.0, 80.0, 60.0, 20.0, 1.8,
 WEIGHT_Y = np.array([1.0, 1.8, 4.0, 8.0, 20.0, 20.0, 70.0, 70.0, 100.0, 500.0])
 
 
-def test_york_s_line_through_points_with_errors_in_both_coordinates() -> None:
+def test_york_s_line_through_points_with_errors_in_both_coordinates():
     line = LineWithErrorsInBoth(PEARSON_X, PEARSON_Y, 1.0 / WEIGHT_X, 1.0 / WEIGHT_Y)
     adjusted = adjust(line, np.array([5.0, -0.5]), tolerance=1e-10)
     # the published digits
@@ -104,7 +98,7 @@ def test_york_s_line_through_points_with_errors_in_both_coordinates() -> None:
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_a_linear_model_is_weighted_least_squares(seed: int) -> None:
+def test_a_linear_model_is_weighted_least_squares(seed):
     model = draw_linear_model(seed)
     adjusted = adjust(model, np.zeros(4))
     A, y = model.design.reshape(-1, 4), model.observed.ravel()
@@ -122,7 +116,7 @@ def test_a_linear_model_is_weighted_least_squares(seed: int) -> None:
     assert 3.8 < adjusted.square_sum < 55.0
 
 
-def test_inactive_conditions_are_as_if_they_were_not_there() -> None:
+def test_inactive_conditions_are_as_if_they_were_not_there():
     model = draw_linear_model(4)
     active = np.ones(model.observed.shape, dtype=bool)
     active[2, 1] = active[5] = False
@@ -139,7 +133,7 @@ def test_inactive_conditions_are_as_if_they_were_not_there() -> None:
     assert adjusted.square_sum == pytest.approx((A @ expected - y) @ P @ (A @ expected - y), rel=1e-9)
 
 
-def test_a_prior_acts_as_observations_of_the_parameters() -> None:
+def test_a_prior_acts_as_observations_of_the_parameters():
     model = draw_linear_model(5)
     mean = np.array([3.0, 1.0, -2.0, 0.5])
     root = np.array(
@@ -171,7 +165,7 @@ def test_a_prior_acts_as_observations_of_the_parameters() -> None:
         assert Prior(np.zeros(3), known).rank == rank
 
 
-def test_a_prior_makes_up_for_what_observations_do_not_tell() -> None:
+def test_a_prior_makes_up_for_what_observations_do_not_tell():
     design = np.ones((3, 1, 2))  # only the sum of both parameters is observed
     model = LinearModel(design, np.array([[5.0], [5.0], [5.0]]), np.ones((3, 1, 1)))
     with pytest.raises(ObservabilityError, match="combination of the parameters is not determined"):
@@ -181,7 +175,7 @@ def test_a_prior_makes_up_for_what_observations_do_not_tell() -> None:
     assert known.redundancy == 3 + 1 - 2
 
 
-def test_as_many_conditions_as_unknowns_say_nothing_of_the_noise() -> None:
+def test_as_many_conditions_as_unknowns_say_nothing_of_the_noise():
     model = LinearModel(np.array([[[1.0, 2.0]], [[3.0, -1.0]]]), np.array([[5.0], [1.0]]), np.ones((2, 1, 1)))
     adjusted = adjust(model, np.zeros(2))
     np.testing.assert_allclose(adjusted.parameters, [1.0, 2.0], rtol=1e-14)
@@ -192,21 +186,21 @@ def test_as_many_conditions_as_unknowns_say_nothing_of_the_noise() -> None:
 class Root:
     """x² = square, as one condition: real roots or none."""
 
-    def __init__(self, square: float) -> None:
+    def __init__(self, square):
         self.square = square
 
-    def linearise(self, parameters: np.ndarray) -> Linearisation:
+    def linearise(self, parameters):
         x = float(parameters[0])
         one = np.ones((1, 1), dtype=bool)
         return Linearisation(
             np.array([[x * x - self.square]]), np.array([[[2.0 * x]]]), np.full((1, 1, 1), 1e-12), one
         )
 
-    def adjust_observations(self, multipliers: np.ndarray) -> None:
+    def adjust_observations(self, multipliers):
         """Nothing is kept."""
 
 
-def test_what_has_no_solution_leaves_all_bounds_or_is_no_covariance_is_refused() -> None:
+def test_what_has_no_solution_leaves_all_bounds_or_is_no_covariance_is_refused():
     with pytest.raises(ConvergenceError, match="did not settle within 30 iterations"):
         adjust(Root(-2.0), np.array([3.0]), iterations=30)
     with np.errstate(over="ignore", invalid="ignore"), pytest.raises(ConvergenceError, match="diverged"):
@@ -217,7 +211,7 @@ def test_what_has_no_solution_leaves_all_bounds_or_is_no_covariance_is_refused()
             adjust(model, np.zeros(1))
 
 
-def test_the_normal_matrix_is_inverted_whatever_the_units() -> None:
+def test_the_normal_matrix_is_inverted_whatever_the_units():
     root = np.array([[1.0, 0.0, 0.0], [0.5, 2.0, 0.0], [-0.3, 0.4, 1.0]])
     units = np.array([1e-6, 1.0, 1e9])
     normal = (root @ root.T) * np.outer(units, units)
@@ -237,7 +231,7 @@ def test_the_normal_matrix_is_inverted_whatever_the_units() -> None:
 ALL = slice(0, 3)
 
 
-def test_the_statistic_is_what_leaving_the_group_out_takes_from_the_sum() -> None:
+def test_the_statistic_is_what_leaving_the_group_out_takes_from_the_sum():
     model = draw_linear_model(31)
     adjusted = adjust(model, np.zeros(4))
     for columns in (ALL, slice(1, 3), slice(0, 1)):
@@ -254,7 +248,7 @@ def test_the_statistic_is_what_leaving_the_group_out_takes_from_the_sum() -> Non
             assert degrees == adjusted.redundancy - without.redundancy
 
 
-def test_without_errors_the_statistic_is_chi_square() -> None:
+def test_without_errors_the_statistic_is_chi_square():
     fourth = list[float]()
     for seed in range(600):
         tests = snoop_groups(adjust(draw_linear_model(1000 + seed), np.zeros(4)), ALL)
@@ -264,7 +258,7 @@ def test_without_errors_the_statistic_is_chi_square() -> None:
     assert kstest(fourth, chi2(3).cdf).pvalue > 1e-4
 
 
-def test_a_group_that_no_other_checks_has_no_degrees_and_one_that_takes_no_part_is_not_tested() -> None:
+def test_a_group_that_no_other_checks_has_no_degrees_and_one_that_takes_no_part_is_not_tested():
     # Only the last group sees the second parameter.
     design = np.array([[[1.0, 0.0]], [[1.0, 0.0]], [[2.0, 0.0]], [[1.0, 3.0]]])
     model = LinearModel(design, np.array([[1.1], [0.9], [2.2], [99.0]]), 0.01 * np.ones((4, 1, 1)))
@@ -282,7 +276,7 @@ def test_a_group_that_no_other_checks_has_no_degrees_and_one_that_takes_no_part_
     assert snoop_groups(adjusted, slice(1, 2)).place.tolist() == [0, 3]
 
 
-def test_a_known_combination_is_found_with_its_sigma() -> None:
+def test_a_known_combination_is_found_with_its_sigma():
     # The sum of the first two is known to 0.01, their difference to 5, the third to 0.1.
     total, difference = np.array([1.0, 1.0, 0.0]), np.array([1.0, -1.0, 0.0])
     normal = np.outer(total, total) / 0.01**2 + np.outer(difference, difference) / 5.0**2
@@ -304,7 +298,7 @@ def test_a_known_combination_is_found_with_its_sigma() -> None:
     assert weak.leading() == [0]
 
 
-def test_what_is_not_determined_at_all_comes_first_and_is_infinite() -> None:
+def test_what_is_not_determined_at_all_comes_first_and_is_infinite():
     direction = np.array([3.0, -4.0, 0.0]) / 5.0
     across = np.array([4.0, 3.0, 0.0]) / 5.0
     normal = np.outer(across, across) * 0.25 + np.diag([0.0, 0.0, 1.0 / 9.0])

@@ -12,11 +12,10 @@ import numpy.typing as npt
 import pytest
 from hypothesis import given, strategies as st
 
-from tumble.arrays import AnyArray, Square
 from tumble.calibration import RotationStretch, SectionStretch
 from tumble.errors import ConvergenceError, ObservabilityError
 from tumble.estimation import Prior
-from tumble.estimation.alternatives import Alternative, Found, Suspect, find
+from tumble.estimation.alternatives import Alternative, Suspect, find
 from tumble.estimation.chain import Chain, Spread
 from tumble.estimation.crossing import crossing
 from tumble.estimation.equations import Equations, Linear
@@ -28,7 +27,7 @@ from tumble.estimation.wander import covariance_about_the_mean
 Array = npt.NDArray[np.float64]
 
 
-def white(residual: Array, by_border: Array, node=(), by_node=None, by_next=None) -> Whitened:
+def white(residual, by_border, node=(), by_node=None, by_next=None):
     """Residuals of unit variance."""
     covariance = np.broadcast_to(
         np.eye(residual.shape[1]), (len(residual), residual.shape[1], residual.shape[1])
@@ -37,14 +36,14 @@ def white(residual: Array, by_border: Array, node=(), by_node=None, by_next=None
     return Whitened.of(Equations(), linear)
 
 
-def random_chain(seed: int, nodes: int, size: int, border: int) -> tuple[Chain, Array, Array]:
+def random_chain(seed, nodes, size, border):
     """A chain of random terms of every kind, and the same residuals with their dense derivatives."""
     rng = np.random.default_rng(seed)
     chain = Chain.zero(nodes, size, 0, border)
     dense: list[Array] = []
     residuals: list[Array] = []
 
-    def put(residual: Array, *blocks: tuple[int, Array]) -> None:
+    def put(residual, *blocks):
         row = np.zeros((residual.size, nodes * size + border))
         for at, block in blocks:
             row[:, at : at + block.shape[1]] += block
@@ -76,9 +75,7 @@ def random_chain(seed: int, nodes: int, size: int, border: int) -> tuple[Chain, 
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(1, 8), st.integers(1, 9), st.integers(1, 6))
-def test_solution_covariances_and_decrease_are_those_of_dense_least_squares(
-    seed: int, nodes: int, size: int, border: int
-) -> None:
+def test_solution_covariances_and_decrease_are_those_of_dense_least_squares(seed, nodes, size, border):
     chain, J, r = random_chain(seed, nodes, size, border)
     normal = J.T @ J
     S = np.linalg.inv(normal)
@@ -108,7 +105,7 @@ def test_solution_covariances_and_decrease_are_those_of_dense_least_squares(
     assert chain.square_sum == pytest.approx(left, abs=1e-13 * condition * max(1.0, float(r @ r)))
 
 
-def test_own_unknowns_are_eliminated_as_nodes_are() -> None:
+def test_own_unknowns_are_eliminated_as_nodes_are():
     """The border's first two are the chain's own: what is left is the Schur complement of the whole."""
     spoilt, _, _ = random_chain(6, 4, 3, 2)
     spoilt.diagonal[2, 1, :] = spoilt.diagonal[2, :, 1] = 0.0
@@ -127,7 +124,7 @@ def test_own_unknowns_are_eliminated_as_nodes_are() -> None:
     assert chain.checks == len(J) - 14
 
 
-def test_whitened_residuals_have_the_chi_square_of_their_covariance() -> None:
+def test_whitened_residuals_have_the_chi_square_of_their_covariance():
     rng = np.random.default_rng(9)
     root = rng.normal(size=(6, 3, 3)) + 2.0 * np.eye(3)
     covariance = root @ np.swapaxes(root, 1, 2)
@@ -144,7 +141,7 @@ def test_whitened_residuals_have_the_chi_square_of_their_covariance() -> None:
         Whitened.of(Equations(), Linear(residual, -covariance, derivative))
 
 
-def test_the_covariance_of_what_is_adjusted_is_the_hat_matrix() -> None:
+def test_the_covariance_of_what_is_adjusted_is_the_hat_matrix():
     nodes, size, border = 4, 3, 5
     chain, J, _ = random_chain(10, nodes, size, border)
     made = chain.eliminated()
@@ -161,7 +158,7 @@ def test_the_covariance_of_what_is_adjusted_is_the_hat_matrix() -> None:
     assert row == len(J)
 
 
-def test_people_are_told_the_hold_and_its_seconds() -> None:
+def test_people_are_told_the_hold_and_its_seconds():
     base = SimpleNamespace(
         time=100.0 + 0.5 * np.arange(60),
         head=np.array([[0, 4], [20, 24]]),
@@ -190,7 +187,7 @@ class Bent(Equations):
 
     kind, cause, place = "bent", "noise", np.array([0])
 
-    def linearise(self, state: Any) -> list[Linear]:
+    def linearise(self, state):
         off = float(state.unknowns.values[0]) - 2.0
         covariance = np.full((1, 1, 1), LOOK**2)
         return [Linear(np.array([[np.arctan(off)]]), covariance, np.full((1, 1, 1), 1.0 / (1.0 + off**2)))]
@@ -201,10 +198,10 @@ class Apart(Equations):
 
     kind, cause, place = "apart", "noise", np.arange(2)
 
-    def __init__(self, bend: float) -> None:
+    def __init__(self, bend):
         self.bend = bend
 
-    def linearise(self, state: Any) -> list[Linear]:
+    def linearise(self, state):
         x = float(state.unknowns.values[0])
         residual = np.array([[x + 1.0], [x - 1.0 + self.bend * x**2]])
         slope = np.array([1.0, 1.0 + 2.0 * self.bend * x])
@@ -217,43 +214,43 @@ class Still:
     nodes, size, own = 0, 1, 0
     prior: Prior | None = None
 
-    def __init__(self, seen: Equations, unknowns: Unknowns) -> None:
+    def __init__(self, seen, unknowns):
         self.equations: list[Equations] = [seen]
         self.within: list[Any] = []
         self.unknowns, self.asked = unknowns, 0
 
     @property
-    def state(self) -> Any:
+    def state(self):
         return self
 
-    def stretch(self) -> Any:
+    def stretch(self):
         self.asked += 1
         return self
 
-    def undetermined(self, node: int) -> str:
+    def undetermined(self, node):
         return "nowhere"
 
-    def move(self, nodes: Any, own: Any) -> None:
+    def move(self, nodes, own):
         """Nothing is its own."""
 
-    def stepped(self, chain: Any, cofactor: Any) -> bool:
+    def stepped(self, chain, cofactor):
         return False
 
-    def snapshot(self) -> Callable[[], None]:
+    def snapshot(self):
         now = self.unknowns
 
-        def back() -> None:
+        def back():
             self.unknowns = now
 
         return back
 
 
-def at(start: float, seen: Equations | None = None) -> Still:
+def at(start, seen=None):
     return Still(seen or Bent(), Unknowns(PLACE, np.array([start]), np.array([0])))
 
 
 @pytest.mark.parametrize("start", [2.5, 4.0, -8.0])
-def test_it_settles_where_a_whole_step_goes_astray(start: float) -> None:
+def test_it_settles_where_a_whole_step_goes_astray(start):
     task = at(start)
     settled = solve(task)
     assert task.unknowns.values[0] == pytest.approx(2.0, abs=1e-6)
@@ -264,7 +261,7 @@ def test_it_settles_where_a_whole_step_goes_astray(start: float) -> None:
 
 
 @pytest.mark.parametrize("bend", [-0.5, -1.04, -2.0])
-def test_it_settles_where_every_step_goes_back_over_the_last_one(bend: float) -> None:
+def test_it_settles_where_every_step_goes_back_over_the_last_one(bend):
     """Madsen's problem: whole steps from x go to ``bend x``, and round in circles beyond -1."""
     task = at(0.01, Apart(bend))
     solve(task)
@@ -272,7 +269,7 @@ def test_it_settles_where_every_step_goes_back_over_the_last_one(bend: float) ->
     assert task.asked < 15
 
 
-def test_one_step_is_a_whole_one() -> None:
+def test_one_step_is_a_whole_one():
     task = at(2.5)
     settled = solve(task, once=True)
     assert task.unknowns.values[0] == pytest.approx(2.5 - np.arctan(0.5) * 1.25)
@@ -280,11 +277,11 @@ def test_one_step_is_a_whole_one() -> None:
     assert settled.square_sum == pytest.approx(0.0, abs=1e-9)
 
 
-def test_what_goes_away_for_ever_is_said() -> None:
+def test_what_goes_away_for_ever_is_said():
     """Seen where it cannot be: the square sum falls all the way to infinity."""
 
     class Away(Bent):
-        def linearise(self, state: Any) -> list[Linear]:
+        def linearise(self, state):
             value = float(np.exp(-state.unknowns.values[0]))
             return [Linear(np.array([[value]]), np.full((1, 1, 1), 1e-300), np.full((1, 1, 1), -value))]
 
@@ -305,48 +302,48 @@ class Seen(Equations):
     kind, cause = "seen", "noise"
     place = np.arange(TIMES)
 
-    def __init__(self, values: AnyArray, active: np.ndarray) -> None:
+    def __init__(self, values, active):
         self.values, self.active = values, active
 
-    def linearise(self, state: Any) -> list[Linear]:
+    def linearise(self, state):
         residual = state.unknowns.values - self.values
         covariance = np.broadcast_to(SIGMA**2 * np.eye(2), (TIMES, 2, 2))
         by_border = np.broadcast_to(np.eye(2), (TIMES, 2, 2))
         return [Linear(residual, covariance, by_border, active=self.active)]
 
 
-def levels(values: AnyArray, gone: tuple[int, ...] = ()) -> Still:
+def levels(values, gone=()):
     """Two levels that were seen, from where they need not have settled: all is linear."""
     seen = Seen(values, ~np.isin(np.arange(TIMES), gone))
     return Still(seen, Unknowns(LAYOUT, np.array([0.3, -0.2]), np.arange(2)))
 
 
-def by_time(equations: Equations, linear: Linear) -> AnyArray:
+def by_time(equations, linear):
     made = np.zeros((TIMES, 2, TIMES, 2))
     made[np.arange(TIMES), :, np.arange(TIMES)] = np.eye(2)
     return made.reshape(TIMES, 2, -1)
 
 
-def suspicion(wanders: list[Square], *, apart: bool = True, all_axes: bool = False) -> Alternative:
+def suspicion(wanders, *, apart=True, all_axes=False):
     suspect = Suspect(by_time, TIMES, 2, wanders, apart=apart)
     return Alternative("jump", suspect, LATER, FALSE_ALARM, lambda one: f"at {one.shape + 4}", all_axes)
 
 
-def flicker() -> Square:
+def flicker():
     start = np.arange(0.0, TIMES)
     return covariance_about_the_mean(start, start + 1.0, (0.0, float(TIMES)))
 
 
-def found_in(values: AnyArray, *wanders: Square, **how: bool) -> list[Found]:
+def found_in(values, *wanders, **how):
     return find([levels(values)], [suspicion([*wanders], **how)])
 
 
-def noise(seed: int) -> AnyArray:
+def noise(seed):
     return SIGMA * np.random.default_rng(seed).standard_normal((TIMES, 2))
 
 
 @pytest.mark.parametrize("apart", [True, False])
-def test_a_jump_is_found_at_its_place_on_its_axis_with_its_size(apart: bool) -> None:
+def test_a_jump_is_found_at_its_place_on_its_axis_with_its_size(apart):
     values = noise(1)
     values[15:, 1] += 3e-3
     (found,) = found_in(values, flicker(), np.eye(TIMES), apart=apart)
@@ -358,7 +355,7 @@ def test_a_jump_is_found_at_its_place_on_its_axis_with_its_size(apart: bool) -> 
     assert found.size[1] == pytest.approx(3e-3, abs=4.0 * found.sigma[1])
 
 
-def test_one_jump_on_each_axis_are_two_and_the_rest_is_tested_again() -> None:
+def test_one_jump_on_each_axis_are_two_and_the_rest_is_tested_again():
     values = noise(2)
     values[8:, 0] -= 5e-3
     values[18:, 1] += 8e-3
@@ -366,7 +363,7 @@ def test_one_jump_on_each_axis_are_two_and_the_rest_is_tested_again() -> None:
     assert [(one.said, one.axes) for one in found] == [("at 18", (1,)), ("at 8", (0,))]
 
 
-def test_what_one_axis_shows_is_sized_on_all_where_it_is_all_of_them() -> None:
+def test_what_one_axis_shows_is_sized_on_all_where_it_is_all_of_them():
     values = noise(3)
     values[10:] += [6e-3, 1e-3]
     (found,) = found_in(values, np.eye(TIMES), all_axes=True)
@@ -374,7 +371,7 @@ def test_what_one_axis_shows_is_sized_on_all_where_it_is_all_of_them() -> None:
     assert found.size == pytest.approx([6e-3, 1e-3], abs=4.0 * float(found.sigma.max()))
 
 
-def test_what_was_left_out_is_looked_at_too_and_costs_a_second_chance() -> None:
+def test_what_was_left_out_is_looked_at_too_and_costs_a_second_chance():
     """All before the jump were left out: what is left shows none."""
     values = noise(4)
     values[5:, 0] += 5e-3
@@ -387,7 +384,7 @@ def test_what_was_left_out_is_looked_at_too_and_costs_a_second_chance() -> None:
 
 
 @pytest.mark.parametrize("kind", ["white", "more", "1/f"])
-def test_without_a_fault_it_is_believed_no_more_often_than_stated(kind: str) -> None:
+def test_without_a_fault_it_is_believed_no_more_often_than_stated(kind):
     """Of 200 draws 2 are expected at 1 %, and 8 or more have a chance of 0.001."""
     root = np.linalg.cholesky(flicker() + 1e-9 * np.eye(TIMES))
     alarms = 0
@@ -410,9 +407,7 @@ CROSSINGS: list[tuple[Callable[[float], float], float, float, float]] = [
 
 
 @pytest.mark.parametrize(("function", "low", "high", "answer"), CROSSINGS)
-def test_a_crossing_is_where_the_sign_changes_and_the_search_ends(
-    function: Callable[[float], float], low: float, high: float, answer: float
-) -> None:
+def test_a_crossing_is_where_the_sign_changes_and_the_search_ends(function, low, high, answer):
     asked: list[float] = []
     ends = (function(low), function(high))
     found = crossing(lambda x: asked.append(x) or function(x), low, high, ends, 1e-6)

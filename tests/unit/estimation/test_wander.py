@@ -9,7 +9,7 @@ from tumble.estimation import Drift, covariance_about_the_mean, faster_variance,
 from tumble.estimation.wander import shared_wander
 
 
-def test_the_variance_of_all_cosines_is_the_integral_of_the_density() -> None:
+def test_the_variance_of_all_cosines_is_the_integral_of_the_density():
     windows, count = 64, 20
     modes, share = wander_basis((np.arange(windows) + 0.5) / windows, count)
     # of -ln |t - s|, the mean over a window and over all of the stretch differ by so much
@@ -17,7 +17,7 @@ def test_the_variance_of_all_cosines_is_the_integral_of_the_density() -> None:
     assert variance == pytest.approx(np.log(windows), rel=1e-12)
 
 
-def test_a_cosine_has_the_variance_that_the_logarithm_gives_it() -> None:
+def test_a_cosine_has_the_variance_that_the_logarithm_gives_it():
     """The double integral of -4 ln |t - s| cos cos, cell by cell; a 400th is fine enough for a thousandth."""
     edges = np.linspace(0.0, 1.0, 401)
     covariance = covariance_about_the_mean(edges[:-1], edges[1:], (0.0, 1.0))
@@ -26,7 +26,7 @@ def test_a_cosine_has_the_variance_that_the_logarithm_gives_it() -> None:
     np.testing.assert_allclose(np.diag(amplitudes.T @ covariance @ amplitudes), share, rtol=1e-3)
 
 
-def test_holds_wander_together_about_the_mean_of_a_drawn_1_over_f_noise() -> None:
+def test_holds_wander_together_about_the_mean_of_a_drawn_1_over_f_noise():
     """Drawn by its spectrum: density h over f from an eighth of the recording's frequency on, 800 times.
 
     A variance from so many draws is known to 5 %, of which four.
@@ -50,10 +50,10 @@ def test_holds_wander_together_about_the_mean_of_a_drawn_1_over_f_noise() -> Non
     assert found[0, 4] < 0.0
 
 
-def test_many_stretches_are_taken_together_and_tell_the_same() -> None:
+def test_many_stretches_are_taken_together_and_tell_the_same():
     """A mean over the same time, however many stretches it is cut into: more than 2,000 are taken together."""
 
-    def told(count: int) -> np.ndarray:
+    def told(count):
         edges = np.linspace(8.0, 40.0, count + 1)
         by_bias = np.broadcast_to(np.eye(3) / count, (count, 3, 3))
         drift = Drift(edges[:-1], edges[1:], by_bias, np.zeros((count, 3, 3)))

@@ -17,7 +17,7 @@ NAMES = tuple(f"{group} {axis}" for group in GROUPS for axis in "xyz")
 DIMENSION = len(NAMES)
 
 
-def fleet(rng: np.random.Generator, count: int, sigma: float = 0.03) -> Units:
+def fleet(rng, count, sigma=0.03):
     """Units whose parameters are correlated, each known with an uncertainty of its own."""
     root = np.tril(rng.normal(0.0, 0.3, (DIMENSION, DIMENSION)), -1) + np.diag(
         np.linspace(0.5, 2.0, DIMENSION)
@@ -29,14 +29,14 @@ def fleet(rng: np.random.Generator, count: int, sigma: float = 0.03) -> Units:
 
 
 @pytest.mark.parametrize(("count", "runs"), [(12, 60), (40, 30), (150, 20)])
-def test_a_good_fleet_has_a_unit_named_no_more_often_than_stated(count: int, runs: int) -> None:
+def test_a_good_fleet_has_a_unit_named_no_more_often_than_stated(count, runs):
     """At 10 % more than the limit once in a thousand; at 40 % of 20 runs it is passed in six of ten."""
     rng, alarm = np.random.default_rng(count), 0.1
     named = sum(bool(find_outlying(fleet(rng, count), alarm)) for _ in range(runs))
     assert named <= binom.isf(1e-3, runs, alarm)
 
 
-def test_faulty_units_are_named_by_what_is_wrong_with_them() -> None:
+def test_faulty_units_are_named_by_what_is_wrong_with_them():
     rng = np.random.default_rng(3)
     units = fleet(rng, 120)
     units.values[17, 4] += 25.0
@@ -59,7 +59,7 @@ def test_faulty_units_are_named_by_what_is_wrong_with_them() -> None:
         assert find_outlying(few) == []
 
 
-def test_units_and_order_of_parameters_do_not_matter() -> None:
+def test_units_and_order_of_parameters_do_not_matter():
     rng = np.random.default_rng(6)
     units = fleet(rng, 50)
     units.values[3, 5] += 30.0
@@ -72,7 +72,7 @@ def test_units_and_order_of_parameters_do_not_matter() -> None:
     assert one[0].distance == pytest.approx(two[0].distance, rel=1e-6)
 
 
-def test_the_robust_spread_is_the_spread() -> None:
+def test_the_robust_spread_is_the_spread():
     rng = np.random.default_rng(8)
     root = np.array([[1.0, 0.0, 0.0], [0.8, 0.5, 0.0], [-0.2, 0.4, 2.0]])
     x = rng.normal(size=(40_000, 3)) @ root.T + [1.0, -2.0, 3.0]
@@ -82,7 +82,7 @@ def test_the_robust_spread_is_the_spread() -> None:
     assert np.allclose(spread, root @ root.T, atol=0.2)
 
 
-def test_a_lot_that_all_bad_units_are_of_is_said_and_chance_is_not() -> None:
+def test_a_lot_that_all_bad_units_are_of_is_said_and_chance_is_not():
     rng = np.random.default_rng(10)
     lots = ["A"] * 150 + ["B"] * 50
     bad = [False] * 152 + [True] * 6 + [False] * 42
@@ -95,7 +95,7 @@ def test_a_lot_that_all_bad_units_are_of_is_said_and_chance_is_not() -> None:
     assert said <= 8  # 1 %, binomial of 200: 9 or more once in ten thousand
 
 
-def test_a_loud_and_a_dead_channel_are_found() -> None:
+def test_a_loud_and_a_dead_channel_are_found():
     rng = np.random.default_rng(11)
     noise = [0.01 * np.exp(0.05 * rng.normal(size=3)) for _ in range(60)]
     noise[5][1] *= 3.0
@@ -106,7 +106,7 @@ def test_a_loud_and_a_dead_channel_are_found() -> None:
     assert found[5, 1] == pytest.approx(3.0, rel=0.3)
 
 
-def drawn(rng: np.random.Generator, units: int, counts: np.ndarray, scatter: float) -> tuple[np.ndarray, ...]:
+def drawn(rng, units, counts, scatter):
     """Units that drift by rates of mean 0.3 and spread 0.5 a year, calibrated at irregular times."""
     unit = np.repeat(np.arange(units), counts)
     time = np.concatenate([np.sort(rng.uniform(0.0, 4.0, count)) for count in counts])
@@ -123,7 +123,7 @@ def drawn(rng: np.random.Generator, units: int, counts: np.ndarray, scatter: flo
 
 
 @pytest.mark.slow
-def test_the_rate_is_within_its_stated_uncertainty() -> None:
+def test_the_rate_is_within_its_stated_uncertainty():
     rng = np.random.default_rng(1)
     inside = total = 0
     for _ in range(40):
@@ -135,7 +135,7 @@ def test_the_rate_is_within_its_stated_uncertainty() -> None:
     assert 0.92 < inside / total < 0.97
 
 
-def test_the_scatter_from_one_calibration_to_the_next_is_found() -> None:
+def test_the_scatter_from_one_calibration_to_the_next_is_found():
     rng = np.random.default_rng(2)
     unit, time, values, sigmas, _ = drawn(rng, 400, np.full(400, 5), 0.3)
     assert find_drift(unit, time, values, sigmas).scatter[0] == pytest.approx(0.3, rel=0.06)
@@ -143,7 +143,7 @@ def test_the_scatter_from_one_calibration_to_the_next_is_found() -> None:
     assert find_drift(unit, time, values, sigmas).scatter[0] < 0.03
 
 
-def test_one_line_is_the_textbook_s() -> None:
+def test_one_line_is_the_textbook_s():
     time = np.array([0.0, 1.0, 3.0]) * YEAR
     values, sigmas = np.array([[1.0], [1.5], [3.1]]), np.array([[0.1], [0.2], [0.1]])
     drift = find_drift(np.zeros(3, int), time, values, sigmas)
@@ -155,7 +155,7 @@ def test_one_line_is_the_textbook_s() -> None:
     assert drift.rate_sigma[0, 0] == pytest.approx(np.sqrt(covariance[1, 1]), rel=1e-9)
 
 
-def test_a_unit_is_due_where_its_drift_and_twice_its_uncertainty_meet_the_tolerance() -> None:
+def test_a_unit_is_due_where_its_drift_and_twice_its_uncertainty_meet_the_tolerance():
     rng = np.random.default_rng(3)
     unit, time, values, sigmas, _ = drawn(rng, 20, rng.integers(2, 6, 20), 0.1)
     drift = find_drift(unit, time, values, sigmas)
@@ -166,7 +166,7 @@ def test_a_unit_is_due_where_its_drift_and_twice_its_uncertainty_meet_the_tolera
     assert np.all(np.isinf(due_after(drift, np.array([np.inf]))[:, 0]))
 
 
-def test_a_unit_with_one_calibration_is_judged_by_the_others() -> None:
+def test_a_unit_with_one_calibration_is_judged_by_the_others():
     rng = np.random.default_rng(5)
     counts = np.array([1] + [4] * 30)
     unit, time, values, sigmas, _ = drawn(rng, 31, counts, 0.1)
@@ -179,7 +179,7 @@ def test_a_unit_with_one_calibration_is_judged_by_the_others() -> None:
 
 
 @pytest.mark.slow
-def test_the_spread_between_units_is_recovered_and_covered() -> None:
+def test_the_spread_between_units_is_recovered_and_covered():
     """Mean and standard deviations are within 1.96 of their stated uncertainties in some 95 % of 200 fleets."""
     rng = np.random.default_rng(6)
     truth = np.array([[1.0, 0.6, 0.0], [0.6, 2.0, -0.3], [0.0, -0.3, 0.5]])
@@ -198,7 +198,7 @@ def test_the_spread_between_units_is_recovered_and_covered() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("count", [8, 20, 60])
-def test_a_next_unit_lies_where_the_fleet_says(count: int) -> None:
+def test_a_next_unit_lies_where_the_fleet_says(count):
     """One parameter from the eight others, and all of them together: few units do not claim what they cannot know."""
     rng = np.random.default_rng(count)
     truth = np.kron(np.eye(3), 0.6 * np.ones((3, 3)) + 0.4 * np.eye(3))
@@ -217,7 +217,7 @@ def test_a_next_unit_lies_where_the_fleet_says(count: int) -> None:
     assert inside / 120 > 0.85
 
 
-def test_restricted_maximum_likelihood_is_at_its_maximum() -> None:
+def test_restricted_maximum_likelihood_is_at_its_maximum():
     """Against the likelihood written down once more, tried in random directions."""
     rng = np.random.default_rng(7)
     own = rng.uniform(0.2, 0.9, (25, 2))
@@ -225,7 +225,7 @@ def test_restricted_maximum_likelihood_is_at_its_maximum() -> None:
     values = rng.normal(size=(25, 2)) @ np.array([[1.0, 0.5], [0.0, 1.5]]) + own * rng.normal(size=(25, 2))
     found = between_units(values, covariances)
 
-    def likelihood(between: np.ndarray) -> float:
+    def likelihood(between):
         v = covariances + between
         w = np.linalg.inv(v)
         information = w.sum(axis=0)
@@ -241,7 +241,7 @@ def test_restricted_maximum_likelihood_is_at_its_maximum() -> None:
 
 
 @pytest.mark.slow
-def test_the_chart_signals_a_shift_and_hardly_anything_else() -> None:
+def test_the_chart_signals_a_shift_and_hardly_anything_else():
     rng = np.random.default_rng(8)
     alarms = 0
     for _ in range(200):

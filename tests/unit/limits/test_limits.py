@@ -3,33 +3,31 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
 from tests.unit.written import parameters, written
 
-from tumble.document import Calibration
 from tumble.errors import UsageError
 from tumble.limits import read_limits, with_limits
-from tumble.limits.conformity import Limits, conformance_probability, decision, overall
+from tumble.limits.conformity import conformance_probability, decision, overall
 from tumble.simulation import find_grade
 
 Row = tuple[str, float, float, str]
 
 
-def limits_of(folder: Path, text: str) -> Limits:
+def limits_of(folder, text):
     path = folder / "limits.yaml"
     path.write_text(text, encoding="utf-8")
     return read_limits(path)
 
 
-def held(folder: Path, limits: str, *rows: Row) -> Calibration:
+def held(folder, limits, *rows):
     """A document of these parameters held against limits."""
     return with_limits(written(parameters=parameters(*rows)), limits_of(folder, f"limits:\n  {limits}\n"))
 
 
-def test_the_probability_is_what_drawing_shows() -> None:
+def test_the_probability_is_what_drawing_shows():
     rng = np.random.default_rng(5)
     drawn = rng.normal(0.7, 0.4, 400_000)
     counted = np.mean((drawn > -0.2) & (drawn < 1.0))
@@ -58,11 +56,11 @@ def test_the_probability_is_what_drawing_shows() -> None:
         ("risk", 0.0, 100.0, "undecided"),
     ],
 )
-def test_a_rule_decides(rule: str, value: float, sigma: float, found: str) -> None:
+def test_a_rule_decides(rule, value, sigma, found):
     assert decision(rule, value, sigma, -1.0, 1.0, 0.05) == found  # pyright: ignore[reportArgumentType]
 
 
-def test_one_failure_fails_and_nothing_at_all_passes_nothing() -> None:
+def test_one_failure_fails_and_nothing_at_all_passes_nothing():
     assert overall(["passed", "undecided", "failed"]) == "failed"
     assert overall(["passed", "undecided"]) == "undecided"
     assert overall([]) == "undecided"
@@ -104,9 +102,7 @@ SHEET = 3.0 * find_grade("consumer-mems").gyroscope.bias  # a data sheet gives t
         ),
     ],
 )
-def test_limits_in_other_units_are_the_same_limits(
-    tmp_path: Path, limits: str, rows: list[Row], found: list[str], bounds: tuple[float, float]
-) -> None:
+def test_limits_in_other_units_are_the_same_limits(tmp_path, limits, rows, found, bounds):
     block = held(tmp_path, limits, *rows).limits
     assert block is not None
     assert [one.decision for one in block.parameters] == found
@@ -131,16 +127,14 @@ def test_limits_in_other_units_are_the_same_limits(
         ),
     ],
 )
-def test_what_is_not_there_not_comparable_or_known_worse_is_undecided(
-    tmp_path: Path, limits: str, row: Row, said: str
-) -> None:
+def test_what_is_not_there_not_comparable_or_known_worse_is_undecided(tmp_path, limits, row, said):
     block = held(tmp_path, limits, row).limits
     assert block is not None
     assert block.decision == "undecided"
     assert said in block.reasons[0]
 
 
-def test_a_reason_speaks_in_the_unit_that_people_say_and_the_verdict_is_left_as_it_is(tmp_path: Path) -> None:
+def test_a_reason_speaks_in_the_unit_that_people_say_and_the_verdict_is_left_as_it_is(tmp_path):
     rows = (
         (f"{RATE} x", 0.02, 1e-5, "rad/s"),
         ("g-sensitivity of gyro x to force y", 1.0, 1e-3, "rad/s/(m/s²)"),
@@ -180,7 +174,7 @@ def test_a_reason_speaks_in_the_unit_that_people_say_and_the_verdict_is_left_as_
         ("limits: {gyro bias: [1", "it is no YAML"),
     ],
 )
-def test_what_is_wrong_is_one_sentence(tmp_path: Path, text: str, said: str) -> None:
+def test_what_is_wrong_is_one_sentence(tmp_path, text, said):
     with pytest.raises(UsageError, match=r"^[^\n]+\.$") as caught:
         limits_of(tmp_path, text)
     assert said in str(caught.value)

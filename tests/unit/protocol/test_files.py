@@ -6,7 +6,6 @@ import math
 import os
 import re
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,7 +18,6 @@ from tumble.protocol import (
     Pose,
     Protocol,
     SpinStep,
-    Step,
     TurnStep,
     named_protocol,
     protocol_to_yaml,
@@ -36,25 +34,25 @@ X = np.array([1.0, 0.0, 0.0])
 EXACT = 1e-12  # arithmetic: sines and cosines of round angles
 
 
-def read(folder: Path, content: str) -> Protocol:
+def read(folder, content):
     path = folder / "test of the plate.yaml"
     path.write_text(content, encoding="utf-8")
     return read_protocol(path)
 
 
-def step_of(folder: Path, lines: str) -> Step:
+def step_of(folder, lines):
     """The last step of a protocol that has a hold before it."""
     return read(folder, f"{HEAD}{SITE}steps:\n{HOLD}{lines}").steps[-1]
 
 
-def pose_of(folder: Path, lines: str) -> Pose:
+def pose_of(folder, lines):
     step = step_of(folder, f"  - hold: h\n    seconds: 1\n    {lines}\n")
     assert isinstance(step, HoldStep)
     assert step.pose is not None
     return step.pose
 
 
-def test_only_what_is_needed_has_to_be_written(tmp_path: Path) -> None:
+def test_only_what_is_needed_has_to_be_written(tmp_path):
     protocol = read(tmp_path, f"{HEAD}{SITE}steps:\n{HOLD}")
     assert protocol.name == "test of the plate"
     assert protocol.procedure == "multi-position"
@@ -71,9 +69,7 @@ def test_only_what_is_needed_has_to_be_written(tmp_path: Path) -> None:
     assert (more.units, more.columns, more.rate) == ("g,deg/s", "ax,ay,az", 12.5)
 
 
-def test_steps_of_a_named_protocol_need_only_a_site_and_may_be_evaluated_by_another_procedure(
-    tmp_path: Path,
-) -> None:
+def test_steps_of_a_named_protocol_need_only_a_site_and_may_be_evaluated_by_another_procedure(tmp_path):
     like = "format: tumble protocol\nlike: six-position\n"
     protocol = read(tmp_path, f"{like}site: {{latitude_deg: -33.9}}\n")
     named = named_protocol("six-position")
@@ -84,9 +80,7 @@ def test_steps_of_a_named_protocol_need_only_a_site_and_may_be_evaluated_by_anot
     assert other.procedure == "improved-six-position"
 
 
-def test_gravity_given_beside_a_latitude_is_believed_to_its_digits_unless_it_says_how_well(
-    tmp_path: Path,
-) -> None:
+def test_gravity_given_beside_a_latitude_is_believed_to_its_digits_unless_it_says_how_well(tmp_path):
     place = "site:\n  latitude_deg: 48\n  height_m: 520\n  gravity: 9.8073\n"
     site = read(tmp_path, f"{HEAD}{place}steps:\n{HOLD}").site
     assert site is not None
@@ -101,7 +95,7 @@ def test_gravity_given_beside_a_latitude_is_believed_to_its_digits_unless_it_say
         read(tmp_path, f"{HEAD}{place.replace('9.8073', '9.85')}steps:\n{HOLD}")
 
 
-def test_a_byte_order_mark_windows_lines_and_json_do_not_matter(tmp_path: Path) -> None:
+def test_a_byte_order_mark_windows_lines_and_json_do_not_matter(tmp_path):
     path = tmp_path / "p.yaml"
     path.write_bytes(b"\xef\xbb\xbf" + f"{HEAD}{SITE}steps:\n{HOLD}".replace("\n", "\r\n").encode())
     json = (
@@ -121,9 +115,7 @@ def test_a_byte_order_mark_windows_lines_and_json_do_not_matter(tmp_path: Path) 
         ("[0.6, 0, 0.8]", [0.6, 0, 0.8]),
     ],
 )
-def test_a_direction_is_an_axis_or_a_vector_of_any_length(
-    word: str, vector: list[float], tmp_path: Path
-) -> None:
+def test_a_direction_is_an_axis_or_a_vector_of_any_length(word, vector, tmp_path):
     np.testing.assert_allclose(pose_of(tmp_path, f"up: {word}").up_b, vector, rtol=0.0, atol=1e-16)
     turn = step_of(tmp_path, f"  - turn:\n    axis: {word}\n    seconds: 1\n")
     assert isinstance(turn, TurnStep)
@@ -131,7 +123,7 @@ def test_a_direction_is_an_axis_or_a_vector_of_any_length(
     np.testing.assert_allclose(turn.axis_b, vector, rtol=0.0, atol=1e-16)
 
 
-def test_a_pose_s_heading_and_uncertainty_are_degrees_and_unknown_or_exact_without(tmp_path: Path) -> None:
+def test_a_pose_s_heading_and_uncertainty_are_degrees_and_unknown_or_exact_without(tmp_path):
     pose = pose_of(tmp_path, "up: x\n    heading_deg: -90\n    uncertainty_deg: 0.5")
     assert pose.heading == -np.pi / 2
     assert pose.sigma == 0.5 * DEGREE
@@ -163,15 +155,15 @@ def test_a_pose_s_heading_and_uncertainty_are_degrees_and_unknown_or_exact_witho
     ],
 )
 def test_an_attitude_is_roll_pitch_heading_and_a_heading_clockwise_from_the_shortest_turn(
-    pose_text: str, up_b: list[float], x_n: list[float], tmp_path: Path
-) -> None:
+    pose_text, up_b, x_n, tmp_path
+):
     pose = pose_of(tmp_path, pose_text)
     np.testing.assert_allclose(pose.up_b, up_b, rtol=0.0, atol=EXACT)
     assert pose.heading is not None
     np.testing.assert_allclose(pose.rotation_nb().apply([1.0, 0.0, 0.0]), x_n, rtol=0.0, atol=EXACT)
 
 
-def test_a_turn_s_angle_is_degrees_or_revolutions_of_any_size(tmp_path: Path) -> None:
+def test_a_turn_s_angle_is_degrees_or_revolutions_of_any_size(tmp_path):
     turn = step_of(
         tmp_path, "  - turn: a\n    axis: z\n    angle_deg: -90\n    uncertainty_deg: 0.1\n    seconds: 2\n"
     )
@@ -185,7 +177,7 @@ def test_a_turn_s_angle_is_degrees_or_revolutions_of_any_size(tmp_path: Path) ->
     assert lasting == HoldStep(2.5, None, "h", file="a.csv", interval=(12.5, 15.0))
 
 
-def test_a_spin_s_length_is_seconds_or_revolutions_and_its_axis_is_vertical(tmp_path: Path) -> None:
+def test_a_spin_s_length_is_seconds_or_revolutions_and_its_axis_is_vertical(tmp_path):
     spin = step_of(
         tmp_path, "  - spin: s\n    rate_deg_per_s: -50\n    revolutions: 2\n    uncertainty_ppm: 30\n"
     )
@@ -209,7 +201,7 @@ def test_a_spin_s_length_is_seconds_or_revolutions_and_its_axis_is_vertical(tmp_
     assert (other.angle, other.angle_sigma) == (None, 0.0)
 
 
-def test_words_that_yaml_takes_for_something_else_are_words(tmp_path: Path) -> None:
+def test_words_that_yaml_takes_for_something_else_are_words(tmp_path):
     protocol = read(
         tmp_path, f"{HEAD}{SITE}name: yes\nunits: 1.0\nsteps:\n  - hold: 010\n    up: y\n    seconds: 1_0\n"
     )
@@ -219,7 +211,7 @@ def test_words_that_yaml_takes_for_something_else_are_words(tmp_path: Path) -> N
 PLACE = Site.from_latitude(np.radians(48.1), 520.0)
 
 
-def test_a_file_reads_like_the_hand_of_a_person() -> None:
+def test_a_file_reads_like_the_hand_of_a_person():
     edge = np.array([1.0, 0.0, -1.0]) / np.sqrt(2.0)
     steps = (
         HoldStep(30.0, Pose(-X, 45.0 * DEGREE, 0.5 * DEGREE), "x down"),
@@ -241,7 +233,7 @@ def test_a_file_reads_like_the_hand_of_a_person() -> None:
     ]
 
 
-def test_the_file_explains_itself_and_says_its_conventions() -> None:
+def test_the_file_explains_itself_and_says_its_conventions():
     text = protocol_to_yaml(replace(named_protocol("six-position"), site=PLACE))
     head, _, body = text.partition("format: tumble protocol\n")
     assert all(line.startswith("#") for line in head.splitlines())
@@ -264,7 +256,7 @@ def test_the_file_explains_itself_and_says_its_conventions() -> None:
         (SpinStep(1.0, 1.0), "a spin without a hold before it"),
     ],
 )
-def test_what_cannot_be_read_is_not_written(step: HoldStep | SpinStep, said: str, tmp_path: Path) -> None:
+def test_what_cannot_be_read_is_not_written(step, said, tmp_path):
     with pytest.raises(ProtocolError, match=said):
         write_protocol(Protocol("p", "multi-position", (step,), PLACE), tmp_path / "p.yaml")
     with pytest.raises(ProtocolError, match="The protocol 'six-position' cannot be a file: it has no site"):
@@ -272,7 +264,7 @@ def test_what_cannot_be_read_is_not_written(step: HoldStep | SpinStep, said: str
     assert not list(tmp_path.iterdir())
 
 
-def test_an_earlier_file_is_replaced_as_a_whole(tmp_path: Path) -> None:
+def test_an_earlier_file_is_replaced_as_a_whole(tmp_path):
     path = tmp_path / "p.yaml"
     write_protocol(replace(named_protocol("rate-table"), site=PLACE), path)
     write_protocol(replace(named_protocol("six-position"), site=PLACE), path)
@@ -297,11 +289,11 @@ def test_an_earlier_file_is_replaced_as_a_whole(tmp_path: Path) -> None:
         (math.nan, DEGREE, "nan"),
     ],
 )
-def test_a_number_is_written_as_a_person_would(value: float, factor: float, text: str) -> None:
+def test_a_number_is_written_as_a_person_would(value, factor, text):
     assert numeral_of(value, factor) == text
 
 
-def test_what_people_write_is_the_nearest_number_times_its_unit() -> None:
+def test_what_people_write_is_the_nearest_number_times_its_unit():
     for text, factor, value in (
         ("90", DEGREE, math.pi / 2.0),
         ("-0.5", DEGREE, -0.5 * DEGREE),
@@ -316,7 +308,7 @@ def test_what_people_write_is_the_nearest_number_times_its_unit() -> None:
             value_of(text)
 
 
-def test_numbers_that_no_seventeen_digits_mean_have_more_and_are_rounded_once() -> None:
+def test_numbers_that_no_seventeen_digits_mean_have_more_and_are_rounded_once():
     """Degrees to radians skips one number in eleven: rounding twice, as the last line shows, loses it."""
     radians = np.random.default_rng(2).uniform(0.5, 1.0, 2_000).tolist()
     texts = [numeral_of(r, DEGREE) for r in radians]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,7 +18,6 @@ from tumble.protocol import (
     Pose,
     Protocol,
     SpinStep,
-    Step,
     TurnStep,
     named_protocol,
     protocol_schema,
@@ -51,7 +49,7 @@ steps:
 GOOD = HEAD + STEPS
 
 
-def message(path: Path, content: str) -> str:
+def message(path, content):
     path.write_text(content, encoding="utf-8")
     with pytest.raises(ProtocolError) as raised:
         read_protocol(path)
@@ -153,9 +151,7 @@ SPOILT = {
 
 
 @pytest.mark.parametrize(("found", "instead", "line", "said"), SPOILT.values(), ids=SPOILT)
-def test_a_mistake_is_named_with_its_line(
-    found: str, instead: str, line: int, said: str, tmp_path: Path
-) -> None:
+def test_a_mistake_is_named_with_its_line(found, instead, line, said, tmp_path):
     assert found in GOOD
     text = message(tmp_path / "p.yaml", GOOD.replace(found, instead, 1))
     assert re.match(rf"{tmp_path / 'p.yaml'}, line {line}(, step \d( \(.*?\))?)?: ", text), text
@@ -192,14 +188,12 @@ RAMP = "  - ramp:\n    to_celsius: 9\n"
         ),
     ],
 )
-def test_a_mistake_between_steps_or_of_a_temperature_is_named(steps: str, said: str, tmp_path: Path) -> None:
+def test_a_mistake_between_steps_or_of_a_temperature_is_named(steps, said, tmp_path):
     assert said in message(tmp_path / "p.yaml", HEAD + "steps:\n" + steps)
 
 
-def test_spins_may_follow_one_another_steps_share_a_file_and_files_have_clocks_of_their_own(
-    tmp_path: Path,
-) -> None:
-    def steps_of(steps: str) -> tuple[Step, ...]:
+def test_spins_may_follow_one_another_steps_share_a_file_and_files_have_clocks_of_their_own(tmp_path):
+    def steps_of(steps):
         (tmp_path / "p.yaml").write_text(HEAD + "steps:\n" + steps, encoding="utf-8")
         return read_protocol(tmp_path / "p.yaml").steps
 
@@ -221,11 +215,11 @@ def test_spins_may_follow_one_another_steps_share_a_file_and_files_have_clocks_o
         ("[" * 5000 + "format", "is not a protocol: it is nested too deeply."),
     ],
 )
-def test_what_is_no_protocol_is_told_so(content: str, said: str, tmp_path: Path) -> None:
+def test_what_is_no_protocol_is_told_so(content, said, tmp_path):
     assert said in message(tmp_path / "p.yaml", content)
 
 
-def test_a_file_that_is_not_there_or_no_text_is_told_so(tmp_path: Path) -> None:
+def test_a_file_that_is_not_there_or_no_text_is_told_so(tmp_path):
     with pytest.raises(ProtocolError, match=r"There is no protocol .*none\.yaml"):
         read_protocol(tmp_path / "none.yaml")
     with pytest.raises(ProtocolError, match="cannot be read as a protocol: it is a folder"):
@@ -238,7 +232,7 @@ def test_a_file_that_is_not_there_or_no_text_is_told_so(tmp_path: Path) -> None:
         read_protocol(tmp_path / "long")
 
 
-def test_a_procedure_that_there_is_not_is_named_with_those_that_there_are(tmp_path: Path) -> None:
+def test_a_procedure_that_there_is_not_is_named_with_those_that_there_are(tmp_path):
     said = message(tmp_path / "trial.yaml", GOOD.replace("multi-position", "mutli-position"))
     assert re.search(
         r"trial\.yaml, line 4: there is no procedure `mutli-position`: did you mean `multi-pos", said
@@ -269,8 +263,8 @@ def test_a_procedure_that_there_is_not_is_named_with_those_that_there_are(tmp_pa
     ],
 )
 def test_what_is_no_yaml_is_hinted_at_in_the_line_that_is_to_be_mended(
-    written: str, instead: str, line: int, hint: str, tmp_path: Path
-) -> None:
+    written, instead, line, hint, tmp_path
+):
     assert written in GOOD
     said = message(tmp_path / "trial.yaml", GOOD.replace(written, instead, 1))
     assert f"trial.yaml, line {line}: " in said
@@ -284,11 +278,11 @@ FITS = Draft202012Validator(protocol_schema()).is_valid
 
 
 @pytest.mark.parametrize("name", PROTOCOLS)
-def test_the_file_of_a_named_protocol_fits(name: str) -> None:
+def test_the_file_of_a_named_protocol_fits(name):
     assert FITS(yaml.safe_load(protocol_to_yaml(replace(named_protocol(name), site=PLACE))))
 
 
-def test_a_file_with_every_key_fits() -> None:
+def test_a_file_with_every_key_fits():
     oblique = np.array([0.36, 0.48, -0.8])
     protocol = Protocol(
         "all",
@@ -320,7 +314,7 @@ READER_ALONE |= {"a recording without a name"}
 
 
 @pytest.mark.parametrize("mistake", sorted(SPOILT.keys() - NO_YAML - READER_ALONE))
-def test_an_editor_with_the_schema_sees_the_mistake_too(mistake: str) -> None:
+def test_an_editor_with_the_schema_sees_the_mistake_too(mistake):
     assert FITS(yaml.safe_load(GOOD))
     found, instead, *_ = SPOILT[mistake]
     assert not FITS(yaml.safe_load(GOOD.replace(found, instead, 1)))

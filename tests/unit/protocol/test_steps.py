@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,7 +19,6 @@ from tumble.protocol import (
     RampStep,
     SoakStep,
     SpinStep,
-    Step,
     TurnStep,
     named_protocol,
     read_protocol,
@@ -34,19 +32,19 @@ from tumble.workflows import calibrate
 X, Y, Z = np.eye(3)
 
 
-def check(*steps: Step) -> None:
+def check(*steps):
     refuse_contradicting_turns(Protocol("mine", "multi-position", steps))
 
 
-def hold(up_b: np.ndarray | None, heading: float | None = None, sigma: float = 0.0) -> HoldStep:
+def hold(up_b, heading=None, sigma=0.0):
     return HoldStep(5.0, None if up_b is None else Pose(up_b, heading, sigma))
 
 
-def turn(axis_b: np.ndarray, degrees: float, sigma: float = 0.0) -> TurnStep:
+def turn(axis_b, degrees, sigma=0.0):
     return TurnStep(3.0, axis_b, np.radians(degrees), sigma)
 
 
-def test_a_turn_that_leads_elsewhere_is_named_with_its_hold() -> None:
+def test_a_turn_that_leads_elsewhere_is_named_with_its_hold():
     for name in PROTOCOLS:
         refuse_contradicting_turns(named_protocol(name))
     # b turns by +90 degrees about x, so that what is up in b goes from z to y.
@@ -59,7 +57,7 @@ def test_a_turn_that_leads_elsewhere_is_named_with_its_hold() -> None:
         check(hold(Z), turn(X, 45.0), hold(None), turn(X, 45.0), hold(-Y))
 
 
-def test_headings_are_compared_only_where_both_are_known() -> None:
+def test_headings_are_compared_only_where_both_are_known():
     check(hold(Z), turn(Z, 90.0), hold(Z, 0.3))
     east = Rotation.from_rotvec([0.0, 0.0, 0.7]) * Pose(Z, 0.0).rotation_nb()
     ends = Pose.from_matrix((east * Rotation.from_rotvec([0.0, 0.0, 1.0])).as_matrix())
@@ -72,21 +70,21 @@ def test_headings_are_compared_only_where_both_are_known() -> None:
         check(hold(Z, 0.0), turn(Z, 90.0), hold(Z), turn(Z, 90.0), hold(Z, 0.0))
 
 
-def test_what_uncertainties_explain_is_no_contradiction() -> None:
+def test_what_uncertainties_explain_is_no_contradiction():
     # 2 degrees off, and 5 sigma of half a degree are 2.5; of a third of a degree 1.7.
     check(hold(Z), turn(X, 88.0, np.radians(0.5)), hold(Y))
     with pytest.raises(ProtocolError, match="step 3"):
         check(hold(Z), turn(X, 88.0, np.radians(1.0 / 3.0)), hold(Y))
 
 
-def test_where_nobody_knows_how_the_unit_was_moved_nothing_is_compared() -> None:
+def test_where_nobody_knows_how_the_unit_was_moved_nothing_is_compared():
     check(hold(Z), turn(X, -90.0), hold(None), hold(Y))
     check(hold(Z), TurnStep(3.0), hold(Y))
     check(hold(Z), SpinStep(10.0, 0.5, X), turn(X, -90.0), hold(Y))
     check(hold(Z), TurnStep(3.0), turn(X, -90.0), hold(Y))
 
 
-def test_calibrate_blames_the_protocol_before_it_reads_a_recording(tmp_path: Path) -> None:
+def test_calibrate_blames_the_protocol_before_it_reads_a_recording(tmp_path):
     protocol = Protocol(
         "mine",
         "multi-position",
@@ -99,18 +97,18 @@ def test_calibrate_blames_the_protocol_before_it_reads_a_recording(tmp_path: Pat
         calibrate(protocol=tmp_path)
 
 
-def poses(name: str) -> np.ndarray:
+def poses(name):
     """The direction that is up in each placement, in order; a repeated one after a spin once."""
     ups = [step.pose.up_b for step in named_protocol(name).steps if isinstance(step, HoldStep) and step.pose]
     return np.array([up for k, up in enumerate(ups) if k == 0 or not np.array_equal(up, ups[k - 1])])
 
 
 @pytest.mark.parametrize("count", [26, 18, 10])
-def test_multi_position_takes_the_first_of_the_cube_s_directions(count: int) -> None:
+def test_multi_position_takes_the_first_of_the_cube_s_directions(count):
     np.testing.assert_array_equal(poses(f"multi-position-{count}"), twenty_six_directions()[:count])
 
 
-def test_six_position_has_each_axis_up_and_down_on_a_level() -> None:
+def test_six_position_has_each_axis_up_and_down_on_a_level():
     assert np.sum(poses("six-position"), axis=0).tolist() == [0.0, 0.0, 0.0]
     assert np.abs(poses("six-position")).sum(axis=0).tolist() == [2.0, 2.0, 2.0]
     sigmas = {
@@ -119,7 +117,7 @@ def test_six_position_has_each_axis_up_and_down_on_a_level() -> None:
     assert sigmas == {0.5 * np.pi / 180.0}
 
 
-def test_multi_position_knows_its_poses_only_roughly_and_their_headings_not_at_all() -> None:
+def test_multi_position_knows_its_poses_only_roughly_and_their_headings_not_at_all():
     holds = [s for s in named_protocol("multi-position-26").steps if isinstance(s, HoldStep) and s.pose]
     assert {(s.pose.sigma, s.pose.heading) for s in holds if s.pose} == {(5.0 * np.pi / 180.0, None)}
     turns = [s for s in named_protocol("hand-held").steps if isinstance(s, TurnStep)]
@@ -127,9 +125,7 @@ def test_multi_position_knows_its_poses_only_roughly_and_their_headings_not_at_a
     assert all(turn.axis_b is None and turn.angle is None for turn in turns)
 
 
-def test_steps_are_called_by_what_a_person_sees_and_an_unknown_name_is_answered_with_those_that_there_are() -> (
-    None
-):
+def test_steps_are_called_by_what_a_person_sees_and_an_unknown_name_is_answered_with_those_that_there_are():
     for name, called in (
         ("six-position", "x up"),
         ("multi-position-26", "edge +x+y up"),
@@ -141,7 +137,7 @@ def test_steps_are_called_by_what_a_person_sees_and_an_unknown_name_is_answered_
         named_protocol("six")
 
 
-def test_tables_spin_every_face_both_ways_at_their_rates() -> None:
+def test_tables_spin_every_face_both_ways_at_their_rates():
     spins = [s for s in named_protocol("rate-table").steps if isinstance(s, SpinStep)]
     rates = np.round(np.degrees([spin.rate for spin in spins]), 9)
     assert len(spins) == 6 * 8
@@ -155,13 +151,13 @@ def test_tables_spin_every_face_both_ways_at_their_rates() -> None:
 NAMES = [row.name for row in SEQUENCES]
 
 
-def renamed(protocol: Protocol, number: int, **changes: object) -> Protocol:
+def renamed(protocol, number, **changes):
     steps = list(protocol.steps)
     steps[number] = replace(steps[number], **changes)  # type: ignore[arg-type]
     return replace(protocol, steps=tuple(steps))
 
 
-def test_every_row_starts_as_table_1_says_which_axis_is_down_and_which_along_the_outer_axis() -> None:
+def test_every_row_starts_as_table_1_says_which_axis_is_down_and_which_along_the_outer_axis():
     starts = "zy zx xy zy zx xy zy zx xy yx zx xy yx zy xy zy zx"
     for row, (down, along) in zip(SEQUENCES, starts.split(), strict=True):
         C_tb = fixture_rotation(row.inner, row.outer).as_matrix()
@@ -171,7 +167,7 @@ def test_every_row_starts_as_table_1_says_which_axis_is_down_and_which_along_the
         np.testing.assert_allclose(start_down(row), np.eye(3)["xyz".index(down)], atol=1e-15)
 
 
-def test_the_poses_are_those_of_the_fixture_whose_outer_axis_points_east() -> None:
+def test_the_poses_are_those_of_the_fixture_whose_outer_axis_points_east():
     holds = [s for s in named_protocol("strapdown-rotation").steps if isinstance(s, HoldStep)]
     assert len(holds) == 34
     for row, *pair in zip(SEQUENCES, holds[::2], holds[1::2], strict=True):
@@ -184,7 +180,7 @@ def test_the_poses_are_those_of_the_fixture_whose_outer_axis_points_east() -> No
             np.testing.assert_allclose(outer_n, [0.0, 1.0, 0.0], atol=1e-12)
 
 
-def test_the_sequences_are_found_again_by_name_also_from_a_file(tmp_path: Path) -> None:
+def test_the_sequences_are_found_again_by_name_also_from_a_file(tmp_path):
     protocol = replace(named_protocol("strapdown-rotation"), site=Site.from_latitude(0.8))
     refuse_contradicting_turns(protocol)
     write_protocol(protocol, tmp_path / "p.yaml")
@@ -199,7 +195,7 @@ def test_the_sequences_are_found_again_by_name_also_from_a_file(tmp_path: Path) 
     assert protocol.steps[1].duration == pytest.approx(2.0 * np.pi + 0.5)
 
 
-def test_a_row_is_known_by_what_is_done_and_not_by_its_name() -> None:
+def test_a_row_is_known_by_what_is_done_and_not_by_its_name():
     protocol = named_protocol("strapdown-rotation")
     assert sequence_steps(renamed(protocol, 0, name="first"))[0].name == "1"
     # The other way round it is another row; about another axis, or by another angle, none.
@@ -214,7 +210,7 @@ def test_a_row_is_known_by_what_is_done_and_not_by_its_name() -> None:
     assert sequence_steps(renamed(protocol, 0, pose=None))[0].name == "1 start"
 
 
-def test_an_own_sequence_is_never_taken_for_a_row_because_of_its_name() -> None:
+def test_an_own_sequence_is_never_taken_for_a_row_because_of_its_name():
     up = HoldStep(5.0, Pose(Z), "7")
     turn = TurnStep(3.0, X, 1.0)
     own = Protocol("own", "strapdown-rotation", (up, turn, HoldStep(5.0)))
@@ -223,14 +219,14 @@ def test_an_own_sequence_is_never_taken_for_a_row_because_of_its_name() -> None:
     assert [sequence.name for sequence in sequence_steps(nameless)] == ["step 1"]
 
 
-def test_a_hold_may_end_one_sequence_and_start_the_next_and_a_turn_anyhow_makes_none() -> None:
+def test_a_hold_may_end_one_sequence_and_start_the_next_and_a_turn_anyhow_makes_none():
     rest, turn, anyhow = HoldStep(5.0, None, "r"), TurnStep(3.0, X, 1.0), TurnStep(3.0)
     steps = (rest, turn, turn, rest, turn, rest, anyhow, rest, rest, turn, anyhow, rest, turn)
     found = sequence_steps(Protocol("own", "strapdown-rotation", steps))
     assert [sequence[1:] for sequence in found] == [(0, (1, 2), 3), (3, (4,), 5)]
 
 
-def test_soaks_and_ramps_are_read_in_their_units_and_read_back_as_written(tmp_path: Path) -> None:
+def test_soaks_and_ramps_are_read_in_their_units_and_read_back_as_written(tmp_path):
     path = tmp_path / "p.yaml"
     path.write_text(
         "format: tumble protocol\nprocedure: thermal\ngravity: 9.81\nsteps:\n  - hold: z up\n    seconds: 30\n"

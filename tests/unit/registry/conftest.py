@@ -7,21 +7,19 @@ import pwd
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 from tests.unit.written import parameters, written
 
-from tumble.document import Calibration
-from tumble.registry import Registry, open_registry
+from tumble.registry import open_registry
 
 REQUIRED = "TUMBLE_REQUIRE_POSTGRESQL"
 NAMES = ("accelerometer bias x", "accelerometer scale factor error z", "gyro bias y")
 
 
-def calibration_of(unit: str, year: float, values: np.ndarray, sigmas: np.ndarray) -> Calibration:
+def calibration_of(unit, year, values, sigmas):
     """A document of a unit at a time, with three parameters."""
     moment = np.datetime64("2020-01-01T00:00:00") + np.timedelta64(int(year * 365.25 * 86400), "s")
     rows = zip(NAMES, values.tolist(), sigmas.tolist(), ("m/s^2", "1", "rad/s"), strict=True)
@@ -34,11 +32,11 @@ def calibration_of(unit: str, year: float, values: np.ndarray, sigmas: np.ndarra
 
 
 @pytest.fixture(scope="session")
-def document() -> Callable[..., Calibration]:
+def document():
     return calibration_of
 
 
-def program(name: str, place: str) -> Path | None:
+def program(name, place):
     """A program on the path, or else in the last of the folders where its package has it."""
     found = shutil.which(name)
     elsewhere = sorted(Path("/").glob(f"{place.lstrip('/')}/{name}"))
@@ -46,7 +44,7 @@ def program(name: str, place: str) -> Path | None:
 
 
 @pytest.fixture(scope="session")
-def postgresql() -> Iterator[str]:
+def postgresql():
     """URL of a server that was started for the tests, with a password."""
     folder, as_owner = program("initdb", "/usr/lib/postgresql/*/bin"), program("runuser", "/usr/sbin")
     missing = [] if folder else ["PostgreSQL server (apt-get install postgresql)"]
@@ -64,7 +62,7 @@ def postgresql() -> Iterator[str]:
             for path in (home, home / "password"):
                 os.chown(path, owner.pw_uid, owner.pw_gid)
 
-        def run(*call: str) -> None:
+        def run(*call):
             done = subprocess.run([*user, *call], cwd=place, capture_output=True, text=True, check=False)
             assert done.returncode == 0, done.stdout + done.stderr
 
@@ -82,7 +80,7 @@ def postgresql() -> Iterator[str]:
 
 
 @pytest.fixture(params=["sqlite", "postgresql"])
-def address(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
+def address(request, tmp_path):
     """File or URL of an empty registry."""
     if request.param == "sqlite":
         yield str(tmp_path / "units.sqlite")
@@ -99,7 +97,7 @@ def address(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
 
 
 @pytest.fixture
-def registry(address: str) -> Iterator[Registry]:
+def registry(address):
     opened = open_registry(address, make=True)
     yield opened
     opened.close()

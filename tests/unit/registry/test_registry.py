@@ -16,7 +16,7 @@ from msgspec import structs
 
 from tumble.document import Calibration
 from tumble.errors import UsageError
-from tumble.registry import Registry, open_registry
+from tumble.registry import open_registry
 from tumble.registry.store import RegistryError, add, counted, documents, entries, find, series
 
 SIGMAS = np.array([1e-3, 2e-4, 3e-5])
@@ -37,13 +37,13 @@ for k in range(int(sys.argv[4])):
 Document = Callable[..., Calibration]
 
 
-def every_document(registry: Registry) -> list[Calibration]:
+def every_document(registry):
     """All documents, in the order of units and time."""
     found = sorted(entries(registry), key=lambda one: (one.unit, one.created))
     return [find(registry, one.sha256)[1] for one in found]
 
 
-def test_what_is_added_comes_out_whole(registry: Registry, document: Document) -> None:
+def test_what_is_added_comes_out_whole(registry, document):
     notes = {"operator": "Ida", "remarks": "after repair"}
     made = structs.replace(document("A", 1.0, VALUES, SIGMAS), notes=notes)
     entry, new = add(registry, made)
@@ -56,9 +56,7 @@ def test_what_is_added_comes_out_whole(registry: Registry, document: Document) -
     assert counted(registry) == (1, 1)
 
 
-def test_numbers_come_out_to_the_last_digit_in_the_order_of_time(
-    registry: Registry, document: Document
-) -> None:
+def test_numbers_come_out_to_the_last_digit_in_the_order_of_time(registry, document):
     rng = np.random.default_rng(1)
     values = rng.normal(size=(4, 3))
     for k in (2, 0, 3, 1):
@@ -71,7 +69,7 @@ def test_numbers_come_out_to_the_last_digit_in_the_order_of_time(
     assert [entry.unit for entry in entries(registry)] == ["B", "A", "B", "A"]
 
 
-def test_an_estimate_that_was_judged_twice_is_one_measurement(registry: Registry, document: Document) -> None:
+def test_an_estimate_that_was_judged_twice_is_one_measurement(registry, document):
     """By other limits it is another document; two of them would look like a perfect repetition."""
     made = document("A", 1.0, VALUES, SIGMAS)
     add(registry, made)
@@ -82,9 +80,7 @@ def test_an_estimate_that_was_judged_twice_is_one_measurement(registry: Registry
     assert np.array_equal(found.values, [VALUES, VALUES + 1e-9])
 
 
-def test_a_unit_without_a_name_and_a_document_of_another_unit_are_refused(
-    registry: Registry, document: Document
-) -> None:
+def test_a_unit_without_a_name_and_a_document_of_another_unit_are_refused(registry, document):
     made = document("A", 1.0, VALUES, SIGMAS)
     nameless = structs.replace(made, imu=structs.replace(made.imu, serial_number=None))
     with pytest.raises(UsageError, match="--unit"):
@@ -96,7 +92,7 @@ def test_a_unit_without_a_name_and_a_document_of_another_unit_are_refused(
         find(registry, "C")
 
 
-def test_two_writers_at_once_lose_nothing(address: str) -> None:
+def test_two_writers_at_once_lose_nothing(address):
     """Both begin with nothing there, and so make the tables at the same time, too."""
     here = str(Path(__file__).parent)
     writers = [
@@ -111,7 +107,7 @@ def test_two_writers_at_once_lose_nothing(address: str) -> None:
     registry.close()
 
 
-def test_a_writer_that_is_killed_leaves_whole_calibrations(address: str) -> None:
+def test_a_writer_that_is_killed_leaves_whole_calibrations(address):
     here = str(Path(__file__).parent)
     writer = subprocess.Popen([sys.executable, "-c", WRITER, here, address, "one", "100000"])
     for _ in range(600):
@@ -135,7 +131,7 @@ def test_a_writer_that_is_killed_leaves_whole_calibrations(address: str) -> None
     registry.close()
 
 
-def test_a_newer_version_is_left_alone(registry: Registry, address: str, document: Document) -> None:
+def test_a_newer_version_is_left_alone(registry, address, document):
     add(registry, document("A", 1, VALUES, SIGMAS))
     with registry.writing() as connection:
         connection.exec_driver_sql("UPDATE alembic_version SET version_num = '9999'")
@@ -146,9 +142,7 @@ def test_a_newer_version_is_left_alone(registry: Registry, address: str, documen
     assert counted(registry) == (1, 1)
 
 
-def test_damage_is_one_sentence_and_a_file_that_is_not_there_is_made_by_add_alone(
-    tmp_path: Path, document: Document
-) -> None:
+def test_damage_is_one_sentence_and_a_file_that_is_not_there_is_made_by_add_alone(tmp_path, document):
     path = tmp_path / "units.sqlite"
     registry = open_registry(str(path), make=True)
     for k in range(30):
@@ -160,7 +154,7 @@ def test_damage_is_one_sentence_and_a_file_that_is_not_there_is_made_by_add_alon
         open_registry(str(path))
     path.write_bytes(whole[: len(whole) // 2])
 
-    def read() -> None:
+    def read():
         documents(open_registry(str(path)))
 
     with pytest.raises(RegistryError, match="damaged") as caught:
@@ -176,7 +170,7 @@ postgresql://me:very@secret@127.0.0.1:1/x postgres:me:secret@127.0.0.1/x nonsens
 
 
 @pytest.mark.parametrize("name", ADDRESSES.split())
-def test_a_wrong_address_is_one_sentence_without_the_password(name: str) -> None:
+def test_a_wrong_address_is_one_sentence_without_the_password(name):
     with pytest.raises((RegistryError, UsageError)) as caught:
         open_registry(name)
     assert "secret" not in str(caught.value)
@@ -184,9 +178,7 @@ def test_a_wrong_address_is_one_sentence_without_the_password(name: str) -> None
 
 
 @pytest.mark.parametrize("may", ["nothing", "see", "read"])
-def test_a_wrong_password_and_a_user_without_rights_are_told_in_one_sentence(
-    postgresql: str, document: Document, may: str
-) -> None:
+def test_a_wrong_password_and_a_user_without_rights_are_told_in_one_sentence(postgresql, document, may):
     from sqlalchemy import create_engine
 
     with pytest.raises(RegistryError, match="password") as caught:
@@ -226,9 +218,7 @@ def test_a_wrong_password_and_a_user_without_rights_are_told_in_one_sentence(
         engine.dispose()
 
 
-def test_an_earlier_version_s_documents_are_moved_whole(
-    registry: Registry, address: str, document: Document
-) -> None:
+def test_an_earlier_version_s_documents_are_moved_whole(registry, address, document):
     """Tables as version 0001 had them, with documents among the columns."""
     made = [document(unit, year, VALUES + year, SIGMAS) for unit in "AB" for year in (1.0, 2.0)]
     for one in made:

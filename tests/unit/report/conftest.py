@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from importlib.resources import as_file, files
 from typing import Any
@@ -11,7 +10,7 @@ import pytest
 from tests.unit.adjusted import adjusted
 from tests.unit.written import WRITTEN, parameters, written
 
-from tumble.document import Calibration, calibration_from_estimate
+from tumble.document import calibration_from_estimate
 from tumble.earth import Site
 from tumble.recording import Source
 from tumble.segmentation import find_timeline, observe_holds
@@ -42,7 +41,7 @@ PARAMETERS: list[tuple[str, float, float, str]] = [
 ]
 
 
-def written_calibration(**changes: Any) -> Calibration:
+def written_calibration(**changes):
     term = {"name": "quadratic", "kept": False, "f_statistic": 1.0, "degrees_of_freedom": 3}
     quality = {
         "sigma0": 1.5,
@@ -71,19 +70,17 @@ def written_calibration(**changes: Any) -> Calibration:
 
 
 @pytest.fixture
-def calibration() -> Calibration:
+def calibration():
     return written_calibration()
 
 
 @pytest.fixture
-def write_calibration() -> Callable[..., Calibration]:
+def write_calibration():
     """Return a function that writes the calibration with changes to its document."""
     return written_calibration
 
 
-def _made(
-    estimate: Any, recording: Any, timeline: Any, means: Any, site: Site, **more: Any
-) -> dict[str, Any]:
+def _made(estimate, recording, timeline, means, site, **more):
     """What a page is made of."""
     calibration = calibration_from_estimate(estimate, recording, site, **more)
     parts = {"estimate": estimate, "recording": recording, "timeline": timeline, "means": means}
@@ -91,7 +88,7 @@ def _made(
 
 
 @pytest.fixture(scope="session")
-def hand_held() -> dict[str, Any]:
+def hand_held():
     """The demo recording by the hand-held procedure, its file named so that it would break a page."""
     from tumble.workflows import GRAVITY, RATE, RECORDING, calibrate
 
@@ -102,7 +99,7 @@ def hand_held() -> dict[str, Any]:
     return _made(run.estimate, recording, run.timeline, run.means, site, imu=imu)
 
 
-def _by_poses(recording: Any) -> dict[str, Any]:
+def _by_poses(recording):
     timeline, site = find_timeline(recording), Site.unknown()
     means = observe_holds(recording, timeline)
     estimate = adjusted(recording, timeline, site, means, procedure="multi-position")
@@ -110,13 +107,13 @@ def _by_poses(recording: Any) -> dict[str, Any]:
 
 
 @pytest.fixture(scope="session")
-def without_gyro(hand_held: dict[str, Any]) -> dict[str, Any]:
+def without_gyro(hand_held):
     """The same recording without its gyro."""
     return _by_poses(replace(hand_held["recording"], angular_rate=None))
 
 
 @pytest.fixture(scope="session")
-def in_counts(hand_held: dict[str, Any]) -> dict[str, Any]:
+def in_counts(hand_held):
     """The same recording by its poses, told in counts with a converter's zero of 32768."""
     recording = hand_held["recording"]
     return _by_poses(

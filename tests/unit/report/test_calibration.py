@@ -11,7 +11,6 @@ import pytest
 from lxml.html import document_fromstring
 from msgspec import structs
 
-from tumble.document import Calibration
 from tumble.report.calibration import formula_text, render_report, title
 from tumble.report.parameters import parameter_rows
 from tumble.report.subject import Subject
@@ -23,7 +22,7 @@ WAYS = ("hand_held", "without_gyro", "in_counts")
 class Page:
     """Elements in order, the scripts' texts by id, and all visible text."""
 
-    def __init__(self, text: str) -> None:
+    def __init__(self, text):
         root: Any = document_fromstring(text)
         self.tags: list[tuple[str, dict[str, str]]] = [
             (one.tag, dict(one.attrib)) for one in root.iter() if isinstance(one.tag, str)
@@ -33,27 +32,27 @@ class Page:
         ]
         self.text = "".join(root.xpath("//text()[not(parent::script) and not(parent::style)]"))
 
-    def json(self, name: str) -> Any:
+    def json(self, name):
         (text,) = [text for attributes, text in self.scripts if attributes.get("id") == name]
         return json.loads(text, parse_constant=lambda constant: pytest.fail(f"{constant} is no JSON"))
 
 
 @pytest.fixture(scope="module", params=WAYS)
-def run(request: pytest.FixtureRequest) -> dict[str, Any]:
+def run(request):
     return request.getfixturevalue(request.param)
 
 
 @pytest.fixture(scope="module")
-def text(run: dict[str, Any]) -> str:
+def text(run):
     return render_report(Subject(**run))
 
 
 @pytest.fixture(scope="module")
-def page(text: str) -> Page:
+def page(text):
     return Page(text)
 
 
-def test_the_page_fetches_nothing(page: Page, text: str) -> None:
+def test_the_page_fetches_nothing(page, text):
     """No element names an address, the policy forbids what a script could try, and no address stands in our own."""
     for _, attributes in page.tags:
         assert not {"src", "href", "srcset", "data", "action"} & set(attributes)
@@ -65,14 +64,14 @@ def test_the_page_fetches_nothing(page: Page, text: str) -> None:
     assert re.findall(r"https?://|@import|url\(", text.replace(library, "")) == []
 
 
-def test_names_that_would_break_the_page_are_escaped(run: dict[str, Any], page: Page) -> None:
+def test_names_that_would_break_the_page_are_escaped(run, page):
     for source in run["calibration"].recordings:
         assert source.name in page.text
     assert not any(tag in ("b", "i") for tag, _ in page.tags)
     assert [tag for tag, _ in page.tags].count("script") == 4
 
 
-def test_every_figure_has_its_place_its_caption_and_its_words_for_screen_readers(page: Page) -> None:
+def test_every_figure_has_its_place_its_caption_and_its_words_for_screen_readers(page):
     places = [attributes["id"] for tag, attributes in page.tags if tag == "div" and "id" in attributes]
     figures = page.json("figures")
     assert [figure["name"] for figure in figures] == places
@@ -84,9 +83,7 @@ def test_every_figure_has_its_place_its_caption_and_its_words_for_screen_readers
     assert tags.count("noscript") == 1
 
 
-def test_the_page_says_all_that_the_calibration_says_in_reading_order(
-    run: dict[str, Any], page: Page
-) -> None:
+def test_the_page_says_all_that_the_calibration_says_in_reading_order(run, page):
     calibration = run["calibration"]
     assert page.json("calibration") == json.loads(calibration.to_json())
     order = ["Fit for use" if calibration.verdict.fit else "Not fit for use", "Parameters", "Timeline"]
@@ -106,7 +103,7 @@ def test_the_page_says_all_that_the_calibration_says_in_reading_order(
         assert f"{value + 0.0:.9g}" in page.text  # nine digits of every entry of the matrix
 
 
-def test_the_formula_names_the_terms_of_each_sensor(calibration: Any) -> None:
+def test_the_formula_names_the_terms_of_each_sensor(calibration):
     gyro = structs.replace(calibration.gyroscope, asymmetry=(0.01, -0.02, 0.03), quadratic=(1e-3,) * 3)
     text = formula_text(structs.replace(calibration, gyroscope=gyro))
     assert "f = inverse(M_a) u,   u + q u² = raw_a - b_a\n" in text
@@ -131,11 +128,11 @@ def test_the_formula_names_the_terms_of_each_sensor(calibration: Any) -> None:
         ("direction after a turn, rad", 0.0013, "Direction after a turn: 1.3 mrad."),
     ],
 )
-def test_variance_components_are_told_in_words(name: str, sigma: float, words: str) -> None:
+def test_variance_components_are_told_in_words(name, sigma, words):
     assert component_words(name, sigma) == words
 
 
-def test_of_many_recordings_the_title_names_the_first_and_the_last(calibration: Calibration) -> None:
+def test_of_many_recordings_the_title_names_the_first_and_the_last(calibration):
     (only,) = calibration.recordings
     names = [structs.replace(only, name=f"step-{k:03d}.csv") for k in range(1, 105)]
     many = structs.replace(calibration, recordings=names)
@@ -144,7 +141,7 @@ def test_of_many_recordings_the_title_names_the_first_and_the_last(calibration: 
     assert title(few) == "Calibration of step-001.csv, step-002.csv, step-003.csv"
 
 
-def test_on_a_table_nobody_is_told_to_hold_the_unit_with_a_corner_up(run: dict[str, Any]) -> None:
+def test_on_a_table_nobody_is_told_to_hold_the_unit_with_a_corner_up(run):
     from tumble.protocol import named_protocol
     from tumble.report.calibration import next_steps
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import base64
 import io
-from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -25,13 +23,13 @@ from tumble.report.subject import Subject, pose_words
 from tumble.segmentation import MatchedSpin, Matching
 
 
-def drawn(blocks: Sequence[object]) -> Figures:
+def drawn(blocks):
     """The figures among the blocks of a section."""
     (figures,) = [block for block in blocks if isinstance(block, Figures)]
     return figures
 
 
-def test_a_spike_of_one_sample_survives_decimation() -> None:
+def test_a_spike_of_one_sample_survives_decimation():
     time = np.arange(50_000) / 100.0
     signal = np.zeros((50_000, 3))
     signal[23_456, 1] = 7.0
@@ -45,7 +43,7 @@ def test_a_spike_of_one_sample_survives_decimation() -> None:
     assert at == pytest.approx(234.56, abs=0.5)
 
 
-def test_a_gap_is_drawn_as_a_gap() -> None:
+def test_a_gap_is_drawn_as_a_gap():
     time = np.concatenate([np.arange(100), np.arange(900, 1000)]) / 10.0
     drawn = envelope(time, np.ones((200, 3)), bins=10)
     empty = np.isnan(drawn.values[:, 0])
@@ -54,14 +52,14 @@ def test_a_gap_is_drawn_as_a_gap() -> None:
 
 
 @pytest.mark.parametrize("samples", [1, 2, 3, 7])
-def test_a_few_samples_are_drawn_too(samples: int) -> None:
+def test_a_few_samples_are_drawn_too(samples):
     signal = np.arange(3.0 * samples).reshape(samples, 3)
     drawn = envelope(np.arange(samples) / 10.0, signal)
     assert np.nanmin(drawn.values) == 0.0
     assert np.nanmax(drawn.values) == 3.0 * samples - 1.0
 
 
-def test_every_stretch_of_the_timeline_can_be_pointed_at(hand_held: dict[str, Any]) -> None:
+def test_every_stretch_of_the_timeline_can_be_pointed_at(hand_held):
     found = hand_held["timeline"]
     figure = drawn(timeline(Subject(**hand_held))).figures[0]
     bars = {mark.name: mark for mark in figure.marks if isinstance(mark, Bars)}
@@ -75,11 +73,11 @@ def test_every_stretch_of_the_timeline_can_be_pointed_at(hand_held: dict[str, An
         assert rejection.reason.split("<")[0] in text
 
 
-def legend_of(figure: Any) -> dict[str, str]:
+def legend_of(figure):
     return {mark.name: mark.colour for mark in figure.marks if getattr(mark, "symbol", "") == "square"}
 
 
-def test_nominal_norms_of_si_values_are_their_norms(hand_held: dict[str, Any]) -> None:
+def test_nominal_norms_of_si_values_are_their_norms(hand_held):
     means = hand_held["means"]
     before = nominal_hold_norms(hand_held["recording"], means, 9.81)
     assert before is not None
@@ -87,7 +85,7 @@ def test_nominal_norms_of_si_values_are_their_norms(hand_held: dict[str, Any]) -
     np.testing.assert_allclose(before.residuals, expected, atol=1e-12)  # arithmetic
 
 
-def test_counts_are_compared_with_rough_values(in_counts: dict[str, Any], hand_held: dict[str, Any]) -> None:
+def test_counts_are_compared_with_rough_values(in_counts, hand_held):
     """Rough values of bias and scale leave less than the raw values of the same holds, but more than nothing."""
     rough = nominal_hold_norms(in_counts["recording"], in_counts["means"], 9.81)
     raw = nominal_hold_norms(hand_held["recording"], hand_held["means"], 9.81)
@@ -97,7 +95,7 @@ def test_counts_are_compared_with_rough_values(in_counts: dict[str, Any], hand_h
     assert "counts" in rough.words
 
 
-def test_turns_are_worse_before_than_after(hand_held: dict[str, Any]) -> None:
+def test_turns_are_worse_before_than_after(hand_held):
     """The unit's gyro has 14 mrad of non-orthogonality: 0.8° on a turn, against 0.1° after."""
     estimate = hand_held["estimate"]
     before = nominal_turn_angles(
@@ -110,7 +108,7 @@ def test_turns_are_worse_before_than_after(hand_held: dict[str, Any]) -> None:
     assert rms_after < rms_before < np.radians(3.0)
 
 
-def test_spins_have_a_colour_and_a_legend_of_their_own(hand_held: dict[str, Any]) -> None:
+def test_spins_have_a_colour_and_a_legend_of_their_own(hand_held):
     first, _, third, *_ = hand_held["timeline"].turns
     spun = tuple(MatchedSpin(step, turn.start, turn.stop) for step, turn in ((1, first), (5, third)))
     shown = drawn(timeline(Subject(**hand_held, matching=Matching((), spun, (), ()))))
@@ -127,7 +125,7 @@ def test_spins_have_a_colour_and_a_legend_of_their_own(hand_held: dict[str, Any]
 TIMES, LEVELS = np.array([0.0, 1.0, 2.5]), np.array([3.0, np.nan, -4.0])
 
 
-def examples() -> list[Figure]:
+def examples():
     panels = [Axis("a / (m/s²)", share=(0.0, 0.5)), Axis("σ, $ & %", share=(0.6, 1.0))]
     lines = [
         Curve(TIMES, LEVELS, "a"),
@@ -143,7 +141,7 @@ def examples() -> list[Figure]:
     ]
 
 
-def test_pdf_is_one_column_wide_and_has_its_fonts_in_it(tmp_path: Path) -> None:
+def test_pdf_is_one_column_wide_and_has_its_fonts_in_it(tmp_path):
     pytest.importorskip("matplotlib")
     made = on_paper.write_figures(examples(), tmp_path / "examples", "pdf")
     assert [file.name for file in made] == ["lines.pdf", "bars.pdf", "map.pdf"]
@@ -159,7 +157,7 @@ def test_pdf_is_one_column_wide_and_has_its_fonts_in_it(tmp_path: Path) -> None:
     assert "σ, $ & %" in pypdf.PdfReader(made[0]).pages[0].extract_text()
 
 
-def test_each_form_is_itself_and_twice_the_same_bytes() -> None:
+def test_each_form_is_itself_and_twice_the_same_bytes():
     pytest.importorskip("matplotlib")
     for form, head in (("pdf", b"%PDF"), ("svg", b"<?xml"), ("png", b"\x89PNG")):
         first, second = (on_paper.draw(examples()[1], form) for _ in range(2))
@@ -169,7 +167,7 @@ def test_each_form_is_itself_and_twice_the_same_bytes() -> None:
         assert form != "svg" or b"<text" not in first
 
 
-def test_what_is_drawn_is_what_the_page_carries(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_drawn_is_what_the_page_carries(monkeypatch):
     pytest.importorskip("matplotlib")
     from matplotlib.figure import Figure as Drawn
 
@@ -194,9 +192,7 @@ def test_what_is_drawn_is_what_the_page_carries(monkeypatch: pytest.MonkeyPatch)
     assert cells["data"][0]["z"] == [[1.0, -0.5], [None, 1.0]]
 
 
-def test_wrong_forms_and_a_missing_library_are_one_sentence(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_wrong_forms_and_a_missing_library_are_one_sentence(tmp_path, monkeypatch):
     with pytest.raises(UsageError, match="give one of pdf, svg, png"):
         on_paper.write_figures(examples(), tmp_path, "bmp")
     monkeypatch.setattr(on_paper, "find_spec", lambda _: None)
@@ -204,13 +200,13 @@ def test_wrong_forms_and_a_missing_library_are_one_sentence(
         on_paper.require_library()
 
 
-def test_numbers_are_packed_as_little_endian_float32_and_what_is_not_finite_becomes_null() -> None:
+def test_numbers_are_packed_as_little_endian_float32_and_what_is_not_finite_becomes_null():
     bytes_of = base64.b64encode(b"\x00\x00\xc0\x3f\x00\x00\x00\xc0").decode()
     assert packed(np.array([1.5, -2.0])) == {"dtype": "f4", "bdata": bytes_of}
     assert plain([1.23456789, float("nan"), float("inf")], 4) == [1.235, None, None]
 
 
-def test_holds_of_one_pose_share_a_label_and_poses_that_no_hold_is_nearest_to_are_named() -> None:
+def test_holds_of_one_pose_share_a_label_and_poses_that_no_hold_is_nearest_to_are_named():
     standard = twenty_six_directions()
     tilted = standard[[0, 5, 20]] + [0.1, -0.05, 0.02]
     tilted /= np.linalg.norm(tilted, axis=1, keepdims=True)

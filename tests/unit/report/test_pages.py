@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal
 
 import numpy as np
 import pytest
 from msgspec import structs
 from rich.console import Console
-from rich.text import Text
 
-from tumble.document import Calibration, FieldVerdictBlock, MagnetometerBlock
-from tumble.noise import Characterisation, characterise
+from tumble.document import FieldVerdictBlock, MagnetometerBlock
+from tumble.noise import characterise
 from tumble.parameters import TEMPERATURE
 from tumble.recording import Recording, Source
 from tumble.report.html import render_page
@@ -26,7 +23,7 @@ from tumble.report.parameters import parameter_rows
 from tumble.report.summary import print_calibration, verdict_line
 
 
-def cells(table: Table) -> list[str]:
+def cells(table):
     return re.findall(r"<td[^>]*>(.*?)</td>", render_page(Page("Cells", [table])))
 
 
@@ -43,12 +40,12 @@ def cells(table: Table) -> list[str]:
         ("--turn-on-bias", "--turn-on-bias"),
     ],
 )
-def test_a_minus_is_a_minus_and_a_hyphen_a_hyphen(text: str, shown: str) -> None:
+def test_a_minus_is_a_minus_and_a_hyphen_a_hyphen(text, shown):
     assert cells(Table(["what"], [[text]])) == [shown]
     assert cells(Table(["what"], [[text]], verbatim=True)) == [text]
 
 
-def test_what_stands_between_backticks_is_code_and_a_single_one_is_itself() -> None:
+def test_what_stands_between_backticks_is_code_and_a_single_one_is_itself():
     page = render_page(Page("Code", [Sentences(["Say `tumble <x>` twice.", "A ` alone."])]))
     assert "Say <code>tumble &lt;x&gt;</code> twice." in page
     assert "A ` alone." in page
@@ -58,7 +55,7 @@ def test_what_stands_between_backticks_is_code_and_a_single_one_is_itself() -> N
     assert len(section("Nothing", Sentences([]), Figures([], "none"))) == 2
 
 
-def test_many_columns_may_be_broader_than_the_text_and_long_words_fold() -> None:
+def test_many_columns_may_be_broader_than_the_text_and_long_words_fold():
     """At 1280 pixels no table has to be moved sideways: fourteen columns are the most that a report has."""
     many = render_page(Page("Many", [Table([f"source {k}" for k in range(14)], [["1.2e-05"] * 14])]))
     assert '<div class="scroll broad"><table class="dense">' in many
@@ -71,18 +68,18 @@ def test_many_columns_may_be_broader_than_the_text_and_long_words_fold() -> None
 class Harmless(Console):
     """Shows what a terminal would obey."""
 
-    def render_str(self, text: str, **options: Any) -> Text:
+    def render_str(self, text, **options):
         return super().render_str(text.replace("\x1b", "<ESC>"), **options)
 
 
-def shown_of(*blocks: Any, width: int = 120) -> str:
+def shown_of(*blocks, width=120):
     screen = Harmless(file=io.StringIO(), width=width, highlight=False)
     print_blocks(blocks, screen)
     assert isinstance(screen.file, io.StringIO)
     return screen.file.getvalue()
 
 
-def test_nothing_of_a_table_reaches_the_terminal_past_the_console() -> None:
+def test_nothing_of_a_table_reaches_the_terminal_past_the_console():
     rows = [["\x1b[2Jgroup"], ["\x1b[2Jcell", "[red]1[/red]", ":smile:"]]
     text = shown_of(Table(["\x1b[2Jhead", "b", "c"], rows, {0: "group"}))
     assert "\x1b" not in text
@@ -92,23 +89,23 @@ def test_nothing_of_a_table_reaches_the_terminal_past_the_console() -> None:
 
 
 @pytest.mark.parametrize(("width", "shown"), [(120, True), (80, False)])
-def test_a_narrow_terminal_leaves_out_the_spare_columns(width: int, shown: bool) -> None:
+def test_a_narrow_terminal_leaves_out_the_spare_columns(width, shown):
     text = shown_of(Table(["a", "b", "c"], [["first", "second", "third"]], spare=1), width=width)
     assert "second" in text
     assert ("third" in text) == shown
 
 
-def test_a_verdict_is_in_capitals_and_its_reasons_stand_below() -> None:
+def test_a_verdict_is_in_capitals_and_its_reasons_stand_below():
     text = shown_of(Sentences(["One.", "Two."]), Verdict(False, "Does not serve", ["It drifts [a lot]."]))
     assert text == "- One.\n- Two.\n\nDOES NOT SERVE\n- It drifts [a lot].\n"
 
 
-def test_lines_are_aligned_and_a_row_of_one_cell_stands_alone() -> None:
+def test_lines_are_aligned_and_a_row_of_one_cell_stands_alone():
     rows = [["name", "value"], ["group"], ["long name", "1"]]
     assert aligned(rows) == ["name       value", "", "group", "long name  1"]
 
 
-def printed(calibration: Calibration, *, width: int = 200, verbose: bool = True) -> str:
+def printed(calibration, *, width=200, verbose=True):
     console = Console(file=io.StringIO(), width=width, highlight=False)
     print_calibration(calibration, console, verbose=verbose)
     assert isinstance(console.file, io.StringIO)
@@ -116,9 +113,7 @@ def printed(calibration: Calibration, *, width: int = 200, verbose: bool = True)
 
 
 @pytest.mark.parametrize("use", ["fit", "fit with reservations", "not fit"])
-def test_one_line_says_the_verdict_and_the_magnetometers_where_it_is_not_plainly_fit(
-    calibration: Calibration, use: Literal["fit", "fit with reservations", "not fit"]
-) -> None:
+def test_one_line_says_the_verdict_and_the_magnetometers_where_it_is_not_plainly_fit(calibration, use):
     block = MagnetometerBlock(
         raw_unit="uT",
         unit="T",
@@ -137,15 +132,13 @@ def test_one_line_says_the_verdict_and_the_magnetometers_where_it_is_not_plainly
 
 @pytest.mark.parametrize("verbose", [True, False])
 @pytest.mark.parametrize("width", [40, 60, 80])
-def test_a_narrow_terminal_folds_and_cuts_nothing_off(
-    calibration: Calibration, width: int, verbose: bool
-) -> None:
+def test_a_narrow_terminal_folds_and_cuts_nothing_off(calibration, width, verbose):
     text = printed(calibration, width=width, verbose=verbose)
     assert "…" not in text
     assert all(len(line) <= width for line in text.splitlines())
 
 
-def test_wide_numbers_stand_a_family_a_line_and_no_number_is_torn_apart() -> None:
+def test_wide_numbers_stand_a_family_a_line_and_no_number_is_torn_apart():
     from tumble.report.summary import _joined
 
     cells: list[tuple[str, ...]] = [
@@ -164,7 +157,7 @@ RATE = 100.0
 
 
 @pytest.fixture(scope="module")
-def noise() -> Characterisation:
+def noise():
     rng = np.random.default_rng(4)
     force, turn = rng.standard_normal((2, 20_000, 3))
     time = np.arange(20_000) / RATE
@@ -187,9 +180,7 @@ def noise() -> Characterisation:
         (0, "Q", 0.002, 2.0, "mm/s"),
     ],
 )
-def test_units_that_people_use(
-    noise: Characterisation, index: int, letter: str, value: float, expected: float, unit: str
-) -> None:
+def test_units_that_people_use(noise, index, letter, value, expected, unit):
     factor, name = practical_unit(noise.channels[index], letter)
     assert name == unit
     assert factor * value == pytest.approx(expected, rel=1e-9)
@@ -198,7 +189,7 @@ def test_units_that_people_use(
     assert si_unit(counts, "B") == "counts"
 
 
-def test_rows_say_what_is_seen_and_how_large_the_rest_may_be(noise: Characterisation) -> None:
+def test_rows_say_what_is_seen_and_how_large_the_rest_may_be(noise):
     assert any("not seen" in line for line in noise_lines(noise.channels))
     assert not any("not seen" in line for line in noise_lines(noise.channels, seen_only=True))
     rows = {row.letter: row for row in noise_rows(noise.channels[3])}
@@ -210,14 +201,14 @@ def test_rows_say_what_is_seen_and_how_large_the_rest_may_be(noise: Characterisa
     assert "e+" not in rows["K"].practical
 
 
-def test_a_files_name_cannot_write_into_the_page(noise: Characterisation) -> None:
+def test_a_files_name_cannot_write_into_the_page(noise):
     named = replace(noise, sources=(Source("<script>alert(1)</script>.csv", "0" * 64),))
     page = render_page(noise_page(named, "tumble noise <b>"))
     assert "<script>alert" not in page
     assert "tumble noise &lt;b&gt;" in page
 
 
-def test_stamps_since_1970_leave_the_seconds_their_digits(noise: Characterisation) -> None:
+def test_stamps_since_1970_leave_the_seconds_their_digits(noise):
     """Time is drawn from the first instant on: each second of the levels has a place of its own."""
     late = replace(noise, level_time=noise.level_time + 1.7e9)
     drawn = [
@@ -230,8 +221,8 @@ def test_stamps_since_1970_leave_the_seconds_their_digits(noise: Characterisatio
 
 
 def test_a_terminal_shows_every_parameter_with_its_interval_and_all_sentences_as_written(
-    calibration: Calibration, write_calibration: Callable[..., Calibration]
-) -> None:
+    calibration, write_calibration
+):
     text, short = printed(calibration), printed(calibration, verbose=False, width=80)
     for row in parameter_rows(calibration):
         line = next(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
@@ -15,7 +14,7 @@ from msgspec import structs
 from tests.unit.written import parameters, written
 
 from tumble.calibration import NamedValue
-from tumble.document import Calibration, ThermalBlock, thermal_block
+from tumble.document import ThermalBlock, thermal_block
 from tumble.parameters import TEMPERATURE, Measure, decimals_of, fixed, parameter_of, with_uncertainty
 from tumble.report.evidence.budget import beside, parameters_beside
 from tumble.report.html import render_page
@@ -26,7 +25,7 @@ from tumble.sensor import ImuModel, TemperatureBasis, ThermalModel, Triad
 
 
 @pytest.fixture
-def rows(calibration: Calibration) -> dict[str, ParameterRow]:
+def rows(calibration):
     return {row.name: row for row in parameter_rows(calibration)}
 
 
@@ -50,9 +49,7 @@ def rows(calibration: Calibration) -> dict[str, ParameterRow]:
         ("lag of the accelerometer behind the gyro", "-14.4 ± 2.5 ms", None),
     ],
 )
-def test_each_quantity_is_told_in_its_own_and_in_practical_units(
-    rows: dict[str, ParameterRow], name: str, shown: str, other: str | None
-) -> None:
+def test_each_quantity_is_told_in_its_own_and_in_practical_units(rows, name, shown, other):
     row = rows[name]
     assert row.shown.text == shown
     assert (None if row.other is None else row.other.text) == other
@@ -61,7 +58,7 @@ def test_each_quantity_is_told_in_its_own_and_in_practical_units(
     assert [bias.unit for bias in biases if bias is not None] == ["mg"] * 3
 
 
-def test_small_values_take_the_small_unit(write_calibration: Callable[..., Calibration]) -> None:
+def test_small_values_take_the_small_unit(write_calibration):
     """2e-4 m/s² = 20.39 µg; 5e-5 = 50 ppm; 2e-5 rad = 20 µrad = 4.125 ″."""
     given = parameters(
         ("accelerometer bias x", 2e-4, 2e-5, "m/s^2"),
@@ -77,7 +74,7 @@ def test_small_values_take_the_small_unit(write_calibration: Callable[..., Calib
     assert angle.other.text == "4.13 ± 0.41″"
 
 
-def test_scale_factors_in_counts_are_drawn_off_their_mean(rows: dict[str, ParameterRow]) -> None:
+def test_scale_factors_in_counts_are_drawn_off_their_mean(rows):
     """(1000 + 1010 + 990) / 3 = 1000, so that y is 1 % off."""
     drawn = rows["gyro scale factor y"].drawn
     assert drawn.value == pytest.approx(1.0, abs=1e-12)  # arithmetic
@@ -85,9 +82,7 @@ def test_scale_factors_in_counts_are_drawn_off_their_mean(rows: dict[str, Parame
     assert not math.isnan(rows["gyro bias x"].drawn.value)
 
 
-def test_counts_without_a_scale_factor_are_not_converted(
-    write_calibration: Callable[..., Calibration],
-) -> None:
+def test_counts_without_a_scale_factor_are_not_converted(write_calibration):
     """A gyro of which only bias and g-sensitivity are known: drawn off the mean of 32590 counts."""
     calibration = write_calibration(gyroscope={"matrix": None, "bias": [33000.0, 32000.0, 32770.0]})
     rows = {row.name: row for row in parameter_rows(calibration)}
@@ -116,11 +111,11 @@ def test_counts_without_a_scale_factor_are_not_converted(
         (math.nan, math.nan, "not known"),
     ],
 )
-def test_two_digits_of_the_uncertainty_round_the_value(value: float, sigma: float, text: str) -> None:
+def test_two_digits_of_the_uncertainty_round_the_value(value, sigma, text):
     assert with_uncertainty(value, sigma) == text
 
 
-def test_an_interval_has_the_decimals_of_the_uncertainty() -> None:
+def test_an_interval_has_the_decimals_of_the_uncertainty():
     assert Measure(1.0, 0.1, "").interval(2.0) == "[0.80, 1.20]"
     assert Measure(-0.5, 0.26, "").interval(1.96) == "[-1.01, 0.01]"
     # The power of ten is that in which sigma reads 0.10 to 0.99.
@@ -129,7 +124,7 @@ def test_an_interval_has_the_decimals_of_the_uncertainty() -> None:
 
 
 @given(st.floats(1e-12, 1e12), st.floats(-1e3, 1e3))
-def test_rounding_moves_a_value_by_less_than_a_tenth_of_its_uncertainty(sigma: float, ratio: float) -> None:
+def test_rounding_moves_a_value_by_less_than_a_tenth_of_its_uncertainty(sigma, ratio):
     """Two digits are at least 10, so that half a unit of the last is at most a twentieth of sigma."""
     value = ratio * sigma
     shown = float(fixed(value, decimals_of(sigma)))
@@ -142,14 +137,14 @@ def test_rounding_moves_a_value_by_less_than_a_tenth_of_its_uncertainty(sigma: f
 A, B, C, D = (f"gyro non-orthogonality {axes}" for axes in ("yz", "zx", "zy", "xy"))
 
 
-def row(name: str, value: float, sigma: float) -> ParameterRow:
+def row(name, value, sigma):
     """Shown in thousandths of the parameter's unit."""
     shown = Measure(1e3 * value, 1e3 * sigma, "mrad")
     return ParameterRow(parameter_of(name), shown, None, shown)
 
 
 @pytest.fixture
-def joint() -> Any:
+def joint():
     """Angle A is better known by half, B worse; the procedure has no C, and D is exact."""
     other = SimpleNamespace(
         procedure="hand-<held>",
@@ -168,15 +163,15 @@ def joint() -> Any:
     return SimpleNamespace(parameters=own, beside=SimpleNamespace(estimate=other, source="a paper"))
 
 
-def rows_of(joint: Any) -> list[ParameterRow]:
+def rows_of(joint):
     return [row(p.name, p.value, p.standard_uncertainty) for p in joint.parameters]
 
 
-def subject(joint: Any) -> Any:
+def subject(joint):
     return SimpleNamespace(estimate=joint, rows_of=rows_of(joint))
 
 
-def test_the_table_names_what_is_far_apart_and_escapes_names(joint: Any) -> None:
+def test_the_table_names_what_is_far_apart_and_escapes_names(joint):
     a, b = parameters_beside(joint.beside, joint, rows_of(joint))
     assert (a.value, a.sigma) == (pytest.approx(10.0), pytest.approx(2.0))
     # in the procedure's uncertainties
@@ -195,7 +190,7 @@ def test_the_table_names_what_is_far_apart_and_escapes_names(joint: Any) -> None
     assert beside(joint.beside, subject) == []
 
 
-def thermal_calibration() -> Any:
+def thermal_calibration():
     model = ThermalModel(
         ImuModel(Triad(np.eye(3), np.zeros(3)), Triad(np.eye(3), np.zeros(3))),
         TemperatureBasis("polynomial", 20.0, order=2),
@@ -213,7 +208,7 @@ def thermal_calibration() -> Any:
     return structs.replace(written(parameters=given), thermal=block)
 
 
-def test_changes_carry_the_correlations_of_their_coefficients() -> None:
+def test_changes_carry_the_correlations_of_their_coefficients():
     table = thermal_changes(thermal_calibration(), width=80)
     assert table is not None
     columns = list(zip(*table.rows, strict=True))

@@ -66,11 +66,11 @@ OUTCOME = Outcome(
         (0.0, "0"),
     ],
 )
-def test_a_cell_has_three_digits(value: float | str | None, text: str) -> None:
+def test_a_cell_has_three_digits(value, text):
     assert cell_text(value) == text
 
 
-def test_lines_are_aligned_and_say_verdict_and_reason() -> None:
+def test_lines_are_aligned_and_say_verdict_and_reason():
     lines = outcome_lines(OUTCOME)
     head, first, second = lines[3], lines[4], lines[5]
     assert head.index("thesis") == first.index("1.23e-09") == second.index("20912")
@@ -81,7 +81,7 @@ def test_lines_are_aligned_and_say_verdict_and_reason() -> None:
     assert lines[-2:] == ["- A note.", "Again: tumble reproduce paper-1.1 --repetitions 500 --seed 7"]
 
 
-def test_json_has_all_digits_and_no_nan() -> None:
+def test_json_has_all_digits_and_no_nan():
     document = json.loads(outcome_json(OUTCOME), parse_constant=lambda word: pytest.fail(word))
     assert document["rows"][0]["cells"] == ["1: none", 1.23456789e-9]
     assert document["rows"][2]["cells"] == [None, None]
@@ -91,7 +91,7 @@ def test_json_has_all_digits_and_no_nan() -> None:
     assert document["command"] == "tumble reproduce paper-1.1 --repetitions 500 --seed 7"
 
 
-def test_csv_has_all_digits_and_a_column_for_every_cell() -> None:
+def test_csv_has_all_digits_and_a_column_for_every_cell():
     rows = list(csv.reader(outcome_csv(OUTCOME).splitlines()))
     assert rows[0] == ["parameter", "unit", "case", "thesis", "verdict", "reason"]
     assert rows[1] == ["b x", "m/s²", "1: none", "1.23456789e-09", "inside", ""]
@@ -99,7 +99,7 @@ def test_csv_has_all_digits_and_a_column_for_every_cell() -> None:
     assert rows[3] == ["θ zy", "µrad", "", "", "", ""]
 
 
-def test_the_page_stands_alone_and_escapes_words() -> None:
+def test_the_page_stands_alone_and_escapes_words():
     page = render_outcome(OUTCOME)
     assert "Table &lt;1.1&gt;: it" in page
     assert "A. Paper &amp; Co" in page
@@ -118,7 +118,7 @@ def test_the_page_stands_alone_and_escapes_words() -> None:
     assert not re.search(r"<script[^>]+src=", page[: page.index("</head>")])
 
 
-def test_a_figure_has_curves_in_their_bands_and_the_papers_numbers() -> None:
+def test_a_figure_has_curves_in_their_bands_and_the_papers_numbers():
     marks = Marks("thesis", np.array([1.0, 100.0]), np.array([3e-6, 1e-3]))
     outcome = replace(OUTCOME, plots=[replace(PLOT, marks=marks)])
     page = render_outcome(outcome)
@@ -133,7 +133,7 @@ def test_a_figure_has_curves_in_their_bands_and_the_papers_numbers() -> None:
     assert "line: mean, band: 5 % to 95 %; crosses: thesis" in page
 
 
-def test_axes_are_linear_where_asked_and_few_places_have_a_tick_each() -> None:
+def test_axes_are_linear_where_asked_and_few_places_have_a_tick_each():
     straight = plot(figure_of(replace(PLOT, linear=True)))
     assert "type" not in straight["layout"]["xaxis"]
     assert straight["data"][3]["y"] == [0.0, 0.0, 0.0]
@@ -142,7 +142,7 @@ def test_axes_are_linear_where_asked_and_few_places_have_a_tick_each() -> None:
     assert plot(figure_of(near))["layout"]["xaxis"]["tickvals"] == [1, 4, 16]
 
 
-def test_an_outcome_of_words_brings_no_drawing_program_and_is_asked_for_without_a_seed() -> None:
+def test_an_outcome_of_words_brings_no_drawing_program_and_is_asked_for_without_a_seed():
     bare = Outcome("x-1", "X", "Y", ("n",), [Row("a", "", (-1.5,))])
     page, lines = render_outcome(bare), outcome_lines(bare)
     assert "<script" not in page

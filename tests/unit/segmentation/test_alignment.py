@@ -18,7 +18,7 @@ from tumble.segmentation.alignment import (
 GAP, AGAIN = 6.0, 3.0
 
 
-def aligned(steps: str, events: str, *, again: float = AGAIN) -> tuple[list[tuple[int, int]], float]:
+def aligned(steps, events, *, again=AGAIN):
     """Letters that are alike cost nothing, others cannot be matched."""
     cost = np.array([[0.0 if a == b else np.inf for b in events] for a in steps]).reshape(
         len(steps), len(events)
@@ -26,12 +26,12 @@ def aligned(steps: str, events: str, *, again: float = AGAIN) -> tuple[list[tupl
     return align(cost, np.full(len(events), GAP), np.full(len(steps), GAP), np.full(cost.shape, again))
 
 
-def cheapest(steps: str, events: str) -> float:
+def cheapest(steps, events):
     """The same by trying everything: the step before is the one that an event may repeat."""
     if not events:
         return GAP * len(steps)
 
-    def from_here(i: int, j: int, begun: int) -> float:
+    def from_here(i, j, begun):
         if i == len(steps) and j == len(events):
             return 0.0
         ways = []
@@ -49,14 +49,14 @@ def cheapest(steps: str, events: str) -> float:
 
 
 @given(st.text("ab", max_size=5), st.text("abx", max_size=5))
-def test_nothing_is_cheaper(steps: str, events: str) -> None:
+def test_nothing_is_cheaper(steps, events):
     order, cost = aligned(steps, events)
     assert cost == cheapest(steps, events)
     assert order == sorted(order)
     assert all(steps[i] == events[k] for i, k in order)
 
 
-def test_steps_are_skipped_left_out_and_repeated_in_their_order() -> None:
+def test_steps_are_skipped_left_out_and_repeated_in_their_order():
     assert aligned("abc", "axbc") == ([(0, 0), (1, 2), (2, 3)], GAP)
     assert aligned("abc", "abxbc") == ([(0, 0), (1, 1), (1, 3), (2, 4)], GAP + AGAIN)
     # what comes too late is left out, and so is a repetition that is forbidden
@@ -67,7 +67,7 @@ def test_steps_are_skipped_left_out_and_repeated_in_their_order() -> None:
 CENTRE = np.array([33_000.0, 32_500.0, -400.0])
 
 
-def test_a_sphere_gives_centre_and_scale() -> None:
+def test_a_sphere_gives_centre_and_scale():
     up_b = twenty_six_directions()[[0, 1, 2, 7, 13, 20]]
     found = scale_of_sphere(CENTRE + 4000.0 * up_b)
     assert found is not None
@@ -77,14 +77,14 @@ def test_a_sphere_gives_centre_and_scale() -> None:
     np.testing.assert_allclose(found.directions(CENTRE + 4000.0 * up_b), up_b, atol=1e-11)
 
 
-def test_poses_in_one_plane_show_no_sphere() -> None:
+def test_poses_in_one_plane_show_no_sphere():
     angle = np.linspace(0.0, 6.0, 9)
     ring = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(9)])
     assert scale_of_sphere(CENTRE + 4000.0 * ring) is None
     assert scale_of_sphere(np.tile(CENTRE, (6, 1))) is None
 
 
-def test_known_poses_give_a_centre_where_the_sphere_does_not() -> None:
+def test_known_poses_give_a_centre_where_the_sphere_does_not():
     up_b = np.eye(3)[[0, 1]]
     found = scale_of_poses(CENTRE + 4000.0 * up_b, up_b)
     assert found is not None

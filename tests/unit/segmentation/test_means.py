@@ -10,7 +10,7 @@ from tumble.errors import SegmentationError
 from tumble.recording import Recording
 from tumble.segmentation import Hold, NoiseFloor, Timeline, mean_covariance, observe_holds
 from tumble.segmentation.activity import noise_per_sample
-from tumble.segmentation.rest_wander import SPREAD, USUAL, RestParts, find_density, observe_parts
+from tumble.segmentation.rest_wander import SPREAD, USUAL, find_density, observe_parts
 from tumble.segmentation.rounding import (
     carries_remainder,
     converter_step,
@@ -21,11 +21,11 @@ from tumble.segmentation.rounding import (
 SIGMA = np.array([0.5, 1.0, 3.0])
 
 
-def equal_items(count: int, length: int) -> list[list[tuple[int, int]]]:
+def equal_items(count, length):
     return [[(k * length, (k + 1) * length)] for k in range(count)]
 
 
-def test_means_leave_out_what_is_excluded() -> None:
+def test_means_leave_out_what_is_excluded():
     signal = np.arange(300.0).reshape(100, 3)
     signal[40:45] = 1e6
     timeline = Timeline((Hold(10, 90, ((40, 45),)),), (), (), NoiseFloor(np.ones(3), np.ones(3), 1.0, ""))
@@ -43,7 +43,7 @@ def test_means_leave_out_what_is_excluded() -> None:
     assert means.temperature[0] == 21.5
 
 
-def test_correlated_noise_is_seen_by_the_batches() -> None:
+def test_correlated_noise_is_seen_by_the_batches():
     rng = np.random.default_rng(12)
     white = rng.standard_normal((60 * 800 + 20, 3))
     signal = np.stack([np.convolve(white[:, k], np.ones(10), "valid")[: 60 * 800] for k in range(3)], axis=1)
@@ -54,7 +54,7 @@ def test_correlated_noise_is_seen_by_the_batches() -> None:
     assert 0.75 * 100 / 800 < variance < 1.2 * 100 / 800
 
 
-def test_a_noisier_item_keeps_its_own_variance_and_spoils_no_other() -> None:
+def test_a_noisier_item_keeps_its_own_variance_and_spoils_no_other():
     rng = np.random.default_rng(13)
     signal = rng.standard_normal((30 * 400, 3))
     signal[7 * 400 : 8 * 400, 1] += np.linspace(-8.0, 8.0, 400)
@@ -66,7 +66,7 @@ def test_a_noisier_item_keeps_its_own_variance_and_spoils_no_other() -> None:
     np.testing.assert_allclose(np.median(others, axis=0), 1 / 400, rtol=0.25)
 
 
-def test_means_over_their_sigma_are_standard_normal() -> None:
+def test_means_over_their_sigma_are_standard_normal():
     signal = SIGMA * np.random.default_rng(14).standard_normal((200 * 300, 3))
     observed = mean_covariance(signal, equal_items(200, 300))
     z = observed.mean / np.sqrt(np.diagonal(observed.covariance, axis1=1, axis2=2))
@@ -77,7 +77,7 @@ def test_means_over_their_sigma_are_standard_normal() -> None:
     np.testing.assert_allclose(variance, SIGMA**2 / 300, rtol=0.25)
 
 
-def test_no_hold_and_a_hold_of_one_sample_are_refused() -> None:
+def test_no_hold_and_a_hold_of_one_sample_are_refused():
     recording = Recording(np.arange(9.0), np.zeros((9, 3)), None, "m/s^2", "rad/s", 1.0)
     empty = Timeline((), (), (), NoiseFloor(np.ones(3), np.ones(3), 1.0, ""))
     with pytest.raises(SegmentationError, match="no holds"):
@@ -89,9 +89,7 @@ def test_no_hold_and_a_hold_of_one_sample_are_refused() -> None:
 STEP = np.array([0.4, 3.0, 0.07])
 
 
-def rests(
-    noise: float, places: np.ndarray, rng: np.random.Generator, samples: int = 400
-) -> tuple[np.ndarray, list[list[tuple[int, int]]], np.ndarray]:
+def rests(noise, places, rng, samples=400):
     """Rounded samples of rests at true values `places` (rests, 3), all in steps; their ranges and their means."""
     true = np.repeat(places, samples, axis=0) + noise * rng.standard_normal((len(places) * samples, 3))
     # What comes before shows the step.
@@ -101,7 +99,7 @@ def rests(
     return signal, ranges, signal[100:].reshape(len(places), samples, 3).mean(axis=1)
 
 
-def test_a_step_is_found_and_numbers_without_one_have_none() -> None:
+def test_a_step_is_found_and_numbers_without_one_have_none():
     fine = np.random.default_rng(3).standard_normal((500, 3))
     np.testing.assert_array_equal(converter_step(fine), np.zeros(3))
     np.testing.assert_allclose(converter_step(np.round(4.0 * fine) * STEP), STEP)
@@ -117,7 +115,7 @@ def test_a_step_is_found_and_numbers_without_one_have_none() -> None:
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.1, 0.2, 0.4])
-def test_the_variance_is_that_of_what_means_are_off(noise: float) -> None:
+def test_the_variance_is_that_of_what_means_are_off(noise):
     """Rests at other places each: the mean square of what their means are off, but for the noise of 400 samples."""
     rng = np.random.default_rng(int(100 * noise))
     off, stated = np.zeros(3), np.zeros(3)
@@ -131,7 +129,7 @@ def test_the_variance_is_that_of_what_means_are_off(noise: float) -> None:
     assert np.all(stated < 2.0 * off + 1e-3)
 
 
-def test_rests_that_show_the_same_number_know_no_more_than_one() -> None:
+def test_rests_that_show_the_same_number_know_no_more_than_one():
     rng = np.random.default_rng(1)
     errors, sigmas = list[np.ndarray](), list[np.ndarray]()
     for _ in range(60):
@@ -146,7 +144,7 @@ def test_rests_that_show_the_same_number_know_no_more_than_one() -> None:
     assert 0.5 < np.sqrt(np.mean(z**2)) < 1.25
 
 
-def test_an_integral_over_a_tables_ramp_is_off_by_what_one_number_hides_and_by_late_stamps() -> None:
+def test_an_integral_over_a_tables_ramp_is_off_by_what_one_number_hides_and_by_late_stamps():
     """From rest to a rate: along the axis steps pass, across it one number stays; stamps matter where it changes."""
     rng, samples, runs = np.random.default_rng(5), 120, 400
     ramp = np.clip(np.arange(samples) / 60.0, 0.0, 1.0)[:, None] * np.array([0.05, 40.0, -0.1])
@@ -164,7 +162,7 @@ def test_an_integral_over_a_tables_ramp_is_off_by_what_one_number_hides_and_by_l
 
 
 @pytest.mark.parametrize("own", [0.0, 0.3])
-def test_pulses_of_an_integral_are_told_from_samples_that_are_rounded_each(own: float) -> None:
+def test_pulses_of_an_integral_are_told_from_samples_that_are_rounded_each(own):
     """Their remainder is carried on. Noise that makes up for itself, too, is rounded each sample in the other."""
     rng = np.random.default_rng(5)
     shown = np.array([3.07, -1.4, 0.31]) + own * np.diff(rng.standard_normal((2001, 3)), axis=0)
@@ -180,7 +178,7 @@ EACH = np.array([1.0, 2.0, 5.0])
 
 
 @pytest.mark.parametrize("samples", [30, 150, 740, 4000])
-def test_it_is_that_of_white_noise(samples: int) -> None:
+def test_it_is_that_of_white_noise(samples):
     """Twenty-six holds; their 26 to 1040 pieces of a hundred samples tell it to 2.5 % at worst, of which three."""
     rng = np.random.default_rng(5)
     signal = EACH * rng.normal(size=(26 * samples, 3))
@@ -189,13 +187,13 @@ def test_it_is_that_of_white_noise(samples: int) -> None:
     np.testing.assert_allclose(noise_per_sample(signal, holds), EACH, rtol=0.075 if samples > 30 else 0.15)
 
 
-def test_the_median_of_its_pieces_is_their_mean() -> None:
+def test_the_median_of_its_pieces_is_their_mean():
     """Of 20 000 pieces: to 0.1 %, where the median of a hundred samples' scatter is 0.5 % below its mean."""
     signal = EACH * np.random.default_rng(6).normal(size=(2_000_000, 3))
     np.testing.assert_allclose(noise_per_sample(signal, [Hold(0, len(signal))]), EACH, rtol=2e-3)
 
 
-def test_turns_knocks_and_drift_are_no_noise() -> None:
+def test_turns_knocks_and_drift_are_no_noise():
     rng = np.random.default_rng(7)
     signal = EACH * rng.normal(size=(6000, 3)) + np.linspace(0.0, 100.0, 6000)[:, None]
     plain = noise_per_sample(signal, [Hold(0, 3000), Hold(3000, 6000)])
@@ -208,7 +206,7 @@ def test_turns_knocks_and_drift_are_no_noise() -> None:
 RATE, WHITE, INSTABILITY = 50.0, 4e-3, 4e-3
 
 
-def parts(instability: float, seed: int, *, holds: int = 24, seconds: float = 20.0) -> RestParts:
+def parts(instability, seed, *, holds=24, seconds=20.0):
     """Rests of `seconds` every 25 s; three sensors of white noise and of 1/f noise."""
     rng = np.random.default_rng(seed)
     every, own = round(25 * RATE), round(seconds * RATE)
@@ -226,18 +224,18 @@ def parts(instability: float, seed: int, *, holds: int = 24, seconds: float = 20
     return observe_parts(recording, timeline)
 
 
-def density_of(own: RestParts, **options: np.ndarray) -> float:
+def density_of(own, **options):
     return float(np.mean(find_density(own, own.rate, own.rate_white, **options)))
 
 
-def test_the_density_of_flicker_is_found_from_what_all_rests_show() -> None:
+def test_the_density_of_flicker_is_found_from_what_all_rests_show():
     """IEEE Std 952: B² / (2 pi f) two-sided has B² / pi per unit of ln f."""
     design = np.ones((24, 1))
     every = [density_of(parts(INSTABILITY, seed), design=design) for seed in range(6)]
     assert np.exp(np.mean(np.log(every))) == pytest.approx(INSTABILITY**2 / np.pi, rel=0.35)
 
 
-def test_what_rests_show_along_some_direction_each_tells_it_too() -> None:
+def test_what_rests_show_along_some_direction_each_tells_it_too():
     """Of three axes that wander apart, two rests along gravity show as much in common as their directions have."""
     up = np.random.default_rng(8).normal(size=(24, 3))
     up /= np.linalg.norm(up, axis=1, keepdims=True)
@@ -252,7 +250,7 @@ def test_what_rests_show_along_some_direction_each_tells_it_too() -> None:
     assert np.exp(np.mean(np.log(every))) == pytest.approx(INSTABILITY**2 / np.pi, rel=0.35)
 
 
-def test_white_noise_has_little_of_it_and_what_few_rests_leave_open_is_what_sheets_give() -> None:
+def test_white_noise_has_little_of_it_and_what_few_rests_leave_open_is_what_sheets_give():
     assert np.sqrt(parts(0.0, 1).rate_white) == pytest.approx(np.full(3, WHITE), rel=0.1)
     every = [density_of(parts(0.0, seed), design=np.ones((24, 1))) for seed in range(4)]
     assert np.mean(every) < 0.4 * USUAL * WHITE**2
@@ -260,7 +258,7 @@ def test_white_noise_has_little_of_it_and_what_few_rests_leave_open_is_what_shee
     assert 0.3 * USUAL * WHITE**2 < density_of(own) < 2.0 * USUAL * WHITE**2
 
 
-def test_a_rest_that_was_knocked_does_not_make_it_wander() -> None:
+def test_a_rest_that_was_knocked_does_not_make_it_wander():
     own = parts(0.0, 4)
     assert own.rate is not None
     knocked = own.rate.copy()
@@ -269,7 +267,7 @@ def test_a_rest_that_was_knocked_does_not_make_it_wander() -> None:
     assert moved < 1.5 * density_of(own)
 
 
-def test_where_few_rests_leave_it_open_the_density_is_right_on_average_as_a_variance_has_to_be() -> None:
+def test_where_few_rests_leave_it_open_the_density_is_right_on_average_as_a_variance_has_to_be():
     """Units as data sheets give them, six rests: true over stated has the mean 1, and had 1.4."""
     ratio: list[float] = []
     for seed in range(160):

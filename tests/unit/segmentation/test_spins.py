@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,15 +9,13 @@ import pytest
 
 from tumble.earth import Site
 from tumble.errors import SegmentationError
-from tumble.protocol import HoldStep, Pose, Protocol, SpinStep, Step, TurnStep
-from tumble.recording import Recording
+from tumble.protocol import HoldStep, Pose, Protocol, SpinStep, TurnStep
 from tumble.segmentation import find_spins, find_timeline, observe_holds
 from tumble.segmentation.matching import match_protocol, observe_matched_spins
-from tumble.segmentation.rotations import Rotation as TableRotation, observe_rotations
+from tumble.segmentation.rotations import observe_rotations
 from tumble.segmentation.spin_means import observe_spins, whole_revolutions
-from tumble.segmentation.turns import FoundSpin
 from tumble.sensor import ImuModel, Triad
-from tumble.simulation import TableErrors, Truth, simulate_protocol
+from tumble.simulation import TableErrors, simulate_protocol
 
 SITE, NO_EARTH = Site.from_latitude(np.radians(41.0)), Site.from_gravity(9.81)
 RATE = np.radians(41.78)  # ten thousand times the Earth's
@@ -31,16 +28,7 @@ TILTED, LYING = (
 )
 
 
-def played(
-    steps: Sequence[Step],
-    *,
-    rate: float = 100.0,
-    noise: tuple[float, float] = (0.02, 0.002),
-    seed: int = 1,
-    site: Site = SITE,
-    table: TableErrors | None = None,
-    model: ImuModel | None = None,
-) -> tuple[Recording, Truth]:
+def played(steps, *, rate=100.0, noise=(0.02, 0.002), seed=1, site=SITE, table=None, model=None):
     """Exact samples of a protocol, and white noise of force and rate."""
     rng, told = np.random.default_rng(seed), Protocol("spins", "turntable", tuple(steps))
     model = model or ImuModel.ideal()
@@ -53,14 +41,12 @@ def played(
     return replace(recording, specific_force=force, angular_rate=turn), truth
 
 
-def spun(
-    *rates: float, seconds: float = 20.0, rest: float = 5.0, pose: Pose = TILTED, ramp: float = 2.0
-) -> list[Step]:
+def spun(*rates, seconds=20.0, rest=5.0, pose=TILTED, ramp=2.0):
     spins = [(SpinStep(seconds, rate, Z, ramp=ramp), HoldStep(rest)) for rate in rates]
     return [HoldStep(rest, pose), *(step for pair in spins for step in pair)]
 
 
-def assert_found(recording: Recording, truth: Truth, lost: float = 0.4) -> list[FoundSpin]:
+def assert_found(recording, truth, lost=0.4):
     """Every plateau is found, nothing of its ramps, and `lost` s at most at each end."""
     timeline = find_timeline(recording)
     assert len(timeline.holds) == len(truth.hold_edges)
@@ -77,7 +63,7 @@ def assert_found(recording: Recording, truth: Truth, lost: float = 0.4) -> list[
 @pytest.mark.parametrize(
     ("noise", "rate"), [((0.0, 0.0), 400.0), ((1e-4, 1e-6), 100.0), ((0.05, 0.005), 25.0)]
 )
-def test_every_rate_of_a_table_is_found(noise: tuple[float, float], rate: float) -> None:
+def test_every_rate_of_a_table_is_found(noise, rate):
     steps = spun(*(sign * np.radians(speed) for speed in (10, 60, 200) for sign in (1, -1)))
     # at 10 deg/s and 25 Hz the noise hides the last eighth of the ramp
     assert_found(*played(steps, noise=noise, rate=rate), lost=0.7)
@@ -94,12 +80,12 @@ KINDS = {
 
 
 @pytest.mark.parametrize("steps", KINDS.values(), ids=KINDS)
-def test_spins_of_every_kind_are_found(steps: list[Step]) -> None:
+def test_spins_of_every_kind_are_found(steps):
     assert_found(*played(steps), lost=0.5)
 
 
 @pytest.mark.parametrize("seconds", [0.8, 4.0, 20.0])
-def test_a_turn_by_hand_has_no_plateau(seconds: float) -> None:
+def test_a_turn_by_hand_has_no_plateau(seconds):
     turns = [
         TurnStep(seconds, np.array([0.8, 0.0, 0.6]), angle) for angle in (3.0, -2.0, 1.6, -3.1, 2.5, -1.8)
     ]
@@ -111,14 +97,14 @@ def test_a_turn_by_hand_has_no_plateau(seconds: float) -> None:
         assert find_spins(recording, timeline) == []
 
 
-def ranges(spins: list[FoundSpin]) -> list[tuple[int, int]]:
+def ranges(spins):
     return [(spin.start, spin.stop) for spin in spins]
 
 
 @pytest.mark.parametrize(
     ("pose", "seconds"), [(TILTED, 6.0), (LYING, 6.0), (LYING, 33.3)], ids=["upright", "lying", "lying long"]
 )
-def test_without_noise_the_means_are_the_truth_whatever_the_window(pose: Pose, seconds: float) -> None:
+def test_without_noise_the_means_are_the_truth_whatever_the_window(pose, seconds):
     """6 s is 0.65 of a revolution; no window here is a whole number of samples per revolution."""
     steps = spun(RATE, -RATE, seconds=seconds, pose=pose)
     recording, truth = played(steps, noise=(0.0, 0.0), rate=97.0)
@@ -133,7 +119,7 @@ def test_without_noise_the_means_are_the_truth_whatever_the_window(pose: Pose, s
         np.testing.assert_allclose(means.specific_force[k], along[1] * Z, atol=1e-10)
 
 
-def test_a_table_off_its_nominal_rate_is_seen_by_the_phase_of_gravity() -> None:
+def test_a_table_off_its_nominal_rate_is_seen_by_the_phase_of_gravity():
     recording, _ = played(spun(RATE * 1.003, seconds=60.0, pose=LYING))
     means = observe_spins(recording, ranges(find_spins(recording, find_timeline(recording))), [PERIOD])
     assert means.specific_force is not None
@@ -145,7 +131,7 @@ def test_a_table_off_its_nominal_rate_is_seen_by_the_phase_of_gravity() -> None:
     assert np.all(np.abs(means.specific_force[0, :2]) < 4.5 * sigma[:2])
 
 
-def test_errors_of_the_means_have_their_stated_size_with_gravity_going_round() -> None:
+def test_errors_of_the_means_have_their_stated_size_with_gravity_going_round():
     """Sixty spins about a lying axis: what goes round is 500 times the noise and must not be in sigma."""
     squares: list[np.ndarray] = []
     for seed in range(10):
@@ -161,7 +147,7 @@ def test_errors_of_the_means_have_their_stated_size_with_gravity_going_round() -
     assert abs(np.mean(squares) - 1.0) < 0.52
 
 
-def test_whole_revolutions_lie_in_the_middle() -> None:
+def test_whole_revolutions_lie_in_the_middle():
     recording, _ = played([HoldStep(30.0, TILTED)])
     with pytest.raises(SegmentationError, match="no spins to average"):
         observe_spins(recording, [], [])
@@ -192,11 +178,11 @@ REST = HoldStep(6.0, Pose(Z, None, 0.05))
 TOLD = Protocol("one axis", "turntable", (*FACES, REST, SPINS[0], REST, SPINS[1], REST))
 
 
-def turned(table: TableErrors | None = None) -> tuple[Recording, Truth]:
+def turned(table=None):
     return played(TOLD.steps, rate=50.0, noise=(0.0, 0.0), seed=2, site=NO_EARTH, model=MODEL, table=table)
 
 
-def observed(told: Protocol, recording: Recording) -> list[TableRotation]:
+def observed(told, recording):
     timeline = find_timeline(recording)
     means = observe_holds(recording, timeline)
     matching = match_protocol(told, recording, timeline, means)
@@ -205,7 +191,7 @@ def observed(told: Protocol, recording: Recording) -> list[TableRotation]:
 
 
 @pytest.mark.parametrize("spread", [0.0, 0.4])
-def test_the_integral_from_rest_to_rest_is_the_angle_whatever_the_ramps(spread: float) -> None:
+def test_the_integral_from_rest_to_rest_is_the_angle_whatever_the_ramps(spread):
     """Samples are means over their intervals: their sum is the integral, to rounding."""
     stopped, truth = turned(TableErrors(stops_early=((0, 0.6),)))
     early = observed(replace(TOLD, steps=truth.steps), stopped)[0]
@@ -225,7 +211,7 @@ def test_the_integral_from_rest_to_rest_is_the_angle_whatever_the_ramps(spread: 
         np.testing.assert_allclose(rotation.integral, expected, rtol=0, atol=1e-11)
 
 
-def test_without_an_angle_the_constant_rate_serves_and_it_is_said() -> None:
+def test_without_an_angle_the_constant_rate_serves_and_it_is_said():
     recording, _ = turned()
     bare = replace(
         TOLD,
@@ -241,7 +227,7 @@ def test_without_an_angle_the_constant_rate_serves_and_it_is_said() -> None:
         np.testing.assert_allclose(rotation.integral, expected, rtol=0, atol=1e-8)
 
 
-def test_no_rotation_is_integrated_across_a_gap() -> None:
+def test_no_rotation_is_integrated_across_a_gap():
     recording, _ = turned()
     middle = observed(TOLD, recording)[0].start + 60
     time, force, rate = (
@@ -256,7 +242,7 @@ def test_no_rotation_is_integrated_across_a_gap() -> None:
     np.testing.assert_allclose(first.integral, expected, rtol=0, atol=1e-8)
 
 
-def test_ripple_counts_and_coarse_steps_do_not_matter_and_a_saturated_spin_says_so() -> None:
+def test_ripple_counts_and_coarse_steps_do_not_matter_and_a_saturated_spin_says_so():
     recording, truth = played(spun(RATE, -RATE))
     ripple = 1.0 + 1e-3 * np.sin(2.0 * np.pi * 3.3 * recording.time)[:, None]
     force, rate = np.asarray(recording.specific_force), np.asarray(recording.angular_rate) * ripple

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import polars as pl
@@ -28,19 +27,17 @@ GRAVITY = 9.81
 POSES = np.array([[0, 0, 1], [1, 0, 0], [0, 1, 0], [0, 0, -1], [-1, 0, 0], [0, -1, 0]], dtype=float)
 
 
-def recorded(force: np.ndarray, rate: np.ndarray, start: float = 0.0, hz: float = RATE) -> Recording:
+def recorded(force, rate, start=0.0, hz=RATE):
     return Recording(start + np.arange(len(force)) / hz, force, rate, "m/s^2", "rad/s", hz)
 
 
-def triads(recording: Recording) -> tuple[np.ndarray, np.ndarray]:
+def triads(recording):
     assert recording.specific_force is not None
     assert recording.angular_rate is not None
     return recording.specific_force, recording.angular_rate
 
 
-def tumbled(
-    holds: float = 3.0, turns: float = 1.0, noise: float = 0.002, seed: int = 1, poses: int = 6
-) -> tuple[Recording, list[tuple[float, float]]]:
+def tumbled(holds=3.0, turns=1.0, noise=0.002, seed=1, poses=6):
     """Poses of `holds` s with quarter turns of `turns` s at a smoothly rising and falling rate."""
     rng = np.random.default_rng(seed)
     force, rate, edges, now = [], [], [], 0.0
@@ -66,7 +63,7 @@ def tumbled(
     return recorded(force_b, rate_b + noise * rng.standard_normal(rate_b.shape) + [0.01, -0.02, 0.005]), edges
 
 
-def assert_finds(recording: Recording, edges: list[tuple[float, float]], tolerance: float = 0.2) -> None:
+def assert_finds(recording, edges, tolerance=0.2):
     holds = find_timeline(recording).holds
     assert len(holds) == len(edges)
     for hold, (start, stop) in zip(holds, edges, strict=True):
@@ -75,7 +72,7 @@ def assert_finds(recording: Recording, edges: list[tuple[float, float]], toleran
         assert abs(recording.time[hold.stop - 1] - stop) <= tolerance
 
 
-def test_six_poses_are_six_holds_and_five_turns() -> None:
+def test_six_poses_are_six_holds_and_five_turns():
     recording, edges = tumbled()
     timeline = find_timeline(recording)
     assert_finds(recording, edges)
@@ -100,7 +97,7 @@ def test_six_poses_are_six_holds_and_five_turns() -> None:
     assert cut.rejections[-1].reason == "motion, after the last hold"
 
 
-def test_counts_with_an_offset_give_the_same_timeline_as_si() -> None:
+def test_counts_with_an_offset_give_the_same_timeline_as_si():
     recording, _ = tumbled()
     force, rate = triads(recording)
     counts = replace(
@@ -117,7 +114,7 @@ def test_counts_with_an_offset_give_the_same_timeline_as_si() -> None:
     )
 
 
-def test_a_knock_is_left_out_of_the_hold_that_goes_on_after_it() -> None:
+def test_a_knock_is_left_out_of_the_hold_that_goes_on_after_it():
     recording, edges = tumbled()
     force, rate = triads(recording)
     first = round(5.5 * RATE)
@@ -129,13 +126,13 @@ def test_a_knock_is_left_out_of_the_hold_that_goes_on_after_it() -> None:
     assert sum(b - a for a, b in hold.excluded) < 0.6 * RATE
 
 
-def test_a_change_by_a_coarse_step_is_no_knock() -> None:
+def test_a_change_by_a_coarse_step_is_no_knock():
     """Steps of five times the noise: of a hold's blocks most show one number all along, some the next for a sample."""
     recording, edges = tumbled()
     force, rate = triads(recording)
     still = rate - [0.01, -0.02, 0.005]
 
-    def stepped(rate: np.ndarray) -> Recording:
+    def stepped(rate):
         return recorded(np.round(force / 0.1) * 0.1, np.round(rate / 0.01) * 0.01)
 
     assert_finds(stepped(still), edges)
@@ -146,7 +143,7 @@ def test_a_change_by_a_coarse_step_is_no_knock() -> None:
     assert any(a <= first and first + 8 <= b for a, b in knocked.excluded)
 
 
-def test_a_rest_too_short_for_a_hold_is_named_with_its_length() -> None:
+def test_a_rest_too_short_for_a_hold_is_named_with_its_length():
     recording, _ = tumbled()
     # the pose in the middle lasts 0.6 s only
     keep = np.ones(len(recording), dtype=bool)
@@ -156,7 +153,7 @@ def test_a_rest_too_short_for_a_hold_is_named_with_its_length() -> None:
     assert any(r.reason.startswith("at rest for only 0.") for r in timeline.rejections)
 
 
-def test_a_pose_that_creeps_is_no_hold_and_says_by_how_much() -> None:
+def test_a_pose_that_creeps_is_no_hold_and_says_by_how_much():
     recording, _ = tumbled(holds=4.0)
     force, _ = triads(recording)
     # the third pose, 10 to 14 s, sinks by 4 degrees at a constant rate beneath the gyro's notice
@@ -180,7 +177,7 @@ def test_a_pose_that_creeps_is_no_hold_and_says_by_how_much() -> None:
         ("# nothing\n", "holds no intervals"),
     ],
 )
-def test_a_wrong_file_is_refused_with_its_line(tmp_path: Path, text: str, message: str) -> None:
+def test_a_wrong_file_is_refused_with_its_line(tmp_path, text, message):
     path = tmp_path / "holds.txt"
     path.write_text(text, encoding="utf-8")
     with pytest.raises(SegmentationError, match=message):
@@ -194,27 +191,27 @@ GYRO = np.array([[1.1, 0.2, -0.1], [0.05, 0.9, 0.3], [-0.25, 0.15, 1.05]])
 FACES = np.vstack([np.eye(3), -np.eye(3)])
 
 
-def by_hand() -> Recording:
+def by_hand():
     model = ImuModel(Triad(np.eye(3), np.full(3, 0.2)), Triad(GYRO, np.array([0.03, -0.02, 0.01])))
     rng = np.random.default_rng(2)
     recording, _ = simulate_protocol(named_protocol("hand-held"), 50.0, rng, site=NORTH, model=model)
     return noisy(recording, rng, 5e-3, 1e-3)
 
 
-def noisy(recording: Recording, rng: np.random.Generator, *sigmas: float) -> Recording:
+def noisy(recording, rng, *sigmas):
     force, rate = (
         one + rng.normal(0.0, sigma, one.shape) for one, sigma in zip(triads(recording), sigmas, strict=True)
     )
     return replace(recording, specific_force=force, angular_rate=rate)
 
 
-def jumped(recording: Recording, jump: list[float], share: float) -> Recording:
+def jumped(recording, jump, share):
     after = np.arange(len(recording))[:, None] >= share * len(recording)
     return replace(recording, angular_rate=triads(recording)[1] + after * np.radians(jump))
 
 
 @pytest.mark.slow
-def test_right_recordings_have_no_other_rests() -> None:
+def test_right_recordings_have_no_other_rests():
     """By another hand's simulator: 24 of the 400 recordings whose rate the module states."""
     for k in range(24):
         grade = list(GRADES.values())[k % len(GRADES)]
@@ -224,7 +221,7 @@ def test_right_recordings_have_no_other_rests() -> None:
 
 
 @pytest.mark.parametrize(("jump", "share"), [([0.0, 0.0, 3.0], 0.55), ([2.0, -1.5, 4.0], 0.75)])
-def test_rests_after_a_jump_of_the_biases_are_found_where_they_are(jump: list[float], share: float) -> None:
+def test_rests_after_a_jump_of_the_biases_are_found_where_they_are(jump, share):
     whole = by_hand()
     holds = find_timeline(whole).holds
     assert find_other_rests(whole, find_timeline(whole)) is None
@@ -240,13 +237,13 @@ def test_rests_after_a_jump_of_the_biases_are_found_where_they_are(jump: list[fl
     assert other.rate == pytest.approx(np.linalg.norm(np.radians(jump)), rel=0.2)
 
 
-def test_holds_that_only_look_as_if_they_turned_are_kept_where_other_poses_show_the_same() -> None:
+def test_holds_that_only_look_as_if_they_turned_are_kept_where_other_poses_show_the_same():
     """0.4 °/s over four seconds are 1.6°, as of a pose that creeps about the vertical; but all poses creep alike."""
     whole = by_hand()
     assert len(find_timeline(jumped(whole, [0.3, 0.0, -0.3], 0.7)).holds) == len(find_timeline(whole).holds)
 
 
-def test_a_g_sensitivity_of_half_a_degree_per_second_is_no_turning() -> None:
+def test_a_g_sensitivity_of_half_a_degree_per_second_is_no_turning():
     """A consumer gyro shows another rate with another face up: every hold is found all the same."""
     sensitivity = np.radians(0.05) * np.array([[1.0, -0.4, 0.2], [0.3, -0.8, 0.5], [-0.6, 0.2, 0.9]])
     model = ImuModel(Triad(np.eye(3), np.zeros(3)), Triad(np.eye(3), np.full(3, 0.01)), sensitivity)
@@ -256,7 +253,7 @@ def test_a_g_sensitivity_of_half_a_degree_per_second_is_no_turning() -> None:
     assert len(find_timeline(noisy(recording, rng, 2e-3, 5e-4)).holds) == len(truth.hold_edges)
 
 
-def without(recording: Recording, *seconds: tuple[float, float], every: int | None = None) -> Recording:
+def without(recording, *seconds, every=None):
     """The recording without what lies between, and without every so manieth row, with the gaps that its file has."""
     keep = np.ones(len(recording), dtype=bool)
     keep[:: every or len(keep) + 1] = every is None
@@ -267,9 +264,7 @@ def without(recording: Recording, *seconds: tuple[float, float], every: int | No
     return replace(recording, time=time, specific_force=force, angular_rate=rate, gaps=find_gaps(time, RATE))
 
 
-def test_a_turn_with_missing_samples_or_a_saturated_gyro_is_not_usable_and_single_samples_do_not_cost_it() -> (
-    None
-):
+def test_a_turn_with_missing_samples_or_a_saturated_gyro_is_not_usable_and_single_samples_do_not_cost_it():
     recording, _ = tumbled(poses=4)
     assert all(turn.usable for turn in find_timeline(without(recording, every=41)).turns)
     lossy = without(recording, (7.5, 7.6), every=41)
@@ -282,14 +277,14 @@ def test_a_turn_with_missing_samples_or_a_saturated_gyro_is_not_usable_and_singl
     assert turns[1].reason == "0.1 s of samples are missing in it"
 
 
-def test_a_gap_in_which_a_turn_can_hide_ends_the_hold() -> None:
+def test_a_gap_in_which_a_turn_can_hide_ends_the_hold():
     recording, _ = tumbled(holds=6.0, poses=3)
     holds = find_timeline(without(recording, (2.5, 3.5))).holds
     assert len(holds) == 4
     assert holds[0].stop <= round(2.5 * RATE) <= holds[1].start
 
 
-def test_one_rest_is_one_hold_and_two_that_both_reach_for_what_lies_between_share_it() -> None:
+def test_one_rest_is_one_hold_and_two_that_both_reach_for_what_lies_between_share_it():
     """A car brakes: the specific force leans over in 0.4 s while the gyro sees nothing."""
     rng = np.random.default_rng(3)
     noise, rate = 0.02 * rng.standard_normal((3000, 3)), 0.001 * rng.standard_normal((3000, 3))
@@ -304,7 +299,7 @@ def test_one_rest_is_one_hold_and_two_that_both_reach_for_what_lies_between_shar
     assert 13.6 * RATE < before.stop <= after.start < 14.8 * RATE
 
 
-def test_a_recording_without_rest_without_triads_or_of_few_samples_is_refused() -> None:
+def test_a_recording_without_rest_without_triads_or_of_few_samples_is_refused():
     time = np.arange(2000) / RATE
     rate = 2.0 * np.sin(2.0 * np.pi * 0.7 * time + np.array([[0.0], [2.0], [4.0]])).T
     rate += 0.001 * np.random.default_rng(5).standard_normal((2000, 3))
@@ -328,7 +323,7 @@ def test_a_recording_without_rest_without_triads_or_of_few_samples_is_refused() 
         "11, 13\n15, 18.5\n",
     ],
 )
-def test_intervals_of_any_usual_layout_replace_the_search(tmp_path: Path, text: str) -> None:
+def test_intervals_of_any_usual_layout_replace_the_search(tmp_path, text):
     (tmp_path / "holds.txt").write_text(text, encoding="utf-8")
     timeline = find_timeline(given(), intervals=read_intervals(tmp_path / "holds.txt"))
     # stamps are 10.00, 10.02, ...: the first at or after 11 s is number 50
@@ -336,7 +331,7 @@ def test_intervals_of_any_usual_layout_replace_the_search(tmp_path: Path, text: 
     assert [(t.start, t.stop) for t in timeline.turns] == [(150, 250)]
 
 
-def given() -> Recording:
+def given():
     rng = np.random.default_rng(8)
     force, rate = 0.01 * rng.standard_normal((1000, 3)), 0.001 * rng.standard_normal((1000, 3))
     return recorded(force + np.array([0.0, 0.0, 9.8]), rate, start=10.0, hz=50.0)
@@ -353,12 +348,12 @@ def given() -> Recording:
         ([], "No intervals were given"),
     ],
 )
-def test_wrong_intervals_are_refused(intervals: list[tuple[float, float]], message: str) -> None:
+def test_wrong_intervals_are_refused(intervals, message):
     with pytest.raises(SegmentationError, match=message):
         find_timeline(given(), intervals=intervals)
 
 
-def test_one_rate_in_two_poses_is_told_and_spins_and_the_same_pose_again_are_not() -> None:
+def test_one_rate_in_two_poses_is_told_and_spins_and_the_same_pose_again_are_not():
     rates = np.array([[0.05, 0.0, 0.01], [0.051, 0.001, 0.01], [0.05, 0.0, 0.01], [0.0, 0.05, 0.0]])
     up = np.array([[9.8, 0.0, 0.1], [0.2, 9.7, 0.0], [-9.8, 0.0, 0.0], [0.0, 9.8, 0.0]])
     assert in_other_poses_too(rates, up).tolist() == [True, True, True, False]

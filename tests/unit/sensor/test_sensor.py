@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from math import cos, sin, tan
 from typing import Any
 
@@ -24,14 +23,14 @@ BY_HAND = np.array([[100.0, 3.0, -2.0], [-4.0, 110.0, 5.0], [6.0, -1.0, 90.0]])
 ITS_BIAS = np.array([10.0, -20.0, 30.0])
 
 
-def test_the_rows_of_the_matrix_are_the_sensors() -> None:
+def test_the_rows_of_the_matrix_are_the_sensors():
     # x: 100 * 1 + 3 * 2 - 2 * 3 + 10; y: -4 + 220 + 15 - 20; z: 6 - 2 + 270 + 30
     raw = Triad(BY_HAND, ITS_BIAS).distort(np.array([[1.0, 2.0, 3.0]]))
     assert np.array_equal(raw, [[110.0, 211.0, 304.0]])
     np.testing.assert_allclose(Triad(BY_HAND, ITS_BIAS).correct(raw), [[1.0, 2.0, 3.0]], rtol=1e-14)
 
 
-def test_asymmetry_and_quadratic_terms_act_on_each_sensor_s_own_input() -> None:
+def test_asymmetry_and_quadratic_terms_act_on_each_sensor_s_own_input():
     triad = Triad(BY_HAND, ITS_BIAS, np.array([0.01, -0.02, 0.03]), np.array([1e-4, 2e-4, -3e-4]))
     # own input of (1, -2, 3):
     # x 100 - 6 - 6 = 88; y -4 - 220 + 15 = -209; z 6 + 2 + 270 = 278
@@ -56,7 +55,7 @@ GYROSCOPE = Triad(
 G_SENSITIVITY = np.array([[0.1, 0.2, 0.3], [0.4, 0.5, 0.6], [0.7, 0.8, 0.9]])
 
 
-def test_g_sensitivity_acts_on_the_true_specific_force_and_adds_to_raw_rates() -> None:
+def test_g_sensitivity_acts_on_the_true_specific_force_and_adds_to_raw_rates():
     imu = ImuModel(ACCELEROMETER, GYROSCOPE, G_SENSITIVITY)
     raw_force, raw_rate = imu.distort(np.array([[1.0, 0.0, 0.0]]), np.array([[0.0, 0.0, 1.0]]))
     assert np.array_equal(raw_force, [[101.0, -2.0, 9.0]])
@@ -67,7 +66,7 @@ def test_g_sensitivity_acts_on_the_true_specific_force_and_adds_to_raw_rates() -
     np.testing.assert_allclose(rate, [[0.0, 0.0, 1.0]], atol=1e-15)
 
 
-def test_turning_the_frame_turns_what_is_corrected_and_leaves_what_is_raw() -> None:
+def test_turning_the_frame_turns_what_is_corrected_and_leaves_what_is_raw():
     imu = ImuModel(ACCELEROMETER, GYROSCOPE, G_SENSITIVITY)
     C_new_b = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])  # x_new = y_b, ...
     force, rate = np.array([[1.0, 2.0, 3.0]]), np.array([[4.0, 5.0, 6.0]])
@@ -86,7 +85,7 @@ IMU = ImuModel(
 )
 
 
-def test_the_factors_are_triangular_times_a_rotation() -> None:
+def test_the_factors_are_triangular_times_a_rotation():
     for factor, empty in (
         (lower_factor(MATRIX), np.triu_indices(3, 1)),
         (upper_factor(MATRIX), np.tril_indices(3, -1)),
@@ -105,7 +104,7 @@ VALUES = np.array([415.0, 413.0, 418.0, 0.004, -0.021, -0.009])
 GYRO_MATRIX = np.array([[4700.0, 30.0, -20.0], [-50.0, 4800.0, 10.0], [70.0, 40.0, 4750.0]])
 
 
-def to_imu_tk(p: Complex) -> Complex:
+def to_imu_tk(p):
     """Six numbers in imu_tk's frame and a row of the gyro's matrix, which the change of frame turns along."""
     matrix = matrix_from_shin(p[:3], p[3:])
     C_zx = frame_rotation(matrix, "accelerometer-z")
@@ -113,7 +112,7 @@ def to_imu_tk(p: Complex) -> Complex:
     return np.concatenate([corrected[np.triu_indices(3)], (GYRO_MATRIX @ C_zx.T)[0]])
 
 
-def test_a_linear_map_gives_the_sandwich_exactly() -> None:
+def test_a_linear_map_gives_the_sandwich_exactly():
     A = np.array([[1.0, 2.0, 0.0], [0.0, -1.0, 3.0]])
     C = np.array([[4.0, 1.0, -0.5], [1.0, 3.0, 0.2], [-0.5, 0.2, 2.0]])
     value, spread = propagate(lambda x: A @ x, np.array([1.0, 1.0, 1.0]), C)
@@ -122,7 +121,7 @@ def test_a_linear_map_gives_the_sandwich_exactly() -> None:
     np.testing.assert_allclose(spread, [[20.0, -7.3], [-7.3, 19.8]], rtol=1e-15)
 
 
-def test_the_derivatives_of_a_change_of_frame_are_those_of_central_differences() -> None:
+def test_the_derivatives_of_a_change_of_frame_are_those_of_central_differences():
     exact = jacobian(to_imu_tk, VALUES)
     assert exact.shape == (9, 6)
     for k in range(6):
@@ -176,7 +175,7 @@ NOTHING = np.zeros((1, 3))
         ),
     ],
 )
-def test_what_is_missing_is_named(refused: Callable[[], object], kind: type[Exception], said: str) -> None:
+def test_what_is_missing_is_named(refused, kind, said):
     with pytest.raises(kind, match=said):
         refused()
 
@@ -191,7 +190,7 @@ TRUE = (3.0, -5.0, 7.0)
 TRIAD = Triad(matrix_from_shin(1.0 + SCALE_ERROR, np.array([YZ, ZX, ZY])), SHIN_BIAS)
 
 
-def test_the_raw_output_is_equation_3_13() -> None:
+def test_the_raw_output_is_equation_3_13():
     a_x, a_y, a_z = TRUE
     Y = [
         0.4 + 1.02 * a_x,
@@ -201,7 +200,7 @@ def test_the_raw_output_is_equation_3_13() -> None:
     np.testing.assert_allclose(TRIAD.distort(np.array([TRUE])), [Y], rtol=1e-15)
 
 
-def test_the_corrected_output_is_equation_3_14() -> None:
+def test_the_corrected_output_is_equation_3_14():
     Y_x, Y_y, Y_z = 3.3, -4.9, 7.7
     a_x = (Y_x - 0.4) / 1.02
     a_y = a_x * tan(YZ) + (Y_y + 0.2) / (0.99 * cos(YZ))
@@ -209,7 +208,7 @@ def test_the_corrected_output_is_equation_3_14() -> None:
     np.testing.assert_allclose(TRIAD.correct(np.array([[Y_x, Y_y, Y_z]])), [[a_x, a_y, a_z]], rtol=1e-14)
 
 
-def test_a_matrix_of_another_frame_is_refused() -> None:
+def test_a_matrix_of_another_frame_is_refused():
     with pytest.raises(ValueError, match="not lower triangular: change the frame to accelerometer-x"):
         shin_from_matrix(np.array([[1.0, 1e-4, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]))
     # the round-off that a change of frame leaves is let through
@@ -233,7 +232,7 @@ THEIR_FORCE, THEIR_RATE = np.array([-180.0, 60.0, 330.0]) * SECOND, np.array([30
 INTER_TRIAD = np.array([-600.0, 120.0, -420.0]) * SECOND
 
 
-def test_the_printed_form_is_3_and_the_exact_one_has_rows_of_unit_length() -> None:
+def test_the_printed_form_is_3_and_the_exact_one_has_rows_of_unit_length():
     yz, zy, zx = ANGLES
     printed = matrix_from_zhang(np.ones(3), ANGLES, "small-angle")
     np.testing.assert_array_equal(printed, [[1.0, 0.0, 0.0], [yz, 1.0, 0.0], [-zy, zx, 1.0]])
@@ -245,7 +244,7 @@ def test_the_printed_form_is_3_and_the_exact_one_has_rows_of_unit_length() -> No
     )
 
 
-def test_the_diagonal_understates_the_scale_by_half_the_squares_of_the_angles() -> None:
+def test_the_diagonal_understates_the_scale_by_half_the_squares_of_the_angles():
     """Exact angles of the paper's table 2, read as printed: the diagonal of K T falls short of a row's length."""
     for angles, most in ((THEIR_FORCE, 1.3), (THEIR_RATE, 1.6)):
         matrix = matrix_from_zhang(np.full(3, 100.0), angles)
@@ -256,7 +255,7 @@ def test_the_diagonal_understates_the_scale_by_half_the_squares_of_the_angles() 
         assert np.max(short) == pytest.approx(most, abs=0.05)
 
 
-def test_inter_triad_angles_turn_p_into_o_and_come_back() -> None:
+def test_inter_triad_angles_turn_p_into_o_and_come_back():
     x, y, z = INTER_TRIAD
     R = inter_triad_rotation(INTER_TRIAD)
     # I + [θ×] of (6) is off by half of the squares and products
@@ -276,11 +275,11 @@ GYRO_BIAS = np.array([1e-4, -2e-4, 3e-4])
 SAVAGE = SavageErrors.from_vector(ERRORS, GYRO_BIAS)
 
 
-def named(word: str) -> float:
+def named(word):
     return float(ERRORS[NAMES.index(word)])
 
 
-def test_the_model_is_6_to_11_element_by_element() -> None:
+def test_the_model_is_6_to_11_element_by_element():
     model = SAVAGE.model()
     half = [named(f"upsilon {pair}") / 2 for pair in ("yz", "zx", "xy")]
     expected = np.eye(3) + np.array(
@@ -301,7 +300,7 @@ def test_the_model_is_6_to_11_element_by_element() -> None:
     np.testing.assert_allclose(model.accelerometer.matrix, expected, rtol=0, atol=1e-16)
 
 
-def test_an_asymmetry_adds_to_the_scale_factor_of_positive_input_and_takes_from_that_of_negative() -> None:
+def test_an_asymmetry_adds_to_the_scale_factor_of_positive_input_and_takes_from_that_of_negative():
     model = SavageErrors.from_vector(ERRORS * np.isin(np.arange(24), [3, 4, 5, 15, 16, 17])).model()
     rates = np.array([[0.0, 2.0, 0.0], [0.0, -2.0, 0.0]])
     _, shown = model.distort(10.0 * rates, rates)
@@ -309,7 +308,7 @@ def test_an_asymmetry_adds_to_the_scale_factor_of_positive_input_and_takes_from_
     np.testing.assert_allclose(shown[:, 1], [2.0 * (1 + asymmetry), -2.0 * (1 - asymmetry)], rtol=1e-15)
 
 
-def test_the_rotation_is_that_of_scipy_s_polar_decomposition() -> None:
+def test_the_rotation_is_that_of_scipy_s_polar_decomposition():
     model = SAVAGE.model().turned(Rotation.from_rotvec([0.3, -0.2, 0.1]).as_matrix())
     rotation, symmetric = polar(model.gyroscope.matrix, side="left")
     found, U = savage_from_model(model)
@@ -323,7 +322,7 @@ def test_the_rotation_is_that_of_scipy_s_polar_decomposition() -> None:
     values=st.lists(st.floats(-0.05, 0.05), min_size=24, max_size=24),
     frame=st.sampled_from(["accelerometer-x", "accelerometer-z"]),
 )
-def test_to_another_frame_and_back_nothing_is_lost(values: list[float], frame: str) -> None:
+def test_to_another_frame_and_back_nothing_is_lost(values, frame):
     errors = SavageErrors.from_vector(np.array(values), GYRO_BIAS)
     np.testing.assert_array_equal(errors.vector, values)
     away = change_frame(errors.model(), frame)
@@ -336,7 +335,7 @@ def test_to_another_frame_and_back_nothing_is_lost(values: list[float], frame: s
     np.testing.assert_allclose(gyro, gyro.T, rtol=0, atol=1e-13)
 
 
-def test_one_triad_and_left_handed_gyros_have_no_such_errors() -> None:
+def test_one_triad_and_left_handed_gyros_have_no_such_errors():
     model = SAVAGE.model()
     mirrored = Triad(model.gyroscope.matrix * [1.0, -1.0, 1.0], np.zeros(3))
     for one in (ImuModel(None, model.gyroscope), ImuModel(model.accelerometer, None)):
