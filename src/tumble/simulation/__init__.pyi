@@ -6,7 +6,7 @@ from .errors import (
     SessionErrors as SessionErrors,
     read_errors as read_errors,
 )
-from .fixtures import PlayedProtocol as PlayedProtocol, play_protocol as play_protocol, poses_26 as poses_26
+from .fixtures import play_protocol as play_protocol, poses_26 as poses_26
 from .grades import (
     GRADES as GRADES,
     Grade as Grade,

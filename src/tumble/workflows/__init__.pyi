@@ -22,7 +22,6 @@ from .difference import (
     verdict as verdict,
 )
 from .drive import (
-    DriftAfter as DriftAfter,
     DriveVerification as DriveVerification,
     verify_drive as verify_drive,
 )

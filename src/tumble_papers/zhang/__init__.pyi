@@ -12,7 +12,6 @@ from .pose_sets import (
 from .tables import TABLES_AND_FIGURES as TABLES_AND_FIGURES, theory_of_nine as theory_of_nine
 from .turntable import (
     CHOICES as CHOICES,
-    Estimates as Estimates,
     Setting as Setting,
     evaluate as evaluate,
     in_paper_units as in_paper_units,
