@@ -142,9 +142,7 @@ def test_ulog_fifo_messages_hold_many_samples(tmp_path: Path) -> None:
     np.testing.assert_allclose(recording.specific_force, 0.0005 * counts[0, :198], rtol=1e-7)
 
 
-def test_logs_without_inertial_messages_or_without_their_library_are_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_logs_without_inertial_messages_or_without_their_library_are_refused(tmp_path, monkeypatch) -> None:
     write_ulog(tmp_path / "a.ulg", ("battery_status", 0, "float voltage;", "f", [(1, 12.0), (2, 12.0)]))
     (tmp_path / "a.bin").write_bytes(FMT + described(10, 11, b"MODE", b"Q", b"TimeUS") + bytes(20))
     for name, words in (

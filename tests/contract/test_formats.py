@@ -369,9 +369,7 @@ def test_one_wrong_bit_in_a_gzip_is_a_sentence(tmp_path: Path) -> None:
             read_recording(file)
 
 
-def test_a_full_disk_is_not_taken_for_a_file_cut_short(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_full_disk_is_not_taken_for_a_file_cut_short(tmp_path, monkeypatch) -> None:
     library = pytest.importorskip("zstandard")
     file, original = tmp_path / "hand.csv.zst", Path.open
     write_csv(file, example())

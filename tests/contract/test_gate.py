@@ -75,9 +75,7 @@ def test_every_reader_refuses_a_device_and_a_pipe(refused: Any, words: str, plac
 
 
 @pytest.mark.parametrize("words", DOCUMENTS)
-def test_every_reader_of_documents_refuses_what_is_too_long_too_deep_or_no_text(
-    refused: Any, words: str
-) -> None:
+def test_every_reader_of_documents_refuses_what_is_too_long_too_deep_or_no_text(refused, words) -> None:
     with Path("bad").open("wb") as file:
         file.truncate(600 << 20)
     assert "longer than" in refused(words.format("bad"))

@@ -226,9 +226,7 @@ for made in (ARDUPILOT, {**ARDUPILOT, **HEATED}):
 
 
 @pytest.mark.parametrize(("p", "topics"), LOGS, ids=["px4", "px4 increments", *"IAT", *"iat"])
-def test_a_log_with_parameters_is_the_recording_without_them(
-    tmp_path: Path, p: Parameters, topics: tuple[str, ...]
-) -> None:
+def test_a_log_with_parameters_is_the_recording_without_them(tmp_path, p, topics) -> None:
     write, unit, off = (ulog, 1e-3, 2e-7) if p is PX4 else (dataflash, 1.0, 2e-4)
     for name, q in (("active", p), ("idle", at_defaults(p))):
         recording = read_recording(
@@ -341,9 +339,7 @@ def test_a_sensor_without_a_curve_has_no_thermal_offset_in_px4(tmp_path: Path) -
         read_recording(changed(path, (b"accel_device_ids", b"accel_device_idz")))
 
 
-def test_a_magnetometer_of_px4_that_cannot_be_undone_is_left_out_unless_it_is_asked_for(
-    tmp_path: Path,
-) -> None:
+def test_a_magnetometer_of_px4_that_cannot_be_undone_is_left_out_unless_it_is_asked_for(tmp_path) -> None:
     turned = (b"CAL_MAG0_ROT" + struct.pack("<i", number) for number in (6, 100))
     path = changed(ulog(tmp_path / "a.ulg", PX4), tuple(turned))
     recording = read_recording(path)
@@ -396,9 +392,7 @@ def test_a_calibrated_drone_gets_the_parameters_that_a_new_one_gets(tmp_path: Pa
 
 
 @pytest.mark.parametrize("message", ["sensor_", "sensor_combined", "IMU"])
-def test_a_turned_compass_of_px4_or_ardupilot_gets_numbers_that_are_right_in_its_firmware(
-    tmp_path: Path, message: str
-) -> None:
+def test_a_turned_compass_of_px4_or_ardupilot_gets_numbers_that_are_right_in_its_firmware(tmp_path, message):
     """The compass stands in other axes than the IMU: PX4's by a rotation of its own, ArduPilot's by the board's."""
     stamps, force, rate, true = held_in_many_poses(18)
     soft, hard = symmetric(np.array([1.03, 0.98, 1.02]), np.array([0.02, -0.03, 0.01])), [40.0, -90.0, 25.0]
@@ -433,9 +427,7 @@ def document(before: tuple[str, ...] = ()) -> Calibration:
 
 
 @pytest.mark.parametrize("target", ["px4", "ardupilot"])
-def test_a_calibration_of_corrected_numbers_does_not_replace_the_autopilots(
-    tmp_path: Path, target: str
-) -> None:
+def test_a_calibration_of_corrected_numbers_does_not_replace_the_autopilots(tmp_path, target) -> None:
     on_top = document(("0123456789ab",))
     with pytest.raises(UsageError, match=r"corrected before \(0123456789ab\)(.|\n)*put it in their place"):
         convert_to(on_top, target, output=tmp_path / "out", largest_loss=0.1)

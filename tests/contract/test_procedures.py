@@ -13,7 +13,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from tests.unit.adjusted import adjusted
 
-from tumble.calibration import PROCEDURES, Estimate, Procedure, StableKnowledge, Turns, find_procedure
+from tumble.calibration import PROCEDURES, Estimate, StableKnowledge, Turns, find_procedure
 from tumble.document import FRAME_WORDS, Calibration, calibration_from_estimate, read_part
 from tumble.earth import Site
 from tumble.errors import UsageError
@@ -82,9 +82,7 @@ def estimate(procedure: Calibrate, scene: Scene) -> Estimate:
 class TestRecord:
     """What a record owes."""
 
-    def test_it_is_found_by_its_name_with_its_frame_its_page_and_its_protocol(
-        self, record: Procedure
-    ) -> None:
+    def test_it_is_found_by_its_name_with_its_frame_its_page_and_its_protocol(self, record) -> None:
         assert find_procedure(record.name) is record
         assert set(PROCEDURES) == set(KNOWN_PROCEDURES)
         assert record.frame in FRAME_WORDS
@@ -94,9 +92,7 @@ class TestRecord:
             with pytest.raises(UsageError, match=f"tumble simulate {record.example}"):
                 check_procedure(record.name, has_protocol=False)
 
-    def test_what_is_tried_next_is_another_procedure_and_the_last_needs_no_protocol(
-        self, record: Procedure
-    ) -> None:
+    def test_what_is_tried_next_is_another_procedure_and_the_last_needs_no_protocol(self, record) -> None:
         tried = [record]
         while tried[-1].otherwise:
             tried.append(find_procedure(tried[-1].otherwise))
@@ -143,9 +139,7 @@ class TestProcedure:
         assert all(score.shape == (holds,) for score in scores)
         assert np.all(np.isfinite(estimate.holds.norms))
 
-    def test_the_same_data_give_the_same_numbers_and_are_left_alone(
-        self, procedure: Calibrate, estimate: Estimate, scene: Scene
-    ) -> None:
+    def test_the_same_data_give_the_same_numbers_and_are_left_alone(self, procedure, estimate, scene) -> None:
         before = scene.recording.specific_force.copy(), scene.means.specific_force.copy()
         again = procedure(scene)
         np.testing.assert_array_equal(again.covariance, estimate.covariance)
@@ -153,9 +147,7 @@ class TestProcedure:
         np.testing.assert_array_equal(scene.recording.specific_force, before[0])
         np.testing.assert_array_equal(scene.means.specific_force, before[1])
 
-    def test_the_clock_s_origin_does_not_matter(
-        self, procedure: Calibrate, estimate: Estimate, scene: Scene
-    ) -> None:
+    def test_the_clock_s_origin_does_not_matter(self, procedure, estimate, scene) -> None:
         """An hour later by its stamps: rounding of 5e-13 s in a step of 0.02 s."""
         later = seen(replace(scene.recording, time=scene.recording.time + 3600.0))
         moved = procedure(later)
@@ -167,9 +159,7 @@ class TestProcedure:
         off = np.abs(moved.covariance - estimate.covariance)
         assert np.all(off <= 1e-4 * np.outer(sigma, sigma))
 
-    def test_other_raw_units_scale_the_matrix_and_nothing_else(
-        self, procedure: Calibrate, estimate: Estimate, scene: Scene
-    ) -> None:
+    def test_other_raw_units_scale_the_matrix_and_nothing_else(self, procedure, estimate, scene) -> None:
         """250 counts a m/s² and 4000 a rad/s, with the converter's zero at 2048: dimensionless numbers stay.
 
         The adjustment stops below 1e-3 sigma, which is its share of the tolerance.
@@ -193,9 +183,7 @@ class TestProcedure:
                 assert parameter.value == pytest.approx(own.value, abs=0.01 * own.standard_uncertainty)
                 assert parameter.standard_uncertainty == pytest.approx(own.standard_uncertainty, rel=1e-3)
 
-    def test_an_uncertain_gravity_widens_the_scale_factors(
-        self, procedure: Calibrate, estimate: Estimate, scene: Scene
-    ) -> None:
+    def test_an_uncertain_gravity_widens_the_scale_factors(self, procedure, estimate, scene) -> None:
         vague = procedure(scene, replace(SITE, gravity_sigma=0.015))
         for before, after in zip(estimate.parameters, vague.parameters, strict=True):
             assert after.value == pytest.approx(before.value, rel=1e-9)
@@ -203,9 +191,7 @@ class TestProcedure:
                 expected = np.hypot(before.standard_uncertainty, (1.0 + before.value) * 0.015 / 9.81)
                 assert after.standard_uncertainty == pytest.approx(expected, rel=1e-3)
 
-    def test_too_few_poses_are_an_objection_with_the_way_out_and_serve_with_a_prior(
-        self, procedure: Calibrate
-    ) -> None:
+    def test_too_few_poses_are_an_objection_with_the_way_out_and_serve_with_a_prior(self, procedure) -> None:
         six = tumbled(np.arange(6))
         told = " ".join(procedure(six).objections)
         assert "6 different poses were found and 9 are needed" in told

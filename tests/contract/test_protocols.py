@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import fields, is_dataclass, replace
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -149,9 +148,7 @@ def test_its_spins_go_both_ways_alike_in_whole_revolutions(protocol: Protocol) -
             assert spin.angle == pytest.approx(spin.rate * (spin.duration + spin.ramp), rel=1e-12)
 
 
-def test_its_file_reads_back_and_one_may_name_it_and_give_the_site_alone(
-    protocol: Protocol, tmp_path: Path
-) -> None:
+def test_its_file_reads_back_and_one_may_name_it_and_give_the_site_alone(protocol, tmp_path) -> None:
     placed, path = replace(protocol, site=SITE), tmp_path / "p.yaml"
     write_protocol(placed, path)
     assert same(read_protocol(path), placed)

@@ -29,9 +29,7 @@ TRUE = np.array([[3.0, -7.0, 5.0], [-9.0, 2.0, 4.0], [1.0, 6.0, -8.0]])
 class TestTerm:
     """The contract."""
 
-    def test_its_unknowns_are_among_all_and_have_words_and_no_other_gives_way_as_soon(
-        self, term: Term
-    ) -> None:
+    def test_its_unknowns_are_among_all_and_have_words_and_no_other_gives_way_as_soon(self, term) -> None:
         at = term_unknowns(term.name)
         assert set(at) <= set(LAYOUT.indices(term.block.name))
         assert len(set(term.block.labels)) == len(term.block.labels) == len(term.block.remedies)

@@ -144,9 +144,7 @@ def summed(line: str) -> str:
         ("VNMAR", [], [], False),
     ],
 )
-def test_vectornav_s_sentences_have_the_magnetometer_first(
-    tmp_path: Path, kind: str, before: list[float], after: list[float], stamped: bool
-) -> None:
+def test_vectornav_s_sentences_have_the_magnetometer_first(tmp_path, kind, before, after, stamped) -> None:
     rows = np.hstack([FIELD, FORCE, RATE]).tolist()
     cells = (",".join(f"{number:+.6f}" for number in (*before, *row, *after)) for row in rows)
     lines = [

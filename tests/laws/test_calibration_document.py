@@ -102,9 +102,7 @@ def example(request: pytest.FixtureRequest) -> Calibration:
 
 @given(st.lists(REAL, min_size=30, max_size=30))
 @settings(max_examples=20)
-def test_every_number_is_read_back_bit_for_bit(
-    tmp_path_factory: pytest.TempPathFactory, numbers: list[float]
-) -> None:
+def test_every_number_is_read_back_bit_for_bit(tmp_path_factory, numbers) -> None:
     document = document_of(numbers)
     path = tmp_path_factory.mktemp("document") / "calibration.json"
     document.write(path)
@@ -131,9 +129,7 @@ def by_the_formula(
     st.sampled_from([(), ("g_sensitivity",), ("quadratic",)]),
 )
 @settings(max_examples=30)
-def test_test_vectors_follow_from_the_file_s_own_formula(
-    numbers: list[float], counts: bool, terms: tuple[str, ...]
-) -> None:
+def test_test_vectors_follow_from_the_file_s_own_formula(numbers, counts, terms) -> None:
     """The corrected numbers, distorted by the formula in the file, are the raw ones: to 1e-12 of the largest."""
     document = json.loads(document_of(numbers, counts=counts, terms=frozenset(terms)).to_json())
     assert len(document["test_vectors"]) >= 3
@@ -160,9 +156,7 @@ def test_the_test_vectors_are_not_trivial(example: Calibration) -> None:
             assert off > 1e-7, (block, key)
 
 
-def test_covariance_parameters_name_entries_of_the_file_in_the_covariance_s_order(
-    example: Calibration,
-) -> None:
+def test_covariance_parameters_name_entries_of_the_file_in_the_covariance_s_order(example) -> None:
     document = json.loads(example.to_json())
     names = document["covariance_parameters"]
     covariance = np.array(document["covariance"])
@@ -245,9 +239,7 @@ def changed(file: Path, change: Callable[[Any], Any]) -> Path:
         ),
     ],
 )  # fmt: skip
-def test_a_damaged_document_is_refused_with_the_place_of_the_damage(
-    file: Path, change: Callable[[Any], Any], where: str
-) -> None:
+def test_a_damaged_document_is_refused_with_the_place_of_the_damage(file, change, where) -> None:
     with pytest.raises(CalibrationFileError, match=re.escape(where)) as caught:
         read_calibration(changed(file, change))
     assert "\n" not in str(caught.value)
@@ -265,9 +257,7 @@ def test_a_damaged_document_is_refused_with_the_place_of_the_damage(
         ("gyroscope", "matrix", (2, 2), 1e300),
     ],
 )
-def test_a_number_that_was_changed_contradicts_the_test_vectors(
-    file: Path, triad: str, key: str, at: tuple[int, ...], factor: float
-) -> None:
+def test_a_number_that_was_changed_contradicts_the_test_vectors(file, triad, key, at, factor) -> None:
     def change(document: Any) -> None:
         place = document[triad][key]
         for index in at[:-1]:
@@ -308,9 +298,7 @@ def test_unknown_keys_of_the_same_version_are_let_through(file: Path, example: C
     assert read_calibration(changed(file, lambda d: d.update(later="kept out"))) == example
 
 
-def test_numbers_that_overflow_are_refused_and_a_raw_number_that_is_none_stays_none(
-    example: Calibration,
-) -> None:
+def test_numbers_that_overflow_are_refused_and_a_raw_number_that_is_none_stays_none(example) -> None:
     small = document_of([-0.05] * 30, terms=frozenset())  # its scale factors are 0.95
     with pytest.raises(CalibrationFileError, match="specific force of sample 2 is not finite"):
         small.correct(np.array([[1.0, 2.0, 3.0], [1.75e308, 1.75e308, 1.75e308]]), None)

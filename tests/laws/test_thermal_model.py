@@ -91,9 +91,7 @@ def test_each_sample_is_distorted_by_the_unit_at_its_own_temperature(basis: Temp
 
 
 @each_basis
-def test_functions_are_zero_at_the_reference_nowhere_jump_and_have_their_derivatives(
-    basis: TemperatureBasis,
-) -> None:
+def test_functions_are_zero_at_the_reference_nowhere_jump_and_have_their_derivatives(basis) -> None:
     assert np.all(basis.values(np.array([basis.reference_celsius])) == 0.0)
     assert len(basis.labels) == len(basis.units) == basis.size
     # Central differences over 2e-3 K of cubics are off by 1e-6 K² of their third derivative; they meet no node.

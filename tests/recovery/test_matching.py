@@ -264,9 +264,7 @@ SAME, HALF = np.eye(3), np.diag([-1.0, -1.0, 1.0])
         ("modified-multi-position", SAME, np.degrees(SAME), r"5\d\.\d times as fast.*look like deg/s: .*with --units"),
     ],
 )  # fmt: skip
-def test_axes_signs_and_units_that_would_do_are_told(
-    name: str, force: np.ndarray, rate: np.ndarray, words: str
-) -> None:
+def test_axes_signs_and_units_that_would_do_are_told(name, force, rate, words) -> None:
     protocol = shortened(name)
     recording, _ = simulated(protocol, units="counts" if force is SWAPPED else "SI")
     with pytest.raises(SegmentationError, match=words):
@@ -415,9 +413,7 @@ EARLY = replace(BAD, stops_early=((1, 0.35), (2, 0.6)))
         ("laboratory", "tactical", "counts", None),
     ],
 )
-def test_every_hold_and_rotation_is_found_where_it_was(
-    name: str, grade: str, units: str, table: TableErrors | None
-) -> None:
+def test_every_hold_and_rotation_is_found_where_it_was(name, grade, units, table) -> None:
     rng = np.random.Generator(np.random.SFC64(5))
     recording, truth = simulate_protocol(
         named_protocol(name),

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from tumble.document import plain
 from tumble.earth import Site
 from tumble.protocol import named_protocol, write_protocol
 from tumble.simulation import GRADES, SessionErrors, find_grade
@@ -32,15 +30,7 @@ FORCE, RATE = "accelerometer", "gyroscope"
         ("strapdown-rotation", "strapdown-rotation", (FORCE, RATE), 5e-8),
     ],
 )
-def test_without_noise_the_truth_comes_back(
-    *,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    procedure: str,
-    name: str,
-    triads: tuple[str, ...],
-    rounding: float,
-) -> None:
+def test_without_noise_the_truth_comes_back(*, tmp_path, monkeypatch, procedure, name, triads, rounding):
     """In counts; of the scale factor for a matrix, of 10 m/s² or 1 rad/s for a bias."""
     plain_unit = replace(find_grade("consumer-mems"), name="plain", g_sensitivity=0.0)
     monkeypatch.setitem(GRADES, "plain", plain_unit)
@@ -57,7 +47,7 @@ def test_without_noise_the_truth_comes_back(
     )
     calibration = calibrate(protocol=tmp_path / "sim" / "protocol.yaml").calibration
     frame = calibration.frame.name
-    true = plain(done.truth)
+    true = done.truth
     true = true if frame == "fixture" else true[f"in_frame_{frame.replace('-', '_')}"]
     for triad in triads or (FORCE,):
         found = getattr(calibration, triad)

@@ -114,9 +114,7 @@ def test_a_turn_that_is_missing_is_named_and_the_others_serve() -> None:
     assert_within(estimate, truth)
 
 
-def test_a_table_that_stopped_early_is_named_by_its_step_and_serves_once_its_angle_is_in_the_protocol() -> (
-    None
-):
+def test_a_table_that_stopped_early_is_named_by_its_step_and_serves_once_its_angle_is_in_the_protocol():
     recording, truth = played(TABLE, TableErrors(stops_early=((2, 0.8),)))
     assert_within(calibrated(recording, replace(TABLE, steps=truth.steps)), truth)
     words = r"Step 26, about y: the protocol says that the table turned 360°.*288°"
@@ -160,9 +158,7 @@ def test_a_laboratory_whose_poses_are_believed_and_wrong_is_not_fit() -> None:
         ("angular_rate", [0, 1, 2], [1, 0, 1], "gy never changes"),
     ],
 )
-def test_swapped_and_reversed_columns_and_a_dead_one_are_named(
-    triad: str, columns: list[int], signs: list[float], words: str
-) -> None:
+def test_swapped_and_reversed_columns_and_a_dead_one_are_named(triad, columns, signs, words) -> None:
     recording, _ = whole("ring-laser")
     made = replace(recording, **{triad: getattr(recording, triad)[:, columns] * signs})
     with pytest.raises(TumbleError, match=words):
@@ -190,9 +186,7 @@ def turned_headings() -> Protocol:
     ],
     ids=["ring lasers", "MEMS", "headings a quarter turn off", "no latitude"],
 )
-def test_a_fixture_that_is_off_and_a_place_that_is_not_known_do_no_harm(
-    grade: str, protocol: Protocol, site: Site
-) -> None:
+def test_a_fixture_that_is_off_and_a_place_that_is_not_known_do_no_harm(grade, protocol, site) -> None:
     recording, truth = whole(grade)
     estimate = calibrated(recording, protocol, site)
     assert_within(estimate, truth)

@@ -63,9 +63,7 @@ SLOW = pytest.mark.slow
         (None, "strapdown-rotation", "tactical", 1000, "gaps", GYRO),
     ],
 )  # fmt: skip
-def test_a_fault_is_said_and_none_is_not(
-    said: str | None, procedure: str, grade: str, seed: int, fault: str | None, within: dict[str, float]
-) -> None:
+def test_a_fault_is_said_and_none_is_not(said, procedure, grade, seed, fault, within) -> None:
     made = played(procedure, grade, seed, fault, **QUICK.get(procedure, {}))
     found = calibrated(made, rate=f"{made.path.rate}±{made.path.rate * 1e-6}")
     assert found.verdict.fit == (said is None), found.verdict.reasons
@@ -215,9 +213,7 @@ def by_hand(
 @pytest.mark.parametrize(
     ("rate", "share"), [([0.0, 0.0, 3.0], 0.5), ([2.0, -1.4, 0.8], 0.75), ([2.0, -1.4, 0.8], 0.3)]
 )
-def test_rests_that_a_jump_of_the_gyros_made_look_like_motion_are_said(
-    rate: list[float], share: float
-) -> None:
+def test_rests_that_a_jump_of_the_gyros_made_look_like_motion_are_said(rate, share) -> None:
     """Half of the rests were motion, and the other half gave the right numbers of one half of the recording."""
     said = against(by_hand(21, rate=rate, share=share))
     assert re.search(r"In \d+ stretches in several poses between .* gravity stands still", said)
@@ -314,9 +310,7 @@ def test_an_accelerometer_at_its_limit_in_holds_is_not_fit() -> None:
         pytest.param("turntable", "industrial", 0.005, -0.05, marks=SLOW),
     ],
 )
-def test_jumps_of_both_triads_are_said_with_place_axis_and_size(
-    procedure: str, grade: str, force: float, rate: float
-) -> None:
+def test_jumps_of_both_triads_are_said_with_place_axis_and_size(procedure, grade, force, rate) -> None:
     """From the middle on accelerometer y (m/s²) and gyro z (°/s) have other biases."""
     made = played(procedure, grade, 3, **QUICK.get(procedure, {}))
     after = np.arange(len(made.time)) >= 0.5 * len(made.time)

@@ -279,9 +279,7 @@ def of_three(tmp_path_factory: pytest.TempPathFactory) -> Calibration:
     return together(tmp_path_factory.mktemp("three"), *(turn_on(number) for number in range(3)))
 
 
-def test_what_is_stable_is_within_its_uncertainty_and_better_known_than_from_one(
-    of_three: Calibration,
-) -> None:
+def test_what_is_stable_is_within_its_uncertainty_and_better_known_than_from_one(of_three) -> None:
     """Three recordings alike: the root of three, within what their different poses make of it."""
     assert np.max(np.abs(stable(of_three))) < 4.5
     alone = settled(turn_on(0), told=False, rate="crystal")

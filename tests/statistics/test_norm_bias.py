@@ -39,9 +39,7 @@ def means() -> dict[tuple[str, int], tuple[float, float]]:
 
 @pytest.mark.parametrize("estimator", ELSEWHERE)
 @pytest.mark.parametrize("attitudes", [26, 208])
-def test_mean_errors_are_those_of_another_implementation(
-    means: dict[tuple[str, int], tuple[float, float]], estimator: str, attitudes: int
-) -> None:
+def test_mean_errors_are_those_of_another_implementation(means, estimator, attitudes) -> None:
     """Within what chance does to both; the other's number of runs is taken as 500 as for its tables."""
     mean, sigma = means[estimator, attitudes]
     theirs = ELSEWHERE[estimator][attitudes == 208]
@@ -49,9 +47,7 @@ def test_mean_errors_are_those_of_another_implementation(
 
 
 @pytest.mark.parametrize("estimator", THEORY)
-def test_with_many_attitudes_the_theory_of_second_order_holds(
-    means: dict[tuple[str, int], tuple[float, float]], estimator: str
-) -> None:
+def test_with_many_attitudes_the_theory_of_second_order_holds(means, estimator) -> None:
     """Multiples of (σ/K)²; what is beyond second order is a tenth of it, and chance is 4.5 sigma."""
     square = 1e6 * (RATE_NOISE / np.sqrt(180.0) / EARTH_RATE) ** 2
     assert square == pytest.approx(1381, abs=1.0)

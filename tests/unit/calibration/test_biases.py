@@ -125,9 +125,7 @@ def test_the_earth_is_no_jump(turned_over: Recording) -> None:
     assert not [said for said in (*estimate.objections, *estimate.cautions) if "biases of the" in said]
 
 
-def test_a_jump_beyond_the_earth_is_told_with_its_place_and_size(
-    turned_over: Recording, model: ImuModel
-) -> None:
+def test_a_jump_beyond_the_earth_is_told_with_its_place_and_size(turned_over, model) -> None:
     rate = np.array(turned_over.angular_rate)
     rate[500 * 12 :] += model.gyroscope.matrix @ [0.0, JUMP, 0.0]
     estimate = calibrated(replace(turned_over, angular_rate=rate))

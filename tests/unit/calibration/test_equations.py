@@ -313,9 +313,7 @@ def test_causes_add_up_and_covariances_are_positive(scenes: dict[str, JointAdjus
 
 
 @pytest.mark.parametrize("name", ["by hand", "poses", "table"])
-def test_what_is_eliminated_leaves_the_least_squares_of_the_rest(
-    scenes: dict[str, JointAdjustment], name: str
-) -> None:
+def test_what_is_eliminated_leaves_the_least_squares_of_the_rest(scenes, name) -> None:
     """The normal matrix of the free unknowns does not depend on which others are free: held ones are no columns."""
     task = scenes[name].copy()
     plain = LAYOUT.indices("force.bias", "gyro.bias", "gyro.matrix")

@@ -49,9 +49,7 @@ def nodding(base: HoldsAndTurns, hold: int, angle: float, axis: int) -> HoldsAnd
     return replace(base, raw_rate=rate)
 
 
-def test_gyros_that_see_holds_swing_are_believed_where_accelerometers_scatter_too_much_to_tell(
-    play: Any, started: Any
-) -> None:
+def test_gyros_that_see_holds_swing_are_believed_where_accelerometers_scatter_too_much_to_tell(play, started):
     """Twelve nods of 0.1 mrad; parts of noisy accelerometers know their tilt to 0.3 mrad, gyros to 5 µrad."""
     base = play(noise=(3e-2, 1e-5), holds=12).data()
     for hold in range(12):

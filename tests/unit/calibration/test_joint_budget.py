@@ -176,9 +176,7 @@ def test_observations_drawn_anew_scatter_as_the_covariance_says() -> None:
     assert chdtri(degrees, 0.9995) < total < chdtri(degrees, 0.0005)
 
 
-def test_a_gravity_that_was_assumed_is_rectangular_and_contradicts_the_normal_interval(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_gravity_that_was_assumed_is_rectangular_and_contradicts_the_normal_interval(monkeypatch) -> None:
     """Where it is nearly all of a scale factor's uncertainty, 95 % of a rectangle end at 0.95 sqrt(3) sigma."""
     monkeypatch.setattr(budget, "READJUSTED", 2)
     estimate = deepcopy(hand_held())

@@ -243,9 +243,7 @@ def test_gravity_is_no_magnetic_field() -> None:
         (GIVEN, "uT", 1.0, "fit", None),
     ],
 )
-def test_norms_and_scales_that_no_field_or_unit_has_are_not_fit(
-    given: GivenField | None, unit: str, factor: float, use: str, said: str | None
-) -> None:
+def test_norms_and_scales_that_no_field_or_unit_has_are_not_fit(given, unit, factor, use, said) -> None:
     verdict = verdict_of(factor * seen(counts=1.0, step=0.1).values, given, unit)
     assert verdict.use == use
     every = " ".join([*verdict.reasons, *verdict.remarks])

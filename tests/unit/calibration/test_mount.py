@@ -92,8 +92,6 @@ UP = {axis: sign * GRAVITY * np.eye(3)[k] for k, axis in enumerate("xyz") for si
         (UP["z"] + 4.0 * np.eye(3)[1], UP["x"], "22° from the vertical"),
     ],
 )
-def test_other_poses_are_refused_with_what_is_wrong(
-    level: np.ndarray, pitched: np.ndarray, words: str
-) -> None:
+def test_other_poses_are_refused_with_what_is_wrong(level, pitched, words) -> None:
     with pytest.raises(ObservabilityError, match=words):
         check_poses(level, pitched)

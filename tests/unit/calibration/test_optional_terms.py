@@ -59,9 +59,7 @@ def with_quadratic(task: JointAdjustment, balanced: Balanced, size: float) -> Jo
     return made
 
 
-def test_terms_that_are_not_there_are_not_wanted_and_large_ones_are(
-    settled: tuple[JointAdjustment, Balanced],
-) -> None:
+def test_terms_that_are_not_there_are_not_wanted_and_large_ones_are(settled) -> None:
     task, balanced = settled
     tests: dict[str, Any] = {}
     assert wanted_terms(task, balanced, list(NAMES), tests, term_limits(NAMES)) == []
@@ -70,9 +68,7 @@ def test_terms_that_are_not_there_are_not_wanted_and_large_ones_are(
     assert "quadratic" in wanted_terms(large, balanced, list(NAMES), tests, term_limits(NAMES))
 
 
-def test_one_step_rules_out_what_chance_explains_often_and_nothing_else(
-    settled: tuple[JointAdjustment, Balanced],
-) -> None:
+def test_one_step_rules_out_what_chance_explains_often_and_nothing_else(settled) -> None:
     """What is larger than any unit's, or checked by a few holds, may be anything once it settles."""
     task, balanced = settled
     assert possible_terms(task, balanced, list(NAMES), {}) == []
@@ -109,9 +105,7 @@ def _information(u: Unknowns, alike: tuple[str, str], apart: float) -> np.ndarra
 
 
 @pytest.mark.parametrize(("apart", "left"), [(1e-9, NAMES[1:]), (0.5, NAMES)])
-def test_terms_that_look_alike_are_not_tried_together(
-    apart: float, left: list[str], model: Any, settled: tuple[JointAdjustment, Balanced]
-) -> None:
+def test_terms_that_look_alike_are_not_tried_together(apart, left, model, settled) -> None:
     """As faces up and down show an asymmetry and a quadratic term: the others are tried all the same."""
     names = [*NAMES, "gyro_asymmetry"]
     u = imu_unknowns(unknowns_of(model), unknowns_with(PLAIN, names))
@@ -124,9 +118,7 @@ def test_terms_that_look_alike_are_not_tried_together(
     assert "0.1 % at 1 g would put an accelerometer's bias off by up to" in said
 
 
-def test_a_term_larger_than_any_unit_s_is_not_kept_and_said(
-    settled: tuple[JointAdjustment, Balanced],
-) -> None:
+def test_a_term_larger_than_any_unit_s_is_not_kept_and_said(settled) -> None:
     """Six per cent of asymmetry, three hundred of its sigmas."""
     task, balanced = settled
     large = with_quadratic(task, balanced, 0.0)

@@ -103,9 +103,7 @@ def test_what_a_pose_says_is_the_derivative_of_the_corrected_norm() -> None:
 
 @pytest.mark.parametrize(("axis", "pair"), [(0, "y to z"), (1, "x to z"), (2, "x to y")])
 @pytest.mark.parametrize("count", [3, 8])
-def test_faces_and_edges_of_two_planes_are_told_which_edge_is_missing(
-    axis: int, pair: str, count: int
-) -> None:
+def test_faces_and_edges_of_two_planes_are_told_which_edge_is_missing(axis, pair, count) -> None:
     message = refusal(np.vstack([FACES, EDGES[np.abs(EDGES[:, axis]) > 0.5][:count]]))
     assert f"do not determine the non-orthogonality of {pair}. " in message
     asked = named_in(message)
@@ -148,9 +146,7 @@ FEW = {
 
 @pytest.mark.parametrize("has_prior", [False, True], ids=["alone", "with a prior"])
 @pytest.mark.parametrize("what", FEW)
-def test_too_little_is_said_and_recording_exactly_the_poses_that_are_named_is_enough(
-    what: str, has_prior: bool
-) -> None:
+def test_too_little_is_said_and_recording_exactly_the_poses_that_are_named_is_enough(what, has_prior) -> None:
     directions, said = FEW[what]
     message = refusal(directions, has_prior=has_prior)
     # Every one of these is too little for nine unknowns, and five faces for six.

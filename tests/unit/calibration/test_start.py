@@ -78,9 +78,7 @@ def test_a_prior_is_the_angles_of_the_matrix_with_their_covariance() -> None:
 
 
 @pytest.mark.parametrize(("unit", "counts"), [("rad/s", 1.0), ("counts", 4780.0)])
-def test_a_unit_that_swings_round_an_elbow_is_no_gyro_of_another_unit(
-    play: Any, model: Any, site: Any, unit: str, counts: float
-) -> None:
+def test_a_unit_that_swings_round_an_elbow_is_no_gyro_of_another_unit(play, model, site, unit, counts):
     """Turned by 126° in 2 s at an arm of 1.3 m, as by 250° in 1 s at 8 cm: accelerations as large as gravity.
 
     A rigid body: ω × (ω × r) + dω/dt × r, with r and ω in b.

@@ -176,9 +176,7 @@ def test_stamps_and_thermometers_that_cannot_be_right_are_refused(noisy_sweep: R
 
 
 @pytest.mark.parametrize("kicked", [False, True])
-def test_a_model_that_a_tenth_of_the_rests_contradict_is_not_fit(
-    noisy_sweep: Recording, kicked: bool
-) -> None:
+def test_a_model_that_a_tenth_of_the_rests_contradict_is_not_fit(noisy_sweep, kicked) -> None:
     """Kicks of 0.1 °/s for a minute out of seven, as from something that is loose in the chamber."""
     minute = (noisy_sweep.time // 60.0) % 7.0 == 2.0
     rate = noisy_sweep.angular_rate + kicked * minute[:, None] * np.array([0.0, 0.002, -0.002])

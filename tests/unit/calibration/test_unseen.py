@@ -57,9 +57,7 @@ def by_hand() -> tuple[Session, Estimate]:
     return session, _hand_held(session)
 
 
-def test_the_covariance_grows_along_what_a_clock_that_runs_fast_does(
-    by_hand: tuple[Session, Estimate],
-) -> None:
+def test_the_covariance_grows_along_what_a_clock_that_runs_fast_does(by_hand) -> None:
     """The same recording with stamps 0.3 % too long, calibrated anew: the change is the direction that is added."""
     session, plain = by_hand
     stretched, _ = _recorded("by-hand", 11, faster=0.003, poses=14, rate=50.0)
@@ -110,9 +108,7 @@ def test_an_exact_clock_adds_nothing_and_a_crystal_a_remark(by_hand: tuple[Sessi
         assert not [text for text in estimate.cautions if "which no residual shows" in text]
 
 
-def test_a_nominal_rate_stands_first_in_the_verdict_with_what_to_do(
-    by_hand: tuple[Session, Estimate],
-) -> None:
+def test_a_nominal_rate_stands_first_in_the_verdict_with_what_to_do(by_hand) -> None:
     session, _ = by_hand
     estimate, _ = run_procedure(session, "hand-held")
     (caution,) = [text for text in estimate.cautions if "which no residual shows" in text]
@@ -156,9 +152,7 @@ def test_a_tables_rates_do_not_hang_on_the_clock_and_tell_it(on_table: tuple[Ses
         assert "fast" in found[0]
 
 
-def test_a_table_of_which_nobody_says_how_it_turns_is_assumed_to_be_so_good_and_said(
-    on_table: tuple[Session, Any],
-) -> None:
+def test_a_table_of_which_nobody_says_how_it_turns_is_assumed_to_be_so_good_and_said(on_table) -> None:
     session, _ = on_table
     silent = replace(
         session.protocol,

@@ -108,9 +108,7 @@ def test_mpu6050_s_header_compiles_and_works_a_register_out(tmp_path: Path) -> N
     assert said.split() == [str(register_after(there, int(add[i]))) for i, there in enumerate((-2735, 1184))]
 
 
-def test_a_file_that_holds_all_states_no_loss_but_of_a_curve_that_it_does_not_write(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_file_that_holds_all_states_no_loss_but_of_a_curve_that_it_does_not_write(monkeypatch) -> None:
     made = document(MODEL)
     for name in ("c", "cpp", "python"):
         assert prepare(made, TARGETS[name]).losses == ()

@@ -128,9 +128,7 @@ def test_a_letter_whose_curve_misses_the_measured_one_is_not_passed_on_silently(
     ("recorded", "rate", "shown"),
     [(200.0000000127157, None, 200.0), (199.98764, None, 199.988), (0.5, None, 0.5), (100.0, 200.0, 200.0)],
 )
-def test_the_rate_has_the_digits_that_a_clock_is_good_for(
-    tmp_path: Path, recorded: float, rate: float | None, shown: float
-) -> None:
+def test_the_rate_has_the_digits_that_a_clock_is_good_for(tmp_path, recorded, rate, shown) -> None:
     assert read_noise(noise_in(tmp_path, rate_hz=recorded), rate=rate).rate == shown
 
 
@@ -145,9 +143,7 @@ def test_the_rate_has_the_digits_that_a_clock_is_good_for(
         ({"channels": 3}, "damaged"),
     ],
 )
-def test_noise_that_cannot_be_used_is_refused_in_a_sentence(
-    tmp_path: Path, update: dict[str, Any], said: str
-) -> None:
+def test_noise_that_cannot_be_used_is_refused_in_a_sentence(tmp_path, update, said) -> None:
     with pytest.raises(UsageError, match=said) as told:
         read_noise(noise_in(tmp_path, **update))
     assert "\n" not in str(told.value)

@@ -70,9 +70,7 @@ def assert_close(found: tuple[np.ndarray, np.ndarray], expected: tuple[np.ndarra
 @pytest.mark.parametrize("name", ["px4", "ardupilot"])
 class TestAutopilot:
     @pytest.mark.parametrize("low", [-20.0, 30.0])
-    def test_its_polynomials_follow_the_model_and_read_back(
-        self, name: str, low: float, tmp_path: Path
-    ) -> None:
+    def test_its_polynomials_follow_the_model_and_read_back(self, name, low, tmp_path) -> None:
         """About 22 °C, within the span or not."""
         calibration = cubic(low)
         temperatures = (-20.0, 3.0, 22.0, 41.0, 60.0) if low < 22.0 else (41.0,)

@@ -114,9 +114,7 @@ def test_a_ros_1_bag_keeps_everything_but_the_imu(tmp_path: Path, compression: s
     ("storage", "mode"),
     [("SQLITE3", None), ("SQLITE3", "MESSAGE"), ("SQLITE3", "FILE"), ("MCAP", None), ("MCAP", "STORAGE")],
 )
-def test_a_folder_of_a_ros_2_bag_keeps_everything_but_the_imu(
-    tmp_path: Path, storage: str, mode: str | None
-) -> None:
+def test_a_folder_of_a_ros_2_bag_keeps_everything_but_the_imu(tmp_path, storage, mode) -> None:
     path = ros2(tmp_path / "a", {"/imu": "both"}, storage=storage, mode=mode)
     apply(UNIT, path, output=tmp_path / "b")
     assert sorted(p.name for p in (tmp_path / "b").iterdir()) == sorted(p.name for p in path.iterdir())
@@ -256,9 +254,7 @@ def lagging(seconds: float) -> Calibration:
 
 
 @pytest.mark.parametrize("lag", [0.0113, -0.0051])
-def test_a_lag_is_taken_out_of_the_specific_force(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, lag: float
-) -> None:
+def test_a_lag_is_taken_out_of_the_specific_force(tmp_path, monkeypatch, lag) -> None:
     """Sample by sample against numpy's interpolation; the CSV has the same numbers."""
     path = ros1(tmp_path / "a.bag", {"/imu": "both"})
     expected = np.column_stack([np.interp(TIME + lag, TIME, true) for true in ALONE[0].T])
@@ -327,9 +323,7 @@ def test_a_folder_with_other_things_in_it_is_left_alone(tmp_path: Path) -> None:
     assert [p.name for p in (tmp_path / "b").iterdir()] == ["thesis.tex"]
 
 
-def test_an_existing_copy_stays_whole_where_the_new_one_fails(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_existing_copy_stays_whole_where_the_new_one_fails(tmp_path, monkeypatch) -> None:
     from tumble.recording import Exchange
 
     path, folder = ros1(tmp_path / "a.bag", {"/imu": "both"}), ros2(tmp_path / "two", {"/imu": "both"})
@@ -369,9 +363,7 @@ def test_what_is_not_corrected_or_not_written_says_why(tmp_path: Path) -> None:
             apply(unit, source, output=tmp_path / name, **options)
 
 
-def test_the_form_follows_the_input_where_no_name_says_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_form_follows_the_input_where_no_name_says_it(tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
     assert apply(UNIT, ros1(tmp_path / "a.bag", {"/imu": "both"}, count=50)).file == Path("a-corrected.bag")
     folder = ros2(tmp_path / "two", {"/imu": "both"}, count=50)

@@ -85,9 +85,7 @@ CLOCKS = {
 
 
 @pytest.mark.parametrize(("clock", "labels"), [("arduino", True), ("platformio", False), ("brackets", True)])
-def test_the_clock_of_a_serial_monitor_is_taken_off_and_serves_as_stamps(
-    tmp_path: Path, clock: str, labels: bool
-) -> None:
+def test_the_clock_of_a_serial_monitor_is_taken_off_and_serves_as_stamps(tmp_path, clock, labels) -> None:
     rows = labelled(":", " ", time=False) if labels else [",".join(map(str, row)) for row in ROWS]
     # Ten samples at once come over USB, with one stamp.
     late = 0.3 * (clock == "platformio")

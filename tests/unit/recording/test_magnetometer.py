@@ -127,9 +127,7 @@ ORDERS = ["mag", "agm", "gam", "amg", "mga", "gma"]
         *((order, 1.0, scale) for order in ("m", "mg") for scale in (1.0, 0.01, 480.0 / 49.0)),
     ],
 )
-def test_numbers_say_which_triad_is_the_magnetometer(
-    tmp_path: Path, order: str, force_scale: float, field_scale: float
-) -> None:
+def test_numbers_say_which_triad_is_the_magnetometer(tmp_path, order, force_scale, field_scale) -> None:
     time, force, gyro, field = tumbled()
     parts = {"a": force_scale * force, "g": gyro, "m": field_scale * field}
     path = written(tmp_path, None, time, *(parts[kind] for kind in order))
@@ -233,9 +231,7 @@ def test_held_samples_are_counted_once_and_empty_cells_are_none(tmp_path: Path) 
 
 
 @pytest.mark.parametrize(("seed", "hard_iron"), [(k, 30.0 if k < 3 else 100.0) for k in range(6)])
-def test_hard_iron_and_held_samples_make_no_accelerometer(
-    tmp_path: Path, seed: int, hard_iron: float
-) -> None:
+def test_hard_iron_and_held_samples_make_no_accelerometer(tmp_path, seed, hard_iron) -> None:
     """Hard iron twice the Earth's field, samples that a logger holds over four rows, any order and unit."""
     rng = np.random.default_rng(seed)
     time, force, gyro, field = tumbled(seed, holds=9)
@@ -317,9 +313,7 @@ def test_norm_rate_hard_iron_and_dip_are_found() -> None:
         (-np.eye(3), None),  # looks like the southern hemisphere
     ],
 )
-def test_axes_that_are_not_the_accelerometers_are_named(
-    permutation: np.ndarray, names: tuple[str, ...] | None
-) -> None:
+def test_axes_that_are_not_the_accelerometers_are_named(permutation, names) -> None:
     recording = held(axes=permutation)
     field = findings(recording)
     assert field.axes == names
@@ -443,9 +437,7 @@ def test_units_option_declares_the_magnetometer_too(option: str, declared: tuple
 
 @pytest.mark.parametrize("ending", [".csv", ".parquet"])
 @pytest.mark.parametrize("begin", [0.0, 0.013, None])
-def test_a_saved_recording_has_the_field_at_its_own_stamps(
-    tmp_path: Path, ending: str, begin: float | None
-) -> None:
+def test_a_saved_recording_has_the_field_at_its_own_stamps(tmp_path, ending, begin) -> None:
     """Without a beginning the magnetometer is alone."""
     rng = np.random.default_rng(4)
     field = slow_field(begin=begin or 0.0)

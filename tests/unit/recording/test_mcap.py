@@ -88,9 +88,7 @@ def changed(path: Path, code: int, number: int, at: int, new: bytes) -> Path:
     ],
     ids=str,
 )
-def test_whatever_a_recorder_leaves_out_the_messages_are_the_same(
-    tmp_path: Path, options: dict[str, Any]
-) -> None:
+def test_whatever_a_recorder_leaves_out_the_messages_are_the_same(tmp_path, options) -> None:
     path = write(tmp_path / "a.mcap", **options)
     recording = read_recording(path)
     assert np.array_equal(np.hstack([recording.specific_force, recording.angular_rate]), VALUES)
@@ -150,9 +148,7 @@ PLAIN = {"compression": mcap.CompressionType.NONE, "enable_crcs": False}
         ({}, 28, struct.pack("<I", 1 << 30), "not finished or cut short"),  # its head: the reading ends there
     ],
 )
-def test_a_chunk_that_cannot_be_unpacked_is_left_out_and_counted(
-    tmp_path: Path, options: dict[str, Any], at: int, new: bytes, words: str
-) -> None:
+def test_a_chunk_that_cannot_be_unpacked_is_left_out_and_counted(tmp_path, options, at, new, words) -> None:
     path = write(tmp_path / "a.mcap", **options)
     chunks = len([record for record in records(path.read_bytes()) if record[0] == 0x06])
     recording = read_recording(changed(path, 0x06, 3, at, new))

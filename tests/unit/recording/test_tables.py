@@ -202,9 +202,7 @@ def test_an_unknown_ending_or_a_missing_folder_writes_nothing(tumbled, tmp_path)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_saved_parquet_file_is_not_judged_again_but_what_a_user_declares_is(
-    tmp_path: Path, monkeypatch
-) -> None:
+def test_a_saved_parquet_file_is_not_judged_again_but_what_a_user_declares_is(tmp_path, monkeypatch) -> None:
     """Its units were judged when it was written; the numbers, the gaps and the units are the same."""
     counts = np.random.default_rng(3).integers(-40, 40, (900, 3))
     rows = np.column_stack([TIME[:900], SIGNALS[:900, :3] / 9.80665, counts])

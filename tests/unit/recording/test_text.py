@@ -170,9 +170,7 @@ def test_what_only_unicode_takes_for_a_line_end_loses_no_row(tumbled, csv, chara
         assert len(read_recording(path)) == sum(len(b) for b in read_blocks(path)) == len(tumbled.time)
 
 
-def test_a_cut_last_line_is_left_out_and_said_and_a_missing_newline_loses_nothing(
-    tumbled, csv, monkeypatch
-) -> None:
+def test_a_cut_last_line_is_left_out_and_said_and_a_missing_newline_loses_nothing(tumbled, csv, monkeypatch):
     """A last number with fewer decimals than all others is taken as cut; in the last of several blocks."""
     monkeypatch.setattr(text, "_CHUNK", 30_000)
     path = csv(tumbled.rows())
