@@ -195,7 +195,7 @@ def written(write: Callable[[Path, np.ndarray], None]) -> bytes:
         return path.read_bytes()
 
 
-def test_the_content_tells_the_format_and_the_numbers_are_read_bit_by_bit(member) -> None:
+def test_the_content_tells_the_format_and_the_numbers_are_read_bit_by_bit_whole_or_in_blocks(member) -> None:
     name, path = member
     assert find_format(path).name == name
     recording = read_recording(path, units="m/s^2,rad/s")
@@ -206,19 +206,11 @@ def test_the_content_tells_the_format_and_the_numbers_are_read_bit_by_bit(member
     np.testing.assert_allclose(recording.time, example()[:, 0], rtol=3e-16)
     (source,) = recording.sources
     assert (source.name, source.sha256) == (path.name, hashlib.sha256(path.read_bytes()).hexdigest())
-
-
-def test_blocks_have_the_same_numbers(member) -> None:
-    _, path = member
     blocks = list(read_blocks(path, units="m/s^2,rad/s"))
     assert np.array_equal(np.vstack([b.specific_force for b in blocks]), example()[:, 1:4])
     np.testing.assert_allclose(np.concatenate([b.time for b in blocks]), example()[:, 0], rtol=3e-16)
-
-
-def test_rows_are_named_from_one(member) -> None:
-    _, path = member
-    place = read_table(path).place(4)
-    assert place in ("row 5", "line 5", "line 6", "line 7")  # text counts lines, with comment and header
+    # Rows are named from one; text counts lines, with comment and header.
+    assert read_table(path).place(4) in ("row 5", "line 5", "line 6", "line 7")
 
 
 @pytest.mark.parametrize("share", [0.3, 0.7, 0.97])

@@ -157,14 +157,7 @@ def ulog(
     return path
 
 
-def dataflash(
-    path: Path,
-    p: Parameters,
-    *,
-    message: str = "IMU",
-    later: Parameters | None = None,
-    signals: Signals = (STAMPS, FORCE, RATE, FIELD),
-) -> Path:
+def dataflash(path, p, *, message="IMU", later=None, signals=(STAMPS, FORCE, RATE, FIELD)) -> Path:
     """Write what ArduPilot logs of a motion; `later` are parameters that are set half way."""
     stamps, force, rate, field = signals
     half = len(stamps) // 2
@@ -415,7 +408,6 @@ def test_a_turned_compass_of_px4_or_ardupilot_gets_numbers_that_are_right_in_its
         "magnetometer is left out" in remark for remark in other.remarks
     )  # it turns a compass otherwise
     seen = inspect_recording(read_recording(path)).magnetic_field
-    assert seen is not None
     assert seen.axes is None
     assert not seen.warnings
 

@@ -452,9 +452,7 @@ def seen(true: np.ndarray, matrix: np.ndarray, bent: np.ndarray, square: np.ndar
     return own + bent * np.abs(own) + square * own**2
 
 
-def alone(
-    raw: np.ndarray, holds: tuple[str, ...], matrix: np.ndarray, bias: np.ndarray, *curve: np.ndarray
-) -> np.ndarray:
+def alone(raw, holds, matrix, bias, *curve) -> np.ndarray:
     """What a file corrects of one triad with what it holds, and with nominal numbers for the rest."""
     out = raw - (bias if "biases" in holds else 0.0)
     if "asymmetry and quadratic terms" in holds:
@@ -464,9 +462,7 @@ def alone(
     return np.linalg.solve(matrix if "full matrix" in holds else kept, out.T).T
 
 
-def by_the_file(
-    target: Target, raw_force: np.ndarray, raw_rate: np.ndarray, warmer: float = 0.0
-) -> tuple[np.ndarray, np.ndarray]:
+def by_the_file(target, raw_force, raw_rate, warmer=0.0) -> tuple[np.ndarray, np.ndarray]:
     """Both triads corrected with what a target's record holds, so many K above 22 °C."""
     warmer *= target.temperature
     force = alone(raw_force, target.accelerometer, M_A, B_A + warmer * SLOPE_A, BENT_A, SQUARE_A)

@@ -24,9 +24,7 @@ from tumble.sensor import ImuModel, Triad
 REAL = st.floats(-0.05, 0.05, allow_nan=False)
 
 
-def model_of(
-    numbers: list[float], *, terms: frozenset[str], scale: tuple[float, float], zero: tuple[float, float]
-) -> ImuModel:
+def model_of(numbers, *, terms, scale, zero) -> ImuModel:
     """A unit near the ideal one: 30 numbers are its errors, `scale` and `zero` those of its converter."""
     x = np.array(numbers)
     accelerometer = Triad(
@@ -42,13 +40,7 @@ def model_of(
     return ImuModel(accelerometer, gyroscope, sensitivity)
 
 
-def document_of(
-    numbers: list[float],
-    *,
-    terms: frozenset[str] = frozenset({"g_sensitivity", "quadratic"}),
-    counts: bool = False,
-    **changed: Any,
-) -> Calibration:
+def document_of(numbers, *, terms=frozenset({"g_sensitivity", "quadratic"}), counts=False, **changed):
     return calibration_from_estimate(
         replace(estimate_of(numbers, terms=terms, counts=counts), **changed),
         Recording(
@@ -110,9 +102,7 @@ def test_every_number_is_read_back_bit_for_bit(tmp_path_factory, numbers) -> Non
     assert read_calibration(path.parent) == document
 
 
-def by_the_formula(
-    document: dict[str, Any], force: list[float], rate: list[float]
-) -> tuple[np.ndarray, np.ndarray]:
+def by_the_formula(document, force, rate) -> tuple[np.ndarray, np.ndarray]:
     """Raw from true, nothing but the file's own formula: raw = u + q u^2 + G f + bias, u = matrix true."""
     a, g = document["accelerometer"], document["gyroscope"]
     u = np.array(a["matrix"]) @ force

@@ -60,7 +60,6 @@ def entry(model: ImuModel, name: str) -> float:
 
 def normalised(estimate: Estimate, truth: Truth) -> Array:
     """Error over standard uncertainty of what the frame leaves free; a bias against its mean over the recording."""
-    assert truth.model is not None
     true = truth.model if estimate.frame == "fixture" else change_frame(truth.model, estimate.frame)
     wandered = {"accelerometer": truth.mean_wander[0], "gyroscope": truth.mean_wander[1]}
     error = [entry(estimate.model, name) - entry(true, name) for name in estimate.names]

@@ -19,8 +19,6 @@ def six_poses(seconds: float) -> Motion:
 def test_without_noise_the_means_are_gravity_and_earth_rate_exactly() -> None:
     recording, truth = simulate_recording(six_poses(3.0), 100.0, np.random.default_rng(1), site=SITE)
     means = observe_holds(recording, find_timeline(recording))
-    assert means.specific_force is not None
-    assert means.angular_rate is not None
     # arithmetic: sums of 300 numbers of the size of gravity
     np.testing.assert_allclose(means.specific_force, truth.specific_force_b, atol=1e-11)
     # the exact increments of 0.01 s are good to one unit in the last place of 1 over that time
@@ -35,11 +33,6 @@ def normalised_errors(name: str, seed: int) -> tuple[float, float]:
     )
     means = observe_holds(recording, find_timeline(recording))
     assert len(means) == 26
-    assert truth.model is not None
-    assert means.specific_force is not None
-    assert means.specific_force_covariance is not None
-    assert means.angular_rate is not None
-    assert means.angular_rate_covariance is not None
     force, rate = truth.model.distort(truth.specific_force_b, truth.angular_rate_ib_b)
     squares: list[float] = []
     for error, covariance in (

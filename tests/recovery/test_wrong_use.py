@@ -65,12 +65,10 @@ def changed(change: Callable[[SpinStep], SpinStep], *spins: int) -> Protocol:
 
 
 def reversed_spin(step: SpinStep) -> SpinStep:
-    assert step.angle is not None
     return replace(step, rate=-step.rate, angle=-step.angle)
 
 
 def misread(step: SpinStep) -> SpinStep:
-    assert step.angle is not None
     return replace(step, angle=step.angle + np.radians(0.1))
 
 

@@ -16,20 +16,12 @@ from tumble.document import Calibration
 
 from .procedures import PROCEDURES
 from .recording import Place, Simulation
-from .sensors import GRADES, Grade
+from .sensors import GRADES
 
 TRIADS = ("accelerometer", "gyroscope")
 
 
-def played(
-    procedure: str,
-    grade: str | Grade,
-    seed: int,
-    fault: str | None = None,
-    *,
-    place: Place | None = None,
-    **options: Any,
-) -> Simulation:
+def played(procedure, grade, seed, fault=None, *, place=None, **options) -> Simulation:
     """Play a test on a unit of a grade, at a place or at one of chance."""
     kind = GRADES[grade] if isinstance(grade, str) else grade
     with pytest.MonkeyPatch.context() as patch:

@@ -64,15 +64,7 @@ class Seen:
         return self.magnetometer.matrix @ rotation_to(self.simulation.truth.unit, frame).T
 
 
-def draw_magnetometer(
-    rng: np.random.Generator,
-    *,
-    counts: float = 6.0,
-    noise: float = 0.4,
-    step: float = 1.0,
-    rate: float = 50.0,
-    turned: float = 5.0 * DEGREE,
-) -> Magnetometer:
+def draw_magnetometer(rng, *, counts=6.0, noise=0.4, step=1.0, rate=50.0, turned=5.0 * DEGREE):
     """Draw a magnetometer with soft iron of 5 %, hard iron of 30 µT and axes of its own.
 
     `counts` a µT, `noise` of a sample in µT, `step` in raw units, `turned` rad against the case.
@@ -82,16 +74,7 @@ def draw_magnetometer(
     return Magnetometer(matrix, counts * 30.0 * rng.standard_normal(3), counts * noise, step, rate)
 
 
-def see(
-    made: Simulation,
-    magnetometer: Magnetometer,
-    rng: np.random.Generator,
-    *,
-    norm: float = 49.2,
-    dip: float = 66.0 * DEGREE,
-    declination: float = 4.0 * DEGREE,
-    disturbance: Disturbance | None = None,
-) -> Seen:
+def see(made, magnetometer, rng, *, norm=49.2, dip=66.0 * DEGREE, declination=4.0 * DEGREE, disturbance=None):
     """Let a magnetometer go through the motion of a simulation."""
     wrong = Disturbance() if disturbance is None else disturbance
     path = made.path

@@ -98,14 +98,7 @@ class Path:
         exact = count / self.rate
         return np.arange(count * self.fineness) / (count * self.fineness) * exact, count, exact
 
-    def add(
-        self,
-        kind: str,
-        seconds: float,
-        attitude: Callable[[np.ndarray], np.ndarray],
-        place: Callable[[np.ndarray], np.ndarray] | None = None,
-        name: str = "",
-    ) -> None:
+    def add(self, kind, seconds, attitude, place=None, name="") -> None:
         """Append a piece.
 
         `attitude` and `place` are functions of the seconds since its start; at its end the next piece starts.
@@ -121,9 +114,7 @@ class Path:
         self.steps.append(Step(kind, self.seconds, self.seconds + exact, name))
         self.samples += count
 
-    def hold(
-        self, seconds: float, hand: Hand = STILL, rng: np.random.Generator | None = None, name: str = ""
-    ) -> None:
+    def hold(self, seconds, hand=STILL, rng=None, name="") -> None:
         """Rest, as steadily as the hand does; the pose at the end is that of the start."""
         start = self.attitude
         exact = max(1, round(seconds * self.rate)) / self.rate
@@ -164,23 +155,14 @@ class Path:
             name,
         )
 
-    def reach(
-        self, target: np.ndarray, seconds: float, hand: Hand = STILL, rng: np.random.Generator | None = None
-    ) -> None:
+    def reach(self, target, seconds, hand=STILL, rng=None) -> None:
         """Turn to another attitude, or begin there."""
         if self.samples:
             self.turn_to(target, seconds, hand, rng)
         else:
             self.attitude = target
 
-    def turn_to(
-        self,
-        target: np.ndarray,
-        seconds: float,
-        hand: Hand = STILL,
-        rng: np.random.Generator | None = None,
-        name: str = "",
-    ) -> None:
+    def turn_to(self, target, seconds, hand=STILL, rng=None, name="") -> None:
         """Turn to another attitude by the shortest way, as a hand does, with a detour and lifted where it does so."""
         start = self.attitude
         exact = max(1, round(seconds * self.rate)) / self.rate
@@ -195,18 +177,7 @@ class Path:
 
         self.add("turn", seconds, attitude, lambda t: bump(t / exact)[:, None] * lift, name)
 
-    def revolve(
-        self,
-        axis: np.ndarray,
-        angle: float,
-        seconds: float,
-        name: str = "",
-        *,
-        kind: str = "turn",
-        profile: Profile = eased,
-        wobble: float = 0.0,
-        slip: np.ndarray | None = None,
-    ) -> None:
+    def revolve(self, axis, angle, seconds, name="", *, kind="turn", profile=eased, wobble=0.0, slip=None):
         """Turn about an axis that is fixed in the room, as a motor does.
 
         The axis may go round on a cone once a revolution (`wobble`, rad), the unit slip in its mount (`slip`, rad).

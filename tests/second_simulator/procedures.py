@@ -94,9 +94,7 @@ class Text:
         return "\n".join(self.lines) + "\n"
 
 
-def _hold(
-    path: Path, seconds: float, hand: Hand, rng: np.random.Generator, name: str, bump: np.ndarray | None
-) -> None:
+def _hold(path, seconds, hand, rng, name, bump) -> None:
     """Hold, or be bumped in the middle: the pose jumps within a fifth of a second and stays."""
     if bump is None:
         path.hold(seconds, hand, rng, name)
@@ -107,9 +105,7 @@ def _hold(
 HAND_FAULTS = ("bumped", "loose")
 
 
-def by_hand(
-    grade: Grade, rng: np.random.Generator, fault: str | None = None, *, poses: int = 26, rate: float = 100.0
-) -> Simulation:
+def by_hand(grade, rng, fault=None, *, poses=26, rate=100.0) -> Simulation:
     """Rest, turn, rest, turn: faces, edges and corners in random order, turned by hand.
 
     ``loose``: a third of the holds creep.
@@ -140,15 +136,7 @@ def by_hand(
     return made
 
 
-def multi_position(
-    grade: Grade,
-    rng: np.random.Generator,
-    fault: str | None = None,
-    *,
-    poses: int = 24,
-    seconds: float = 12.0,
-    rate: float = 100.0,
-) -> Simulation:
+def multi_position(grade, rng, fault=None, *, poses=24, seconds=12.0, rate=100.0) -> Simulation:
     """Lay the unit down in many poses that nobody has to know."""
     _check(fault, HAND_FAULTS)
     place = Place.draw(grade, rng, fault)
@@ -176,15 +164,7 @@ def multi_position(
 SIX_FAULTS = ("bumped", "pose-off", "four-poses-off", "plate-leans")
 
 
-def six_faces(
-    grade: Grade,
-    rng: np.random.Generator,
-    fault: str | None = None,
-    *,
-    placement: float = 0.05 * DEGREE,
-    seconds: float = 25.0,
-    rate: float = 100.0,
-) -> Simulation:
+def six_faces(grade, rng, fault=None, *, placement=0.05 * DEGREE, seconds=25.0, rate=100.0) -> Simulation:
     """Put a cube on each of its faces on a levelled plate.
 
     `placement` is true and stated, a small part of it the plate's; ``pose-off`` and ``plate-leans`` are by 1°.
@@ -216,19 +196,7 @@ def six_faces(
 TABLE_FAULTS = ("loose", "one-rate", "all-rates", "missing-turn", "plate-leans")
 
 
-def _spin(
-    path: Path,
-    axis: np.ndarray,
-    rate: float,
-    steady: float,
-    ramp: float,
-    missing: bool,
-    *,
-    slip: np.ndarray | None = None,
-    wobble: float = 0.0,
-    ripple: float = 0.0,
-    extra: float = 0.0,
-) -> None:
+def _spin(path, axis, rate, steady, ramp, missing, *, slip=None, wobble=0.0, ripple=0.0, extra=0.0) -> None:
     """Turn on a table: ramp, steady, ramp; `ripple` rad comes and goes once a revolution, `extra` rad is its error."""
     if missing:
         path.hold(steady + 2 * ramp, name="no spin")
@@ -245,15 +213,7 @@ def _spin(
     path.revolve(axis, total, seconds, "spin", kind="spin", profile=profile, slip=slip, wobble=wobble)
 
 
-def rate_table(
-    grade: Grade,
-    rng: np.random.Generator,
-    fault: str | None = None,
-    *,
-    placement: float = 0.2 * DEGREE,
-    rates: Sequence[float] = (20.0, 60.0, 120.0),
-    rate: float = 50.0,
-) -> Simulation:
+def rate_table(grade, rng, fault=None, *, placement=0.2 * DEGREE, rates=(20.0, 60.0, 120.0), rate=50.0):
     """Stand the unit on each face on a table with a plumb axis and turn it both ways at known rates.
 
     `placement` is true and stated; ``one-rate``: the largest rate (°/s) is 1 % off, ``all-rates``: every one is.
@@ -291,9 +251,7 @@ def rate_table(
     return record(path, grade, place, str(text), rng, lever=np.array([0.0, 0.02, 0.01]), fault=fault)
 
 
-def modified_multi_position(
-    grade: Grade, rng: np.random.Generator, fault: str | None = None, *, rate: float = 50.0
-) -> Simulation:
+def modified_multi_position(grade, rng, fault=None, *, rate=50.0) -> Simulation:
     """Prop the unit up on a table in twelve poses and turn it both ways in each."""
     _check(fault, TABLE_FAULTS)
     place = Place.draw(grade, rng, fault)
@@ -376,19 +334,7 @@ def turntable(
     return record(path, grade, place, str(text), rng, lever=lever, fault=fault)
 
 
-def _level_axis_spins(
-    path: Path,
-    text: Text,
-    rng: np.random.Generator,
-    fault: str | None,
-    mountings: Sequence[tuple[np.ndarray, np.ndarray]],
-    axis_n: np.ndarray,
-    mount: float,
-    display: float,
-    speed: float,
-    pose_deg: float,
-    steady: float,
-) -> None:
+def _level_axis_spins(path, text, rng, fault, mountings, axis_n, mount, display, speed, pose_deg, steady):
     """Turn about each axis both ways, at rest before, between and after; the display errs by `display` arcseconds."""
     troubled = int(rng.integers(2 * len(mountings)))
     ramp = 2.0
@@ -424,15 +370,7 @@ def _level_axis_spins(
             text.step("hold", f"axis {k + 1}, at rest", **keys, seconds=12)
 
 
-def laboratory(
-    grade: Grade,
-    rng: np.random.Generator,
-    fault: str | None = None,
-    *,
-    seconds: float = 20.0,
-    rate: float = 50.0,
-    table: float = 10.0,
-) -> Simulation:
+def laboratory(grade, rng, fault=None, *, seconds=20.0, rate=50.0, table=10.0) -> Simulation:
     """An aligned table: 24 attitudes that are known, and turns both ways about the vertical along x, y and z.
 
     Attitudes and axes are uncertain by `table`, true and stated, arcseconds.
@@ -539,16 +477,7 @@ def nominal_attitude(inner: float, outer: float) -> np.ndarray:
 STRAPDOWN_FAULTS = ("bumped", "loose", "missing-turn", "pose-off", "plate-leans")
 
 
-def strapdown_rotation(
-    grade: Grade,
-    rng: np.random.Generator,
-    fault: str | None = None,
-    *,
-    error: float = 5e-4,
-    azimuth: float = 1e-3,
-    rate: float = 100.0,
-    asymmetric: bool = True,
-) -> Simulation:
+def strapdown_rotation(grade, rng, fault=None, *, error=5e-4, azimuth=1e-3, rate=100.0, asymmetric=True):
     """Savage's 17 sequences of rotations on a two-axis fixture.
 
     `error` is the fixture's in each of its parts, rad; of a pose twice that is stated. Scale factors differ by sign, as

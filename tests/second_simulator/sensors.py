@@ -168,9 +168,7 @@ def small_rotation(vector: np.ndarray) -> np.ndarray:
     return np.eye(3) + np.sinc(angle / np.pi) * k + 0.5 * np.sinc(0.5 * angle / np.pi) ** 2 * k @ k
 
 
-def draw_unit(
-    grade: Grade, rng: np.random.Generator, *, asymmetric: bool = False, quadratic: bool = False
-) -> Unit:
+def draw_unit(grade, rng, *, asymmetric=False, quadratic=False) -> Unit:
     """Draw one unit of a grade.
 
     What bends, by half as much at 1 g and at 100 °/s as the sheet's asymmetry is.

@@ -108,15 +108,11 @@ def test_a_table_that_is_believed_to_be_exact_is_contradicted_as_any_other() -> 
     assert "slower than the protocol says. It promises 0 ppm." in said
 
 
-def test_a_right_table_that_is_believed_to_be_exact_is_not_contradicted() -> None:
-    assert on_a_quick_table(1.0, "0").verdict.fit
-
-
-def test_what_the_gyros_show_of_the_tables_rate_is_the_gyros_own_and_no_conditions_residual() -> None:
+def test_of_a_right_table_that_is_believed_to_be_exact_the_gyros_own_noise_is_shown_and_it_is_fit() -> None:
     """Their noise alone shows more than half of this in a spin; the condition of an exact rate keeps it to nothing."""
-    (said,) = [
-        word for word in on_a_quick_table(1.0, "0").verdict.reasons if "the table's rate within" in word
-    ]
+    verdict = on_a_quick_table(1.0, "0").verdict
+    assert verdict.fit
+    (said,) = [word for word in verdict.reasons if "the table's rate within" in word]
     shown, expected = (float(figure) for figure in re.findall(r"([-.e\d]+) (?:m°/s|expected)", said))
     assert 0.5 < shown < 5.0
     assert shown / expected == pytest.approx(1.0, abs=0.5)
@@ -199,9 +195,7 @@ def test_single_spins_at_another_rate_than_stated_are_named_where_all_are_at_one
     assert kept.isdisjoint({"gyro_asymmetry", "gyro_quadratic"})
 
 
-def by_hand(
-    seed: int, force: list[float] | None = None, rate: list[float] | None = None, share: float = 0.5
-) -> Calibration:
+def by_hand(seed, force=None, rate=None, share=0.5) -> Calibration:
     """A phone's unit, tumbled; from a share of the recording on its biases are others, mg and °/s."""
     made = played("by-hand", "consumer", seed)
     after = np.arange(len(made.time))[:, None] >= share * len(made.time)
@@ -210,14 +204,24 @@ def by_hand(
     return calibrated(made, by_protocol=False)
 
 
+STILL = " gravity stands still.*rests that were not used"
+RESTS = r"In \d+ stretches in several poses between .*" + STILL
+
+
 @pytest.mark.parametrize(
-    ("rate", "share"), [([0.0, 0.0, 3.0], 0.5), ([2.0, -1.4, 0.8], 0.75), ([2.0, -1.4, 0.8], 0.3)]
-)
-def test_rests_that_a_jump_of_the_gyros_made_look_like_motion_are_said(rate, share) -> None:
-    """Half of the rests were motion, and the other half gave the right numbers of one half of the recording."""
-    said = against(by_hand(21, rate=rate, share=share))
-    assert re.search(r"In \d+ stretches in several poses between .* gravity stands still", said)
-    assert "not used" in said
+    ("seed", "jump", "share", "words"),
+    [
+        # Half of the rests were motion, and the other half gave the right numbers of one half of the recording.
+        (21, {"rate": [0.0, 0.0, 3.0]}, 0.5, RESTS),
+        (21, {"rate": [2.0, -1.4, 0.8]}, 0.75, RESTS),
+        (21, {"rate": [2.0, -1.4, 0.8]}, 0.3, RESTS),
+        # Few are left.
+        (22, {"rate": [10.0, -7.0, 4.0]}, 0.3, r"In 1\d stretches in several poses between 6\d s and 1\d\d s" + STILL),
+        (30, {"force": [-100.0, 80.0, 120.0]}, 0.3, "The biases of the accelerometers jump between hold 7 and hold 8"),
+    ],
+)  # fmt: skip
+def test_jumps_that_make_rests_look_like_motion_are_said(seed, jump, share, words) -> None:
+    assert re.search(words, against(by_hand(seed, **jump, share=share)))
 
 
 def test_another_unit_from_the_middle_of_a_file_on_is_not_fit_and_named_with_the_place() -> None:
@@ -240,7 +244,6 @@ def test_what_accelerometers_that_warm_up_do_to_each_number_is_counted() -> None
     found = calibrated(made, by_protocol=False, site=tumble.Site.from_latitude(made.place.stated_latitude))
     (said,) = [word for word in found.verdict.reasons if "biases of the accelerometers drift" in word]
     constant = re.search(r"time constant about (\d+) s", said)
-    assert constant is not None
     assert 30 < float(constant[1]) < 120
     assert np.max(np.abs(sigmas_off(found, made, "accelerometer.bias"))) < 3.0
 
@@ -260,19 +263,6 @@ def test_units_that_slip_on_a_table_have_no_asymmetry_of_it() -> None:
     assert any("the axis wobbles" in word for word in [*found.remarks, *found.verdict.reasons])
 
 
-def test_rests_that_were_put_aside_are_said_where_few_are_left() -> None:
-    said = against(by_hand(22, rate=[10.0, -7.0, 4.0], share=0.3))
-    assert re.search(
-        r"In 1\d stretches in several poses between 6\d s and 1\d\d s gravity stands still", said
-    )
-    assert "rests that were not used" in said
-
-
-def test_biases_that_jump_far_are_said_where_they_do() -> None:
-    said = against(by_hand(30, force=[-100.0, 80.0, 120.0], share=0.3))
-    assert "The biases of the accelerometers jump between hold 7 and hold 8" in said
-
-
 def test_an_order_of_faces_that_hides_a_jump_is_said() -> None:
     found = calibrated(played("six-faces", "industrial", 1), rate="100±0.005")
     assert any("biases jumped between hold 3 and hold 4" in said for said in found.remarks)
@@ -281,7 +271,6 @@ def test_an_order_of_faces_that_hides_a_jump_is_said() -> None:
 def test_a_term_that_a_later_trial_gives_up_is_not_kept() -> None:
     """Gyros fade by 0.3 °/s: the first trial wants a g-sensitivity, nothing settles with it alone (a traceback)."""
     found = calibrated(played("by-hand", "robot", 911010, "gyro-ramp"), by_protocol=False, rate="100±0.002")
-    assert found.gyroscope is not None
     kept = {one.name for one in found.quality.optional_terms if one.kept}
     assert ("g_sensitivity" in kept) == (found.gyroscope.g_sensitivity is not None)
 
@@ -324,7 +313,6 @@ def test_jumps_of_both_triads_are_said_with_place_axis_and_size(procedure, grade
             rf"biases of the {triad} jump between .*?, at about (\d+) s, by .*?{axis} ([-+.\d]+) ± ([.\d]+) ",
             said,
         )
-        assert found is not None
         # Between the two holds beside the middle, or one further.
         assert abs(float(found[1]) - middle) < 0.2 * middle
         assert float(found[2]) == pytest.approx(size, abs=5.0 * float(found[3]))

@@ -39,7 +39,6 @@ def test_a_protocol_is_read_and_its_steps_are_those_that_were_played(name, tmp_p
     soaks = sum(type(step).__name__ == "SoakStep" for step in protocol.steps)
     assert len(rests) == stated + soaks
     assert sum(s.kind == "spin" for s in made.path.steps) == spins
-    assert protocol.site is not None
     assert abs(protocol.site.gravity - made.place.gravity) < 2e-3
 
 

@@ -286,7 +286,6 @@ def test_what_is_stable_is_within_its_uncertainty_and_better_known_than_from_one
     names = [p.name for p in alone.parameters if "scale" in p.name or "orthogonality" in p.name]
     gain = [value(alone, name)[1] / value(of_three, name)[1] for name in names]
     assert 1.3 < np.median(gain) < 2.4
-    assert of_three.turn_ons is not None
     assert all(one.agrees for one in of_three.turn_ons.agreements)
     assert of_three.turn_ons.probability > 1e-3
     assert of_three.turn_ons.degrees == 2 * len(of_three.turn_ons.agreements)
@@ -295,7 +294,6 @@ def test_what_is_stable_is_within_its_uncertainty_and_better_known_than_from_one
 
 def test_each_recording_has_its_own_biases_and_they_are_seen_to_change(of_three: Calibration) -> None:
     """-1, 0 and 1 times the move: its standard deviation is the move itself, but for the wander of a recording."""
-    assert of_three.turn_ons is not None
     units = np.repeat([1.0 / 9.80665, np.degrees(1.0)], 3)
     for scatter, move in zip(of_three.turn_ons.biases, units * np.concatenate(MOVES), strict=True):
         assert scatter.degrees == 2
@@ -311,7 +309,6 @@ def test_each_recording_has_its_own_biases_and_they_are_seen_to_change(of_three:
 def test_a_scale_factor_that_changed_is_named_and_its_uncertainty_enlarged(tmp_path: Path) -> None:
     """By 0.15 %, some ten standard uncertainties of one recording, and below what says another unit."""
     found = together(tmp_path, turn_on(0), turn_on(1), turn_on(2, gyro=1.0015))
-    assert found.turn_ons is not None
     (worst,) = [one for one in found.turn_ons.agreements if not one.agrees]
     assert worst.parameter == "gyro scale factor error y"
     assert worst.values[2] - worst.values[0] == pytest.approx(0.0015, rel=0.3)
@@ -335,7 +332,6 @@ def test_a_drift_in_one_recording_is_said_with_its_name_and_counted(tmp_path: Pa
 def test_a_recording_that_does_not_tell_the_unit_by_itself_takes_part_with_its_biases(tmp_path: Path) -> None:
     """Six faces and five turns: of what is stable it tells a part."""
     found = together(tmp_path, turn_on(0), turn_on(2, "six-faces"))
-    assert found.turn_ons is not None
     assert any(one.degrees == 0 for one in found.turn_ons.agreements)
     assert all(one.agrees for one in found.turn_ons.agreements)
     assert np.max(np.abs(stable(found))) < 4.5

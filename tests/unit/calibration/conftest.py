@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from tumble.calibration.equations.adjustment import JointAdjustment
 from tumble.calibration.equations.gathering import gather
 from tumble.calibration.equations.imu_unknowns import PLAIN, imu_unknowns, unknowns_of
-from tumble.calibration.equations.observed import TableRotation, observe
+from tumble.calibration.equations.observed import observe
 from tumble.calibration.equations.turn import HoldsAndTurns
 from tumble.calibration.start import start_adjustment
 from tumble.earth import Site
@@ -62,13 +62,7 @@ def _played(holds: int, earth: bool) -> Recording:
     return simulate_recording(motion, 100.0, rng, site=place, distort=MODEL.distort)[0]
 
 
-def tumble_by_hand(
-    *,
-    holds: int = 12,
-    noise: tuple[float | np.ndarray, float] = (0.02, 2e-3),
-    noise_seed: int = 1,
-    earth: bool = True,
-) -> Tumbled:
+def tumble_by_hand(*, holds=12, noise=(0.02, 2e-3), noise_seed=1, earth=True) -> Tumbled:
     """Holds of 3 s in poses of chance, turns of 2 s between them, 100 Hz, white noise per sample.
 
     `noise` is that of the accelerometers, one for all or one each, and that of the gyros.
@@ -101,9 +95,7 @@ def play() -> Callable[..., Tumbled]:
 def started() -> Callable[..., JointAdjustment]:
     """A joint adjustment that begins at the truth, of holds and turns and of rotations of a table."""
 
-    def start(
-        base: HoldsAndTurns, free: np.ndarray = PLAIN, rotations: list[TableRotation] | None = None
-    ) -> JointAdjustment:
+    def start(base, free=PLAIN, rotations=None) -> JointAdjustment:
         u = imu_unknowns(unknowns_of(MODEL), free)
         return start_adjustment(observe(base, u, rotations), u, SITE)
 

@@ -76,9 +76,7 @@ MODEL = change_frame(
 )
 
 
-def _by_hand(
-    play: Any, model: Any, site: Site, poses: Callable[[Any], BelievedPoses] | None = None
-) -> JointAdjustment:
+def _by_hand(play, model, site, poses=None) -> JointAdjustment:
     u = imu_unknowns(unknowns_of(model), EVERYTHING)
     data = observe(play(noise=(1e-9, 1e-11), holds=6).data(), u)
     task = start_adjustment(data, u, site)

@@ -130,7 +130,6 @@ def test_the_budget_adds_up_to_the_stated_uncertainties() -> None:
 
 def test_redundancy_numbers_of_all_observations_are_within_their_bounds() -> None:
     told = hand_held().shown(Budget).statement
-    assert told is not None
     assert all(-1e-6 < d.redundancy < d.count + 1e-6 for d in told.detectable)
     assert {d.kind for d in told.detectable} == {"force", "rate", "turn"}
 
@@ -189,7 +188,6 @@ def test_a_gravity_that_was_assumed_is_rectangular_and_contradicts_the_normal_in
     estimate.parameters[at] = replace(parameter, standard_uncertainty=float(np.hypot(sigma, 1e-5)))
     draw_distributions(estimate, 5000, np.random.default_rng(1), lambda _: None)
     drawn = estimate.shown(Budget).statement.drawn
-    assert drawn is not None
     half = 0.5 * float(np.diff(drawn.intervals[at])[0])
     assert half == pytest.approx(0.95 * np.sqrt(3.0) * sigma, rel=0.05)
     assert not drawn.validated[at]

@@ -15,9 +15,7 @@ GAMMA = np.array([1.7e-3, -0.9e-3, 2.3e-3])
 NOISE = 1e-8 * np.eye(6)
 
 
-def forces(
-    gamma: np.ndarray, *, z_up: bool = False, pitch_error: float = 0.0
-) -> tuple[np.ndarray, np.ndarray]:
+def forces(gamma, *, z_up=False, pitch_error=0.0) -> tuple[np.ndarray, np.ndarray]:
     """Specific force in the unit's axes, level and pitched: it points up."""
     C_MB = matrix_from_rotation_vector(gamma)
     up = np.array([0.0, 0.0, 1.0 if z_up else -1.0])

@@ -63,9 +63,7 @@ def unit(*, lag: float = 0.0, rate: bool = False, bend: float = 1.0) -> ThermalM
     )
 
 
-def soaks(
-    seconds: float = 600.0, celsius: tuple[float, ...] = (0.0, 20.0, 40.0, 60.0, 40.0, 20.0, 0.0)
-) -> Protocol:
+def soaks(seconds=600.0, celsius=(0.0, 20.0, 40.0, 60.0, 40.0, 20.0, 0.0)) -> Protocol:
     steps: list[Step] = []
     for at in celsius:
         steps.append(SoakStep(seconds, at))
@@ -79,9 +77,7 @@ def sweep() -> Protocol:
     return Protocol("sweep", "thermal", (*steps, RampStep(1500.0, 30.0, 0.0)), SITE)
 
 
-def recorded(
-    protocol: Protocol, thermal: ThermalModel, *, noise: bool, time_constant: float = 60.0
-) -> Recording:
+def recorded(protocol, thermal, *, noise, time_constant=60.0) -> Recording:
     chamber = Chamber(rate=0.2, time_constant=time_constant, thermometer_noise=0.03 if noise else 0.0)
     grade = find_grade("tactical") if noise else None
     rng = np.random.default_rng(5)
@@ -262,7 +258,6 @@ def warmed() -> Warmed:
         protocol, 5.0, rng, site=site, thermal=unit, chamber=chamber, grade=kind
     )
     timeline = find_thermal_timeline(recording)
-    assert unit.reference.accelerometer is not None
     turned = unit.turned(np.real(frame_rotation(unit.reference.accelerometer.matrix, "accelerometer-x")))
     return timeline, calibrate_thermal(recording, timeline, site, protocol=protocol), turned
 

@@ -76,9 +76,7 @@ TURNS = {
 }
 
 
-def px4(
-    kind: str, u: np.ndarray, p: Parameters, thermal: np.ndarray | float = 0.0, number: int = 0
-) -> np.ndarray:
+def px4(kind, u, p, thermal=0.0, number=0) -> np.ndarray:
     """What PX4 makes of (samples, 3) raw numbers: ``Correct`` of its classes."""
     name = f"CAL_{kind}{number}"
     own = p.get(f"{name}_ROT", -1)
@@ -96,9 +94,7 @@ def px4_thermal(letter: str, p: Parameters, celsius: float) -> np.ndarray:
     return ((x[3] * t + x[2]) * t + x[1]) * t + x[0]
 
 
-def ardupilot(
-    kind: str, u: np.ndarray, p: Parameters, celsius: np.ndarray | float = 0.0, number: int = 1
-) -> np.ndarray:
+def ardupilot(kind, u, p, celsius=0.0, number=1) -> np.ndarray:
     """What ArduPilot makes of (samples, 3) raw numbers of one unit, before a compass's motors.
 
     AP_InertialSensor_tempcal.cpp: v -= P(T - 35), v += P(T_cal - 35), P(d) = (c1 + (c2 + c3 d) d) d 1e-6.

@@ -50,9 +50,7 @@ def truth(calibration: Any, celsius: float) -> tuple[np.ndarray, np.ndarray]:
     return calibration.thermal_model.at(celsius).correct(RAW_A, RAW_G)
 
 
-def by_firmware(
-    name: str, text: str, celsius: float, force: np.ndarray = RAW_A
-) -> tuple[np.ndarray, np.ndarray]:
+def by_firmware(name, text, celsius, force=RAW_A) -> tuple[np.ndarray, np.ndarray]:
     p = parameters(text)
     if name == "px4":
         thermal = [px4_thermal(letter, p, celsius) for letter in "AG"]

@@ -66,15 +66,7 @@ def _seen(f: np.ndarray, axis: np.ndarray, angles: np.ndarray) -> np.ndarray:
     return np.outer(np.cos(angles), f) - across + along
 
 
-def write_csv(
-    path: Path,
-    rows: np.ndarray,
-    *,
-    header: str | None = "t,ax,ay,az,gx,gy,gz",
-    delimiter: str = ",",
-    decimals: int = 6,
-    end: str = "\n",
-) -> Path:
+def write_csv(path, rows, *, header="t,ax,ay,az,gx,gy,gz", delimiter=",", decimals=6, end="\n") -> Path:
     lines = [] if header is None else [header]
     lines += [delimiter.join(f"{v:.{decimals}f}" for v in row) for row in rows]
     path.write_bytes((end.join(lines) + end).encode())

@@ -69,9 +69,7 @@ def as_csv(unit: Calibration, path: Path, folder: Path, **options: Any) -> tuple
     return frame.select("ax", "ay", "az").to_numpy(), frame.select("gx", "gy", "gz").to_numpy()
 
 
-def by_hand(
-    force: np.ndarray, rate: np.ndarray, sensitivity: np.ndarray = G
-) -> tuple[np.ndarray, np.ndarray]:
+def by_hand(force, rate, sensitivity=G) -> tuple[np.ndarray, np.ndarray]:
     true = np.linalg.solve(M_A, (force - B_A).T).T
     return true, np.linalg.solve(M_G, (rate - B_G - true @ sensitivity.T).T).T
 

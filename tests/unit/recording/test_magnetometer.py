@@ -68,18 +68,14 @@ def tumbled(seed: int = 3, *, holds: int = 14, shaken: bool = True) -> tuple[np.
     return time, force, gyro, seen
 
 
-def written(
-    folder: Path, header: str | None, *columns: np.ndarray, digits: str = "%.6f", name: str = "a"
-) -> Path:
+def written(folder, header, *columns, digits="%.6f", name="a") -> Path:
     path = folder / f"{name}.csv"
     np.savetxt(path, np.column_stack(columns), fmt=digits, delimiter=",", header=header or "", comments="")
     path.write_text(path.read_text().lstrip("\n"))
     return path
 
 
-def holds(
-    recording: Any, a: np.ndarray | None = None, g: np.ndarray | None = None, m: np.ndarray | None = None
-) -> bool:
+def holds(recording, a=None, g=None, m=None) -> bool:
     """Whether a recording has these triads, as they were written, and no other."""
     field = recording.magnetic_field
     found = recording.specific_force, recording.angular_rate, None if field is None else field.values
@@ -265,9 +261,7 @@ def turned(rng: np.random.Generator) -> np.ndarray:
     return q if np.linalg.det(q) > 0.0 else -q
 
 
-def held(
-    holds: int = 20, *, axes: np.ndarray | None = None, noise: float = 0.3, scale: float = 1.0
-) -> Recording:
+def held(holds=20, *, axes=None, noise=0.3, scale=1.0) -> Recording:
     """A recording of rests of two seconds, 100 Hz, and a magnetometer that counts its axes as `axes` says (P' m)."""
     rng = np.random.default_rng(11)
     field = 48.0 * np.array([0.0, np.cos(np.radians(DIP)), -np.sin(np.radians(DIP))])

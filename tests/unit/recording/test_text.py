@@ -232,9 +232,7 @@ def test_one_clock_serves_all_pieces_of_an_xsens_file(tmp_path: Path, monkeypatc
     assert len(read_recording(tmp_path / "a.txt").time) == len(example()) - 1
 
 
-def parsed(
-    lines: str, columns: int, delimiter: str = ",", skipped: tuple[int, ...] = ()
-) -> np.ndarray | None:
+def parsed(lines, columns, delimiter=",", skipped=()) -> np.ndarray | None:
     table = np.full((lines.count("\n"), columns), 7.0)
     passed = np.array([i in skipped for i in range(columns)], dtype=np.uint8)
     rows = kernels.parse_rows(np.frombuffer(lines.encode(), np.uint8), ord(delimiter), passed, table)

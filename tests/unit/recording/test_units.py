@@ -140,9 +140,7 @@ def twelve_poses(seed: int = 3) -> np.ndarray:
     return force + 0.02 * rng.normal(size=force.shape)
 
 
-def frame(
-    force: np.ndarray, rate: np.ndarray | None = None, *, names: str = "a{}", gyro: str = "g{}"
-) -> pl.DataFrame:
+def frame(force, rate=None, *, names="a{}", gyro="g{}") -> pl.DataFrame:
     columns = {names.format(axis): force[:, i] for i, axis in enumerate("xyz")}
     columns |= {} if rate is None else {gyro.format(axis): rate[:, i] for i, axis in enumerate("xyz")}
     return pl.DataFrame({"t": np.arange(COUNT) / RATE, **columns})
