@@ -323,10 +323,7 @@ def test_wrong_input_is_one_sentence_and_touches_no_file(tumble, rows, call, wor
             "precious/new cannot be made: .*precious is no",
         ),
         ("predict calibrated -o precious/new", "precious/new cannot be made: .*precious is no"),
-        (
-            "apply calibrated tumbled.csv -o precious/new",
-            "precious/new cannot be made: .*precious is no",
-        ),
+        ("apply calibrated tumbled.csv -o precious/new", "precious/new cannot be made: .*precious is no"),
         ("apply calibrated tumbled.csv -o absent/new.csv", "does not exist"),
         ("apply calibrated tumbled.csv -o absent/new.parquet", "does not exist"),
         ("apply calibrated tumbled.csv -o precious/new.csv", "could not be written"),

@@ -77,8 +77,7 @@ LONG = ("tutorials/turntable.md",)
 
 
 @pytest.mark.parametrize(
-    "page",
-    [pytest.param(page, marks=[pytest.mark.slow] if page in LONG else []) for page in PAGES],
+    "page", [pytest.param(page, marks=[pytest.mark.slow] if page in LONG else []) for page in PAGES]
 )
 def test_a_tutorial_s_commands_run_and_print_what_it_shows(page: str, tmp_path: Path) -> None:
     run_page(page, tmp_path)

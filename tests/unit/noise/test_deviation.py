@@ -15,13 +15,7 @@ from scipy.stats import chi2
 
 from tumble.arrays import block_means
 from tumble.errors import UsageError
-from tumble.noise.autoregression import (
-    Autoregression,
-    burg,
-    burg_ladder,
-    choose_order,
-    whiteness,
-)
+from tumble.noise.autoregression import Autoregression, burg, burg_ladder, choose_order, whiteness
 from tumble.noise.deviation import PLACES, StreamedDeviation, allan_deviation
 from tumble.noise.freedom import chi_square_interval, degrees_of_freedom
 from tumble.noise.spectrum import power_spectrum

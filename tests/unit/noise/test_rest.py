@@ -13,12 +13,7 @@ import pytest
 from tumble.noise.characterisation import characterise
 from tumble.noise.deviation import allan_deviation
 from tumble.noise.evidence import RestEvidence
-from tumble.noise.held import (
-    blocks_without_repeats,
-    find_held,
-    say_held,
-    without_repeats,
-)
+from tumble.noise.held import blocks_without_repeats, find_held, say_held, without_repeats
 from tumble.noise.suitability import judge_rest
 from tumble.recording import Recording
 from unit.given import given, signals

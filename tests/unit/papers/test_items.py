@@ -15,31 +15,12 @@ from tumble.errors import UsageError
 from tumble.reproduction import INSIDE, OUTSIDE, UNJUDGED, Outcome, Row, find_items, run_item
 from tumble_papers.catalogue import ITEMS
 from tumble_papers.hayal.chapter_4 import NOISES, RATES
-from tumble_papers.hayal.scenarios import (
-    ABSURD,
-)
-from tumble_papers.savage.formulas import (
-    evaluated,
-)
-from tumble_papers.savage.section_9 import (
-    resampled,
-    to_digits,
-)
+from tumble_papers.hayal.scenarios import ABSURD
+from tumble_papers.savage.formulas import evaluated
+from tumble_papers.savage.section_9 import resampled, to_digits
 from tumble_papers.study import hayal, zhang
-from tumble_papers.zhang.navigation import (
-    ALIGNED,
-    DURATION,
-    measured,
-    navigate_test,
-    true_test,
-)
-from tumble_papers.zhang.tables import (
-    error_factor,
-    gyros_apart,
-    heading_factors,
-    norm_shift,
-    refusal,
-)
+from tumble_papers.zhang.navigation import ALIGNED, DURATION, measured, navigate_test, true_test
+from tumble_papers.zhang.tables import error_factor, gyros_apart, heading_factors, norm_shift, refusal
 from tumble_papers.zhang.turntable import (
     POSITIONS,
     calibrate_in_laboratory,

@@ -265,9 +265,7 @@ def test_every_sensitivity_is_greatest_where_the_paper_says_and_its_slip_is_outs
 
 def test_a_sensitivity_that_is_greatest_elsewhere_is_outside(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
-        pose_set_study,
-        "most_sensitive_directions",
-        lambda *_: np.array([[0.0, 0.6, 0.8], [0.0, -0.6, -0.8]]),
+        pose_set_study, "most_sensitive_directions", lambda *_: np.array([[0.0, 0.6, 0.8], [0.0, -0.6, -0.8]])
     )
     *stated, _ = ITEMS["zhang-sensitivity"].run(1, 0).rows
     assert all(row.verdict == OUTSIDE for row in stated)

@@ -26,14 +26,7 @@ from tumble.protocol import (
     write_protocol,
 )
 from tumble.recording import read_recording
-from tumble.simulation import (
-    KEYS,
-    FixtureErrors,
-    Imperfections,
-    SessionErrors,
-    TableErrors,
-    read_errors,
-)
+from tumble.simulation import KEYS, FixtureErrors, Imperfections, SessionErrors, TableErrors, read_errors
 from tumble.workflows.calibrate import calibrate
 from tumble.workflows.simulate import case_columns, simulate
 
