@@ -131,7 +131,6 @@ class Bench:
             stderr=subprocess.PIPE,
             text=True,
         )
-        assert process.stdout is not None
         assert process.stdout.readline() == "ready\n"
         return process
 
@@ -174,8 +173,6 @@ def tumbled_rows(seed: int, *, unit_seed: int = 100, holds: int = 20, faces_only
     recording, _ = simulate_recording(
         motion, RATE, rng, site=Site.from_gravity(GRAVITY), grade=grade, distort=model.distort
     )
-    assert recording.specific_force is not None
-    assert recording.angular_rate is not None
     return np.column_stack([recording.time, recording.specific_force, recording.angular_rate])
 
 

@@ -267,7 +267,6 @@ BOTH = "calibrate monday.csv tuesday.csv --turn-ons --gravity 9.81"
 def test_two_turn_ons_give_one_calibration_and_the_biases_of_each(days: Bench) -> None:
     document = read_calibration(days.folder / "results")
     told = document.turn_ons
-    assert told is not None
     assert [r.name for r in told.recordings] == ["monday.csv", "tuesday.csv"]
     moved = [float(b.values[1] or 0.0) - float(b.values[0] or 0.0) for b in told.biases]
     # By what was added, within the wander of both and what the g-sensitivity, left out here, makes of other poses.
@@ -291,7 +290,6 @@ def test_what_cannot_take_part_is_left_out_by_name_and_not_the_others_with_it(da
     for said in ("short.csv cannot take part: ", "stranger.csv takes no part: "):
         assert said in answer.said
     made, before = (read_calibration(days.folder / name) for name in ("made", "results"))
-    assert made.turn_ons is not None
     assert [r.name for r in made.turn_ons.recordings] == ["monday.csv", "tuesday.csv"]
     assert [p.value for p in made.parameters] == pytest.approx([p.value for p in before.parameters])
 

@@ -35,7 +35,6 @@ def bench(tmp_path: Path) -> Bench:
 
 def matrix(bench: Bench, name: str) -> np.ndarray:
     triad = read_calibration(bench.folder / name).accelerometer
-    assert triad is not None
     return np.array(triad.matrix)
 
 

@@ -173,6 +173,8 @@ OTHERS = [
         ("predict calibrated --turn-on-bias=-1,10", "not negative"),
         ("predict calibrated --data-sheet nonsense", "nonsense"),
         ("reproduce hayal-44 -o new", "'hayal-44'", "Did you mean hayal-4.4?", "`tumble reproduce` lists"),
+        ("reproduce 4.4 -o new", "Did you mean hayal-4.4?"),
+        ("reproduce zzz -o new", "nothing to reproduce", "`tumble reproduce` lists"),
         ("reproduce -o new", "--output goes with an ITEM"),
         ("reproduce hayal-4.2 --repetitions 0", "--repetitions", "0.*from 1 to 100000"),
         ("reproduce hayal-4.2 --repetitions 100001", "--repetitions", "100001.*from 1 to 100000"),

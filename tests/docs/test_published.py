@@ -24,8 +24,6 @@ DOCS = ROOT / "docs"
 def script(path: Path, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     """The module of a script that lies outside the package."""
     spec = spec_from_file_location(path.stem, path)
-    assert spec is not None
-    assert spec.loader is not None
     module = module_from_spec(spec)
     monkeypatch.setattr(sys, "path", list(sys.path))
     monkeypatch.setitem(sys.modules, path.stem, module)

@@ -57,7 +57,6 @@ def page(name: str) -> str:
 def between(name: str, mark: str) -> str:
     """What stands on a page between `<!-- mark -->` and `<!-- /mark -->`."""
     found = re.search(rf"<!-- {mark}\b.*?-->\n(.*?)\n?<!-- /{mark} -->", page(name), re.S)
-    assert found is not None
     return found[1]
 
 
@@ -188,7 +187,6 @@ def test_the_published_schema_of_protocols_is_the_reader_s() -> None:
 def test_the_example_of_planning_is_what_the_command_prints() -> None:
     example = r"```console\n\$ tumble (plan multi-position [^\n]*--time[^\n]*)\n(.*?)```"
     shown = re.search(example, page("plan"), re.S)
-    assert shown is not None
     printed = CliRunner().invoke(app, shlex.split(shown[1]), env={"COLUMNS": "100", "NO_COLOR": "1"})
     assert printed.exit_code == 0, printed.output
     lines = {" ".join(line.split()) for line in printed.output.splitlines()}

@@ -255,7 +255,6 @@ def test_the_optimal_set_names_the_pose_that_is_missing() -> None:
     edge = [s.name for s in NINE.steps if isinstance(s, HoldStep) and not s.name.startswith("about")][-1]
     steps = tuple(s for s in NINE.steps if s.name != edge)
     pose = next(s for s in NINE.steps if s.name == edge)
-    assert isinstance(pose, HoldStep)
     corner = replace(pose, pose=replace(pose.pose, up_b=np.array([0.6, 0.48, 0.64])))
     session = recorded((corner, *steps))
     with pytest.raises(ObservabilityError, match=r"optimal set .* has a pose near one of"):

@@ -1,4 +1,4 @@
-"""A simulated unit: the numbers of its data sheet, the spread of units, its noise, and its magnetometer."""
+"""A simulated unit: the numbers of its data sheet, the spread of units, its converter, and its magnetometer."""
 
 from __future__ import annotations
 
@@ -23,7 +23,6 @@ from tumble.simulation import (
     find_thermal_grade,
     play_protocol,
     poses_26,
-    simulate_noise,
 )
 from tumble.simulation.magnetometer import SimulatedMagnetometer, find_magnetometer
 from tumble.units import STANDARD_GRAVITY
@@ -167,29 +166,6 @@ def test_a_drawn_unit_changes_with_temperature_in_the_frame_of_its_accelerometer
 def test_a_slip_in_a_grade_s_name_is_answered_with_the_nearest(asked: str, nearest: str) -> None:
     with pytest.raises(UsageError, match=f"; choose one of {', '.join(GRADES)}. Did you mean {nearest}"):
         find_grade(asked)
-
-
-# Noise, against the formulas of IEEE Std 952 ---------------------------------------------------------
-
-
-def allan_variance(signal: np.ndarray, length: int) -> float:
-    """Non-overlapping, over all columns."""
-    means = signal[: len(signal) // length * length].reshape(-1, length, signal.shape[1]).mean(axis=1)
-    return float(0.5 * np.mean(np.diff(means, axis=0) ** 2))
-
-
-def test_noise_has_the_variances_of_its_coefficients() -> None:
-    signal = simulate_noise(TriadNoise(random_walk=0.02), 100_000, 400.0, np.random.default_rng(31))
-    # 300,000 numbers: 0.26 % standard deviation, four of them
-    assert np.var(signal) == pytest.approx(0.02**2 * 400.0, rel=0.011)
-    signal = simulate_noise(TriadNoise(bias_instability=0.5), 1_000_000, 100.0, np.random.default_rng(32))
-    for length in (100, 1000, 10_000):
-        # the floor is 2 ln 2 / π B²; the longest has 300 differences (8 %), the ripple is 2 %
-        assert allan_variance(signal, length) == pytest.approx(2.0 * np.log(2.0) / np.pi * 0.5**2, rel=0.3)
-    walk = TriadNoise(rate_random_walk=0.3)
-    ends = [simulate_noise(walk, 200, 10.0, np.random.default_rng(k))[-1] for k in range(400)]
-    # variance K² t after 20 s from 1200 numbers: 4 %, four of them
-    assert np.var(ends) == pytest.approx(0.3**2 * 20.0, rel=0.17)
 
 
 def test_a_converter_rounds_and_stops() -> None:

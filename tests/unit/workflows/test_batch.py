@@ -137,7 +137,6 @@ if __name__ == "__main__":
 
 def test_workers_of_a_program_that_is_killed_end_too() -> None:
     with subprocess.Popen([sys.executable, "-c", BEGIN], stdout=subprocess.PIPE, text=True) as program:
-        assert program.stdout is not None
         worker = int(program.stdout.readline())
         os.kill(worker, 0)
         program.kill()

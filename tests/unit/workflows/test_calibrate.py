@@ -205,7 +205,6 @@ def test_holds_of_a_placement_that_is_hardly_known_are_in_no_pose_that_is_believ
     placed = known(believed_poses(protocol, matching)).placed
     assert sorted(placed) == list(range(len(holds)))
     first = protocol.steps[holds[0]]
-    assert isinstance(first, HoldStep)
     loose = replace(first, pose=replace(known(first.pose), sigma=1.0))
     steps = tuple(loose if step is first else step for step in protocol.steps)
     less = known(believed_poses(replace(protocol, steps=steps), matching)).placed

@@ -19,7 +19,6 @@ from tumble.errors import UsageError
 from tumble.protocol import (
     PROTOCOLS,
     SEQUENCES,
-    HoldStep,
     SpinStep,
     read_protocol,
     sequence_steps,
@@ -270,14 +269,11 @@ def test_the_protocol_has_the_display_s_angles_and_the_truth_what_was_turned(tmp
     simulate(protocol_of(tmp_path, "turntable", *turns), rate=20.0, errors=errors, output=tmp_path / "out")
     protocol = read_protocol(tmp_path / "out" / "protocol.yaml")
     _, ccw, _, cw, stays, _, other = protocol.steps
-    assert isinstance(ccw, SpinStep)
-    assert isinstance(cw, SpinStep)
     assert ccw.angle == pytest.approx(8.0 * np.pi, rel=1e-15)
     assert cw.angle == pytest.approx(-3.5 * np.pi, rel=1e-15)
     assert ccw.angle_sigma == cw.angle_sigma == 1e-3
     # 630° clockwise about x are 90° counter-clockwise, and bring y up.
     for hold in (stays, other):
-        assert isinstance(hold, HoldStep)
         np.testing.assert_allclose(known(hold.pose).up_b, [0.0, 1.0, 0.0], atol=1e-12)
     truth = json.loads((tmp_path / "out" / "truth.json").read_text("utf-8"))
     assert truth["table"]["wobble"] == 1e-4
@@ -323,7 +319,6 @@ def test_a_fixture_is_drawn_from_its_quality_and_stands_in_the_truth_with_what_i
     protocol = read_protocol(tmp_path / "a" / "protocol.yaml")
     assert [s.name for s in sequence_steps(protocol)] == [s.name for s in SEQUENCES]
     hold = protocol.steps[0]
-    assert isinstance(hold, HoldStep)
     # With z down and y along the outer axis x is a quarter of a turn before it; 1e-12: degrees in the file.
     assert known(hold.pose).heading == pytest.approx(0.25 - 0.5 * np.pi, abs=1e-12)
 
@@ -393,13 +388,19 @@ def test_what_the_file_of_errors_says_is_in_its_units(tmp_path: Path) -> None:
     made = told(
         tmp_path,
         "{fixture_installation_mrad: 1, fixture_zero_mrad: 2, fixture_mounting_mrad: 3, fixture_azimuth_deg: -90,"
+        " fixture_rate_deg_per_s: 90, fixture_pause_s: 0.25, asymmetry_ppm: 400, velocity_pulse_mm_per_s: 2,"
+        " angle_pulse_arcsec: 0.5,"
         " magnetic_dip_deg: 60, field_change_ut: 2, field_change_at_s: 30, jitter_ms: 4, dropped_percent: 1.5}",
     )
-    assert made.fixture == FixtureErrors(1e-3, (1e-3, 1e-3), 0.0, 2e-3, 2e-3, (3e-3, 3e-3, 3e-3))
+    profile = {"rate": np.radians(90.0), "pause": 0.25}
+    assert made.fixture == FixtureErrors(1e-3, (1e-3, 1e-3), 0.0, 2e-3, 2e-3, (3e-3,) * 3, **profile)
+    assert made.asymmetry == pytest.approx(400e-6)
     assert made.fixture_azimuth == pytest.approx(-np.pi / 2.0)
     assert made.magnetic_field == pytest.approx((49e-6, np.pi / 3.0, np.radians(4.0)))
     assert made.field_change == pytest.approx((2e-6, 30.0))
-    assert made.imperfections == Imperfections(jitter=4e-3, dropped=0.015)
+    chain = made.imperfections
+    assert chain.angle_increment == pytest.approx(np.radians(0.5 / 3600.0))
+    assert replace(chain, angle_increment=0.0) == Imperfections(4e-3, 0.0, 0.015, velocity_increment=2e-3)
     arms = known(told(tmp_path, "table_lever_arm_cm: [1, 2, 3, 4, 5, 6, 7, 8, 9]").lever_arm_b)
     np.testing.assert_allclose(arms, np.arange(1.0, 10.0).reshape(3, 3) / 100.0)
     with pytest.raises(UsageError, match=r"dropped, 1.5 in SI: `dropped_percent` is .* 0 to 50\."):
