@@ -21,10 +21,7 @@ from .difference import (
     recovery as recovery,
     verdict as verdict,
 )
-from .drive import (
-    DriveVerification as DriveVerification,
-    verify_drive as verify_drive,
-)
+from .drive import DriveVerification as DriveVerification, verify_drive as verify_drive
 from .given import choose_site as choose_site, read_given_protocol as read_given_protocol
 from .inspect import Inspection as Inspection, inspect as inspect
 from .mount import Mounted as Mounted, mount as mount

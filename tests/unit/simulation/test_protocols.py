@@ -23,7 +23,8 @@ from tumble.protocol import (
     named_protocol,
 )
 from tumble.sensor import ImuModel, Triad
-from tumble.simulation import PlayedProtocol, TableErrors, play_protocol, simulate_protocol
+from tumble.simulation import TableErrors, play_protocol, simulate_protocol
+from tumble.simulation.fixtures import PlayedProtocol
 from unit.given import given, signals
 
 SITE = Site.from_latitude(np.radians(38.0))

@@ -21,13 +21,8 @@ from tumble.protocol import (
     named_protocol,
     sequence_steps,
 )
-from tumble.simulation import (
-    FixtureErrors,
-    PlayedProtocol,
-    TableErrors,
-    fixture_angles,
-    simulate_protocol,
-)
+from tumble.simulation import FixtureErrors, TableErrors, fixture_angles, simulate_protocol
+from tumble.simulation.fixtures import PlayedProtocol
 from tumble.simulation.two_axis import play_sequences
 from unit.given import signals
 
