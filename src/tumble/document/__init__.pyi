@@ -42,9 +42,11 @@ from .part import (
     spelled as spelled,
 )
 from .predictions import Answer as Answer, answers as answers, practical as practical
+from .reading import read_calibration as read_calibration
 from .result import (
     BACKWARD as BACKWARD,
     FORWARD as FORWARD,
+    BiasBlock as BiasBlock,
     Calibration as Calibration,
     Decision as Decision,
     LimitBlock as LimitBlock,
@@ -52,19 +54,15 @@ from .result import (
     ParameterBlock as ParameterBlock,
     RecordingName as RecordingName,
     Rule as Rule,
+    StableBlock as StableBlock,
     TermBlock as TermBlock,
     TriadBlock as TriadBlock,
+    TurnOnsBlock as TurnOnsBlock,
     UnseenBlock as UnseenBlock,
     VerdictBlock as VerdictBlock,
     calibration_html as calibration_html,
     calibration_of as calibration_of,
-    read_calibration as read_calibration,
+    turn_ons_block as turn_ons_block,
 )
 from .soundness import is_invertible as is_invertible
 from .thermal_block import ThermalBlock as ThermalBlock, thermal_block as thermal_block
-from .turn_ons_block import (
-    BiasBlock as BiasBlock,
-    StableBlock as StableBlock,
-    TurnOnsBlock as TurnOnsBlock,
-    turn_ons_block as turn_ons_block,
-)

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from tumble.arrays import Series, Vectors
 from tumble.calibration import LeverArms
-from tumble.document.contradictions import corrected
+from tumble.document.part import Rows
 from tumble.errors import CalibrationFileError, UsageError
-from tumble.sensor import Outside, ThermalModel, ThermalState
-
-if TYPE_CHECKING:
-    from tumble.document.result import Calibration
+from tumble.sensor import ImuModel, Outside, ThermalModel, ThermalState
 
 NO_TEMPERATURE = (
     "The calibration changes with temperature, and no temperature was given: name the column with --columns "
@@ -34,20 +29,16 @@ class Corrector:
     fastest : K/s, largest rate of change of it so far.
     """
 
-    def __init__(self, calibration: Calibration, outside: Outside = "refuse") -> None:
-        """Begin at the start of a recording.
-
-        Raises
-        ------
-        CalibrationFileError
-            If the document has no matrix of either triad.
-        """
+    def __init__(
+        self, model: ImuModel, thermal: ThermalModel | None, lever_arms: Rows | None, outside: Outside
+    ) -> None:
+        """Begin at the start of a recording."""
         self.outside: Outside = outside
         self.warmest = self.coldest = float("nan")
         self.fastest = 0.0
-        self._thermal, self._model = calibration.thermal_model, calibration.model
+        self._thermal, self._model = thermal, model
         self._state: ThermalState | None = None
-        self._arms = LeverArms.of(calibration.lever_arms, calibration.model)
+        self._arms = LeverArms.of(lever_arms, model)
 
     def correct(
         self,
@@ -185,3 +176,22 @@ def _refuse_not_finite(what: str, corrected: Vectors | None, *raw: Vectors | Non
             f"The corrected {what} of sample {int(np.argmax(wrong)) + 1} is not finite: the recording's raw numbers "
             "are not in the units of this calibration, or one of the two files is damaged."
         )
+
+
+def corrected(
+    model: ImuModel, raw_force: Vectors | None, raw_rate: Vectors | None
+) -> tuple[Vectors | None, Vectors | None]:
+    """Return both triads corrected by one model; None for a triad that it lacks, or of which there are no numbers.
+
+    Parameters
+    ----------
+    model, raw_force, raw_rate : without a specific force beside it the gyros' g-sensitivity is left alone.
+    """
+    force = rate = None
+    if model.accelerometer is not None and raw_force is not None:
+        force = model.accelerometer.correct(raw_force)
+    if model.gyroscope is not None and raw_rate is not None:
+        if model.g_sensitivity is not None and force is not None:
+            raw_rate = raw_rate - force @ model.g_sensitivity.T
+        rate = model.gyroscope.correct(raw_rate)
+    return force, rate

@@ -8,7 +8,7 @@ import numpy as np
 
 from tumble.arrays import Vectors
 from tumble.document import result
-from tumble.document.contradictions import corrected
+from tumble.document.corrector import corrected
 from tumble.document.thermal_block import thermal_block
 from tumble.earth import EARTH_RATE
 from tumble.errors import __version__

@@ -7,32 +7,112 @@ import json
 import os
 from itertools import groupby
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, cast
+from typing import TYPE_CHECKING, Any, Literal
 
 import msgspec
 import numpy as np
 
 from tumble.arrays import Matrix, Series, Square, Vectors
-from tumble.border import border
-from tumble.document.contradictions import contradiction_in
+from tumble.calibration import TurnOns
+from tumble.document.corrector import Corrector
 from tumble.document.magnetometer_block import MagnetometerBlock
-from tumble.document.part import DocumentPart, Row, Rows, plain, read_part, refusal, row_of, rows_of
+from tumble.document.part import DocumentPart, Row, Rows, part_of, plain, row_of, rows_of, spelled
 from tumble.document.thermal_block import ThermalBlock
-from tumble.document.turn_ons_block import TurnOnsBlock
 from tumble.errors import CalibrationFileError
-from tumble.files import notebook_html, read_json, reading, write_text
+from tumble.files import notebook_html, write_text
 from tumble.parameters import Measure, parameter_of, said
 from tumble.sensor import CURVES, ImuModel, Outside, ThermalModel, Triad
 from tumble.units import angular_rate_factor, specific_force_factor
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from pathlib import Path
+
+
+Each = list[float | None]
+
+
+class TurnOnBlock(DocumentPart, rename=spelled(rate="rate_hz")):
+    """One recording; `variance_components` are standard deviations, SI."""
+
+    name: str
+    holds: int
+    turns: int
+    spins: int
+    seconds: float
+    rate: float
+    sigma0: float | None
+    variance_components: dict[str, float]
+
+
+class BiasBlock(DocumentPart, rename=spelled(measurement="expected_scatter", turn_on="turn_on_scatter")):
+    """A bias from turn-on to turn-on, raw units; lists have an entry for each recording, null where it has none.
+
+    `scatter` is the standard deviation of the recordings' biases, `expected_scatter` what their own uncertainties
+    make of it, `turn_on_scatter` what is left without these. `next_standard_uncertainty` is that of `mean` as the bias
+    of the next turn-on, to be taken with `coverage_factor`. `probability` is that of such differences by chance, were
+    the bias the same each time.
+    """
+
+    parameter: str
+    unit: str
+    values: Each
+    sigmas: Each
+    mean: float
+    mean_sigma: float
+    scatter: float
+    scatter_sigma: float
+    measurement: float
+    turn_on: float
+    next_sigma: float
+    coverage_factor: float
+    degrees: int
+    chi_square: float
+    probability: float
+
+
+class StableBlock(DocumentPart, rename=spelled(enlarged="enlarged_by")):
+    """A parameter that all recordings share, as each determines it by itself; null where one does not tell it.
+
+    It agrees if the `probability` of such differences by chance is not below `limit`; if it does not, its standard
+    uncertainty is `enlarged_by` this factor in the list of parameters.
+    """
+
+    parameter: str
+    unit: str
+    values: Each
+    sigmas: Each
+    value: float
+    chi_square: float
+    degrees: int
+    probability: float
+    limit: float
+    agrees: bool
+    enlarged: float
+
+
+class TurnOnsBlock(DocumentPart, rename=spelled(agreements="stable")):
+    """What several recordings of one unit tell: chi-square of all stable parameters together, and each by itself."""
+
+    recordings: list[TurnOnBlock]
+    biases: list[BiasBlock]
+    agreements: list[StableBlock]
+    chi_square: float
+    degrees: int
+    probability: float
+
+
+def turn_ons_block(told: TurnOns) -> TurnOnsBlock:
+    """Return the block of what several recordings told.
+
+    Parameters
+    ----------
+    told : see there.
+    """
+    return part_of(TurnOnsBlock, told)
+
 
 FORMAT = "tumble calibration"
 VERSION = 1
-LARGEST = 32 << 20
-"""Bytes of a document; one with a hundred turn-ons has a tenth of a megabyte."""
 FORWARD = (
     "raw = u + asymmetry * |u| + quadratic * u^2 + g_sensitivity * f + bias, u = matrix * true; "
     "true in m/s^2 and rad/s in frame b, f the true specific force in b (gyroscope only); "
@@ -379,6 +459,16 @@ class Calibration(DocumentPart):
         size = len(self.covariance_parameters)
         return np.array(self.covariance, dtype=float).reshape(size, size)
 
+    def corrector(self, outside: Outside = "refuse") -> Corrector:
+        """Return what corrects consecutive blocks of a recording, at the recording's start.
+
+        Raises
+        ------
+        CalibrationFileError
+            If the document has no matrix of either triad.
+        """
+        return Corrector(self.model, self.thermal_model, self.lever_arms, outside)
+
     def correct(
         self,
         raw_specific_force: Vectors | None,
@@ -412,9 +502,7 @@ class Calibration(DocumentPart):
         ValueError
             If a matrix is singular.
         """
-        from tumble.document.corrector import Corrector
-
-        return Corrector(self, outside).correct(
+        return self.corrector(outside).correct(
             raw_specific_force, raw_angular_rate, time, temperature_celsius
         )
 
@@ -471,49 +559,6 @@ class Calibration(DocumentPart):
             If the folder cannot be written to.
         """
         write_text(Path(path), self.to_json())
-
-
-@border
-def read_calibration(path: str | os.PathLike[str]) -> Calibration:
-    """Read a ``calibration.json``, or a folder that holds one.
-
-    Raises
-    ------
-    CalibrationFileError
-        If there is no such file, or it is not a calibration of a version that this tumble knows.
-    """
-    file = Path(path)
-    if file.is_dir():
-        file = file / "calibration.json"
-    hint = "give the calibration.json that `tumble calibrate` wrote"
-    with reading(file, "a calibration", CalibrationFileError, hint):
-        document: Any = read_json(file, LARGEST)
-    if not isinstance(document, dict) or cast("dict[str, Any]", document).get("format") != FORMAT:
-        raise CalibrationFileError(
-            f'{file} is not a calibration of tumble: it does not say "format": "{FORMAT}".'
-        )
-    version: Any = cast("dict[str, Any]", document).get("version")
-    if not isinstance(version, int) or isinstance(version, bool) or version < 1:
-        raise CalibrationFileError(
-            f"{file} is damaged: its version is {version!r:.40}, which is no whole number from 1 on."
-        )
-    if version > VERSION:
-        raise CalibrationFileError(
-            f"{file} is of version {version!r} and this tumble reads up to {VERSION}: update tumble."
-        )
-    if cast("dict[str, Any]", document).get("composed_with") is not None:
-        raise CalibrationFileError(
-            f"{file} holds a calibration after another (composed_with), which is no longer read. Apply the two files "
-            "that it was made of, one after the other."
-        )
-    try:
-        calibration = read_part(Calibration, document)
-    except msgspec.ValidationError as error:
-        raise CalibrationFileError(f"{file} is damaged: {refusal(error)}.") from error
-    contradiction = contradiction_in(calibration)
-    if contradiction is not None:
-        raise CalibrationFileError(f"{file} is damaged: {contradiction}.")
-    return calibration
 
 
 def calibration_of(text: str) -> Calibration:

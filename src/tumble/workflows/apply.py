@@ -105,7 +105,7 @@ def apply(request: ApplyRequest) -> Applied:
     magnetometer = CorrectedField.of(document, first, goal.form)
     remarks += magnetometer.remarks
     scaled = in_calibration_units(first, factors)
-    remarks += find_steps_of_two(corrected_block(Corrector(document, beyond), scaled, temperature))
+    remarks += find_steps_of_two(corrected_block(document.corrector(beyond), scaled, temperature))
     marks = [*done_before, document.identity]
     task = Correction(document, beyond, temperature, factors, lag, request.progress or silent)
     if goal.form == "bag":
@@ -114,7 +114,7 @@ def apply(request: ApplyRequest) -> Applied:
         first, blocks = None, None
         done, told = write_corrected_bag(task, files[0], goal.path, topics or (), marks)
         return Applied(goal.path, done, list(dict.fromkeys([*remarks, *told])))
-    work = _Blocks(task, magnetometer, Corrector(document, beyond), TemperatureColumn())
+    work = _Blocks(task, magnetometer, document.corrector(beyond), TemperatureColumn())
     shift = None if lag is None else ForceShift(lag)
     corrected = work.corrected(chain([first], blocks))
     _write(goal, corrected if shift is None else shifted(corrected, shift), marks, files)
@@ -389,7 +389,7 @@ class _Work:
                 known[name],
                 name == choice.force,
                 name == choice.rates,
-                Corrector(task.calibration, task.outside),
+                task.calibration.corrector(task.outside),
             )
             for name in self._names
         }

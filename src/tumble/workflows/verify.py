@@ -21,7 +21,7 @@ from tumble.calibration import (
     two_digits,
 )
 from tumble.counting import part
-from tumble.document import Calibration, Corrector, read_calibration
+from tumble.document import Calibration, read_calibration
 from tumble.earth import Site
 from tumble.errors import CalibrationFileError, RecordingError
 from tumble.recording import (
@@ -83,7 +83,7 @@ def corrected_whole(
         column = TemperatureColumn()
         column.add(scaled.time, scaled.temperature)
         told = check_column(column)
-    corrector = Corrector(document, "refuse")
+    corrector = document.corrector()
     corrected = corrected_block(corrector, scaled, temperature)
     return corrected, [*told, *about_temperature(document, corrector, recorded_span(scaled, temperature))]
 

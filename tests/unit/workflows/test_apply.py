@@ -17,7 +17,7 @@ from tests.unit.given import given as known
 from tests.unit.workflows.blocks import cut
 
 from tumble.calibration import Estimate, Holds, OverTemperature, canonical_names
-from tumble.document import Calibration, Corrector, RecordingName, calibration_from_estimate, read_calibration
+from tumble.document import Calibration, RecordingName, calibration_from_estimate, read_calibration
 from tumble.earth import Site
 from tumble.errors import CalibrationFileError, RecordingError, ThermalSpanError, UsageError
 from tumble.protocol import named_protocol
@@ -277,7 +277,7 @@ def test_a_stated_temperature_serves_a_recording_without_one(tmp_path: Path) -> 
         DOCUMENT.correct(force, rate, temperature_celsius=CELSIUS)
     with pytest.raises(UsageError, match="no temperature was given"):
         DOCUMENT.correct(force, rate)
-    assert np.isnan(Corrector(DOCUMENT).warmest)
+    assert np.isnan(DOCUMENT.corrector().warmest)
 
 
 def test_a_calibration_of_one_temperature_used_at_another_is_told(tmp_path: Path) -> None:

@@ -1,23 +1,29 @@
-"""What the types of a document's fields cannot show: sizes, singular matrices, unknown units, false test vectors."""
+"""A document read, and what the types of its fields cannot show: singular matrices, unknown units, false vectors."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import os
+from pathlib import Path
+from typing import Any, cast
 
+import msgspec
 import numpy as np
 
 from tumble.arrays import Vectors
+from tumble.border import border
+from tumble.document.corrector import corrected
 from tumble.document.magnetometer_block import MagnetometerBlock
-from tumble.document.part import Row
+from tumble.document.part import Row, read_part, refusal
+from tumble.document.result import FORMAT, VERSION, Calibration
 from tumble.document.soundness import is_invertible, stated_covariance_fault
 from tumble.document.thermal_block import contradiction as thermal_contradiction
-from tumble.errors import TumbleError
-from tumble.files import HIDDEN
+from tumble.errors import CalibrationFileError, TumbleError
+from tumble.files import HIDDEN, read_json, reading
 from tumble.sensor import ImuModel
 from tumble.units import magnetic_field_factor
 
-if TYPE_CHECKING:
-    from tumble.document.result import Calibration
+LARGEST = 32 << 20
+"""Bytes of a document; one with a hundred turn-ons has a tenth of a megabyte."""
 
 # Of the corrected vector: the numbers are written with all digits, and a corrector's round-off is 1e-12 or so.
 _SAME = 1e-6
@@ -109,20 +115,44 @@ def _model_of(calibration: Calibration) -> ImuModel | None:
     return None if all(block is None or block.matrix is None for block in blocks) else calibration.model
 
 
-def corrected(
-    model: ImuModel, raw_force: Vectors | None, raw_rate: Vectors | None
-) -> tuple[Vectors | None, Vectors | None]:
-    """Return both triads corrected by one model; None for a triad that it lacks, or of which there are no numbers.
+@border
+def read_calibration(path: str | os.PathLike[str]) -> Calibration:
+    """Read a ``calibration.json``, or a folder that holds one.
 
-    Parameters
-    ----------
-    model, raw_force, raw_rate : without a specific force beside it the gyros' g-sensitivity is left alone.
+    Raises
+    ------
+    CalibrationFileError
+        If there is no such file, or it is not a calibration of a version that this tumble knows.
     """
-    force = rate = None
-    if model.accelerometer is not None and raw_force is not None:
-        force = model.accelerometer.correct(raw_force)
-    if model.gyroscope is not None and raw_rate is not None:
-        if model.g_sensitivity is not None and force is not None:
-            raw_rate = raw_rate - force @ model.g_sensitivity.T
-        rate = model.gyroscope.correct(raw_rate)
-    return force, rate
+    file = Path(path)
+    if file.is_dir():
+        file = file / "calibration.json"
+    hint = "give the calibration.json that `tumble calibrate` wrote"
+    with reading(file, "a calibration", CalibrationFileError, hint):
+        document: Any = read_json(file, LARGEST)
+    if not isinstance(document, dict) or cast("dict[str, Any]", document).get("format") != FORMAT:
+        raise CalibrationFileError(
+            f'{file} is not a calibration of tumble: it does not say "format": "{FORMAT}".'
+        )
+    version: Any = cast("dict[str, Any]", document).get("version")
+    if not isinstance(version, int) or isinstance(version, bool) or version < 1:
+        raise CalibrationFileError(
+            f"{file} is damaged: its version is {version!r:.40}, which is no whole number from 1 on."
+        )
+    if version > VERSION:
+        raise CalibrationFileError(
+            f"{file} is of version {version!r} and this tumble reads up to {VERSION}: update tumble."
+        )
+    if cast("dict[str, Any]", document).get("composed_with") is not None:
+        raise CalibrationFileError(
+            f"{file} holds a calibration after another (composed_with), which is no longer read. Apply the two files "
+            "that it was made of, one after the other."
+        )
+    try:
+        calibration = read_part(Calibration, document)
+    except msgspec.ValidationError as error:
+        raise CalibrationFileError(f"{file} is damaged: {refusal(error)}.") from error
+    contradiction = contradiction_in(calibration)
+    if contradiction is not None:
+        raise CalibrationFileError(f"{file} is damaged: {contradiction}.")
+    return calibration
