@@ -1,6 +1,12 @@
-from .noise import SensorNoise as SensorNoise, TriadNoise as TriadNoise, read_noise as read_noise
+from .preparing import prepare as prepare
 from .readers import check_plausible as check_plausible, read_file as read_file, read_imu_tk as read_imu_tk
-from .subject import Subject as Subject, Wishes as Wishes, prepare as prepare
+from .subject import (
+    SensorNoise as SensorNoise,
+    Subject as Subject,
+    TriadNoise as TriadNoise,
+    Wishes as Wishes,
+    read_noise as read_noise,
+)
 from .target import (
     G_SENSITIVITY as G_SENSITIVITY,
     MAGNETOMETER as MAGNETOMETER,

@@ -13,7 +13,7 @@ from msgspec import structs
 from tests.unit.export.a_unit import B_A, B_G, M_A, M_G, TARGETS, G, compass, document
 from tests.unit.export.test_files import register_after, registers, text_of
 
-from tumble.export.subject import prepare
+from tumble.export.preparing import prepare
 from tumble.recording import read_recording
 from tumble.sensor import ImuModel, Triad
 

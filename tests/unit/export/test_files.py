@@ -15,8 +15,8 @@ from tests.unit.export.a_unit import B_A, B_G, GRAVITY_UNIT, M_A, M_G, RAW_A, RA
 
 from tumble.document import RecordingName, read_calibration
 from tumble.errors import CalibrationFileError, UsageError
-from tumble.export.noise import read_noise
-from tumble.export.subject import Wishes, prepare
+from tumble.export.preparing import prepare
+from tumble.export.subject import Wishes, read_noise
 from tumble.sensor import ImuModel, Triad
 from tumble.workflows import convert_from
 

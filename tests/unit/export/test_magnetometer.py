@@ -14,7 +14,8 @@ from tests.unit.export.a_unit import B_M, M_M, TARGETS, ardupilot, compass, docu
 
 from tumble.document import Calibration, FieldVerdictBlock
 from tumble.errors import UsageError
-from tumble.export.subject import Wishes, prepare
+from tumble.export.preparing import prepare
+from tumble.export.subject import Wishes
 from tumble.export.target import MAGNETOMETER
 from tumble.sensor import change_frame
 

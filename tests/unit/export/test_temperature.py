@@ -22,7 +22,8 @@ from tests.unit.export.a_unit import (
 
 from tumble.document import Calibration, read_calibration
 from tumble.errors import CalibrationFileError, UsageError
-from tumble.export.subject import Wishes, prepare
+from tumble.export.preparing import prepare
+from tumble.export.subject import Wishes
 from tumble.sensor import ImuModel, TemperatureBasis, ThermalModel, Triad
 from tumble.workflows import convert_from
 
