@@ -112,7 +112,7 @@ def test_a_file_that_holds_all_states_no_loss_but_of_a_curve_that_it_does_not_wr
     made = document(MODEL)
     for name in ("c", "cpp", "python"):
         assert prepare(made, TARGETS[name]).losses == ()
-    monkeypatch.setattr("tumble.export.subject.CURVED", ("asymmetry",))
+    monkeypatch.setattr("tumble.export.preparing.CURVED", ("asymmetry",))
     lost = prepare(made, TARGETS["c"])
     assert (lost.gyroscope.quadratic, lost.gyroscope.asymmetry) == (
         None,
