@@ -8,7 +8,6 @@ import io
 import json
 import re
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pypdf
@@ -18,7 +17,7 @@ from msgspec import structs
 from tests.unit.written import parameters, written
 
 from tumble.certificate import Profile, certificate_content, certificate_pdf, read_profile
-from tumble.certificate.content import LANGUAGES, PHRASES, CertificateContent
+from tumble.certificate.content import LANGUAGES, PHRASES
 from tumble.certificate.dcc import dcc_text, entries_in_si
 from tumble.document import Calibration, plain, read_part
 from tumble.errors import UsageError
@@ -31,7 +30,7 @@ NAMES = [f"accelerometer.matrix[{i},{j}]" for i in range(3) for j in range(3)]
 NAMES += [f"accelerometer.bias[{i}]" for i in range(3)]
 
 
-def document(unit: str = "g") -> Calibration:
+def document(unit="g"):
     """Accelerometers in `unit` with a covariance that is not symmetric by accident of its numbers."""
     rng = np.random.default_rng(4)
     root = np.tril(rng.normal(size=(12, 12))) * 1e-4
@@ -75,16 +74,16 @@ PROFILE = read_part(
 BARE = read_part(Profile, {"laboratory": {"name": "–"}})
 
 
-def content_of(told: Calibration, language: str = "en", profile: Profile = PROFILE) -> CertificateContent:
+def content_of(told, language="en", profile=PROFILE):
     return certificate_content(told, profile, NUMBER, DATE, language)
 
 
-def text_of(content: CertificateContent) -> str:
+def text_of(content):
     pages = pypdf.PdfReader(io.BytesIO(certificate_pdf(content))).pages
     return "\n".join(page.extract_text() for page in pages)
 
 
-def judged(told: Calibration, folder: Path) -> Calibration:
+def judged(told, folder):
     """With the decision on a limit that a bias breaks."""
     (folder / "limits.yaml").write_text(
         "name: incoming\nlimits: {accelerometer bias: 20 mg}\n", encoding="utf-8"
@@ -93,7 +92,7 @@ def judged(told: Calibration, folder: Path) -> Calibration:
 
 
 @pytest.mark.parametrize("language", [language for language in LANGUAGES if language != "zh"])
-def test_it_says_what_the_standard_asks_for(language: str) -> None:
+def test_it_says_what_the_standard_asks_for(language):
     text = text_of(content_of(document(), language))
     words = ("Prüfstelle <Nord>", "Robots Ltd", "0042 <&>", "2026-11-20", "survey 17", "A. Person", "45 %")
     for word in (NUMBER, *words):
@@ -103,7 +102,7 @@ def test_it_says_what_the_standard_asks_for(language: str) -> None:
     assert hashlib.sha256(document().to_json().encode()).hexdigest() in "".join(text.split())
 
 
-def test_numbers_are_rounded_by_their_expanded_uncertainty() -> None:
+def test_numbers_are_rounded_by_their_expanded_uncertainty():
     # 2.26 x 0.012 % = 0.027 %; 2.09 x 0.42 mg = 0.88 mg
     text = text_of(content_of(document()))
     assert re.search(r"0\.321\s+0\.027\s+2\.26\s+%", text)
@@ -118,7 +117,7 @@ def test_numbers_are_rounded_by_their_expanded_uncertainty() -> None:
         assert f"Page {number} of {len(pages)}" in page.extract_text()
 
 
-def test_the_same_day_makes_the_same_bytes_and_it_is_pdf_a() -> None:
+def test_the_same_day_makes_the_same_bytes_and_it_is_pdf_a():
     first, second = (certificate_pdf(content_of(document())) for _ in range(2))
     assert first == second
     reader = pypdf.PdfReader(io.BytesIO(first))
@@ -134,7 +133,7 @@ def test_the_same_day_makes_the_same_bytes_and_it_is_pdf_a() -> None:
     assert attached.decode() == document().to_json()
 
 
-def test_the_decision_on_conformity_and_its_rule_are_on_the_pages(tmp_path: Path) -> None:
+def test_the_decision_on_conformity_and_its_rule_are_on_the_pages(tmp_path):
     content = content_of(judged(document(), tmp_path))
     text = text_of(content)
     assert content.conformity is not None
@@ -144,7 +143,7 @@ def test_the_decision_on_conformity_and_its_rule_are_on_the_pages(tmp_path: Path
     assert re.search(r"bias y\s+−20\s+…\s+20\s+mg\s+failed", text)
 
 
-def test_chinese_says_what_it_needs(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_chinese_says_what_it_needs(monkeypatch):
     """With a font of Chinese characters it is set; without one a sentence says which to install."""
     from tumble.certificate import pdf
 
@@ -158,7 +157,7 @@ def test_chinese_says_what_it_needs(monkeypatch: pytest.MonkeyPatch) -> None:
         assert PHRASES["title"]["zh"] in text_of(content_of(document(), "zh"))
 
 
-def test_every_phrase_is_there_in_every_language() -> None:
+def test_every_phrase_is_there_in_every_language():
     for key, words in PHRASES.items():
         assert set(words) == set(LANGUAGES)
         assert all(words.values()) or key == "page_end"
@@ -176,7 +175,7 @@ def test_every_phrase_is_there_in_every_language() -> None:
         ("laboratory: [", "it is no YAML"),
     ],
 )
-def test_what_is_wrong_with_a_profile_is_one_sentence(tmp_path: Path, text: str, said: str) -> None:
+def test_what_is_wrong_with_a_profile_is_one_sentence(tmp_path, text, said):
     path = tmp_path / "lab.yaml"
     path.write_text(text, encoding="utf-8")
     with pytest.raises(UsageError, match=r"^[^\n]+\.$") as caught:
@@ -184,7 +183,7 @@ def test_what_is_wrong_with_a_profile_is_one_sentence(tmp_path: Path, text: str,
     assert said in str(caught.value)
 
 
-def root_of(text: str) -> Any:
+def root_of(text):
     """The certificate, which is valid against the published schemas."""
     schema = etree.XMLSchema(etree.parse(str(SCHEMA)))
     root = etree.fromstring(text.encode())
@@ -192,14 +191,14 @@ def root_of(text: str) -> Any:
     return root
 
 
-def numbers_of(root: Any, kind: str, name: str) -> list[list[float]]:
+def numbers_of(root, kind, name):
     """All lists of numbers of one name in a result of one kind."""
     found = root.findall(f".//{{https://ptb.de/dcc}}result[@refType='{kind}']//{{https://ptb.de/si}}{name}")
     return [[float(word) for word in one.text.split()] for one in found]
 
 
 @pytest.mark.parametrize("unit", ["g", "m/s^2", "counts"])
-def test_the_dcc_is_valid_and_reads_back(unit: str) -> None:
+def test_the_dcc_is_valid_and_reads_back(unit):
     root = root_of(dcc_text(document(unit), PROFILE, NUMBER, DATE, "de"))
     assert root.findtext(".//{*}uniqueIdentifier") == NUMBER
     assert base64.b64decode(root.findtext(".//{*}dataBase64")).decode() == document(unit).to_json()
@@ -215,7 +214,7 @@ def test_the_dcc_is_valid_and_reads_back(unit: str) -> None:
 
 
 @pytest.mark.parametrize("profile", [PROFILE, BARE])
-def test_the_dcc_has_the_decision_and_what_the_profile_says(tmp_path: Path, profile: Profile) -> None:
+def test_the_dcc_has_the_decision_and_what_the_profile_says(tmp_path, profile):
     bare = structs.replace(document(), covariance_parameters=[], covariance=[], temperature_celsius=None)
     root = root_of(dcc_text(judged(bare, tmp_path), profile, NUMBER, DATE, "fr"))
     assert root.findtext(".//{*}conformity") == "fail"
@@ -228,7 +227,7 @@ def test_the_dcc_has_the_decision_and_what_the_profile_says(tmp_path: Path, prof
         dcc_text(document(), wrong, NUMBER, DATE, "fr")
 
 
-def test_the_dcc_is_in_si() -> None:
+def test_the_dcc_is_in_si():
     names, units, values, covariance = entries_in_si(document("g"))
     at = names.index("accelerometer.bias[1]")
     assert values[at] == pytest.approx(-0.022 * 9.80665)
@@ -239,7 +238,7 @@ def test_the_dcc_is_in_si() -> None:
     assert covariance[k, at] == pytest.approx(document().covariance[k][10] * 9.80665**2)
 
 
-def with_magnetometer(raw: str, unit: str) -> Calibration:
+def with_magnetometer(raw, unit):
     """The document with a magnetometer whose numbers are those of microtesla."""
     per = f"{raw}/({unit})"
     named = [
@@ -269,7 +268,7 @@ def with_magnetometer(raw: str, unit: str) -> Calibration:
         ("uT", "local field", r"987407\s+10318\s+2\.09\s+µT/local\s+field"),
     ],
 )
-def test_a_magnetometer_s_results_are_on_both_certificates(raw: str, unit: str, scale: str) -> None:
+def test_a_magnetometer_s_results_are_on_both_certificates(raw, unit, scale):
     both = with_magnetometer(raw, unit)
     text = text_of(content_of(both))
     assert re.search(r"−27\.4978\s+0\.0084\s+2\.09\s+(µT|counts)", text)
@@ -281,7 +280,7 @@ def test_a_magnetometer_s_results_are_on_both_certificates(raw: str, unit: str, 
     assert values == pytest.approx([-27.4978 * tesla, 987407.0 * tesla])
 
 
-def test_a_magnetometer_that_is_not_fit_has_no_results_and_a_reason() -> None:
+def test_a_magnetometer_that_is_not_fit_has_no_results_and_a_reason():
     told = plain(with_magnetometer("uT", "T"))
     told["magnetometer"] |= {"verdict": {"use": "not fit", "reasons": ["Iron is near."]}}
     content = content_of(read_part(Calibration, told))
@@ -290,7 +289,7 @@ def test_a_magnetometer_that_is_not_fit_has_no_results_and_a_reason() -> None:
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
-def test_what_was_noted_with_the_calibration_stands_in_the_certificate(language: str) -> None:
+def test_what_was_noted_with_the_calibration_stands_in_the_certificate(language):
     notes = {"operator": "A. Smith", "place": "hall 2", "end": "early", "instrument": "table 7"}
     noted = structs.replace(document(), notes=notes)
     facts = dict(content_of(noted, language).facts)
@@ -303,7 +302,7 @@ def test_what_was_noted_with_the_calibration_stands_in_the_certificate(language:
     assert facts[PHRASES["place"][language]] == "at the customer's"
 
 
-def test_the_formula_has_the_terms_that_the_results_have() -> None:
+def test_the_formula_has_the_terms_that_the_results_have():
     told = document()
     plain = content_of(told).model
     assert plain[0] == "raw = M · true + b."

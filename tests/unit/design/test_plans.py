@@ -61,7 +61,7 @@ WANDERING = TriadNoise(random_walk=3e-4, bias_instability=5e-4)
 @pytest.mark.parametrize(
     "noise", [TriadNoise(bias_instability=1.0), TriadNoise(rate_random_walk=1.0), TriadNoise(random_walk=1.0)]
 )
-def test_the_noise_that_holds_share_is_what_the_simulator_plays(noise: TriadNoise) -> None:
+def test_the_noise_that_holds_share_is_what_the_simulator_plays(noise):
     """1,200 draws of three axes: a variance is good to 2.4 %, four of these are allowed."""
     times, rng = np.array([[0.0, 30.0], [33.0, 63.0], [66.0, 96.0], [99.0, 140.0]]), np.random.default_rng(3)
     drawn: list[np.ndarray] = []
@@ -75,7 +75,7 @@ def test_the_noise_that_holds_share_is_what_the_simulator_plays(noise: TriadNois
     assert np.all(np.abs(seen.T @ seen / len(seen) - expected) < limit)
 
 
-def test_with_white_noise_the_prediction_is_the_bound_of_norms_at_rest() -> None:
+def test_with_white_noise_the_prediction_is_the_bound_of_norms_at_rest():
     dwell = 40.0
     plan = plan_of("nine", PoseTask(WHITE), CUBE[list(NINE)], np.full(9, dwell))
     sigma = WHITE.random_walk / np.sqrt(dwell) / PoseTask(WHITE).gravity
@@ -84,7 +84,7 @@ def test_with_white_noise_the_prediction_is_the_bound_of_norms_at_rest() -> None
     np.testing.assert_allclose(plan.sigmas, expected, rtol=1e-6)
 
 
-def test_a_common_wander_of_all_holds_is_in_the_biases_alone() -> None:
+def test_a_common_wander_of_all_holds_is_in_the_biases_alone():
     """Where one constant is added to all holds' means, it is the bias of that session and no error of the others."""
     directions = twenty_six_directions()
     covariance = predict_covariance(
@@ -94,7 +94,7 @@ def test_a_common_wander_of_all_holds_is_in_the_biases_alone() -> None:
     np.testing.assert_allclose(np.diag(covariance)[6:], 4.0, rtol=1e-6)
 
 
-def test_a_good_order_lessens_what_a_wandering_bias_does() -> None:
+def test_a_good_order_lessens_what_a_wandering_bias_does():
     found = plan_poses(PoseTask(WANDERING), 18, 30.0, np.random.default_rng(1))
     order = shortest_order(found.directions)
     shortest = plan_of("shortest", PoseTask(WANDERING), found.directions[order], found.dwells)
@@ -103,7 +103,7 @@ def test_a_good_order_lessens_what_a_wandering_bias_does() -> None:
     assert np.all(np.sum(found.directions[1:] * found.directions[:-1], axis=1) < np.cos(np.radians(10.0)))
 
 
-def test_a_plan_of_a_given_time_lasts_so_long_and_is_no_worse_than_any_scheme() -> None:
+def test_a_plan_of_a_given_time_lasts_so_long_and_is_no_worse_than_any_scheme():
     """5 %: among plans so close to each other the one with the fewest poses is taken."""
     for noise in (WHITE, WANDERING):
         found = plan_time(PoseTask(noise), 150.0, np.random.default_rng(1))
@@ -113,7 +113,7 @@ def test_a_plan_of_a_given_time_lasts_so_long_and_is_no_worse_than_any_scheme() 
         assert all(isinstance(one, str) or found.value <= 1.05 * one.value for one in schemes.values())
 
 
-def test_poses_that_do_not_tell_are_refused_in_words() -> None:
+def test_poses_that_do_not_tell_are_refused_in_words():
     with pytest.raises(
         ObservabilityError, match=r"8 poses do not determine the non-orthogonality of y to z\. Add edge"
     ):
@@ -126,12 +126,12 @@ def test_poses_that_do_not_tell_are_refused_in_words() -> None:
         plan_time(PoseTask(WHITE), 30.0, np.random.default_rng(0))
 
 
-def mean_variance(chosen: list[int], known: np.ndarray | float = 0.0) -> float:
+def mean_variance(chosen, known=0.0):
     rows = pose_rows(CUBE[chosen])
     return float(np.mean(np.diag(np.linalg.inv(rows.T @ rows + known))))
 
 
-def test_the_exchange_finds_the_best_of_all_sets_and_is_as_good_as_the_one_known() -> None:
+def test_the_exchange_finds_the_best_of_all_sets_and_is_as_good_as_the_one_known():
     """Eleven of the 26 directions, by brute force over their 55 sets of nine."""
     chosen = [0, 1, 2, 3, 4, 5, 6, 8, 11, 13, 20]
     rows = pose_rows(CUBE[chosen])
@@ -155,7 +155,7 @@ def test_the_exchange_finds_the_best_of_all_sets_and_is_as_good_as_the_one_known
     assert mean_variance(found) <= mean_variance(edges) * (1.0 + 1e-9)
 
 
-def test_what_is_known_already_steers_the_choice() -> None:
+def test_what_is_known_already_steers_the_choice():
     """After six faces and three edges, whose misalignments are worst, six more poses are edges and corners."""
     rows = pose_rows(CUBE[list(NINE)])
     known = rows.T @ rows
@@ -168,7 +168,7 @@ SITE = replace(Site.from_latitude(0.8), gravity_sigma=0.0)
 TACTICAL = find_grade("tactical")
 
 
-def faces(*ups: tuple[int, int, int], seconds: float = 10.0) -> Protocol:
+def faces(*ups, seconds=10.0):
     steps: list[HoldStep | TurnStep] = []
     for up in ups:
         steps += [TurnStep(2.0)] if steps else []
@@ -178,12 +178,12 @@ def faces(*ups: tuple[int, int, int], seconds: float = 10.0) -> Protocol:
 
 
 @pytest.fixture(scope="module")
-def hand_held() -> JointPlan:
+def hand_held():
     return plan_protocol(PlanTask.of_grade(named_protocol("hand-held"), TACTICAL, SITE, draws=2))
 
 
 @pytest.fixture(scope="module")
-def table() -> JointPlan:
+def table():
     """Two holds, and one turn of a table both ways about x."""
     hold, about = HoldStep(8.0, Pose(np.array([0.0, 0.0, 1.0]), None, 0.05)), np.array([1.0, 0.0, 0.0])
     there, back = (
@@ -195,7 +195,7 @@ def table() -> JointPlan:
 
 
 @pytest.mark.parametrize("name", ["hand_held", "table"])
-def test_the_information_is_that_of_the_estimator_itself(name: str, request: pytest.FixtureRequest) -> None:
+def test_the_information_is_that_of_the_estimator_itself(name, request):
     """The plan assembles the estimator's equations its own way, to eliminate a rotation only once."""
     plan: JointPlan = request.getfixturevalue(name)
     task = plan.problem.task
@@ -211,7 +211,7 @@ def test_the_information_is_that_of_the_estimator_itself(name: str, request: pyt
     assert np.max(np.abs(found[np.ix_(at, at)] - wanted) / size) < 1e-7
 
 
-def test_four_times_the_time_of_white_noise_halves_what_holds_tell() -> None:
+def test_four_times_the_time_of_white_noise_halves_what_holds_tell():
     noise = PlannedNoise(TriadNoise(random_walk=1e-3), TriadNoise(random_walk=1e-5), 100.0)
     task = replace(PlanTask.of_grade(named_protocol("hand-held"), TACTICAL, SITE, draws=1), noise=noise)
     sigmas: list[np.ndarray] = []
@@ -233,7 +233,7 @@ def test_four_times_the_time_of_white_noise_halves_what_holds_tell() -> None:
     assert np.all((ratio > 0.47) & (ratio < 0.56))
 
 
-def test_what_is_foretold_is_what_drawn_wanders_do_to_the_estimate() -> None:
+def test_what_is_foretold_is_what_drawn_wanders_do_to_the_estimate():
     """Flicker drawn over the whole session, seen by the holds and turns as means, moves the gyro biases as foretold.
 
     The gains are the estimator's own; the wander is a random walk of many Gauss-Markov processes, not the closed form.
@@ -262,7 +262,7 @@ def test_what_is_foretold_is_what_drawn_wanders_do_to_the_estimate() -> None:
     assert drawn == pytest.approx(told, rel=0.12)
 
 
-def test_turns_about_the_vertical_tell_no_gyro_and_a_level_turn_does() -> None:
+def test_turns_about_the_vertical_tell_no_gyro_and_a_level_turn_does():
     """Gravity stays where it is: the z gyro is not told, and a turn by hand about level z tells it."""
     level = tuple(
         replace(step, pose=Pose(np.array([0.0, 0.0, 1.0]))) for step in faces(*[(0, 0, 1)] * 4).steps[::2]
@@ -284,7 +284,7 @@ def test_turns_about_the_vertical_tell_no_gyro_and_a_level_turn_does() -> None:
     assert "Not determined yet" in words[0]
 
 
-def test_an_aim_is_as_many_usual_poses_away_as_it_takes() -> None:
+def test_an_aim_is_as_many_usual_poses_away_as_it_takes():
     """Limits are what 20 poses determine: after 5 of them 15 are left, and after 20 none."""
     task = PlanTask.of_grade(faces((0, 0, 1), (1, 0, 0), seconds=3.0), TACTICAL, SITE)
     usual = usual_pose(task, 300.0)
@@ -296,13 +296,13 @@ def test_an_aim_is_as_many_usual_poses_away_as_it_takes() -> None:
     assert aim.poses_left(task, JointInformation(20.1 * usual.matrix)) == 0.0
 
 
-def test_with_an_aim_the_worst_of_what_is_wanted_decides() -> None:
+def test_with_an_aim_the_worst_of_what_is_wanted_decides():
     """One parameter is nearly where it is wanted, another is three times off: the step for the latter is next."""
     task = PlanTask.of_grade(faces((0, 0, 1), (1, 0, 0)), TACTICAL, SITE)
     sigma = 0.01 * task.sizes
     known = JointInformation(np.diag(1.0 / sigma**2))
 
-    def step(name: str, place: int, more: float) -> StepCandidate:
+    def step(name, place, more):
         matrix = np.zeros((30, 30))
         matrix[place, place] = more / sigma[place] ** 2
         return StepCandidate(name, 5.0, JointInformation(matrix), ())
@@ -318,7 +318,7 @@ def test_with_an_aim_the_worst_of_what_is_wanted_decides() -> None:
     assert following.most_gain == pytest.approx(1.0 - 1.6**-0.5, rel=1e-3)
 
 
-def test_leaving_a_step_out_loses_and_lengthening_it_gains(table: JointPlan) -> None:
+def test_leaving_a_step_out_loses_and_lengthening_it_gains(table):
     worths = find_step_worths(replace(table, weak=[]))
     assert [one.kind for one in worths] == ["hold", "rotation", "hold", "rotation", "hold"]
     assert sum(one.share_of_time for one in worths) == pytest.approx(1.0)
@@ -332,7 +332,7 @@ def test_leaving_a_step_out_loses_and_lengthening_it_gains(table: JointPlan) -> 
     assert longer.angle == pytest.approx(longer.rate * (longer.duration + longer.ramp))
 
 
-def test_what_cannot_be_planned_is_said() -> None:
+def test_what_cannot_be_planned_is_said():
     for protocol, words in (
         (named_protocol("thermal-fridge"), "temperature"),
         (faces((1, 0, 0)), "fewer than two holds"),
@@ -342,7 +342,7 @@ def test_what_cannot_be_planned_is_said() -> None:
             plan_protocol(PlanTask.of_grade(protocol, TACTICAL, SITE))
 
 
-def test_the_sensors_errors_stand_under_their_names_and_sizes_are_the_data_sheets_spreads() -> None:
+def test_the_sensors_errors_stand_under_their_names_and_sizes_are_the_data_sheets_spreads():
     force = np.array([[1.01, 0.0, 0.0], [0.002, 0.99, 0.0], [-0.003, 0.004, 1.02]])
     gyro = np.diag([1.0, 1.1, 0.9])
     values = np.real(parameters_of(force, np.array([1.0, 2.0, 3.0]), gyro, np.zeros(3), np.eye(3)))
@@ -359,7 +359,7 @@ def test_the_sensors_errors_stand_under_their_names_and_sizes_are_the_data_sheet
     assert np.all(sizes > 0.0)
 
 
-def test_targets_are_held_against_what_is_foretold(hand_held: JointPlan) -> None:
+def test_targets_are_held_against_what_is_foretold(hand_held):
     """By the information alone each hold's wander is its own, and gyro biases would miss a target that they reach."""
     task, foretold = hand_held.task, hand_held.sigmas
     for factor, reached in ((1.01, True), (0.99, False)):
@@ -379,9 +379,7 @@ def test_targets_are_held_against_what_is_foretold(hand_held: JointPlan) -> None
         assert plan.beyond(near) == [*(one.name for one in plan.foretold if rows in one.name), untold]
 
 
-def test_one_clock_is_in_all_gyro_scale_factors_and_a_table_before_determines_it(
-    hand_held: JointPlan,
-) -> None:
+def test_one_clock_is_in_all_gyro_scale_factors_and_a_table_before_determines_it(hand_held):
     """Against one normal equation of thirty parameters and the clock, whose share every gyro scale factor has."""
     task = replace(hand_held.task, g_sensitivity=True, clock=30.0 * float(hand_held.task.sizes[12]))
     rng, part = np.random.default_rng(5), PARAMETER_GROUPS["gyro scale"]
@@ -401,7 +399,7 @@ def test_one_clock_is_in_all_gyro_scale_factors_and_a_table_before_determines_it
     np.testing.assert_allclose(more[part], task.clock**2, rtol=1e-3)
 
 
-def test_poses_and_rates_are_believed_as_calibrate_believes_them() -> None:
+def test_poses_and_rates_are_believed_as_calibrate_believes_them():
     """Gyro scale factors follow the table's rates where the clock is known, and axes the placement on it."""
     table = named_protocol("rate-table")
     foretold: dict[float, dict[str, Foretold]] = {}

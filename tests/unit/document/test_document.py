@@ -26,7 +26,7 @@ ROOT = np.array([[1.0, 0.0, 0.0], [0.3, 2e-6, 0.0], [-0.5, 1e-6, 3e4]])
 SOUND = ROOT @ ROOT.T
 
 
-def test_variances_of_any_size_beside_one_another_and_one_exact_direction_are_sound() -> None:
+def test_variances_of_any_size_beside_one_another_and_one_exact_direction_are_sound():
     assert covariance_fault(np.zeros((0, 0)), []) is None
     for sound in (SOUND, np.diag([0.0, 1e-300, 1e300]), np.outer([1.0, 2.0, -3.0], [1.0, 2.0, -3.0])):
         assert covariance_fault(sound, NAMES) is None
@@ -41,22 +41,20 @@ def test_variances_of_any_size_beside_one_another_and_one_exact_direction_are_so
         ((1, 1), 0.0, "bias y has no variance and is correlated"),
     ],
 )
-def test_what_is_no_covariance_is_said(place: tuple[int, int], value: float, words: str) -> None:
+def test_what_is_no_covariance_is_said(place, value, words):
     wrong = SOUND.copy()
     wrong[place] = value
     assert words in str(covariance_fault(wrong, NAMES))
 
 
-def test_three_correlations_that_contradict_one_another_are_said() -> None:
+def test_three_correlations_that_contradict_one_another_are_said():
     # x and y alike, y and z alike, x and z opposite: each pair can be, the three cannot
     wrong = np.array([[1.0, 0.9, -0.9], [0.9, 1.0, 0.9], [-0.9, 0.9, 1.0]])
     assert "a combination" in str(covariance_fault(wrong, NAMES))
     assert "shape" in str(covariance_fault(wrong[:2], NAMES))
 
 
-def test_without_uncertainties_nothing_is_predicted_and_one_that_can_be_none_is_refused(
-    tmp_path: Path,
-) -> None:
+def test_without_uncertainties_nothing_is_predicted_and_one_that_can_be_none_is_refused(tmp_path):
     file = tmp_path / "calibration.json"
     file.write_bytes(seeds()["calibration"][0][1])
     document = read_calibration(file)
@@ -70,7 +68,7 @@ def test_without_uncertainties_nothing_is_predicted_and_one_that_can_be_none_is_
         read_calibration(file)
 
 
-def test_the_worst_pose_is_the_worst_of_each_column() -> None:
+def test_the_worst_pose_is_the_worst_of_each_column():
     every = answers(read_calibration(CALIBRATION), grade=find_grade("consumer-mems"))
     at_rest = [a for a in every if a.kind == "position"]
     assert at_rest
@@ -81,14 +79,14 @@ def test_the_worst_pose_is_the_worst_of_each_column() -> None:
             assert getattr(worst, column) >= getattr(mean, column)
 
 
-def test_an_infinite_temperature_is_refused() -> None:
+def test_an_infinite_temperature_is_refused():
     basis = TemperatureBasis("polynomial", 22.0, order=1)
     warm = ThermalModel(WHOLE, basis, {"gyroscope.bias": 1e-5 * np.ones((1, 3))}, span_celsius=(0.0, 50.0))
     with pytest.raises(UsageError, match="sample 2 is infinite"):
         thermal_document(warm).correct(RAW_A[:2], RAW_G[:2], temperature_celsius=np.array([20.0, np.inf]))
 
 
-def test_a_notebook_shows_verdict_parameters_and_no_markup_of_names() -> None:
+def test_a_notebook_shows_verdict_parameters_and_no_markup_of_names():
     calibration = document_of(EXAMPLE)
     imu = structs.replace(calibration.imu, model="<script>", serial_number="7")
     shown = structs.replace(calibration, imu=imu)._repr_html_()

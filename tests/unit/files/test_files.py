@@ -54,16 +54,14 @@ BOMB = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(
     ],
     ids=range(19),
 )
-def test_documents_that_cannot_be_are_refused_in_words(
-    tmp_path: Path, name: str, text: str, words: str
-) -> None:
+def test_documents_that_cannot_be_are_refused_in_words(tmp_path, name, text, words):
     (tmp_path / name).write_text(text)
     read = read_json if name == "a.json" else read_yaml
     with pytest.raises(ValueError, match=words):
         read(tmp_path / name)
 
 
-def test_documents_that_can_be_are_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_documents_that_can_be_are_read(tmp_path, monkeypatch):
     """A pair of halves is a character; OpenCV's first line and a few aliases are YAML; each has its limit."""
     file = tmp_path / "document"
     file.write_text('{"name": "\\ud83d\\ude00"}')
@@ -82,7 +80,7 @@ def test_documents_that_can_be_are_read(tmp_path: Path, monkeypatch: pytest.Monk
         read_yaml(file)
 
 
-def test_nothing_is_taken_from_a_pipe_that_is_refused() -> None:
+def test_nothing_is_taken_from_a_pipe_that_is_refused():
     reading, writing = os.pipe()
     try:
         os.write(writing, b"t,ax,ay,az\n")
@@ -95,7 +93,7 @@ def test_nothing_is_taken_from_a_pipe_that_is_refused() -> None:
 
 
 @pytest.mark.parametrize(("name", "words"), [("/dev/zero", "a device"), ("/", "a folder")])
-def test_devices_and_folders_are_refused_in_words(name: str, words: str) -> None:
+def test_devices_and_folders_are_refused_in_words(name, words):
     with pytest.raises(OSError, match=words):
         size_of(Path(name))
 
@@ -106,14 +104,14 @@ NO_NUMBERS = [True, None, [], "", "x", "1_0", "\u0661", "nan", "inf", "1e999", "
 NO_NUMBERS += [10**400, float("inf")]
 
 
-def test_numbers_are_numbers_and_everything_else_is_none() -> None:
+def test_numbers_are_numbers_and_everything_else_is_none():
     assert [number_of(value) for value in (1, 1.0, "1", " +1.0e0 ")] == [1.0] * 4
     for value in NO_NUMBERS:
         with pytest.raises(ValueError, match=r"number|finite|large"):
             number_of(value)
 
 
-def test_a_line_ends_where_an_editor_ends_it_and_hidden_characters_are_shown_by_their_numbers() -> None:
+def test_a_line_ends_where_an_editor_ends_it_and_hidden_characters_are_shown_by_their_numbers():
     assert lines_of("a\x0cb\u2028c\x85d\x0be\r\nf\rg\n") == ["a\x0cb\u2028c\x85d\x0be", "f", "g"]
     assert shown("a\x1b[2J\nb\u202ec") == "a<U+001B>[2J<U+000A>b<U+202E>c"
     assert shown("Größe 1 µm") == "Größe 1 µm"
@@ -122,7 +120,7 @@ def test_a_line_ends_where_an_editor_ends_it_and_hidden_characters_are_shown_by_
 # -- writing -----------------------------------------------------------------------------------------
 
 
-def test_an_input_is_not_written_over(tmp_path: Path) -> None:
+def test_an_input_is_not_written_over(tmp_path):
     file = tmp_path / "calibration.json"
     file.write_text("precious")
     (tmp_path / "link.json").symlink_to(file)
@@ -136,7 +134,7 @@ def test_an_input_is_not_written_over(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", ["device", "pipe", "folder"])
-def test_what_is_no_ordinary_file_is_not_replaced(kind: str, tmp_path: Path) -> None:
+def test_what_is_no_ordinary_file_is_not_replaced(kind, tmp_path):
     place = {"device": Path("/dev/null"), "pipe": tmp_path / "pipe", "folder": tmp_path}[kind]
     if kind == "pipe":
         os.mkfifo(place)
@@ -147,7 +145,7 @@ def test_what_is_no_ordinary_file_is_not_replaced(kind: str, tmp_path: Path) -> 
     assert place.stat().st_ino == before.st_ino
 
 
-def test_several_texts_come_together_or_not_at_all(tmp_path: Path) -> None:
+def test_several_texts_come_together_or_not_at_all(tmp_path):
     (tmp_path / "second").mkdir()
     with pytest.raises(UsageError):
         write_texts({tmp_path / "first": "1", tmp_path / "second": "2"})
@@ -159,7 +157,7 @@ def test_several_texts_come_together_or_not_at_all(tmp_path: Path) -> None:
         write_text(tmp_path / "b" / "new", "text")
 
 
-def test_a_filled_folder_takes_the_place_of_what_it_replaces(tmp_path: Path) -> None:
+def test_a_filled_folder_takes_the_place_of_what_it_replaces(tmp_path):
     for name in ("kept", "both"):
         (tmp_path / name).write_text(name)
     with filled_folder(tmp_path) as beside:
@@ -171,7 +169,7 @@ def test_a_filled_folder_takes_the_place_of_what_it_replaces(tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize("name", ["x" * 255, "é" * 127 + "a", "calibration.json"])
-def test_a_name_may_be_as_long_as_the_disk_has_names(name: str, tmp_path: Path) -> None:
+def test_a_name_may_be_as_long_as_the_disk_has_names(name, tmp_path):
     write_texts({tmp_path / name: "new", tmp_path / (name[:-1] + "b"): "other"})
     assert (tmp_path / name).read_text() == "new"
     assert len(list(tmp_path.iterdir())) == 2
