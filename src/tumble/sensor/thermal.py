@@ -192,7 +192,7 @@ def follow_temperature(
     1. a critically damped observer of temperature and rate takes off noise and steps of the thermometer,
        x' = v + 2 (T - x) / smoothing, v' = (T - x) / smoothing²; it is not late on a ramp;
     2. the lag, y' = (x - y) / lag;
-    3. the hysteresis, ds = (sign(dy) - s) |dy| / hysteresis_width, for what y moves beyond `dead_band`.
+    3. the hysteresis, ``ds = (sign(dy) - s) |dy| / hysteresis_width``, for what y moves beyond `dead_band`.
 
     Samples that are not numbers are filled with straight lines. Without `start` the observer begins with
     the line through the first `smoothing` seconds, and the sensor at the recorded temperature.
