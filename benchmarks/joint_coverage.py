@@ -95,9 +95,12 @@ def calibrate(
     procedure: str, recording: Recording, protocol, site: Site, estimator: str | None
 ) -> dict[str, Estimate]:
     """Return the joint estimate, and the paper's where one is asked for and it is in the same axes."""
-    session = Session(recording, None if procedure == "hand-held" else protocol, site)
+    has_protocol = procedure != "hand-held"
+    session = Session(recording, protocol if has_protocol else None, site)
     joint, _ = run_procedure(session, "joint")
-    theirs = None if estimator is None else find_estimator(estimator, has_protocol=True).estimate(session)
+    theirs = (
+        None if estimator is None else find_estimator(estimator, has_protocol=has_protocol).estimate(session)
+    )
     if theirs is None or theirs.frame != joint.frame:
         return {"joint": joint}
     return {"paper": theirs, "joint": joint}

@@ -21,7 +21,7 @@ FOLDER = Path(__file__).resolve().parent
 sys.path.insert(0, str(FOLDER))
 from expected_uncertainty import opening  # noqa: E402
 
-from tumble.noise import (  # noqa: E402  # noqa: E402
+from tumble.noise import (  # noqa: E402
     Deviation,
     NoiseFit,
     NoiseModel,

@@ -1,6 +1,6 @@
 """One page for every room of the package: its docstring, and each public name with its own.
 
-A room's public names are its `__all__`; a room without one is entered by its modules, and each of them is told.
+A room's public names are what its front lists (`__all__`).
 """
 
 from __future__ import annotations
@@ -17,35 +17,20 @@ import tumble
 PROGRAMS = ("cli",)
 
 
-def rooms() -> dict[str, list[str]]:
-    """Return the modules whose names each room offers."""
-    found = {"tumble": ["tumble"]}
-    for part in pkgutil.iter_modules(tumble.__path__):
-        if part.name in PROGRAMS or part.name.startswith("_"):
-            continue
-        name = f"tumble.{part.name}"
-        module = importlib.import_module(name)
-        if part.ispkg and not getattr(module, "__all__", None):
-            found[name] = [f"{name}.{below.name}" for below in pkgutil.iter_modules(module.__path__)]
-        else:
-            found[name] = [name]
-    return found
+def rooms() -> list[str]:
+    """Return the package and its rooms."""
+    parts = (part.name for part in pkgutil.iter_modules(tumble.__path__))
+    return ["tumble", *(f"tumble.{name}" for name in parts if name not in PROGRAMS and name[0] != "_")]
 
 
 def write_room_pages(folder: Path) -> list[Path]:
     """Write the pages and their list into `folder`; return their paths."""
     written = []
-    for room, modules in rooms().items():
+    for room in rooms():
         title = (
             f"{room}: {(importlib.import_module(room).__doc__ or room).strip().splitlines()[0].rstrip('.')}"
         )
-        lines = [title, "=" * len(title), ""]
-        if modules != [room]:
-            lines += [f".. automodule:: {room}", "   :no-members:", ""]
-        for module in modules:
-            if modules != [room]:
-                lines += [module, "-" * len(module), ""]
-            lines += [f".. automodule:: {module}", *_members(module), ""]
+        lines = [title, "=" * len(title), "", f".. automodule:: {room}", *_members(room), ""]
         path = folder / f"{room}.rst"
         write_page(path, "\n".join(lines))
         written.append(path)
@@ -54,13 +39,13 @@ def write_room_pages(folder: Path) -> list[Path]:
     return written
 
 
-def _members(module: str) -> list[str]:
-    """The front's names are told in their own rooms; a package's are those of its modules that it offers."""
-    if module == "tumble":
+def _members(room: str) -> list[str]:
+    """The names of the package's front are told in their own rooms; a room's are those that its front lists."""
+    if room == "tumble":
         return [
             "   :no-members:",
             "",
             "Its names: " + ", ".join(f"``{name}``" for name in tumble.__all__) + ".",
         ]
-    package = hasattr(importlib.import_module(module), "__path__")
+    package = hasattr(importlib.import_module(room), "__path__")
     return ["   :members:", *(["   :imported-members:"] if package else [])]

@@ -83,16 +83,15 @@ _ROOMS = {
     "Site": "earth",
     "TumbleError": "errors",
     "__version__": "errors",
-    "analyse_noise": "workflows.noise",
-    # A workflow has its module's name: the room itself would give the module.
-    "apply": "workflows.apply",
-    "calibrate": "workflows.calibrate",
-    "convert_to": "workflows.convert",
+    "analyse_noise": "workflows",
+    "apply": "workflows",
+    "calibrate": "workflows",
+    "convert_to": "workflows",
     "find_timeline": "segmentation",
     "read_calibration": "document",
     "read_recording": "recording",
-    "simulate": "workflows.simulate",
-    "verify": "workflows.verify",
+    "simulate": "workflows",
+    "verify": "workflows",
 }
 
 
