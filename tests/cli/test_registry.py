@@ -1,13 +1,10 @@
 """A unit's way through a laboratory on the command line: calibrated into a registry, certified, due."""
 
-from __future__ import annotations
-
 import json
 import sqlite3
 from contextlib import closing
-from typing import Any
 
-from tests.cli.program import Bench
+from tests.cli.program import RUN
 
 
 def test_a_unit_goes_into_the_registry_and_gets_a_certificate(tumble, monkeypatch):
@@ -47,7 +44,16 @@ def test_a_unit_goes_into_the_registry_and_gets_a_certificate(tumble, monkeypatc
         assert opened.execute("SELECT number FROM certificates").fetchall() == [("N-1",)]
 
 
-def add(tumble: Bench, unit: str, created: str, moved: list[float], bias: float = 0.0) -> None:
+def test_without_its_library_a_registry_says_what_to_install_and_a_certificate_is_made(tumble):
+    code = f"import sys; sys.modules['sqlalchemy'] = None; {RUN}"
+    for call in ("registry list", "calibrate tumbled.csv --registry a.sqlite --imu-serial A"):
+        answer = tumble.apart(call, code=code)
+        assert (answer.returncode, answer.stdout) == (2, b"")
+        assert b"A registry needs SQLAlchemy: pip install" in answer.stderr
+    assert tumble.apart("certificate calibrated -o a.xml", code=code).returncode == 0
+
+
+def add(tumble, unit, created, moved, bias=0.0):
     """Put a calibration of a unit into the registry, whose parameters moved by so many of their uncertainties."""
     made = tumble.json("calibrated/calibration.json")
     made["imu"]["serial_number"], made["created"], made["test_vectors"] = unit, created, []
@@ -59,7 +65,7 @@ def add(tumble: Bench, unit: str, created: str, moved: list[float], bias: float 
     tumble("registry add one.json --registry units.sqlite")
 
 
-def test_units_over_years_are_due_and_differ(tumble: Bench) -> None:
+def test_units_over_years_are_due_and_differ(tumble):
     for unit in range(6):
         for year in range(4):
             by = 3 * unit + (1 + unit % 2) * year
@@ -82,9 +88,9 @@ def test_units_over_years_are_due_and_differ(tumble: Bench) -> None:
     tumble.refuses(f"{another} --prior one.json", "a prior must be of the same unit")
 
 
-def test_a_check_unit_that_changed_is_seen(tumble: Bench) -> None:
+def test_a_check_unit_that_changed_is_seen(tumble):
     """Eight calibrations that agree; then one parameter jumps by ten of its uncertainties."""
-    said: dict[int, Any] = {}
+    said = {}
     for number in range(12):
         quiet = (-1) ** number * 0.3 + 0.01 * number
         first = quiet + (10.0 if number >= 8 else 0.0)

@@ -12,22 +12,35 @@ from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from msgspec import DecodeError
-from sqlalchemy import Connection, and_, func, select
 
 from tumble.arrays import Series, Table
 from tumble.document import Calibration, calibration_of
 from tumble.errors import OutputError, TumbleError, UsageError, install
 from tumble.files import shown
 from tumble.records import dataclass
-from tumble.registry import schema
 
-if TYPE_CHECKING:
-    from sqlalchemy import URL, Connection, Engine
+try:
+    from sqlalchemy import (
+        URL,
+        Connection,
+        Engine,
+        and_,
+        create_engine,
+        event,
+        func,
+        inspect,
+        make_url,
+        select,
+    )
+    from sqlalchemy.exc import ArgumentError, SQLAlchemyError
 
+    from tumble.registry import schema
+except ImportError:
+    raise UsageError(f"A registry needs SQLAlchemy: {install('registry')}.") from None
 
 VARIABLE = "TUMBLE_REGISTRY"
 """Environment variable that names the registry where nobody else does."""
@@ -95,8 +108,6 @@ class Registry:
         RegistryError
             Instead of the library's own errors.
         """
-        from sqlalchemy.exc import SQLAlchemyError
-
         try:
             yield
         except SQLAlchemyError as error:
@@ -148,13 +159,8 @@ def open_registry(name: str, *, make: bool = False) -> Registry:
     RegistryError
         If it cannot be opened, is damaged, or is of a newer tumble.
     UsageError
-        If the name is none, or the library is not installed.
+        If the name is none.
     """
-    try:
-        from sqlalchemy import create_engine
-        from sqlalchemy.exc import SQLAlchemyError
-    except ImportError:
-        raise UsageError(f"A registry needs SQLAlchemy: {install('registry')}.") from None
     url = _url(name)
     hidden = _hidden(url)
     if url.get_backend_name() == "sqlite":
@@ -177,9 +183,6 @@ def open_registry(name: str, *, make: bool = False) -> Registry:
 
 
 def _url(name: str) -> URL:
-    from sqlalchemy import make_url
-    from sqlalchemy.exc import ArgumentError
-
     if "://" not in name and not _LIKE_URL.match(name):
         return make_url("sqlite:///").set(database=str(Path(name)))
     if name.count("@") > 1:
@@ -254,7 +257,6 @@ def _begin_as_said(engine: Engine) -> None:
     """Let SQLite's transactions begin when we say so, and writers take their turn from the beginning."""
     if engine.dialect.name != "sqlite":
         return
-    from sqlalchemy import event
 
     def connected(connection: Any, _: Any) -> None:
         connection.isolation_level = None
@@ -281,8 +283,6 @@ def _is_newest(connection: Connection, name: str) -> bool:
 
 def _version(connection: Connection) -> str | None:
     """The version of the tables; None where there are none."""
-    from sqlalchemy import inspect
-
     if not inspect(connection).has_table("alembic_version"):
         return None
     return str(connection.exec_driver_sql("SELECT version_num FROM alembic_version").scalar())
@@ -292,8 +292,6 @@ def _bring_up_to_date(registry: Registry) -> None:
     with registry.engine.connect() as connection:
         if _is_newest(connection, registry.name):
             return
-    from tumble.registry import schema
-
     with registry.engine.connect().execution_options(writes=True) as connection, connection.begin():
         if registry.engine.dialect.name == "postgresql":
             connection.exec_driver_sql(f"SELECT pg_advisory_xact_lock({_LOCK})")
@@ -309,8 +307,6 @@ def _bring_up_to_date(registry: Registry) -> None:
 
 def _move_documents(connection: Connection) -> None:
     """Give the documents of the first version, which stood among the columns, a table of their own."""
-    from tumble.registry import schema
-
     schema.documents.create(connection)
     for line in (
         "INSERT INTO documents (calibration_id, document) SELECT id, document FROM calibrations",

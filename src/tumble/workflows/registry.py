@@ -18,12 +18,11 @@ from tumble.errors import UsageError
 from tumble.files import check_target, read_text, results_folder, shown, write_texts
 from tumble.limits import read_limits
 from tumble.records import dataclass
-from tumble.registry import Registry, open_registry, registry_name
 from tumble.workflows.request import CertificateRequest
 
 if TYPE_CHECKING:
     from tumble.fleet import Between, Drift
-    from tumble.registry import Entry, ParameterSeries
+    from tumble.registry import Entry, ParameterSeries, Registry
 
 
 SHORTEST_HISTORY = 14
@@ -52,6 +51,8 @@ def registry_at(name: str | None, *, make: bool = False) -> Generator[Registry, 
     RegistryError, UsageError
         If it cannot be opened.
     """
+    from tumble.registry import open_registry, registry_name
+
     registry = open_registry(registry_name(name), make=make)
     try:
         yield registry

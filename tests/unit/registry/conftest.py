@@ -1,7 +1,5 @@
 """Registries to try: a SQLite file, and a PostgreSQL server of its own."""
 
-from __future__ import annotations
-
 import os
 import pwd
 import shutil

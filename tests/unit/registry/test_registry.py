@@ -1,20 +1,16 @@
 """A registry keeps what it was given, through two writers, a kill, damage and a newer version, in both databases."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 from msgspec import structs
 
-from tumble.document import Calibration
 from tumble.errors import UsageError
 from tumble.registry import open_registry
 from tumble.registry.store import RegistryError, add, counted, documents, entries, find, series
@@ -33,8 +29,6 @@ for k in range(int(sys.argv[4])):
     add(registry, calibration_of(f"{sys.argv[3]}-{k % 5}", k, np.arange(3.0) + k, np.ones(3)))
     registry.close()
 """
-
-Document = Callable[..., Calibration]
 
 
 def every_document(registry):
