@@ -24,18 +24,7 @@ from tumble.files import shown
 from tumble.records import dataclass
 
 try:
-    from sqlalchemy import (
-        URL,
-        Connection,
-        Engine,
-        and_,
-        create_engine,
-        event,
-        func,
-        inspect,
-        make_url,
-        select,
-    )
+    from sqlalchemy import URL, Connection, Engine, create_engine, event, func, inspect, make_url, select
     from sqlalchemy.exc import ArgumentError, SQLAlchemyError
 
     from tumble.registry import schema
@@ -586,7 +575,7 @@ def documents(registry: Registry, most: int | None = None) -> list[tuple[str, Ca
     chosen = newest.order_by(last.desc()).limit(most).subquery()
     query = select(schema.units.c.name, schema.documents.c.document).select_from(table)
     query = query.join(schema.units).join(schema.documents).where(table.c.fit)
-    query = query.join(chosen, and_(table.c.unit_id == chosen.c.unit_id, table.c.created == chosen.c["last"]))
+    query = query.join(chosen, (table.c.unit_id == chosen.c.unit_id) & (table.c.created == chosen.c["last"]))
     with registry.reading() as connection:
         rows = connection.execute(query.order_by(schema.units.c.name, table.c.created, table.c.id)).all()
     found = {str(name): str(text) for name, text in rows}
