@@ -49,6 +49,7 @@ napoleon_use_ivar = True
 html_theme = "furo"
 html_title = "tumble"
 html_show_sourcelink = False
+html_static_path, html_css_files = ["site/static"], ["tables.css"]
 
 # Pages of the repository's root, which the site shows too.
 COPIED = ("CONTRIBUTING", "CHANGELOG")
