@@ -202,22 +202,11 @@ def by_grade(name: str) -> list[str]:
     return lines
 
 
-def by_table(name: str) -> list[str]:
-    """Return the table of a protocol by the table's own uncertainty, tactical grade."""
-    heads = " | ".join(f"{table:g}″" for table in TABLES)
-    lines = [f"| the table is known to | {heads} | unit |", "|---|" + "---:|" * len(TABLES) + "---|"]
-    for group, (label, _, unit) in GROUPS[name].items():
-        cells = " | ".join(value(name, "tactical", USUAL, table, group) for table in TABLES)
-        lines.append(f"| {label} | {cells} | {unit} |")
-    return lines
-
-
 def write_tables() -> None:
     """Put the tables between their marks on the procedures' pages."""
     tables = {
         "turntable": {
             "turntable-9": by_grade("turntable-9"),
-            "turntable-9 by table": by_table("turntable-9"),
         },
         "laboratory": {
             "laboratory": by_grade("laboratory"),
