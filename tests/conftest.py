@@ -111,6 +111,16 @@ def pytest_runtest_setup() -> None:
     _CheckedFirst.test += 1
 
 
+def pytest_runtest_teardown() -> None:
+    """Fail a test that leaves stops ignored: a program that a later test starts would ignore them, too."""
+    left = [
+        number for number in (signal.SIGINT, signal.SIGTERM) if signal.getsignal(number) is signal.SIG_IGN
+    ]
+    for number in left:
+        signal.signal(number, signal.default_int_handler)
+    assert not left, "call a command by tumble.cli.main, which hears stops again at its end"
+
+
 hypothesis.settings.register_profile(
     "tumble",
     derandomize=True,  # the same examples every time: a red test stays red until it is mended

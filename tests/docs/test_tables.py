@@ -9,17 +9,15 @@ from __future__ import annotations
 
 import json
 import re
-import shlex
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from tests.cli.program import Bench
 
 from tumble.attitude import twenty_six_directions
 from tumble.calibration import norm_rows
-from tumble.cli import app
 from tumble.protocol import (
     PROTOCOLS,
     SEQUENCES,
@@ -184,12 +182,12 @@ def test_the_published_schema_of_protocols_is_the_reader_s() -> None:
 # --- what planning prints, what poses are worth, what a missing sequence leaves undetermined
 
 
-def test_the_example_of_planning_is_what_the_command_prints() -> None:
+def test_the_example_of_planning_is_what_the_command_prints(tmp_path, monkeypatch) -> None:
     example = r"```console\n\$ tumble (plan multi-position [^\n]*--time[^\n]*)\n(.*?)```"
     shown = re.search(example, page("plan"), re.S)
-    printed = CliRunner().invoke(app, shlex.split(shown[1]), env={"COLUMNS": "100", "NO_COLOR": "1"})
-    assert printed.exit_code == 0, printed.output
-    lines = {" ".join(line.split()) for line in printed.output.splitlines()}
+    monkeypatch.setenv("COLUMNS", "100")
+    monkeypatch.setenv("NO_COLOR", "1")
+    lines = {" ".join(line.split()) for line in Bench(tmp_path)(shown[1]).out.splitlines()}
     wanted = [" ".join(line.split()) for line in shown[2].splitlines()]
     assert len(wanted) > 25
     assert not [line for line in wanted if line and line not in lines]
