@@ -1,12 +1,10 @@
-from .chapter_4 import CHAPTER_4 as CHAPTER_4, THEORY as THEORY
+from .chapter_4 import CHAPTER_4 as CHAPTER_4
 from .field_campaign import POSITIONS as POSITIONS
 from .norm import adjust_norm as adjust_norm
 from .norm_batch import (
     ATTITUDES as ATTITUDES,
-    ESTIMATORS as ESTIMATORS,
     FORCE_NOISE as FORCE_NOISE,
     GRAVITY as GRAVITY,
-    RATE_NOISE as RATE_NOISE,
     SAMPLES as SAMPLES,
     adjust_norms as adjust_norms,
     run_setting as run_setting,

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
+from tests.docs.test_tables import between
 
 from tumble.attitude import twenty_six_directions
 from tumble.calibration import find_two_planes, find_untold, norm_rows
@@ -143,6 +144,43 @@ def test_the_pose_that_is_named_mends_the_set_and_dwells_repeated_tell_the_same_
     once, twice = (predict_sigma(np.vstack([paper_nine()] * n), DWELL) for n in (1, 2))
     np.testing.assert_allclose(twice.misalignment, once.misalignment / np.sqrt(2.0), rtol=1e-12)
     assert explain_pose_set(np.array([[0.0, 0.0, 1.0]])).startswith("The 1 pose does not determine ")
+
+
+def tabled_sets() -> dict[str, np.ndarray]:
+    """The sets of the table of poses, by name."""
+    directions = twenty_six_directions()
+    faces, edges, corners = directions[:6], directions[6:18], directions[18:]
+    # A corner and its three neighbours.
+    four = corners[np.sum(corners > 0.0, axis=1) >= 2]
+
+    def found(search: Callable[..., np.ndarray], count: int, criterion: str) -> np.ndarray:
+        return search(count, np.random.default_rng(0), criterion=criterion)
+
+    return {
+        "the paper's nine: faces, an edge in each plane": paper_nine(),
+        "nine on the sphere, minimax": found(find_best_on_sphere, 9, "minimax"),
+        "nine of the 26, average": found(find_best_subset, 9, "average"),
+        "nine on the sphere, average": found(find_best_on_sphere, 9, "average"),
+        "ten: faces, a corner and its three neighbours": np.vstack([faces, four]),
+        "twelve edges": edges,
+        "fourteen: faces and corners": np.vstack([faces, corners]),
+        "eighteen: faces and edges": chatfield_orientations(),
+        "18 on the sphere, average": found(find_best_on_sphere, 18, "average"),
+        "all 26": directions,
+    }
+
+
+def test_the_table_of_the_page_of_poses_is_what_is_predicted() -> None:
+    lines = between("poses", "sets").strip().splitlines()[2:]
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
+    sets = tabled_sets()
+    assert [row[0] for row in rows] == list(sets)
+    for (_, count, *cells), directions in zip(rows, sets.values(), strict=True):
+        assert int(count) == len(directions)
+        expected, printed = shown(directions), np.array(cells, dtype=float)
+        # Printed to two digits and to one behind the point; a search ends a little elsewhere on another machine.
+        np.testing.assert_allclose(printed[:3], expected / [50.0, 50e-6 / SECOND, 50.0], atol=0.006)
+        np.testing.assert_allclose(printed[3:], expected, atol=0.15)
 
 
 @pytest.mark.parametrize(

@@ -5,12 +5,14 @@ The coefficients of (12) and (22) are held by the papers' items, and (13) agains
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from tests.docs.test_tables import page
 
 from second_simulator.calibrating import played
 from tumble.calibration import Session
@@ -164,6 +166,28 @@ def test_13_and_14_and_least_squares_give_back_every_error_of_the_linear_model(a
     found = solve_measurements(list(models.values()), list(told.values()), spreads, asymmetry=asymmetry)
     # 24 unknowns of a condition of some hundreds
     np.testing.assert_allclose(found, errors, rtol=0, atol=1e-12)
+
+
+def test_what_a_missing_sequence_leaves_untold_is_what_the_page_says() -> None:
+    """The table of missing sequences, row by row, by least squares on the linear model."""
+    text = page("procedures/strapdown-rotation")
+    rows = re.findall(r"^\| (any of [^|]*|1a, 2a or 3a|6|7, 9, 10, 12) \| ([^|]*) \|$", text, re.M)
+    assert len(rows) == 4
+    said = {name: words for names, words in rows for name in re.findall(r"\d+a?", names)}
+    assert set(said) == set(MODELS)
+    for gone, words in said.items():
+        left = [model for name, model in MODELS.items() if name != gone]
+        each = [[np.round(m.coefficients[:, k], 9) for m in left] for k in range(24)]  # of one error alone
+        found = [solve_measurements(left, shown, [np.eye(5) for _ in left]) for shown in each]
+        untold = [name for k, name in enumerate(NAMES) if found[k][k] < 1.0 - 1e-6]
+        if gone.endswith("a"):
+            assert [name.split()[0] for name in untold] == ["kappa", "kappa"]
+        elif words.startswith("nothing"):
+            assert untold == []
+        else:
+            greek = [name.replace("upsilon ", "υ").replace("mu ", "μ") for name in untold]
+            assert greek
+            assert all(name in words for name in greek)
 
 
 def test_least_squares_weighs_each_component_by_its_noise() -> None:

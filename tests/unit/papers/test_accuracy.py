@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tumble.sensor import GROUPS
-from tumble_papers.savage import (
+from tumble_papers.savage.strapdown_simulation import (
     AS_PRINTED,
     EXACT,
     GRADES,
@@ -19,8 +19,6 @@ from tumble_papers.savage import (
     group_rms,
     run_study,
 )
-
-pytestmark = pytest.mark.slow
 
 RUNS = 80
 ORDER = ("kappa_lin", "kappa_asym", "upsilon", "lambda_bias", "mu", "lambda_lin", "lambda_asym")

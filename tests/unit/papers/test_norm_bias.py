@@ -9,7 +9,8 @@ import pytest
 
 from tumble.earth import EARTH_RATE
 from tumble_papers.catalogue import ITEMS
-from tumble_papers.hayal import ESTIMATORS, RATE_NOISE, THEORY, run_setting, table_setting
+from tumble_papers.hayal.chapter_4 import THEORY
+from tumble_papers.hayal.norm_batch import ESTIMATORS, RATE_NOISE, run_setting, table_setting
 
 RUNS = 600
 # Two-sided chance of a normal deviate beyond this: 7e-6; ten such comparisons and two programs.
