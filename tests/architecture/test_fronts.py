@@ -46,7 +46,7 @@ def imported(path):
     text = path.read_text(encoding="utf-8")
     if path.suffix == ".md":
         text = "\n".join(PYTHON.findall(text))
-    if path.suffix != ".py":
+    elif path.suffix == ".ipynb":
         return tuple(re.findall(r"from (tumble[\w.]*) import (\w+)", text))
     return tuple(_in_tree(ast.parse(text)))
 
