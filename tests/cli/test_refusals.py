@@ -102,7 +102,12 @@ RECORDINGS = table(
     suffix="--gravity 9.81 -o new",
 )
 # What is no recording, and what is no calibration, each command refuses alike.
-READERS = ("calibrate {} -o new", "apply calibrated {} -o new.csv", "verify calibrated {}")
+READERS = (
+    "calibrate {} -o new",
+    "apply calibrated {} -o new.csv",
+    "verify calibrated {}",
+    "inspect {} --save new.csv",
+)
 NO_RECORDING = [
     row
     for reader in READERS
@@ -327,6 +332,7 @@ def test_wrong_input_is_one_sentence_and_touches_no_file(tumble, rows, call, wor
         ("predict calibrated -o precious/new", "precious/new cannot be made: .*precious is no"),
         ("apply calibrated tumbled.csv -o precious/new", "precious/new cannot be made: .*precious is no"),
         ("apply calibrated tumbled.csv -o absent/new.csv", "does not exist"),
+        ("inspect tumbled.csv --save absent/new.csv", "does not exist"),
         ("apply calibrated tumbled.csv -o absent/new.parquet", "does not exist"),
         ("apply calibrated tumbled.csv -o precious/new.csv", "could not be written"),
         ("apply calibrated tumbled.csv -o precious/new.parquet", "could not be written"),

@@ -12,19 +12,6 @@ from tumble.simulation import Motion, find_grade, poses_26, simulate_recording
 SITE = Site.from_latitude(np.radians(41.0))
 
 
-def six_poses(seconds: float) -> Motion:
-    return Motion.between_poses(poses_26(0.4)[:6], np.full(6, seconds), np.full(5, 1.5))
-
-
-def test_without_noise_the_means_are_gravity_and_earth_rate_exactly() -> None:
-    recording, truth = simulate_recording(six_poses(3.0), 100.0, np.random.default_rng(1), site=SITE)
-    means = observe_holds(recording, find_timeline(recording))
-    # arithmetic: sums of 300 numbers of the size of gravity
-    np.testing.assert_allclose(means.specific_force, truth.specific_force_b, atol=1e-11)
-    # the exact increments of 0.01 s are good to one unit in the last place of 1 over that time
-    np.testing.assert_allclose(means.angular_rate, truth.angular_rate_ib_b, atol=1e-12)
-
-
 def normalised_errors(name: str, seed: int) -> tuple[float, float]:
     """Mean square of (mean - truth) / sigma over the 26 holds of one recording: accelerometer, gyro."""
     motion = Motion.between_poses(poses_26(0.4), np.full(26, 4.0), np.full(25, 1.5))

@@ -191,23 +191,3 @@ def test_a_fixture_that_is_off_and_a_place_that_is_not_known_do_no_harm(grade, p
     # and the uncertainties are not so large that nothing could be beyond them
     assert np.sqrt(np.mean(np.square(normalised(estimate, truth)))) > 0.3
     assert judge(estimate, recording).fit or site.latitude is None
-
-
-@pytest.mark.parametrize("latitude", [-40.0, 60.0])
-def test_a_latitude_that_the_gyros_contradict_is_told(latitude: float) -> None:
-    """Gravity as it is, so that the Earth rate alone is wrong."""
-    site = replace(SITE, latitude=np.radians(latitude))
-    (said,) = calibrated(whole("ring-laser")[0], SEQUENCES, site).objections
-    assert "Check the latitude (--site)" in said
-
-
-@pytest.mark.parametrize("protocol", [TABLE, SEQUENCES], ids=["table", "sequences"])
-def test_a_recording_of_one_triad_is_refused_or_not_fit(protocol: Protocol) -> None:
-    recording, _ = turned() if protocol is TABLE else whole("ring-laser")
-    if protocol is TABLE:
-        with pytest.raises(ObservabilityError, match="The recording has no accelerometer"):
-            calibrated(replace(recording, specific_force=None), protocol)
-    bare = replace(recording, angular_rate=None)
-    estimate = calibrated(bare, protocol)
-    assert not judge(estimate, bare).fit
-    assert "The gyros: the recording has none." in estimate.not_determined

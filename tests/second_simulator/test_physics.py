@@ -10,12 +10,9 @@ from second_simulator.earth import EARTH_RATE, earth_rate, normal_gravity
 from second_simulator.motion import Path, trapezoid_angle
 from second_simulator.procedures import (
     DEGREE,
-    SEQUENCES,
     UP,
     directions,
-    nominal_attitude,
     posed,
-    sequence_rotations,
 )
 from second_simulator.recording import Place, record
 from second_simulator.sensors import GRADES, Unit, draw_unit, flicker, small_rotation
@@ -189,26 +186,6 @@ def test_triangular_and_rotation_vector_undo_what_made_them():
     assert np.allclose(so3.logarithm(so3.from_matrix(rotation)), vector, atol=1e-14)
     lower, turned = triangular(UNIT.gyro_matrix)
     assert np.allclose(lower @ turned, UNIT.gyro_matrix, atol=1e-15)
-
-
-def test_the_seventeen_sequences_start_as_table_1_says_and_turn_as_the_fixture_can():
-    down, along = np.array([0.0, 0, 1]), np.array([0.0, 1, 0])
-    wanted = {"1": "zy", "2": "zx", "3": "xy", "4": "zy", "5": "zx", "6": "xy", "7": "yx", "8": "zx", "9": "xy",
-              "10": "yx", "11": "zy", "12": "xy", "13": "zy", "14": "zx"}  # fmt: skip
-    for name, axes in wanted.items():
-        inner, outer = np.array(SEQUENCES[name][0]) * DEGREE
-        attitude = nominal_attitude(inner, outer)
-        to_body = so3.inverse(attitude)
-        assert np.allclose(so3.rotate(to_body, down), np.eye(3)["xyz".index(axes[0])], atol=1e-12), name
-        assert np.allclose(so3.rotate(to_body, along), np.eye(3)["xyz".index(axes[1])], atol=1e-12), name
-        for angle, axis in sequence_rotations(name):
-            unit = np.eye(3)["xyz".index(axis)]
-            # Every axis that is turned about is the inner one or lies along the outer one at that moment.
-            assert axis == "z" or abs(so3.rotate(attitude, unit) @ along) == pytest.approx(1.0, abs=1e-12), (
-                name
-            )
-            attitude = so3.multiply(attitude, so3.exponential(angle * DEGREE * unit))
-    assert len(SEQUENCES) == 17
 
 
 def test_flicker_has_the_allan_deviation_of_its_bias_instability():

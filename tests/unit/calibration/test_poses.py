@@ -12,7 +12,6 @@ from tumble.calibration.poses import (
     describe_untold,
     distinct_poses,
     missing_poses,
-    norm_rows,
     twenty_six_directions,
 )
 
@@ -81,24 +80,6 @@ def test_poses_within_ten_degrees_are_one() -> None:
         [[1.0, 0.0, 0.0], [np.cos(near), np.sin(near), 0.0], [np.cos(far), 0.0, np.sin(far)], [2.0, 0.0, 0.0]]
     )
     assert distinct_poses(directions) == [0, 2]
-
-
-def test_what_a_pose_says_is_the_derivative_of_the_corrected_norm() -> None:
-    """The nine columns against the estimator's own derivative at an ideal unit, in units of gravity.
-
-    The corrected norm falls with what the true output would raise: the sign is the convention's.
-    """
-    from tumble.calibration.equations.triad_unknowns import NormConditions
-
-    ideal = np.zeros(12)
-    ideal[3:6] = 1.0
-    directions = twenty_six_directions()
-    nothing = np.zeros((len(directions), 3, 3))
-    conditions = NormConditions(GRAVITY * directions, nothing, GRAVITY, ideal, np.arange(9))
-    moved = conditions.linearise(ideal[:9]).design[:, 0]
-    expected = norm_rows(directions)
-    np.testing.assert_allclose(moved[:, :3], -expected[:, :3], atol=1e-12)
-    np.testing.assert_allclose(moved[:, 3:9] / GRAVITY, -expected[:, 3:9], atol=1e-12)
 
 
 @pytest.mark.parametrize(("axis", "pair"), [(0, "y to z"), (1, "x to z"), (2, "x to y")])

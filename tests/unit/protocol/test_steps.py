@@ -26,7 +26,6 @@ from tumble.protocol import (
     write_protocol,
 )
 from tumble.protocol.consistency import refuse_contradicting_turns
-from tumble.protocol.strapdown_rotation import SEQUENCES, fixture_rotation, start_down
 from tumble.workflows import calibrate
 
 X, Y, Z = np.eye(3)
@@ -148,56 +147,17 @@ def test_tables_spin_every_face_both_ways_at_their_rates():
     assert np.degrees(spins[1].rate) == pytest.approx(41.78, abs=5e-3)
 
 
-NAMES = [row.name for row in SEQUENCES]
-
-
 def renamed(protocol, number, **changes):
     steps = list(protocol.steps)
     steps[number] = replace(steps[number], **changes)  # type: ignore[arg-type]
     return replace(protocol, steps=tuple(steps))
 
 
-def test_every_row_starts_as_table_1_says_which_axis_is_down_and_which_along_the_outer_axis():
-    starts = "zy zx xy zy zx xy zy zx xy yx zx xy yx zy xy zy zx"
-    for row, (down, along) in zip(SEQUENCES, starts.split(), strict=True):
-        C_tb = fixture_rotation(row.inner, row.outer).as_matrix()
-        # 1e-15: rounding of sines and cosines
-        np.testing.assert_allclose(C_tb[:, "xyz".index(down)], Z, atol=1e-15)
-        np.testing.assert_allclose(C_tb[:, "xyz".index(along)], Y, atol=1e-15)
-        np.testing.assert_allclose(start_down(row), np.eye(3)["xyz".index(down)], atol=1e-15)
-
-
-def test_the_poses_are_those_of_the_fixture_whose_outer_axis_points_east():
-    holds = [s for s in named_protocol("strapdown-rotation").steps if isinstance(s, HoldStep)]
-    assert len(holds) == 34
-    for row, *pair in zip(SEQUENCES, holds[::2], holds[1::2], strict=True):
-        for hold, at in zip(pair, (0, -1), strict=True):
-            assert hold.pose is not None
-            C_nb = hold.pose.rotation_nb()
-            C_tb = fixture_rotation(*row.fixture_angles()[at])
-            outer_n = (C_nb * C_tb.inv()).apply(Y)
-            # 1e-12: rounding of a heading
-            np.testing.assert_allclose(outer_n, [0.0, 1.0, 0.0], atol=1e-12)
-
-
-def test_the_sequences_are_found_again_by_name_also_from_a_file(tmp_path):
-    protocol = replace(named_protocol("strapdown-rotation"), site=Site.from_latitude(0.8))
-    refuse_contradicting_turns(protocol)
-    write_protocol(protocol, tmp_path / "p.yaml")
-    for read in (protocol, read_protocol(tmp_path / "p.yaml")):
-        found = sequence_steps(read)
-        assert [sequence.name for sequence in found] == NAMES
-        for sequence, row in zip(found, SEQUENCES, strict=True):
-            assert read.steps[sequence.start].name == f"{row.name} start"
-            assert read.steps[sequence.end].name == f"{row.name} end"
-            assert len(sequence.turns) == len(row.rotations)
-    assert protocol.steps[1].name == "1: +360 y"
-    assert protocol.steps[1].duration == pytest.approx(2.0 * np.pi + 0.5)
-
-
 def test_a_row_is_known_by_what_is_done_and_not_by_its_name():
     protocol = named_protocol("strapdown-rotation")
     assert sequence_steps(renamed(protocol, 0, name="first"))[0].name == "1"
+    assert protocol.steps[1].name == "1: +360 y"
+    assert protocol.steps[1].duration == pytest.approx(2.0 * np.pi + 0.5)
     # The other way round it is another row; about another axis, or by another angle, none.
     assert sequence_steps(renamed(protocol, 1, angle=-2.0 * np.pi))[0].name == "1a"
     assert sequence_steps(renamed(protocol, 1, axis_b=-Y))[0].name == "1a"

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.cli.program import Bench
 from tests.unit.recording.by_hand import Tumbled, tumble_by_hand, write_csv
 
 
@@ -24,3 +25,8 @@ def csv(tmp_path: Path) -> Callable[..., Path]:
         return write_csv(tmp_path / name, rows, **layout)
 
     return write
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Bench:
+    return Bench(tmp_path)

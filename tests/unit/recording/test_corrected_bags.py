@@ -6,7 +6,6 @@ import hashlib
 import re
 import shutil
 import sqlite3
-import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,25 +14,15 @@ import numpy as np
 import polars as pl
 import pytest
 from msgspec import structs
+from tests.cli.program import Bench
 from tests.contract.ros import IMU, STORE, STORE1, TEXT, ros1, ros2, rosbag1, rosbag2, samples, stream
+from tests.unit.export.a_unit import B_A, B_G, M_A, M_G, G, document
 
-from tumble.cli import main
-from tumble.document import Calibration, ParameterBlock, calibration_from_model
+from tumble.document import Calibration, ParameterBlock
 from tumble.errors import RecordingError, TumbleError, UsageError
 from tumble.recording import read_recording
 from tumble.sensor import ImuModel, Triad
 from tumble.workflows import apply
-
-M_A = np.array([[1.012, 0.004, -0.007], [-0.009, 0.991, 0.006], [0.003, -0.012, 1.021]])
-M_G = np.array([[0.985, -0.011, 0.008], [0.006, 1.017, -0.004], [-0.013, 0.005, 1.008]])
-B_A, B_G = np.array([0.11, -0.23, 0.34]), np.array([0.012, -0.034, 0.021])
-G = np.array([[1.1e-3, -4e-4, 2e-4], [3e-4, -9e-4, 6e-4], [-7e-4, 5e-4, 8e-4]])
-
-
-def document(model: ImuModel | None = None, units: tuple[str, str] = ("m/s^2", "rad/s")) -> Calibration:
-    model = model or ImuModel(Triad(M_A, B_A), Triad(M_G, B_G), G)
-    return calibration_from_model(model, units, ("fixture", "its axes"), [], procedure="by hand", remarks=[])
-
 
 UNIT = document()
 PLAIN = document(ImuModel(Triad(M_A, B_A), Triad(M_G, B_G)))
@@ -370,11 +359,10 @@ def test_the_form_follows_the_input_where_no_name_says_it(tmp_path, monkeypatch)
     shutil.rmtree(tmp_path / "two-corrected")
 
 
-def test_the_commands_of_the_page_are_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_commands_of_the_page_are_run(bench: Bench, tmp_path: Path) -> None:
     page = (Path(__file__).parents[3] / "docs" / "corrected.md").read_text(encoding="utf-8")
     commands = re.findall(r"^    tumble (apply .*)$", page, re.M)
     assert len(commands) == 5
-    monkeypatch.chdir(tmp_path)
     UNIT.write(tmp_path / "calibrated" / "calibration.json")
     ros1(tmp_path / "drive.bag", {"/imu": "both"}, count=60)
     mcap_file(tmp_path / "drive.mcap", "ZSTD")
@@ -384,8 +372,5 @@ def test_the_commands_of_the_page_are_run(tmp_path: Path, monkeypatch: pytest.Mo
     apply(UNIT, tmp_path / "imu.csv", output=tmp_path / "MH_01")
     (tmp_path / "MH_01" / "mav0" / "imu0" / "sensor.yaml").write_text("sensor_type: imu\n")
     for command in commands:
-        monkeypatch.setattr(sys, "argv", ["tumble", *command.split()])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        assert not ended.value.code, command
+        bench(command)
         assert (tmp_path / command.split()[-1]).exists()

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-import json
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from tests.unit.recording.by_hand import said
 
-from tumble.errors import UsageError
 from tumble.recording import Recording, find_saturated_channels, inspect_recording, read_recording
-from tumble.recording.rest import find_quiet_stretches, fit_sphere, one_a_direction
+from tumble.recording.rest import find_quiet_stretches, one_a_direction
 from tumble.recording.temperature import TemperatureColumn, mean_celsius, without_slips
-from tumble.workflows import inspect
 
 
 def recording_of(tumbled, **changes) -> Recording:
@@ -99,16 +94,6 @@ def test_a_slow_steady_turn_is_no_rest() -> None:
     assert len(find_quiet_stretches(signals, 100.0).at_least(100)) == 0
 
 
-def test_a_sphere_through_five_points_and_more_has_their_centre_and_radius() -> None:
-    points = np.random.default_rng(6).normal(size=(8, 3))
-    points /= np.linalg.norm(points, axis=1)[:, None]
-    centre, radius = fit_sphere(4000.0 * points + [33100.0, 33300.0, 32360.0])
-    assert centre == pytest.approx([33100.0, 33300.0, 32360.0], rel=1e-9)  # exact data: rounding only
-    assert radius == pytest.approx(4000.0, rel=1e-9)
-    assert fit_sphere(4000.0 * points[:3]) is None
-    assert fit_sphere(points * [1.0, 1.0, 0.0]) is None
-
-
 def test_directions_closer_than_fifteen_degrees_are_one_pose() -> None:
     angles = np.radians([0.0, 10.0, 20.0, 90.0, 95.0])
     directions = 9.8 * np.column_stack([np.cos(angles), np.sin(angles), 0 * angles])
@@ -166,25 +151,9 @@ def test_slips_are_no_temperatures_and_a_column_in_another_scale_is_left_as_it_i
 # -- the command -------------------------------------------------------------------------------------
 
 
-@pytest.fixture
-def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
-    """Run the program in this process; returns exit status, standard output and standard error."""
-    from tumble.cli import main
-
-    def call(*arguments: object) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["tumble", "inspect", *map(str, arguments)])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        printed = capsys.readouterr()
-        return int(ended.value.code or 0), printed.out, printed.err
-
-    return call
-
-
-def test_it_says_what_it_found_and_assumed(run, tumbled, csv) -> None:
+def test_it_says_what_it_found_and_assumed(bench, tumbled, csv) -> None:
     degree = np.pi / 180
-    status, out, err = run(csv(tumbled.rows() / np.array([0.001, 1, 1, 1, degree, degree, degree])))
-    assert (status, err) == (0, "")
+    out = bench("inspect", csv(tumbled.rows() / np.array([0.001, 1, 1, 1, degree, degree, degree]))).out
     good = "Good for\n  • Calibration of the accelerometers and gyros. Procedure hand-held: 12 holds and 11 turns"
     for part in (
         "4050 samples in 40.49 s, 100 Hz",
@@ -198,67 +167,40 @@ def test_it_says_what_it_found_and_assumed(run, tumbled, csv) -> None:
         assert part in out
 
 
-def test_json_is_one_object_with_everything_and_quiet_prints_warnings_only(run, tumbled, csv) -> None:
+def test_json_is_one_object_with_everything_and_quiet_prints_warnings_only(bench, tumbled, csv) -> None:
     path, rows = csv(tumbled.rows()), tumbled.rows()
-    status, out, _ = run(path, "--json")
-    told = json.loads(out)
-    assert status == 0
+    told = bench("inspect", path, "--json").json
     assert (told["format"], told["version"]) == ("tumble inspection", 1)
     assert told["recordings"][0]["name"] == path.name
     assert told["streams"]["angular_rate"] == {"unit": "rad/s"}
     assert {r["kind"] for r in told["remarks"]} <= {"found", "assumed", "mended", "unchecked"}
     assert (told["samples"], told["quiet_stretches"], told["gaps"]) == (4050, 12, [])
-    assert run(path, "-q")[1] == ""
+    assert bench("inspect", path, "-q").out == ""
     rows[:, [4, 5]] = rows[:, [5, 4]]
-    assert "the rate about x seems to stand in gy" in run(csv(rows), "-q")[1]
-    assert "For a calibration without a protocol: both triads, nine or more poses" in run(csv(rows))[1]
+    assert "the rate about x seems to stand in gy" in bench("inspect", csv(rows), "-q").out
+    words = "For a calibration without a protocol: both triads, nine or more poses"
+    assert words in bench("inspect", csv(rows)).out
 
 
 @pytest.mark.parametrize("ending", [".csv", ".parquet"])
-def test_save_converts(run, tumbled, csv, tmp_path, ending) -> None:
+def test_save_converts(bench, tumbled, csv, tmp_path, ending) -> None:
     rows = tumbled.rows() / np.array([0.001, 9.80665, 9.80665, 9.80665, 1, 1, 1])
     target = tmp_path / f"saved{ending}"
-    status, out, _ = run(csv(rows, decimals=9), "--save", target)
-    assert status == 0
-    assert f"Saved as {target}" in out
+    assert f"Saved as {target}" in bench("inspect", csv(rows, decimals=9), "--save", target).out
     back = read_recording(target)
     assert (back.specific_force_unit, back.angular_rate_unit) == ("g", "rad/s")
     assert np.abs(back.specific_force - rows[:, 1:4]).max() < 1e-9  # nine decimals were written
 
 
-def test_a_saved_csv_keeps_units_that_would_be_judged_otherwise(run, tumbled, csv, tmp_path) -> None:
+def test_a_saved_csv_keeps_units_that_would_be_judged_otherwise(bench, tumbled, csv, tmp_path) -> None:
     """A gyro in rad/s that turns faster than 40 rad/s would be taken as deg/s without its unit."""
     rows = tumbled.rows()
     rows[:, 4:] *= 50.0 / np.abs(rows[:, 4:]).max()
     rows[:, 1:4] = at_rest(len(rows)).specific_force
-    run(csv(rows, header="t,ax,ay,az,gx [rad/s],gy [rad/s],gz [rad/s]"), "--save", tmp_path / "saved.csv")
+    path = csv(rows, header="t,ax,ay,az,gx [rad/s],gy [rad/s],gz [rad/s]")
+    bench("inspect", path, "--save", tmp_path / "saved.csv")
     begin = "t [s],ax [m/s^2],ay [m/s^2],az [m/s^2],gx [rad/s],"
     assert (tmp_path / "saved.csv").read_text().startswith(begin)
     back = read_recording(tmp_path / "saved.csv")
     assert back.angular_rate_unit == "rad/s"
     assert "taken as" not in said(back)
-
-
-@pytest.mark.parametrize(
-    ("content", "match"),
-    [(b"", "is empty"), (b"Dear all,\nnothing here.\n", "text without rows"), (b"t,ax,ay,az\n", "no rows")],
-)
-def test_a_bad_file_ends_with_one_sentence_and_status_2(run, tmp_path, content, match) -> None:
-    path = tmp_path / "bad.csv"
-    path.write_bytes(content)
-    status, out, err = run(path, "--save", tmp_path / "saved.csv")
-    assert (status, out) == (2, "")
-    assert match in err
-    assert "Traceback" not in err
-    assert list(tmp_path.iterdir()) == [path]
-
-
-def test_saving_fails_with_status_3_and_never_overwrites_the_recording(run, tumbled, csv, tmp_path) -> None:
-    path = csv(tumbled.rows())
-    status, _, err = run(path, "--save", tmp_path / "nowhere" / "saved.csv")
-    assert status == 3
-    assert "does not exist" in err
-    before = path.read_bytes()
-    with pytest.raises(UsageError, match="is the recording itself"):
-        inspect(path, save=Path(path.parent / "." / path.name))
-    assert path.read_bytes() == before

@@ -81,11 +81,7 @@ def test_a_recording_at_rest_leaves_the_gyro_s_unit_unchecked(csv) -> None:
 @pytest.mark.parametrize(
     ("units", "force", "rate", "words"),
     [
-        ("m/s^2", GRAVITY, 1.0, "look like g: give --units g"),
-        ("g", 1.0, 1.0, r"look like m/s\^2"),
         ("mg", 1.0, 1.0, r"look like m/s\^2"),
-        ("m/s^2,rad/s", 1.0, DEGREE, "looks like deg/s"),
-        ("m/s^2,deg/s", 1.0, 1.0, "looks like rad/s"),
         ("m/s,rad", 1.0, 1.0, "are no velocity increments"),
         ("m/s^2,rad/s", 1e4, 1.0, "gravity seems to have been removed"),
         ("m/s^2,rad/s", np.inf, 1.0, "all zeros"),
@@ -260,17 +256,6 @@ def recording_of(tumbled, force=None, rate=None) -> Recording:
     return Recording(tumbled.time, *signals, "m/s^2", "rad/s", 100.0)
 
 
-@pytest.mark.parametrize(
-    "matrix", [np.eye(3), np.array([[2.0, 0.3, -0.1], [0.0, 1.5, 0.4], [0.2, -0.3, 1.8]])]
-)
-def test_the_gyro_s_matrix_is_recovered_from_gravity(tumbled, matrix) -> None:
-    """true = matrix @ raw: with raw = inverse(matrix) @ true the matrix itself comes back."""
-    agreement = axis_agreement(recording_of(tumbled, rate=np.linalg.inv(matrix)))
-    assert agreement.determined
-    # 0.02 m/s² of noise on 9.8 over some two hundred windows leaves well under two per cent.
-    assert np.abs(agreement.matrix - matrix).max() < 0.02 * np.abs(matrix).max()
-
-
 @pytest.mark.parametrize("order", list(itertools.permutations(range(3))), ids=str)
 def test_every_signed_permutation_of_the_gyro_is_told(tumbled, order) -> None:
     """The advice, followed with the option --columns, makes the gyro true again."""
@@ -287,11 +272,6 @@ def test_every_signed_permutation_of_the_gyro_is_told(tumbled, order) -> None:
             pl.DataFrame(columns), columns="ax,ay,az," + listed, rate=100.0, units="m/s^2,rad/s"
         )
         assert np.array_equal(mended.angular_rate, tumbled.angular_rate)
-
-
-def test_a_left_handed_accelerometer_contradicts_the_gyro_and_one_of_the_other_sign_does_not(tumbled) -> None:
-    assert find_axis_contradiction(recording_of(tumbled, force=np.eye(3)[[1, 0, 2]])) is not None
-    assert find_axis_contradiction(recording_of(tumbled, force=-np.eye(3))) is None
 
 
 def test_nothing_is_claimed_of_a_unit_that_turns_about_the_vertical_only_or_has_no_gyro(tumbled) -> None:

@@ -160,14 +160,6 @@ def test_a_drawn_unit_changes_with_temperature_in_the_frame_of_its_accelerometer
     np.testing.assert_allclose(given(there.accelerometer).matrix, expected, atol=1e-14)
 
 
-@pytest.mark.parametrize(
-    ("asked", "nearest"), [("hg1701", "hg1700"), ("HG1900", "hg1900"), ("tacticl", "tactical")]
-)
-def test_a_slip_in_a_grade_s_name_is_answered_with_the_nearest(asked: str, nearest: str) -> None:
-    with pytest.raises(UsageError, match=f"; choose one of {', '.join(GRADES)}. Did you mean {nearest}"):
-        find_grade(asked)
-
-
 def test_a_converter_rounds_and_stops() -> None:
     digital = convert_to_digital(
         np.array([[0.24, -0.26, 9.0], [0.76, -9.0, 0.0]]), TriadNoise(resolution=0.5, full_scale=2.0)

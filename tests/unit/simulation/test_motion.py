@@ -142,15 +142,6 @@ def test_in_counts_the_increments_are_counts_times_seconds() -> None:
     assert chain == Imperfections(jitter=0.1, angle_increment=1.0, velocity_increment=3.0)
 
 
-def test_stamps_scatter_about_the_instants_and_stay_in_order() -> None:
-    regular = record(at_rest(1000.0), 20.0).time
-    # 20,000 numbers: 0.5 %, four and a half of them
-    assert np.std(record(at_rest(1000.0), 20.0, jitter=0.001).time - regular) == pytest.approx(
-        0.001, rel=0.023
-    )
-    assert np.all(np.diff(record(at_rest(1000.0), 20.0, jitter=10.0).time) > 0.0)
-
-
 def test_samples_are_lost_but_for_the_first_and_the_last_and_leave_gaps() -> None:
     for seed in range(50):
         kept = record(at_rest(0.6), 20.0, seed, dropped=0.5, burst=3.0)

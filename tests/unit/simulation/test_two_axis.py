@@ -133,21 +133,6 @@ def test_each_error_moves_the_unit_s_axes_its_own_way(sign, errors, axis_b, lean
     np.testing.assert_allclose(C_nb @ axis_b, axis_b + sign * 1e-3 * leans_n, atol=1e-6)
 
 
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_the_axes_of_the_rotations_are_not_orthogonal_by_what_is_said(sign: float) -> None:
-    played = play(FixtureErrors(orthogonality=sign * 0.02, mounting=(0.01, -0.03, 0.02), tilt=(0.01, 0.0)))
-    rotations = Rotation.from_quat(played.motion.hold_quaternions_nb)
-    axes = [(r.axis, rotations[k].apply(r.axis_b)) for k, r in enumerate(played.rotations)]
-    outer = [axis_n for name, axis_n in axes if name == "outer"]
-    # The outer axis does not move, and is not level by the tilt alone; 1e-12: rounding.
-    np.testing.assert_allclose(
-        outer, [Rotation.from_rotvec([0.01, 0.0, 0.0]).apply(EAST)] * len(outer), atol=1e-12
-    )
-    for name, axis_n in axes:
-        if name == "inner":
-            assert np.arccos(axis_n @ outer[0]) == pytest.approx(0.5 * np.pi + sign * 0.02, abs=1e-12)
-
-
 def test_errors_of_execution_belong_to_stops_and_do_not_add_up() -> None:
     """Each stop of each axis has its own; angles are differences of two, and a whole test is off by as much."""
     turned = []

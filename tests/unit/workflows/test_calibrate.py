@@ -20,7 +20,6 @@ from tumble.calibration import (
     Estimator,
     Session,
     StableKnowledge,
-    believed_poses,
     calibrate,
     find_contradiction,
     find_procedure,
@@ -29,13 +28,10 @@ from tumble.document import read_calibration
 from tumble.earth import Site
 from tumble.errors import ConvergenceError, ObservabilityError, RecordingError, UsageError
 from tumble.noise import NoiseModel
-from tumble.protocol import HoldStep, named_protocol
 from tumble.recording import Recording, write_recording
 from tumble.segmentation import (
     Hold,
     HoldMeans,
-    MatchedHold,
-    Matching,
     NoiseFloor,
     Timeline,
     model_means,
@@ -196,19 +192,6 @@ def test_nine_poses_check_nothing_and_more_do(good: Recording) -> None:
     nine = tumbled([0, 1, 2, 3, 4, 5, 6, 8, 10])
     said = [" ".join(told(replace(one, angular_rate=None))[0].cautions) for one in (nine, good)]
     assert ["Nothing checks the accelerometers" in words for words in said] == [True, False]
-
-
-def test_holds_of_a_placement_that_is_hardly_known_are_in_no_pose_that_is_believed() -> None:
-    protocol = named_protocol("rate-table")
-    holds = [at for at, step in enumerate(protocol.steps) if isinstance(step, HoldStep)]
-    matching = Matching(tuple(MatchedHold(step, k) for k, step in enumerate(holds)), (), (), ())
-    placed = known(believed_poses(protocol, matching)).placed
-    assert sorted(placed) == list(range(len(holds)))
-    first = protocol.steps[holds[0]]
-    loose = replace(first, pose=replace(known(first.pose), sigma=1.0))
-    steps = tuple(loose if step is first else step for step in protocol.steps)
-    less = known(believed_poses(replace(protocol, steps=steps), matching)).placed
-    assert set(less) == set(placed) - {k for k, first_hold in placed.items() if first_hold == 0}
 
 
 # --- a paper's estimator, or somebody else's
