@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tumble.noise import StreamedDeviation, allan_deviation
+from tumble.noise import allan_deviation
 
 with (Path(__file__).parent / "deviations.csv").open(encoding="utf-8") as _file:
     ROWS = list(csv.DictReader(_file))
@@ -30,10 +30,3 @@ def test_our_deviation_is_the_printed_one(row):
     found = allan_deviation(test_set(), 1.0, taus=[float(row["averaging"])])
     # Seven digits are printed: half a unit of the last is at most 5e-7 of the value.
     assert found.deviation[0, 0] == pytest.approx(float(row["deviation"]), rel=5e-7)
-
-
-def test_a_stream_of_the_set_gives_the_printed_deviation_at_one_second():
-    collector = StreamedDeviation(1.0, 1)
-    for block in np.array_split(test_set()[:, None], 7):
-        collector.add(block)
-    assert collector.deviation().deviation[0, 0] == pytest.approx(2.922319e-01, rel=5e-7)
