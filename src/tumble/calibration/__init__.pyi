@@ -16,7 +16,6 @@ from .equations.adjustment import (
     balance_recording as balance_recording,
     still_sway as still_sway,
 )
-from .equations.believed_poses import believed_poses as believed_poses
 from .equations.causes import RATE_WANDER as RATE_WANDER
 from .equations.gathering import gather as gather
 from .equations.imu_unknowns import (
