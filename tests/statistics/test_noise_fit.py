@@ -15,8 +15,6 @@ import pytest
 from scipy.signal import lfilter
 
 from tumble.noise import (
-    FALSE_ALARM,
-    LINE_FALSE_ALARM,
     GaussMarkov,
     Line,
     Method,
@@ -93,10 +91,8 @@ def test_moments_are_as_efficient_as_the_curve(letter: str) -> None:
 def test_a_term_that_is_not_there_is_seldom_seen(method: str) -> None:
     """The test's 1 % is asymptotic: at ten degrees of freedom it may be three times as much."""
     seen = np.mean(["R" in fit.chosen for fit in fits(method)])
-    assert seen <= 3 * FALSE_ALARM + spread(3 * FALSE_ALARM)
-    assert np.mean([bool(fit.model.gauss_markov) for fit in fits(method)]) <= FALSE_ALARM + spread(
-        FALSE_ALARM
-    )
+    assert seen <= 0.03 + spread(0.03)
+    assert np.mean([bool(fit.model.gauss_markov) for fit in fits(method)]) <= 0.01 + spread(0.01)
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -127,7 +123,7 @@ def test_noise_without_lines_seldom_shows_one() -> None:
     rng = np.random.default_rng(4)
     model = NoiseModel(0.02, 0.05, 0.05, 0.05, gauss_markov=(GaussMarkov(0.1, 2.0),))
     found = sum(bool(find_lines(model.simulate(SHORT, RATE, rng), RATE)) for _ in range(60))
-    assert found / 60 <= LINE_FALSE_ALARM + 3.3 * np.sqrt(LINE_FALSE_ALARM / 60)
+    assert found / 60 <= 0.01 + 3.3 * np.sqrt(0.01 / 60)
 
 
 def test_a_lines_stated_uncertainty_is_its_scatter() -> None:

@@ -8,26 +8,18 @@ from .characterisation import (
     triad_terms as triad_terms,
 )
 from .deviation import (
-    ONE_SIGMA as ONE_SIGMA,
     Deviation as Deviation,
     StreamedDeviation as StreamedDeviation,
     allan_deviation as allan_deviation,
 )
-from .fitting.fit import (
-    FALSE_ALARM as FALSE_ALARM,
-    MISSED as MISSED,
-    NoiseFit as NoiseFit,
-    Term as Term,
-    fit_curve as fit_curve,
-)
+from .fitting.fit import MISSED as MISSED, NoiseFit as NoiseFit, Term as Term, fit_curve as fit_curve
 from .fitting.weighted_fit import Method as Method
 from .flicker import (
     flicker_corners as flicker_corners,
     flicker_recursions as flicker_recursions,
     flicker_variance as flicker_variance,
 )
-from .lines import LINE_FALSE_ALARM as LINE_FALSE_ALARM, find_lines as find_lines
-from .spectrum import power_spectrum as power_spectrum
+from .lines import find_lines as find_lines
 from .terms import GaussMarkov as GaussMarkov, Line as Line, NoiseModel as NoiseModel
 from .units import (
     ACCELEROMETER as ACCELEROMETER,

@@ -31,7 +31,6 @@ from tumble.noise.freedom import EXPONENTS, chi_square_interval, degrees_of_free
 from tumble.records import dataclass
 
 Taus: TypeAlias = "str | Series | Sequence[float]"
-Pieces: TypeAlias = Sequence[tuple[int, int]]
 Integers: TypeAlias = npt.NDArray[np.int64]
 
 PLACES = 128

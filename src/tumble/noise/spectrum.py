@@ -9,13 +9,11 @@ Applications*, Cambridge 1993, section 6.17: degrees of freedom with overlap.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
-from tumble.arrays import AnyArray, Series, Table
+from tumble.arrays import Series, Table
 from tumble.errors import UsageError
-from tumble.noise.deviation import ONE_SIGMA, find_pieces
+from tumble.noise.deviation import ONE_SIGMA
 from tumble.noise.freedom import chi_square_interval
 from tumble.records import dataclass
 
@@ -49,43 +47,6 @@ class PowerSpectrum:
     segment: int
     segments: int
     resolution: float
-
-
-def power_spectrum(
-    signal: AnyArray,
-    rate: float,
-    *,
-    segment: int | None = None,
-    bins_per_decade: int | None = None,
-    gaps: Sequence[int] = (),
-) -> PowerSpectrum:
-    """Return Welch's spectrum: Hann window, half overlap, each segment less its own mean.
-
-    Parameters
-    ----------
-    signal : (samples,) or (samples, channels), any unit. Rows that are not finite part it as gaps do.
-    rate : samples a second.
-    segment : samples of a segment; None for an eighth of the longest piece, a power of two, a million at most.
-    bins_per_decade : None for every frequency, or how many bins of equal logarithmic width to average them in.
-    gaps : indices i where samples are missing between i - 1 and i; no segment lies across one.
-
-    Raises
-    ------
-    UsageError
-        If no piece of the signal has a whole segment, or the rate is not positive.
-    """
-    columns = np.asarray(signal, dtype=np.float64).reshape(signal.shape[0], -1)
-    if not (np.isfinite(rate) and rate > 0.0):
-        raise UsageError(f"A sampling rate of {rate} Hz cannot be.")
-    pieces = find_pieces(columns, gaps)
-    longest = max((stop - start for start, stop in pieces), default=0)
-    size = segment_of(longest) if segment is None else segment
-    if longest < size:
-        raise UsageError(f"A spectrum needs a segment of {max(size, _LEAST_SEGMENT)} samples without a gap.")
-    collector = StreamedSpectrum(rate, columns.shape[1], size)
-    for start, stop in pieces:
-        collector.add(columns[start:stop], after_gap=True)
-    return collector.spectrum(bins_per_decade=bins_per_decade)
 
 
 def segment_of(longest: int) -> int:
@@ -150,7 +111,7 @@ class StreamedSpectrum:
 
         Parameters
         ----------
-        bins_per_decade : as for `power_spectrum`.
+        bins_per_decade : None for every frequency, or how many bins of equal logarithmic width to average them in.
 
         Raises
         ------

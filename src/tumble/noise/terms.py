@@ -26,10 +26,8 @@ from tumble.noise.flicker import flicker_recursions
 from tumble.noise.variances import (
     LETTERS,
     allan_variance_of,
-    density_of,
     line_allan_variance,
     markov_allan_variance,
-    markov_density,
     markov_phase_covariance,
     mean_variance_of,
     phase_covariance_of,
@@ -135,22 +133,6 @@ class NoiseModel:
             yield "Gauss-Markov", g.sigma**2 * markov_allan_variance(tau, g.correlation_time, rate)
         for line in self.lines:
             yield "line", line.amplitude**2 * line_allan_variance(tau, line.frequency, rate)
-
-    def power_spectrum(self, frequency: Series, rate: float) -> Series:
-        """Return the two-sided power spectral density, u²/Hz; lines, which have none, are left out.
-
-        Parameters
-        ----------
-        frequency : Hz, above zero and up to half the rate.
-        rate : Hz of the samples, over which the quantisation's density is spread.
-        """
-        frequency = np.asarray(frequency, dtype=float)
-        total = np.zeros_like(frequency)
-        for letter, value in self._present():
-            total += value**2 * density_of(letter, frequency, rate)
-        for g in self.gauss_markov:
-            total += g.sigma**2 * markov_density(frequency, g.correlation_time)
-        return total
 
     def phase_covariance(self, lag: AnyArray) -> AnyArray:
         """Return the generalised covariance of the signal's integral, u² s², without the ramp's.

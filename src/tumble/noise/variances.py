@@ -105,31 +105,6 @@ def line_allan_variance(tau: Series, frequency: float, rate: float | None = None
     return np.sin(turn) ** 4 / (np.round(tau * rate) * np.sin(np.pi * frequency / rate)) ** 2
 
 
-def density_of(letter: str, frequency: Series, rate: float | None = None) -> Series:
-    """Return the two-sided power spectral density of a term whose coefficient is 1.
-
-    Parameters
-    ----------
-    letter : "Q", "N", "B", "K" or "R".
-    frequency : Hz.
-    rate : Hz of the samples, which shapes Q, 4 rate² sin²(πf/rate) / rate; None for its slope, for which
-        the density is (2πf)² and still to be divided by the rate.
-    """
-    w = 2.0 * np.pi * np.asarray(frequency, dtype=float)
-    if letter == "Q":
-        return w**2 if rate is None else 4.0 * rate * np.sin(0.5 * w / rate) ** 2
-    if letter == "N":
-        return np.ones_like(w)
-    if letter == "B":
-        return 1.0 / w
-    return 1.0 / w**2 if letter == "K" else 1.0 / w**3
-
-
-def markov_density(frequency: Series, correlation_time: float) -> Series:
-    """Return the two-sided density of a Gauss-Markov process of variance 1: 2T / (1 + (2πfT)²)."""
-    return 2.0 * correlation_time / (1.0 + (2.0 * np.pi * frequency * correlation_time) ** 2)
-
-
 def phase_covariance_of(letter: str, lag: AnyArray) -> AnyArray:
     """Return the generalised covariance s(t) of the integral of a term whose coefficient is 1; R has none.
 

@@ -28,12 +28,7 @@ from .noise import (
 )
 from .protocols import simulate_protocol as simulate_protocol
 from .recordings import Truth as Truth, simulate_recording as simulate_recording
-from .sampling import (
-    Imperfections as Imperfections,
-    count_increments as count_increments,
-    drop_samples as drop_samples,
-    scatter_instants as scatter_instants,
-)
+from .sampling import Imperfections as Imperfections
 from .table import TableErrors as TableErrors
 from .thermal_steps import has_chamber as has_chamber
 from .trajectories import (

@@ -11,7 +11,6 @@ from tumble.protocol import HoldStep, Pose, Protocol, RampStep, SoakStep, TurnSt
 from tumble.recording import Recording
 from tumble.simulation import (
     Chamber,
-    Imperfections,
     Motion,
     find_grade,
     find_thermal_grade,
@@ -20,6 +19,7 @@ from tumble.simulation import (
     simulate_chamber,
     simulate_recording,
 )
+from tumble.simulation.sampling import Imperfections, count_increments, drop_samples, scatter_instants
 from unit.given import given, signals
 
 SITE = Site.from_latitude(np.radians(-33.0))
@@ -198,3 +198,44 @@ def test_the_thermometer_has_steps_and_the_recording_its_temperature() -> None:
     assert len(shown) == len(recording)
     np.testing.assert_allclose(shown / 0.25, np.round(shown / 0.25), atol=1e-9)
     assert np.max(np.abs(shown - truth.unit)) < 0.125 + 6.0 * 0.05
+
+
+# Statistics of many samples: 4.5 standard deviations are allowed, a false alarm in 7e-6.
+
+
+def test_the_rounding_of_increments_has_the_variance_of_a_carried_remainder() -> None:
+    """The remainder is uniform over a step q: a mean over T is off by the difference of two, variance q²/6 / T².
+
+    Rounding each sample alone would leave q² rate / (12 T), a hundred times as much here.
+    """
+    rng = np.random.default_rng(14)
+    step, samples = 2e-4, 50
+    signal = rng.uniform(-1.0, 1.0, (1, 3)) + rng.normal(0.0, 0.05, (100_000, 3))
+    off = (count_increments(signal, 50.0, step) - signal).reshape(-1, samples, 3).mean(axis=1)
+    duration = samples / 50.0
+    ratio = np.mean(off**2) / (step**2 / 6.0 / duration**2)
+    # 6000 means; neighbours share an edge, which at most doubles the variance of their mean square
+    assert abs(ratio - 1.0) < 4.5 * np.sqrt(2.0 * 2.0 / off.size)
+
+
+def test_the_share_and_the_length_of_what_is_lost_are_those_asked_for() -> None:
+    rng = np.random.default_rng(15)
+    samples, dropped, burst = 400_000, 0.08, 5.0
+    lost = ~drop_samples(samples, dropped, burst, rng)
+    starts = np.flatnonzero(np.diff(lost.astype(int), prepend=0) == 1)
+    # number of bursts: a renewal process of about samples * dropped / burst = 6400 events
+    share_spread = np.sqrt(dropped * (1 - dropped) * (2.0 * burst * (1 - dropped)) / samples)
+    assert abs(lost.mean() - dropped) < 4.5 * share_spread
+    lengths = lost.sum() / len(starts)
+    # geometric lengths spread by √(burst (burst - 1))
+    assert abs(lengths - burst) < 4.5 * np.sqrt(burst * (burst - 1.0) / len(starts))
+
+
+def test_instants_scatter_as_asked_and_stay_in_order() -> None:
+    edges = np.arange(100_001) / 50.0
+    jitter = Imperfections(sampling_jitter=0.002).sampling_jitter
+    scattered = scatter_instants(edges, 50.0, jitter, np.random.default_rng(16))
+    off = (scattered - edges)[1:]
+    assert scattered[0] == edges[0]
+    assert np.all(np.diff(scattered) > 0.0)
+    assert abs(np.mean(off**2) / jitter**2 - 1.0) < 4.5 * np.sqrt(2.0 / len(off))
