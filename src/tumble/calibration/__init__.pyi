@@ -16,7 +16,6 @@ from .equations.adjustment import (
     balance_recording as balance_recording,
     still_sway as still_sway,
 )
-from .equations.causes import RATE_WANDER as RATE_WANDER
 from .equations.gathering import gather as gather
 from .equations.imu_unknowns import (
     LAYOUT as LAYOUT,
@@ -24,9 +23,6 @@ from .equations.imu_unknowns import (
     gyro_matrix as gyro_matrix,
     imu_unknowns as imu_unknowns,
     name_plate as name_plate,
-    raw_force as raw_force,
-    raw_rate as raw_rate,
-    term_unknowns as term_unknowns,
     terms_prior as terms_prior,
     unknowns_of as unknowns_of,
 )
@@ -38,11 +34,7 @@ from .equations.observed import (
 )
 from .equations.reference_equations import Heading as Heading
 from .equations.rotation_equations import LEAST_WOBBLE as LEAST_WOBBLE
-from .equations.stretches import (
-    RecordingStretch as RecordingStretch,
-    RotationStretch as RotationStretch,
-    SectionStretch as SectionStretch,
-)
+from .equations.stretches import RecordingStretch as RecordingStretch, SectionStretch as SectionStretch
 from .equations.triad_unknowns import (
     ANGLE as ANGLE,
     BIAS as BIAS,
@@ -145,8 +137,6 @@ from .poses import (
     describe_mending as describe_mending,
     describe_untold as describe_untold,
     distinct_poses as distinct_poses,
-    find_two_planes as find_two_planes,
-    find_untold as find_untold,
     match_faces as match_faces,
     missing_poses as missing_poses,
     most_telling_poses as most_telling_poses,
@@ -156,7 +146,6 @@ from .prior import (
     FleetSheet as FleetSheet,
     StableKnowledge as StableKnowledge,
     TriadFleet as TriadFleet,
-    find_contradiction as find_contradiction,
     stable_knowledge as stable_knowledge,
     together as together,
     triad_sheets as triad_sheets,
@@ -173,7 +162,6 @@ from .session import (
 from .start import start_adjustment as start_adjustment
 from .terms import TERMS as TERMS
 from .terms.lever_arms import LeverArms as LeverArms
-from .terms.term import Term as Term
 from .thermal.coverage import require_time_base as require_time_base
 from .turn_ons.adjustment import adjust_several as adjust_several, find_strangers as find_strangers
 from .turn_ons.estimate import SeveralEstimate as SeveralEstimate, several_estimate as several_estimate

@@ -49,7 +49,6 @@ from .reliability import (
     POWER as POWER,
     WeakDirection as WeakDirection,
     find_weak_directions as find_weak_directions,
-    noncentrality as noncentrality,
     snoop_groups as snoop_groups,
     undetected as undetected,
 )

@@ -8,7 +8,14 @@ from tests.unit.adjusted import adjusted
 
 from tumble.attitude import twenty_six_directions
 from tumble.calibration import Estimate
-from tumble.calibration.prior import FleetSheet, StableKnowledge, TriadFleet, about_sheet, triad_sheets
+from tumble.calibration.prior import (
+    FleetSheet,
+    StableKnowledge,
+    TriadFleet,
+    about_sheet,
+    find_contradiction,
+    triad_sheets,
+)
 from tumble.earth import Site
 from tumble.errors import UsageError
 from tumble.recording import Recording
@@ -160,3 +167,13 @@ def test_six_faces_suffice_with_angles_of_an_earlier_calibration_beside_a_sheet_
     # angles known to 3 to 5 µrad: five sigma, on scale factors of one
     assert np.all(np.abs(errors[[1, 3, 4]]) < 25e-6)
     assert estimate.objections == ()
+
+
+def test_a_prior_three_sigma_off_passes_and_one_ten_sigma_off_is_contradicted() -> None:
+    # Chi-square of 3 degrees exceeds 16.3 in one case of a thousand: 9 is below, 100 above.
+    sigma = 1e-4
+    own = StableKnowledge(np.array([1e-3, -2e-3, 3e-3]), 0.5 * sigma**2 * np.eye(3))
+    near = StableKnowledge(own.angles + np.array([3.0 * sigma, 0.0, 0.0]), own.angle_covariance)
+    far = StableKnowledge(own.angles + np.array([0.0, 0.0, 10.0 * sigma]), own.angle_covariance)
+    assert find_contradiction(near, [own]) is None
+    assert "10 standard uncertainties" in (find_contradiction(far, [own]) or "")

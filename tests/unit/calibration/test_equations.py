@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from tests.unit.estimation.test_chain import random_chain
 
 from tumble.attitude import matrices_from_rotation_vectors, matrix_from_rotation_vector
 from tumble.calibration.equations.adjustment import HEAD, NODE, TAIL, JointAdjustment
@@ -21,9 +23,10 @@ from tumble.calibration.equations.imu_unknowns import (
     unknowns_of,
 )
 from tumble.calibration.equations.observed import mode_count, observe, table_rotation
-from tumble.calibration.equations.stretches import RecordingStretch
+from tumble.calibration.equations.stretches import RecordingStretch, RotationStretch, SectionStretch
 from tumble.calibration.start import start_adjustment
 from tumble.earth import Site
+from tumble.errors import ObservabilityError
 from tumble.estimation import Equations, Linear, Whitened, faster_variance, linearise, solve, wander_basis
 from tumble.protocol import HoldStep, Pose, Protocol, SpinStep
 from tumble.segmentation import Hold, NoiseFloor, Timeline, Turn, observe_holds
@@ -381,3 +384,23 @@ def test_the_cosines_tell_no_more_of_what_goes_round_than_all_of_them_would(
     told = information(signal, mode_count(windows, revolutions), white) / all_of_them
     # Three cosines a revolution without what is faster would claim ten times as much of a sine.
     assert 0.8 < told < 1.02
+
+
+def test_people_are_told_the_hold_and_its_seconds():
+    base = SimpleNamespace(
+        time=100.0 + 0.5 * np.arange(60),
+        head=np.array([[0, 4], [20, 24]]),
+        tail=np.array([[6, 10], [40, 44]]),
+    )
+    task: Any = SimpleNamespace(data=SimpleNamespace(base=base))
+    holds: Any = SimpleNamespace(holds=np.array([1]))
+    section, rotation = SectionStretch.__new__(SectionStretch), RotationStretch.__new__(RotationStretch)
+    section.task, section.section = task, holds
+    rotation.task, rotation.k = task, 0
+    assert "in hold 2 (10.0 to 21.5 s)" in section.undetermined(0)
+    assert "in the rotation after hold 1 (5.0 to 9.5 s)" in rotation.undetermined(3)
+    chain, _, _ = random_chain(6, 4, 3, 2)
+    chain.stretch = section
+    chain.diagonal[0, 1, :] = chain.diagonal[0, :, 1] = 0.0
+    with pytest.raises(ObservabilityError, match=r"attitude in hold 2 \(10\.0 to 21\.5 s\)"):
+        chain.eliminated()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 
 import numpy as np
@@ -11,6 +12,8 @@ from tumble.calibration.poses import (
     describe_direction,
     describe_untold,
     distinct_poses,
+    find_two_planes,
+    find_untold,
     missing_poses,
     twenty_six_directions,
 )
@@ -19,7 +22,7 @@ FORCE = np.array([0.1, -0.2, 0.3, 1.02, 0.98, 1.05, 0.01, -0.02, 0.03, 0.0, 0.0,
 FACES = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], dtype=float)
 GRAVITY = 9.81
 UP = twenty_six_directions()
-EDGES = UP[6:18]
+EDGES, CORNERS = UP[6:18], np.sign(UP[18:])
 
 
 def raw(directions: np.ndarray) -> np.ndarray:
@@ -159,3 +162,28 @@ def test_poses_placed_by_hand_are_refused_for_the_same_reason() -> None:
         with_reason += PLANES in said
     # A few tell all, just so, or lie no longer in planes.
     assert with_reason > 40
+
+
+@pytest.mark.parametrize("left_out", list(itertools.product(range(4), repeat=3)))
+def test_nine_edges_are_singular_exactly_if_the_three_left_out_have_a_product_of_one(left_out):
+    """All 64 choices of one edge left out in each plane.
+
+    If the product of the signs of the three is +1 there is a corner σ with σ_i σ_j = s_i s_j on all three: the six
+    edges at right angles to it all remain. Three more directions lie in some plane m . u = c, and
+    (σ . u)(m . u - c) vanishes in all nine.
+    """
+    planes = [EDGES[np.abs(EDGES[:, axis]) < 0.1] for axis in (2, 1, 0)]
+    chosen = np.array([plane[index] for plane, index in zip(planes, left_out, strict=True)])
+    nine = EDGES[np.max(EDGES @ chosen.T, axis=1) < 0.9]
+    rank = np.linalg.matrix_rank(norm_rows(nine), tol=1e-9)
+    hexagons = [corner for corner in CORNERS if np.sum(np.abs(nine @ corner) < 1e-9) == 6]
+    if np.prod(np.where(np.abs(chosen) > 0.1, np.sign(chosen), 1.0)) == 1:
+        assert (rank, len(hexagons)) == (8, 2)  # a corner and its opposite: one plane
+        (untold,) = find_untold(nine)
+        # The quadric through all nine: it vanishes there, and not at a corner.
+        np.testing.assert_allclose(norm_rows(nine) @ untold, 0.0, atol=1e-12)
+        assert np.max(np.abs(norm_rows(UP) @ untold)) > 0.1
+        assert [len(plane) for plane in find_two_planes(nine) or ()] == [6, 3]
+    else:
+        assert (rank, len(hexagons)) == (9, 0)
+        assert not find_untold(nine)

@@ -21,7 +21,6 @@ from tumble.calibration.outcome.budget import numerical_tolerance, shortest_inte
 from tumble.calibration.turn_ons.adjustment import disagreement
 from tumble.calibration.turn_ons.estimate import turn_on_cautions, turn_on_sentences
 from tumble.calibration.verdict import beyond_ceilings, misfit
-from tumble.estimation import noncentrality, undetected
 from tumble.parameters import amount
 from tumble.sensor import ImuModel
 
@@ -38,40 +37,6 @@ def test_the_end_gauge_of_the_gum_has_16_effective_degrees_of_freedom() -> None:
     exactly = effective_degrees({"gravity": np.array([1.0, 2.0])}, {})
     assert np.all(np.isinf(exactly))
     assert coverage_factors(exactly) == pytest.approx([1.96, 1.96], abs=1e-3)
-
-
-def test_an_error_of_one_number_goes_unnoticed_up_to_baardas_bound() -> None:
-    """sigma 4.13 / sqrt(r), with its effect the gain times that; sigma 0.5 and r 0.36 here.
-
-    Baarda's shift is that of one in a thousand and eighty per cent.
-    """
-    assert noncentrality() == pytest.approx(4.13, abs=0.005)
-    found = undetected(
-        np.array([[0.36]]), np.array([[1.0 / 0.5]]), np.array([[0.02], [-0.3]]), np.array([1.0, 2.0])
-    )
-    assert found.size == pytest.approx(0.5 * noncentrality() / 0.6)
-    assert found.parameter == 1
-    assert found.effect == pytest.approx(0.15 * noncentrality() / 0.6)
-
-
-def test_the_most_harmful_direction_is_found_by_trying_all_directions() -> None:
-    rng = np.random.default_rng(5)
-    half = rng.normal(size=(3, 3))
-    left = half @ half.T / 20.0
-    gain = rng.normal(size=(1, 3))
-    found = undetected(left, np.eye(3), gain, np.ones(1))
-    tried = rng.normal(size=(200_000, 3))
-    harm = np.abs(tried @ gain[0]) / np.sqrt(np.einsum("ta,ab,tb->t", tried, left, tried))
-    # directions that add less than 2 % of the squared harm are left out of what is told
-    assert harm.max() * noncentrality() * 0.96 < found.effect <= harm.max() * noncentrality() * 1.001
-
-
-def test_what_nothing_checks_may_be_of_any_size_and_is_passed_over_where_it_does_no_harm() -> None:
-    found = undetected(np.diag([0.0, 1.0]), np.eye(2), np.array([[0.4, 0.1]]), np.ones(1))
-    assert np.isinf(found.size)
-    assert found.parameter == 0
-    found = undetected(np.diag([0.0, 1.0]), np.eye(2), np.array([[0.0, 0.1]]), np.ones(1))
-    assert found.effect == pytest.approx(0.1 * noncentrality())
 
 
 def test_the_shortest_interval_of_an_exponential_begins_at_zero() -> None:

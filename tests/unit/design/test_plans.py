@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tumble.attitude import twenty_six_directions
-from tumble.calibration import RATE_WANDER, recording_influences
+from tumble.calibration import recording_influences
 from tumble.design.hold_noise import hold_covariance, predict_covariance
 from tumble.design.joint_information import (
     NAMES,
@@ -250,7 +250,7 @@ def test_what_is_foretold_is_what_drawn_wanders_do_to_the_estimate():
         wander = simulate_wander(flicker, samples, rate, rng)
         wander -= wander.mean(axis=0)
         for one in influences.each:
-            drift = one.drifts.get(RATE_WANDER)
+            drift = one.drifts.get("gyro biases wander")
             if drift is not None:
                 for start, stop, by_bias, gain in zip(
                     drift.start, drift.stop, drift.by_bias, one.gain, strict=True

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,6 @@ import numpy.typing as npt
 import pytest
 from hypothesis import given, strategies as st
 
-from tumble.calibration import RotationStretch, SectionStretch
 from tumble.errors import ConvergenceError, ObservabilityError
 from tumble.estimation import Prior
 from tumble.estimation.alternatives import Alternative, Suspect, find
@@ -156,26 +154,6 @@ def test_the_covariance_of_what_is_adjusted_is_the_hat_matrix():
             np.testing.assert_allclose(gain[t], S[-border:] @ own.T, atol=1e-9)
             row += taken.shape[1]
     assert row == len(J)
-
-
-def test_people_are_told_the_hold_and_its_seconds():
-    base = SimpleNamespace(
-        time=100.0 + 0.5 * np.arange(60),
-        head=np.array([[0, 4], [20, 24]]),
-        tail=np.array([[6, 10], [40, 44]]),
-    )
-    task: Any = SimpleNamespace(data=SimpleNamespace(base=base))
-    holds: Any = SimpleNamespace(holds=np.array([1]))
-    section, rotation = SectionStretch.__new__(SectionStretch), RotationStretch.__new__(RotationStretch)
-    section.task, section.section = task, holds
-    rotation.task, rotation.k = task, 0
-    assert "in hold 2 (10.0 to 21.5 s)" in section.undetermined(0)
-    assert "in the rotation after hold 1 (5.0 to 9.5 s)" in rotation.undetermined(3)
-    chain, _, _ = random_chain(6, 4, 3, 2)
-    chain.stretch = section
-    chain.diagonal[0, 1, :] = chain.diagonal[0, :, 1] = 0.0
-    with pytest.raises(ObservabilityError, match=r"attitude in hold 2 \(10\.0 to 21\.5 s\)"):
-        chain.eliminated()
 
 
 PLACE = Layout((Block("place", ("the place",), ("a look at it",)),))

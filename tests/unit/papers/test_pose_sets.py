@@ -16,7 +16,6 @@ import pytest
 from tests.docs.test_tables import between
 
 from tumble.attitude import twenty_six_directions
-from tumble.calibration import find_two_planes, find_untold, norm_rows
 from tumble.errors import ObservabilityError
 from tumble.reproduction import INSIDE, OUTSIDE, UNJUDGED, Outcome
 from tumble.sensor import jacobian, matrix_from_zhang
@@ -92,31 +91,6 @@ def shown(directions: np.ndarray) -> np.ndarray:
 def test_sets_promise_what_an_independent_computation_found(directions, expected):
     """Computed elsewhere to the digits given."""
     np.testing.assert_allclose(shown(directions), expected, atol=0.06)
-
-
-@pytest.mark.parametrize("left_out", list(itertools.product(range(4), repeat=3)))
-def test_nine_edges_are_singular_exactly_if_the_three_left_out_have_a_product_of_one(left_out):
-    """All 64 choices of one edge left out in each plane.
-
-    If the product of the signs of the three is +1 there is a corner σ with σ_i σ_j = s_i s_j on all three: the six
-    edges at right angles to it all remain. Three more directions lie in some plane m . u = c, and
-    (σ . u)(m . u - c) vanishes in all nine.
-    """
-    planes = [edges()[np.abs(edges()[:, axis]) < 0.1] for axis in (2, 1, 0)]
-    chosen = np.array([plane[index] for plane, index in zip(planes, left_out, strict=True)])
-    nine = without(chosen)
-    rank = np.linalg.matrix_rank(norm_rows(nine), tol=1e-9)
-    hexagons = [corner for corner in SIGNS if np.sum(np.abs(nine @ corner) < 1e-9) == 6]
-    if np.prod(np.where(np.abs(chosen) > 0.1, np.sign(chosen), 1.0)) == 1:
-        assert (rank, len(hexagons)) == (8, 2)  # a corner and its opposite: one plane
-        (untold,) = find_untold(nine)
-        # The quadric through all nine: it vanishes there, and not at a corner.
-        np.testing.assert_allclose(norm_rows(nine) @ untold, 0.0, atol=1e-12)
-        assert np.max(np.abs(norm_rows(twenty_six_directions()) @ untold)) > 0.1
-        assert [len(plane) for plane in find_two_planes(nine) or ()] == [6, 3]
-    else:
-        assert (rank, len(hexagons)) == (9, 0)
-        assert not find_untold(nine)
 
 
 @pytest.mark.parametrize("signs", SIGNS)

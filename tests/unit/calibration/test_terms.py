@@ -7,10 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tumble.calibration import (
+from tumble.calibration.equations.imu_unknowns import (
     LAYOUT,
-    TERMS,
-    Term,
     imu_unknowns,
     name_plate,
     raw_force,
@@ -18,6 +16,8 @@ from tumble.calibration import (
     term_unknowns,
     terms_prior,
 )
+from tumble.calibration.terms import TERMS
+from tumble.calibration.terms.term import Term
 from tumble.sensor import CURVES, Triad
 
 SCALE = np.array([0.9, 1.1, 1.05])
