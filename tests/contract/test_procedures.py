@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from tests.unit.adjusted import adjusted
 
 from tumble.calibration import PROCEDURES, Estimate, Turns, find_procedure
-from tumble.document import FRAME_WORDS, Calibration, calibration_from_estimate, read_part
+from tumble.document import Calibration, calibration_from_estimate, read_part
 from tumble.earth import Site
 from tumble.errors import UsageError
 from tumble.procedure_names import KNOWN_PROCEDURES
@@ -22,7 +22,7 @@ from tumble.protocol import named_protocol
 from tumble.recording import Recording
 from tumble.segmentation import HoldMeans, Timeline, find_timeline, observe_holds
 from tumble.simulation import Motion, find_grade, poses_26, simulate_recording
-from tumble.workflows import check_procedure
+from tumble.workflows import calibrate
 
 DOCS = Path(__file__).parents[2] / "docs" / "procedures"
 SITE = Site(9.81, 0.0, None, 0.0, "as simulated")
@@ -82,15 +82,14 @@ def estimate(procedure: Calibrate, scene: Scene) -> Estimate:
 class TestRecord:
     """What a record owes."""
 
-    def test_it_is_found_by_its_name_with_its_frame_its_page_and_its_protocol(self, record) -> None:
+    def test_it_is_found_by_its_name_with_its_page_and_its_protocol(self, record) -> None:
         assert find_procedure(record.name) is record
         assert set(PROCEDURES) == set(KNOWN_PROCEDURES)
-        assert record.frame in FRAME_WORDS
         assert (DOCS / record.page).is_file()
         if record.example:
             assert named_protocol(record.example).procedure == record.name
             with pytest.raises(UsageError, match=f"tumble simulate {record.example}"):
-                check_procedure(record.name, has_protocol=False)
+                calibrate("none.csv", procedure=record.name)
 
     def test_what_is_tried_next_is_another_procedure_and_the_last_needs_no_protocol(self, record) -> None:
         tried = [record]

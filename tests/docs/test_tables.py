@@ -19,11 +19,8 @@ from tests.cli.program import Bench
 from tumble.calibration import norm_rows
 from tumble.protocol import (
     PROTOCOLS,
-    STEPS,
     HoldStep,
-    Key,
     SpinStep,
-    known_keys,
     named_protocol,
     protocol_schema,
     read_protocol,
@@ -89,7 +86,9 @@ def gyros() -> str:
 
 # --- the keys and messages of the page of protocols
 
-KINDS = {kind: known_keys(kind) for kind in STEPS}
+Keys = dict[str, dict[str, object]]
+SCHEMA = protocol_schema()
+KINDS: dict[str, Keys] = {kind: step["properties"] for kind, step in SCHEMA["$defs"].items()}
 # Keys that every step has stand in one table.
 SHARED = {
     name for name, key in KINDS["hold"].items() if all(keys.get(name) == key for keys in KINDS.values())
@@ -108,19 +107,20 @@ def examples(folder: Path) -> list[Path]:
     return paths
 
 
-def key_table(keys: dict[str, Key]) -> str:
-    rows = [
-        f"| `{name}` | {key.words}{f' ({key.unit})' if key.unit else ''} | {key.default} |"
-        for name, key in keys.items()
-    ]
+def key_table(keys: Keys) -> str:
+    rows: list[str] = []
+    for name, key in keys.items():
+        words, _, default = str(key["description"]).partition("; without it: ")
+        words = re.sub(r" \[(.*)\]$", r" (\1)", words)
+        rows.append(f"| `{name}` | {words} | {default} |")
     return "\n".join(["| key | is (unit) | without it |", "|---|---|---|", *rows])
 
 
 TABLES: dict[tuple[str, str], Callable[[], str]] = {
     ("simulation", "accelerometers"): accelerometers,
     ("simulation", "gyros"): gyros,
-    ("protocols", "file"): lambda: key_table(known_keys("protocol")),
-    ("protocols", "site"): lambda: key_table(known_keys("site")),
+    ("protocols", "file"): lambda: key_table(SCHEMA["properties"]),
+    ("protocols", "site"): lambda: key_table(SCHEMA["properties"]["site"]["properties"]),
     ("protocols", "step"): lambda: key_table({n: k for n, k in KINDS["hold"].items() if n in SHARED}),
     **{
         ("protocols", kind): lambda kind=kind: key_table(
@@ -165,7 +165,7 @@ def test_the_published_schema_of_protocols_is_the_reader_s() -> None:
     published = json.loads((DOCS / "schema" / "protocol.schema.json").read_text(encoding="utf-8"))
     assert published.pop("$schema") == "https://json-schema.org/draft/2020-12/schema"
     published.pop("$comment")
-    assert published == protocol_schema(), "run make schema"
+    assert published == SCHEMA, "run make schema"
 
 
 # --- what planning prints, which poses are the worst

@@ -18,7 +18,6 @@ from tumble.recording import Recording
 from tumble.segmentation import (
     Matching,
     Timeline,
-    find_spins,
     find_timeline,
     match_protocol,
     observe_holds,
@@ -353,20 +352,6 @@ def test_a_saturated_spin_is_left_out_and_named() -> None:
     )
     assert len(matching.remarks) == 8
     assert matching.remarks[-1] == "5 more steps were not found."
-
-
-def test_two_files_of_one_rate_are_two_spins() -> None:
-    """A file a step: two recordings of the same spin lie side by side, with only a gap between them."""
-    protocol = shortened("modified-multi-position")
-    recording, truth = simulated(protocol)
-    spin = next(n for n, step in enumerate(protocol.steps) if isinstance(step, SpinStep))
-    start, stop = (int(50.0 * t) for t in truth.step_edges[spin])
-    middle = (start + stop) // 2
-    time = recording.time + np.where(np.arange(len(recording)) >= middle, 10.0, 0.0)
-    timeline = find_timeline(parted := replace(recording, time=time, gaps=(middle,)))
-    found = [s for s in find_spins(parted, timeline) if start <= s.start < stop]
-    assert len(found) == 2
-    assert found[0].stop <= middle <= found[1].start
 
 
 ARC_SECOND = np.pi / 648_000.0

@@ -1,5 +1,4 @@
 from .composition import (
-    FRAME_WORDS as FRAME_WORDS,
     block_of_magnetometer as block_of_magnetometer,
     calibration_from_estimate as calibration_from_estimate,
 )

@@ -10,7 +10,6 @@ from .file import (
     read_protocol as read_protocol,
     write_protocol as write_protocol,
 )
-from .keys import STEPS as STEPS, Key as Key, known_keys as known_keys
 from .library import (
     BY_HAND as BY_HAND,
     NINE as NINE,
@@ -20,7 +19,6 @@ from .library import (
     rest_protocol as rest_protocol,
 )
 from .steps import (
-    ASSUMED_RATE as ASSUMED_RATE,
     UP_N as UP_N,
     HoldStep as HoldStep,
     Pose as Pose,

@@ -43,6 +43,5 @@ from .timeline import (
 from .turns import (
     LONGEST_GAP as LONGEST_GAP,
     LONGEST_HARMLESS_GAP as LONGEST_HARMLESS_GAP,
-    find_spins as find_spins,
     find_turns as find_turns,
 )

@@ -1,11 +1,6 @@
 from .axis_angles import fixture_angles as fixture_angles, unit as unit
 from .chamber import Chamber as Chamber, ChamberTruth as ChamberTruth, simulate_chamber as simulate_chamber
-from .errors import (
-    EARTHS_FIELD as EARTHS_FIELD,
-    KEYS as KEYS,
-    SessionErrors as SessionErrors,
-    read_errors as read_errors,
-)
+from .errors import EARTHS_FIELD as EARTHS_FIELD, SessionErrors as SessionErrors, read_errors as read_errors
 from .fixtures import play_protocol as play_protocol, poses_26 as poses_26
 from .grades import (
     GRADES as GRADES,
@@ -28,15 +23,12 @@ from .noise import (
 )
 from .protocols import simulate_protocol as simulate_protocol
 from .recordings import Truth as Truth, simulate_recording as simulate_recording
-from .sampling import Imperfections as Imperfections
 from .table import TableErrors as TableErrors
 from .thermal_steps import has_chamber as has_chamber
 from .trajectories import (
     CART as CART,
-    ORIGIN as ORIGIN,
     POSES as POSES,
     REST as REST,
-    SECTIONS as SECTIONS,
     WARM_UP as WARM_UP,
     SplineTrajectory as SplineTrajectory,
     TravelledStates as TravelledStates,

@@ -51,7 +51,6 @@ from .predict import (
 )
 from .procedures import (
     add_remarks as add_remarks,
-    check_procedure as check_procedure,
     find_estimator as find_estimator,
     run_procedure as run_procedure,
 )

@@ -15,6 +15,7 @@ from tumble.calibration.poses import (
     find_two_planes,
     find_untold,
     missing_poses,
+    norm_rows,
     twenty_six_directions,
 )
 

@@ -15,7 +15,7 @@ from tumble.calibration import NormConditions
 from tumble.earth import EARTH_RATE
 from tumble.errors import UsageError
 from tumble.estimation import adjust
-from tumble.simulation import CART, ORIGIN, REST, SECTIONS, cart_trajectory, find_grade, pose_motion, warming
+from tumble.simulation import find_grade, pose_motion, warming
 from tumble_papers.hayal.field_campaign import (
     GAPS,
     ORIGINAL,
@@ -268,23 +268,6 @@ def test_in_complete_models_the_scatter_is_the_stated_sigma(runs: Studies, table
 # The simulated field campaign ---------------------------------------------------------------------------
 
 CASES = (ORIGINAL, SUB_SCENARIOS["3.0"])
-
-
-def test_the_cart_walks_25_sections_there_and_back_after_a_minute_of_rest() -> None:
-    trajectory = cart_trajectory(np.random.default_rng(1))
-    time = np.arange(0.0, REST + CART, 1.0)
-    states = trajectory.states(time)
-    assert states.latitude[0] == pytest.approx(ORIGIN[0], abs=1e-12)
-    speed = np.hypot(*states.velocity_n[:, :2].T)
-    # the splines of the start reach a second back
-    assert speed[time < REST - 3.0].max() < 1e-3
-    walking = speed[time > REST + 5.0]
-    assert 0.3 < walking.min() < walking.mean() < walking.max() < 1.8
-    middles = REST + CART / SECTIONS * (np.arange(SECTIONS, dtype=np.float64) + 0.5)
-    velocity = trajectory.states(middles).velocity_n[:, :2]
-    cosines = np.sum(velocity[1:] * velocity[:-1], axis=1) / (speed[middles.astype(int)][1:] ** 2)
-    # each section leads back beside the one before
-    assert np.all(cosines < -0.7)
 
 
 def test_26_poses_are_faces_edges_and_corners_off_by_two_degrees() -> None:

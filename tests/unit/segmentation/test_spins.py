@@ -6,14 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.recovery.test_matching import shortened, simulated
 
 from tumble.earth import Site
 from tumble.errors import SegmentationError
 from tumble.protocol import HoldStep, Pose, Protocol, SpinStep, TurnStep
-from tumble.segmentation import find_spins, find_timeline, observe_holds
+from tumble.segmentation import find_timeline, observe_holds
 from tumble.segmentation.matching import match_protocol, observe_matched_spins
 from tumble.segmentation.rotations import observe_rotations
 from tumble.segmentation.spin_means import observe_spins, whole_revolutions
+from tumble.segmentation.turns import find_spins
 from tumble.sensor import ImuModel, Triad
 from tumble.simulation import TableErrors, simulate_protocol
 
@@ -265,3 +267,18 @@ def test_ripple_counts_and_coarse_steps_do_not_matter_and_a_saturated_spin_says_
     spins = find_spins(clipped, find_timeline(clipped))
     assert [spin.usable for spin in spins] == [True, False, True]
     assert spins[1].reason == "the gyro's z axis is at its extreme value: saturated"
+
+
+@pytest.mark.slow
+def test_two_files_of_one_rate_are_two_spins() -> None:
+    """A file a step: two recordings of the same spin lie side by side, with only a gap between them."""
+    protocol = shortened("modified-multi-position")
+    recording, truth = simulated(protocol)
+    spin = next(n for n, step in enumerate(protocol.steps) if isinstance(step, SpinStep))
+    start, stop = (int(50.0 * t) for t in truth.step_edges[spin])
+    middle = (start + stop) // 2
+    time = recording.time + np.where(np.arange(len(recording)) >= middle, 10.0, 0.0)
+    timeline = find_timeline(parted := replace(recording, time=time, gaps=(middle,)))
+    found = [s for s in find_spins(parted, timeline) if start <= s.start < stop]
+    assert len(found) == 2
+    assert found[0].stop <= middle <= found[1].start

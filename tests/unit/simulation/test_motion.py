@@ -20,6 +20,7 @@ from tumble.simulation import (
     simulate_recording,
 )
 from tumble.simulation.sampling import Imperfections, count_increments, drop_samples, scatter_instants
+from tumble.simulation.trajectories import CART, ORIGIN, REST, SECTIONS, cart_trajectory
 from unit.given import given, signals
 
 SITE = Site.from_latitude(np.radians(-33.0))
@@ -239,3 +240,20 @@ def test_instants_scatter_as_asked_and_stay_in_order() -> None:
     assert scattered[0] == edges[0]
     assert np.all(np.diff(scattered) > 0.0)
     assert abs(np.mean(off**2) / jitter**2 - 1.0) < 4.5 * np.sqrt(2.0 / len(off))
+
+
+def test_the_cart_walks_25_sections_there_and_back_after_a_minute_of_rest() -> None:
+    trajectory = cart_trajectory(np.random.default_rng(1))
+    time = np.arange(0.0, REST + CART, 1.0)
+    states = trajectory.states(time)
+    assert states.latitude[0] == pytest.approx(ORIGIN[0], abs=1e-12)
+    speed = np.hypot(*states.velocity_n[:, :2].T)
+    # the splines of the start reach a second back
+    assert speed[time < REST - 3.0].max() < 1e-3
+    walking = speed[time > REST + 5.0]
+    assert 0.3 < walking.min() < walking.mean() < walking.max() < 1.8
+    middles = REST + CART / SECTIONS * (np.arange(SECTIONS, dtype=np.float64) + 0.5)
+    velocity = trajectory.states(middles).velocity_n[:, :2]
+    cosines = np.sum(velocity[1:] * velocity[:-1], axis=1) / (speed[middles.astype(int)][1:] ** 2)
+    # each section leads back beside the one before
+    assert np.all(cosines < -0.7)

@@ -25,11 +25,12 @@ from tumble.protocol import (
     write_protocol,
 )
 from tumble.recording import read_recording
-from tumble.simulation import KEYS, FixtureErrors, Imperfections, SessionErrors, TableErrors, read_errors
+from tumble.simulation import FixtureErrors, SessionErrors, TableErrors, read_errors
 from tumble.workflows.calibrate import calibrate
 from tumble.workflows.simulate import case_columns, simulate
 
 RATE = 20.0
+PERFECT = SessionErrors().imperfections
 SITE = Site.from_latitude(0.8)
 QUIET = SessionErrors(noise=False)
 
@@ -121,7 +122,7 @@ def test_a_seed_is_a_session_and_a_unit_stays_the_same_in_another(tmp_path: Path
 
     assert play("a", 1) == play("b", 1)
     assert play("a", 1)[0] != play("b", 2)[0]
-    chain = Imperfections(jitter=0.01, sampling_jitter=0.005, dropped=0.1, burst=3.0)
+    chain = replace(PERFECT, jitter=0.01, sampling_jitter=0.005, dropped=0.1, burst=3.0)
     errors = SessionErrors(imperfections=chain)
     assert play("a", 1, errors=errors) == play("b", 1, errors=errors)
     first = simulate("six-position", output=tmp_path / "c", seed=1, unit=9, rate=5.0).truth
@@ -157,7 +158,7 @@ def test_the_truth_names_grade_source_noise_and_units_and_what_a_sheet_does_not_
 
 
 def test_lost_samples_and_scattered_stamps_stand_in_the_file(tmp_path: Path) -> None:
-    chain = SessionErrors(imperfections=Imperfections(jitter=0.004, dropped=0.2, burst=4.0))
+    chain = SessionErrors(imperfections=replace(PERFECT, jitter=0.004, dropped=0.2, burst=4.0))
     simulate("six-position", output=tmp_path, rate=RATE, errors=chain)
     time, _, truth = read(tmp_path)
     whole = simulate("six-position", output=tmp_path / "whole", rate=RATE).truth["samples"]
@@ -371,7 +372,10 @@ def told(folder: Path, text: str) -> SessionErrors:
 def test_every_key_of_the_file_of_errors_moves_something_and_stands_on_the_page(tmp_path: Path) -> None:
     special = {"axes": "case", "table_stops_percent": {2: 60}, "table_lever_arm_cm": [5, -2, 1]}
     plain = SessionErrors()
-    for key in KEYS:
+    with pytest.raises(UsageError, match="no key `!`; there are ") as refused:
+        told(tmp_path, "'!': 1")
+    keys = re.findall(r"\w+", str(refused.value).partition("there are ")[2])
+    for key in keys:
         switch = key in ("placement", "noise", "nonlinear", "wander")
         value = special.get(key, not getattr(plain, key) if switch else 3)
         made = told(tmp_path, f"{key}: {value}")
@@ -382,7 +386,7 @@ def test_every_key_of_the_file_of_errors_moves_something_and_stands_on_the_page(
     page = Path(__file__).parents[3] / "docs" / "simulation.md"
     found = re.search(r"```yaml\n(# errors\.yaml\n.*?)```", page.read_text(encoding="utf-8"), re.S)
     told(tmp_path, known(found)[1])
-    assert sorted(re.findall(r"^(\w+):", known(found)[1], re.M)) == sorted(KEYS)
+    assert sorted(re.findall(r"^(\w+):", known(found)[1], re.M)) == sorted(keys)
 
 
 def test_what_the_file_of_errors_says_is_in_its_units(tmp_path: Path) -> None:
@@ -401,11 +405,12 @@ def test_what_the_file_of_errors_says_is_in_its_units(tmp_path: Path) -> None:
     assert made.field_change == pytest.approx((2e-6, 30.0))
     chain = made.imperfections
     assert chain.angle_increment == pytest.approx(np.radians(0.5 / 3600.0))
-    assert replace(chain, angle_increment=0.0) == Imperfections(4e-3, 0.0, 0.015, velocity_increment=2e-3)
+    chain = replace(chain, angle_increment=0.0)
+    assert chain == replace(PERFECT, jitter=4e-3, dropped=0.015, velocity_increment=2e-3)
     arms = known(told(tmp_path, "table_lever_arm_cm: [1, 2, 3, 4, 5, 6, 7, 8, 9]").lever_arm_b)
     np.testing.assert_allclose(arms, np.arange(1.0, 10.0).reshape(3, 3) / 100.0)
     with pytest.raises(UsageError, match=r"dropped, 1.5 in SI: `dropped_percent` is .* 0 to 50\."):
-        SessionErrors(imperfections=Imperfections(dropped=1.5))  # the record has the limits of the file
+        SessionErrors(imperfections=replace(PERFECT, dropped=1.5))  # the record has the limits of the file
 
 
 @pytest.mark.parametrize(
