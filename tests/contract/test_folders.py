@@ -12,7 +12,6 @@ from tests.unit.recording.by_hand import said
 
 from tumble.errors import RecordingError, UsageError
 from tumble.recording import read_blocks, read_recording
-from tumble.workflows import matched
 
 RNG = np.random.default_rng(5)
 SLOW, FAST = 0.0031 + np.arange(300) / 100, np.arange(600) / 200
@@ -172,13 +171,3 @@ def test_compressed_binary_files_are_unpacked(tmp_path: Path, monkeypatch: pytes
     monkeypatch.setitem(sys.modules, "zstandard", None)
     with pytest.raises(UsageError, match=r"compressed with zstd; reading it needs pip install "):
         read_recording(path)
-
-
-def test_a_pattern_stands_for_the_files_that_it_matches(tmp_path: Path) -> None:
-    for name in ("b.csv", "a.csv", "c.txt", "[1].csv"):
-        (tmp_path / name).write_text("x")
-    assert matched([tmp_path / "?.csv"]) == [tmp_path / "a.csv", tmp_path / "b.csv"]
-    assert matched([tmp_path / "[1].csv"]) == [tmp_path / "[1].csv"]  # a file of that name goes first
-    with pytest.raises(UsageError, match=r"No file matches the pattern .*\*\.bag"):
-        matched([tmp_path / "*.bag"])
-    assert matched([tmp_path / "none.bag"]) == [tmp_path / "none.bag"]  # which reading says is not there

@@ -23,7 +23,7 @@ from tumble.errors import RecordingError, UsageError
 from tumble.recording import Recording, inspect_recording, read_recording
 from tumble.sensor import ImuModel, Triad
 from tumble.simulation import Motion, find_grade, poses_26, simulate_recording
-from tumble.workflows import calibrate, convert_to, corrections_of
+from tumble.workflows import calibrate, convert_to
 
 RNG = np.random.default_rng(2)
 STAMPS = 1_000_000 + 4000 * np.arange(300)  # µs
@@ -267,7 +267,6 @@ def test_parameters_are_said_with_their_values_px4_and_ardupilot(tmp_path: Path)
         assert all(name in imu for name in names)
         assert compass in field
         assert another not in imu + field  # of another sensor
-    assert corrections_of([logs[1]]) == ()  # it is raw, for `apply`, `calibrate` and `verify`
 
 
 def test_px4_raw_sensors_are_not_touched(tmp_path: Path) -> None:

@@ -1,7 +1,4 @@
-from .composition import (
-    block_of_magnetometer as block_of_magnetometer,
-    calibration_from_estimate as calibration_from_estimate,
-)
+from .composition import calibration_from_estimate as calibration_from_estimate
 from .corrector import NO_TEMPERATURE as NO_TEMPERATURE, Corrector as Corrector
 from .difference import (
     Difference as Difference,
@@ -23,9 +20,7 @@ from .entries import (
 from .imported import calibration_from_model as calibration_from_model
 from .magnetometer_block import (
     FIELD_ALONE as FIELD_ALONE,
-    FieldBlock as FieldBlock,
     FieldParameter as FieldParameter,
-    FieldVerdictBlock as FieldVerdictBlock,
     MagnetometerBlock as MagnetometerBlock,
 )
 from .part import (
@@ -57,7 +52,6 @@ from .result import (
     TermBlock as TermBlock,
     TriadBlock as TriadBlock,
     TurnOnsBlock as TurnOnsBlock,
-    UnseenBlock as UnseenBlock,
     VerdictBlock as VerdictBlock,
     calibration_html as calibration_html,
     calibration_of as calibration_of,

@@ -10,8 +10,7 @@ from .calibration import (
     render_report as render_report,
 )
 from .drive import metres as metres, render_drive as render_drive
-from .evidence import RENDERERS as RENDERERS, render_evidence as render_evidence
-from .evidence.residuals import restless as restless
+from .evidence import render_evidence as render_evidence
 from .figures.on_page import plot as plot
 from .figures.on_paper import (
     FORMS as FORMS,
@@ -29,7 +28,6 @@ from .noise import (
     curve_lines as curve_lines,
     noise_lines as noise_lines,
     noise_page as noise_page,
-    noise_rows as noise_rows,
     triad_lines as triad_lines,
 )
 from .noise_document import (
@@ -38,13 +36,7 @@ from .noise_document import (
     noise_document as noise_document,
 )
 from .operator_sheet import render_sheet as render_sheet
-from .page import (
-    Figures as Figures,
-    Page as Page,
-    Sentences as Sentences,
-    Table as Table,
-    print_blocks as print_blocks,
-)
+from .page import Page as Page, print_blocks as print_blocks
 from .parameters import (
     achieved_beside as achieved_beside,
     headed_table as headed_table,

@@ -1,12 +1,6 @@
 from .apply import apply as apply
 from .batch import run_batch as run_batch
-from .calibrate import (
-    GRAVITY as GRAVITY,
-    RATE as RATE,
-    RECORDING as RECORDING,
-    calibrate as calibrate,
-    demo as demo,
-)
+from .calibrate import calibrate as calibrate, demo as demo
 from .convert import (
     Converted as Converted,
     convert_from as convert_from,
@@ -14,7 +8,6 @@ from .convert import (
     list_targets as list_targets,
     turn as turn,
 )
-from .corrected import corrections_of as corrections_of
 from .difference import (
     difference as difference,
     is_truth as is_truth,
@@ -36,7 +29,6 @@ from .plan import (
     Planned as Planned,
     document_of as document_of,
     headline as headline,
-    information_of as information_of,
     next_words as next_words,
     plan as plan,
     prediction_rows as prediction_rows,
@@ -95,7 +87,6 @@ from .request import (
     VerifyRequest as VerifyRequest,
     argument as argument,
     listed_words as listed_words,
-    matched as matched,
     notes_of as notes_of,
     numbers as numbers,
     option as option,
@@ -105,6 +96,5 @@ from .request import (
     words_of as words_of,
 )
 from .results import CalibrationRun as CalibrationRun
-from .several import join_recordings as join_recordings
 from .simulate import Simulated as Simulated, simulate as simulate
-from .verify import Verification as Verification, force_wander as force_wander, verify as verify
+from .verify import Verification as Verification, verify as verify

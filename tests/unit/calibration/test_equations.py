@@ -395,8 +395,7 @@ def test_people_are_told_the_hold_and_its_seconds():
     task: Any = SimpleNamespace(data=SimpleNamespace(base=base))
     holds: Any = SimpleNamespace(holds=np.array([1]))
     section, rotation = SectionStretch.__new__(SectionStretch), RotationStretch.__new__(RotationStretch)
-    section.task, section.section = task, holds
-    rotation.task, rotation.k = task, 0
+    section.task, section.section, rotation.task, rotation.k = task, holds, task, 0
     assert "in hold 2 (10.0 to 21.5 s)" in section.undetermined(0)
     assert "in the rotation after hold 1 (5.0 to 9.5 s)" in rotation.undetermined(3)
     chain, _, _ = random_chain(6, 4, 3, 2)

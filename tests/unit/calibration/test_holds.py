@@ -20,7 +20,6 @@ from tumble.calibration.equations.turn import HoldsAndTurns
 from tumble.calibration.evidence import RestlessHold
 from tumble.calibration.outcome.estimate import restless_remarks
 from tumble.protocol import HoldStep, Pose, Protocol, SpinStep, TurnStep
-from tumble.report import Table, restless
 from tumble.segmentation import MatchedHold, Matching, NoiseFloor, observe_holds
 
 
@@ -95,8 +94,6 @@ def test_the_hold_is_named_with_its_time_and_its_sway(leaning: Estimate) -> None
     (said,) = [remark for remark in leaning.remarks if "rest alike" in remark]
     assert "hold 5 (20.0 to 23.0 s)" in said
     assert "record it again" in said
-    (table,) = (block for block in restless(leaning.holds) if isinstance(block, Table))
-    assert table.rows[0][:2] == ["5", "20.0 to 23.0"]
 
 
 def test_of_many_the_worst_are_named_in_their_order() -> None:

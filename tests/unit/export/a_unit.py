@@ -9,7 +9,7 @@ import numpy as np
 from msgspec import structs
 from scipy.spatial.transform import Rotation
 
-from tumble.document import Calibration, FieldBlock, MagnetometerBlock, calibration_from_model, thermal_block
+from tumble.document import Calibration, MagnetometerBlock, calibration_from_model, read_part, thermal_block
 from tumble.export.target import targets
 from tumble.sensor import ImuModel, ThermalModel, Triad
 
@@ -39,12 +39,10 @@ def thermal_document(model: ThermalModel) -> Calibration:
 
 def compass(matrix: np.ndarray = M_M, bias: np.ndarray = B_M, **update: object) -> MagnetometerBlock:
     """A magnetometer of a norm of 49 µT."""
-    numbers = tuple(tuple(row) for row in matrix.tolist()), tuple(np.asarray(bias).tolist())
-    field = FieldBlock(norm=49e-6, norm_standard_uncertainty=1e-7, norm_given=True, source="by hand")
-    block = MagnetometerBlock(
-        raw_unit="uT", unit="T", frame="b", method="by hand", matrix=numbers[0], bias=numbers[1], field=field
-    )  # type: ignore[arg-type]
-    return structs.replace(block, **update)
+    numbers = {"matrix": np.asarray(matrix).tolist(), "bias": np.asarray(bias).tolist()}
+    field = {"norm": 49e-6, "norm_standard_uncertainty": 1e-7, "norm_given": True, "source": "by hand"}
+    told = {"raw_unit": "uT", "unit": "T", "frame": "b", "method": "by hand", "field": field}
+    return read_part(MagnetometerBlock, {**told, **numbers, **update})
 
 
 # -- what two firmwares make of raw numbers by their parameters, as their sources write it ----------

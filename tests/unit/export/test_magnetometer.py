@@ -12,7 +12,7 @@ import pytest
 from msgspec import structs
 from tests.unit.export.a_unit import B_M, M_M, TARGETS, ardupilot, compass, document as bare, parameters, px4
 
-from tumble.document import Calibration, FieldVerdictBlock
+from tumble.document import Calibration
 from tumble.errors import UsageError
 from tumble.export.preparing import prepare
 from tumble.export.subject import Wishes
@@ -142,7 +142,7 @@ def test_gauss_and_microtesla_are_one_field(name: str) -> None:
 
 def unfit() -> Calibration:
     """A calibration whose magnetometer's verdict is against its use."""
-    return document(verdict=FieldVerdictBlock(use="not fit", reasons=["Its axes are mirrored."]))
+    return document(verdict={"use": "not fit", "reasons": ["Its axes are mirrored."]})
 
 
 @pytest.mark.parametrize("name", sorted({*FORMULAS, *COMPILED} - {"motioncal"}))

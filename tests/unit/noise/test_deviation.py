@@ -232,9 +232,7 @@ def test_no_segment_lies_across_a_gap() -> None:
 
 @pytest.mark.parametrize("bins", [None, 8])
 def test_intervals_of_the_spectrum_hold_the_true_density(bins: int | None) -> None:
-    runs = 1500
-    signals = np.random.default_rng(20).standard_normal((1024, runs))
-    found = spectrum_of(signals, 1.0, 128, bins)
+    found = spectrum_of(np.random.default_rng(20).standard_normal((1024, runs := 1500)), 1.0, 128, bins)
     held = np.mean((found.low < 2.0) & (found.high > 2.0), axis=1)
     # The lowest line has lost the mean, and at the Nyquist frequency one of two degrees of freedom is missing.
     inner = held[2:-1]

@@ -124,22 +124,17 @@ def tabled_sets() -> dict[str, np.ndarray]:
     """The sets of the table of poses, by name."""
     directions = twenty_six_directions()
     faces, edges, corners = directions[:6], directions[6:18], directions[18:]
-    # A corner and its three neighbours.
-    four = corners[np.sum(corners > 0.0, axis=1) >= 2]
-
-    def found(search: Callable[..., np.ndarray], count: int, criterion: str) -> np.ndarray:
-        return search(count, np.random.default_rng(0), criterion=criterion)
-
+    four = corners[np.sum(corners > 0.0, axis=1) >= 2]  # a corner and its three neighbours
     return {
         "the paper's nine: faces, an edge in each plane": paper_nine(),
-        "nine on the sphere, minimax": found(find_best_on_sphere, 9, "minimax"),
-        "nine of the 26, average": found(find_best_subset, 9, "average"),
-        "nine on the sphere, average": found(find_best_on_sphere, 9, "average"),
+        "nine on the sphere, minimax": find_best_on_sphere(9, np.random.default_rng(0), criterion="minimax"),
+        "nine of the 26, average": find_best_subset(9, np.random.default_rng(0), criterion="average"),
+        "nine on the sphere, average": find_best_on_sphere(9, np.random.default_rng(0), criterion="average"),
         "ten: faces, a corner and its three neighbours": np.vstack([faces, four]),
         "twelve edges": edges,
         "fourteen: faces and corners": np.vstack([faces, corners]),
         "eighteen: faces and edges": chatfield_orientations(),
-        "18 on the sphere, average": found(find_best_on_sphere, 18, "average"),
+        "18 on the sphere, average": find_best_on_sphere(18, np.random.default_rng(0), criterion="average"),
         "all 26": directions,
     }
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from itertools import combinations
 from typing import Any
@@ -40,7 +39,6 @@ from tumble_papers.zhang.turntable import (
 from unit.given import given
 from unit.papers.recovered import assert_within_statement, session_of, square_sum, white
 
-Solver = Callable[..., Any]
 G = 9.81
 FACES = np.concatenate([np.eye(3), -np.eye(3)])
 EDGES = np.array([[1, 1, 0], [1, 0, 1], [0, 1, 1]]) / np.sqrt(2.0)

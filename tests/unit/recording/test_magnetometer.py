@@ -24,7 +24,6 @@ from tumble.recording import (
 from tumble.recording.samples import joined_fields
 from tumble.recording.units import read_units_option
 from tumble.units import find_unit, magnetic_field_factor
-from tumble.workflows import join_recordings
 
 GRAVITY = 9.81
 RATE = 100.0
@@ -382,14 +381,6 @@ def test_pieces_of_a_recording_share_out_the_samples_of_the_field() -> None:
     for piece in (pieces[0], pieces[1], pieces[3]):
         assert piece.time[0] <= piece.magnetic_field.time[0]
     assert pieces[2].magnetic_field is None  # one row of 10 ms lies between two samples of the field
-
-
-def test_joined_recordings_move_the_stamps_of_the_field_with_their_own() -> None:
-    later = replace(plain(4.0), time=plain(4.0).time + 50.0, magnetic_field=slow_field(4.0, begin=50.02))
-    whole, spans = join_recordings([plain(), later])
-    assert len(whole.magnetic_field) == 200 + 80
-    assert whole.magnetic_field.time[200] == pytest.approx(spans[1][0] + 0.02)
-    assert join_recordings([plain(), replace(later, magnetic_field=None)])[0].magnetic_field is None
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from importlib.resources import as_file, files
 from typing import Any
 
 import pytest
@@ -88,14 +87,13 @@ def _made(estimate, recording, timeline, means, site, **more):
 
 
 @pytest.fixture(scope="session")
-def hand_held():
+def hand_held(tmp_path_factory):
     """The demo recording by the hand-held procedure, its file named so that it would break a page."""
-    from tumble.workflows import GRAVITY, RATE, RECORDING, calibrate
+    from tumble.workflows import demo
 
-    site, imu, columns = Site.from_gravity(GRAVITY), ("<i>MPU</i>", "7 & 8"), "ax,ay,az,gx,gy,gz"
-    with as_file(files("tumble") / "data" / RECORDING) as path:
-        run = calibrate(path, site=site, columns=columns, units="m/s^2,rad/s", rate=RATE, imu=imu)
+    run = demo(tmp_path_factory.mktemp("demo"))
     recording = replace(run.recording, sources=(Source(NASTY_NAME, "00"),))
+    site, imu = Site.from_gravity(9.81), ("<i>MPU</i>", "7 & 8")
     return _made(run.estimate, recording, run.timeline, run.means, site, imu=imu)
 
 

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from msgspec import structs
 from rich.console import Console
+from tests.unit.export.a_unit import compass
 
-from tumble.document import FieldVerdictBlock, MagnetometerBlock
 from tumble.noise import characterise
 from tumble.parameters import TEMPERATURE
 from tumble.recording import Recording, Source
@@ -114,15 +114,7 @@ def printed(calibration, *, width=200, verbose=True):
 
 @pytest.mark.parametrize("use", ["fit", "fit with reservations", "not fit"])
 def test_one_line_says_the_verdict_and_the_magnetometers_where_it_is_not_plainly_fit(calibration, use):
-    block = MagnetometerBlock(
-        raw_unit="uT",
-        unit="T",
-        frame="b",
-        method="holds and turns",
-        matrix=None,
-        bias=None,
-        verdict=FieldVerdictBlock(use=use, reasons=["Its axes are mirrored.", "And more."]),
-    )
+    block = compass(verdict={"use": use, "reasons": ["Its axes are mirrored.", "And more."]})
     plain = "NOT FIT FOR USE. Too [red]few[/red] holds. Written: /made/calibration.json"
     assert verdict_line(calibration, [Path("/made/calibration.json")]) == plain
     line = verdict_line(structs.replace(calibration, magnetometer=block), [])

@@ -202,8 +202,6 @@ def test_the_thermometer_has_steps_and_the_recording_its_temperature() -> None:
 
 
 # Statistics of many samples: 4.5 standard deviations are allowed, a false alarm in 7e-6.
-
-
 def test_the_rounding_of_increments_has_the_variance_of_a_carried_remainder() -> None:
     """The remainder is uniform over a step q: a mean over T is off by the difference of two, variance q²/6 / T².
 
@@ -233,8 +231,7 @@ def test_the_share_and_the_length_of_what_is_lost_are_those_asked_for() -> None:
 
 
 def test_instants_scatter_as_asked_and_stay_in_order() -> None:
-    edges = np.arange(100_001) / 50.0
-    jitter = Imperfections(sampling_jitter=0.002).sampling_jitter
+    edges, jitter = np.arange(100_001) / 50.0, 0.002
     scattered = scatter_instants(edges, 50.0, jitter, np.random.default_rng(16))
     off = (scattered - edges)[1:]
     assert scattered[0] == edges[0]

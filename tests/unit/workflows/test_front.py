@@ -13,23 +13,27 @@ import threading
 from collections.abc import Iterator
 from importlib.metadata import version
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 import threadpoolctl
 from msgspec import structs
+from tests.laws.test_frame_and_difference import document as stated_in_full
 from tests.unit.export import a_unit
 from tests.unit.given import given as known
 
 import tumble
 from tumble.border import border
+from tumble.document import turned_to
 from tumble.errors import SiteError, TumbleError, UsageError, install
 from tumble.sensor import ImuModel, Triad
 from tumble.workflows.calibrate import CalibrationRun
 from tumble.workflows.given import choose_site
-from tumble.workflows.request import THREADS_OF, StreamRequest, asked, notes_of, one_thread
-from tumble.workflows.verify import norm_covariance
+from tumble.workflows.plan import information_of
+from tumble.workflows.request import THREADS_OF, StreamRequest, asked, matched, notes_of, one_thread
+from tumble.workflows.verify import force_wander, norm_covariance
 
 # --- the names
 
@@ -329,3 +333,31 @@ def test_calls_beside_each_other_leave_no_limit_behind(two_threads: list[int]) -
         leave.set()
         other.join()
     assert threads() == two_threads
+
+
+def test_a_plan_takes_what_is_known_from_a_calibration_in_a_fixture() -> None:
+    """What a fixture's axes add is no matter of the thirty parameters: the accelerometers' own frame has the same."""
+    known = [
+        information_of(one).matrix
+        for one in (stated_in_full(), turned_to(stated_in_full(), "accelerometer-x"))
+    ]
+    assert np.allclose(known[0], known[1], rtol=1e-6)
+    assert np.linalg.matrix_rank(known[0]) > 20
+
+
+def test_a_pattern_stands_for_the_files_that_it_matches(tmp_path: Path) -> None:
+    for name in ("b.csv", "a.csv", "c.txt", "[1].csv"):
+        (tmp_path / name).write_text("x")
+    assert matched([tmp_path / "?.csv"]) == [tmp_path / "a.csv", tmp_path / "b.csv"]
+    assert matched([tmp_path / "[1].csv"]) == [tmp_path / "[1].csv"]  # a file of that name goes first
+    with pytest.raises(UsageError, match=r"No file matches the pattern .*\*\.bag"):
+        matched([tmp_path / "*.bag"])
+    assert matched([tmp_path / "none.bag"]) == [tmp_path / "none.bag"]  # which reading says is not there
+
+
+def test_of_turn_ons_biases_move_from_hold_to_hold_as_in_the_mean_of_them(help_run: dict[str, Any]) -> None:
+    calibration = help_run["calibration"]
+    moved = {f"accelerometer bias from hold to hold, m/s² ({day})": 3e-3 for day in ("monday", "tuesday")}
+    quality = structs.replace(calibration.quality, variance_components=moved)
+    of_two = structs.replace(calibration, quality=quality, turn_ons=SimpleNamespace(recordings=list(moved)))
+    assert force_wander(of_two) == pytest.approx(3e-3)

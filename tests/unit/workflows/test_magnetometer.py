@@ -14,14 +14,12 @@ import pytest
 from msgspec import structs
 from tests.unit.export import a_unit
 from tests.unit.given import given as known
+from tests.unit.recording.test_magnetometer import plain, slow_field
 
 import tumble
 from tumble.calibration import NAMES, named_parameters
 from tumble.document import (
     Calibration,
-    FieldBlock,
-    FieldParameter,
-    FieldVerdictBlock,
     compare_calibrations,
     read_calibration,
 )
@@ -32,6 +30,7 @@ from tumble.sensor import ImuModel
 from tumble.workflows.corrected import CorrectedField
 from tumble.workflows.difference import Recovery
 from tumble.workflows.magnetometer import given_field, left_out_of
+from tumble.workflows.several import join_recordings
 
 # --- calibrated alone
 
@@ -182,11 +181,11 @@ def test_the_world_magnetic_model_gives_the_field_of_a_place_and_day(monkeypatch
 
 M, H = 1e-6 * a_unit.M_M, a_unit.B_M
 TRUE = np.array([[20.0, -3.0, 44.0], [-31.0, 12.0, 35.0], [5.0, 40.0, -28.0]])
-MIRRORED = FieldVerdictBlock(use="not fit", reasons=["Its axes are mirrored."])
+MIRRORED = {"use": "not fit", "reasons": ["Its axes are mirrored."]}
 
 
 def document(**changed: Any) -> Calibration:
-    magnetometer = structs.replace(a_unit.compass(), **{"field": None, **changed})
+    magnetometer = a_unit.compass(**{"field": None, **changed})
     return structs.replace(a_unit.document(ImuModel.ideal()), magnetometer=magnetometer)
 
 
@@ -256,15 +255,18 @@ def stated(matrix, bias, unit, sigma, source=None):
     if source is not None:
         along = np.concatenate([numbers[:9], np.zeros(3)])
         spread += 0.05**2 * np.outer(along, along)
-        field = FieldBlock(
-            norm=48e-6, norm_standard_uncertainty=2.4e-6, norm_given=source != "", source=source
-        )
+        field = {
+            "norm": 48e-6,
+            "norm_standard_uncertainty": 2.4e-6,
+            "norm_given": source != "",
+            "source": source,
+        }
     named = named_parameters(numbers, spread, unit, "T")
     return document(
         raw_unit=unit,
         matrix=numbers[:9].reshape(3, 3).tolist(),
         bias=numbers[9:].tolist(),
-        parameters=[FieldParameter(**dataclasses.asdict(p)) for p in named],
+        parameters=[dataclasses.asdict(p) for p in named],
         covariance_parameters=list(NAMES),
         covariance=spread.tolist(),
         field=field,
@@ -340,9 +342,17 @@ def test_limits_hold_a_magnetometer_that_is_fit_and_miss_one_that_is_not(tmp_pat
     made = stated(M, H, "uT", 0.03)
     decisions = {one.name: one.decision for one in decide(made, read_limits(file)).parameters}
     assert decisions == {f"magnetometer bias {axis}": "passed" for axis in "xyz"}
-    block = known(made.magnetometer)
-    unfit = structs.replace(made, magnetometer=structs.replace(block, verdict=MIRRORED))
+    block, against = known(made.magnetometer), known(document(verdict=MIRRORED).magnetometer).verdict
+    unfit = structs.replace(made, magnetometer=structs.replace(block, verdict=against))
     assert decide(unfit, read_limits(file)).decision == "undecided"
     said = ["The magnetometer is not fit for use. Its axes are mirrored."]
     assert (known(unfit.magnetometer).reasons_against, block.reasons_against) == (said, [])
     assert len(unfit.every_parameter) + 12 == len(made.every_parameter)
+
+
+def test_joined_recordings_move_the_stamps_of_the_field_with_their_own() -> None:
+    later = replace(plain(4.0), time=plain(4.0).time + 50.0, magnetic_field=slow_field(4.0, begin=50.02))
+    whole, spans = join_recordings([plain(), later])
+    assert len(whole.magnetic_field) == 200 + 80
+    assert whole.magnetic_field.time[200] == pytest.approx(spans[1][0] + 0.02)
+    assert join_recordings([plain(), replace(later, magnetic_field=None)])[0].magnetic_field is None
