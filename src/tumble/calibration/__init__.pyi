@@ -13,6 +13,8 @@ from .checks.unseen import (
 )
 from .equations.adjustment import (
     JointAdjustment as JointAdjustment,
+    RecordingStretch as RecordingStretch,
+    SectionStretch as SectionStretch,
     balance_recording as balance_recording,
     still_sway as still_sway,
 )
@@ -34,7 +36,6 @@ from .equations.observed import (
 )
 from .equations.reference_equations import Heading as Heading
 from .equations.rotation_equations import LEAST_WOBBLE as LEAST_WOBBLE
-from .equations.stretches import RecordingStretch as RecordingStretch, SectionStretch as SectionStretch
 from .equations.triad_unknowns import (
     ANGLE as ANGLE,
     BIAS as BIAS,

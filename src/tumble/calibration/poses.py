@@ -9,7 +9,8 @@ if they lie where the unit sphere meets one quadric. Two planes are the quadric 
 directions in one plane and three in any other leave a combination untold, for three directions always
 lie in a plane.
 
-The six positions recognised in a recording without a protocol: which face is up in each hold.
+The six positions recognised in a recording without a protocol: which face is up in each hold. Which poses a protocol
+asks to be believed: of which holds, how, and how well.
 """
 
 from __future__ import annotations
@@ -19,13 +20,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tumble.arrays import Series, Square, Table, Vector, Vectors, inverted
+from tumble.arrays import Matrices, Series, Square, Table, Vector, Vectors, inverted
 from tumble.attitude import twenty_six_directions
+from tumble.calibration.equations.observed import BelievedPoses
 from tumble.calibration.equations.triad_unknowns import BIAS, SCALE
 from tumble.earth import Site
 from tumble.errors import ObservabilityError
 from tumble.estimation import find_weak_directions
-from tumble.protocol import HoldStep, Pose, Protocol, named_protocol
+from tumble.protocol import HoldStep, Pose, Protocol, SpinStep, TurnStep, named_protocol
 
 if TYPE_CHECKING:
     from tumble.segmentation import HoldMeans, Matching
@@ -33,6 +35,60 @@ if TYPE_CHECKING:
 
 # Farther than this from every face, a hold is none of the six positions.
 FACE_ANGLE = np.radians(20.0)
+# An exact pose is one to a microradian: a fifth of an arcsecond, below any table's.
+LEAST_SIGMA = 1e-6  # rad
+# A box propped up by hand determines nothing that gravity does not tell a hundred times better.
+LOOSEST = 0.05  # rad
+
+
+def believed_poses(protocol: Protocol, matching: Matching) -> BelievedPoses | None:
+    """Return the poses that can be believed, None where there is none.
+
+    Parameters
+    ----------
+    protocol, matching : what was to be done, and which hold is which step of it.
+
+    Notes
+    -----
+    A unit that stays on its table from hold to spin to hold is placed once: its pose is an observation of the
+    first of these holds only, for its error is the same in all.
+    """
+    made: list[tuple[int, Vectors, Matrices, bool, float]] = []
+    last_step: int | None = None
+    placed: dict[int, int] = {}
+    last: int | None = None
+    for match in matching.holds:
+        step = protocol.steps[match.step]
+        stays = last_step is not None and _stays(protocol, last_step, match.step)
+        last_step, last = match.step, last if stays else None
+        if last is not None:
+            placed[match.hold] = last
+        if not isinstance(step, HoldStep) or step.pose is None or stays or step.pose.sigma > LOOSEST:
+            continue
+        pose = step.pose
+        up = np.asarray(pose.up_b, dtype=np.float64) / float(np.linalg.norm(pose.up_b))
+        C_nf = pose.C_nb()
+        placed[match.hold] = last = match.hold
+        made.append((match.hold, up, C_nf, pose.heading is not None, max(pose.sigma, LEAST_SIGMA)))
+    if not made:
+        return None
+    made.sort(key=lambda m: m[0])
+    return BelievedPoses(
+        np.array([m[0] for m in made]),
+        np.array([m[1] for m in made]),
+        np.array([m[2] for m in made]),
+        np.array([m[3] for m in made]),
+        np.array([m[4] for m in made]),
+        placed,
+    )
+
+
+def _stays(protocol: Protocol, before: int, here: int) -> bool:
+    """Whether the unit was not placed anew between two holds: a spin lies between them, and no turn."""
+    if before == here:
+        return True
+    between = protocol.steps[before + 1 : here]
+    return any(isinstance(s, SpinStep) for s in between) and not any(isinstance(s, TurnStep) for s in between)
 
 
 def match_faces(means: HoldMeans, site: Site) -> tuple[Protocol, Matching]:

@@ -22,7 +22,7 @@ from tumble.recording import Recording
 from tumble.records import dataclass
 
 if TYPE_CHECKING:
-    from tumble.calibration.equations.believed_poses import BelievedPoses
+    from tumble.calibration.equations.observed import BelievedPoses
     from tumble.calibration.estimate import Estimate
     from tumble.calibration.outcome.estimate import JointOutcome
     from tumble.calibration.prior import FleetSheet, StableKnowledge
@@ -442,7 +442,7 @@ class Session:
         ----------
         procedure : the record.
         """
-        from tumble.calibration.equations.believed_poses import believed_poses
+        from tumble.calibration.poses import believed_poses
 
         if not procedure.believes_poses or self.protocol is None or self.matching is None:
             return None

@@ -11,12 +11,12 @@ import numpy as np
 from tumble.arrays import Matrices, Matrix, Square, Vectors, inverted
 from tumble.attitude import matrix_from_rotation_vector
 from tumble.calibration.checks.triad_agreement import refuse_contradicting_axes
-from tumble.calibration.equations.adjustment import JointAdjustment, Section
-from tumble.calibration.equations.believed_poses import BelievedPoses
+from tumble.calibration.equations.adjustment import JointAdjustment
 from tumble.calibration.equations.imu_unknowns import gyro_matrix, imu_unknowns
-from tumble.calibration.equations.observed import Observed
+from tumble.calibration.equations.observed import BelievedPoses, Observed
 from tumble.calibration.equations.pose_equations import align_with_poses
-from tumble.calibration.equations.rotation_equations import RotationState, start_rotation
+from tumble.calibration.equations.rotation_equations import start_rotation
+from tumble.calibration.equations.state import RotationState, Section
 from tumble.calibration.equations.triad_unknowns import (
     COUNT,
     rough_gyro_matrix,

@@ -11,8 +11,7 @@ import pytest
 from tests.unit.estimation.test_chain import random_chain
 
 from tumble.attitude import matrices_from_rotation_vectors, matrix_from_rotation_vector
-from tumble.calibration.equations.adjustment import HEAD, NODE, TAIL, JointAdjustment
-from tumble.calibration.equations.believed_poses import BelievedPoses
+from tumble.calibration.equations.adjustment import JointAdjustment, RecordingStretch, SectionStretch
 from tumble.calibration.equations.gathering import gather
 from tumble.calibration.equations.hold_equations import Force
 from tumble.calibration.equations.imu_unknowns import (
@@ -22,8 +21,9 @@ from tumble.calibration.equations.imu_unknowns import (
     name_plate,
     unknowns_of,
 )
-from tumble.calibration.equations.observed import mode_count, observe, table_rotation
-from tumble.calibration.equations.stretches import RecordingStretch, RotationStretch, SectionStretch
+from tumble.calibration.equations.observed import BelievedPoses, mode_count, observe, table_rotation
+from tumble.calibration.equations.rotation_equations import RotationStretch
+from tumble.calibration.equations.state import HEAD, NODE, TAIL
 from tumble.calibration.start import start_adjustment
 from tumble.earth import Site
 from tumble.errors import ObservabilityError

@@ -14,7 +14,7 @@ from second_simulator.magnetometer import Disturbance, Seen, draw_magnetometer, 
 from second_simulator.procedures import by_hand
 from tumble.attitude import matrices_from_rotation_vectors
 from tumble.calibration import calibrate, find_procedure
-from tumble.calibration.equations.adjustment import NODE
+from tumble.calibration.equations.state import NODE
 from tumble.calibration.magnetometer.estimate import (
     LOCAL,
     GivenField,

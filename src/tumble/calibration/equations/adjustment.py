@@ -1,51 +1,45 @@
-"""What is adjusted of one recording: its observations, what is believed, and where every unknown is.
+"""One recording as a task for the solver: what its chains are made of, its variances, what is left out of it.
 
-Attitudes are those of b against a level frame w of each section (an unbroken run of holds): down is its third axis,
-and its heading is the first hold's own. The Earth rate in w is three unknowns of the section. An attitude error is a
-rotation vector in w: ``C_true = (1 + [phi]) C``.
+Windows stand in a rotation, rotations and holds in a section, sections in a recording.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import field, replace
-from typing import TYPE_CHECKING
+from dataclasses import replace
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Matrices, Series, Square, Vector
+from tumble.arrays import Series, Square, Table
+from tumble.attitude import matrices_from_rotation_vectors
+from tumble.calibration.equations.hold_equations import Force, Rate, Rest, Swing
 from tumble.calibration.equations.imu_unknowns import PLAIN, force_matrix
-from tumble.calibration.equations.observed import Observed
-from tumble.earth import EARTH_RATE, Site
+from tumble.calibration.equations.pose_equations import pose_equations
+from tumble.calibration.equations.reference_equations import EarthRate, Heading, Loose
+from tumble.calibration.equations.rotation_equations import RotationStretch
+from tumble.calibration.equations.state import LEAST_SWAY, NODE, RecordingState, Section, undetermined
+from tumble.calibration.equations.turn_equations import Turn
+from tumble.earth import EARTH_RATE
 from tumble.estimation import (
     Balanced,
     ChainFactor,
     Component,
     Eliminated,
-    Noise,
+    Equations,
     Outlier,
-    Prior,
+    Place,
     Screen,
     Settled,
     Spread,
-    Unknowns,
+    Stretch,
     balance,
     solve,
 )
 from tumble.records import dataclass
 
-if TYPE_CHECKING:
-    from tumble.calibration.equations.stretches import RecordingStretch
-
-HEAD, MIDDLE, TAIL = slice(0, 3), slice(3, 6), slice(6, 9)
-"""Where a hold's three attitudes stand in its node."""
-NODE = 9
-EARTH = slice(0, 3)
-"""Where a section's Earth rate stands in its border; outside unknowns follow."""
 # Below this share of its size the horizontal Earth rate's own sigma lets its known size help: the square of it,
 # halved, is what the direction's error takes off the length.
 SEES_NORTH = 0.03
-LEAST_SWAY = 1e-16  # rad²: 10 nrad, far below what any unit sees
 # A hundredth of what a hold's mean tells of its tilt is nothing, too; a smaller sway would weigh so much more than
 # anything else that round-off takes the Earth rate's place.
 SWAY_SHARE = 1e-4
@@ -59,99 +53,89 @@ SHAKING_FALSE_ALARM = 1e-3
 # Mean square of an axis's residuals beyond which it wobbles more than was believed; it takes four of them.
 WOBBLES, AXIS_UNKNOWNS = 2.0, 4
 SCREENED = ("force", "rate", "turn", "tilt", "pose", "table rate")
-TAKING_PART = ("force", "rate", "turn", "pose", "angle", "table rate")
-"""Kinds of which single observations may be left out; a swing is left out with its rate, a tilt is a pose."""
+
+
+class SectionStretch:
+    """An unbroken run of holds, with an Earth rate of its own.
+
+    Parameters
+    ----------
+    task, section : whose.
+    of_motion : with what is known of the motion itself: that holds rest, the site's Earth rate, a heading. Of several
+        units that move together it counts once.
+    """
+
+    size, own = NODE, 3
+
+    def __init__(self, task: JointAdjustment, section: Section, *, of_motion: bool = True) -> None:
+        self.task, self.section, self.of_motion = task, section, of_motion
+        self.nodes = section.last - section.first
+        self.equations: list[Equations] = self._observed()
+        self.within: list[tuple[Place, Stretch | Eliminated]] = self._rotations()
+
+    def _observed(self) -> list[Equations]:
+        """What holds, hand turns and poses show, and what fixes the frame."""
+        task, section = self.task, self.section
+        made: list[Equations] = [Force(section), Rate(section), Swing(section)]
+        if self.of_motion:
+            made.append(Rest(section))
+        turns = [k for k in section.holds[:-1].tolist() if k not in task.data.rotations]
+        if turns:
+            made.append(Turn(section, np.array(turns)))
+        if task.data.poses is not None:
+            made += pose_equations(task.data.poses, section)
+        return made + self._references() if self.of_motion else made
+
+    def _references(self) -> list[Equations]:
+        made: list[Equations] = [] if self.task.sees_heading(self.section) else [Heading()]
+        gone = ~self.task.taking_part["force"][self.section.holds]
+        if np.any(gone):
+            made.append(Loose(self.section, gone))
+        return [*made, EarthRate(self.section)]
+
+    def _rotations(self) -> list[tuple[Place, Stretch | Eliminated]]:
+        """A table's."""
+        made: list[tuple[Place, Stretch | Eliminated]] = []
+        for k in self.section.holds[:-1].tolist():
+            if k in self.task.data.rotations:
+                rotation = RotationStretch(self.task, self.section, k)
+                made.append((rotation.joined, rotation))
+        return made
+
+    def undetermined(self, node: int) -> str:
+        """Say which hold a node is."""
+        base, k = self.task.data.base, int(self.section.holds[node])
+        return undetermined(f"in hold {k + 1}", base.time, int(base.head[k, 0]), int(base.tail[k, 1]))
+
+    def move(self, nodes: Table, own: Series) -> None:
+        """Turn the attitudes, and move the Earth rate."""
+        turned = matrices_from_rotation_vectors(nodes.reshape(-1, 3)) @ self.section.C_wb.reshape(-1, 3, 3)
+        self.section.C_wb = turned.reshape(self.section.C_wb.shape)
+        self.section.earth_w = self.section.earth_w + own
+
+
+class RecordingStretch:
+    """All sections of a recording; its unknowns are shared and no chain's own."""
+
+    nodes, size, own = 0, NODE, 0
+
+    def __init__(self, task: JointAdjustment) -> None:
+        self.within: list[tuple[Place, Stretch | Eliminated]] = []
+        for section in task.sections:
+            self.within.append((Place(), SectionStretch(task, section)))
+        self.equations: list[Equations] = []
+
+    def undetermined(self, node: int) -> str:
+        """Say it of the whole: it has no nodes."""
+        return "What was recorded does not determine the unit's attitudes."
+
+    def move(self, nodes: Table, own: Series) -> None:
+        """Do nothing: sections move themselves."""
 
 
 @dataclass
-class Section:
-    """The state of one unbroken run of holds.
-
-    Attributes
-    ----------
-    first, last : half-open range of holds.
-    C_wb : (holds, 3, 3, 3) attitudes at the head, in the middle and at the tail of each hold.
-    earth_w : (3,) rad/s.
-    sees_north : whether its horizontal part is known well enough for its known length to help.
-    """
-
-    first: int
-    last: int
-    C_wb: AnyArray
-    earth_w: Vector
-    sees_north: bool = False
-
-    @property
-    def holds(self) -> np.ndarray:
-        """Indices of its holds."""
-        return np.arange(self.first, self.last)
-
-    def copy(self) -> Section:
-        """Return a state of its own."""
-        return replace(self, C_wb=self.C_wb.copy(), earth_w=self.earth_w.copy())
-
-
-@dataclass
-class RotationState:
-    """Where a table rotation's own unknowns are.
-
-    Attributes
-    ----------
-    C_wb : (windows, 3, 3) attitudes at the windows' centres.
-    axis_b, axis_w : (3,) unit vectors, the axis in the unit and in the room, along the turn.
-    own : lever arm, axis, wander of the accelerometers and of the gyros, see `rotation_equations.Layout`; the axis's
-        place in it stays zero, for it is moved itself.
-    anchor : (3, 3) the first window's attitude once more, where a rate is believed; else None.
-    """
-
-    C_wb: Matrices
-    axis_b: Vector
-    axis_w: Vector
-    own: Series
-    anchor: AnyArray | None = None
-
-    def copy(self) -> RotationState:
-        """Return a state of its own."""
-        return replace(self, C_wb=self.C_wb.copy(), own=self.own.copy())
-
-
-def rest_noise() -> Noise:
-    """Return nothing beyond what is seen at rest."""
-    return Noise({"sway": LEAST_SWAY})
-
-
-@dataclass
-class JointAdjustment:
-    """One recording, adjusted or to be adjusted: a task for `tumble.estimation.solve` and `balance`.
-
-    Attributes
-    ----------
-    data, site : observations, gravity and latitude.
-    unknowns : both triads, and what they share with no hold.
-    sections : attitudes and Earth rate of each run of holds.
-    rotations : of each rotation of a table, by the hold before it.
-    noise : what is added to the noise at rest: ``force`` (m/s²)², by which an accelerometer's bias wanders from hold to
-        hold; ``rate`` (rad/s)², the same of the gyros; ``turn`` rad² about each axis, what else a turn shows; ``sway``
-        rad² about each axis, by which a pose changes from head to middle and from there to the tail; ``placement``
-        rad², by which believed poses scatter beyond their own sigma. Factors are of single holds (``sway``) and of a
-        rotation's ``windows`` and ``axis``.
-    taking_part : kind -> (holds,) of bool, which observations do.
-    prior : of all unknowns, or None.
-    """
-
-    data: Observed
-    site: Site
-    unknowns: Unknowns
-    sections: list[Section] = field(default_factory=list[Section])
-    rotations: dict[int, RotationState] = field(default_factory=dict[int, RotationState])
-    noise: Noise = field(default_factory=rest_noise)
-    taking_part: dict[str, np.ndarray] = field(default_factory=dict[str, np.ndarray])
-    prior: Prior | None = None
-
-    def __post_init__(self) -> None:
-        """Let everything take part that was not said to be left out."""
-        for kind in TAKING_PART:
-            self.taking_part.setdefault(kind, np.ones(self.data.holds, dtype=bool))
+class JointAdjustment(RecordingState):
+    """One recording, adjusted or to be adjusted: a task for `tumble.estimation.solve` and `balance`."""
 
     @property
     def state(self) -> JointAdjustment:
@@ -160,8 +144,6 @@ class JointAdjustment:
 
     def stretch(self) -> RecordingStretch:
         """Return everything that was observed."""
-        from tumble.calibration.equations.stretches import RecordingStretch
-
         return RecordingStretch(self)
 
     @property
@@ -236,10 +218,6 @@ class JointAdjustment:
             noise=self.noise.copy(),
             taking_part={kind: active.copy() for kind, active in self.taking_part.items()},
         )
-
-    def reads_angle(self, k: int) -> bool:
-        """Whether the angle of the rotation after a hold was read, and is believed."""
-        return self.data.rotations[k].angle is not None and bool(self.taking_part["angle"][k])
 
     def sees_heading(self, section: Section) -> bool:
         """Whether a believed heading tells where a section's north is."""

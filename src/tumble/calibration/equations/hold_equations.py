@@ -9,7 +9,6 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Matrices, Table, Vectors
 from tumble.attitude import rotation_vectors_from_matrices, skew
-from tumble.calibration.equations.adjustment import EARTH, HEAD, MIDDLE, NODE, TAIL, JointAdjustment, Section
 from tumble.calibration.equations.causes import FORCE_REST, FORCE_WANDER, RATE_REST, RATE_WANDER, SWAY
 from tumble.calibration.equations.imu_unknowns import (
     force_matrix,
@@ -19,6 +18,7 @@ from tumble.calibration.equations.imu_unknowns import (
     raw_rate,
 )
 from tumble.calibration.equations.observed import Observed
+from tumble.calibration.equations.state import EARTH, HEAD, MIDDLE, NODE, TAIL, RecordingState, Section
 from tumble.estimation import Drift, Equations, Linear, View
 
 LEAST_SWING = 1e-12
@@ -49,7 +49,7 @@ class Force(HoldEquations):
     kind = "force"
     words = "hold", "its specific force ({norm} off gravity) contradicts the others, {times}"
 
-    def linearise(self, state: JointAdjustment) -> list[Linear]:
+    def linearise(self, state: RecordingState) -> list[Linear]:
         """Return nine residuals a hold, raw."""
         u, k, up = state.unknowns, self.place, np.array([0.0, 0.0, -state.site.gravity])
         backward = np.swapaxes(self.section.C_wb, 2, 3)
@@ -68,7 +68,7 @@ class Force(HoldEquations):
         active = state.taking_part["force"][k]
         return [Linear(residual, covariance, by_border, self.node, by_node, None, active, by_bias=by_bias)]
 
-    def views(self, state: JointAdjustment, linear: Linear) -> list[View]:
+    def views(self, state: RecordingState, linear: Linear) -> list[View]:
         """Return the weighted mean of the three parts, what the hold as a whole shows, and how they differ."""
         inverse = np.asarray(np.linalg.inv(linear.covariance), dtype=np.float64)
         weights = inverse.reshape(-1, 3, 3, 9).sum(axis=1)
@@ -76,20 +76,20 @@ class Force(HoldEquations):
         scale = np.sum(force_matrix(state.unknowns) ** 2, axis=1)
         return [View("force", mean, scale), View("parts", _APART)]
 
-    def causes(self, state: JointAdjustment, linear: Linear) -> dict[str, AnyArray]:
+    def causes(self, state: RecordingState, linear: Linear) -> dict[str, AnyArray]:
         """Return what the bias wanders by, and the rest."""
         matrix = force_matrix(state.unknowns)
         wander = np.diag(state.data.base.force_floor) + state.noise["force"] * (matrix @ matrix.T)
         shared = np.broadcast_to(np.tile(wander, (3, 3)), linear.covariance.shape)
         return {FORCE_REST: linear.covariance - shared, FORCE_WANDER: shared}
 
-    def drifts(self, state: JointAdjustment, linear: Linear, first: int) -> dict[str, Drift]:
+    def drifts(self, state: RecordingState, linear: Linear, first: int) -> dict[str, Drift]:
         """Return that the bias of the whole hold is in all three parts."""
         assert linear.by_bias is not None
         wander = self.causes(state, linear)[FORCE_WANDER]
         return {FORCE_WANDER: Drift(*self.span(state.data), linear.by_bias, wander)}
 
-    def bent(self, state: JointAdjustment, nodes: AnyArray) -> tuple[AnyArray, AnyArray]:
+    def bent(self, state: RecordingState, nodes: AnyArray) -> tuple[AnyArray, AnyArray]:
         """Return what tilts take off gravity: half their square, by which a scale factor is too small."""
         up, matrix = np.array([0.0, 0.0, -state.site.gravity]), force_matrix(state.unknowns)
         backward = matrix @ np.swapaxes(self.section.C_wb, 2, 3)
@@ -105,7 +105,7 @@ class Force(HoldEquations):
         covariance = share[:, None, None] * along[:, :, None] * along[:, None, :]
         return mean, covariance
 
-    def directions(self, state: JointAdjustment) -> Table:
+    def directions(self, state: RecordingState) -> Table:
         """Return an error of the whole hold along each axis."""
         return np.tile(force_matrix(state.unknowns), (3, 1))
 
@@ -116,7 +116,7 @@ class Rate(HoldEquations):
     kind = "rate"
     words = "hold", "the gyro's output at rest is off by {times}: did it really rest?"
 
-    def linearise(self, state: JointAdjustment) -> list[Linear]:
+    def linearise(self, state: RecordingState) -> list[Linear]:
         """Return three residuals a hold, raw."""
         u, k, up = state.unknowns, self.place, np.array([0.0, 0.0, -state.site.gravity])
         C, earth = self.section.C_wb, self.section.earth_w
@@ -137,17 +137,17 @@ class Rate(HoldEquations):
         by_bias, active = np.broadcast_to(np.eye(3), (k.size, 3, 3)), state.taking_part["rate"][k]
         return [Linear(residual, covariance, by_border, self.node, by_node, None, active, by_bias=by_bias)]
 
-    def views(self, state: JointAdjustment, linear: Linear) -> list[View]:
+    def views(self, state: RecordingState, linear: Linear) -> list[View]:
         """Return all three."""
         return [View("rate", None, np.sum(gyro_matrix(state.unknowns) ** 2, axis=1))]
 
-    def causes(self, state: JointAdjustment, linear: Linear) -> dict[str, AnyArray]:
+    def causes(self, state: RecordingState, linear: Linear) -> dict[str, AnyArray]:
         """Return what the bias wanders by, and the rest."""
         matrix = gyro_matrix(state.unknowns)
         wander = state.data.rate_wander[self.place] + state.noise["rate"] * (matrix @ matrix.T)
         return {RATE_REST: linear.covariance - wander, RATE_WANDER: wander}
 
-    def drifts(self, state: JointAdjustment, linear: Linear, first: int) -> dict[str, Drift]:
+    def drifts(self, state: RecordingState, linear: Linear, first: int) -> dict[str, Drift]:
         """Return that the bias of a hold is in its mean rate."""
         assert linear.by_bias is not None
         matrix, floor = gyro_matrix(state.unknowns), np.diag(state.data.base.rate_floor)
@@ -155,7 +155,7 @@ class Rate(HoldEquations):
         wander = wander + state.noise["rate"] * (matrix @ matrix.T)
         return {RATE_WANDER: Drift(*self.span(state.data), linear.by_bias, wander)}
 
-    def directions(self, state: JointAdjustment) -> Table:
+    def directions(self, state: RecordingState) -> Table:
         """Return an error along each axis."""
         return gyro_matrix(state.unknowns)
 
@@ -165,7 +165,7 @@ class Swing(HoldEquations):
 
     kind, cause = "swing", RATE_REST
 
-    def linearise(self, state: JointAdjustment) -> list[Linear]:
+    def linearise(self, state: RecordingState) -> list[Linear]:
         """Return three residuals a hold, raw s."""
         u, k, swings, C = state.unknowns, self.place, state.data.swings, self.section.C_wb
         share, backward = swings.share[k, None], np.swapaxes(C[:, 0], 1, 2)
@@ -188,7 +188,7 @@ class Swing(HoldEquations):
             Linear(residual, covariance, by_border, self.node, by_node, None, state.taking_part["rate"][k])
         ]
 
-    def views(self, state: JointAdjustment, linear: Linear) -> list[View]:
+    def views(self, state: RecordingState, linear: Linear) -> list[View]:
         """Return all three."""
         return [View("swing")]
 
@@ -198,7 +198,7 @@ class Rest(HoldEquations):
 
     kind, cause = "rest", SWAY
 
-    def linearise(self, state: JointAdjustment) -> list[Linear]:
+    def linearise(self, state: RecordingState) -> list[Linear]:
         """Return six residuals a hold, rad: from head to middle, and from middle to tail."""
         C, count = self.section.C_wb, self.place.size
         backward = np.swapaxes(C, 2, 3)
@@ -211,7 +211,7 @@ class Rest(HoldEquations):
         by_border = np.zeros((count, 6, 3 + state.unknowns.free.size))
         return [Linear(residual, covariance, by_border, self.node, by_node)]
 
-    def views(self, state: JointAdjustment, linear: Linear) -> list[View]:
+    def views(self, state: RecordingState, linear: Linear) -> list[View]:
         """Return all six, however little checks them."""
         return [View("rest", least=0.0, pulled=True)]
 

@@ -20,7 +20,6 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Matrices, Series, Square, Vector, Vectors, inverted, range_means
 from tumble.attitude import skews
-from tumble.calibration.equations.believed_poses import BelievedPoses
 from tumble.calibration.equations.imu_unknowns import force_matrix, gyro_matrix
 from tumble.calibration.equations.turn import HoldsAndTurns, window_directions
 from tumble.estimation import Unknowns, covariance_about_the_mean, wander_basis
@@ -34,6 +33,32 @@ SMALLEST_MIDDLE = 0.05
 # as white. Gravity goes round once a revolution, which is two of them for its cosine; its sine takes many, and what
 # they left out of it would seem free of wander.
 FEWEST_MODES, MODES_A_REVOLUTION, MOST_MODES = 8, 6, 32
+
+
+@dataclass(frozen=True)
+class BelievedPoses:
+    """Poses of holds, in the axes of the fixture that the unit was placed with.
+
+    Attributes
+    ----------
+    hold : (poses,) index of the hold, ascending.
+    up_f : (poses, 3) unit vector in the fixture's axes that points up.
+    C_nf : (poses, 3, 3) nominal attitude; of unknown heading where `has_heading` is False.
+    has_heading : (poses,) of bool.
+    sigma : (poses,) rad about each axis.
+    placed : hold -> the hold whose pose it is in still, for all that a believed pose is known of.
+    """
+
+    hold: np.ndarray
+    up_f: Vectors
+    C_nf: Matrices
+    has_heading: np.ndarray
+    sigma: Series
+    placed: dict[int, int] = field(default_factory=dict[int, int])
+
+    def of(self, first: int, last: int) -> np.ndarray:
+        """Return the indices of the poses of holds `first` to `last` (half-open)."""
+        return np.flatnonzero((self.hold >= first) & (self.hold < last))
 
 
 @dataclass

@@ -19,10 +19,10 @@ from tumble.attitude import (
     skews,
     tangent_basis,
 )
-from tumble.calibration.equations.adjustment import MIDDLE, NODE, JointAdjustment, Section
-from tumble.calibration.equations.believed_poses import BelievedPoses
 from tumble.calibration.equations.causes import PLACEMENT
 from tumble.calibration.equations.imu_unknowns import MOUNTING
+from tumble.calibration.equations.observed import BelievedPoses
+from tumble.calibration.equations.state import MIDDLE, NODE, RecordingState, Section
 from tumble.estimation import Equations, Linear, Prior, Unknowns, View
 
 _UP_W = np.array([0.0, 0.0, -1.0])
@@ -39,12 +39,12 @@ class PoseEquations(Equations):
         self.place = poses.hold[at]
         self.node = self.place - section.first
 
-    def views(self, state: JointAdjustment, linear: Linear) -> list[View]:
+    def views(self, state: RecordingState, linear: Linear) -> list[View]:
         """Return all of it."""
         return [View(self.kind)]
 
     def _linear(
-        self, state: JointAdjustment, residual: np.ndarray, by_node: np.ndarray, by_fixture: np.ndarray
+        self, state: RecordingState, residual: np.ndarray, by_node: np.ndarray, by_fixture: np.ndarray
     ) -> list[Linear]:
         size = residual.shape[1]
         variance = self.poses.sigma[self.at] ** 2 + state.noise["placement"]
@@ -59,7 +59,7 @@ class Tilt(PoseEquations):
 
     kind = "tilt"
 
-    def linearise(self, state: JointAdjustment) -> list[Linear]:
+    def linearise(self, state: RecordingState) -> list[Linear]:
         """Return two residuals a pose, rad."""
         fixture = state.unknowns["fixture"]
         C_bf = matrix_from_rotation_vector(fixture)
@@ -78,7 +78,7 @@ class Pose(PoseEquations):
 
     kind = "pose"
 
-    def linearise(self, state: JointAdjustment) -> list[Linear]:
+    def linearise(self, state: RecordingState) -> list[Linear]:
         """Return three residuals a pose, rad."""
         fixture, C_wb = state.unknowns["fixture"], self.section.C_wb[self.node, 1]
         C_bf, C_fn = matrix_from_rotation_vector(fixture), np.swapaxes(self.poses.C_nf[self.at], 1, 2)
@@ -114,7 +114,7 @@ def mounting_prior(u: Unknowns) -> Prior:
     return u.layout.sparse_prior(np.zeros(u.values.size), {"fixture": MOUNTING})
 
 
-def align_with_poses(task: JointAdjustment) -> None:
+def align_with_poses(task: RecordingState) -> None:
     """Set the fixture's rotation, and turn each section about the vertical until its headings are as believed.
 
     Parameters

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from tumble.arrays import AnyArray, Series
-from tumble.calibration.equations.adjustment import EARTH, NODE, JointAdjustment, Section
 from tumble.calibration.equations.causes import EARTH_RATE_KNOWN
+from tumble.calibration.equations.state import EARTH, NODE, RecordingState, Section
 from tumble.earth import EARTH_RATE, Site
 from tumble.estimation import Equations, Linear, View
 
@@ -30,7 +30,7 @@ class Heading(Equations):
     def __init__(self, node: int = 0, sigma: float = HEADING_SIGMA) -> None:
         self.place, self.node, self.sigma = np.array([-1]), np.array([node]), sigma
 
-    def linearise(self, state: JointAdjustment) -> list[Linear]:
+    def linearise(self, state: RecordingState) -> list[Linear]:
         """Return one residual, rad, that is zero wherever the heading is."""
         by_node = np.zeros((1, 1, NODE))
         by_node[0, 0, 2] = 1.0
@@ -46,7 +46,7 @@ class Loose(Equations):
     def __init__(self, section: Section, gone: np.ndarray) -> None:
         self.place, self.node = section.holds[gone], np.flatnonzero(gone)
 
-    def linearise(self, state: JointAdjustment) -> list[Linear]:
+    def linearise(self, state: RecordingState) -> list[Linear]:
         """Return nine residuals a hold that are zero wherever it is, and no observations."""
         count = self.node.size
         unit = np.broadcast_to(np.eye(NODE), (count, NODE, NODE))
@@ -54,7 +54,7 @@ class Loose(Equations):
         zero = np.zeros((count, NODE))
         return [Linear(zero, LOOSE_SIGMA**2 * unit, by_border, self.node, unit, counted=0)]
 
-    def causes(self, state: JointAdjustment, linear: Linear) -> dict[str, AnyArray]:
+    def causes(self, state: RecordingState, linear: Linear) -> dict[str, AnyArray]:
         """Return none: it is no observation."""
         return {}
 
@@ -67,7 +67,7 @@ class EarthRate(Equations):
     def __init__(self, section: Section) -> None:
         self.section, self.place = section, np.array([-1])
 
-    def linearise(self, state: JointAdjustment) -> list[Linear]:
+    def linearise(self, state: RecordingState) -> list[Linear]:
         """Return three or four residuals, rad/s, that count as three."""
         site, earth = state.site, self.section.earth_w
         mean, sigma = _earth_prior(site)
@@ -82,7 +82,7 @@ class EarthRate(Equations):
         by_border[0, :, EARTH] = by_earth
         return [Linear(residual[None], np.diag(sigma**2)[None], by_border, counted=3)]
 
-    def views(self, state: JointAdjustment, linear: Linear) -> list[View]:
+    def views(self, state: RecordingState, linear: Linear) -> list[View]:
         """Return the vertical part where a latitude determines it, however little the gyros check it."""
         if state.site.latitude is None:
             return []

@@ -10,11 +10,11 @@ both biases wander: a constant and cosines over the rotation, each with the vari
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Matrices, Matrix, Table, Vector, Vectors, inverted
+from tumble.arrays import AnyArray, Matrices, Matrix, Series, Table, Vector, Vectors, inverted
 from tumble.attitude import (
     matrices_from_rotation_vectors,
     matrix_from_rotation_vector,
@@ -25,7 +25,6 @@ from tumble.attitude import (
     tangent_basis,
 )
 from tumble.calibration.equations import causes
-from tumble.calibration.equations.adjustment import JointAdjustment, RotationState
 from tumble.calibration.equations.imu_unknowns import (
     force_matrix,
     g_sensitivity,
@@ -35,6 +34,14 @@ from tumble.calibration.equations.imu_unknowns import (
     straightened,
 )
 from tumble.calibration.equations.observed import Observed, TableRotation, mean_backward_rotation
+from tumble.calibration.equations.state import (
+    HEAD,
+    TAIL,
+    RecordingState,
+    RotationState,
+    Section,
+    undetermined,
+)
 from tumble.calibration.equations.turn_equations import (
     edge_seconds,
     integrate_links,
@@ -42,10 +49,18 @@ from tumble.calibration.equations.turn_equations import (
     link_residuals,
 )
 from tumble.calibration.terms import by_lag, lever_arms
-from tumble.estimation import Drift, Equations, Grouped, Linear, Unknowns, View, faster_variance
-
-if TYPE_CHECKING:
-    from tumble.calibration.equations.stretches import RotationStretch
+from tumble.estimation import (
+    Drift,
+    Eliminated,
+    Equations,
+    Grouped,
+    Linear,
+    Place,
+    Stretch,
+    Unknowns,
+    View,
+    faster_variance,
+)
 
 # How far the accelerometers may be off the axis, one sigma.
 LEVER_SIGMA = 1.0  # m
@@ -90,6 +105,52 @@ class Layout(NamedTuple):
         return self.anchor.stop
 
 
+class RotationStretch:
+    """The windows of a table's rotation, between the tail of one hold and the head of the next."""
+
+    size = 3
+
+    def __init__(self, task: RecordingState, section: Section, k: int) -> None:
+        self.task, self.section, self.k = task, section, k
+        self.rotation, self.moving = task.data.rotations[k], task.rotations[k]
+        self.layout = Layout.of(self.rotation)
+        self.nodes, self.own = len(self.rotation.windows), self.layout.own
+        kinds = (Windows, Links, Axis, Angle, TableRate, Own)
+        self.equations: list[Equations] = [of_kind(self) for of_kind in kinds]
+        self.within: list[tuple[Place, Stretch | Eliminated]] = []
+
+    @property
+    def joined(self) -> Place:
+        """Where it stands in its section."""
+        return Place(self.k - self.section.first, TAIL, HEAD)
+
+    def edges(self) -> tuple[Matrix, Matrix]:
+        """Return the attitudes at the tail of the hold before and at the head of the hold after."""
+        node = self.k - self.section.first
+        return self.section.C_wb[node, 2], self.section.C_wb[node + 1, 0]
+
+    def undetermined(self, node: int) -> str:
+        """Say which rotation a window is of."""
+        base, k = self.task.data.base, self.k
+        where = f"in the rotation after hold {k + 1}"
+        return undetermined(where, base.time, int(base.tail[k, 1]), int(base.head[k + 1, 0]))
+
+    def move(self, nodes: Table, own: Series) -> None:
+        """Move the windows' attitudes and the rotation's own unknowns."""
+        moving, axis = self.moving, self.layout.axis
+        moving.C_wb = matrices_from_rotation_vectors(nodes) @ moving.C_wb
+        leaning = own[axis]
+        moving.axis_b, moving.axis_w = (
+            _leaned(moving.axis_b, leaning[:2]),
+            _leaned(moving.axis_w, leaning[2:]),
+        )
+        moving.own = moving.own + own
+        moving.own[axis] = 0.0
+        if moving.anchor is not None:
+            moving.anchor = matrix_from_rotation_vector(own[self.layout.anchor]) @ moving.anchor
+            moving.own[self.layout.anchor] = 0.0
+
+
 class RotationEquations(Equations):
     """Of one rotation."""
 
@@ -114,7 +175,7 @@ class RotationEquations(Equations):
         shown = self.rates(u).mean(axis=0) @ moving.axis_b
         return float(shown - self.stretch.section.earth_w @ moving.axis_w)
 
-    def mean_rate_sigma(self, state: JointAdjustment) -> float:
+    def mean_rate_sigma(self, state: RecordingState) -> float:
         """Return what `mean_rate` is uncertain by, rad/s: the samples' noise, and how the gyros' biases wander."""
         spin, data = self.spin, state.data
         weights = self.moving.axis_b @ inverted(gyro_matrix(state.unknowns))
@@ -126,7 +187,7 @@ class RotationEquations(Equations):
 class AlikeEquations(RotationEquations):
     """Of one rotation, with the work done for all rotations of one layout at once."""
 
-    def linearise(self, state: JointAdjustment) -> Sequence[Linear]:
+    def linearise(self, state: RecordingState) -> Sequence[Linear]:
         """Return residuals of this rotation."""
         return [linear for linear, _ in type(self).linearise_all([self], state)]
 
@@ -152,7 +213,7 @@ class Windows(AlikeEquations):
     kind, cause = "windows", causes.FORCE_TURNING
 
     @classmethod
-    def linearise_all(cls, group: Sequence[Windows], state: JointAdjustment) -> Grouped:
+    def linearise_all(cls, group: Sequence[Windows], state: RecordingState) -> Grouped:
         """Return three residuals a window, raw; all rotations have one layout, and are of one section."""
         u, layout, spins = state.unknowns, group[0].layout, [one.spin for one in group]
         counts = [len(spin.windows) for spin in spins]
@@ -198,7 +259,7 @@ class Windows(AlikeEquations):
         return [(linear, counts)]
 
     @staticmethod
-    def _covariances(group: Sequence[Windows], counts: list[int], state: JointAdjustment) -> Matrices:
+    def _covariances(group: Sequence[Windows], counts: list[int], state: RecordingState) -> Matrices:
         """(windows, 3, 3) raw², of the means, the table's shaking, and what wanders faster than the modes."""
         shaking = [state.noise.factor("windows", one.stretch.k) for one in group]
         faster = np.repeat([faster_variance(*one.spin.modes.shape) for one in group], counts)
@@ -206,7 +267,7 @@ class Windows(AlikeEquations):
         density = np.diag(state.data.force_density)
         return np.repeat(shaking, counts)[:, None, None] * means + faster[:, None, None] * density
 
-    def drifts(self, state: JointAdjustment, linear: Linear, first: int) -> dict[str, Drift]:
+    def drifts(self, state: RecordingState, linear: Linear, first: int) -> dict[str, Drift]:
         """Return what wanders faster than the modes."""
         windows = self.spin.windows
         return {
@@ -224,7 +285,7 @@ class Links(AlikeEquations):
         self.duration = 0.0
 
     @classmethod
-    def linearise_all(cls, group: Sequence[Links], state: JointAdjustment) -> Grouped:
+    def linearise_all(cls, group: Sequence[Links], state: RecordingState) -> Grouped:
         """Return three residuals a link, rad in w; all rotations have one layout, and are of one section."""
         # Both links of a single window depend on that node alone.
         single = [len(one.spin.windows) == 1 for one in group]
@@ -237,7 +298,7 @@ class Links(AlikeEquations):
         return made
 
     @classmethod
-    def _alike(cls, group: Sequence[Links], state: JointAdjustment) -> tuple[Linear, list[int]]:
+    def _alike(cls, group: Sequence[Links], state: RecordingState) -> tuple[Linear, list[int]]:
         """Those of rotations that all have one window, or all have more."""
         u, data, layout = state.unknowns, state.data, group[0].layout
         counts = [len(one.spin.windows) + 1 for one in group]
@@ -278,7 +339,7 @@ class Links(AlikeEquations):
         nodes = node, by_node, by_next
         return Linear(residual, covariance, by_border, *nodes, by_bias=wander, columns=columns), counts
 
-    def drifts(self, state: JointAdjustment, linear: Linear, first: int) -> dict[str, Drift]:
+    def drifts(self, state: RecordingState, linear: Linear, first: int) -> dict[str, Drift]:
         """Return what wanders faster than the modes."""
         ranges = _link_ranges(state.data, self.spin)[first : first + len(linear.residual)]
         return {
@@ -292,7 +353,7 @@ class Axis(AlikeEquations):
     kind, cause = "axis", causes.AXIS
 
     @classmethod
-    def linearise_all(cls, group: Sequence[Axis], state: JointAdjustment) -> Grouped:
+    def linearise_all(cls, group: Sequence[Axis], state: RecordingState) -> Grouped:
         """Return two residuals a window, and two at each end, rad; of the axis nothing is known beforehand."""
         layout = group[0].layout
         C, begins = cls.attitudes_of(group)
@@ -333,7 +394,7 @@ class Angle(RotationEquations):
         "the table's angle after hold {number} contradicts everything else, {times}: misread?",
     )
 
-    def linearise(self, state: JointAdjustment) -> list[Linear]:
+    def linearise(self, state: RecordingState) -> list[Linear]:
         """Return one residual, rad; none if nobody read it."""
         if self.spin.angle is None or not state.reads_angle(self.stretch.k) or len(self.spin.windows) < 2:
             return []
@@ -344,11 +405,11 @@ class Angle(RotationEquations):
         by_holds, columns = np.concatenate([-axis, axis])[None, None], np.r_[self.layout.holds]
         return [Linear(np.array([[missed]]), np.full((1, 1, 1), sigma**2), by_holds, columns=columns)]
 
-    def views(self, state: JointAdjustment, linear: Linear) -> list[View]:
+    def views(self, state: RecordingState, linear: Linear) -> list[View]:
         """Return it, however little checks it."""
         return [View("angle", least=CHECKED_ANGLE)]
 
-    def directions(self, state: JointAdjustment) -> AnyArray:
+    def directions(self, state: RecordingState) -> AnyArray:
         """Return an error of the angle."""
         return np.eye(1)
 
@@ -375,7 +436,7 @@ class TableRate(AlikeEquations):
         return float(time[centres[-1]] - time[centres[0]])
 
     @classmethod
-    def linearise_all(cls, group: Sequence[TableRate], state: JointAdjustment) -> Grouped:
+    def linearise_all(cls, group: Sequence[TableRate], state: RecordingState) -> Grouped:
         """Return three residuals that tie both attitudes, and one, rad, of the rate; nothing where none is believed."""
         layout, u, there = group[0].layout, state.unknowns, [int(len(one.spin.windows) > 1) for one in group]
         if group[0].moving.anchor is None or not any(there):
@@ -409,7 +470,7 @@ class TableRate(AlikeEquations):
         left = iter(kept.tolist())
         return [(tied, there), (rate, [int(bool(one) and next(left)) for one in there])]
 
-    def _variance(self, state: JointAdjustment) -> float:
+    def _variance(self, state: RecordingState) -> float:
         """Of the angle from the first window to the last, rad².
 
         What makes the axis wobble, such as a unit that slips on its plate halfway, turns it about the axis, too: a step
@@ -419,7 +480,7 @@ class TableRate(AlikeEquations):
         believed = (self.spin.rate_sigma * self.seconds) ** 2
         return max(believed + 4.0 * wobble + state.noise["table rate"], LEAST_RATE_ANGLE**2)
 
-    def views(self, state: JointAdjustment, linear: Linear) -> list[View]:
+    def views(self, state: RecordingState, linear: Linear) -> list[View]:
         """Return the rate's; the tie is none of the table's."""
         return [View("table rate", least=CHECKED_ANGLE)] if linear.residual.shape[1] == 1 else []
 
@@ -430,7 +491,7 @@ class Own(AlikeEquations):
     kind = "own"
 
     @classmethod
-    def linearise_all(cls, group: Sequence[Own], state: JointAdjustment) -> Grouped:
+    def linearise_all(cls, group: Sequence[Own], state: RecordingState) -> Grouped:
         """Return a residual of each that something is known of: of all but the axis."""
         at = group[0].known
         force, rate = _wander_variances(state, [one.spin for one in group])
@@ -448,7 +509,7 @@ class Own(AlikeEquations):
         """Which of the own unknowns something is known of."""
         return np.r_[self.layout.lever, self.layout.force, self.layout.rate]
 
-    def causes(self, state: JointAdjustment, linear: Linear) -> dict[str, AnyArray]:
+    def causes(self, state: RecordingState, linear: Linear) -> dict[str, AnyArray]:
         """Return the lever arm's length, and the wanders."""
         at, made = self.known, dict[str, AnyArray]()
         for cause, place in (
@@ -460,7 +521,7 @@ class Own(AlikeEquations):
             made[cause] = there[:, None, None] * linear.covariance
         return made
 
-    def drifts(self, state: JointAdjustment, linear: Linear, first: int) -> dict[str, Drift]:
+    def drifts(self, state: RecordingState, linear: Linear, first: int) -> dict[str, Drift]:
         """Return the wanders over a rotation as they are believed, which windows and links count anew."""
         at = self.known
         force, rate = (of[0] for of in _wander_variances(state, [self.spin]))
@@ -474,6 +535,11 @@ class Own(AlikeEquations):
             whole[place] = alone.ravel()
             made[source] = Drift(never, never, nothing, whole[at][:, None, None])
         return made
+
+
+def _leaned(axis: Series, by: Series) -> Series:
+    moved = axis + tangent_basis(axis) @ by
+    return np.asarray(moved / np.linalg.norm(moved), dtype=np.float64)
 
 
 def _counted(counts: Sequence[int]) -> np.ndarray:
@@ -510,7 +576,7 @@ def start_rotation(
     return RotationState(C_wb, np.asarray(C_tail.T @ axis), axis, np.zeros(Layout.of(spin).own), anchor)
 
 
-def _wander_variances(state: JointAdjustment, spins: Sequence[TableRotation]) -> tuple[AnyArray, AnyArray]:
+def _wander_variances(state: RecordingState, spins: Sequence[TableRotation]) -> tuple[AnyArray, AnyArray]:
     """Return (rotations, 1 + modes, 3) raw², of the constant and of each mode: accelerometers and gyros."""
     data, u, noise = state.data, state.unknowns, state.noise
     seconds = np.array([spin.seconds for spin in spins])

@@ -15,7 +15,6 @@ from tumble.attitude import (
     matrices_from_rotation_vectors,
     rotation_vectors_from_matrices,
 )
-from tumble.calibration.equations.adjustment import EARTH, HEAD, NODE, TAIL, JointAdjustment, Section
 from tumble.calibration.equations.causes import RATE_TURNING, RATE_WANDER, TURNS
 from tumble.calibration.equations.imu_unknowns import (
     force_matrix,
@@ -24,6 +23,7 @@ from tumble.calibration.equations.imu_unknowns import (
     straightened,
 )
 from tumble.calibration.equations.observed import Observed
+from tumble.calibration.equations.state import EARTH, HEAD, NODE, TAIL, RecordingState, Section
 from tumble.calibration.terms import TERMS
 from tumble.calibration.terms.term import curves_of
 from tumble.estimation import Drift, Equations, Linear, Unknowns, View
@@ -163,7 +163,7 @@ def link_covariance(
     return own + (lost / 3.0)[:, None, None] * np.eye(3)
 
 
-def bias_variance(state: JointAdjustment) -> float:
+def bias_variance(state: RecordingState) -> float:
     """Return by how much the gyros' biases wander from hold to hold and turn to turn, (rad/s)².
 
     Parameters
@@ -206,12 +206,12 @@ class Turn(Equations):
         self.node = place - section.first
         self.duration = np.zeros(place.size)
 
-    def integrated(self, state: JointAdjustment) -> Link:
+    def integrated(self, state: RecordingState) -> Link:
         """Return what the gyros carry over each turn."""
         base, k = state.data.base, self.place
         return integrate_links(state.data, state.unknowns, base.turn_start[k], base.turn_stop[k])
 
-    def linearise(self, state: JointAdjustment) -> list[Linear]:
+    def linearise(self, state: RecordingState) -> list[Linear]:
         """Return three residuals a turn, rad in w."""
         k, u, data = self.place, state.unknowns, state.data
         tail, head = self.section.C_wb[self.node, 2], self.section.C_wb[self.node + 1, 0]
@@ -244,23 +244,23 @@ class Turn(Equations):
             )
         ]
 
-    def views(self, state: JointAdjustment, linear: Linear) -> list[View]:
+    def views(self, state: RecordingState, linear: Linear) -> list[View]:
         """Return all three."""
         return [View("turn")]
 
-    def causes(self, state: JointAdjustment, linear: Linear) -> dict[str, AnyArray]:
+    def causes(self, state: RecordingState, linear: Linear) -> dict[str, AnyArray]:
         """Return what the bias wanders by, what is beyond noise, and the rest."""
         wander = (bias_variance(state) * self.duration**2)[:, None, None] * np.eye(3)
         beyond = np.broadcast_to(state.noise["turn"] * np.eye(3), wander.shape)
         return {RATE_TURNING: linear.covariance - (wander + beyond), RATE_WANDER: wander, TURNS: beyond}
 
-    def drifts(self, state: JointAdjustment, linear: Linear, first: int) -> dict[str, Drift]:
+    def drifts(self, state: RecordingState, linear: Linear, first: int) -> dict[str, Drift]:
         """Return that the bias turns the attitude on."""
         assert linear.by_bias is not None
         base, k = state.data.base, self.place
         start, stop = base.time[base.turn_start[k]], base.time[base.turn_stop[k] - 1]
         return {RATE_WANDER: Drift(start, stop, linear.by_bias, self.causes(state, linear)[RATE_WANDER])}
 
-    def directions(self, state: JointAdjustment) -> AnyArray:
+    def directions(self, state: RecordingState) -> AnyArray:
         """Return an error about each axis."""
         return np.eye(3)

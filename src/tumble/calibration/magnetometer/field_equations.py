@@ -21,10 +21,10 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Matrices, Matrix, Series, Table, Vectors, inverted
 from tumble.attitude import skews
-from tumble.calibration.equations.adjustment import HEAD, MIDDLE, NODE, TAIL, JointAdjustment, Section
+from tumble.calibration.equations.adjustment import JointAdjustment, RecordingStretch, SectionStretch
 from tumble.calibration.equations.hold_equations import HoldEquations
 from tumble.calibration.equations.imu_unknowns import LAYOUT
-from tumble.calibration.equations.stretches import RecordingStretch, SectionStretch
+from tumble.calibration.equations.state import HEAD, MIDDLE, NODE, TAIL, RecordingState, Section
 from tumble.calibration.equations.turn import HoldsAndTurns
 from tumble.errors import ObservabilityError
 from tumble.estimation import (
@@ -261,7 +261,7 @@ class FieldSeen(HoldEquations):
         # Of each hold, by a change of the field there: (holds, 3, 3).
         self.by_change: dict[str, AnyArray] = {}
 
-    def linearise(self, state: JointAdjustment) -> list[Linear]:
+    def linearise(self, state: RecordingState) -> list[Linear]:
         """Return three residuals a hold, raw."""
         assert isinstance(state, FieldAdjustment)
         u, k = state.unknowns, self.place
@@ -292,16 +292,16 @@ class FieldSeen(HoldEquations):
         active = state.taking_part[FIELD][k]
         return [Linear(residual, covariance, u.columns(blocks, 3), self.node, by_node, None, active)]
 
-    def views(self, state: JointAdjustment, linear: Linear) -> list[View]:
+    def views(self, state: RecordingState, linear: Linear) -> list[View]:
         """Return all three."""
         return [View(FIELD, None, np.sum(magnetometer_matrix(state.unknowns) ** 2, axis=1))]
 
-    def directions(self, state: JointAdjustment) -> Table:
+    def directions(self, state: RecordingState) -> Table:
         """Return an error along each axis."""
         return magnetometer_matrix(state.unknowns)
 
 
-def hold_shares(state: JointAdjustment, k: np.ndarray) -> Table:
+def hold_shares(state: RecordingState, k: np.ndarray) -> Table:
     """Return (holds, 3), which shares of each hold are its head, its middle and its tail.
 
     Parameters
@@ -322,7 +322,7 @@ def _rows(true: AnyArray) -> AnyArray:
     return made.reshape(-1, 3, 9)
 
 
-def mean_attitudes(state: JointAdjustment) -> Matrices:
+def mean_attitudes(state: RecordingState) -> Matrices:
     """Return (holds, 3, 3) C_wb, the mean over each hold."""
     made = np.zeros((state.data.base.holds, 3, 3))
     for section in state.sections:

@@ -10,7 +10,7 @@ import numpy as np
 from tumble.arrays import Matrix, Series, Square
 from tumble.calibration.checks.scores import angle_off, hold_norm_errors, hold_norm_variances, score_turns
 from tumble.calibration.checks.suspicions import BiasCourse, find_courses, with_courses
-from tumble.calibration.equations.adjustment import JointAdjustment, rest_noise
+from tumble.calibration.equations.adjustment import JointAdjustment
 from tumble.calibration.equations.causes import FORCE_WANDER, RATE_WANDER
 from tumble.calibration.equations.imu_unknowns import LAYOUT
 from tumble.calibration.equations.observed import Observed
@@ -22,6 +22,7 @@ from tumble.calibration.equations.rotation_equations import (
     Links,
     RotationEquations,
 )
+from tumble.calibration.equations.state import rest_noise
 from tumble.calibration.equations.turn_equations import (
     bias_variance,
     edge_seconds,

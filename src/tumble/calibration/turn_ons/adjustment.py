@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from tumble.arrays import Series, Square, Table, inverted
-from tumble.calibration.equations.adjustment import NODE, JointAdjustment, balance_recording
+from tumble.calibration.equations.adjustment import JointAdjustment, balance_recording
 from tumble.calibration.equations.imu_unknowns import (
     FORCE_ALONE,
     LAYOUT,
@@ -27,6 +27,7 @@ from tumble.calibration.equations.imu_unknowns import (
     terms_prior,
 )
 from tumble.calibration.equations.pose_equations import mounting_prior
+from tumble.calibration.equations.state import NODE
 from tumble.calibration.estimate import TermTest
 from tumble.calibration.optional_terms import ON_TABLES, TERM_LIMIT, offered_terms, term_test, unknowns_with
 from tumble.calibration.outcome.budget import recording_influences
