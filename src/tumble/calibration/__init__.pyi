@@ -87,6 +87,7 @@ from .joint import (
     begin as begin,
     calibrate as calibrate,
     calibrate_accelerometers as calibrate_accelerometers,
+    check_prior as check_prior,
 )
 from .magnetometer.estimate import (
     GIVEN_SIGMA as GIVEN_SIGMA,
@@ -108,7 +109,6 @@ from .mount import (
 from .objections import (
     find_missing as find_missing,
     of_other_rests as of_other_rests,
-    say_of_prior as say_of_prior,
     say_of_recording as say_of_recording,
     say_of_sheets as say_of_sheets,
     say_of_turns as say_of_turns,
@@ -124,7 +124,7 @@ from .outcome.description import (
     gravity_slope as gravity_slope,
     named_function as named_function,
 )
-from .outcome.estimate import JointOutcome as JointOutcome
+from .outcome.settled import JointOutcome as JointOutcome
 from .poses import (
     SAME_POSE as SAME_POSE,
     describe_direction as describe_direction,
@@ -159,4 +159,4 @@ from .terms.lever_arms import LeverArms as LeverArms
 from .thermal.coverage import require_time_base as require_time_base
 from .turn_ons.adjustment import adjust_several as adjust_several, find_strangers as find_strangers
 from .turn_ons.estimate import SeveralEstimate as SeveralEstimate, several_estimate as several_estimate
-from .verdict import Judgement as Judgement, judge as judge, two_digits as two_digits
+from .verdict import Judgement as Judgement, judge as judge

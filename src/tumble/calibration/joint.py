@@ -13,7 +13,7 @@ arm, and how both biases wander. Optional terms are kept if the data want them.
 from __future__ import annotations
 
 from collections.abc import Generator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 
 import numpy as np
@@ -36,16 +36,19 @@ from tumble.calibration.equations.observed import TableRotation, observe, table_
 from tumble.calibration.equations.pose_equations import mounting_prior
 from tumble.calibration.equations.turn import HoldsAndTurns
 from tumble.calibration.estimate import Estimate, TermTest
-from tumble.calibration.objections import say_missing, say_of_sheets
+from tumble.calibration.objections import say_missing, say_of_prior, say_of_sheets
 from tumble.calibration.optional_terms import USUAL_STEPS, TermSearch, seen_table_terms, unknowns_with
-from tumble.calibration.outcome.estimate import JointOutcome, joint_estimate
+from tumble.calibration.outcome.estimate import joint_estimate
+from tumble.calibration.outcome.settled import JointOutcome
 from tumble.calibration.prior import (
+    StableKnowledge,
     TriadSheet,
     Untold,
     angle_prior,
     find_untold,
     name_plate_prior,
     sheets_prior,
+    stable_knowledge,
     together,
     triad_sheets,
 )
@@ -225,6 +228,24 @@ def calibrate_accelerometers(
     if alone.joint is None or alone.joint.untold is not None:
         raise ObservabilityError("The holds do not determine all of the accelerometers.")
     return estimate
+
+
+def check_prior(estimate: Estimate, sessions: Sequence[Session], knowledge: StableKnowledge) -> None:
+    """Object to a prior that the poses contradict, where they can tell the angles without it.
+
+    Parameters
+    ----------
+    estimate : gets an objection, or a caution where nothing can be checked.
+    sessions : recordings of one unit, that tell its angles together.
+    knowledge : the prior.
+    """
+    seen = list[StableKnowledge]()
+    for session in sessions:
+        with suppress(ObservabilityError, ConvergenceError):
+            alone = calibrate_accelerometers(session)
+            assert alone.model.accelerometer is not None
+            seen.append(stable_knowledge(alone.model.accelerometer.matrix, alone.covariance[:9, :9]))
+    say_of_prior(estimate, knowledge, seen)
 
 
 def _known_terms(u: Unknowns, *, wanted: bool) -> list[str]:

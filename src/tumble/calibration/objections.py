@@ -9,7 +9,6 @@ gyros with the matrix M it is ``M w / g``. That is one number where a sensor's o
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,7 +20,8 @@ from tumble.calibration.equations.rotation_equations import Windows
 from tumble.calibration.equations.triad_unknowns import COUNT
 from tumble.calibration.estimate import Estimate
 from tumble.calibration.poses import missing_poses
-from tumble.calibration.prior import StableKnowledge, TriadFleet, about_sheet
+from tumble.calibration.prior import StableKnowledge, TriadFleet, TriadSheet, about_sheet, find_contradiction
+from tumble.calibration.session import SMALLEST_TURNS, Procedure, Session
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ConvergenceError, ObservabilityError
 from tumble.estimation import solve
@@ -30,9 +30,7 @@ from tumble.units import specific_force_factor
 
 if TYPE_CHECKING:
     from tumble.calibration.evidence import ThermalCurves
-    from tumble.calibration.outcome.estimate import JointOutcome
-    from tumble.calibration.prior import TriadSheet
-    from tumble.calibration.session import Procedure, Session
+    from tumble.calibration.outcome.settled import JointOutcome
     from tumble.calibration.thermal.model import ThermalOutcome
     from tumble.segmentation import Turn
 
@@ -411,8 +409,6 @@ def say_of_turns(estimate: Estimate, turns: Sequence[Turn], reason: str) -> None
     estimate, turns : of the recording.
     reason : why it was made by its procedure.
     """
-    from tumble.calibration.session import SMALLEST_TURNS
-
     if len(turns) < SMALLEST_TURNS or any(name.startswith("gyroscope.matrix") for name in estimate.names):
         return
     lost = [turn.reason for turn in turns if not turn.usable]
@@ -424,24 +420,14 @@ def say_of_turns(estimate: Estimate, turns: Sequence[Turn], reason: str) -> None
     )
 
 
-def say_of_prior(estimate: Estimate, sessions: Sequence[Session], knowledge: StableKnowledge) -> None:
+def say_of_prior(estimate: Estimate, knowledge: StableKnowledge, seen: Sequence[StableKnowledge]) -> None:
     """Object to a prior that the poses contradict, where they can tell the angles without it.
 
     Parameters
     ----------
     estimate : gets an objection, or a caution where nothing can be checked.
-    sessions : recordings of one unit, that tell its angles together.
-    knowledge : the prior.
+    knowledge, seen : the prior, and what each recording tells without it.
     """
-    from tumble.calibration.joint import calibrate_accelerometers
-    from tumble.calibration.prior import find_contradiction, stable_knowledge
-
-    seen = list[StableKnowledge]()
-    for session in sessions:
-        with suppress(ObservabilityError, ConvergenceError):
-            alone = calibrate_accelerometers(session)
-            assert alone.model.accelerometer is not None
-            seen.append(stable_knowledge(alone.model.accelerometer.matrix, alone.covariance[:9, :9]))
     if not seen:
         estimate.say(
             "caution",

@@ -18,10 +18,10 @@ from tumble.calibration.estimate import TermTest, wald_test
 from tumble.calibration.outcome.budget import recording_influences
 from tumble.calibration.prior import TOLD, together
 from tumble.calibration.terms import TERMS
-from tumble.calibration.verdict import two_digits
 from tumble.counting import about
 from tumble.errors import ConvergenceError, ObservabilityError
 from tumble.estimation import Balanced, Unknowns, linearise, solve
+from tumble.parameters import two_digits
 from tumble.records import dataclass
 from tumble.sensor import CURVES
 

@@ -24,7 +24,7 @@ from tumble.records import dataclass
 if TYPE_CHECKING:
     from tumble.calibration.equations.observed import BelievedPoses
     from tumble.calibration.estimate import Estimate
-    from tumble.calibration.outcome.estimate import JointOutcome
+    from tumble.calibration.outcome.settled import JointOutcome
     from tumble.calibration.prior import FleetSheet, StableKnowledge
     from tumble.protocol import Protocol
     from tumble.segmentation import HoldMeans, Matching, Rotation, SpinMeans, Timeline

@@ -12,7 +12,7 @@ import numpy as np
 from tumble.arrays import Series
 from tumble.calibration.estimate import Estimate, NamedValue
 from tumble.calibration.session import PROCEDURES
-from tumble.parameters import amount, decimals_of, fixed, parameter_of
+from tumble.parameters import amount, parameter_of, two_digits
 from tumble.recording import Recording
 from tumble.records import dataclass
 from tumble.sensor import Triad
@@ -180,17 +180,6 @@ def _root_mean_square(values: np.ndarray) -> float:
     """Return the root of the mean square of what is finite; zero of nothing."""
     finite = values[np.isfinite(values)]
     return float(np.sqrt(np.mean(finite**2))) if finite.size else 0.0
-
-
-def two_digits(value: float) -> str:
-    """Return a positive number to two significant digits, without an exponent.
-
-    Examples
-    --------
-    >>> two_digits(193.4), two_digits(99.7), two_digits(0.1)
-    ('193', '100', '0.10')
-    """
-    return fixed(value, decimals_of(value)) if 0.0 < value < 99.5 else f"{value:.0f}"
 
 
 def _known_triads(estimate: Estimate, recording: Recording) -> list[tuple[str, Triad, float | None]]:

@@ -56,7 +56,7 @@ def _size(covariance: np.ndarray, rows: tuple[int, ...]) -> float:
 
 
 def _print_course(course: PredictedErrors) -> None:
-    from tumble.calibration import two_digits
+    from tumble.parameters import two_digits
 
     screen, errors = console(), _errors(course)
     lengths = [f"{row['seconds']:g} s" for row in errors]

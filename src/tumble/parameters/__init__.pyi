@@ -25,6 +25,7 @@ from .family import (
     spaced as spaced,
     thermal_family as thermal_family,
     triad_labels as triad_labels,
+    two_digits as two_digits,
     under_headings as under_headings,
     with_uncertainty as with_uncertainty,
 )

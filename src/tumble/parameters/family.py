@@ -215,6 +215,17 @@ def fixed(value: float, decimals: int) -> str:
     return text[1:] if text.startswith("-") and not any(c in "123456789" for c in text) else text
 
 
+def two_digits(value: float) -> str:
+    """Return a positive number to two significant digits, without an exponent.
+
+    Examples
+    --------
+    >>> two_digits(193.4), two_digits(99.7), two_digits(0.1)
+    ('193', '100', '0.10')
+    """
+    return fixed(value, decimals_of(value)) if 0.0 < value < 99.5 else f"{value:.0f}"
+
+
 def with_uncertainty(value: float, sigma: float) -> str:
     """Return "value ± sigma" with two significant digits of sigma.
 
@@ -370,7 +381,7 @@ def _of_places(name: str, axes: tuple[str, ...]) -> Family:
 _LAG = "lag of the accelerometer behind the gyro"
 _FORCES = tuple(f"{a} to force {b}" for a in "xyz" for b in "xyz")
 _SUMS = tuple(f"{pair}{sign}{pair[::-1]}" for pair in ("xy", "xz", "yz") for sign in "+-")
-_TRIADS = "rotation between the triads"
+_TRIADS, _TURNED = "rotation between the triads", "rotation of the magnetometer"
 FAMILIES = {
     family.name: family
     for family in (
@@ -387,10 +398,7 @@ FAMILIES = {
         _of_magnetometer("bias", "magnetometer bias", tuple("xyz"), "{raw}"),
         _of_magnetometer("scale factor", "magnetometer scale", tuple("xyz"), "{raw}"),
         _of_magnetometer("soft iron", "magnetometer soft iron", ("yz", "xz", "xy"), "{raw}"),
-        _of_magnetometer(
-            *("rotation", "rotation of the magnetometer", tuple("xyz"), "rad"),
-            form="rotation of the magnetometer {}",
-        ),
+        _of_magnetometer("rotation", _TURNED, tuple("xyz"), "rad", f"{_TURNED} {{}}"),
     )
 }
 """All families by name but those of coefficients of temperature, which differ by what the function is of."""

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from tumble.calibration import two_digits
-from tumble.parameters import with_uncertainty
+from tumble.parameters import two_digits, with_uncertainty
 from tumble.report.figures import record
 from tumble.report.html import render_page
 from tumble.report.page import Block, Figures, Page, Sentences, Table, Verdict, section

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-from tumble.calibration import TERMS, two_digits
+from tumble.calibration import TERMS
 from tumble.document import Calibration, LimitBlock, LimitsBlock, TermBlock
 from tumble.limits import rule_words
-from tumble.parameters import Measure, amount, said_unit
+from tumble.parameters import Measure, amount, said_unit, two_digits
 from tumble.report.page import Block, Sentences, Table, Verdict, section
 
 

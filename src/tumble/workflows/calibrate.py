@@ -17,8 +17,8 @@ from tumble.calibration import (
     Estimator,
     Options,
     Session,
+    check_prior,
     find_procedure,
-    say_of_prior,
     state_gravity,
 )
 from tumble.earth import Site
@@ -193,7 +193,7 @@ def _estimated(
     if modelled is not None:
         estimate.say("remark", *modelled.said())
     if session.prior is not None:
-        say_of_prior(estimate, [session], session.prior)
+        check_prior(estimate, [session], session.prior)
     state_gravity(session.site, estimate)
     return estimate, reason
 

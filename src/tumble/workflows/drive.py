@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from tumble.arrays import Series
-from tumble.calibration import two_digits
 from tumble.counting import counted
 from tumble.document import Calibration, read_calibration
 from tumble.errors import RecordingError, UsageError
@@ -37,7 +36,7 @@ from tumble.navigation import (
     spans_in_words,
     wide_setup,
 )
-from tumble.parameters import Measure, amount
+from tumble.parameters import Measure, amount, two_digits
 from tumble.recording import Recording, read_recordings, recording_inputs
 from tumble.records import as_document, dataclass
 from tumble.simulation import Grade, find_grade

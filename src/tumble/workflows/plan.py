@@ -18,11 +18,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tumble.calibration import two_digits
 from tumble.design import PARAMETER_GROUPS, PARAMETERS, JointInformation, parameters_of
 from tumble.earth import Site
 from tumble.errors import UsageError
 from tumble.files import results_folder
+from tumble.parameters import two_digits
 from tumble.records import dataclass
 from tumble.units import MICRO_G
 from tumble.workflows.request import PlanRequest

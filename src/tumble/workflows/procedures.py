@@ -140,8 +140,9 @@ def run_procedure(session: Session, procedure: str | None) -> tuple[Estimate, st
         said = [*filter(None, [of_other_rests(session)]), *find_dead_channels(session.recording)]
         asked = CONTRADICTS if isinstance(error, ConvergenceError) else ""
         raise type(error)(" ".join([*said, f"{error}{asked}{_how_it_matched(session)}"])) from error
-    state_unseen(session, estimate)
-    state_rounding(session, estimate)
+    made = estimate, session.recording, session.means
+    state_unseen(*made, session.protocol)
+    state_rounding(*made, session.timeline)
     return estimate, f"{reason}."
 
 

@@ -19,8 +19,8 @@ from tumble.calibration import (
     Options,
     Session,
     calibrate,
+    check_prior,
     find_procedure,
-    say_of_prior,
     state_gravity,
     state_unseen_clock,
 )
@@ -507,7 +507,7 @@ def calibrate_turn_ons(
     clocks = (session.recording.clock for session in sessions)
     state_unseen_clock(max(clocks, key=lambda one: one.sigma), several.estimate)
     if known.angles is not None:
-        say_of_prior(several.estimate, sessions, known.angles)
+        check_prior(several.estimate, sessions, known.angles)
     state_gravity(_one_site(sessions), several.estimate)
     several.estimate.say("remark", *left_out_of([s.recording for s in sessions]))
     clock.lap("solving")

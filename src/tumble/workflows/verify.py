@@ -18,12 +18,12 @@ from tumble.calibration import (
     hold_norm_variances,
     score_turns,
     triad_errors,
-    two_digits,
 )
 from tumble.counting import part
 from tumble.document import Calibration, read_calibration
 from tumble.earth import Site
 from tumble.errors import CalibrationFileError, RecordingError
+from tumble.parameters import two_digits
 from tumble.recording import (
     Frame,
     Recording,

@@ -32,7 +32,7 @@ from tumble.calibration.magnetometer.field_equations import (
     start_field,
 )
 from tumble.calibration.magnetometer.verdict import FieldVerdict, judge_magnetometer
-from tumble.calibration.outcome.estimate import JointOutcome
+from tumble.calibration.outcome.settled import JointOutcome
 from tumble.calibration.session import Options, Session
 from tumble.errors import ObservabilityError
 from tumble.recording import MagneticField, Recording, limits_reached

@@ -237,7 +237,7 @@ def with_courses(influences: Influences, courses: Mapping[str, Sequence[BiasCour
 
     Parameters
     ----------
-    influences, courses : of one solution; see `outcome.estimate.JointOutcome`.
+    influences, courses : of one solution; see `outcome.settled.JointOutcome`.
     """
 
     def departure(own: Sequence[BiasCourse], time: Series) -> AnyArray:

@@ -27,11 +27,10 @@ from tumble.calibration.free_inertial import places_of
 from tumble.protocol import SpinStep
 
 if TYPE_CHECKING:
-    from tumble.calibration.session import Session
     from tumble.earth import Site
     from tumble.protocol import Protocol
-    from tumble.recording import Clock
-    from tumble.segmentation import HoldMeans
+    from tumble.recording import Clock, Recording
+    from tumble.segmentation import HoldMeans, Timeline
 
 # From this share of a scale factor's standard uncertainty on its use depends on what cannot be seen; below the
 # second it does not count.
@@ -72,20 +71,22 @@ def unseen_table(protocol: Protocol) -> Unseen | None:
     )
 
 
-def state_unseen(session: Session, estimate: Estimate) -> None:
+def state_unseen(
+    estimate: Estimate, recording: Recording, means: HoldMeans, protocol: Protocol | None
+) -> None:
     """Put what nothing sees into an estimate: covariance, figures and words.
 
     Parameters
     ----------
-    session : what was recorded.
-    estimate : of it, and of no other clock.
+    estimate : of one recording, and of no other clock.
+    recording, means, protocol : what was recorded, its holds, and what was to be done, where somebody says.
     """
-    clock, budget = session.recording.clock, estimate.shown(Budget)
+    clock, budget = recording.clock, estimate.shown(Budget)
     if estimate.procedure != "joint":
-        return state_unseen_clock(clock, estimate, rest_rate(estimate, session.means))
+        return state_unseen_clock(clock, estimate, rest_rate(estimate, means))
     within = {SAMPLE_RATE: clock.sigma * _scale_slope(estimate)} if budget is None else budget.shares
     # Where the recording itself determines the clock, or checks the table, little is left of what was believed.
-    table = None if session.protocol is None else unseen_table(session.protocol)
+    table = None if protocol is None else unseen_table(protocol)
     for one in (_unseen_clock(clock), table):
         if one is not None and one.source in within and one.sigma > 0.0:
             _say(estimate, one, within[one.source])
@@ -105,17 +106,16 @@ def state_gravity(site: Site, estimate: Estimate) -> None:
     _say(estimate, one, _scale_slope(estimate, triad="accelerometer") * one.sigma)
 
 
-def state_rounding(session: Session, estimate: Estimate) -> None:
+def state_rounding(estimate: Estimate, recording: Recording, means: HoldMeans, timeline: Timeline) -> None:
     """Say where a converter's steps, and not noise, decide what the means of holds are worth.
 
     Parameters
     ----------
-    session, estimate : what was recorded, and its estimate.
+    estimate, recording, means, timeline : of one recording.
     """
     from tumble.segmentation import carries_remainder, step_at_rests
 
-    recording, means = session.recording, session.means
-    rests = [hold.stretches() for hold in session.timeline.holds]
+    rests = [hold.stretches() for hold in timeline.holds]
     for name, channel in (("accelerometer", "specific_force"), ("gyro", "angular_rate")):
         signal, unit = getattr(recording, channel), getattr(recording, f"{channel}_unit")
         rounding, covariance = (getattr(means, f"{channel}_{what}") for what in ("rounding", "covariance"))

@@ -45,7 +45,7 @@ from tumble.sensor import Triad, polar_rotation, propagate
 from tumble.units import magnetic_field_factor
 
 if TYPE_CHECKING:
-    from tumble.calibration.outcome.estimate import JointOutcome
+    from tumble.calibration.outcome.settled import JointOutcome
 
 
 # Samples beyond so many robust sigmas count for nothing; so many rounds.

@@ -17,7 +17,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -31,6 +30,7 @@ from tumble.calibration.equations.hold_equations import Force, Rate, Swing
 from tumble.calibration.equations.imu_unknowns import force_matrix, gyro_matrix, raw_force, term_unknowns
 from tumble.calibration.equations.observed import wander_logarithm
 from tumble.calibration.equations.turn_equations import Turn
+from tumble.calibration.estimate import Estimate
 from tumble.calibration.evidence import (
     Budget,
     Detectable,
@@ -43,6 +43,7 @@ from tumble.calibration.evidence import (
     effective_degrees,
 )
 from tumble.calibration.outcome.description import gravity_slope, named_function
+from tumble.calibration.outcome.settled import JointOutcome
 from tumble.calibration.terms import TERMS
 from tumble.counting import counted
 from tumble.errors import ConvergenceError, UsageError
@@ -62,11 +63,6 @@ from tumble.recording import mean_celsius
 from tumble.records import dataclass
 from tumble.segmentation import RestParts, find_density
 from tumble.sensor import Function, jacobian
-
-if TYPE_CHECKING:
-    from tumble.calibration.estimate import Estimate
-    from tumble.calibration.outcome.estimate import JointOutcome
-
 
 # Of which density is found: more show nothing more.
 MOST_HOLDS = 60
@@ -491,8 +487,6 @@ def draw_distributions(
     UsageError
         If the estimate has no budget of uncertainty.
     """
-    from tumble.calibration.outcome.estimate import JointOutcome
-
     budget = estimate.shown(Budget)
     told = None if budget is None else budget.statement
     outcome = None if told is None else told.outcome

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import field, replace
+from dataclasses import replace
 
 import numpy as np
 
 from tumble.arrays import Matrix, Series, Square
 from tumble.calibration.checks.scores import angle_off, hold_norm_errors, hold_norm_variances, score_turns
-from tumble.calibration.checks.suspicions import BiasCourse, find_courses, with_courses
-from tumble.calibration.equations.adjustment import JointAdjustment
+from tumble.calibration.checks.suspicions import find_courses, with_courses
 from tumble.calibration.equations.causes import FORCE_WANDER, RATE_WANDER
 from tumble.calibration.equations.imu_unknowns import LAYOUT
 from tumble.calibration.equations.observed import Observed
@@ -35,7 +34,6 @@ from tumble.calibration.estimate import (
     Figures,
     LeftOut,
     NamedValue,
-    TermTest,
     coverage_factor,
 )
 from tumble.calibration.evidence import Holds, RestlessHold, Spins, Turns
@@ -43,14 +41,12 @@ from tumble.calibration.objections import say_contradictions
 from tumble.calibration.optional_terms import OF_FORCE, implausible_words, untried_words
 from tumble.calibration.outcome.budget import recording_influences, state_uncertainty
 from tumble.calibration.outcome.description import describe, rotation_of_frame
-from tumble.calibration.prior import StableKnowledge, Untold
+from tumble.calibration.outcome.settled import JointOutcome
 from tumble.calibration.terms import TERMS
 from tumble.calibration.terms.lever_arms import lever_arms_of
-from tumble.earth import EARTH_RATE, Site
+from tumble.earth import EARTH_RATE
 from tumble.errors import ObservabilityError
 from tumble.estimation import Balanced, Equations, Influences, Noise, Settled, Unknowns, solve, wider
-from tumble.recording import Recording
-from tumble.records import dataclass
 from tumble.sensor import ImuModel
 
 SITS = (
@@ -63,62 +59,6 @@ LEAST_EIGENVALUE = 1e-10
 LEAST_CHECKED, LEAST_CHECKS = 0.1, 0.5
 # A clock is off if it is so by more than so many of its standard uncertainties.
 CLOCK_FALSE_ALARM = 4.0
-
-
-@dataclass
-class JointOutcome:
-    """A settled joint estimate with everything behind it.
-
-    Attributes
-    ----------
-    recording : what was recorded.
-    task, balanced : observations with their noise, all unknowns, solution and tests.
-    terms : tests of optional terms.
-    untold : what the motion does not tell; None if it shows everything.
-    frame : in which the result is asked for.
-    has_gyro : whether the recording has one.
-    knowledge : of the accelerometers' angles, from an earlier calibration; None for none.
-    untried : optional terms that what was recorded does not determine.
-    table_sigma : share by which a table's rates are believed to be off, one sigma, zero for exact ones; None if nobody
-        says.
-    courses : source -> raw, what biases do besides that wander.
-    jumps : what is said of those that jump.
-    has_force : whether the recording has accelerometers, or believed poses stand in for them.
-    """
-
-    recording: Recording
-    task: JointAdjustment
-    balanced: Balanced
-    terms: list[TermTest]
-    untold: Untold | None = None
-    frame: str = "accelerometer-x"
-    has_gyro: bool = True
-    knowledge: StableKnowledge | None = None
-    untried: list[str] = field(default_factory=list[str])
-    table_sigma: float | None = None
-    has_force: bool = True
-    courses: dict[str, list[BiasCourse]] = field(default_factory=dict[str, list[BiasCourse]])
-    jumps: list[str] = field(default_factory=list[str])
-
-    @property
-    def data(self) -> Observed:
-        """What was observed."""
-        return self.task.data
-
-    @property
-    def site(self) -> Site:
-        """Where."""
-        return self.task.site
-
-    @property
-    def values(self) -> Series:
-        """All unknowns at the solution."""
-        return self.task.unknowns.values
-
-    @property
-    def kept(self) -> frozenset[str]:
-        """Names of the optional terms that were kept."""
-        return frozenset(test.name for test in self.terms if test.kept)
 
 
 def joint_estimate(outcome: JointOutcome) -> Estimate:

@@ -25,7 +25,8 @@ from tumble.calibration.evidence import (
 from tumble.calibration.optional_terms import untried_words
 from tumble.calibration.outcome.budget import outcome_influences, recording_influences
 from tumble.calibration.outcome.description import describe, named_function
-from tumble.calibration.outcome.estimate import JointOutcome, joint_estimate
+from tumble.calibration.outcome.estimate import joint_estimate
+from tumble.calibration.outcome.settled import JointOutcome
 from tumble.calibration.terms.lever_arms import lever_arms_of
 from tumble.calibration.turn_ons.adjustment import (
     SeveralOutcome,
@@ -35,9 +36,9 @@ from tumble.calibration.turn_ons.adjustment import (
     settled_outcome,
     tells,
 )
-from tumble.calibration.verdict import WORST_FORCE_BIAS_SIGMA, two_digits
+from tumble.calibration.verdict import WORST_FORCE_BIAS_SIGMA
 from tumble.earth import Site
-from tumble.parameters import FAMILIES, amount, parameter_of
+from tumble.parameters import FAMILIES, amount, parameter_of, two_digits
 from tumble.recording import Recording
 from tumble.records import dataclass
 from tumble.sensor import jacobian

@@ -14,9 +14,8 @@ from tumble.calibration import (
     GlobalTest,
     ModelChoice,
     UncertaintyStatement,
-    two_digits,
 )
-from tumble.parameters import Measure, fixed, spaced
+from tumble.parameters import Measure, fixed, spaced, two_digits
 from tumble.records import dataclass
 from tumble.report.figures.record import PALETTE, Axis, Bars, Figure, Mark, plain
 from tumble.report.page import Block, Figures, Sentences, Table, section

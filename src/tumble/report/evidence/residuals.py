@@ -17,9 +17,9 @@ from tumble.calibration import (
     Turns,
     gather,
     rough_triad,
-    two_digits,
     window_directions,
 )
+from tumble.parameters import two_digits
 from tumble.recording import Recording
 from tumble.records import dataclass
 from tumble.report.figures import record
