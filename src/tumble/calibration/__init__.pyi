@@ -154,8 +154,7 @@ from .session import (
     find_procedure as find_procedure,
 )
 from .start import start_adjustment as start_adjustment
-from .terms import TERMS as TERMS
-from .terms.lever_arms import LeverArms as LeverArms
+from .terms import TERMS as TERMS, LeverArms as LeverArms
 from .thermal.coverage import require_time_base as require_time_base
 from .turn_ons.adjustment import adjust_several as adjust_several, find_strangers as find_strangers
 from .turn_ons.estimate import SeveralEstimate as SeveralEstimate, several_estimate as several_estimate

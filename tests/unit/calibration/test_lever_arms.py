@@ -9,7 +9,7 @@ import numpy.typing as npt
 import pytest
 from msgspec import structs
 
-from tumble.calibration.terms.lever_arms import LeverArms
+from tumble.calibration.terms import LeverArms
 from tumble.document import Calibration, calibration_from_model, read_calibration
 from tumble.errors import UsageError
 from tumble.sensor import ImuModel, Triad

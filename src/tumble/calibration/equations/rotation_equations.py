@@ -48,7 +48,7 @@ from tumble.calibration.equations.turn_equations import (
     link_covariance,
     link_residuals,
 )
-from tumble.calibration.terms import by_lag, lever_arms
+from tumble.calibration.terms import by_lag, by_lever_arms, centripetal_by_rate, forces_apart
 from tumble.estimation import (
     Drift,
     Eliminated,
@@ -231,17 +231,17 @@ class Windows(AlikeEquations):
         shown = raw_force(
             u,
             backward @ up + np.einsum("nij,nj->ni", centripetal, own[:, layout.lever]),
-            lever_arms.apart(u, centripetal),
+            forces_apart(u, centripetal),
         )
         residual = shown.value + _wandered(shapes, own[:, layout.force]) - force
         blocks = dict(shown.by_blocks)
         if u.is_free("lever_arms"):
-            blocks["lever_arms"] = lever_arms.by_lever_arms(shown.by_true, centripetal)
+            blocks["lever_arms"] = by_lever_arms(shown.by_true, centripetal)
         if u.is_free("lag"):
             blocks["lag"] = by_lag(shown.by_true, rates, backward @ up)[:, :, None]
         by_rate = shown.by_true @ _gravity_by_rate(turned, by_speed, rates, np.swapaxes(C_wb, 1, 2) @ up)
         arms = own[:, None, layout.lever] + u["lever_arms"].reshape(3, 3)
-        by_rate = by_rate + lever_arms.by_rate(shown.by_true, rates, arms)
+        by_rate = by_rate + centripetal_by_rate(shown.by_true, rates, arms)
         gyros = raw_rate(u, rates, backward @ up)
         by_output = -by_rate @ np.linalg.inv(gyros.by_true)
         blocks |= {name: by_output @ block for name, block in gyros.by_blocks.items()}

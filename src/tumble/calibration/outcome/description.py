@@ -17,8 +17,7 @@ from tumble.calibration.equations.imu_unknowns import (
     NAME_PLATE_SHARE,
 )
 from tumble.calibration.estimate import Described, NamedValue, correlation_matrix
-from tumble.calibration.terms import TERMS, Term
-from tumble.calibration.terms.lever_arms import WORTH_NAMING
+from tumble.calibration.terms import TERMS, WORTH_NAMING, Term
 from tumble.calibration.terms.term import KINDS
 from tumble.earth import Site
 from tumble.parameters import ANGLES, FAMILIES, parameter_of, triad_labels

@@ -42,8 +42,7 @@ from tumble.calibration.optional_terms import OF_FORCE, implausible_words, untri
 from tumble.calibration.outcome.budget import recording_influences, state_uncertainty
 from tumble.calibration.outcome.description import describe, rotation_of_frame
 from tumble.calibration.outcome.settled import JointOutcome
-from tumble.calibration.terms import TERMS
-from tumble.calibration.terms.lever_arms import lever_arms_of
+from tumble.calibration.terms import TERMS, lever_arms_of
 from tumble.earth import EARTH_RATE
 from tumble.errors import ObservabilityError
 from tumble.estimation import Balanced, Equations, Influences, Noise, Settled, Unknowns, solve, wider

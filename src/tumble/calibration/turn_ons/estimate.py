@@ -27,7 +27,7 @@ from tumble.calibration.outcome.budget import outcome_influences, recording_infl
 from tumble.calibration.outcome.description import describe, named_function
 from tumble.calibration.outcome.estimate import joint_estimate
 from tumble.calibration.outcome.settled import JointOutcome
-from tumble.calibration.terms.lever_arms import lever_arms_of
+from tumble.calibration.terms import lever_arms_of
 from tumble.calibration.turn_ons.adjustment import (
     SeveralOutcome,
     TurnOn,
