@@ -114,17 +114,14 @@ from .objections import (
     say_of_turns as say_of_turns,
 )
 from .optional_terms import unknowns_with as unknowns_with
-from .outcome.budget import (
-    draw_distributions as draw_distributions,
-    recording_influences as recording_influences,
-)
+from .outcome.budget import draw_distributions as draw_distributions
 from .outcome.description import (
     canonical_names as canonical_names,
     describe as describe,
     gravity_slope as gravity_slope,
     named_function as named_function,
 )
-from .outcome.settled import JointOutcome as JointOutcome
+from .outcome.settled import JointOutcome as JointOutcome, recording_influences as recording_influences
 from .poses import (
     SAME_POSE as SAME_POSE,
     describe_direction as describe_direction,

@@ -15,7 +15,7 @@ from tumble.calibration.checks.triad_agreement import LAG_LIMIT, TERM_FALSE_ALAR
 from tumble.calibration.equations.adjustment import JointAdjustment, balance_recording
 from tumble.calibration.equations.imu_unknowns import LAYOUT, name_plate, term_unknowns, terms_prior
 from tumble.calibration.estimate import TermTest, wald_test
-from tumble.calibration.outcome.budget import recording_influences
+from tumble.calibration.outcome.settled import recording_influences
 from tumble.calibration.prior import TOLD, together
 from tumble.calibration.terms import TERMS
 from tumble.counting import about

@@ -5,30 +5,29 @@ A table that did not turn as the protocol says: in one rotation, at one rate, ab
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from functools import cached_property, partial
+from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 
 from tumble.arrays import AnyArray, Series, Vectors
 from tumble.calibration.equations.adjustment import JointAdjustment
-from tumble.calibration.equations.causes import COURSES, RATE_WANDER
+from tumble.calibration.equations.causes import RATE_WANDER
 from tumble.calibration.equations.imu_unknowns import LAYOUT, force_matrix, gyro_matrix
 from tumble.calibration.equations.observed import TableRotation
 from tumble.calibration.equations.rotation_equations import TableRate
+from tumble.calibration.outcome.settled import BiasCourse
 from tumble.calibration.prior import together
 from tumble.estimation import (
     Alternative,
     Equations,
     Found,
-    Influences,
     Linear,
     Suspect,
     covariance_about_the_mean,
     find,
     first_of_neighbours,
 )
-from tumble.records import dataclass
 
 # Chance that what a triad's biases wander by looks like a jump on any axis anywhere, which makes a right result unfit,
 # or like a drift, which is counted.
@@ -62,38 +61,6 @@ def hidden_jumps(up: Vectors) -> list[int]:
     left = earlier - np.sum(np.cumsum(design, axis=0)[:-1] ** 2, axis=1)
     shown = left / (earlier * (1.0 - earlier / holds))
     return np.flatnonzero(shown < HIDDEN).tolist() if holds > design.shape[1] + 1 else []
-
-
-@dataclass(frozen=True)
-class BiasCourse:
-    """A jump or a drift of biases.
-
-    Attributes
-    ----------
-    after : hold after which they jump; None of a drift.
-    constant : s, time constant of an exponential; infinite of a jump.
-    since : s, when they jump, or when the drift begins.
-    until : s, the middle of the last hold.
-    size : (axes,) of the jump, or by how much they are off at the beginning of the drift.
-    """
-
-    after: int | None
-    constant: float
-    since: float
-    until: float
-    size: Series
-
-    def departure(self, time: Series) -> AnyArray:
-        """Return (times, axes) by what the biases differ from those of the last hold.
-
-        Parameters
-        ----------
-        time : s.
-        """
-        if self.after is not None:
-            return -self.size * (time < self.since)[:, None]
-        decayed = np.exp(-(np.append(time, self.until) - self.since) / self.constant)
-        return self.size * (decayed[:-1] - decayed[-1])[:, None]
 
 
 class TriadBiases:
@@ -230,22 +197,6 @@ def find_courses(task: JointAdjustment, sources: Sequence[str]) -> list[tuple[Tr
             trials[1].taking_part[kind][:] = True
         found += [(triad, one) for one in find(trials, [triad.jumps, triad.drifts])]
     return sorted(found, key=lambda one: one[1].rarity)
-
-
-def with_courses(influences: Influences, courses: Mapping[str, Sequence[BiasCourse]]) -> Influences:
-    """Return influences that count what courses of biases do to each unknown.
-
-    Parameters
-    ----------
-    influences, courses : of one solution; see `outcome.settled.JointOutcome`.
-    """
-
-    def departure(own: Sequence[BiasCourse], time: Series) -> AnyArray:
-        return sum((course.departure(time) for course in own), np.zeros((len(time), 3)))
-
-    for source, own in courses.items():
-        influences = influences.with_course(source, COURSES[source], partial(departure, own))
-    return influences
 
 
 # Chance that right rates look wrong in any of these ways.

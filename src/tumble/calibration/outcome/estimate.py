@@ -9,7 +9,7 @@ import numpy as np
 
 from tumble.arrays import Matrix, Series, Square
 from tumble.calibration.checks.scores import angle_off, hold_norm_errors, hold_norm_variances, score_turns
-from tumble.calibration.checks.suspicions import find_courses, with_courses
+from tumble.calibration.checks.suspicions import find_courses
 from tumble.calibration.equations.causes import FORCE_WANDER, RATE_WANDER
 from tumble.calibration.equations.imu_unknowns import LAYOUT
 from tumble.calibration.equations.observed import Observed
@@ -39,9 +39,9 @@ from tumble.calibration.estimate import (
 from tumble.calibration.evidence import Holds, RestlessHold, Spins, Turns
 from tumble.calibration.objections import say_contradictions
 from tumble.calibration.optional_terms import OF_FORCE, implausible_words, untried_words
-from tumble.calibration.outcome.budget import recording_influences, state_uncertainty
+from tumble.calibration.outcome.budget import state_uncertainty
 from tumble.calibration.outcome.description import describe, rotation_of_frame
-from tumble.calibration.outcome.settled import JointOutcome
+from tumble.calibration.outcome.settled import JointOutcome, recording_influences, with_courses
 from tumble.calibration.terms import TERMS, lever_arms_of
 from tumble.earth import EARTH_RATE
 from tumble.errors import ObservabilityError

@@ -30,8 +30,7 @@ from tumble.calibration.equations.pose_equations import mounting_prior
 from tumble.calibration.equations.state import NODE
 from tumble.calibration.estimate import TermTest
 from tumble.calibration.optional_terms import ON_TABLES, TERM_LIMIT, offered_terms, term_test, unknowns_with
-from tumble.calibration.outcome.budget import recording_influences
-from tumble.calibration.outcome.settled import JointOutcome
+from tumble.calibration.outcome.settled import JointOutcome, recording_influences
 from tumble.calibration.prior import TOLD, angle_prior, find_untold, name_plate_prior, together as both_priors
 from tumble.calibration.terms import TERMS
 from tumble.errors import ConvergenceError, ObservabilityError, TumbleError, UsageError

@@ -23,10 +23,9 @@ from tumble.calibration.evidence import (
     bias_scatter,
 )
 from tumble.calibration.optional_terms import untried_words
-from tumble.calibration.outcome.budget import outcome_influences, recording_influences
 from tumble.calibration.outcome.description import describe, named_function
 from tumble.calibration.outcome.estimate import joint_estimate
-from tumble.calibration.outcome.settled import JointOutcome
+from tumble.calibration.outcome.settled import JointOutcome, outcome_influences, recording_influences
 from tumble.calibration.terms import lever_arms_of
 from tumble.calibration.turn_ons.adjustment import (
     SeveralOutcome,
