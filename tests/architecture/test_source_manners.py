@@ -122,6 +122,12 @@ def test_no_module_is_a_drawer_for_anything():
     assert not [label(path) for path in MODULES if drawers & set(path.with_suffix("").parts[-3:])]
 
 
+def test_the_second_simulator_shares_no_code_with_tumble(root):
+    asking = re.compile(r"^(import|from) tumble", re.MULTILINE)
+    asked = {p.name for p in (root / "tests/second_simulator").glob("*.py") if asking.search(p.read_text())}
+    assert {name for name in asked if not name.startswith("test_")} == {"calibrating.py"}
+
+
 # What follows shows that the checks above can fail.
 
 

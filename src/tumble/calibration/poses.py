@@ -231,7 +231,7 @@ NAMES = (
 GROUPS = ("the biases", "the scale factors", "the non-orthogonalities")
 
 
-def find_untold(directions: Vectors, unknowns: int = 9) -> list[Series]:
+def undetermined_combinations(directions: Vectors, unknowns: int = 9) -> list[Series]:
     """Return the combinations that the norms in these poses do not tell, each with as few unknowns as can be.
 
     Parameters
@@ -294,7 +294,7 @@ def describe_untold(directions: Vectors, unknowns: int = 9) -> str:
     >>> describe_untold(np.vstack([faces, [[0.6, 0.8, 0.0], [0.0, 0.6, 0.8], [0.0, 0.6, -0.8]]]))
     'do not determine the non-orthogonality of x to z'
     """
-    untold = find_untold(directions, unknowns)
+    untold = undetermined_combinations(directions, unknowns)
     if not untold:
         return ""
     alone = [weights for weights in untold if np.count_nonzero(_leading(weights)) == 1]
@@ -326,11 +326,11 @@ def describe_mending(directions: Vectors, unknowns: int = 9) -> str:
     if unknowns < 9:
         information[unknowns:] = information[:, unknowns:] = 0.0
         information[unknowns:, unknowns:] = np.eye(9 - unknowns) * max(float(np.trace(information)), 1.0)
-    missing = len(find_untold(directions, unknowns))
+    missing = len(undetermined_combinations(directions, unknowns))
     named: list[Vector] = []
     for count in range(missing, MOST_NAMED) if missing else ():
         named = most_telling_poses(information, count, directions)
-        if not find_untold(np.vstack([directions, *named]), unknowns):
+        if not undetermined_combinations(np.vstack([directions, *named]), unknowns):
             break
     return "; ".join(describe_direction(up) for up in named)
 

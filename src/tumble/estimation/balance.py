@@ -32,6 +32,7 @@ FALSE_ALARM = 0.01
 CHANCE = 0.025
 # 3 % of a variance is far below what any number of observations can tell.
 SETTLED = 0.03
+# Every pass leaves out or widens something; what has not come to rest after so many goes back and forth.
 PASSES, ROUNDS = 10, 8
 # Sigmas that a step may have while variances are yet to be balanced: these move everything by more, and what the next
 # step would be is a hundredth of it.

@@ -112,6 +112,7 @@ def _is_tested(equations: Equations) -> bool:
     return type(equations).views is not Equations.views
 
 
+# Simulated tests take two to twelve steps; one whose steps are taken back goes on by shares of them.
 ITERATIONS = 100
 DIVERGED = "The adjustment diverged: its unknowns left all bounds."
 # A thousandth of a sigma: the step itself is still taken, and the next would be a millionth.

@@ -13,10 +13,10 @@ from tumble.calibration.poses import (
     describe_untold,
     distinct_poses,
     find_two_planes,
-    find_untold,
     missing_poses,
     norm_rows,
     twenty_six_directions,
+    undetermined_combinations,
 )
 
 FORCE = np.array([0.1, -0.2, 0.3, 1.02, 0.98, 1.05, 0.01, -0.02, 0.03, 0.0, 0.0, 0.0])
@@ -180,11 +180,11 @@ def test_nine_edges_are_singular_exactly_if_the_three_left_out_have_a_product_of
     hexagons = [corner for corner in CORNERS if np.sum(np.abs(nine @ corner) < 1e-9) == 6]
     if np.prod(np.where(np.abs(chosen) > 0.1, np.sign(chosen), 1.0)) == 1:
         assert (rank, len(hexagons)) == (8, 2)  # a corner and its opposite: one plane
-        (untold,) = find_untold(nine)
+        (untold,) = undetermined_combinations(nine)
         # The quadric through all nine: it vanishes there, and not at a corner.
         np.testing.assert_allclose(norm_rows(nine) @ untold, 0.0, atol=1e-12)
         assert np.max(np.abs(norm_rows(UP) @ untold)) > 0.1
         assert [len(plane) for plane in find_two_planes(nine) or ()] == [6, 3]
     else:
         assert (rank, len(hexagons)) == (9, 0)
-        assert not find_untold(nine)
+        assert not undetermined_combinations(nine)

@@ -43,7 +43,7 @@ PAIRS = ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))
 """Of the lever arms that are unknown: whose, and along which axis."""
 # Accelerometers of a unit sit so far apart, one sigma.
 APART = 0.03  # m
-# What is less certain than this share of what a unit may have is no result.
+# What is less certain than this share of what a unit may have, itself counted, is no result: 0.5 / √1.25 of `prior`.
 WORTH_NAMING = 0.45
 # Two lever arms whose sum or difference is so much better known than they are by themselves are named by these.
 TOGETHER = 0.5
