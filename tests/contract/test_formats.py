@@ -20,14 +20,7 @@ import pytest
 
 from contract.test_flight_logs import FMT, described, write_ulog
 from tumble.errors import OutputError, RecordingError
-from tumble.recording import (
-    FORMATS,
-    find_format,
-    header_names,
-    read_blocks,
-    read_recording,
-    read_table,
-)
+from tumble.recording import FORMATS, find_format, header_names, read_blocks, read_recording, read_table
 
 NAMES = ("t", "ax", "ay", "az", "gx", "gy", "gz")
 

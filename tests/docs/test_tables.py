@@ -17,14 +17,7 @@ import pytest
 from tests.cli.program import Bench
 
 from tumble.calibration import norm_rows
-from tumble.protocol import (
-    PROTOCOLS,
-    HoldStep,
-    SpinStep,
-    named_protocol,
-    protocol_schema,
-    read_protocol,
-)
+from tumble.protocol import PROTOCOLS, HoldStep, SpinStep, named_protocol, protocol_schema, read_protocol
 from tumble.reproduction import run_item
 from tumble.simulation import GRADES, play_protocol
 from tumble.units import STANDARD_GRAVITY
@@ -171,12 +164,11 @@ def test_the_published_schema_of_protocols_is_the_reader_s() -> None:
 # --- what planning prints, which poses are the worst
 
 
-def test_the_example_of_planning_is_what_the_command_prints(tmp_path, monkeypatch) -> None:
+def test_the_example_of_planning_is_what_the_command_prints(tmp_path) -> None:
     example = r"```console\n\$ tumble (plan multi-position [^\n]*--time[^\n]*)\n(.*?)```"
     shown = re.search(example, page("plan"), re.S)
-    monkeypatch.setenv("COLUMNS", "100")
-    monkeypatch.setenv("NO_COLOR", "1")
-    lines = {" ".join(line.split()) for line in Bench(tmp_path)(shown[1]).out.splitlines()}
+    printed = Bench(tmp_path).apart(shown[1], COLUMNS="100", NO_COLOR="1").stdout.decode()
+    lines = {" ".join(line.split()) for line in printed.splitlines()}
     wanted = [" ".join(line.split()) for line in shown[2].splitlines()]
     assert len(wanted) > 25
     assert not [line for line in wanted if line and line not in lines]

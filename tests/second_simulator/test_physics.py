@@ -8,12 +8,7 @@ import pytest
 from second_simulator import rotations as so3
 from second_simulator.earth import EARTH_RATE, earth_rate, normal_gravity
 from second_simulator.motion import Path, trapezoid_angle
-from second_simulator.procedures import (
-    DEGREE,
-    UP,
-    directions,
-    posed,
-)
+from second_simulator.procedures import DEGREE, UP, directions, posed
 from second_simulator.recording import Place, record
 from second_simulator.sensors import GRADES, Unit, draw_unit, flicker, small_rotation
 from second_simulator.truth import Truth, named, rotation_to, rotation_vector, triangular

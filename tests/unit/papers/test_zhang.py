@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import combinations
-from typing import Any
 
 import numpy as np
 import pytest
@@ -172,7 +171,7 @@ RUNS = 24
 def recorded(steps: tuple[Step, ...] = NINE.steps, **options) -> Session:
     """The nine and six without noise and without errors of the table, if nothing else is said."""
     protocol = replace(NINE, steps=steps)
-    told: dict[str, Any] = {
+    told = {
         "model": MODEL,
         "placement": False,
         "table": TableErrors(angle_sigma=0.0),

@@ -14,27 +14,13 @@ from scipy.spatial.transform import Rotation
 from tests.unit.given import given as known
 
 import tumble
-from tumble.calibration import (
-    Beside,
-    Estimate,
-    Estimator,
-    Session,
-    calibrate,
-    find_procedure,
-)
+from tumble.calibration import Beside, Estimate, Estimator, Session, calibrate, find_procedure
 from tumble.document import read_calibration
 from tumble.earth import Site
 from tumble.errors import ConvergenceError, ObservabilityError, RecordingError, UsageError
 from tumble.noise import NoiseModel
 from tumble.recording import Recording, write_recording
-from tumble.segmentation import (
-    Hold,
-    HoldMeans,
-    NoiseFloor,
-    Timeline,
-    model_means,
-    observe_holds,
-)
+from tumble.segmentation import Hold, HoldMeans, NoiseFloor, Timeline, model_means, observe_holds
 from tumble.simulation import Motion, find_grade, poses_26, simulate_recording
 from tumble.workflows.calibrate import RECORDING
 from tumble.workflows.noise import NoiseOfHolds, read_noise_models

@@ -18,11 +18,7 @@ from tests.unit.recording.test_magnetometer import plain, slow_field
 
 import tumble
 from tumble.calibration import NAMES, named_parameters
-from tumble.document import (
-    Calibration,
-    compare_calibrations,
-    read_calibration,
-)
+from tumble.document import Calibration, compare_calibrations, read_calibration
 from tumble.errors import TumbleError, UsageError
 from tumble.limits import decide, read_limits
 from tumble.recording import MagneticField, Recording, write_recording

@@ -16,14 +16,7 @@ from tests.unit.given import given as known
 
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import UsageError
-from tumble.protocol import (
-    PROTOCOLS,
-    SEQUENCES,
-    SpinStep,
-    read_protocol,
-    sequence_steps,
-    write_protocol,
-)
+from tumble.protocol import PROTOCOLS, SEQUENCES, SpinStep, read_protocol, sequence_steps, write_protocol
 from tumble.recording import read_recording
 from tumble.simulation import FixtureErrors, SessionErrors, TableErrors, read_errors
 from tumble.workflows.calibrate import calibrate
