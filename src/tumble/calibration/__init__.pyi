@@ -19,6 +19,7 @@ from .equations.adjustment import (
     still_sway as still_sway,
 )
 from .equations.gathering import gather as gather
+from .equations.holds_and_turns import HoldsAndTurns as HoldsAndTurns, window_directions as window_directions
 from .equations.imu_unknowns import (
     LAYOUT as LAYOUT,
     PLAIN as PLAIN,
@@ -46,7 +47,6 @@ from .equations.triad_unknowns import (
     triad_from_unknowns as triad_from_unknowns,
     unknowns_from_triad as unknowns_from_triad,
 )
-from .equations.turn import HoldsAndTurns as HoldsAndTurns, window_directions as window_directions
 from .equations.turn_equations import Link as Link, Turn as Turn
 from .estimate import (
     Beside as Beside,

@@ -23,6 +23,7 @@ from tumble.calibration.checks.triad_agreement import add_time_lag
 from tumble.calibration.checks.unseen import add_common_scale, rest_rate
 from tumble.calibration.equations.adjustment import JointAdjustment, balance_recording, solve_recording
 from tumble.calibration.equations.gathering import gather
+from tumble.calibration.equations.holds_and_turns import HoldsAndTurns
 from tumble.calibration.equations.imu_unknowns import (
     FORCE_ALONE,
     LAYOUT,
@@ -34,7 +35,6 @@ from tumble.calibration.equations.imu_unknowns import (
 )
 from tumble.calibration.equations.observed import TableRotation, observe, table_rotation, with_rounding
 from tumble.calibration.equations.pose_equations import mounting_prior
-from tumble.calibration.equations.turn import HoldsAndTurns
 from tumble.calibration.estimate import Estimate, TermTest
 from tumble.calibration.objections import say_missing, say_of_prior, say_of_sheets
 from tumble.calibration.optional_terms import USUAL_STEPS, TermSearch, seen_table_terms, unknowns_with

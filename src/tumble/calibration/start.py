@@ -12,6 +12,7 @@ from tumble.arrays import Matrices, Matrix, Square, Vectors, inverted
 from tumble.attitude import matrix_from_rotation_vector
 from tumble.calibration.checks.triad_agreement import refuse_contradicting_axes
 from tumble.calibration.equations.adjustment import JointAdjustment
+from tumble.calibration.equations.holds_and_turns import HoldsAndTurns
 from tumble.calibration.equations.imu_unknowns import gyro_matrix, imu_unknowns
 from tumble.calibration.equations.observed import BelievedPoses, Observed
 from tumble.calibration.equations.pose_equations import align_with_poses
@@ -23,7 +24,6 @@ from tumble.calibration.equations.triad_unknowns import (
     rough_triad,
     triad_from_unknowns,
 )
-from tumble.calibration.equations.turn import HoldsAndTurns
 from tumble.calibration.equations.turn_equations import integrate_links
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ObservabilityError

@@ -12,9 +12,9 @@ from scipy.spatial.transform import Rotation
 
 from tumble.calibration.equations.adjustment import JointAdjustment
 from tumble.calibration.equations.gathering import gather
+from tumble.calibration.equations.holds_and_turns import HoldsAndTurns
 from tumble.calibration.equations.imu_unknowns import PLAIN, imu_unknowns, unknowns_of
 from tumble.calibration.equations.observed import observe
-from tumble.calibration.equations.turn import HoldsAndTurns
 from tumble.calibration.start import start_adjustment
 from tumble.earth import Site
 from tumble.recording import Recording

@@ -14,8 +14,8 @@ from tests.unit.adjusted import adjusted
 from tumble.calibration import Estimate
 from tumble.calibration.equations.adjustment import balance_recording
 from tumble.calibration.equations.gathering import gather
+from tumble.calibration.equations.holds_and_turns import HoldsAndTurns
 from tumble.calibration.equations.imu_unknowns import imu_unknowns, unknowns_of
-from tumble.calibration.equations.turn import HoldsAndTurns
 from tumble.calibration.evidence import RestlessHold
 from tumble.calibration.outcome.estimate import restless_remarks
 from tumble.calibration.poses import LEAST_SIGMA, believed_poses

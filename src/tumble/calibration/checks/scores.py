@@ -8,7 +8,7 @@ import numpy as np
 
 from tumble.arrays import Matrices, Matrix, Series, Vectors, inverted, range_means
 from tumble.attitude import Inverse, angle_between, integrate_turns
-from tumble.calibration.equations.turn import HoldsAndTurns, window_directions
+from tumble.calibration.equations.holds_and_turns import HoldsAndTurns, window_directions
 from tumble.records import dataclass
 from tumble.sensor import ImuModel, Triad
 

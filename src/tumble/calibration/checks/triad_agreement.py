@@ -21,7 +21,7 @@ from dataclasses import replace
 import numpy as np
 
 from tumble.arrays import Matrix, Series, Vectors
-from tumble.calibration.equations.turn import HoldsAndTurns
+from tumble.calibration.equations.holds_and_turns import HoldsAndTurns
 from tumble.calibration.estimate import Estimate, NamedValue, TermTest, coverage_factor
 from tumble.calibration.evidence import Budget
 from tumble.errors import RecordingError

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from tumble.arrays import Matrices, Vector, Vectors, inverted
+from tumble.calibration.equations.holds_and_turns import HoldsAndTurns
 from tumble.calibration.equations.imu_unknowns import force_matrix
-from tumble.calibration.equations.turn import HoldsAndTurns
 from tumble.errors import ObservabilityError
 from tumble.estimation import Unknowns
 from tumble.recording import Recording, stamp_jitter

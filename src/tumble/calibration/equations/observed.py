@@ -20,8 +20,8 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Matrices, Series, Square, Vector, Vectors, inverted, range_means
 from tumble.attitude import skews
+from tumble.calibration.equations.holds_and_turns import HoldsAndTurns, window_directions
 from tumble.calibration.equations.imu_unknowns import force_matrix, gyro_matrix
-from tumble.calibration.equations.turn import HoldsAndTurns, window_directions
 from tumble.estimation import Unknowns, covariance_about_the_mean, wander_basis
 from tumble.recording import stamp_jitter
 from tumble.records import dataclass

@@ -23,9 +23,9 @@ from tumble.arrays import AnyArray, Matrices, Matrix, Series, Table, Vectors, in
 from tumble.attitude import skews
 from tumble.calibration.equations.adjustment import JointAdjustment, RecordingStretch, SectionStretch
 from tumble.calibration.equations.hold_equations import HoldEquations
+from tumble.calibration.equations.holds_and_turns import HoldsAndTurns
 from tumble.calibration.equations.imu_unknowns import LAYOUT
 from tumble.calibration.equations.state import HEAD, MIDDLE, NODE, TAIL, RecordingState, Section
-from tumble.calibration.equations.turn import HoldsAndTurns
 from tumble.errors import ObservabilityError
 from tumble.estimation import (
     Alternative,

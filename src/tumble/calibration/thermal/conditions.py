@@ -22,7 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tumble.arrays import AnyArray, Series, Table, Vectors
-from tumble.calibration.equations.turn import tangent_bases
+from tumble.calibration.equations.holds_and_turns import tangent_bases
 from tumble.calibration.thermal.points import ThermalPoints
 from tumble.estimation import Block, Conditions, Layout, Linearisation, Prior
 from tumble.records import dataclass

@@ -20,8 +20,8 @@ import numpy as np
 from tumble.arrays import AnyArray, Matrices, Series, Square, Table, Vectors, range_means
 from tumble.attitude import IntegratedTurns, Inverse, integrate_turns, skews
 from tumble.calibration.equations.gathering import gather
+from tumble.calibration.equations.holds_and_turns import HoldsAndTurns, tangent_bases, window_directions
 from tumble.calibration.equations.imu_unknowns import LAYOUT
-from tumble.calibration.equations.turn import HoldsAndTurns, tangent_bases, window_directions
 from tumble.calibration.estimate import TermTest, wald_test
 from tumble.calibration.evidence import BiasCurve, Candidate
 from tumble.calibration.outcome.description import model_of
