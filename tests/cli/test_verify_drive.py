@@ -181,8 +181,6 @@ def test_outliers_among_the_positions_are_left_out_and_counted(drive: Drive) -> 
 def test_options_that_cannot_be_are_refused(drive: Drive) -> None:
     for options, words in (
         ("--lever-arm 1,2", "--lever-arm takes 3 numbers"),
-        ("--turn-on-bias 1", "--turn-on-bias takes 2 numbers"),
-        ("--turn-on-bias 1,-2", "not negative"),
         ("--data-sheet gold", "gold"),
         ("--gravity 9.8", "--gravity says nothing"),
         ("--limits limits.yaml", "--limits says nothing"),

@@ -36,7 +36,7 @@ def script(path: Path, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
 SCHEMA = json.loads((DOCS / "schema" / "calibration.schema.json").read_text(encoding="utf-8"))
 
 
-@pytest.mark.parametrize("name", ["calibration", "noise", "filter"])
+@pytest.mark.parametrize("name", ["calibration", "protocol", "noise", "filter"])
 def test_the_published_schema_is_the_code_s(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     published = (DOCS / "schema" / f"{name}.schema.json").read_text(encoding="utf-8")
     made = script(DOCS / "schema" / "write_schema.py", monkeypatch).schema_text(name)

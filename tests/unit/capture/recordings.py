@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from tumble.capture.run import CaptureOrder, CaptureRun, run_capture
 from tumble.capture.source import Channels, Piece, Source, SourceOptions, known_sources
@@ -16,40 +17,25 @@ from tumble.recording import Recording, Samples
 GRAVITY = 9.80665
 
 
-def rotation(vector: np.ndarray) -> np.ndarray:
-    """Rodrigues' formula."""
-    angle = float(np.linalg.norm(vector))
-    if angle == 0.0:
-        return np.eye(3)
-    x, y, z = vector / angle
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
-
-
-def by_hand(
-    holds: int, *, seed: int, rate: float = 100.0, rest: float = 3.0, creeping: int | None = None
-) -> Recording:
-    """Rest, turn, rest: a consumer unit with biases; hold number `creeping` turns at 1.5°/s all the while."""
+def by_hand(holds: int, *, seed: int, rate: float = 100.0, creeping: int | None = None) -> Recording:
+    """Rest for 3 s, turn, rest: a consumer unit with biases; hold number `creeping` turns at 1.5°/s all the while."""
     rng = np.random.default_rng(seed)
+    still, turning = round(3.0 * rate), round(1.5 * rate)
+    share = np.sin(np.pi * (np.arange(turning) + 0.5) / turning) ** 2
     rates: list[np.ndarray] = []
     for number in range(holds):
-        count = round(rest * rate)
-        still = np.zeros((count, 3))
-        if number == creeping:
-            still += np.radians(1.5) * np.array([0.36, -0.48, 0.8])
-        rates.append(still)
+        creep = np.radians(1.5) * np.array([0.36, -0.48, 0.8])
+        rates.append(np.tile(creep if number == creeping else np.zeros(3), (still, 1)))
         if number < holds - 1:
-            count = round(1.5 * rate)
-            share = np.sin(np.pi * (np.arange(count) + 0.5) / count) ** 2
             axis = rng.standard_normal(3)
-            axis /= np.linalg.norm(axis)
-            rates.append(np.outer(share, axis) * rng.uniform(1.4, 2.4) / (share.sum() / rate))
+            axis *= rng.uniform(1.4, 2.4) / np.linalg.norm(axis)
+            rates.append(np.outer(share, axis) * rate / share.sum())
     true_rate = np.concatenate(rates)
-    attitude = rotation(np.array([0.3, -0.4, 0.2]))
-    up = np.empty_like(true_rate)
-    for k, omega in enumerate(true_rate):
-        up[k] = attitude.T @ [0.0, 0.0, 1.0]
-        attitude = attitude @ rotation(omega / rate)
+    steps = Rotation.from_rotvec(true_rate / rate).as_matrix()
+    attitude, up = Rotation.from_rotvec([0.3, -0.4, 0.2]).as_matrix(), np.empty_like(true_rate)
+    for k, step in enumerate(steps):
+        up[k] = attitude[2]
+        attitude = attitude @ step
     force = GRAVITY * up * [1.01, 0.99, 1.005] + [0.2, -0.1, 0.3] + 0.02 * rng.standard_normal(up.shape)
     gyro = true_rate * [0.99, 1.02, 1.0] + [0.01, -0.02, 0.005] + 0.002 * rng.standard_normal(up.shape)
     return Recording(np.arange(len(up)) / rate, force, gyro, "m/s^2", "rad/s", rate)
@@ -70,13 +56,6 @@ def pieces_of(recording: Recording, seconds: float) -> Iterator[Samples]:
     for start in range(0, len(recording), step):
         part = recording.between(start, min(start + step, len(recording)))
         yield Samples(part.time, part.specific_force, part.angular_rate)
-
-
-def triads(recording: Recording) -> tuple[np.ndarray, np.ndarray]:
-    """Specific force and angular rate, which are there."""
-    assert recording.specific_force is not None
-    assert recording.angular_rate is not None
-    return recording.specific_force, recording.angular_rate
 
 
 def captured(pieces: Iterable[Piece], folder: Path, **order: Any) -> CaptureRun:

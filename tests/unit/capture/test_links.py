@@ -18,7 +18,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
-from tests.unit.capture.recordings import by_hand, replay_of, triads
+from tests.unit.capture.recordings import by_hand, replay_of
+from tests.unit.given import signals
 
 from tumble.capture.apart import SensorLines
 from tumble.capture.link import Decoder, TextLines
@@ -28,7 +29,7 @@ from tumble.errors import RecordingError, UsageError
 from tumble.recording import Samples, joined, read_recording
 
 RECORDING = by_hand(1, seed=21)
-FORCE, RATE = triads(RECORDING)
+FORCE, RATE = signals(RECORDING)
 ROWS = np.column_stack([RECORDING.time, FORCE, RATE])[:300]
 
 
@@ -313,4 +314,4 @@ def test_a_replay_has_the_magnetometer_of_its_file_slower_than_the_rows(tmp_path
     assert after.magnetic_field.unit == "gauss"
     np.testing.assert_array_equal(after.magnetic_field.time, before.magnetic_field.time)
     np.testing.assert_array_equal(after.magnetic_field.values, field[1::4])
-    np.testing.assert_array_equal(triads(after)[0], triads(before)[0])
+    np.testing.assert_array_equal(signals(after)[0], signals(before)[0])

@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.unit.capture.recordings import by_hand, channels_of, events_of, live, pieces_of, triads
+from tests.unit.capture.recordings import by_hand, channels_of, events_of, live, pieces_of
+from tests.unit.given import signals
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
@@ -102,7 +103,7 @@ def test_traces_are_the_least_and_greatest_sample_of_each_thirtieth(served: tupl
     columns = [struct.unpack_from("<d12f", frame, at) for at in range(0, len(frame), 56)]
     for time_of, *values in columns[3:10]:
         inside = np.floor(recording.time * 30.0) == round(time_of * 30.0)
-        part = triads(recording)[0][inside]
+        part = signals(recording)[0][inside]
         assert values[0:6:2] == pytest.approx(part.min(axis=0), abs=1e-5)
         assert values[1:6:2] == pytest.approx(part.max(axis=0), abs=1e-5)
 

@@ -24,8 +24,8 @@ from tests.unit.capture.recordings import (
     live,
     pieces_of,
     replay_of,
-    triads,
 )
+from tests.unit.given import signals
 
 from tumble.capture.coach import Progress
 from tumble.capture.guide import Guide, read_targets
@@ -62,7 +62,7 @@ def test_a_replay_leaves_all_four_files_and_the_same_samples(recorded: Path, tmp
     assert {file.name for file in folder.iterdir()} == names
     before, after = read_recording(recorded), read_recording(folder / "recording.csv")
     assert np.array_equal(before.time, after.time)
-    assert np.array_equal(triads(before), triads(after))
+    assert np.array_equal(signals(before), signals(after))
     assert kinds(folder).count("hold_accepted") == 14
     assert kinds(folder)[-1] == "calibrated"
     assert run.calibration is not None
@@ -218,7 +218,7 @@ def test_numbers_that_are_none_are_left_out_and_what_tells_too_little_is_kept_an
     tmp_path: Path,
 ) -> None:
     recording = by_hand(2, seed=14)
-    force, _ = triads(recording)
+    force, _ = signals(recording)
     force[500:503, 1] = np.nan
     force[700, 2] = np.inf
     run = captured(live(recording), tmp_path)
@@ -242,11 +242,11 @@ def test_a_unit_whose_numbers_never_change_does_not_end_the_capture(tmp_path: Pa
 
 WRONG: dict[str, Callable[[Recording], Recording]] = {
     "No gyro": lambda one: replace(one, angular_rate=None),
-    "exactly zero": lambda one: replace(one, angular_rate=0.0 * triads(one)[1]),
+    "exactly zero": lambda one: replace(one, angular_rate=0.0 * signals(one)[1]),
     "takes gravity out": lambda one: replace(
-        one, specific_force=0.01 * (triads(one)[0] - triads(one)[0].mean(axis=0))
+        one, specific_force=0.01 * (signals(one)[0] - signals(one)[0].mean(axis=0))
     ),
-    "cannot be in": lambda one: replace(one, specific_force=10.0 * triads(one)[0]),
+    "cannot be in": lambda one: replace(one, specific_force=10.0 * signals(one)[0]),
     "Hz": lambda one: replace(one, rate=250.0),
 }
 
