@@ -1,7 +1,5 @@
 """The house grows no more: no figure is above its ceiling, and a ceiling falls with its figure."""
 
-from __future__ import annotations
-
 import importlib.util
 import sys
 

@@ -1,7 +1,5 @@
 """Nobody imports below a room's front, and a front names what others use and nothing else."""
 
-from __future__ import annotations
-
 import ast
 import re
 from functools import cache

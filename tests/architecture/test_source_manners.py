@@ -1,7 +1,5 @@
 """What the plan of the house asks of every module, read from the source itself."""
 
-from __future__ import annotations
-
 import ast
 import re
 from functools import cache

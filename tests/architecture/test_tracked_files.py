@@ -1,7 +1,5 @@
 """Nothing that is committed knows the machine that it was written on, or where packages come from."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 

@@ -1,7 +1,5 @@
 """`make wheels` builds every wheel that the build knows."""
 
-from __future__ import annotations
-
 import ast
 import re
 import tomllib

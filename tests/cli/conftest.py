@@ -1,7 +1,5 @@
 """A user's folder with a good recording in it, `tumbled.csv`, and its calibration, `calibrated`."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

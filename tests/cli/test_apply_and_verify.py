@@ -1,7 +1,5 @@
 """`tumble apply`, `verify`, `predict` and `mount`: what a calibration is good for afterwards."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

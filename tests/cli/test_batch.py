@@ -1,7 +1,5 @@
 """`tumble batch` on the command line: folder, manifest, bad units, resuming, killed and run again."""
 
-from __future__ import annotations
-
 import csv
 import os
 import signal

@@ -1,7 +1,5 @@
 """`tumble calibrate`: one recording, several, what is known before, limits, and verdicts that are against it."""
 
-from __future__ import annotations
-
 import json
 from typing import Any
 

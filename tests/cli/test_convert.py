@@ -1,7 +1,5 @@
 """`tumble convert` and `diff` as a user meets them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

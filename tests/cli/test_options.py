@@ -1,7 +1,5 @@
 """Options: each means one thing in all commands, the help teaches in 80 columns, and starts without what work needs."""
 
-from __future__ import annotations
-
 import inspect
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """`tumble plan` of any protocol and of a test of poses, as a user meets it."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

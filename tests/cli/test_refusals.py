@@ -1,7 +1,5 @@
 """What no command can work with: exit status 2 (3 for the disk), one sentence that names it, no file touched."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable
 from pathlib import Path

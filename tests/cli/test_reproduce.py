@@ -1,7 +1,5 @@
 """`tumble reproduce` as a user meets it."""
 
-from __future__ import annotations
-
 import re
 import signal
 import time

@@ -1,7 +1,5 @@
 """`tumble simulate` as a user meets it, and what follows: a calibration, noise, a fixture's file for each sequence."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from pathlib import Path

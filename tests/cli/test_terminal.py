@@ -1,7 +1,5 @@
 """Where the program runs and when it is stopped: encodings, closed streams, no home, odd names, Ctrl-C."""
 
-from __future__ import annotations
-
 import io
 import os
 import re

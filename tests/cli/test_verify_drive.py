@@ -1,7 +1,5 @@
 """`tumble verify --gnss` as a user meets it, with good files and bad ones."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import cache
 

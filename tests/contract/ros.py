@@ -1,7 +1,5 @@
 """Bags of ROS 1 and ROS 2 as other recorders write them: by rosbags, of the messages that a test gives."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Logs of autopilots: instances, increments and raw sensors by their own intervals; what is not there is said."""
 
-from __future__ import annotations
-
 import struct
 import sys
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Folders, archives, compressed files and patterns: what is read of them, and what of a phone's sensors."""
 
-from __future__ import annotations
-
 import sys
 import zipfile
 from pathlib import Path

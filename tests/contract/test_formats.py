@@ -1,7 +1,5 @@
 """What every file format has to do: recognise its own, read the numbers exactly, refuse the damaged."""
 
-from __future__ import annotations
-
 import contextlib
 import gzip
 import hashlib

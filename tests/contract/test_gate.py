@@ -1,7 +1,5 @@
 """The one gate: every file that a user names is an ordinary one of a bounded size, or is refused in one sentence."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Many calibrations in one process: each as if it were alone, one after another or at the same time."""
 
-from __future__ import annotations
-
 import gc
 import json
 import math

@@ -1,7 +1,5 @@
 """An autopilot's own parameters in its log are undone: one motion logged with and without them is one recording."""
 
-from __future__ import annotations
-
 import re
 import struct
 from collections.abc import Callable

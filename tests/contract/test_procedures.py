@@ -1,7 +1,5 @@
 """What every procedure owes to whoever calls it, run on each."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """What every named protocol owes to those who play, match and evaluate it, run on each."""
 
-from __future__ import annotations
-
 from dataclasses import fields, is_dataclass, replace
 from itertools import pairwise
 from typing import Any

@@ -4,8 +4,6 @@ Its own formula, read from its source's documentation and written here by hand, 
 numbers from the file; what it reads back corrects alike; what is damaged is refused in a sentence.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Callable

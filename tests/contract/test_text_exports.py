@@ -1,7 +1,5 @@
 """Vendors' text exports and increments: their names, units, clocks and checksums; what is no such thing is refused."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

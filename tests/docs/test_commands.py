@@ -1,7 +1,5 @@
 """The commands on the pages are the commands that there are, option by option."""
 
-from __future__ import annotations
-
 import re
 import sys
 from functools import cache

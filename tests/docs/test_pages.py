@@ -1,7 +1,5 @@
 """The documentation is true: links lead somewhere, make targets exist, worked examples run."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What the documentation publishes is what the code gives: schemas, keys, figures; notebooks run."""
 
-from __future__ import annotations
-
 import ast
 import json
 import re

@@ -1,7 +1,5 @@
 """The site's own scripts: every page in one section, the map that of the source, the rules of docs/style.md kept."""
 
-from __future__ import annotations
-
 import re
 import sys
 from pathlib import Path

@@ -5,8 +5,6 @@
 writes those that it makes anew.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from pathlib import Path

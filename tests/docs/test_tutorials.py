@@ -1,7 +1,5 @@
 """Every command of tutorials and first pages runs, in order, and prints what they show; digits may differ."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

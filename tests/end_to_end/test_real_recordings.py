@@ -5,8 +5,6 @@ norm of the mean specific force against gravity, over each turn the angle betwee
 corrected gyro and gravity seen.
 """
 
-from __future__ import annotations
-
 import gzip
 import re
 from pathlib import Path

@@ -4,8 +4,6 @@ Runs that are killed or stopped at random moments, disks that refuse to write, t
 at once.
 """
 
-from __future__ import annotations
-
 import argparse
 
 from tests.faults.kills import cut_short, kills, writers

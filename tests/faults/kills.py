@@ -1,7 +1,5 @@
 """Commands that are killed, stopped, given no more disk or run twice at once, over results that are there already."""
 
-from __future__ import annotations
-
 import json
 import os
 import random

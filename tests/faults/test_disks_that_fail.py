@@ -1,7 +1,5 @@
 """A disk that fails at any write, close or rename: the earlier result is whole, nothing is left, one sentence."""
 
-from __future__ import annotations
-
 import errno
 import os
 from collections.abc import Callable
@@ -55,7 +53,7 @@ class _Failing:
     def __getattr__(self, name: str) -> Any:
         return getattr(self._file, name)
 
-    def __enter__(self) -> _Failing:
+    def __enter__(self):
         return self
 
     def __exit__(self, *_: object) -> None:

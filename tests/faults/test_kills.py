@@ -1,7 +1,5 @@
 """Commands that are killed, stopped, given no more disk or run twice at once: results are whole, nothing is left."""
 
-from __future__ import annotations
-
 import sys
 
 import pytest

@@ -1,7 +1,5 @@
 """Try many cases: ``python -m tests.fuzz --cases 20000 [--from N] [--kind KIND]``."""
 
-from __future__ import annotations
-
 import argparse
 import resource
 import time

@@ -1,7 +1,5 @@
 """Random changes of files: of bytes, of the words and lines of a text, of the entries of a JSON document."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Sound files of every kind that tumble reads, small, the same every time."""
 
-from __future__ import annotations
-
 import bz2
 import gzip
 import io

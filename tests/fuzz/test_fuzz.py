@@ -1,7 +1,5 @@
 """A hundred and fifty changed files, and all that were findings once: each is a result or a sentence."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

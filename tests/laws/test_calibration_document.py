@@ -1,7 +1,5 @@
 """calibration.json: read back as written, checked on reading, and usable by anyone with a few lines of numpy."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Callable

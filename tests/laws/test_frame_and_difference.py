@@ -1,7 +1,5 @@
 """Laws of a change of frame and of differences: what they correct to, and the covariance against a simulation."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Protocol files: what is written is read back to the last bit, whatever a protocol holds."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any

@@ -1,7 +1,5 @@
 """Correct undoes distort, and conventions lead back to where they began."""
 
-from __future__ import annotations
-
 import numpy as np
 from hypothesis import given, strategies as st
 from hypothesis.extra.numpy import arrays

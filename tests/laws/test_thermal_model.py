@@ -1,7 +1,5 @@
 """The thermal model: what is distorted is corrected again; lag, rate and hysteresis are those of physics."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any

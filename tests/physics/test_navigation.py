@@ -1,7 +1,5 @@
 """Strapdown navigation held against physics, and against integrations that share nothing with it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp

@@ -1,7 +1,5 @@
 """What physics promises of a table, with errors and without: it rests where it rests, and its motion is one motion."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

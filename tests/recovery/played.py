@@ -1,7 +1,5 @@
 """What several tests of recovery play: one unit on a table, what is found of it, and how far off it is."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """From a simulated protocol back to which hold and spin is which of its steps, whatever a table does wrong."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from dataclasses import replace

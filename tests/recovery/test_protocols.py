@@ -1,7 +1,5 @@
 """Named protocols, simulated without noise and calibrated from their files alone, give back what was simulated."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """From a simulated recording back to what the unit sensed at rest."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -3,8 +3,6 @@
 The table's protocol with shorter holds and one revolution of 60°/s each; Savage's sequences on a fixture that is off.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache

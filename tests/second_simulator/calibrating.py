@@ -1,7 +1,5 @@
 """A recording of the second simulator through the whole of tumble, as a user has it: a table and a protocol file."""
 
-from __future__ import annotations
-
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The Earth at a place: gravity by Somigliana's formula on the ellipsoid of WGS 84, and its rotation."""
 
-from __future__ import annotations
-
 import numpy as np
 
 EARTH_RATE = 7.292115e-5

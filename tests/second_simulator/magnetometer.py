@@ -9,8 +9,6 @@ M holds soft iron, scale, non-orthogonality and the sensor's rotation against th
 the unit is (G: how the field differs from place to place); c(t) is what a current adds that is switched on.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

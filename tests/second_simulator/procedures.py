@@ -4,8 +4,6 @@ Every function takes a grade, a source of chance, and a fault by name, and retur
 no meaning for a test is refused.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable, Sequence
 

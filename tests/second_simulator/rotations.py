@@ -4,8 +4,6 @@ A quaternion is an array ``(..., 4)``, scalar first. ``q`` stands for the matrix
 to the room (``C_nb``), and ``q1 * q2`` for the product of the matrices.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 

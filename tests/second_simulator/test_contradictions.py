@@ -4,8 +4,6 @@ Recordings of the second simulator, so that no formula of the package is in them
 millionth, as a user does who trusts a counter of samples.
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from functools import cache

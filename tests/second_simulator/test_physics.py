@@ -1,7 +1,5 @@
 """The second simulator held against physics: nothing here asks the package, whose judge it is to be."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Each of the nine tests is played once, and the estimators' documented input is what comes out."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

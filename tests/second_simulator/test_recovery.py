@@ -4,8 +4,6 @@ Each case draws units, places and motions anew, and calibrates what a file and a
 recording are correlated, recordings are not: the errors by their own covariance, summed over all, are chi-square.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace

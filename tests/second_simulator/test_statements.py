@@ -1,7 +1,5 @@
 """What is stated is what the second simulator's units do, where little of a recording shows it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

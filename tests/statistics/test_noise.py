@@ -7,8 +7,6 @@ z = 4.5 for each, a false alarm in c times 7e-6.
 Intervals of deviations hold what they say, over hundreds of such signals.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

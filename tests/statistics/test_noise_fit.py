@@ -6,8 +6,6 @@ by z = 3.3 of its own √(p (1 − p) / T): one false alarm in a thousand for ea
 Lines are found where they are, and not where they are not; vibration does not pass for noise.
 """
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Recordings whose holds and turns are given, by the joint adjustment."""
 
-from __future__ import annotations
-
 from tumble.calibration import Options, Session, calibrate, find_procedure
 from tumble.segmentation import observe_holds
 

@@ -1,7 +1,5 @@
 """What a test knows to be there, for whoever checks types."""
 
-from __future__ import annotations
-
 from typing import TypeVar
 
 from tumble.arrays import AnyArray

@@ -1,7 +1,5 @@
 """A calibration that was written by hand, for tests to change in what they are about."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from tumble.document import Calibration, read_part

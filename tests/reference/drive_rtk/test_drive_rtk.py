@@ -1,7 +1,5 @@
 """The cut of a real drive: files as a receiver and a logger wrote them, through the whole of `verify --gnss`."""
 
-from __future__ import annotations
-
 import gzip
 from pathlib import Path
 

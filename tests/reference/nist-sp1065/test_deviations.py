@@ -1,7 +1,5 @@
 """The deviations that NIST SP 1065 prints for its 1000-point test set."""
 
-from __future__ import annotations
-
 import csv
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Rotations against scipy and closed forms, and raw rates integrated to attitude."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 import pytest

@@ -1,7 +1,5 @@
 """Evidence by hand, an example of each kind, with words in it that would break a page."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Jumps and drifts of biases: found where they are, and counted; what jumps unseen is said."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """A data sheet as prior: few poses suffice, what the sheet alone says is said, a contradiction is objected to."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from tests.unit.adjusted import adjusted

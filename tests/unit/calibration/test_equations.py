@@ -1,7 +1,5 @@
 """Every kind of observation keeps one contract: zero at the truth, derivatives of differences, causes that add up."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any

@@ -1,7 +1,5 @@
 """Predicted errors against navigation that is integrated step by step with a wrong model."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

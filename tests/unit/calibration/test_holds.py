@@ -1,7 +1,5 @@
 """Holds: hands that tremble, poses that sway within one, poses that are believed, and holds that are left out."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any

@@ -3,8 +3,6 @@
 One hand-held recording of 26 holds and one short table recording; nothing here is compared with stored output.
 """
 
-from __future__ import annotations
-
 from copy import deepcopy
 from dataclasses import replace
 from functools import cache

@@ -1,7 +1,5 @@
 """Lever arms at work: what accelerometers feel where they sit is taken out, block by block as all at once."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A magnetometer beside the other triads: recovered from a simulator that shares no code, and wrong fields told."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache

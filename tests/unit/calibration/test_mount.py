@@ -1,7 +1,5 @@
 """A unit on its mount: exact and first-order angles from gravity in two attitudes (Savage 2018, section 10)."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Optional terms of accelerometers whose biases wander: what neighbours share looks like a second order."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Poses in words, which are missing, and whether adding exactly those helps."""
 
-from __future__ import annotations
-
 import itertools
 import re
 

@@ -1,7 +1,5 @@
 """Start values, axes, lag and place: from nothing known to something to adjust from."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What is stated: degrees of freedom, detectable errors, scatter of turn-ons, and what is beyond any unit."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

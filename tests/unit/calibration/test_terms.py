@@ -1,7 +1,5 @@
 """Every optional term: its record says what the estimator, the result and the documentation need."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

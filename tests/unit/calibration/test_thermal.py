@@ -1,7 +1,5 @@
 """The thermal procedure on simulated units whose dependence on temperature is known."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What no residual shows stands in covariance, figures and words: the clock, the rate of a table, the latitude."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Recordings by hand whose truth is known, made with numpy alone, their pieces, and captures of them."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable, Iterator
 from pathlib import Path

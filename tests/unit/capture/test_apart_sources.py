@@ -1,7 +1,5 @@
 """Sources whose sensors come apart: each against a small server that was written from the protocol's public text."""
 
-from __future__ import annotations
-
 import json
 import threading
 import time

@@ -1,7 +1,5 @@
 """Guides, with a simulated person: by hand, by the steps of a protocol, at rest; and the holds that are found live."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

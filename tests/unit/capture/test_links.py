@@ -1,7 +1,5 @@
 """Lines that come over a port, a socket, a pipe or a growing file: what is understood, and what garbage does."""
 
-from __future__ import annotations
-
 import os
 import pty
 import re

@@ -1,7 +1,5 @@
 """The page: who is served, what comes over its socket, and what its first viewer may ask."""
 
-from __future__ import annotations
-
 import http.client
 import json
 import struct

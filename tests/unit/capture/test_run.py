@@ -1,7 +1,5 @@
 """A capture from its source to its files and its page: what is written, kept, refused and shown."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import signal

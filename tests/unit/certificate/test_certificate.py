@@ -1,7 +1,5 @@
 """Certificates say what the document says, in every language, twice the same, whole."""
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import io

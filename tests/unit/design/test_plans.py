@@ -1,7 +1,5 @@
 """Plans of poses and of whole protocols: against first principles, brute force and the estimator itself."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """What can stand in a calibration, by closed form, what follows from it, and what a notebook shows of it."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

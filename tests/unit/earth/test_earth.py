@@ -1,7 +1,5 @@
 """Gravity and what is known of a site: WGS 84 as published, another program, geometry, and what is refused."""
 
-from __future__ import annotations
-
 import csv
 import math
 from collections.abc import Callable

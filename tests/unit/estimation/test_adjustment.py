@@ -1,7 +1,5 @@
 """The adjustment of conditions, its outliers and its weak directions, against published and closed-form answers."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 import pytest

@@ -1,7 +1,5 @@
 """Chains of nodes with a border, steps, suspicions and crossings, against dense least squares and closed forms."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any

@@ -1,7 +1,5 @@
 """How a wander is stood for by cosines, and what neighbouring holds and turns have in common of it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

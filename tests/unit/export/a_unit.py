@@ -1,7 +1,5 @@
 """The unit that is exported, its matrices asymmetric, so that a transposed or an inverted one fails; two firmwares."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 

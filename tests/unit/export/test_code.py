@@ -1,7 +1,5 @@
 """The headers compile without a warning and correct as `tumble apply` does."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Files that tumble reads for its targets, Kalibr's and noise.json; targets that hold less than a matrix; topics."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Each tool's own formula for a magnetometer, written here by hand, gives the corrected field: asymmetric matrices."""
 
-from __future__ import annotations
-
 import re
 import struct
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Temperature for autopilots: their own polynomials, evaluated as their sources do, follow the thermal model."""
 
-from __future__ import annotations
-
 import json
 from itertools import product
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Files of unknown origin are read whole or refused in words, soon; a result is a regular file, no input, and whole."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

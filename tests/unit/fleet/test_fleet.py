@@ -1,7 +1,5 @@
 """What only many units tell: outliers, what is shared, drift, due dates, spread and charts, at the stated chances."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.stats import binom

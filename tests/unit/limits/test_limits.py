@@ -1,7 +1,5 @@
 """Acceptance limits: the decision rules against closed forms, the file's sentences, and documents held against it."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Alignment, clocks, axes, outages and missing samples, on simulated drives of which the truth is known."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The filter, free runs and predicted errors: against the mechanisation, closed forms and simulated truth."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

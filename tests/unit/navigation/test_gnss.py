@@ -1,7 +1,5 @@
 """Tracks of satellite positions: every kind of file says the same, and impossible ones are refused in words."""
 
-from __future__ import annotations
-
 from functools import reduce
 from pathlib import Path
 

@@ -3,8 +3,6 @@
 Deviations, whole and as a stream; degrees of freedom; power spectra; autoregressive models.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -4,8 +4,6 @@ What a short recording does not tell apart; where a model's curve misses the mea
 white noise is filtered before it is sampled; one number for three axes.
 """
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from unittest.mock import Mock

@@ -1,7 +1,5 @@
 """What is not rest is found, said, and left out; values written several times over are taken once."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Recordings of the second simulator with white noise alone, and how far an estimate is off its own statement."""
 
-from __future__ import annotations
-
 import tempfile
 from dataclasses import replace
 from pathlib import Path

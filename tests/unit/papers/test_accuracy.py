@@ -1,7 +1,5 @@
 """The test's accuracy beside another implementation's (SOURCE.md), with fewer runs."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The thesis' adjustment of norms, its simulation, and its field campaign, beside another implementation's figures."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

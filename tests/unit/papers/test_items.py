@@ -1,7 +1,5 @@
 """The papers' items: each can be found and runs, shows what is printed beside ours."""
 
-from __future__ import annotations
-
 import tomllib
 from dataclasses import replace
 from importlib import import_module

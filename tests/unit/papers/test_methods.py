@@ -5,8 +5,6 @@ the thesis' table 3.1 on the means of 180 samples. Bounds are chi-square, two-si
 test; the seeds are fixed.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field, replace
 

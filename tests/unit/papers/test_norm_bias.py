@@ -1,7 +1,5 @@
 """How far the noise's square biases each estimator of the norm: theory, and figures of another implementation."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The derivatives of the norm condition, against the thesis' printed ones and the complex step."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

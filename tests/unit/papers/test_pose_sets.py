@@ -4,8 +4,6 @@ Held against an independent computation, against complex-step derivatives of the
 to (38)), and by the paper's items against what it prints.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable
 from typing import Any

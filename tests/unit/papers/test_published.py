@@ -1,7 +1,5 @@
 """The stored numbers are those that the papers print, typed over a second time; and how they are judged."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

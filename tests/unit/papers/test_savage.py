@@ -3,8 +3,6 @@
 The coefficients of (12) and (22) are held by the papers' items, and (13) against motions by the recordings below.
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from itertools import pairwise

@@ -3,8 +3,6 @@
 By statistics of the samples, which scatter as the samples themselves do (`test_turntable_simulation`).
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

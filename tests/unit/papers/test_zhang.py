@@ -1,7 +1,5 @@
 """Zhang's closed forms: what they give by hand, on recordings of a turntable, and on his simulated one."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import combinations
 

@@ -1,7 +1,5 @@
 """What a protocol's file says is what its steps hold: frames, signs and units; it is readable, whole or not at all."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Every mistake in a protocol file is named by file, line and step, and says what to write; its schema sees most."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

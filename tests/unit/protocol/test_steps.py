@@ -1,7 +1,5 @@
 """Steps of protocols: turns lead to the poses, named ones are the field's tests, sequences are found again."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Synthetic recordings: a unit that is held in several poses and turned in between, by numpy alone."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any

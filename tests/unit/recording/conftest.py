@@ -1,7 +1,5 @@
 """What a test of the readers is given: a motion, and what writes it as text."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Bags of ROS 1 and ROS 2: topics are listed, chosen and merged; what is damaged or foreign is refused."""
 
-from __future__ import annotations
-
 import sqlite3
 import sys
 from collections.abc import Iterator

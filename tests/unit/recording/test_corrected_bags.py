@@ -1,7 +1,5 @@
 """Corrected bags: read by others' libraries, every other topic as it was, the IMU as `apply` gives it as CSV."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 import shutil

@@ -1,7 +1,5 @@
 """`tumble inspect`: findings on recordings whose faults were put there on purpose; what it prints, saves, returns."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

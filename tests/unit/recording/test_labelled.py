@@ -1,7 +1,5 @@
 """Lines with labels, clocks of serial monitors, MotionCal and JSON: each number where it belongs, each loss said."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A magnetometer: which triad it is, never the accelerometer; what the doctor says of it; cut, saved and joined."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import replace
 from functools import cache

@@ -1,7 +1,5 @@
 """MCAP files as other recorders write them, and as they are when something went wrong; mcap writes the samples."""
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Stamps: units, wraps, duplicates, steps back, gaps, bursts; which clock they are from and how far it may be off."""
 
-from __future__ import annotations
-
 import numpy as np
 import polars as pl
 import pytest

@@ -1,7 +1,5 @@
 """Two files or two arrays with one triad each become one recording on the gyro's stamps, or a sentence."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import scipy.io

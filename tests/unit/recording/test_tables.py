@@ -1,7 +1,5 @@
 """Parquet, data frames, and what tumble writes: the same numbers read back, and units as they were judged."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

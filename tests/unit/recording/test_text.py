@@ -1,7 +1,5 @@
 """Text in every layout and with the names of many programs gives the same numbers, or is refused in one sentence."""
 
-from __future__ import annotations
-
 import bz2
 import gzip
 import lzma

@@ -1,7 +1,5 @@
 """Units and axes are found from gravity and rests, said, and what gravity contradicts is refused."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import replace
 

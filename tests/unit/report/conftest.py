@@ -1,7 +1,5 @@
 """A calibration written by hand, and the demo recording calibrated in three ways."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

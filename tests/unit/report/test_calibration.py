@@ -1,7 +1,5 @@
 """The page: complete, offline, escaped, and its numbers apply as they stand."""
 
-from __future__ import annotations
-
 import json
 import re
 from typing import Any

@@ -1,7 +1,5 @@
 """What every kind of evidence owes to whoever reads about it: all three forms of a page, run on each kind."""
 
-from __future__ import annotations
-
 import io
 from dataclasses import replace
 from typing import Any

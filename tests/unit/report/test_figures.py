@@ -1,7 +1,5 @@
 """What the figures draw on the page, and as files for a paper: one column wide, fonts embedded, the same numbers."""
 
-from __future__ import annotations
-
 import base64
 import io
 from typing import Any

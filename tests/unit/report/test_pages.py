@@ -1,7 +1,5 @@
 """Pages and terminals: escaped, offline, folded, every number and sentence once, and nothing that a terminal obeys."""
 
-from __future__ import annotations
-
 import io
 import re
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Numbers in the units that people use, rounded by their uncertainty; conversions are worked by hand."""
 
-from __future__ import annotations
-
 import math
 import re
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """A reproduced table for people: cells, lines, JSON with all digits, a page that works offline."""
 
-from __future__ import annotations
-
 import csv
 import json
 import re

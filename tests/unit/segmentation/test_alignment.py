@@ -1,7 +1,5 @@
 """Alignment of steps with events, and the rough scales that it needs, on cases that can be done by hand."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st

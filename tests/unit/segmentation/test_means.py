@@ -1,7 +1,5 @@
 """Means of holds, their noise and covariance, what rounding leaves in them, and how biases wander from rest to rest."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

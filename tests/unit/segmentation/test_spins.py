@@ -1,7 +1,5 @@
 """Spins and rotations: what is found of a table's rates, what means and integrals tell, however it turned."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What the search says of recordings that can be judged by eye, of other rests, and of holds that are given."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

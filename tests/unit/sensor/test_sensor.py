@@ -1,7 +1,5 @@
 """Triads, units, frames and conventions: worked by hand, by the papers' scalar equations, and both ways."""
 
-from __future__ import annotations
-
 from math import cos, sin
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A simulated unit: the numbers of its data sheet, the spread of units, its converter, and its magnetometer."""
 
-from __future__ import annotations
-
 from operator import attrgetter
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Motions and what is recorded of them: one motion in rate, attitude and force; the chain to a file; the chamber."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

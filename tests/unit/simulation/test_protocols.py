@@ -1,7 +1,5 @@
 """Protocols played, on a table or by hand: where the unit is put, what it then does, and what is recorded of it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import pairwise
 

@@ -1,7 +1,5 @@
 """A two-axis fixture: where it brings the unit, which way each of its errors goes, and what it refuses."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

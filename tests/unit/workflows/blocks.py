@@ -1,7 +1,5 @@
 """A recording that comes in many blocks, whatever its size."""
 
-from __future__ import annotations
-
 from importlib import import_module
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Corrected recordings: thermal models applied and verified, forms of files, spans, scales, blocks, nothing twice."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A batch: what its source says, who does the work, and that nothing that is done gets lost."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

@@ -1,7 +1,5 @@
 """The workflow of calibration: files put one after the other, the procedure chosen and the reason said, objections."""
 
-from __future__ import annotations
-
 import json
 import sys
 from dataclasses import replace

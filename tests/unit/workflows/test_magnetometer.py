@@ -1,7 +1,5 @@
 """A magnetometer's block: calibrated alone where there are no holds, applied, compared and held against limits."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import sys

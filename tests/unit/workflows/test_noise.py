@@ -1,7 +1,5 @@
 """`tumble noise` as a user meets it: what it prints and writes, whole or block by block, of recordings good and bad."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterator
 from pathlib import Path

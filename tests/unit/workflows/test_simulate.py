@@ -1,7 +1,5 @@
 """The workflow of simulation: what stands in the folder, and that it is true."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace
