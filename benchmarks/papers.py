@@ -18,20 +18,12 @@ from timing import best, draw_piece_by_piece, generator
 
 from tumble.attitude import transform_sequence
 from tumble.sensor import matrix_from_shin
-from tumble_papers.hayal import (
-    ATTITUDES,
-    FORCE_NOISE,
-    GRAVITY,
-    SAMPLES,
-    adjust_norms,
-    run_setting,
-    simulate_means,
-    table_setting as norm_setting,
-)
+from tumble_papers.hayal import adjust_norms, run_setting, simulate_means, table_setting as norm_setting
 from tumble_papers.savage import GRADES, START_NORM, Setting as RotationTest, run_study, simulate_run
-from tumble_papers.zhang import Setting, evaluate, in_paper_units, simulate, table_setting
+from tumble_papers.zhang import evaluate, simulate, table_setting
 
 RUNS, UNITS, LENGTH = 500, 200, 4_000
+NORMS, TURNTABLE = norm_setting("4.5", 2), table_setting("3")
 
 
 def solve_with_scipy(means: np.ndarray) -> np.ndarray:
@@ -40,7 +32,7 @@ def solve_with_scipy(means: np.ndarray) -> np.ndarray:
     def residual(values: np.ndarray) -> np.ndarray:
         matrix = np.real(matrix_from_shin(values[3:6], values[6:9]))
         true = np.linalg.solve(matrix, (means - values[:3]).T)
-        return np.linalg.norm(true, axis=0) - GRAVITY
+        return np.linalg.norm(true, axis=0) - NORMS.reference
 
     start = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
     return least_squares(residual, start, x_scale="jac").x
@@ -48,25 +40,25 @@ def solve_with_scipy(means: np.ndarray) -> np.ndarray:
 
 def norms() -> None:
     """Print the times of Hayal's study, and how far the two solutions are apart."""
-    setting = norm_setting("4.5", 2)
-    count = RUNS * ATTITUDES * SAMPLES * 3
-    study = best(lambda: run_setting(setting, RUNS, generator()))
+    each = NORMS.attitudes * NORMS.samples * 3
+    count = RUNS * each
+    study = best(lambda: run_setting(NORMS, RUNS, generator()))
     drawing = best(lambda: generator().standard_normal(count))
-    buffer = np.empty(ATTITUDES * SAMPLES * 3)
+    buffer = np.empty(each)
     pieces = best(lambda: draw_piece_by_piece(count, buffer))
     print(f"{RUNS} runs of table 4.5, {count} samples drawn: {1e3 * study:.1f} ms")
     print(
         f"numpy draws {count} normal numbers, nothing else: {1e3 * drawing:.1f} ms, ratio {study / drawing:.2f}"
     )
     print(f"the same piece by piece: {1e3 * pieces:.1f} ms, ratio {study / pieces:.2f}")
-    means = simulate_means(setting, RUNS, generator())
-    sigma = FORCE_NOISE / np.sqrt(SAMPLES)
-    ours = best(lambda: adjust_norms(means, sigma, GRAVITY)) / RUNS
+    means = simulate_means(NORMS, RUNS, generator())
+    sigma = NORMS.noise / np.sqrt(NORMS.samples)
+    ours = best(lambda: adjust_norms(means, sigma, NORMS.reference)) / RUNS
     scipys = best(lambda: [solve_with_scipy(one) for one in means[:20]]) / 20
     print(
         f"one adjustment: {1e6 * ours:.1f} us; scipy least_squares: {1e6 * scipys:.0f} us, ratio {scipys / ours:.0f}"
     )
-    batch = adjust_norms(means[:20], sigma, GRAVITY)
+    batch = adjust_norms(means[:20], sigma, NORMS.reference)
     off = [
         np.max(np.abs(solve_with_scipy(one) - batch.parameters[k]) / batch.sigmas[k])
         for k, one in enumerate(means[:20])
@@ -127,28 +119,27 @@ def integration() -> None:
         print(f"  {name:<56}{1e9 * seconds / samples:8.1f}{seconds / plain:8.2f}{seconds / least:8.2f}")
 
 
-def study(setting: Setting, threads: int = 1, *, sampled: bool = True) -> np.ndarray:
-    """Return the standard deviations of the 21 parameters, in the paper's units."""
-    estimates = evaluate(simulate(setting, RUNS, generator(), sampled=sampled, threads=threads))
-    return in_paper_units(estimates.parameters(), setting.unit.parameters()).std(axis=0, ddof=1)
+def study(threads: int = 1, *, sampled: bool = True) -> np.ndarray:
+    """Return the standard deviations of the 21 parameters, SI."""
+    estimates = evaluate(simulate(TURNTABLE, RUNS, generator(), sampled=sampled, threads=threads))
+    return estimates.parameters().std(axis=0, ddof=1)
 
 
 def turntable() -> None:
     """Print the times of Zhang's study and their ratios."""
-    setting = table_setting("3")
-    dwell, turn = (round(seconds * setting.sampling) for seconds in (setting.dwell, setting.duration))
-    count = RUNS * 6 * (len(setting.up) * dwell + 2 * len(setting.axes) * turn)
+    dwell, turn = (round(seconds * TURNTABLE.sampling) for seconds in (TURNTABLE.dwell, TURNTABLE.duration))
+    count = RUNS * 6 * (len(TURNTABLE.up) * dwell + 2 * len(TURNTABLE.axes) * turn)
     buffer = np.empty(36_000)
     drawing = best(lambda: draw_piece_by_piece(count, buffer))
     print(f"numpy draws {count} normal numbers, nothing else: {drawing:.2f} s")
     for threads in (1, 2):
-        seconds = best(lambda threads=threads: study(setting, threads))
+        seconds = best(lambda threads=threads: study(threads))
         print(
             f"{RUNS} runs of table 3 from samples, {threads} threads: {seconds:.2f} s, ratio {seconds / drawing:.2f}"
         )
-    seconds = best(lambda: study(setting, sampled=False))
+    seconds = best(lambda: study(sampled=False))
     print(f"the same by sufficient statistics: {seconds:.3f} s, ratio {seconds / drawing:.4f}")
-    ratio = study(setting) / study(setting, sampled=False)
+    ratio = study() / study(sampled=False)
     print(f"standard deviations, from samples over by statistics: {ratio.min():.3f} to {ratio.max():.3f}")
 
 

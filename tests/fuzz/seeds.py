@@ -146,11 +146,11 @@ def calibrations() -> list[tuple[str, bytes]]:
 def _foreign() -> list[tuple[str, bytes]]:
     from tests.contract.test_targets import NOISE_NUMBERS, document, model_for
 
-    from tumble.export import READ, Wishes, prepare, targets
+    from tumble.export import Wishes, prepare, targets
 
     made: list[tuple[str, bytes]] = []
     for name, target in targets().items():
-        if name not in READ:
+        if "from" not in target.directions:
             continue
         subject = prepare(document(model_for(target)), target, Wishes(), NOISE_NUMBERS)
         for file, content in target.write(subject).items():

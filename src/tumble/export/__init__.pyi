@@ -7,14 +7,4 @@ from .subject import (
     Wishes as Wishes,
     read_noise as read_noise,
 )
-from .target import (
-    G_SENSITIVITY as G_SENSITIVITY,
-    MAGNETOMETER as MAGNETOMETER,
-    MATRIX as MATRIX,
-    NOISE as NOISE,
-    READ as READ,
-    SCALE as SCALE,
-    Target as Target,
-    find_target as find_target,
-    targets as targets,
-)
+from .target import Target as Target, find_target as find_target, targets as targets

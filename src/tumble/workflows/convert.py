@@ -12,10 +12,6 @@ from msgspec import structs
 from tumble.document import Calibration, RecordingName, calibration_from_model, read_calibration, turned_to
 from tumble.errors import UsageError
 from tumble.export import (
-    MAGNETOMETER,
-    MATRIX,
-    NOISE,
-    SCALE,
     Subject,
     Target,
     Wishes,
@@ -42,13 +38,13 @@ class Converted:
 
 
 def list_targets() -> list[dict[str, str]]:
-    """Return all targets: name, what it is, which way, and what each can hold; a full matrix covers scale factors."""
+    """Return all targets: name, what it is, which way, and what each can hold."""
     return [
         {
             "name": target.name,
             "title": target.title,
             "directions": target.directions,
-            "holds": ", ".join(w for w in target.holds if not (w == SCALE and MATRIX in target.holds)),
+            "holds": ", ".join(target.holds),
         }
         for target in targets().values()
     ]
@@ -74,7 +70,7 @@ def convert_to(request: ConvertRequest) -> Converted:
     wishes = Wishes(request.frame, request.temperature, request.largest_loss, request.topic)
     if rate is not None and not 0.0 < rate < math.inf:
         raise UsageError(f"--consumer-rate {rate:g}: give Hz, more than 0.")
-    if noise is not None and NOISE not in chosen.holds:
+    if noise is not None and not chosen.noise:
         raise UsageError(f"{chosen.title} holds no noise: leave --noise out.")
     if noise is None and rate is not None:
         raise UsageError("--consumer-rate is about noise: give --noise too.")
@@ -111,7 +107,7 @@ def _without_corrected_before(document: Calibration, target: Target) -> tuple[Ca
             "where these had their defaults while it was recorded."
         )
     field = document.magnetometer
-    if field is None or not field.input_corrected_by or MAGNETOMETER not in target.holds:
+    if field is None or not field.input_corrected_by or not target.magnetometer:
         return document, said
     said.append(
         f"The magnetometer is left out: it was calibrated on top of the autopilot's own parameters, and {target.title} "

@@ -2,10 +2,6 @@ from .chapter_4 import CHAPTER_4 as CHAPTER_4
 from .field_campaign import POSITIONS as POSITIONS
 from .norm import adjust_norm as adjust_norm
 from .norm_batch import (
-    ATTITUDES as ATTITUDES,
-    FORCE_NOISE as FORCE_NOISE,
-    GRAVITY as GRAVITY,
-    SAMPLES as SAMPLES,
     adjust_norms as adjust_norms,
     run_setting as run_setting,
     simulate_means as simulate_means,
