@@ -91,10 +91,9 @@ class Target:
     def holds(self) -> tuple[str, ...]:
         """Return all that it holds, of either triad, in words; a full matrix covers scale factors."""
         kept = {*self.accelerometer, *self.gyroscope}
-        kept -= {SCALE} if MATRIX in kept else set()
         more = ((TEMPERATURE, self.temperature), (MAGNETOMETER, self.magnetometer), (NOISE, self.noise))
         kept |= {what for what, there in more if there}
-        return tuple(what for what in HOLDABLE if what in kept)
+        return tuple(what for what in HOLDABLE if what in kept and not (what == SCALE and MATRIX in kept))
 
     @property
     def corrects(self) -> bool:
