@@ -187,7 +187,6 @@ def spin_rates(rate, site):
     recording, truth = simulate_protocol(
         table(rate, 4.0 * period), hertz, np.random.default_rng(1), site=site, placement=False
     )
-    assert recording.angular_rate is not None
     first = int(np.searchsorted(recording.time, truth.step_edges[1, 0]))
     return recording.angular_rate[first : first + 3 * 400], truth
 

@@ -234,7 +234,6 @@ def test_a_protocol_is_evaluated_as_that_protocol(tmp_path: Path) -> None:
     done = simulate(tmp_path / "six.yaml", output=tmp_path / "made")
     recording = next(file for file in done.files if file.suffix == ".csv")
     run = run_capture(replay_of(recording, tmp_path / "out", protocol=str(tmp_path / "six.yaml")))
-    assert run.calibration is not None
     assert "Procedure six-position" in run.calibration.reason
     assert kinds(tmp_path / "out").count("enough") == 1
 

@@ -70,8 +70,6 @@ def test_lines_of_every_kind_give_the_same_samples(text: str) -> None:
     assert channels.rate == pytest.approx(100.0, rel=0.02)
     # A gyro whose unit nobody says is counts, and not a guess.
     assert channels.angular_rate_unit == ("rad/s" if text == CSV else "counts")
-    assert samples.specific_force is not None
-    assert samples.angular_rate is not None
     assert np.allclose(samples.specific_force, FORCE[:300], atol=1e-6)
     assert np.allclose(samples.angular_rate, RATE[:300], atol=1e-6)
     assert np.allclose(np.diff(samples.time), 0.01, atol=1e-5)
@@ -85,7 +83,6 @@ def test_motioncal_lines_are_read_with_their_scales() -> None:
     lines = "".join("Raw:" + ",".join(str(round(v)) for v in row) + "\r\n" for row in counts[:300])
     channels, samples, _ = decoded(lines.encode(), SourceOptions(rate=100.0))
     assert (channels.specific_force_unit, channels.angular_rate_unit) == ("g", "deg/s")
-    assert samples.specific_force is not None
     assert np.allclose(9.80665 * samples.specific_force, FORCE[:300], atol=1.5e-3)
     # A sample's two lines are one sample and no damage.
     both = "\n".join(
@@ -96,7 +93,6 @@ def test_motioncal_lines_are_read_with_their_scales() -> None:
     _, samples, decoder = decoded(both.encode())
     assert (decoder.damaged, len(samples)) == (0, 200)
     assert decoder.good >= 200
-    assert samples.specific_force is not None
     np.testing.assert_allclose(samples.specific_force[:, 1], np.arange(200) / 1000)
 
 
@@ -130,11 +126,8 @@ def test_sentences_of_a_navigation_unit_with_a_wrong_checksum_are_passed_over() 
     lines[50:50] = [sentence("7,7,7", "00"), "$GPGGA,1,2,3*55\r\n", sentence("7,7,x"), lines[9][:30] + "\r\n"]
     channels, samples, decoder = decoded("".join(lines).encode(), SourceOptions(rate=100.0))
     assert (channels.specific_force_unit, channels.angular_rate_unit) == ("m/s^2", "rad/s")
-    assert samples.angular_rate is not None
     np.testing.assert_allclose(samples.angular_rate[:, 0], np.arange(200) / 1000)
-    assert samples.temperature is not None
     assert set(samples.temperature) == {25.5}
-    assert samples.magnetic_field is not None
     assert channels.magnetic_field_unit == "gauss"
     np.testing.assert_allclose(samples.magnetic_field, np.tile([0.1, 0.2, 0.3], (200, 1)), rtol=1e-9)
     assert decoder.damaged == 4
@@ -307,8 +300,6 @@ def test_a_replay_has_the_magnetometer_of_its_file_slower_than_the_rows(tmp_path
     (tmp_path / "in.csv").write_text("\n".join([head + ",mx [gauss],my [gauss],mz [gauss]", *rows]) + "\n")
     run_capture(replay_of(tmp_path / "in.csv", tmp_path / "out"))
     before, after = read_recording(tmp_path / "in.csv"), read_recording(tmp_path / "out" / "recording.csv")
-    assert before.magnetic_field is not None
-    assert after.magnetic_field is not None
     assert after.magnetic_field.unit == "gauss"
     np.testing.assert_array_equal(after.magnetic_field.time, before.magnetic_field.time)
     np.testing.assert_array_equal(after.magnetic_field.values, field[1::4])

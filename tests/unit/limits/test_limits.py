@@ -102,7 +102,6 @@ SHEET = 3.0 * find_grade("consumer-mems").gyroscope.bias  # a data sheet gives t
 )
 def test_limits_in_other_units_are_the_same_limits(tmp_path, limits, rows, found, bounds):
     block = held(tmp_path, limits, *rows).limits
-    assert block is not None
     assert [one.decision for one in block.parameters] == found
     assert (block.parameters[0].lower, block.parameters[0].upper) == pytest.approx(bounds)
 
@@ -127,7 +126,6 @@ def test_limits_in_other_units_are_the_same_limits(tmp_path, limits, rows, found
 )
 def test_what_is_not_there_not_comparable_or_known_worse_is_undecided(tmp_path, limits, row, said):
     block = held(tmp_path, limits, row).limits
-    assert block is not None
     assert block.decision == "undecided"
     assert said in block.reasons[0]
 
@@ -138,7 +136,6 @@ def test_a_reason_speaks_in_the_unit_that_people_say_and_the_verdict_is_left_as_
         ("g-sensitivity of gyro x to force y", 1.0, 1e-3, "rad/s/(m/s²)"),
     )
     seen = held(tmp_path, f"{RATE}: 0.01 rad/s\n  gyro g-sensitivity: 0.1 deg/s/g", *rows)
-    assert seen.limits is not None
     assert seen.limits.decision == "failed"
     assert "Gyro bias x of 1.14592 ± 0.00057 °/s is outside -0.573 to 0.573 °/s." in seen.limits.reasons
     assert len(seen.limits.parameters) == 2

@@ -42,7 +42,6 @@ def step_of(folder, lines):
 def pose_of(folder, lines):
     step = step_of(folder, f"  - hold: h\n    seconds: 1\n    {lines}\n")
     assert isinstance(step, HoldStep)
-    assert step.pose is not None
     return step.pose
 
 
@@ -77,12 +76,10 @@ def test_steps_of_a_named_protocol_need_only_a_site_and_may_be_evaluated_by_anot
 def test_gravity_given_beside_a_latitude_is_believed_to_its_digits_unless_it_says_how_well(tmp_path):
     place = "site:\n  latitude_deg: 48\n  height_m: 520\n  gravity: 9.8073\n"
     site = read(tmp_path, f"{HEAD}{place}steps:\n{HOLD}").site
-    assert site is not None
     assert (site.gravity, site.height) == (9.8073, 520.0)
     assert site.gravity_sigma == pytest.approx(0.00005 / 3**0.5)
     assert site.latitude == 48 * DEGREE
     more = read(tmp_path, f"{HEAD}{place}  gravity_uncertainty: 2e-5\n  source: a tie\nsteps:\n{HOLD}").site
-    assert more is not None
     assert (more.gravity_sigma, more.source) == (2e-5, "a tie")
     # 9.85 m/s² at 48° would be a disturbance of 42 mm/s²; the largest on land are 3 to 4 mm/s².
     with pytest.raises(ProtocolError, match=r"9\.85 m/s² contradicts the latitude 48° .* it is 9\.80"):
@@ -113,7 +110,6 @@ def test_a_direction_is_an_axis_or_a_vector_of_any_length(word, vector, tmp_path
     np.testing.assert_allclose(pose_of(tmp_path, f"up: {word}").up_b, vector, rtol=0.0, atol=1e-16)
     turn = step_of(tmp_path, f"  - turn:\n    axis: {word}\n    seconds: 1\n")
     assert isinstance(turn, TurnStep)
-    assert turn.axis_b is not None
     np.testing.assert_allclose(turn.axis_b, vector, rtol=0.0, atol=1e-16)
 
 
@@ -184,7 +180,6 @@ def test_a_spin_s_length_is_seconds_or_revolutions_and_its_axis_is_vertical(tmp_
     )
     assert isinstance(other, SpinStep)
     assert (other.duration, other.ramp) == (20.0, 0.0)
-    assert other.axis_b is not None
     assert other.axis_b.tolist() == [0.0, -1.0, 0.0]
     # A table that stopped early shows less than rate times duration, and is believed.
     shown = "    angle_deg: -1234.5\n    angle_uncertainty_arcsec: 3.6\n"

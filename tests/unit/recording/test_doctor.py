@@ -64,7 +64,6 @@ def test_stuck_channels_gaps_and_swapped_axes_are_named(tumbled) -> None:
     assert found.stuck == ("gy",)
     assert any("gy never change" in w for w in found.warnings)
     found = inspect_recording(recording_of(tumbled, angular_rate=tumbled.angular_rate[:, [1, 0, 2]]))
-    assert found.axis_contradiction is not None
     assert found.axis_contradiction in found.warnings
     signals = (np.delete(part.T, np.s_[300:350], axis=-1).T for part in vars(tumbled).values())
     (gap,) = inspect_recording(Recording(*signals, "m/s^2", "rad/s", 100.0, gaps=(300,))).gaps

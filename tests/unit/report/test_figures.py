@@ -78,7 +78,6 @@ def legend_of(figure):
 def test_nominal_norms_of_si_values_are_their_norms(hand_held):
     means = hand_held["means"]
     before = nominal_hold_norms(hand_held["recording"], means, 9.81)
-    assert before is not None
     expected = np.sqrt((means.specific_force**2).sum(axis=1)) - 9.81
     np.testing.assert_allclose(before.residuals, expected, atol=1e-12)  # arithmetic
 
@@ -87,8 +86,6 @@ def test_counts_are_compared_with_rough_values(in_counts, hand_held):
     """Rough values of bias and scale leave less than the raw values of the same holds, but more than nothing."""
     rough = nominal_hold_norms(in_counts["recording"], in_counts["means"], 9.81)
     raw = nominal_hold_norms(hand_held["recording"], hand_held["means"], 9.81)
-    assert rough is not None
-    assert raw is not None
     assert 0.0 < np.std(rough.residuals) < np.std(raw.residuals)
     assert "counts" in rough.words
 
@@ -99,7 +96,6 @@ def test_turns_are_worse_before_than_after(hand_held):
     before = nominal_turn_angles(
         hand_held["recording"], hand_held["timeline"], hand_held["means"], estimate.model
     )
-    assert before is not None
     assert np.array_equal(np.isnan(before.residuals), np.isnan(estimate.turns.angles))
     rms_before = np.sqrt(np.nanmean(before.residuals**2))
     rms_after = np.sqrt(np.nanmean(estimate.turns.angles**2))

@@ -68,7 +68,6 @@ CENTRE = np.array([33_000.0, 32_500.0, -400.0])
 def test_a_sphere_gives_centre_and_scale():
     up_b = twenty_six_directions()[[0, 1, 2, 7, 13, 20]]
     found = scale_of_sphere(CENTRE + 4000.0 * up_b)
-    assert found is not None
     # arithmetic: differences of numbers of 1e4 in a fit of condition ten
     np.testing.assert_allclose(found.centre, CENTRE, atol=1e-8)
     assert found.scale == pytest.approx(4000.0)
@@ -85,7 +84,6 @@ def test_poses_in_one_plane_show_no_sphere():
 def test_known_poses_give_a_centre_where_the_sphere_does_not():
     up_b = np.eye(3)[[0, 1]]
     found = scale_of_poses(CENTRE + 4000.0 * up_b, up_b)
-    assert found is not None
     np.testing.assert_allclose(found.centre, CENTRE, atol=1e-8)
     assert found.scale == pytest.approx(4000.0)
     # the mirror image is no scale, and one direction tells no centre

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import polars as pl
 import pytest
+from tests.unit.given import signals
 
 import tumble
 from second_simulator import GRADES, PROCEDURES
@@ -27,12 +28,6 @@ POSES = np.array([[0, 0, 1], [1, 0, 0], [0, 1, 0], [0, 0, -1], [-1, 0, 0], [0, -
 
 def recorded(force, rate, start=0.0, hz=RATE):
     return Recording(start + np.arange(len(force)) / hz, force, rate, "m/s^2", "rad/s", hz)
-
-
-def triads(recording):
-    assert recording.specific_force is not None
-    assert recording.angular_rate is not None
-    return recording.specific_force, recording.angular_rate
 
 
 def tumbled(holds=3.0, turns=1.0, noise=0.002, seed=1, poses=6):
@@ -85,7 +80,7 @@ def test_six_poses_are_six_holds_and_five_turns():
     # One triad alone is enough, and samples may be read-only and in Fortran's order.
     for missing in ("angular_rate", "specific_force"):
         assert_finds(replace(recording, **{missing: None}), edges)
-    fortran = [np.asfortranarray(signal) for signal in triads(recording)]
+    fortran = [np.asfortranarray(signal) for signal in signals(recording)]
     for signal in fortran:
         signal.flags.writeable = False
     assert_finds(recorded(*fortran), edges)
@@ -97,7 +92,7 @@ def test_six_poses_are_six_holds_and_five_turns():
 
 def test_counts_with_an_offset_give_the_same_timeline_as_si():
     recording, _ = tumbled()
-    force, rate = triads(recording)
+    force, rate = signals(recording)
     counts = replace(
         recorded(force * 415.0 + 33000.0, rate * 4770.0 + 32500.0),
         specific_force_unit="counts",
@@ -114,7 +109,7 @@ def test_counts_with_an_offset_give_the_same_timeline_as_si():
 
 def test_a_knock_is_left_out_of_the_hold_that_goes_on_after_it():
     recording, edges = tumbled()
-    force, rate = triads(recording)
+    force, rate = signals(recording)
     first = round(5.5 * RATE)
     rate[first : first + 10] += 0.8 * np.sin(2 * np.pi * np.arange(10) / 10)[:, None]
     force[first : first + 4, 0] += [6.0, -6.0, 4.0, -4.0]
@@ -127,7 +122,7 @@ def test_a_knock_is_left_out_of_the_hold_that_goes_on_after_it():
 def test_a_change_by_a_coarse_step_is_no_knock():
     """Steps of five times the noise: of a hold's blocks most show one number all along, some the next for a sample."""
     recording, edges = tumbled()
-    force, rate = triads(recording)
+    force, rate = signals(recording)
     still = rate - [0.01, -0.02, 0.005]
 
     def stepped(rate):
@@ -146,14 +141,14 @@ def test_a_rest_too_short_for_a_hold_is_named_with_its_length():
     # the pose in the middle lasts 0.6 s only
     keep = np.ones(len(recording), dtype=bool)
     keep[round(8.5 * RATE) : round(10.9 * RATE)] = False
-    timeline = find_timeline(recorded(*(signal[keep] for signal in triads(recording))))
+    timeline = find_timeline(recorded(*(signal[keep] for signal in signals(recording))))
     assert len(timeline.holds) == 5
     assert any(r.reason.startswith("at rest for only 0.") for r in timeline.rejections)
 
 
 def test_a_pose_that_creeps_is_no_hold_and_says_by_how_much():
     recording, _ = tumbled(holds=4.0)
-    force, _ = triads(recording)
+    force, _ = signals(recording)
     # the third pose, 10 to 14 s, sinks by 4 degrees at a constant rate beneath the gyro's notice
     creeping = slice(round(10 * RATE), round(14 * RATE))
     angle = np.radians(np.linspace(0.0, 4.0, 400))
@@ -198,14 +193,14 @@ def by_hand():
 
 def noisy(recording, rng, *sigmas):
     force, rate = (
-        one + rng.normal(0.0, sigma, one.shape) for one, sigma in zip(triads(recording), sigmas, strict=True)
+        one + rng.normal(0.0, sigma, one.shape) for one, sigma in zip(signals(recording), sigmas, strict=True)
     )
     return replace(recording, specific_force=force, angular_rate=rate)
 
 
 def jumped(recording, jump, share):
     after = np.arange(len(recording))[:, None] >= share * len(recording)
-    return replace(recording, angular_rate=triads(recording)[1] + after * np.radians(jump))
+    return replace(recording, angular_rate=signals(recording)[1] + after * np.radians(jump))
 
 
 @pytest.mark.slow
@@ -226,7 +221,6 @@ def test_rests_after_a_jump_of_the_biases_are_found_where_they_are(jump, share):
     recording = jumped(whole, jump, share)
     timeline = find_timeline(recording)
     other = find_other_rests(recording, timeline)
-    assert other is not None
     lost = [hold for hold in holds if hold.stop > share * len(recording)]
     assert len(timeline.holds) + len(other.spans) == pytest.approx(len(holds), abs=1)
     assert len(other.spans) == pytest.approx(len(lost), abs=1)
@@ -257,7 +251,7 @@ def without(recording, *seconds, every=None):
     keep[:: every or len(keep) + 1] = every is None
     for start, stop in seconds:
         keep[round(start * RATE) : round(stop * RATE)] = False
-    force, rate = (signal[keep] for signal in triads(recording))
+    force, rate = (signal[keep] for signal in signals(recording))
     time = recording.time[keep]
     return replace(recording, time=time, specific_force=force, angular_rate=rate, gaps=find_gaps(time, RATE))
 
@@ -267,7 +261,7 @@ def test_a_turn_with_missing_samples_or_a_saturated_gyro_is_not_usable_and_singl
     assert all(turn.usable for turn in find_timeline(without(recording, every=41)).turns)
     lossy = without(recording, (7.5, 7.6), every=41)
     assert [turn.usable for turn in find_timeline(lossy).turns] == [True, False, True]
-    _, rate = triads(recording)
+    _, rate = signals(recording)
     np.clip(rate, -1.5, 1.5, out=rate)
     turns = find_timeline(without(recording, (7.5, 7.6))).turns
     assert [turn.usable for turn in turns[:2]] == [False, False]
