@@ -5,26 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from tumble.calibration import evidence
 from tumble.calibration.estimate import Beside, LeftOut
-from tumble.calibration.evidence import (
-    Agreement,
-    BiasCurve,
-    BiasScatter,
-    Budget,
-    Candidate,
-    Detectable,
-    Evidence,
-    GlobalTest,
-    Holds,
-    ModelChoice,
-    RecordingOfUnit,
-    RestlessHold,
-    Spins,
-    ThermalCurves,
-    TurnOns,
-    Turns,
-    UncertaintyStatement,
-)
 from tumble.calibration.magnetometer.estimate import FieldHold, GivenField, Magnetometer, magnetometer_alone
 from tumble.recording import MagneticField
 from tumble.report import Subject
@@ -32,27 +14,27 @@ from tumble.report import Subject
 HOSTILE = "</script><b>&\"'`[red]"
 
 
-def holds(demo: Subject) -> Evidence:
-    return replace(demo.estimate.holds, restless=(RestlessHold(3, 12.5, 17.3, 4.1e-3, 2.3e-4),))
+def holds(demo: Subject) -> evidence.Evidence:
+    return replace(demo.estimate.holds, restless=(evidence.RestlessHold(3, 12.5, 17.3, 4.1e-3, 2.3e-4),))
 
 
-def turns(demo: Subject) -> Evidence:
+def turns(demo: Subject) -> evidence.Evidence:
     return demo.estimate.turns
 
 
-def spins(demo: Subject) -> Evidence:
+def spins(demo: Subject) -> evidence.Evidence:
     rates = np.array([0.7, -1.4])
     residuals = np.array([[1e-4, -2e-4, 3e-5], [4e-5, 5e-4, np.nan]])
-    return Spins(rates, residuals, np.full((2, 3), 1.5e-5), (f"up {HOSTILE}", "down"))
+    return evidence.Spins(rates, residuals, np.full((2, 3), 1.5e-5), (f"up {HOSTILE}", "down"))
 
 
-def thermal_curves(demo: Subject) -> Evidence:
+def thermal_curves(demo: Subject) -> evidence.Evidence:
     celsius = np.linspace(-10.0, 50.0, 7)
     state = np.array([1.0, 1.0, 0.0, 0.0, -1.0, -1.0, -1.0])
     seen = 1e-3 * np.sin(celsius)[:, None] * [1.0, -2.0, 0.5]
-    curve = BiasCurve(celsius, seen, np.full((7, 3), 2e-4), seen + 1e-4, seen - 1e-4)
+    curve = evidence.BiasCurve(celsius, seen, np.full((7, 3), 2e-4), seen + 1e-4, seen - 1e-4)
     time = demo.recording.time[0] + 60.0 * np.arange(7)
-    return ThermalCurves(
+    return evidence.ThermalCurves(
         kind="soak",
         basis="lines",
         start=time,
@@ -67,47 +49,47 @@ def thermal_curves(demo: Subject) -> Evidence:
         curves={"accelerometer": curve, "gyroscope": curve},
         path_time=time,
         path_celsius=celsius,
-        candidates=[Candidate(HOSTILE, 12, 1.07, 0.11, chosen=True)],
+        candidates=[evidence.Candidate(HOSTILE, 12, 1.07, 0.11, chosen=True)],
         rejected=[(float(time[0]), float(time[1]), f"not settled {HOSTILE}")],
     )
 
 
-def turn_ons(demo: Subject) -> Evidence:
+def turn_ons(demo: Subject) -> evidence.Evidence:
     values, sigmas = np.array([0.12, 0.17, np.nan]), np.array([0.011, 0.013, np.nan])
     names = [HOSTILE, "second", "third"]
-    recordings = [RecordingOfUnit(name, 26, 25, 0, 1.04, {}, 180.0, 100.0) for name in names]
+    recordings = [evidence.RecordingOfUnit(name, 26, 25, 0, 1.04, {}, 180.0, 100.0) for name in names]
     first, scale = (demo.estimate.parameters[k] for k in (0, 3))
-    bias = BiasScatter(
+    bias = evidence.BiasScatter(
         first.name, first.unit, values, sigmas, 0.145, 0.008, 0.035, 0.012, 1, 8.6, 0.0034, 12.7
     )
-    agreement = Agreement(scale.name, scale.unit, values, sigmas, 0.14, 0.008, 8.6, 1, 0.0034, 0.01)
-    return TurnOns(recordings, [bias], [agreement], 8.6, 1, 0.0034)
+    agreement = evidence.Agreement(scale.name, scale.unit, values, sigmas, 0.14, 0.008, 8.6, 1, 0.0034, 0.01)
+    return evidence.TurnOns(recordings, [bias], [agreement], 8.6, 1, 0.0034)
 
 
-def beside(demo: Subject) -> Evidence:
+def beside(demo: Subject) -> evidence.Evidence:
     ours = demo.estimate.parameters
     other = [replace(p, value=1.01 * p.value, standard_uncertainty=2 * p.standard_uncertainty) for p in ours]
     return Beside(replace(demo.estimate, procedure=HOSTILE, parameters=other, evidence=[]), HOSTILE)
 
 
-def budget(demo: Subject) -> Evidence:
+def budget(demo: Subject) -> evidence.Evidence:
     sigmas = np.array([p.standard_uncertainty for p in demo.estimate.parameters])
-    statement = UncertaintyStatement(
+    statement = evidence.UncertaintyStatement(
         effective_degrees=np.full(len(sigmas), 41.0),
         coverage_factors=np.full(len(sigmas), 2.02),
         source_degrees={HOSTILE: 40.0},
-        test=GlobalTest(123.0, 110, 0.19, 0.003, 1),
+        test=evidence.GlobalTest(123.0, 110, 0.19, 0.003, 1),
         detectable=[
-            Detectable("force", 4, 3, 0.7, 0.013, 2, 5.5),
-            Detectable("turn", 5, 3, 0.0, np.inf, 1, np.inf),
+            evidence.Detectable("force", 4, 3, 0.7, 0.013, 2, 5.5),
+            evidence.Detectable("turn", 5, 3, 0.0, np.inf, 1, np.inf),
         ],
-        model_choice=[ModelChoice("g_sensitivity", True, 0.008, 0.01, 0.4 * sigmas)],
+        model_choice=[evidence.ModelChoice("g_sensitivity", True, 0.008, 0.01, 0.4 * sigmas)],
         not_included=[f"What {HOSTILE} does."],
     )
-    return Budget({HOSTILE: 0.8 * sigmas, "wander": 0.6 * sigmas}, statement)
+    return evidence.Budget({HOSTILE: 0.8 * sigmas, "wander": 0.6 * sigmas}, statement)
 
 
-def magnetometer(demo: Subject) -> Evidence:
+def magnetometer(demo: Subject) -> evidence.Evidence:
     rng = np.random.default_rng(5)
     directions = rng.standard_normal((600, 3))
     field = 49e-6 * directions / np.linalg.norm(directions, axis=1, keepdims=True)
@@ -120,13 +102,13 @@ def magnetometer(demo: Subject) -> Evidence:
     return replace(made, holds=holds, left_out=(out,), dip=1.1, dip_sigma=2e-3, not_determined=(HOSTILE,))
 
 
-EXAMPLES: dict[type[Evidence], Callable[[Subject], Evidence]] = {
-    Holds: holds,
-    Turns: turns,
-    Spins: spins,
-    ThermalCurves: thermal_curves,
-    TurnOns: turn_ons,
+EXAMPLES: dict[type[evidence.Evidence], Callable[[Subject], evidence.Evidence]] = {
+    evidence.Holds: holds,
+    evidence.Turns: turns,
+    evidence.Spins: spins,
+    evidence.ThermalCurves: thermal_curves,
+    evidence.TurnOns: turn_ons,
     Beside: beside,
-    Budget: budget,
+    evidence.Budget: budget,
     Magnetometer: magnetometer,
 }

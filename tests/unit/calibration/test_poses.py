@@ -6,21 +6,12 @@ import re
 import numpy as np
 import pytest
 
-from tumble.calibration.poses import (
-    describe_direction,
-    describe_untold,
-    distinct_poses,
-    find_two_planes,
-    missing_poses,
-    norm_rows,
-    twenty_six_directions,
-    undetermined_combinations,
-)
+from tumble.calibration import poses
 
 FORCE = np.array([0.1, -0.2, 0.3, 1.02, 0.98, 1.05, 0.01, -0.02, 0.03, 0.0, 0.0, 0.0])
 FACES = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], dtype=float)
 GRAVITY = 9.81
-UP = twenty_six_directions()
+UP = poses.twenty_six_directions()
 EDGES, CORNERS = UP[6:18], np.sign(UP[18:])
 
 
@@ -30,7 +21,7 @@ def raw(directions: np.ndarray) -> np.ndarray:
 
 
 def refusal(directions: np.ndarray, *, has_prior: bool = False) -> str:
-    return missing_poses(raw(directions), FORCE, has_prior=has_prior)
+    return poses.missing_poses(raw(directions), FORCE, has_prior=has_prior)
 
 
 def named_in(message: str) -> np.ndarray:
@@ -56,7 +47,7 @@ def plane(normal_axis: int, count: int = 16) -> np.ndarray:
 
 
 def test_the_26_directions_are_6_faces_12_edges_and_8_corners() -> None:
-    directions = twenty_six_directions()
+    directions = poses.twenty_six_directions()
     sizes = np.count_nonzero(np.abs(directions) > 1e-9, axis=1).tolist()
     assert sizes == [1] * 6 + [2] * 12 + [3] * 8
     assert len({tuple(np.round(d, 6)) for d in directions}) == 26
@@ -73,7 +64,7 @@ def test_the_26_directions_are_6_faces_12_edges_and_8_corners() -> None:
     ],
 )
 def test_a_direction_is_called_after_what_points_up(up: list[float], words: str) -> None:
-    assert describe_direction(np.array(up)) == words
+    assert poses.describe_direction(np.array(up)) == words
 
 
 def test_poses_within_ten_degrees_are_one() -> None:
@@ -81,7 +72,7 @@ def test_poses_within_ten_degrees_are_one() -> None:
     directions = np.array(
         [[1.0, 0.0, 0.0], [np.cos(near), np.sin(near), 0.0], [np.cos(far), 0.0, np.sin(far)], [2.0, 0.0, 0.0]]
     )
-    assert distinct_poses(directions) == [0, 2]
+    assert poses.distinct_poses(directions) == [0, 2]
 
 
 @pytest.mark.parametrize(("axis", "pair"), [(0, "y to z"), (1, "x to z"), (2, "x to y")])
@@ -143,8 +134,8 @@ def test_too_little_is_said_and_recording_exactly_the_poses_that_are_named_is_en
     assert not refusal(np.vstack([directions, asked]), has_prior=has_prior)
     assert len(asked) <= 9
     # Nobody is sent to a pose that he has held.
-    distinct = len(distinct_poses(np.vstack([directions, asked])))
-    assert distinct == len(distinct_poses(directions)) + len(asked)
+    distinct = len(poses.distinct_poses(np.vstack([directions, asked])))
+    assert distinct == len(poses.distinct_poses(directions)) + len(asked)
     if what == "six faces":
         # Faces say nothing of non-orthogonality: none is asked for again.
         assert np.all(np.count_nonzero(asked, axis=1) > 1)
@@ -156,7 +147,7 @@ def test_poses_placed_by_hand_are_refused_for_the_same_reason() -> None:
     rng, with_reason = np.random.default_rng(12), 0
     for _ in range(50):
         placed = NINE + np.radians(1.5) * rng.standard_normal(NINE.shape)
-        said = describe_untold(placed / np.linalg.norm(placed, axis=1)[:, None])
+        said = poses.describe_untold(placed / np.linalg.norm(placed, axis=1)[:, None])
         assert said == "" or WHOLE[7:] in said
         with_reason += PLANES in said
     # A few tell all, just so, or lie no longer in planes.
@@ -174,15 +165,15 @@ def test_nine_edges_are_singular_exactly_if_the_three_left_out_have_a_product_of
     planes = [EDGES[np.abs(EDGES[:, axis]) < 0.1] for axis in (2, 1, 0)]
     chosen = np.array([plane[index] for plane, index in zip(planes, left_out, strict=True)])
     nine = EDGES[np.max(EDGES @ chosen.T, axis=1) < 0.9]
-    rank = np.linalg.matrix_rank(norm_rows(nine), tol=1e-9)
+    rank = np.linalg.matrix_rank(poses.norm_rows(nine), tol=1e-9)
     hexagons = [corner for corner in CORNERS if np.sum(np.abs(nine @ corner) < 1e-9) == 6]
     if np.prod(np.where(np.abs(chosen) > 0.1, np.sign(chosen), 1.0)) == 1:
         assert (rank, len(hexagons)) == (8, 2)  # a corner and its opposite: one plane
-        (untold,) = undetermined_combinations(nine)
+        (untold,) = poses.undetermined_combinations(nine)
         # The quadric through all nine: it vanishes there, and not at a corner.
-        np.testing.assert_allclose(norm_rows(nine) @ untold, 0.0, atol=1e-12)
-        assert np.max(np.abs(norm_rows(UP) @ untold)) > 0.1
-        assert [len(plane) for plane in find_two_planes(nine) or ()] == [6, 3]
+        np.testing.assert_allclose(poses.norm_rows(nine) @ untold, 0.0, atol=1e-12)
+        assert np.max(np.abs(poses.norm_rows(UP) @ untold)) > 0.1
+        assert [len(plane) for plane in poses.find_two_planes(nine) or ()] == [6, 3]
     else:
         assert (rank, len(hexagons)) == (9, 0)
-        assert not undetermined_combinations(nine)
+        assert not poses.undetermined_combinations(nine)

@@ -13,16 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.unit.capture.recordings import (
-    by_hand,
-    captured,
-    channels_of,
-    events_of,
-    kinds,
-    live,
-    pieces_of,
-    replay_of,
-)
+from tests.unit.capture import recordings
 from tests.unit.given import signals
 
 from tumble.capture.coach import Progress
@@ -49,27 +40,27 @@ def rows_in(folder: Path) -> int:
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A recording by hand of 14 poses as a file."""
     file = tmp_path_factory.mktemp("recorded") / "hand.csv"
-    write_recording(by_hand(14, seed=11), file)
+    write_recording(recordings.by_hand(14, seed=11), file)
     return file
 
 
 def test_a_replay_leaves_all_four_files_and_the_same_samples(recorded: Path, tmp_path: Path) -> None:
-    run = run_capture(replay_of(recorded, tmp_path / "out"))
+    run = run_capture(recordings.replay_of(recorded, tmp_path / "out"))
     folder = tmp_path / "out"
     names = {"recording.csv", "session.jsonl", "calibration.json", "report.html"}
     assert {file.name for file in folder.iterdir()} == names
     before, after = read_recording(recorded), read_recording(folder / "recording.csv")
     assert np.array_equal(before.time, after.time)
     assert np.array_equal(signals(before), signals(after))
-    assert kinds(folder).count("hold_accepted") == 14
-    assert kinds(folder)[-1] == "calibrated"
+    assert recordings.kinds(folder).count("hold_accepted") == 14
+    assert recordings.kinds(folder)[-1] == "calibrated"
     assert run.calibration.calibration.quality.holds == 14
 
 
 @pytest.mark.slow
 def test_sigma_falls_and_ends_near_what_calibrate_states(recorded: Path, tmp_path: Path) -> None:
-    run_capture(replay_of(recorded, tmp_path / "out", imu="consumer-mems"))
-    events = events_of(tmp_path / "out")
+    run_capture(recordings.replay_of(recorded, tmp_path / "out", imu="consumer-mems"))
+    events = recordings.events_of(tmp_path / "out")
     told = [event["sigma"] for event in events if event["event"] == "sigma"]
     biases = [one["accelerometer bias x"] for one in told if one["accelerometer bias x"] is not None]
     assert len(biases) > 3
@@ -111,8 +102,8 @@ def test_after_a_kill_only_the_last_second_is_lost_and_it_can_be_resumed(
     assert rows_in(folder) >= 600
     with (folder / "recording.csv").open("ab") as file:
         file.write(b"3.14,0.1,")  # as a kill in the middle of a line leaves it
-    run = run_capture(replay_of(recorded, folder, resume=True))
-    assert "resumed" in kinds(folder)
+    run = run_capture(recordings.replay_of(recorded, folder, resume=True))
+    assert "resumed" in recordings.kinds(folder)
     before, after = read_recording(recorded), read_recording(folder / "recording.csv")
     assert np.array_equal(before.time, after.time)
     assert run.calibration.calibration.quality.holds == 14
@@ -121,20 +112,20 @@ def test_after_a_kill_only_the_last_second_is_lost_and_it_can_be_resumed(
 def test_samples_are_handed_to_the_disk_each_second(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from tumble.capture import run
 
-    now, recording, folder = [0.0], by_hand(3, seed=2), tmp_path / "out"
+    now, recording, folder = [0.0], recordings.by_hand(3, seed=2), tmp_path / "out"
     monkeypatch.setattr(run.time, "monotonic", lambda: now[0])
 
     def pieces() -> Iterator[Piece]:
-        yield channels_of(recording)
-        for piece in pieces_of(recording, 0.1):
+        yield recordings.channels_of(recording)
+        for piece in recordings.pieces_of(recording, 0.1):
             now[0] += 0.1
             yield piece
             assert rows_in(folder) >= 100.0 * (float(piece.time[-1]) - 1.2)
 
-    captured(pieces(), folder)
+    recordings.captured(pieces(), folder)
     assert rows_in(folder) == len(recording)
     # What the stamps of a live unit are good to, it is told by this computer's clock.
-    assert any("say --rate ±50ppm" in str(event["words"]) for event in events_of(folder))
+    assert any("say --rate ±50ppm" in str(event["words"]) for event in recordings.events_of(folder))
 
 
 def test_a_full_disk_ends_a_capture_with_a_sentence_and_whole_lines(recorded: Path, tmp_path: Path) -> None:
@@ -158,20 +149,20 @@ def test_ten_seconds_of_silence_are_told_and_the_capture_goes_on(
 ) -> None:
     from tumble.capture import run
 
-    now, recording = [0.0], by_hand(6, seed=12)
+    now, recording = [0.0], recordings.by_hand(6, seed=12)
     monkeypatch.setattr(run.time, "monotonic", lambda: now[0])
 
     def pieces() -> Iterator[Piece]:
-        yield channels_of(recording)
-        for number, piece in enumerate(pieces_of(recording, 0.1)):
+        yield recordings.channels_of(recording)
+        for number, piece in enumerate(recordings.pieces_of(recording, 0.1)):
             for _ in range(100 if number == 200 else 1):
                 now[0] += 0.1
                 yield None
             # The unit measured on while its line was silent, and nobody heard it.
             yield piece if number < 200 else piece.at(piece.time + 10.0)
 
-    captured(pieces(), tmp_path / "out")
-    said = kinds(tmp_path / "out")
+    recordings.captured(pieces(), tmp_path / "out")
+    said = recordings.kinds(tmp_path / "out")
     assert said.count("silence") == said.count("back") == 1
     assert "clock_jumped" not in said
     assert rows_in(tmp_path / "out") == len(recording)
@@ -183,13 +174,13 @@ def test_where_a_capture_must_not_write_it_writes_nothing(recorded: Path, tmp_pa
     results.mkdir()
     (results / "calibration.json").write_text("mine")
     with pytest.raises(UsageError, match=r"--resume"):
-        run_capture(replay_of(recorded, results))
+        run_capture(recordings.replay_of(recorded, results))
     assert [file.name for file in results.iterdir()] == ["calibration.json"]
     assert (results / "calibration.json").read_text() == "mine"
     copy = Path(shutil.copy(recorded, tmp_path / "recording.csv"))
     with pytest.raises(UsageError, match="written to"):
-        run_capture(replay_of(copy, tmp_path, resume=True))
-    channels = channels_of(by_hand(2, seed=1))
+        run_capture(recordings.replay_of(copy, tmp_path, resume=True))
+    channels = recordings.channels_of(recordings.by_hand(2, seed=1))
     first = CaptureFolder(locked, channels)
     with pytest.raises(UsageError, match="another tumble"):
         CaptureFolder(locked, channels, resume=True)
@@ -200,11 +191,11 @@ def test_where_a_capture_must_not_write_it_writes_nothing(recorded: Path, tmp_pa
 
 
 def test_a_clock_that_begins_anew_is_told_and_carried_on(tmp_path: Path) -> None:
-    recording = by_hand(6, seed=12)
-    channels, *pieces = live(recording)
+    recording = recordings.by_hand(6, seed=12)
+    channels, *pieces = recordings.live(recording)
     moved = [piece.at(piece.time - 10.0) for piece in pieces[121:] if isinstance(piece, Samples)]
-    captured([channels, *pieces[:121], *moved], tmp_path)
-    assert kinds(tmp_path).count("clock_jumped") == 1
+    recordings.captured([channels, *pieces[:121], *moved], tmp_path)
+    assert recordings.kinds(tmp_path).count("clock_jumped") == 1
     time_read = read_recording(tmp_path / "recording.csv").time
     assert np.all(np.diff(time_read) > 0.0)
     assert time_read.shape[0] == len(recording)
@@ -213,14 +204,14 @@ def test_a_clock_that_begins_anew_is_told_and_carried_on(tmp_path: Path) -> None
 def test_numbers_that_are_none_are_left_out_and_what_tells_too_little_is_kept_and_says_so(
     tmp_path: Path,
 ) -> None:
-    recording = by_hand(2, seed=14)
+    recording = recordings.by_hand(2, seed=14)
     force, _ = signals(recording)
     force[500:503, 1] = np.nan
     force[700, 2] = np.inf
-    run = captured(live(recording), tmp_path)
+    run = recordings.captured(recordings.live(recording), tmp_path)
     assert run.calibration is None
     assert run.refusal
-    assert kinds(tmp_path)[-1] == "not_calibrated"
+    assert recordings.kinds(tmp_path)[-1] == "not_calibrated"
     assert len(read_recording(tmp_path / "recording.csv")) == len(recording) - 4
 
 
@@ -229,11 +220,11 @@ def test_a_unit_whose_numbers_never_change_does_not_end_the_capture(tmp_path: Pa
         np.arange(1000) / 100.0, *(np.tile(one, (1000, 1)) for one in ([0.1, -0.2, 9.8], [1e-3, 2e-3, 3e-3]))
     )
     pieces: list[Piece] = [Channels("m/s^2", "rad/s", 100.0), *whole.parts(0.1)]
-    run = captured(pieces, tmp_path, imu="consumer-mems", hold=2.0)
+    run = recordings.captured(pieces, tmp_path, imu="consumer-mems", hold=2.0)
     assert rows_in(tmp_path) == 1000
     assert run.calibration is None
     assert run.refusal
-    assert {"hold_complete", "not_calibrated"} <= set(kinds(tmp_path))
+    assert {"hold_complete", "not_calibrated"} <= set(recordings.kinds(tmp_path))
 
 
 WRONG: dict[str, Callable[[Recording], Recording]] = {
@@ -249,9 +240,9 @@ WRONG: dict[str, Callable[[Recording], Recording]] = {
 
 @pytest.mark.parametrize("word", WRONG)
 def test_what_is_wrong_is_said_within_two_seconds(word: str) -> None:
-    recording = WRONG[word](by_hand(1, seed=15))
-    capture = Capture(channels_of(recording), None, 3.0)
-    pieces = pieces_of(replace(recording, rate=100.0), 0.1)
+    recording = WRONG[word](recordings.by_hand(1, seed=15))
+    capture = Capture(recordings.channels_of(recording), None, 3.0)
+    pieces = recordings.pieces_of(replace(recording, rate=100.0), 0.1)
     said = [event for piece in pieces for event in capture.feed(piece) if event.kind == "caution"]
     assert any(word in event.words for event in said)
     assert all(event.time < 2.05 for event in said)

@@ -14,25 +14,7 @@ from tumble.earth import EARTH_RATE
 from tumble.errors import UsageError
 from tumble.estimation import adjust
 from tumble.simulation import find_grade, pose_motion, warming
-from tumble_papers.hayal.field_campaign import (
-    GAPS,
-    ORIGINAL,
-    SLIDING,
-    SUB_SCENARIOS,
-    average_poses,
-    calibrate_triad,
-    calibrated,
-    draw_unit,
-    filter_setup,
-    improvements,
-    outage_errors,
-    pooled,
-    position_sigma,
-    record_cart,
-    record_poses,
-    run_campaigns,
-    sheet_sigmas,
-)
+from tumble_papers.hayal import field_campaign
 from tumble_papers.hayal.norm_batch import (
     ESTIMATORS,
     GRAVITY,
@@ -265,7 +247,7 @@ def test_in_complete_models_the_scatter_is_the_stated_sigma(runs: Studies, table
 
 # The simulated field campaign ---------------------------------------------------------------------------
 
-CASES = (ORIGINAL, SUB_SCENARIOS["3.0"])
+CASES = (field_campaign.ORIGINAL, field_campaign.SUB_SCENARIOS["3.0"])
 
 
 def test_26_poses_are_faces_edges_and_corners_off_by_two_degrees() -> None:
@@ -282,24 +264,26 @@ def test_26_poses_are_faces_edges_and_corners_off_by_two_degrees() -> None:
 
 def test_the_poses_give_the_unit_back_within_the_stated_sigmas() -> None:
     rng = np.random.default_rng(3)
-    unit = draw_unit("HG1700", rng, wandering=False)
-    recording, wander = record_poses(unit, rng)
+    unit = field_campaign.draw_unit("HG1700", rng, wandering=False)
+    recording, wander = field_campaign.record_poses(unit, rng)
     assert np.all(wander == 0.0)
-    means = average_poses(recording, (3,))[3]
-    found = given(calibrate_triad(means, SCENARIOS[1], "accelerometer", 9))
+    means = field_campaign.average_poses(recording, (3,))[3]
+    found = given(field_campaign.calibrate_triad(means, SCENARIOS[1], "accelerometer", 9))
     off = found.triad.bias - given(unit.model.accelerometer).bias
     # 2e-5 m/s² of the warming are left in the first poses; sigma0 scatters by a fifth
     assert np.all(np.abs(off) < 5.0 * found.plain_sigmas[:3] + 3e-5)
-    assert np.all(found.plain_sigmas[:3] < 0.02 * sheet_sigmas(unit.grade.accelerometer)[0])
+    assert np.all(found.plain_sigmas[:3] < 0.02 * field_campaign.sheet_sigmas(unit.grade.accelerometer)[0])
     # what was not estimated is told by the data sheet
-    told = calibrated(unit.grade, found, given(calibrate_triad(means, SCENARIOS[3], "gyro", 3)))
-    assert told.sigmas[12:] == pytest.approx(sheet_sigmas(unit.grade.gyroscope)[3:])
+    told = field_campaign.calibrated(
+        unit.grade, found, given(field_campaign.calibrate_triad(means, SCENARIOS[3], "gyro", 3))
+    )
+    assert told.sigmas[12:] == pytest.approx(field_campaign.sheet_sigmas(unit.grade.gyroscope)[3:])
     assert told.sigmas[:9] == pytest.approx(found.sigmas)
 
 
 def test_the_filter_has_27_states_in_the_order_of_its_sigmas() -> None:
-    unit = draw_unit("HG1900", np.random.default_rng(4), wandering=False)
-    setup = filter_setup(unit.grade, np.arange(1.0, 19.0))
+    unit = field_campaign.draw_unit("HG1900", np.random.default_rng(4), wandering=False)
+    setup = field_campaign.filter_setup(unit.grade, np.arange(1.0, 19.0))
     assert len(setup.names) == 27
     sigmas = dict(zip(setup.names[9:], np.sqrt(np.diag(setup.sensor_covariance)), strict=True))
     # angles yz, zx, zy are entries yx, zy and zx of the triangle
@@ -313,24 +297,32 @@ def test_ratios_are_those_of_another_implementation() -> None:
 
     Those are eight runs. One run's σ scatters by a quarter, its improvement from 2 to 45 %.
     """
-    found = run_campaigns("HG1700", CASES, (60.0,), (GAPS, SLIDING), 2, 5)
+    found = field_campaign.run_campaigns(
+        "HG1700", CASES, (60.0,), (field_campaign.GAPS, field_campaign.SLIDING), 2, 5
+    )
     before, after = (found[case].sigmas for case in CASES)
-    assert pooled(before[GAPS]) == pytest.approx([11.7], rel=0.4)
-    assert pooled(before[SLIDING]) == pytest.approx([6.4], rel=0.4)
-    for protocol in (GAPS, SLIDING):
-        better, each = improvements(before[protocol], after[protocol])
+    assert field_campaign.pooled(before[field_campaign.GAPS]) == pytest.approx([11.7], rel=0.4)
+    assert field_campaign.pooled(before[field_campaign.SLIDING]) == pytest.approx([6.4], rel=0.4)
+    for protocol in (field_campaign.GAPS, field_campaign.SLIDING):
+        better, each = field_campaign.improvements(before[protocol], after[protocol])
         assert each.shape == (2, 1)
         assert 2.0 < better[0] < 45.0
 
 
 def test_a_filter_that_is_lost_says_so_and_is_counted() -> None:
     rng = np.random.default_rng(6)
-    unit = draw_unit("HG1900", rng, wandering=False)
-    drive = record_cart(unit, np.zeros((2, 3)), rng)
-    told = calibrated(unit.grade, None, None)
-    assert 1.0 < position_sigma(given(outage_errors(drive, told, (60.0,), gaps=True))[0]) < 60.0
+    unit = field_campaign.draw_unit("HG1900", rng, wandering=False)
+    drive = field_campaign.record_cart(unit, np.zeros((2, 3)), rng)
+    told = field_campaign.calibrated(unit.grade, None, None)
+    assert (
+        1.0
+        < field_campaign.position_sigma(
+            given(field_campaign.outage_errors(drive, told, (60.0,), gaps=True))[0]
+        )
+        < 60.0
+    )
     given(told.model.gyroscope).matrix[:] = 1e-7 * np.eye(3)
-    assert outage_errors(drive, told, (60.0,), gaps=True) is None
+    assert field_campaign.outage_errors(drive, told, (60.0,), gaps=True) is None
 
 
 @pytest.mark.parametrize(("imu", "triad"), [("HG1700", "gyro"), ("HG1900", "accelerometer")])

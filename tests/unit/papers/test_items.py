@@ -16,17 +16,9 @@ from tumble_papers.hayal.scenarios import ABSURD
 from tumble_papers.savage.formulas import evaluated
 from tumble_papers.savage.section_9 import resampled, to_digits
 from tumble_papers.study import hayal, zhang
+from tumble_papers.zhang import turntable
 from tumble_papers.zhang.navigation import ALIGNED, DURATION, measured, navigate_test, true_test
 from tumble_papers.zhang.tables import error_factor, gyros_apart, heading_factors, norm_shift, refusal
-from tumble_papers.zhang.turntable import (
-    POSITIONS,
-    calibrate_in_laboratory,
-    compare,
-    in_paper_units,
-    spread_directions,
-    table_setting,
-    twenty_four_positions,
-)
 from unit.given import given
 
 
@@ -298,7 +290,7 @@ def test_few_runs_judge_nothing_and_say_so(name: str) -> None:
 
 
 def test_headings_change_the_gyro_biases_scatter_and_the_paper_s_lie_in_the_range() -> None:
-    low, high = heading_factors(table_setting("3").up, generator(1))
+    low, high = heading_factors(turntable.table_setting("3").up, generator(1))
     assert np.all(low < 1.0)
     assert np.all(high > low)
     # another implementation has .0055 to .016 °/h over its choices; ours are .0049 to .016
@@ -331,35 +323,37 @@ def test_table_5_refuses_the_singular_set_in_words() -> None:
     assert (row.verdict, *row.cells[2:]) == (INSIDE, "refused", None, None)
     assert "do not determine all 9 unknowns" in row.reason
     assert "+1" in row.reason
-    assert refusal(table_setting("5")) == ""
+    assert refusal(turntable.table_setting("5")) == ""
 
 
 def test_each_axis_of_24_positions_is_up_and_down_with_the_next_to_four_sides() -> None:
-    up, north = twenty_four_positions()
+    up, north = turntable.twenty_four_positions()
     np.testing.assert_array_equal(np.sum(up * north, axis=1), 0.0)
     assert len({(*u, *n) for u, n in zip(up.tolist(), north.tolist(), strict=True)}) == 24
     # x up: y to the north, west, south, east; west is up cross north
     y_up, west = np.array([0.0, 1.0, 0.0]), np.cross(up[:4], north[:4])
     np.testing.assert_array_equal([north[0], west[1], -north[2], -west[3]], [y_up] * 4)
-    directions = spread_directions(POSITIONS)
+    directions = turntable.spread_directions(turntable.POSITIONS)
     np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1.0, rtol=1e-14)
-    np.testing.assert_allclose(directions.T @ directions / POSITIONS, np.eye(3) / 3.0, atol=0.01)
+    np.testing.assert_allclose(directions.T @ directions / turntable.POSITIONS, np.eye(3) / 3.0, atol=0.01)
 
 
 def test_the_laboratory_is_right_without_errors(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its result is turned into the paper's frames: all 21 parameters of an asymmetric unit."""
     monkeypatch.setattr(laboratory, "AXIS_ERROR", 0.0)
-    exact = replace(table_setting("6"), force_noise=0.0, rate_noise=0.0, angle_error=0.0, placement=0.0)
-    found = calibrate_in_laboratory(exact, 1, generator(0)).parameters()
-    assert np.max(np.abs(in_paper_units(found, exact.unit.parameters()))) < 1e-6
+    exact = replace(
+        turntable.table_setting("6"), force_noise=0.0, rate_noise=0.0, angle_error=0.0, placement=0.0
+    )
+    found = turntable.calibrate_in_laboratory(exact, 1, generator(0)).parameters()
+    assert np.max(np.abs(turntable.in_paper_units(found, exact.unit.parameters()))) < 1e-6
 
 
 def test_axes_that_are_off_are_seen_by_the_laboratory_alone() -> None:
     """2″ of two axes make 2.8″ of a gyro's misalignment; the paper's method has what 2″ of an angle make."""
-    both = compare(600, generator(1))
+    both = turntable.compare(600, generator(1))
     truth = both.unit.parameters()
     traditional, proposed = (
-        in_paper_units(found, truth)[:, 12:15].std(axis=0)
+        turntable.in_paper_units(found, truth)[:, 12:15].std(axis=0)
         for found in (both.traditional.parameters(), both.proposed.parameters())
     )
     np.testing.assert_allclose(traditional, 2.0 * np.sqrt(2.0), rtol=0.15)
@@ -367,7 +361,7 @@ def test_axes_that_are_off_are_seen_by_the_laboratory_alone() -> None:
 
 
 def test_norm_errors_without_a_calibration_s_error_are_the_noise() -> None:
-    both = compare(300, generator(2))
+    both = turntable.compare(300, generator(2))
     # 10 µg and 0.003 °/h of a dwell of 100 s; what calibrations add is beyond
     for errors, noise in ((both.force_errors, 10.0 * 9.8e-6), (both.rate_errors, 0.003 * np.pi / 648000.0)):
         for method in ("traditional", "proposed"):
@@ -396,7 +390,7 @@ def test_figure_3_is_held_against_its_noise_and_table_6() -> None:
     assert norm_shift().std(ddof=1) == pytest.approx(expected, rel=0.05)
     (plot,) = outcome.plots
     assert plot.linear
-    assert [curve.y.size for curve in plot.curves] == [POSITIONS, POSITIONS]
+    assert [curve.y.size for curve in plot.curves] == [turntable.POSITIONS, turntable.POSITIONS]
     few = ITEMS["zhang-figure-4"].run(5, 0).rows[:2]
     assert [row.verdict for row in few] == [UNJUDGED, UNJUDGED]
     assert all("no range" in row.reason for row in few)
@@ -405,7 +399,7 @@ def test_figure_3_is_held_against_its_noise_and_table_6() -> None:
 @pytest.mark.parametrize("name", ["I", "II"])
 def test_without_noise_and_with_the_true_parameters_it_stays_where_it_is(name: str) -> None:
     """A metre in 8,000 s, against hundreds of any unit: what samples of a tenth of a second leave of the turns."""
-    setting = table_setting("6")
+    setting = turntable.table_setting("6")
     raw = measured(true_test(name), setting.unit, setting, None)
     time, errors = navigate_test(raw, setting.unit.model)
     assert time[-1] == pytest.approx(DURATION[name] - ALIGNED)

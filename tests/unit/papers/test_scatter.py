@@ -6,17 +6,9 @@ By statistics of the samples, which scatter as the samples themselves do (`test_
 import numpy as np
 import pytest
 
+from tumble_papers.zhang import turntable
 from tumble_papers.zhang.closed_forms import ellipsoid_from_norms
 from tumble_papers.zhang.tables import theory_of_nine
-from tumble_papers.zhang.turntable import (
-    CHOICES,
-    GRAVITY,
-    evaluate,
-    in_paper_units,
-    simulate,
-    table_setting,
-    triad_parameters,
-)
 
 RUNS = 1000
 # Group -> range in table 3 and in table 4; see SOURCE.md.
@@ -39,14 +31,16 @@ def generator(*seed):
 @pytest.fixture(scope="module")
 def estimates():
     return {
-        t: evaluate(simulate(table_setting(t), RUNS, generator(17, int(t)), sampled=False))
+        t: turntable.evaluate(
+            turntable.simulate(turntable.table_setting(t), RUNS, generator(17, int(t)), sampled=False)
+        )
         for t in ("3", "4")
     }
 
 
-def scatter(estimates, choice=CHOICES[0]):
-    truth = table_setting("3").unit.parameters()
-    return in_paper_units(estimates.parameters(choice), truth).std(axis=0, ddof=1)
+def scatter(estimates, choice=turntable.CHOICES[0]):
+    truth = turntable.table_setting("3").unit.parameters()
+    return turntable.in_paper_units(estimates.parameters(choice), truth).std(axis=0, ddof=1)
 
 
 @pytest.mark.parametrize("table", ["3", "4"])
@@ -59,17 +53,17 @@ def test_every_scatter_is_in_the_range_of_another_implementation(estimates, grou
 
 @pytest.mark.parametrize("table", ["3", "4"])
 def test_other_axes_are_better(estimates, table):
-    for choice, most in zip(CHOICES[1:3], CHOSEN[table], strict=True):
+    for choice, most in zip(turntable.CHOICES[1:3], CHOSEN[table], strict=True):
         assert np.all(scatter(estimates[table], choice)[18:] < most)
     # x then y: 3.7 times better than z then y, in the mean of three known to some percent
-    gain = scatter(estimates[table])[18:].mean() / scatter(estimates[table], CHOICES[1])[18:].mean()
+    gain = scatter(estimates[table])[18:].mean() / scatter(estimates[table], turntable.CHOICES[1])[18:].mean()
     assert gain == pytest.approx(3.7, rel=0.1)
 
 
 @pytest.mark.parametrize("table", ["3", "4"])
 def test_the_nine_scatter_by_theory(estimates, table):
     """Scale and bias σ/√2, misalignment √7 σ. The mean of three of 1,000 runs is known to 1.4 %: four times that."""
-    setting = table_setting(table)
+    setting = turntable.table_setting(table)
     theory = theory_of_nine(setting.force_noise / np.sqrt(setting.dwell))
     ratio = (scatter(estimates[table])[:9] / theory).reshape(3, 3).mean(axis=1)
     np.testing.assert_allclose(ratio, 1.0, atol=0.06)
@@ -77,10 +71,10 @@ def test_the_nine_scatter_by_theory(estimates, table):
 
 def test_all_18_orientations_are_better():
     """26.4 ppm, 10.3″ and 20.4 µg; means of three of 1,000 runs."""
-    setting = table_setting("5", tuple(range(1, 19)))
-    force = simulate(setting, RUNS, generator(18), sampled=False).force
-    found = triad_parameters(*ellipsoid_from_norms(force, GRAVITY))
-    off = in_paper_units(found, setting.unit.parameters()[:9])
+    setting = turntable.table_setting("5", tuple(range(1, 19)))
+    force = turntable.simulate(setting, RUNS, generator(18), sampled=False).force
+    found = turntable.triad_parameters(*ellipsoid_from_norms(force, turntable.GRAVITY))
+    off = turntable.in_paper_units(found, setting.unit.parameters()[:9])
     np.testing.assert_allclose(
         off.std(axis=0, ddof=1).reshape(3, 3).mean(axis=1), [26.4, 10.3, 20.4], rtol=0.06
     )
@@ -88,7 +82,7 @@ def test_all_18_orientations_are_better():
 
 def test_no_estimate_is_biased(estimates):
     for table, found in estimates.items():
-        off = in_paper_units(found.parameters(), table_setting(table).unit.parameters())
+        off = turntable.in_paper_units(found.parameters(), turntable.table_setting(table).unit.parameters())
         score = off.mean(axis=0) / off.std(axis=0, ddof=1) * np.sqrt(RUNS)
         # one of 42 is beyond 4 in one study of 400
         assert np.max(np.abs(score)) < 4.0

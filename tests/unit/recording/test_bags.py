@@ -8,34 +8,20 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.contract.ros import (
-    IMU,
-    MAGNETIC,
-    STORE,
-    STORE1,
-    TEXT,
-    ZEROS,
-    message,
-    ros1,
-    ros2,
-    samples,
-    stream,
-    write_ros1,
-    write_ros2,
-)
+from tests.contract import ros
 from tests.unit.recording.by_hand import said
 
 from tumble.errors import RecordingError, UsageError
 from tumble.recording import read_blocks, read_recording
 from tumble.recording.formats.bags import bag
 
-TIME, FORCE, RATE = samples(600)
+TIME, FORCE, RATE = ros.samples(600)
 
 
 def test_a_folder_of_files_compressed_as_a_whole_is_unpacked(tmp_path: Path) -> None:
     """`compression_mode: file`; a database that is cut short is refused."""
     library = pytest.importorskip("zstandard", reason="the extra ros is not installed")
-    folder = ros2(tmp_path / "bag", {"/imu": "both"}, mode="FILE")
+    folder = ros.ros2(tmp_path / "bag", {"/imu": "both"}, mode="FILE")
     assert not list(folder.glob("*.db3"))
     whole = read_recording(folder)
     assert len(whole) == 600
@@ -49,8 +35,8 @@ def test_a_folder_of_files_compressed_as_a_whole_is_unpacked(tmp_path: Path) -> 
 
 
 def test_what_is_damaged_or_cut_short_is_refused_with_what_mends_it(tmp_path: Path) -> None:
-    data = ros1(tmp_path / "a.bag", {"/imu": "both"}, 3000, compression="BZ2", chunk=100_000).read_bytes()
-    (table,) = ros2(tmp_path / "bag", {"/imu": "both"}).glob("*.db3")
+    data = ros.ros1(tmp_path / "a.bag", {"/imu": "both"}, 3000, compression="BZ2", chunk=100_000).read_bytes()
+    (table,) = ros.ros2(tmp_path / "bag", {"/imu": "both"}).glob("*.db3")
     rows = table.read_bytes()
     middle, page = len(data) // 2, len(rows) // 2 // 4096 * 4096
     damaged = [data[:middle] + b"\x5a" * 16 + data[middle + 16 :], data[:-6000], data[:middle]]
@@ -68,7 +54,7 @@ def test_what_is_damaged_or_cut_short_is_refused_with_what_mends_it(tmp_path: Pa
 
 
 def test_split_topics_are_merged_whole_or_piece_by_piece(tmp_path: Path, monkeypatch) -> None:
-    path = ros1(tmp_path / "a.bag", {"/accel/sample": "force", "/gyro/sample": "rate"})
+    path = ros.ros1(tmp_path / "a.bag", {"/accel/sample": "force", "/gyro/sample": "rate"})
     recording = read_recording(path)
     assert np.array_equal(recording.specific_force, FORCE)
     assert np.array_equal(recording.angular_rate, RATE)
@@ -81,7 +67,7 @@ def test_split_topics_are_merged_whole_or_piece_by_piece(tmp_path: Path, monkeyp
     for part in ("time", "specific_force", "angular_rate"):
         assert np.array_equal(np.concatenate([getattr(b, part) for b in blocks]), getattr(recording, part))
     swapped = said(
-        read_recording(ros1(tmp_path / "b.bag", {"/accel/sample": "rate", "/gyro/sample": "force"}))
+        read_recording(ros.ros1(tmp_path / "b.bag", {"/accel/sample": "rate", "/gyro/sample": "force"}))
     )
     assert "/gyro/sample is named after a gyro, but its messages hold an acceleration" in swapped
     assert "/accel/sample is named after an accelerometer, but its messages hold an angular rate" in swapped
@@ -89,7 +75,7 @@ def test_split_topics_are_merged_whole_or_piece_by_piece(tmp_path: Path, monkeyp
 
 def test_topics_are_listed_and_two_sensors_are_not_mixed_unless_one_is_named(tmp_path: Path) -> None:
     one, two = (
-        ros1(tmp_path / name, dict.fromkeys(t, "both"))
+        ros.ros1(tmp_path / name, dict.fromkeys(t, "both"))
         for name, t in (("a", ["/imu"]), ("b", ["/left", "/right"]))
     )
     assert "/imu (sensor_msgs/Imu, 600 messages, 128 Hz)" in said(read_recording(one))
@@ -108,8 +94,8 @@ def test_topics_are_listed_and_two_sensors_are_not_mixed_unless_one_is_named(tmp
 
 
 def test_bags_of_other_things_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    words = write_ros1(tmp_path / "a.bag", [("/said", 1, STORE1.types[TEXT]("word"), TEXT)])
-    short = write_ros1(tmp_path / "b.bag", [("/imu", k, bytes(40), IMU) for k in range(20)])
+    words = ros.write_ros1(tmp_path / "a.bag", [("/said", 1, ros.STORE1.types[ros.TEXT]("word"), ros.TEXT)])
+    short = ros.write_ros1(tmp_path / "b.bag", [("/imu", k, bytes(40), ros.IMU) for k in range(20)])
     connection = sqlite3.connect(tmp_path / "a.db3")
     connection.execute("CREATE TABLE songs (name TEXT)")
     connection.commit()
@@ -124,7 +110,7 @@ def test_bags_of_other_things_are_refused(tmp_path: Path, monkeypatch: pytest.Mo
     (tmp_path / "a.csv").write_text("t,ax,ay,az\n0,0,0,9.8\n0.01,0,0,9.8\n")
     with pytest.raises(UsageError, match=r"a\.csv is text, which has no topics"):
         read_recording(tmp_path / "a.csv", topics=["/imu"])
-    ros2(tmp_path / "bag", {"/imu": "both"}, 50, storage="MCAP")
+    ros.ros2(tmp_path / "bag", {"/imu": "both"}, 50, storage="MCAP")
     for module, name in (("rosbags.rosbag1", "a.bag"), ("mcap.records", "bag/bag.mcap")):
         monkeypatch.setitem(sys.modules, module, None)
         with pytest.raises(UsageError, match=r"; reading it needs pip install "):
@@ -132,7 +118,9 @@ def test_bags_of_other_things_are_refused(tmp_path: Path, monkeypatch: pytest.Mo
 
 
 def test_messages_without_stamps_take_the_time_of_recording(tmp_path: Path) -> None:
-    recording = read_recording(write_ros2(tmp_path / "bag", stream(STORE, {"/imu": "both"}, stamp=0.0)))
+    recording = read_recording(
+        ros.write_ros2(tmp_path / "bag", ros.stream(ros.STORE, {"/imu": "both"}, stamp=0.0))
+    )
     assert recording.time[0] == pytest.approx(1000.000012345, abs=1e-9)
     assert "have no stamps" in said(recording)
 
@@ -145,15 +133,15 @@ FIELD = np.array([18e-6, -4e-6, -44e-6]) + 3e-7 * np.random.default_rng(9).norma
 
 def magnetic(store: Any, topic: str, scale: float) -> Iterator[Any]:
     for seconds, field in zip(STAMPS.tolist(), scale * FIELD, strict=True):
-        header = message(store, seconds, ZEROS[:3], ZEROS[:3]).header
-        made = store.types[MAGNETIC](header, store.types["geometry_msgs/msg/Vector3"](*field), ZEROS)
-        yield topic, round(seconds * 1e9), made, MAGNETIC
+        header = ros.message(store, seconds, ros.ZEROS[:3], ros.ZEROS[:3]).header
+        made = store.types[ros.MAGNETIC](header, store.types["geometry_msgs/msg/Vector3"](*field), ros.ZEROS)
+        yield topic, round(seconds * 1e9), made, ros.MAGNETIC
 
 
 def test_a_magnetometer_s_topic_stands_beside_the_imu_s(tmp_path: Path, monkeypatch) -> None:
-    parts = [stream(STORE, {"/imu/data": "both"}, 300)]
-    parts += [magnetic(STORE, "/imu/mag", 1.0), magnetic(STORE, "/gps/mag", -1.0)]
-    path = write_ros2(tmp_path / "folder", (one for part in parts for one in part))
+    parts = [ros.stream(ros.STORE, {"/imu/data": "both"}, 300)]
+    parts += [magnetic(ros.STORE, "/imu/mag", 1.0), magnetic(ros.STORE, "/gps/mag", -1.0)]
+    path = ros.write_ros2(tmp_path / "folder", (one for part in parts for one in part))
     recording = read_recording(path)
     assert len(recording) == 300
     assert recording.magnetic_field.unit == "T"
@@ -172,7 +160,7 @@ def test_a_magnetometer_s_topic_stands_beside_the_imu_s(tmp_path: Path, monkeypa
 
 
 def test_a_bag_with_a_magnetometer_alone_is_read(tmp_path: Path) -> None:
-    path = write_ros1(tmp_path / "a.bag", magnetic(STORE1, "/mag", 1e6))
+    path = ros.write_ros1(tmp_path / "a.bag", magnetic(ros.STORE1, "/mag", 1e6))
     recording = read_recording(path)
     assert recording.specific_force is None
     assert len(recording.magnetic_field) == 60

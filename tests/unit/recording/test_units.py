@@ -10,14 +10,7 @@ from tests.unit.recording.by_hand import GRAVITY, said, tumble_by_hand
 
 from second_simulator import GRADES, PROCEDURES
 from tumble.errors import RecordingError
-from tumble.recording import Recording, find_axis_contradiction, read_recording
-from tumble.recording.gravity_check import (
-    axis_agreement,
-    find_steps_of_two,
-    gyro_scale_from_gravity,
-    gyro_step_words,
-    step_of_two,
-)
+from tumble.recording import Recording, find_axis_contradiction, gravity_check, read_recording
 
 DEGREE = np.pi / 180.0
 
@@ -48,7 +41,7 @@ def test_offset_counts_are_found_as_counts(tumbled, csv) -> None:
     rows[:, 1:] = np.round(rows[:, 1:] + [33100, 33300, 32360, 32768, 32466, 32485])
     recording = read_recording(csv(rows, header=None))
     assert (recording.specific_force_unit, recording.angular_rate_unit) == ("counts", "counts")
-    scale = gyro_scale_from_gravity(recording)
+    scale = gravity_check.gyro_scale_from_gravity(recording)
     assert scale.determined
     assert scale.scale == pytest.approx(1 / 4770, rel=0.05)  # the check is good to a few per cent
 
@@ -56,7 +49,7 @@ def test_offset_counts_are_found_as_counts(tumbled, csv) -> None:
 @pytest.mark.parametrize("rate", [25.0, 2000.0])
 def test_the_gyro_s_scale_is_found_at_low_and_high_rates(rate) -> None:
     made = tumble_by_hand(rate=rate, holds=14)
-    scale = gyro_scale_from_gravity(
+    scale = gravity_check.gyro_scale_from_gravity(
         Recording(made.time, made.specific_force, made.angular_rate / DEGREE, "m/s^2", "counts", rate)
     )
     assert scale.determined
@@ -279,10 +272,10 @@ def test_nothing_is_claimed_of_a_unit_that_turns_about_the_vertical_only_or_has_
     force = np.array([0.0, 0.0, 9.8]) + 0.02 * rng.normal(size=(4000, 3))
     recording = Recording(np.arange(4000) / 100, force, rate, "m/s^2", "rad/s", 100.0)
     assert find_axis_contradiction(recording) is None
-    agreement = axis_agreement(recording)
+    agreement = gravity_check.axis_agreement(recording)
     assert agreement is None or not agreement.determined
     with pytest.raises(RecordingError, match="both triads"):
-        axis_agreement(replace(recording, angular_rate=None))
+        gravity_check.axis_agreement(replace(recording, angular_rate=None))
 
 
 def test_turns_about_a_single_level_axis_still_tell_a_gyro_that_counts_the_other_way_round() -> None:
@@ -304,18 +297,18 @@ def test_turns_about_a_single_level_axis_still_tell_a_gyro_that_counts_the_other
     [(2.1, 2.0), (0.48, 0.5), (3.8, 4.0), (0.25, 0.25), (1.02, None), (1.4, None), (0.0, None)],
 )
 def test_a_ratio_is_near_a_step_of_two_or_near_none(ratio: float, step: float | None) -> None:
-    assert step_of_two(ratio) == step
+    assert gravity_check.step_of_two(ratio) == step
 
 
 def test_half_a_range_and_half_a_rate_are_named() -> None:
     made = PROCEDURES["by-hand"](GRADES["tactical"], np.random.default_rng(3), None, poses=14, rate=50.0)
     recording = Recording(made.time, made.force, made.rate, "m/s^2", "rad/s", 50.0)
-    assert find_steps_of_two(recording) == []
+    assert gravity_check.find_steps_of_two(recording) == []
     for changed, *words in (
         ({"angular_rate": 0.5 * made.rate}, "Gravity turns twice as fast", "25 Hz instead of 50 Hz"),
         ({"time": 2.0 * made.time, "rate": 25.0}, "Gravity turns half as fast", "50 Hz instead of 25 Hz"),
         ({"specific_force": 2.0 * made.force}, "at rest is twice gravity"),
     ):
-        (told,) = find_steps_of_two(replace(recording, **changed))
+        (told,) = gravity_check.find_steps_of_two(replace(recording, **changed))
         assert all(word in told for word in words)
-    assert gyro_step_words(1.1, 100.0) is None
+    assert gravity_check.gyro_step_words(1.1, 100.0) is None

@@ -8,15 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tumble.report import reproduction
 from tumble.report.figures.on_page import plot
-from tumble.report.reproduction import (
-    cell_text,
-    figure_of,
-    outcome_csv,
-    outcome_json,
-    outcome_lines,
-    render_outcome,
-)
 from tumble.reproduction import INSIDE, OUTSIDE, Curve, Marks, Outcome, Plot, Row
 
 X = np.array([1.0, 10.0, 100.0])
@@ -65,11 +58,11 @@ OUTCOME = Outcome(
     ],
 )
 def test_a_cell_has_three_digits(value, text):
-    assert cell_text(value) == text
+    assert reproduction.cell_text(value) == text
 
 
 def test_lines_are_aligned_and_say_verdict_and_reason():
-    lines = outcome_lines(OUTCOME)
+    lines = reproduction.outcome_lines(OUTCOME)
     head, first, second = lines[3], lines[4], lines[5]
     assert head.index("thesis") == first.index("1.23e-09") == second.index("20912")
     assert second.endswith("outside: 1 < 2")
@@ -80,7 +73,7 @@ def test_lines_are_aligned_and_say_verdict_and_reason():
 
 
 def test_json_has_all_digits_and_no_nan():
-    document = json.loads(outcome_json(OUTCOME), parse_constant=lambda word: pytest.fail(word))
+    document = json.loads(reproduction.outcome_json(OUTCOME), parse_constant=lambda word: pytest.fail(word))
     assert document["rows"][0]["cells"] == ["1: none", 1.23456789e-9]
     assert document["rows"][2]["cells"] == [None, None]
     assert document["rows"][1]["verdict"] == "outside"
@@ -90,7 +83,7 @@ def test_json_has_all_digits_and_no_nan():
 
 
 def test_csv_has_all_digits_and_a_column_for_every_cell():
-    rows = list(csv.reader(outcome_csv(OUTCOME).splitlines()))
+    rows = list(csv.reader(reproduction.outcome_csv(OUTCOME).splitlines()))
     assert rows[0] == ["parameter", "unit", "case", "thesis", "verdict", "reason"]
     assert rows[1] == ["b x", "m/s²", "1: none", "1.23456789e-09", "inside", ""]
     assert rows[2] == ["s y", "ppm", "2: noise", "20912.4", "outside", "1 < 2"]
@@ -98,7 +91,7 @@ def test_csv_has_all_digits_and_a_column_for_every_cell():
 
 
 def test_the_page_stands_alone_and_escapes_words():
-    page = render_outcome(OUTCOME)
+    page = reproduction.render_outcome(OUTCOME)
     assert "Table &lt;1.1&gt;: it" in page
     assert "A. Paper &amp; Co" in page
     assert "Gyro &lt;scale&gt;" in page
@@ -118,8 +111,8 @@ def test_the_page_stands_alone_and_escapes_words():
 def test_a_figure_has_curves_in_their_bands_and_the_papers_numbers():
     marks = Marks("thesis", np.array([1.0, 100.0]), np.array([3e-6, 1e-3]))
     outcome = replace(OUTCOME, plots=[replace(PLOT, marks=marks)])
-    page = render_outcome(outcome)
-    figure = plot(figure_of(outcome.plots[0]))
+    page = reproduction.render_outcome(outcome)
+    figure = plot(reproduction.figure_of(outcome.plots[0]))
     low, high, line, other_low, _, _, crosses = figure["data"]
     assert (line["x"], line["y"]) == (list(X), list(Y))
     assert (low["y"], high["y"]) == ([1.5e-6, 1.5e-7, 1.5e-8], [6e-6, 6e-7, 6e-8])
@@ -131,17 +124,17 @@ def test_a_figure_has_curves_in_their_bands_and_the_papers_numbers():
 
 
 def test_axes_are_linear_where_asked_and_few_places_have_a_tick_each():
-    straight = plot(figure_of(replace(PLOT, linear=True)))
+    straight = plot(reproduction.figure_of(replace(PLOT, linear=True)))
     assert "type" not in straight["layout"]["xaxis"]
     assert straight["data"][3]["y"] == [0.0, 0.0, 0.0]
     few = np.array([1.0, 4.0, 16.0])
     near = replace(PLOT, curves=(Curve("one", few, Y, Y, Y),))
-    assert plot(figure_of(near))["layout"]["xaxis"]["tickvals"] == [1, 4, 16]
+    assert plot(reproduction.figure_of(near))["layout"]["xaxis"]["tickvals"] == [1, 4, 16]
 
 
 def test_an_outcome_of_words_brings_no_drawing_program_and_is_asked_for_without_a_seed():
     bare = Outcome("x-1", "X", "Y", ("n",), [Row("a", "", (-1.5,))])
-    page, lines = render_outcome(bare), outcome_lines(bare)
+    page, lines = reproduction.render_outcome(bare), reproduction.outcome_lines(bare)
     assert "<script" not in page
     assert "<figure>" not in page
     assert len(page) < 20_000
@@ -150,4 +143,4 @@ def test_an_outcome_of_words_brings_no_drawing_program_and_is_asked_for_without_
     assert "1 run, seed 0" in "\n".join(lines)
     still = replace(bare, simulated=False)
     assert still.command == "tumble reproduce x-1"
-    assert "Nothing is simulated." in outcome_lines(still)
+    assert "Nothing is simulated." in reproduction.outcome_lines(still)
