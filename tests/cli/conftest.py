@@ -1,21 +1,19 @@
 """A user's folder with a good recording in it, `tumbled.csv`, and its calibration, `calibrated`."""
 
 import shutil
-from pathlib import Path
 
-import numpy as np
 import pytest
 from tests.cli.program import GRAVITY, Bench, tumbled_rows
 
 
 @pytest.fixture(scope="session")
-def rows() -> np.ndarray:
+def rows():
     """The rows of the good recording; tests copy them before they spoil them."""
     return tumbled_rows(3)
 
 
 @pytest.fixture(scope="session")
-def good(tmp_path_factory: pytest.TempPathFactory, rows: np.ndarray) -> Bench:
+def good(tmp_path_factory, rows):
     """Where the good recording was calibrated, once."""
     bench = Bench(tmp_path_factory.mktemp("good"))
     bench.write("tumbled.csv", rows)
@@ -24,7 +22,7 @@ def good(tmp_path_factory: pytest.TempPathFactory, rows: np.ndarray) -> Bench:
 
 
 @pytest.fixture
-def tumble(good: Bench, tmp_path: Path) -> Bench:
+def tumble(good, tmp_path):
     (tmp_path / "calibrated").mkdir()
     for name in ("tumbled.csv", "calibrated/calibration.json"):
         shutil.copyfile(good.folder / name, tmp_path / name)
@@ -32,6 +30,6 @@ def tumble(good: Bench, tmp_path: Path) -> Bench:
 
 
 @pytest.fixture
-def bench(tmp_path: Path) -> Bench:
+def bench(tmp_path):
     """An empty folder."""
     return Bench(tmp_path)

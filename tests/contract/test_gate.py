@@ -1,9 +1,7 @@
 """The one gate: every file that a user names is an ordinary one of a bounded size, or is refused in one sentence."""
 
 import os
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 from tests.fuzz.seeds import HEADER, calibrations, rows, text
@@ -44,7 +42,7 @@ BOMB = "format: tumble protocol\na0: &a0 [x, x, x, x, x, x, x, x, x, x]\n" + "".
 
 
 @pytest.fixture
-def refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], str]:
+def refused(tmp_path, monkeypatch):
     """What the program says of a call in a folder with sound files, and that it writes nothing."""
     (tmp_path / "hand.csv").write_text(f"{HEADER}\n{text(rows())}")
     (tmp_path / "calibration.json").write_bytes(calibrations()[0][1])
@@ -66,14 +64,14 @@ def refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], 
 
 @pytest.mark.parametrize("place", ["/dev/zero", "pipe"])
 @pytest.mark.parametrize("words", READERS)
-def test_every_reader_refuses_a_device_and_a_pipe(refused: Any, words: str, place: str) -> None:
+def test_every_reader_refuses_a_device_and_a_pipe(refused, words, place):
     os.mkfifo("pipe")
     said = refused(words.format(place))
     assert {"/dev/zero": "a device", "pipe": "a pipe"}[place] in said
 
 
 @pytest.mark.parametrize("words", DOCUMENTS)
-def test_every_reader_of_documents_refuses_what_is_too_long_too_deep_or_no_text(refused, words) -> None:
+def test_every_reader_of_documents_refuses_what_is_too_long_too_deep_or_no_text(refused, words):
     with Path("bad").open("wb") as file:
         file.truncate(600 << 20)
     assert "longer than" in refused(words.format("bad"))

@@ -1,15 +1,12 @@
 """Holds: hands that tremble, poses that sway within one, poses that are believed, and holds that are left out."""
 
-from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
 from scipy.ndimage import uniform_filter1d
 from tests.unit.adjusted import adjusted
 
-from tumble.calibration import Estimate
 from tumble.calibration.equations.adjustment import balance_recording
 from tumble.calibration.equations.gathering import gather
 from tumble.calibration.equations.holds_and_turns import HoldsAndTurns
@@ -22,7 +19,7 @@ from tumble.segmentation import MatchedHold, Matching, NoiseFloor, observe_holds
 
 
 @pytest.mark.parametrize("samples", [1, 5])
-def test_a_hand_is_no_noise_of_the_sensors(play: Callable[..., Any], model: Any, samples: int) -> None:
+def test_a_hand_is_no_noise_of_the_sensors(play, model, samples):
     """A tremor of ten times a gyro's noise, which a filter may cut at 9 Hz, a sway of five times what a mean shows."""
     still = play()
     force, rate, time = still.recording.specific_force, still.recording.angular_rate, still.recording.time
@@ -63,7 +60,7 @@ LEAN = 5e-3
 
 
 @pytest.fixture(scope="module")
-def leaning(play: Any, site: Any, model: Any) -> Estimate:
+def leaning(play, site, model):
     """The fifth of twelve holds leans about x by 5 mrad in its middle, and comes back."""
     tumbled = play(noise=(1e-3, 1e-4), holds=12)
     recording, hold = tumbled.recording, slice(2000, 2300)
@@ -79,7 +76,7 @@ def leaning(play: Any, site: Any, model: Any) -> Estimate:
     return adjusted(recording, tumbled.timeline, site, optional_terms=False)
 
 
-def test_the_hold_is_named_with_its_time_and_its_sway(leaning: Estimate) -> None:
+def test_the_hold_is_named_with_its_time_and_its_sway(leaning):
     (one,) = leaning.holds.restless
     assert one.hold == 4
     # samples at the middle of their intervals, 100 Hz, the first at 5 ms
@@ -94,7 +91,7 @@ def test_the_hold_is_named_with_its_time_and_its_sway(leaning: Estimate) -> None
     assert "record it again" in said
 
 
-def test_of_many_the_worst_are_named_in_their_order() -> None:
+def test_of_many_the_worst_are_named_in_their_order():
     holds = [RestlessHold(k, 10.0 * k, 10.0 * k + 5.0, 1e-3 * (k + 1), 2e-4) for k in range(8)]
     (said,) = restless_remarks(holds)
     assert "the worst of 8" in said
@@ -102,7 +99,7 @@ def test_of_many_the_worst_are_named_in_their_order() -> None:
     assert "40 times as much as the others" in said
 
 
-def test_what_was_left_out_before_the_terms_were_tried_is_told(play: Any, site: Any) -> None:
+def test_what_was_left_out_before_the_terms_were_tried_is_told(play, site):
     """A hold is pushed by 0.2 m/s², a turn's gyro is off by 3 °/s; a g-sensitivity that is there is kept besides."""
     tumbled = play(noise=(1e-3, 1e-4), holds=26)
     force, rate = tumbled.recording.specific_force.copy(), tumbled.recording.angular_rate.copy()
@@ -114,7 +111,7 @@ def test_what_was_left_out_before_the_terms_were_tried_is_told(play: Any, site: 
     assert {(left.kind, left.index) for left in estimate.left_out} == {("hold", 4), ("turn", 6)}
 
 
-def test_a_unit_that_stays_on_its_table_is_placed_once_and_loose_poses_tell_nothing() -> None:
+def test_a_unit_that_stays_on_its_table_is_placed_once_and_loose_poses_tell_nothing():
     up, sigma = np.array([0.0, 0.0, 1.0]), 0.001
     pose = Pose(up, None, sigma)
     steps = (

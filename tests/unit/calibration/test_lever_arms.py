@@ -1,14 +1,12 @@
 """Lever arms at work: what accelerometers feel where they sit is taken out, block by block as all at once."""
 
-from pathlib import Path
-
 import numpy as np
 import numpy.typing as npt
 import pytest
 from msgspec import structs
 
 from tumble.calibration.terms import LeverArms
-from tumble.document import Calibration, calibration_from_model, read_calibration
+from tumble.document import calibration_from_model, read_calibration
 from tumble.errors import UsageError
 from tumble.sensor import ImuModel, Triad
 
@@ -44,7 +42,7 @@ def _arms() -> LeverArms:
     return LeverArms.of(ARMS.tolist(), MODEL)
 
 
-def test_the_force_at_the_point_they_are_counted_from_comes_back() -> None:
+def test_the_force_at_the_point_they_are_counted_from_comes_back():
     time, force, rate, felt = _shaken()
     found = _arms().taken_out(felt, rate, time)
     # The first sample has none before it; a difference over a step misses step²/24 of the third derivative:
@@ -54,7 +52,7 @@ def test_the_force_at_the_point_they_are_counted_from_comes_back() -> None:
 
 
 @pytest.mark.parametrize("sizes", [(1, 399), (200, 200), (7, 0, 393)])
-def test_blocks_give_the_same_numbers_as_the_whole(sizes: tuple[int, ...]) -> None:
+def test_blocks_give_the_same_numbers_as_the_whole(sizes):
     time, _, rate, felt = _shaken()
     whole, arms, at = _arms().taken_out(felt, rate, time), _arms(), 0
     made: list[Array] = []
@@ -65,7 +63,7 @@ def test_blocks_give_the_same_numbers_as_the_whole(sizes: tuple[int, ...]) -> No
     np.testing.assert_array_equal(np.concatenate(made), whole)
 
 
-def test_a_gap_or_a_step_back_has_no_acceleration() -> None:
+def test_a_gap_or_a_step_back_has_no_acceleration():
     time, _, rate, felt = _shaken()
     after = time.copy()
     after[200:] += 5.0
@@ -75,7 +73,7 @@ def test_a_gap_or_a_step_back_has_no_acceleration() -> None:
     np.testing.assert_allclose(gap[keep], even[keep], atol=1e-12)
 
 
-def test_without_time_it_is_refused_and_without_lever_arms_there_is_nothing() -> None:
+def test_without_time_it_is_refused_and_without_lever_arms_there_is_nothing():
     _, _, rate, felt = _shaken()
     with pytest.raises(UsageError, match="give the time"):
         _arms().taken_out(felt, rate, None)
@@ -83,7 +81,7 @@ def test_without_time_it_is_refused_and_without_lever_arms_there_is_nothing() ->
 
 
 @pytest.fixture(scope="module")
-def document() -> Calibration:
+def document():
     """A document of the model with lever arms; its gyros are perfect."""
     model = ImuModel(MODEL.accelerometer, Triad(np.eye(3), np.zeros(3)))
     made = calibration_from_model(
@@ -93,7 +91,7 @@ def document() -> Calibration:
     return structs.replace(made, lever_arms=arms)
 
 
-def test_a_document_carries_them_and_corrects_by_them(document: Calibration, tmp_path: Path) -> None:
+def test_a_document_carries_them_and_corrects_by_them(document, tmp_path):
     time, force, rate, felt = _shaken()
     document.write(tmp_path / "calibration.json")
     read = read_calibration(tmp_path / "calibration.json")

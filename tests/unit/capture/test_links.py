@@ -20,7 +20,7 @@ from tests.unit.capture.recordings import by_hand, replay_of
 from tests.unit.given import signals
 
 from tumble.capture.apart import SensorLines
-from tumble.capture.link import Decoder, TextLines
+from tumble.capture.link import TextLines
 from tumble.capture.run import run_capture
 from tumble.capture.source import Channels, Notice, Piece, SourceOptions, find_source, known_sources
 from tumble.errors import RecordingError, UsageError
@@ -64,7 +64,7 @@ def decoded(
 
 
 @pytest.mark.parametrize("text", [CSV, as_pairs(":"), as_pairs("="), JSON], ids=["csv", "a:1", "a=1", "json"])
-def test_lines_of_every_kind_give_the_same_samples(text: str) -> None:
+def test_lines_of_every_kind_give_the_same_samples(text):
     channels, samples, decoder = decoded(text.encode())
     assert channels.specific_force_unit == "m/s^2"
     assert channels.rate == pytest.approx(100.0, rel=0.02)
@@ -76,7 +76,7 @@ def test_lines_of_every_kind_give_the_same_samples(text: str) -> None:
     assert decoder.damaged == 0
 
 
-def test_motioncal_lines_are_read_with_their_scales() -> None:
+def test_motioncal_lines_are_read_with_their_scales():
     counts = np.column_stack(
         [FORCE / 9.80665 * 8192, np.degrees(RATE) * 16, np.tile([1, 2, 3], (len(RATE), 1))]
     )
@@ -96,14 +96,14 @@ def test_motioncal_lines_are_read_with_their_scales() -> None:
     np.testing.assert_allclose(samples.specific_force[:, 1], np.arange(200) / 1000)
 
 
-def test_lines_without_stamps_out_of_a_pipe_have_the_stated_rate_and_units() -> None:
+def test_lines_without_stamps_out_of_a_pipe_have_the_stated_rate_and_units():
     options = SourceOptions(rate=100.0, units="m/s^2,rad/s")
     channels, samples, _ = decoded(joined_lines(ROWS[:, 1:]).encode(), options, cut=6000)
     assert channels.angular_rate_unit == "rad/s"
     assert samples.time[-1] - samples.time[0] == pytest.approx(2.99, abs=0.02)
 
 
-def test_names_between_the_rows_are_theirs_and_garbage_and_half_lines_are_counted_and_passed_over() -> None:
+def test_names_between_the_rows_are_theirs_and_garbage_and_half_lines_are_counted_and_passed_over():
     lines = CSV.encode().splitlines(keepends=True)
     mixed = [*lines[1:30], lines[0], *lines[30:200], lines[0], *lines[200:]]
     channels, samples, decoder = decoded(b"".join(mixed), cut=3000)
@@ -117,7 +117,7 @@ def test_names_between_the_rows_are_theirs_and_garbage_and_half_lines_are_counte
     assert decoder.damaged >= 4
 
 
-def test_sentences_of_a_navigation_unit_with_a_wrong_checksum_are_passed_over() -> None:
+def test_sentences_of_a_navigation_unit_with_a_wrong_checksum_are_passed_over():
     def sentence(values: str, check: str | None = None) -> str:
         body = f"VNIMU,0.1,0.2,0.3,0.1,-0.2,9.8,{values},25.5,101.3"
         return f"${body}*{check or format(reduce(xor, body.encode()), '02X')}\r\n"
@@ -135,9 +135,7 @@ def test_sentences_of_a_navigation_unit_with_a_wrong_checksum_are_passed_over() 
 
 @settings(max_examples=60, deadline=None)
 @given(st.lists(st.binary(max_size=300), max_size=8), st.sampled_from([TextLines, SensorLines]))
-def test_no_bytes_raise_anything_but_a_sentence(
-    parts: list[bytes], kind: Callable[[SourceOptions, str], Decoder]
-) -> None:
+def test_no_bytes_raise_anything_but_a_sentence(parts, kind):
     decoder = kind(SourceOptions(), "a test")
     try:
         for k, part in enumerate(parts):
@@ -174,7 +172,7 @@ def sent(write: Callable[[bytes], object], text: str, pause: float = 0.004) -> t
     return thread
 
 
-def test_a_serial_port() -> None:
+def test_a_serial_port():
     ours, theirs = pty.openpty()
     tty.setraw(theirs)
     source, address = find_source(os.ttyname(theirs))
@@ -185,7 +183,7 @@ def test_a_serial_port() -> None:
     os.close(theirs)
 
 
-def test_a_tcp_server_that_goes_and_comes_back() -> None:
+def test_a_tcp_server_that_goes_and_comes_back():
     server = socket.create_server(("127.0.0.1", 0))
     lines = CSV.splitlines(keepends=True)
 
@@ -207,7 +205,7 @@ def test_a_tcp_server_that_goes_and_comes_back() -> None:
     assert [p.kind for p in found if isinstance(p, Notice)][:2] == ["silence", "remark"]
 
 
-def test_udp_packets() -> None:
+def test_udp_packets():
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
@@ -221,7 +219,7 @@ def test_udp_packets() -> None:
     out.close()
 
 
-def test_two_captures_on_one_port_are_refused_in_a_sentence() -> None:
+def test_two_captures_on_one_port_are_refused_in_a_sentence():
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind(("127.0.0.1", 0))
         port = taken.getsockname()[1]
@@ -241,7 +239,7 @@ def test_two_captures_on_one_port_are_refused_in_a_sentence() -> None:
     os.close(theirs)
 
 
-def test_a_file_that_grows(tmp_path: Path) -> None:
+def test_a_file_that_grows(tmp_path):
     file = tmp_path / "growing.csv"
     file.write_text(CSV[:5000])
     source, address = find_source(f"follow:{file}")
@@ -255,7 +253,7 @@ def test_a_file_that_grows(tmp_path: Path) -> None:
     thread.join()
 
 
-def test_every_source_is_on_the_page_of_sources() -> None:
+def test_every_source_is_on_the_page_of_sources():
     """And what the page writes behind `tumble capture` is a source."""
     page = (Path(__file__).parents[3] / "docs" / "capture-sources.md").read_text()
     written = {
@@ -283,7 +281,7 @@ def test_every_source_is_on_the_page_of_sources() -> None:
         ("simulated:consumer-mems@-1", "simulated"),
     ],
 )
-def test_what_is_no_source_or_does_not_answer_is_refused(source: str, said: str) -> None:
+def test_what_is_no_source_or_does_not_answer_is_refused(source, said):
     def opened() -> None:
         found, address = find_source(source)
         next(iter(found.open(address, SourceOptions())))
@@ -292,7 +290,7 @@ def test_what_is_no_source_or_does_not_answer_is_refused(source: str, said: str)
         opened()
 
 
-def test_a_replay_has_the_magnetometer_of_its_file_slower_than_the_rows(tmp_path: Path) -> None:
+def test_a_replay_has_the_magnetometer_of_its_file_slower_than_the_rows(tmp_path):
     field = np.round(0.003 * np.random.default_rng(7).standard_normal((300, 3)) + [0.2, -0.05, 0.42], 6)
     ends = [",".join(map(str, row)) if k % 4 == 1 else ",," for k, row in enumerate(field.tolist())]
     head, *lines = CSV.splitlines()

@@ -5,7 +5,6 @@ import json
 import struct
 import time
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -23,7 +22,7 @@ from tumble.web import Hub, PageServer
 
 
 @pytest.fixture
-def served(tmp_path: Path) -> Iterator[tuple[Hub, PageServer]]:
+def served(tmp_path):
     hub = Hub({"gyro scale": 1e-3})
     server = PageServer(hub, tmp_path)
     server.start()
@@ -55,7 +54,7 @@ def heard(viewer: ClientConnection, key: str) -> Any:
     raise AssertionError(key)
 
 
-def test_the_page_and_its_files_come_with_a_strict_policy(served: tuple[Hub, PageServer]) -> None:
+def test_the_page_and_its_files_come_with_a_strict_policy(served):
     status, text, headers = got(served[1], "/")
     assert status == 200
     assert "app.js" in text
@@ -70,25 +69,23 @@ def test_the_page_and_its_files_come_with_a_strict_policy(served: tuple[Hub, Pag
 @pytest.mark.parametrize(
     "path", ["/../server.py", "/%2e%2e/server.py", "/etc/passwd", "/recording.csv", "/page"]
 )
-def test_no_other_file_is_served(served: tuple[Hub, PageServer], path: str) -> None:
+def test_no_other_file_is_served(served, path):
     assert got(served[1], path)[0] == 404
 
 
 @pytest.mark.parametrize("host", ["evil.example", "evil.example:80", "192.168.1.5:80", ""])
-def test_a_request_by_another_name_is_refused(served: tuple[Hub, PageServer], host: str) -> None:
+def test_a_request_by_another_name_is_refused(served, host):
     assert got(served[1], "/", host or "evil")[0] == 403
     assert got(served[1], "/report", host or "evil")[0] == 403
 
 
 @pytest.mark.parametrize("origin", ["http://evil.example", None, "null"])
-def test_a_socket_that_another_page_opens_is_refused(
-    served: tuple[Hub, PageServer], origin: str | None
-) -> None:
+def test_a_socket_that_another_page_opens_is_refused(served, origin):
     with pytest.raises(InvalidStatus):
         watching(served[1], origin=origin)
 
 
-def test_traces_are_the_least_and_greatest_sample_of_each_thirtieth(served: tuple[Hub, PageServer]) -> None:
+def test_traces_are_the_least_and_greatest_sample_of_each_thirtieth(served):
     hub, server = served
     recording = by_hand(1, seed=1, rate=1000.0)
     for piece in pieces_of(recording, 0.01):
@@ -106,7 +103,7 @@ def test_traces_are_the_least_and_greatest_sample_of_each_thirtieth(served: tupl
         assert values[1:6:2] == pytest.approx(part.max(axis=0), abs=1e-5)
 
 
-def test_events_reach_who_comes_late_and_the_first_leads(served: tuple[Hub, PageServer]) -> None:
+def test_events_reach_who_comes_late_and_the_first_leads(served):
     hub, server = served
     capture = Capture(channels_of(by_hand(1, seed=1)), None, 3.0)
     hub([Event("remark", 1.0, "Hello.")], capture)
@@ -130,7 +127,7 @@ def test_events_reach_who_comes_late_and_the_first_leads(served: tuple[Hub, Page
             assert hub.stop_wanted
 
 
-def test_a_dropped_hold_does_not_count_in_the_calibration(tmp_path: Path) -> None:
+def test_a_dropped_hold_does_not_count_in_the_calibration(tmp_path):
     hub, recording = Hub({}), by_hand(14, seed=11)
 
     def pieces() -> Iterator[Piece]:

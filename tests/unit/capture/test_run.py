@@ -37,14 +37,14 @@ def rows_in(folder: Path) -> int:
 
 
 @pytest.fixture(scope="module")
-def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def recorded(tmp_path_factory):
     """A recording by hand of 14 poses as a file."""
     file = tmp_path_factory.mktemp("recorded") / "hand.csv"
     write_recording(recordings.by_hand(14, seed=11), file)
     return file
 
 
-def test_a_replay_leaves_all_four_files_and_the_same_samples(recorded: Path, tmp_path: Path) -> None:
+def test_a_replay_leaves_all_four_files_and_the_same_samples(recorded, tmp_path):
     run = run_capture(recordings.replay_of(recorded, tmp_path / "out"))
     folder = tmp_path / "out"
     names = {"recording.csv", "session.jsonl", "calibration.json", "report.html"}
@@ -58,7 +58,7 @@ def test_a_replay_leaves_all_four_files_and_the_same_samples(recorded: Path, tmp
 
 
 @pytest.mark.slow
-def test_sigma_falls_and_ends_near_what_calibrate_states(recorded: Path, tmp_path: Path) -> None:
+def test_sigma_falls_and_ends_near_what_calibrate_states(recorded, tmp_path):
     run_capture(recordings.replay_of(recorded, tmp_path / "out", imu="consumer-mems"))
     events = recordings.events_of(tmp_path / "out")
     told = [event["sigma"] for event in events if event["event"] == "sigma"]
@@ -77,7 +77,7 @@ def test_sigma_falls_and_ends_near_what_calibrate_states(recorded: Path, tmp_pat
         assert 0.4 < end["predicted"][name] / end["stated"][name] < 2.5
 
 
-def test_a_rate_that_is_stated_with_its_uncertainty_is_believed() -> None:
+def test_a_rate_that_is_stated_with_its_uncertainty_is_believed():
     time = np.arange(4000) / 100.0
     for rate, sigma in ((None, 0.01 / np.sqrt(3.0)), (sample_rate("100±0.02"), 2e-4)):
         guide = Guide(find_grade("tactical"), Site.unknown(), 3.0, {}, rate=rate, patient=True)
@@ -86,9 +86,7 @@ def test_a_rate_that_is_stated_with_its_uncertainty_is_believed() -> None:
         assert guide.clock_sigma == pytest.approx(sigma, rel=1e-3)
 
 
-def test_after_a_kill_only_the_last_second_is_lost_and_it_can_be_resumed(
-    recorded: Path, tmp_path: Path
-) -> None:
+def test_after_a_kill_only_the_last_second_is_lost_and_it_can_be_resumed(recorded, tmp_path):
     folder = tmp_path / "out"
     command = [sys.executable, "-c", RUN, "capture", f"replay:{recorded}@4", "-o", str(folder), "-q"]
     running = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
@@ -109,7 +107,7 @@ def test_after_a_kill_only_the_last_second_is_lost_and_it_can_be_resumed(
     assert run.calibration.calibration.quality.holds == 14
 
 
-def test_samples_are_handed_to_the_disk_each_second(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_samples_are_handed_to_the_disk_each_second(tmp_path, monkeypatch):
     from tumble.capture import run
 
     now, recording, folder = [0.0], recordings.by_hand(3, seed=2), tmp_path / "out"
@@ -128,7 +126,7 @@ def test_samples_are_handed_to_the_disk_each_second(tmp_path: Path, monkeypatch:
     assert any("say --rate ±50ppm" in str(event["words"]) for event in recordings.events_of(folder))
 
 
-def test_a_full_disk_ends_a_capture_with_a_sentence_and_whole_lines(recorded: Path, tmp_path: Path) -> None:
+def test_a_full_disk_ends_a_capture_with_a_sentence_and_whole_lines(recorded, tmp_path):
     """The system lets no file grow beyond 50 kB."""
     limited = f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, 50_000)); {RUN}"
     command = ["capture", f"replay:{recorded}@0", "-o", str(tmp_path / "out")]
@@ -144,9 +142,7 @@ def test_a_full_disk_ends_a_capture_with_a_sentence_and_whole_lines(recorded: Pa
     assert len({line.count(b",") for line in content.splitlines()}) == 1
 
 
-def test_ten_seconds_of_silence_are_told_and_the_capture_goes_on(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_ten_seconds_of_silence_are_told_and_the_capture_goes_on(tmp_path, monkeypatch):
     from tumble.capture import run
 
     now, recording = [0.0], recordings.by_hand(6, seed=12)
@@ -169,7 +165,7 @@ def test_ten_seconds_of_silence_are_told_and_the_capture_goes_on(
     assert said.count("hold_accepted") >= 5
 
 
-def test_where_a_capture_must_not_write_it_writes_nothing(recorded: Path, tmp_path: Path) -> None:
+def test_where_a_capture_must_not_write_it_writes_nothing(recorded, tmp_path):
     results, locked = tmp_path / "results", tmp_path / "locked"
     results.mkdir()
     (results / "calibration.json").write_text("mine")
@@ -190,7 +186,7 @@ def test_where_a_capture_must_not_write_it_writes_nothing(recorded: Path, tmp_pa
         CaptureFolder(locked, replace(channels, angular_rate_unit=None), resume=True)
 
 
-def test_a_clock_that_begins_anew_is_told_and_carried_on(tmp_path: Path) -> None:
+def test_a_clock_that_begins_anew_is_told_and_carried_on(tmp_path):
     recording = recordings.by_hand(6, seed=12)
     channels, *pieces = recordings.live(recording)
     moved = [piece.at(piece.time - 10.0) for piece in pieces[121:] if isinstance(piece, Samples)]
@@ -201,9 +197,7 @@ def test_a_clock_that_begins_anew_is_told_and_carried_on(tmp_path: Path) -> None
     assert time_read.shape[0] == len(recording)
 
 
-def test_numbers_that_are_none_are_left_out_and_what_tells_too_little_is_kept_and_says_so(
-    tmp_path: Path,
-) -> None:
+def test_numbers_that_are_none_are_left_out_and_what_tells_too_little_is_kept_and_says_so(tmp_path):
     recording = recordings.by_hand(2, seed=14)
     force, _ = signals(recording)
     force[500:503, 1] = np.nan
@@ -215,7 +209,7 @@ def test_numbers_that_are_none_are_left_out_and_what_tells_too_little_is_kept_an
     assert len(read_recording(tmp_path / "recording.csv")) == len(recording) - 4
 
 
-def test_a_unit_whose_numbers_never_change_does_not_end_the_capture(tmp_path: Path) -> None:
+def test_a_unit_whose_numbers_never_change_does_not_end_the_capture(tmp_path):
     whole = Samples(
         np.arange(1000) / 100.0, *(np.tile(one, (1000, 1)) for one in ([0.1, -0.2, 9.8], [1e-3, 2e-3, 3e-3]))
     )
@@ -239,7 +233,7 @@ WRONG: dict[str, Callable[[Recording], Recording]] = {
 
 
 @pytest.mark.parametrize("word", WRONG)
-def test_what_is_wrong_is_said_within_two_seconds(word: str) -> None:
+def test_what_is_wrong_is_said_within_two_seconds(word):
     recording = WRONG[word](recordings.by_hand(1, seed=15))
     capture = Capture(recordings.channels_of(recording), None, 3.0)
     pieces = recordings.pieces_of(replace(recording, rate=100.0), 0.1)
@@ -248,7 +242,7 @@ def test_what_is_wrong_is_said_within_two_seconds(word: str) -> None:
     assert all(event.time < 2.05 for event in said)
 
 
-def test_targets_are_read_in_their_units_and_what_is_none_is_refused() -> None:
+def test_targets_are_read_in_their_units_and_what_is_none_is_refused():
     found = read_targets(["accelerometer.bias=2mg", "gyro.scale=500PPM,gyro.bias=3.6DEG/H"])
     assert found["accelerometer bias"] == pytest.approx(2e-3 * 9.80665)
     assert found["gyro scale"] == pytest.approx(5e-4)
@@ -258,7 +252,7 @@ def test_targets_are_read_in_their_units_and_what_is_none_is_refused() -> None:
             read_targets([text])
 
 
-def test_a_capture_ends_by_saying_whether_the_guide_had_enough() -> None:
+def test_a_capture_ends_by_saying_whether_the_guide_had_enough():
     capture: Any = Capture.__new__(Capture)
     capture.progress = Progress(words=("Gyro x is open.",))
     for guide, enough, said in (

@@ -3,9 +3,6 @@
 Deviations, whole and as a stream; degrees of freedom; power spectra; autoregressive models.
 """
 
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 import pytest
 from scipy.signal import lfilter, welch
@@ -33,7 +30,7 @@ def by_definition(y: np.ndarray, m: int) -> float:
 
 
 @pytest.mark.parametrize("samples", [6, 100, 1003])
-def test_a_deviation_is_that_of_its_definition(samples: int) -> None:
+def test_a_deviation_is_that_of_its_definition(samples):
     signal = signal_of(samples)
     found = allan_deviation(signal, 50.0, taus="log")
     plain = [[by_definition(signal[:, channel], int(m)) for channel in range(3)] for m in found.averaging]
@@ -43,7 +40,7 @@ def test_a_deviation_is_that_of_its_definition(samples: int) -> None:
     assert found.channel(1).low.tolist() == found.low[:, 1:2].tolist()
 
 
-def test_tiles_of_a_long_signal_join_without_a_seam() -> None:
+def test_tiles_of_a_long_signal_join_without_a_seam():
     """Longer than several tiles of the kernel, with averaging times longer than a tile."""
     signal = signal_of(30_000)[:, 0]
     phase = np.concatenate([[0.0], np.cumsum(signal - signal.mean())])
@@ -55,7 +52,7 @@ def test_tiles_of_a_long_signal_join_without_a_seam() -> None:
         assert found.count[0] == change.size
 
 
-def test_pieces_between_gaps_are_pooled_by_their_differences() -> None:
+def test_pieces_between_gaps_are_pooled_by_their_differences():
     signal = signal_of(3000)
     whole = allan_deviation(signal, 1.0, gaps=[1000, 1900])
     parts = [allan_deviation(part, 1.0) for part in np.split(signal, [1000, 1900])]
@@ -67,7 +64,7 @@ def test_pieces_between_gaps_are_pooled_by_their_differences() -> None:
         assert whole.deviation[k] ** 2 == pytest.approx(total / count, rel=1e-9)
 
 
-def test_rows_that_are_not_finite_part_the_signal() -> None:
+def test_rows_that_are_not_finite_part_the_signal():
     signal = signal_of(2000)
     spoiled = signal.copy()
     # infinities of both signs do not hide each other
@@ -87,7 +84,7 @@ def test_rows_that_are_not_finite_part_the_signal() -> None:
         (np.array([0.31, 0.1, 0.29, 2.0, 900.0]), [1, 3, 20]),
     ],
 )
-def test_averaging_times(taus: Any, expected: list[int]) -> None:
+def test_averaging_times(taus, expected):
     assert allan_deviation(signal_of(45), 10.0, taus=taus).averaging.tolist() == expected
 
 
@@ -95,7 +92,7 @@ def test_averaging_times(taus: Any, expected: list[int]) -> None:
     ("make", "exponent"),
     [(lambda x: x[1:] - x[:-1], 2), (lambda x: x[1:], 0), (lambda x: np.cumsum(x, axis=0)[1:], -2)],
 )
-def test_the_kind_of_noise_is_told_from_the_slope(make: Callable[..., Any], exponent: int) -> None:
+def test_the_kind_of_noise_is_told_from_the_slope(make, exponent):
     found = allan_deviation(make(np.random.default_rng(3).standard_normal((20_001, 2))), 1.0)
     assert np.all(found.exponent[1:9] == exponent)
 
@@ -107,7 +104,7 @@ def streamed(signal: np.ndarray, cuts: list[int]) -> StreamedDeviation:
     return collector
 
 
-def test_short_averaging_times_are_exact_wherever_the_blocks_are_cut() -> None:
+def test_short_averaging_times_are_exact_wherever_the_blocks_are_cut():
     signal = signal_of(20_000)
     whole = allan_deviation(signal, 100.0)
     found = streamed(signal, [1, 3, 3, 100, 101, 400, 9000, 19_999]).deviation()
@@ -117,7 +114,7 @@ def test_short_averaging_times_are_exact_wherever_the_blocks_are_cut() -> None:
     assert found.deviation[short] == pytest.approx(whole.deviation[short], rel=1e-9)
 
 
-def test_long_averaging_times_are_those_of_the_averaged_signal() -> None:
+def test_long_averaging_times_are_those_of_the_averaged_signal():
     """Means of 2^h samples: no aliasing, the same statistics at fewer places, to rounding."""
     signal = signal_of(40_000)
     found = streamed(signal, [777, 20_001]).deviation()
@@ -128,7 +125,7 @@ def test_long_averaging_times_are_those_of_the_averaged_signal() -> None:
         assert found.deviation[at] == pytest.approx(averaged.deviation[0], rel=1e-9)
 
 
-def test_no_difference_lies_across_a_gap() -> None:
+def test_no_difference_lies_across_a_gap():
     signal = signal_of(9000)
     collector = StreamedDeviation(100.0, 3)
     collector.add(signal[:4001])
@@ -155,13 +152,13 @@ def exact_for_white(m: int, samples: int) -> float:
 @pytest.mark.parametrize(
     ("m", "samples"), [(1, 1000), (10, 1000), (100, 1000), (300, 1000), (64, 20_000), (700, 9000)]
 )
-def test_white_noise_has_the_degrees_of_freedom_of_its_exact_covariance(m: int, samples: int) -> None:
+def test_white_noise_has_the_degrees_of_freedom_of_its_exact_covariance(m, samples):
     """Within 1 %: beyond some hundred terms the sum is an integral, taken at 256 places."""
     assert degrees_of_freedom(0, m, samples) == pytest.approx(exact_for_white(m, samples), rel=0.01)
 
 
 @pytest.mark.parametrize("exponent", [2, 0, -1, -2])
-def test_one_difference_has_one_degree_of_freedom_and_none_knows_nothing(exponent: int) -> None:
+def test_one_difference_has_one_degree_of_freedom_and_none_knows_nothing(exponent):
     assert degrees_of_freedom(exponent, 40, 80) == 1.0
     assert degrees_of_freedom(exponent, 40, 79) == 0.0
     low, high = chi_square_interval(np.array([2.0]), np.array([0.0]), 0.9)
@@ -172,19 +169,19 @@ def test_one_difference_has_one_degree_of_freedom_and_none_knows_nothing(exponen
 
 
 @pytest.mark.parametrize("exponent", [2, 0, -1, -2])
-def test_degrees_of_freedom_never_jump_where_the_sum_becomes_an_integral(exponent: int) -> None:
+def test_degrees_of_freedom_never_jump_where_the_sum_becomes_an_integral(exponent):
     """Fourteen times as many averaging times as samples in one: what changes between them is smooth."""
     found = [degrees_of_freedom(exponent, m, 200 * m) / (1 + 198 * m) * m for m in range(60, 110)]
     scaled = np.array(found) if exponent != 2 else np.array(found) / np.arange(60, 110)
     assert np.max(np.abs(np.diff(scaled) / scaled[1:])) < 0.02
 
 
-def test_noise_that_second_differences_cannot_tame_is_refused() -> None:
+def test_noise_that_second_differences_cannot_tame_is_refused():
     with pytest.raises(ValueError, match="exponent -3"):
         degrees_of_freedom(-3, 10, 1000)
 
 
-def test_the_interval_is_that_of_chi_square() -> None:
+def test_the_interval_is_that_of_chi_square():
     edf = np.array([1.0, 8.5, 3000.0])
     low, high = chi_square_interval(np.full(3, 2.0), edf, 0.9)
     assert low == pytest.approx(2.0 * edf / chi2.ppf(0.95, edf), rel=1e-10)
@@ -206,7 +203,7 @@ def white(samples: int, seed: int = 5) -> np.ndarray:
 
 
 @pytest.mark.parametrize("segment", [64, 1000, 1001])
-def test_the_spectrum_is_scipys_but_for_zero(segment: int) -> None:
+def test_the_spectrum_is_scipys_but_for_zero(segment):
     signal = white(10_000)
     frequency, density = welch(signal, 40.0, "hann", segment, axis=0)
     found = spectrum_of(signal, 40.0, segment)
@@ -214,13 +211,13 @@ def test_the_spectrum_is_scipys_but_for_zero(segment: int) -> None:
     assert found.density == pytest.approx(density[1:], rel=1e-9)
 
 
-def test_bins_keep_the_mean_density() -> None:
+def test_bins_keep_the_mean_density():
     found = spectrum_of(white(100_000), 40.0, 8192, 10)
     assert np.all(np.diff(np.log10(found.frequency)) > 0.04)
     assert found.density[-5:-1, 1] == pytest.approx(49.0 / 20.0, rel=0.05)  # 800 degrees of freedom and more
 
 
-def test_no_segment_lies_across_a_gap() -> None:
+def test_no_segment_lies_across_a_gap():
     signal = white(8000)
     signal[4000:] += 1e5
     found = spectrum_of(signal, 40.0, 500, parted=4000)
@@ -229,7 +226,7 @@ def test_no_segment_lies_across_a_gap() -> None:
 
 
 @pytest.mark.parametrize("bins", [None, 8])
-def test_intervals_of_the_spectrum_hold_the_true_density(bins: int | None) -> None:
+def test_intervals_of_the_spectrum_hold_the_true_density(bins):
     found = spectrum_of(np.random.default_rng(20).standard_normal((1024, runs := 1500)), 1.0, 128, bins)
     held = np.mean((found.low < 2.0) & (found.high > 2.0), axis=1)
     # The lowest line has lost the mean, and at the Nyquist frequency one of two degrees of freedom is missing.
@@ -252,7 +249,7 @@ def drawn(coefficients: list[float], count: int, seed: int) -> np.ndarray:
     return lfilter([1.0], [1.0, *(-a for a in coefficients)], noise)[4000:]
 
 
-def test_the_autocovariances_of_orders_one_and_two_are_the_closed_forms() -> None:
+def test_the_autocovariances_of_orders_one_and_two_are_the_closed_forms():
     """Box, Jenkins and Reinsel, equations 3.2.20 and following."""
     model = Autoregression(0.0, np.array([-0.8]), 2.0, 100)
     assert model.autocovariance(5) == pytest.approx(2.0 / (1.0 - 0.64) * (-0.8) ** np.arange(6), rel=1e-13)
@@ -265,7 +262,7 @@ def test_the_autocovariances_of_orders_one_and_two_are_the_closed_forms() -> Non
     assert model.autocovariance(5) == pytest.approx(variance * np.array(rho), rel=1e-12)
 
 
-def test_the_covariance_of_the_coefficients_is_the_closed_form() -> None:
+def test_the_covariance_of_the_coefficients_is_the_closed_form():
     """Order 1: (1 − a²)/n. Order 2: (1 − a₂²)/n each, −a₁ (1 + a₂)/n between them."""
     one = Autoregression(0.0, np.array([0.9]), 3.0, 500)
     assert one.covariance[0, 0] == pytest.approx((1.0 - 0.81) / 500.0, rel=1e-12)
@@ -274,7 +271,7 @@ def test_the_covariance_of_the_coefficients_is_the_closed_form() -> None:
     assert two.covariance == pytest.approx(expected, rel=1e-12)
 
 
-def test_a_known_series_gives_the_numbers_that_another_program_prints() -> None:
+def test_a_known_series_gives_the_numbers_that_another_program_prints():
     """R 4: ar(lh, order.max = 3, method = "burg"); half a unit of the last printed digit."""
     model = burg(LH, 3)
     assert model.coefficients == pytest.approx([0.6588, -0.0608, -0.2234], abs=5.1e-5)
@@ -287,7 +284,7 @@ def test_a_known_series_gives_the_numbers_that_another_program_prints() -> None:
         assert one.coefficients == pytest.approx(burg(LH, order).coefficients, rel=1e-12)
 
 
-def test_pieces_are_pooled_and_nothing_is_taken_across_a_gap() -> None:
+def test_pieces_are_pooled_and_nothing_is_taken_across_a_gap():
     series = drawn([0.9], 6000, 3)
     broken = np.concatenate([series[:2000], np.full(50, 1e6), series[2000:]])
     pieces = [(0, 2000), (2050, 6050)]
@@ -298,7 +295,7 @@ def test_pieces_are_pooled_and_nothing_is_taken_across_a_gap() -> None:
     assert whiteness(broken, model, pieces) > 0.01
 
 
-def test_bic_finds_the_order_and_the_rest_is_white() -> None:
+def test_bic_finds_the_order_and_the_rest_is_white():
     series = drawn([0.6, 0.0, -0.4], 6000, 11)
     chosen = choose_order(series, 12)
     assert chosen.order == 3
@@ -306,7 +303,7 @@ def test_bic_finds_the_order_and_the_rest_is_white() -> None:
     assert whiteness(series, burg(series, 2)) < 1e-6
 
 
-def test_white_noise_has_order_zero_and_an_honest_test() -> None:
+def test_white_noise_has_order_zero_and_an_honest_test():
     """Of 200 white series about 5 % fail at 5 %: 10 ± 3.1, four of these."""
     rng = np.random.default_rng(2)
     series = rng.standard_normal((200, 800))
@@ -316,7 +313,7 @@ def test_white_noise_has_order_zero_and_an_honest_test() -> None:
     assert 0 < failed < 23
 
 
-def test_the_spectrum_integrates_to_the_variance_and_lies_on_welch() -> None:
+def test_the_spectrum_integrates_to_the_variance_and_lies_on_welch():
     rate = 200.0
     series = drawn([1.2, -0.5], 200_000, 4)
     model = burg(series, 2)
@@ -330,7 +327,7 @@ def test_the_spectrum_integrates_to_the_variance_and_lies_on_welch() -> None:
     assert ratio.std() < 0.06
 
 
-def test_means_over_long_times_scatter_by_the_random_walk() -> None:
+def test_means_over_long_times_scatter_by_the_random_walk():
     series = drawn([0.9], 1_000_000, 6)
     means = series.reshape(2000, 500).mean(axis=1)
     # 2000 means know their scatter to 1.6 %; 500 samples are 50 correlation times, which makes 1 % less.
@@ -354,6 +351,6 @@ def test_means_over_long_times_scatter_by_the_random_walk() -> None:
         (lambda: whiteness(LH[:20], burg(LH, 2)), "22 lags"),
     ],
 )
-def test_what_cannot_be_is_refused_in_words(call: Callable[[], object], words: str) -> None:
+def test_what_cannot_be_is_refused_in_words(call, words):
     with pytest.raises(UsageError, match=words):
         call()

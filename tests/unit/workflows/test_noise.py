@@ -1,8 +1,6 @@
 """`tumble noise` as a user meets it: what it prints and writes, whole or block by block, of recordings good and bad."""
 
 import re
-from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,20 +19,20 @@ WHOLE, BLOCKS = "whole", "block by block"
 
 
 @pytest.fixture
-def bench(tmp_path: Path) -> Bench:
+def bench(tmp_path):
     """An empty folder."""
     return Bench(tmp_path)
 
 
 @pytest.fixture(params=[WHOLE, BLOCKS])
-def how(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
+def how(request, monkeypatch):
     """How a file is read, whatever its size."""
     monkeypatch.setattr("tumble.workflows.noise.STREAMED_ABOVE", 2**60 if request.param == WHOLE else -1)
     return str(request.param)
 
 
 @pytest.fixture(scope="module")
-def still() -> np.ndarray:
+def still():
     """200 s at rest: N is 3e-4 m/s²/√Hz and 1e-4 rad/s/√Hz."""
     rng = np.random.default_rng(8)
     count = 20_000
@@ -44,12 +42,12 @@ def still() -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def turning(still: np.ndarray) -> np.ndarray:
+def turning(still):
     """The gyros alone."""
     return still[:, [0, 4, 5, 6]]
 
 
-def test_noise_prints_every_channel_and_writes_a_document_and_a_page(bench: Bench, still: np.ndarray) -> None:
+def test_noise_prints_every_channel_and_writes_a_document_and_a_page(bench, still):
     bench.write("still.csv", still[:12_000])
     answer = bench("noise still.csv -o out")
     for word in ("ax ", "gz ", "velocity random walk", "angle random walk", "°/√h", "µg/√Hz", "IEEE Std 952"):
@@ -75,7 +73,7 @@ def test_noise_prints_every_channel_and_writes_a_document_and_a_page(bench: Benc
         assert f'id="{name}"' in page
 
 
-def test_json_is_the_document_and_quiet_what_is_seen_and_no_more(bench: Bench, still: np.ndarray) -> None:
+def test_json_is_the_document_and_quiet_what_is_seen_and_no_more(bench, still):
     bench.write("still.csv", still[:2000])
     quiet = bench("noise still.csv -q")
     assert set(bench.contents()) == {"still.csv"}  # without a folder nothing is written
@@ -87,7 +85,7 @@ def test_json_is_the_document_and_quiet_what_is_seen_and_no_more(bench: Bench, s
     assert "There is no gyro: what was found is" in bench("noise odd.csv").out
 
 
-def test_both_methods_estimate_a_simulated_unit_alike(bench: Bench, still: np.ndarray) -> None:
+def test_both_methods_estimate_a_simulated_unit_alike(bench, still):
     """From one recording: their difference is below the uncertainty of either."""
     bench.write("still.csv", still[:12_000])
     by = {m: bench(f"noise still.csv --fit {m} --json").json["channels"]["gx"] for m in ("curve", "moments")}
@@ -164,7 +162,7 @@ def test_it_is_said_and_the_rest_is_analysed(bench, turning, how, spoil, said, c
 
 
 @pytest.mark.usefixtures("how")
-def test_three_seconds_give_white_noise_and_say_what_they_do_not(bench: Bench, turning: np.ndarray) -> None:
+def test_three_seconds_give_white_noise_and_say_what_they_do_not(bench, turning):
     bench.write("short.csv", turning[:300], GYRO)
     answer = bench("noise short.csv")
     assert "very short (3 s at rest)" in answer.out
@@ -206,7 +204,7 @@ FAST = 200.0
 
 
 @pytest.fixture(scope="module")
-def shaken() -> np.ndarray:
+def shaken():
     """150 s of a gyro with white noise, a random walk and a vibration at 31 Hz in gx, and a temperature."""
     rng = np.random.default_rng(12)
     count = 30_000
@@ -219,7 +217,7 @@ def shaken() -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def both(shaken: np.ndarray, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., Any]]:
+def both(shaken, tmp_path_factory):
     """What is found in a file that is read whole and in blocks of 7001 rows; a question is asked once."""
     bench = Bench(tmp_path_factory.mktemp("formats"))
     frame = pl.DataFrame(shaken, schema=NAMES)
@@ -244,7 +242,7 @@ def both(shaken: np.ndarray, tmp_path_factory: pytest.TempPathFactory) -> Iterat
 
 
 @pytest.mark.parametrize("call", ["still.csv", "still.parquet", "still.npy --remove-temperature --columns"])
-def test_block_by_block_is_what_it_is_whole(both: Callable[..., Any], call: str) -> None:
+def test_block_by_block_is_what_it_is_whole(both, call):
     whole, blocks = both(f"{call} {','.join(NAMES)}" if "--columns" in call else call)
     assert (whole["read"], blocks["read"]) == (WHOLE, BLOCKS)
     assert blocks["samples_at_rest"] == whole["samples_at_rest"] == 30_000
@@ -267,7 +265,7 @@ def test_block_by_block_is_what_it_is_whole(both: Callable[..., Any], call: str)
         assert found["terms"]["N"]["value"] == pytest.approx(white["value"], abs=allowed)
 
 
-def test_the_line_is_found_with_its_frequency_and_amplitude(both: Callable[..., Any]) -> None:
+def test_the_line_is_found_with_its_frequency_and_amplitude(both):
     for found in both("still.parquet"):
         [line] = found["channels"]["gx"]["lines"]
         allowed = 5.0 * line["frequency_standard_uncertainty"] + 1e-4
@@ -275,7 +273,7 @@ def test_the_line_is_found_with_its_frequency_and_amplitude(both: Callable[..., 
         assert line["amplitude"] == pytest.approx(4e-4, abs=5.0 * line["amplitude_standard_uncertainty"])
 
 
-def test_lost_samples_at_the_border_of_blocks_are_filled_in_there_too(both: Callable[..., Any]) -> None:
+def test_lost_samples_at_the_border_of_blocks_are_filled_in_there_too(both):
     whole, blocks = both("lost.parquet")
     for found in (whole, blocks):
         assert any("3 lost sample(s) in 2 place(s) are filled in" in text for text in found["remarks"])
