@@ -1,4 +1,5 @@
 from .advice import seconds_needed as seconds_needed
+from .autoregression import choose_order as choose_order
 from .channel import Channel as Channel
 from .characterisation import (
     COLLAPSE as COLLAPSE,

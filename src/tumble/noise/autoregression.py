@@ -114,6 +114,33 @@ class Autoregression:
                 result[p:] += a * (signal[p - i : signal.size - i] - self.mean)
         return result
 
+    def whiteness(self, signal: Series, pieces: Ranges | None = None) -> float:
+        """Return how probable it is, of white noise, that what is left over is as correlated (Ljung and Box 1978).
+
+        Parameters
+        ----------
+        signal, pieces : as for `burg`; lags up to 20 beyond the order are compared.
+
+        Raises
+        ------
+        UsageError
+            If no piece is longer than the lags.
+        """
+        from scipy.stats import chi2
+
+        lags = self.order + 20
+        ranges = [(a, b) for a, b in pieces or [(0, signal.size)] if b - a > lags + self.order]
+        left = [self.predicted(signal[a:b])[self.order :] - signal[a + self.order : b] for a, b in ranges]
+        if not left:
+            raise UsageError(f"A test of whiteness over {lags} lags needs more samples than that in a row.")
+        count = sum(e.size for e in left)
+        mean = sum(float(e.sum()) for e in left) / count
+        left = [e - mean for e in left]
+        power, *shifted = (sum(float(e[k:] @ e[: e.size - k]) for e in left) for k in range(lags + 1))
+        rho = np.array(shifted) / power
+        statistic = count * (count + 2.0) * np.sum(rho**2 / (count - np.arange(1, lags + 1)))
+        return float(chi2.sf(statistic, lags - self.order))
+
 
 def burg(signal: Series, order: int, pieces: Ranges | None = None) -> Autoregression:
     """Estimate a model by Burg's recursion: least errors of prediction forwards and backwards (always stable).
@@ -178,36 +205,6 @@ def choose_order(signal: Series, most: int, pieces: Ranges | None = None) -> Aut
         If the signal is too short for the highest order, or never changes.
     """
     return min(burg_ladder(signal, most, pieces), key=_information_criterion)
-
-
-def whiteness(signal: Series, model: Autoregression, pieces: Ranges | None = None) -> float:
-    """Return how probable it is, of white noise, that what a model leaves over is as correlated (Ljung and Box 1978).
-
-    Parameters
-    ----------
-    signal, pieces : as for `burg`.
-    model : of it; lags up to 20 beyond its order are compared.
-
-    Raises
-    ------
-    UsageError
-        If no piece is longer than the lags.
-    """
-    from scipy.stats import chi2
-
-    lags = model.order + 20
-    ranges = [(0, signal.size)] if pieces is None else pieces
-    left = [model.predicted(signal[a:b])[model.order :] - signal[a + model.order : b] for a, b in ranges]
-    left = [e for e in left if e.size > lags]
-    if not left:
-        raise UsageError(f"A test of whiteness over {lags} lags needs more samples than that in a row.")
-    count = sum(e.size for e in left)
-    mean = sum(float(e.sum()) for e in left) / count
-    left = [e - mean for e in left]
-    power = sum(float(e @ e) for e in left)
-    rho = np.array([sum(float(e[k:] @ e[:-k]) for e in left) for k in range(1, lags + 1)]) / power
-    statistic = float(count * (count + 2.0) * np.sum(rho**2 / (count - np.arange(1, lags + 1))))
-    return float(chi2.sf(statistic, lags - model.order))
 
 
 def _parts(signal: Series, order: int, pieces: Ranges | None) -> tuple[list[Series], float, int]:

@@ -105,9 +105,8 @@ from .stamps import (
     stamp_jitter as stamp_jitter,
 )
 from .temperature import (
-    COLDEST as COLDEST,
-    HOTTEST as HOTTEST,
     LONG_GAP as LONG_GAP,
+    POSSIBLE_CELSIUS as POSSIBLE_CELSIUS,
     TemperatureColumn as TemperatureColumn,
     mean_celsius as mean_celsius,
 )

@@ -50,7 +50,7 @@ from tumble.recording.formats.table import RawTable, joined_tables
 from tumble.recording.recording import Recording
 from tumble.recording.samples import NOTHING_MADE, MagneticField, Remark, Samples, Source
 from tumble.recording.stamps import BlockState, Known, clock_without_stamps, seconds_of
-from tumble.recording.temperature import COLDEST, HOTTEST, without_slips
+from tumble.recording.temperature import POSSIBLE_CELSIUS, without_slips
 from tumble.recording.units import (
     Interpretation,
     about_units,
@@ -387,8 +387,8 @@ def _in_celsius(temperature: Series | None, unit: str, remarks: list[Remark]) ->
         temperature = factor * temperature + offset
     temperature, slips = without_slips(temperature)
     if slips:
-        text = f"{slips} number(s) of the temperature are beyond {COLDEST:g} to {HOTTEST:g} °C, and are left out."
-        remarks.append(Remark("mended", text))
+        beyond = "{} number(s) of the temperature are beyond {:g} to {:g} °C, and are left out."
+        remarks.append(Remark("mended", beyond.format(slips, *POSSIBLE_CELSIUS)))
     return temperature
 
 

@@ -11,7 +11,7 @@ STILL_SECONDS = 60.0
 # Gaps up to this are bridged without doubt; the unit's own time constant is minutes.
 LONG_GAP = 60.0  # s
 # No inertial sensor works beyond these, and most are specified up to 85 °C.
-COLDEST, HOTTEST = -100.0, 200.0  # °C
+POSSIBLE_CELSIUS = (-100.0, 200.0)
 # Numbers beyond are slips of the reading where they are so few; of a column in another scale they are many.
 _FEW = 0.01
 
@@ -24,7 +24,7 @@ def without_slips(celsius: Series) -> tuple[Series, int]:
     celsius : (samples,) °C; one that is in another scale as a whole is returned as it is.
     """
     with np.errstate(invalid="ignore"):
-        slips = (celsius < COLDEST) | (celsius > HOTTEST)
+        slips = (celsius < POSSIBLE_CELSIUS[0]) | (celsius > POSSIBLE_CELSIUS[1])
     count = int(np.count_nonzero(slips))
     if not 0 < count <= _FEW * np.count_nonzero(np.isfinite(celsius)):
         return celsius, 0
@@ -41,7 +41,7 @@ def mean_celsius(celsius: Series | None) -> float | None:
     if celsius is None or not np.isfinite(celsius).any():
         return None
     mean = float(np.nanmean(celsius))
-    return mean if COLDEST <= mean <= HOTTEST else None
+    return mean if POSSIBLE_CELSIUS[0] <= mean <= POSSIBLE_CELSIUS[1] else None
 
 
 class TemperatureColumn:

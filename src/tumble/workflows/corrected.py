@@ -30,6 +30,7 @@ from tumble.files import results_folder
 from tumble.recording import (
     BAG_ENDINGS,
     LONG_GAP,
+    POSSIBLE_CELSIUS,
     TABLE_ENDINGS,
     Frame,
     MagneticField,
@@ -127,8 +128,6 @@ def temperature_in_counts(inputs: Iterable[Path | Frame]) -> bool:
 # Consumer units drift by up to 1 mg and 0.03 °/s in this much (data sheets of 2015 to 2020).
 FAR_FROM_CALIBRATION = 5.0  # K
 ABSOLUTE_ZERO = -273.15  # °C
-# No inertial sensor works beyond this: higher numbers are another scale.
-HOTTEST = 200.0  # °C
 # Beyond this without a thermometer a straight line is no temperature: the unit may have been anywhere.
 LONGEST_GAP = 600.0  # s
 
@@ -355,8 +354,9 @@ def _scale_of(
 
     if inside(middle):
         return None
-    if middle > HOTTEST:
-        return "kelvin" if -100.0 < middle + ABSOLUTE_ZERO < HOTTEST else "counts, or a fraction of a degree"
+    coldest, hottest = POSSIBLE_CELSIUS
+    if middle > hottest:
+        return "kelvin" if coldest < middle + ABSOLUTE_ZERO < hottest else "counts, or a fraction of a degree"
     if not trusted and inside((middle - 32.0) / 1.8) and middle > span[1] + 10.0:
         return "degrees Fahrenheit"
     return None

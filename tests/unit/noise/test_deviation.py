@@ -10,7 +10,7 @@ from scipy.stats import chi2
 
 from tumble.arrays import block_means
 from tumble.errors import UsageError
-from tumble.noise.autoregression import Autoregression, burg, burg_ladder, choose_order, whiteness
+from tumble.noise.autoregression import Autoregression, burg, burg_ladder, choose_order
 from tumble.noise.deviation import ONE_SIGMA, PLACES, StreamedDeviation, allan_deviation
 from tumble.noise.freedom import chi_square_interval, degrees_of_freedom
 from tumble.noise.spectrum import PowerSpectrum, StreamedSpectrum
@@ -292,15 +292,15 @@ def test_pieces_are_pooled_and_nothing_is_taken_across_a_gap():
     # (1 − a²)/n is 0.0056²; four of these.
     assert model.coefficients[0] == pytest.approx(0.9, abs=4 * 0.0056)
     assert model.samples == 6000
-    assert whiteness(broken, model, pieces) > 0.01
+    assert model.whiteness(broken, pieces) > 0.01
 
 
 def test_bic_finds_the_order_and_the_rest_is_white():
     series = drawn([0.6, 0.0, -0.4], 6000, 11)
     chosen = choose_order(series, 12)
     assert chosen.order == 3
-    assert whiteness(series, chosen) > 0.01
-    assert whiteness(series, burg(series, 2)) < 1e-6
+    assert chosen.whiteness(series) > 0.01
+    assert burg(series, 2).whiteness(series) < 1e-6
 
 
 def test_white_noise_has_order_zero_and_an_honest_test():
@@ -309,7 +309,7 @@ def test_white_noise_has_order_zero_and_an_honest_test():
     series = rng.standard_normal((200, 800))
     orders = [choose_order(x, 6).order for x in series[:40]]
     assert np.mean(np.array(orders) == 0) > 0.9
-    failed = sum(whiteness(x, burg(x, 0)) < 0.05 for x in series)
+    failed = sum(burg(x, 0).whiteness(x) < 0.05 for x in series)
     assert 0 < failed < 23
 
 
@@ -348,7 +348,7 @@ def test_means_over_long_times_scatter_by_the_random_walk():
         (lambda: spectrum_of(white(100), 40.0, 80, parted=50), "without a gap"),
         (lambda: burg(np.ones(100), 2), "never changes"),
         (lambda: burg(np.arange(5.0), 4), "12 samples"),
-        (lambda: whiteness(LH[:20], burg(LH, 2)), "22 lags"),
+        (lambda: burg(LH, 2).whiteness(LH[:20]), "22 lags"),
     ],
 )
 def test_what_cannot_be_is_refused_in_words(call, words):

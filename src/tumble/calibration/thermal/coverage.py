@@ -14,7 +14,7 @@ from tumble.arrays import Series
 from tumble.calibration.thermal.points import ThermalPoints
 from tumble.errors import ObservabilityError
 from tumble.protocol import Protocol, RampStep, SoakStep, Step
-from tumble.recording import COLDEST, HOTTEST, Recording, TemperatureColumn
+from tumble.recording import POSSIBLE_CELSIUS, Recording, TemperatureColumn
 from tumble.records import dataclass
 
 USUAL_HOTTEST = 85.0  # °C
@@ -47,7 +47,7 @@ def check_unit(values: Series, unit: str | None, protocol: Protocol | None = Non
     """
     low, high = (float(value) for value in np.quantile(values, [0.002, 0.998]))
     said = f"The temperature goes from {low:.4g} to {high:.4g}"
-    if low < COLDEST or high > HOTTEST:
+    if low < POSSIBLE_CELSIUS[0] or high > POSSIBLE_CELSIUS[1]:
         why = (
             ", which is no temperature in °C (raw counts?): convert the column to °C by the sensor's data sheet (of an "
             "MPU-6000: number / 340 + 36.53)."
