@@ -354,9 +354,8 @@ def _scale_of(
 
     if inside(middle):
         return None
-    coldest, hottest = POSSIBLE_CELSIUS
-    if middle > hottest:
-        return "kelvin" if coldest < middle + ABSOLUTE_ZERO < hottest else "counts, or a fraction of a degree"
+    if middle > (hottest := POSSIBLE_CELSIUS[1]):
+        return "kelvin" if middle + ABSOLUTE_ZERO < hottest else "counts, or a fraction of a degree"
     if not trusted and inside((middle - 32.0) / 1.8) and middle > span[1] + 10.0:
         return "degrees Fahrenheit"
     return None
