@@ -8,6 +8,8 @@ rotation shows gravity to the accelerometers at every angle, which ties their mi
 Unknown are both triads, the attitude at the head and the tail of every hold, the Earth rate in each section's
 level frame (known as far as the latitude is), and for each rotation the attitude of every window, the lever
 arm, and how both biases wander. Optional terms are kept if the data want them.
+
+The accelerometers alone are estimated so, too, and tell whether the poses contradict a prior.
 """
 
 from __future__ import annotations

@@ -128,9 +128,9 @@ class Autoregression:
         """
         from scipy.stats import chi2
 
-        lags = self.order + 20
-        ranges = [(a, b) for a, b in pieces or [(0, signal.size)] if b - a > lags + self.order]
-        left = [self.predicted(signal[a:b])[self.order :] - signal[a + self.order : b] for a, b in ranges]
+        p, lags = self.order, self.order + 20
+        ranges = [(0, signal.size)] if pieces is None else pieces
+        left = [self.predicted(signal[a:b])[p:] - signal[a + p : b] for a, b in ranges if b - a > lags + p]
         if not left:
             raise UsageError(f"A test of whiteness over {lags} lags needs more samples than that in a row.")
         count = sum(e.size for e in left)
@@ -139,7 +139,7 @@ class Autoregression:
         power, *shifted = (sum(float(e[k:] @ e[: e.size - k]) for e in left) for k in range(lags + 1))
         rho = np.array(shifted) / power
         statistic = count * (count + 2.0) * np.sum(rho**2 / (count - np.arange(1, lags + 1)))
-        return float(chi2.sf(statistic, lags - self.order))
+        return float(chi2.sf(statistic, lags - p))
 
 
 def burg(signal: Series, order: int, pieces: Ranges | None = None) -> Autoregression:

@@ -1,4 +1,4 @@
-"""What a recording offers to an estimator: holds, the gyros between them, turning tables.
+"""What a recording offers to an estimator: holds, the gyros between them, turning tables; and the poses believed.
 
 A hold is at rest up to a sway; its specific force is seen in three parts, at the head, in the middle and
 at the tail, so that turns join it at its edges. Between holds the gyros are integrated sample by sample.

@@ -5,6 +5,8 @@ the gyros from each window to the next. The axis keeps its direction, in the uni
 show is bias and Earth rate. Each window has an attitude of its own, so that the gyros' random walk is followed and not
 assumed away. What else acts belongs to the rotation: where the accelerometers are off its axis (centripetal), and how
 both biases wander: a constant and cosines over the rotation, each with the variance that 1/f noise gives it.
+
+`RotationStretch` puts all of a rotation into one chain.
 """
 
 from __future__ import annotations

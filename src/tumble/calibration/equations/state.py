@@ -127,7 +127,9 @@ def undetermined(where: str, time: Series, start: int, stop: int) -> str:
 
     Parameters
     ----------
-    where, time, start, stop : in words, and the half-open range of samples (samples,) s.
+    where : in words, as "in hold 3".
+    time : (samples,) s.
+    start, stop : half-open range of samples.
     """
     first, last = (time[[start, stop - 1]] - time[0]).tolist()
     return (

@@ -1,7 +1,7 @@
 """Optional terms: kept if the data want them.
 
-A term's record stands here with its physics. From it follow its unknowns among all others, its
-derivatives, its tests, its parameters in the result, and its words.
+A term's record stands here with its physics. From it follow its unknowns among all others, its derivatives, its tests,
+its parameters in the result, and its words. Lever arms are also taken out of samples here (`LeverArms`).
 
 An asymmetry is half of the relative difference of the scale factors for both signs, or both ways round. A quadratic
 term is the squared own input beside it; of gyros turns at several rates show it. G-sensitivity is what a gyro shows of
