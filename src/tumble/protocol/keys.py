@@ -136,8 +136,8 @@ def numeral_of(value: float, factor: float = 1.0) -> str:
     Examples
     --------
     >>> import math
-    >>> numeral_of(math.pi / 2, math.pi / 180), numeral_of(1e-5)
-    ('90', '1.0e-05')
+    >>> numeral_of(math.pi / 2, math.pi / 180), numeral_of(1e-5), numeral_of(-0.0)
+    ('90', '1.0e-05', '-0.0')
     """
     value = float(value)
     if not math.isfinite(value):

@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 
-from tumble.calibration import poses
+from tumble.calibration import NormConditions, poses
 
 FORCE = np.array([0.1, -0.2, 0.3, 1.02, 0.98, 1.05, 0.01, -0.02, 0.03, 0.0, 0.0, 0.0])
 FACES = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], dtype=float)
@@ -40,18 +40,13 @@ def named_in(message: str) -> np.ndarray:
 
 def plane(normal_axis: int, count: int = 16) -> np.ndarray:
     angle = 2.0 * np.pi * np.arange(count) / count
-    circle = np.zeros((count, 3))
-    first, second = (axis for axis in range(3) if axis != normal_axis)
-    circle[:, first], circle[:, second] = np.cos(angle), np.sin(angle)
-    return circle
+    return np.insert(np.column_stack([np.cos(angle), np.sin(angle)]), normal_axis, 0.0, axis=1)
 
 
 def test_the_26_directions_are_6_faces_12_edges_and_8_corners() -> None:
-    directions = poses.twenty_six_directions()
-    sizes = np.count_nonzero(np.abs(directions) > 1e-9, axis=1).tolist()
-    assert sizes == [1] * 6 + [2] * 12 + [3] * 8
-    assert len({tuple(np.round(d, 6)) for d in directions}) == 26
-    np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1.0, atol=1e-15)
+    assert np.count_nonzero(np.abs(UP) > 1e-9, axis=1).tolist() == [1] * 6 + [2] * 12 + [3] * 8
+    assert len({tuple(np.round(d, 6)) for d in UP}) == 26
+    np.testing.assert_allclose(np.linalg.norm(UP, axis=1), 1.0, atol=1e-15)
 
 
 @pytest.mark.parametrize(
@@ -73,6 +68,14 @@ def test_poses_within_ten_degrees_are_one() -> None:
         [[1.0, 0.0, 0.0], [np.cos(near), np.sin(near), 0.0], [np.cos(far), 0.0, np.sin(far)], [2.0, 0.0, 0.0]]
     )
     assert poses.distinct_poses(directions) == [0, 2]
+
+
+def test_what_a_pose_says_is_the_derivative_of_the_corrected_norm() -> None:
+    """The estimator's own, at an ideal unit. The corrected norm falls with what the true output would raise."""
+    ideal = np.repeat([0.0, 1.0, 0.0], [3, 3, 6])
+    conditions = NormConditions(GRAVITY * UP, np.zeros((26, 3, 3)), GRAVITY, ideal, np.arange(9))
+    moved = conditions.linearise(ideal[:9]).design[:, 0] / np.repeat([1.0, GRAVITY], [3, 6])
+    np.testing.assert_allclose(moved, -poses.norm_rows(UP), atol=1e-12)
 
 
 @pytest.mark.parametrize(("axis", "pair"), [(0, "y to z"), (1, "x to z"), (2, "x to y")])

@@ -209,6 +209,6 @@ def test_a_latitude_that_is_10_degrees_off_is_said_of_a_quiet_unit(tmp_path: Pat
         pl.DataFrame(made.columns()), protocol=file, rate="50±0.0025"
     ).calibration.verdict
     assert not verdict.fit
-    (said,) = [reason for reason in verdict.reasons if "Earth's rotation" in reason]
+    (said,) = [reason for reason in verdict.reasons if "Check the latitude (--site)" in reason]
     shown = re.search(r"as at (-?[\d.]+)°", said)
     assert float(shown[1]) == pytest.approx(np.degrees(made.place.latitude), abs=2.0)

@@ -314,13 +314,8 @@ def test_a_filter_that_is_lost_says_so_and_is_counted() -> None:
     unit = field_campaign.draw_unit("HG1900", rng, wandering=False)
     drive = field_campaign.record_cart(unit, np.zeros((2, 3)), rng)
     told = field_campaign.calibrated(unit.grade, None, None)
-    assert (
-        1.0
-        < field_campaign.position_sigma(
-            given(field_campaign.outage_errors(drive, told, (60.0,), gaps=True))[0]
-        )
-        < 60.0
-    )
+    errors = given(field_campaign.outage_errors(drive, told, (60.0,), gaps=True))
+    assert 1.0 < field_campaign.position_sigma(errors[0]) < 60.0
     given(told.model.gyroscope).matrix[:] = 1e-7 * np.eye(3)
     assert field_campaign.outage_errors(drive, told, (60.0,), gaps=True) is None
 

@@ -137,7 +137,7 @@ SPOILT = {
         "multi-",
         "mutli-",
         4,
-        "procedure `mutli-position`: did you mean `multi-position`",
+        "procedure `mutli-position`: did you mean `multi-position`? There are hand-held, ",
     ),
     "a newer version": ("version: 1", "version: 2", 2, "reads version 1: install a newer tumble."),
     "a version that is no number": ("version: 1", "version: one", 2, "is to be a number"),

@@ -9,6 +9,7 @@ import numpy as np
 import polars as pl
 import pytest
 from msgspec import structs
+from tests.contract.test_own_parameters import ARDUPILOT, dataflash
 from tests.unit.export import a_unit
 from tests.unit.export.a_unit import B_A, B_G, M_A, M_G
 from tests.unit.given import given as known
@@ -180,8 +181,7 @@ def test_apply_follows_the_temperature_in_blocks_as_in_one(tmp_path, monkeypatch
 
 def test_a_corrected_recording_is_not_corrected_again(tmp_path: Path) -> None:
     other = document_of(thermal_unit(9), RAW)
-    for name in ("once.csv", "once.parquet"):
-        once = tmp_path / name
+    for once in (tmp_path / "once.csv", tmp_path / "once.parquet"):
         apply(DOCUMENT, saved(tmp_path), output=once, **OPTIONS)
         assert corrections_of([once]) == (DOCUMENT.identity,)
         with pytest.raises(UsageError, match="corrected by this calibration already"):
@@ -191,6 +191,8 @@ def test_a_corrected_recording_is_not_corrected_again(tmp_path: Path) -> None:
         with pytest.raises(UsageError, match="corrected by another calibration"):
             apply(other, once, output=tmp_path / "twice.csv")
     assert not (tmp_path / "twice.csv").exists()
+    assert corrections_of([pl.read_csv(tmp_path / "once.csv")]) == (DOCUMENT.identity,)
+    assert corrections_of([dataflash(tmp_path / "a.bin", ARDUPILOT)]) == ()  # what was undone in reading it is none
     again = read_recording(tmp_path / "once.csv", units=SI)
     np.testing.assert_array_equal(known(again.temperature), CELSIUS)
 

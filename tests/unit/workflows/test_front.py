@@ -337,10 +337,8 @@ def test_calls_beside_each_other_leave_no_limit_behind(two_threads: list[int]) -
 
 def test_a_plan_takes_what_is_known_from_a_calibration_in_a_fixture() -> None:
     """What a fixture's axes add is no matter of the thirty parameters: the accelerometers' own frame has the same."""
-    known = [
-        information_of(one).matrix
-        for one in (stated_in_full(), turned_to(stated_in_full(), "accelerometer-x"))
-    ]
+    both = (stated_in_full(), turned_to(stated_in_full(), "accelerometer-x"))
+    known = [information_of(one).matrix for one in both]
     assert np.allclose(known[0], known[1], rtol=1e-6)
     assert np.linalg.matrix_rank(known[0]) > 20
 
