@@ -203,7 +203,7 @@ OTHERS = [
     *table(
         "simulate",
         ("sixposition", "no protocol 'sixposition': give a protocol file", "Did you mean six-position?"),
-        ("six-position --imu hg170", "no IMU grade 'hg170'", "ring-laser", "Did you mean hg1700?"),
+        ("six-position --imu HG170", "no IMU grade 'HG170'", "ring-laser", "Did you mean hg1700?"),
         ("nowhere.yaml", "There is no protocol file", "nowhere.yaml"),
         ("six-position --seed 1.5", "--seed 1.5 is no whole number"),
         ("six-position --gravity abc", "Gravity of 'abc' is no number", "9.80788±0.00002"),

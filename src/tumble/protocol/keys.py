@@ -116,8 +116,8 @@ def value_of(numeral: str, factor: float = 1.0) -> float:
 
     Examples
     --------
-    >>> value_of("2.5", 1e-6)
-    2.5e-06
+    >>> value_of("250", 1e-6)
+    0.00025
     """
     nearest = float(numeral)
     if _digits(numeral) <= _FLOAT_DIGITS or len(numeral) > _LONGEST or not 0.0 < abs(nearest) < float("inf"):
@@ -136,8 +136,8 @@ def numeral_of(value: float, factor: float = 1.0) -> str:
     Examples
     --------
     >>> import math
-    >>> numeral_of(math.pi / 2, math.pi / 180), numeral_of(1e-5), numeral_of(-0.0)
-    ('90', '1.0e-05', '-0.0')
+    >>> numeral_of(math.pi / 2, math.pi / 180), numeral_of(1e-5)
+    ('90', '1.0e-05')
     """
     value = float(value)
     if not math.isfinite(value):

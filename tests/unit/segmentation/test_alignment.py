@@ -79,6 +79,7 @@ def test_poses_in_one_plane_show_no_sphere():
     ring = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(9)])
     assert scale_of_sphere(CENTRE + 4000.0 * ring) is None
     assert scale_of_sphere(np.tile(CENTRE, (6, 1))) is None
+    assert scale_of_sphere(CENTRE + 4000.0 * np.eye(3)) is None  # three points lie on many spheres
 
 
 def test_known_poses_give_a_centre_where_the_sphere_does_not():

@@ -192,7 +192,7 @@ def test_a_corrected_recording_is_not_corrected_again(tmp_path: Path) -> None:
             apply(other, once, output=tmp_path / "twice.csv")
     assert not (tmp_path / "twice.csv").exists()
     assert corrections_of([pl.read_csv(tmp_path / "once.csv")]) == (DOCUMENT.identity,)
-    assert corrections_of([dataflash(tmp_path / "a.bin", ARDUPILOT)]) == ()  # what was undone in reading it is none
+    assert corrections_of([dataflash(tmp_path / "a.bin", ARDUPILOT)]) == ()  # it is raw
     again = read_recording(tmp_path / "once.csv", units=SI)
     np.testing.assert_array_equal(known(again.temperature), CELSIUS)
 
