@@ -205,9 +205,8 @@ def test_a_latitude_that_is_10_degrees_off_is_said_of_a_quiet_unit(tmp_path: Pat
     made = PROCEDURES["laboratory"](GRADES["tactical"], np.random.default_rng(90001), "wrong-latitude")
     file = tmp_path / "protocol.yaml"
     file.write_text(made.protocol, encoding="utf-8")
-    verdict = tumble.calibrate(
-        pl.DataFrame(made.columns()), protocol=file, rate="50±0.0025"
-    ).calibration.verdict
+    found = tumble.calibrate(pl.DataFrame(made.columns()), protocol=file, rate="50±0.0025")
+    verdict = found.calibration.verdict
     assert not verdict.fit
     (said,) = [reason for reason in verdict.reasons if "Check the latitude (--site)" in reason]
     shown = re.search(r"as at (-?[\d.]+)°", said)
