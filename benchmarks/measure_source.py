@@ -13,8 +13,8 @@ modules on the longest chain of imports, circles collapsed. Circles are strongly
 count all imports: at module level, inside functions, and under TYPE_CHECKING; an import from a room's front
 is one of the module that the front fetches the name from. What the demo enters are modules whose functions
 ran during `tumble calibrate` (sys.setprofile); what runs at import alone is not counted, and neither are
-compiled loops. Words are those of all Markdown pages that git tracks; the net (`tests/net`) counts as neither
-words nor tests. Options are those of all commands, hidden ones too.
+compiled loops. Words are those of all Markdown pages that git tracks. Options are those of all commands, hidden
+ones too.
 """
 
 from __future__ import annotations
@@ -225,7 +225,7 @@ def import_depth(graph: dict[str, set[str]]) -> int:
 def documentation_words() -> int:
     """Return how many words the pages have."""
     listed = subprocess.run(["git", "ls-files", "*.md"], cwd=ROOT, capture_output=True, text=True, check=True)
-    pages = [ROOT / name for name in listed.stdout.splitlines() if not name.startswith("tests/net/")]
+    pages = [ROOT / name for name in listed.stdout.splitlines()]
     return sum(len(page.read_text(encoding="utf-8").split()) for page in pages if page.exists())
 
 
@@ -274,9 +274,7 @@ def figures(modules: dict[str, Module]) -> dict[str, int]:
         f"functions over {LONG_FUNCTION} lines": len(long_functions(modules)),
         "names at fronts": sum(len(module.front) for module in everything),
         "lines of tests": sum(
-            len(path.read_text(encoding="utf-8").splitlines())
-            for path in (ROOT / "tests").rglob("*.py")
-            if "net" not in path.parts
+            len(path.read_text(encoding="utf-8").splitlines()) for path in (ROOT / "tests").rglob("*.py")
         ),
         "words of documentation": documentation_words(),
         "commands": commands,

@@ -1,1 +1,0 @@
-"""What the program computes today, pinned: see README.md beside this file."""
