@@ -113,11 +113,9 @@ def pytest_runtest_setup() -> None:
 
 def pytest_runtest_teardown() -> None:
     """Fail a test that leaves stops ignored: a program that a later test starts would ignore them, too."""
-    left = [
-        number for number in (signal.SIGINT, signal.SIGTERM) if signal.getsignal(number) is signal.SIG_IGN
-    ]
+    left = [n for n in (signal.SIGINT, signal.SIGTERM) if signal.getsignal(n) is signal.SIG_IGN]
     for number in left:
-        signal.signal(number, signal.default_int_handler)
+        signal.signal(number, signal.SIG_DFL if number == signal.SIGTERM else signal.default_int_handler)
     assert not left, "call a command by tumble.cli.main, which hears stops again at its end"
 
 
